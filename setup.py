@@ -8,7 +8,7 @@ from setuptools.command.build_py import build_py
 
 sys.path.insert(0, str(Path(__file__).parent))  # pip builds without the folder on the path
 
-from gen.runtime.provenance import STAMP, git_commit
+from gen.runtime.installation import STAMP, git_commit
 
 
 class WithCommit(build_py):

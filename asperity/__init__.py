@@ -4,16 +4,7 @@ The work is done by four packages beside this one: `bem`, `gen`, `learn` and `be
 the version and the command `asperity`, which runs the other packages' programs.
 """
 
-from typing import Any
+from gen.runtime import VERSION
 
-__version__: str
+__version__: str = VERSION
 """Version of the installed distribution."""
-
-
-def __getattr__(name: str) -> Any:
-    """Look the version up when it is asked for; the command looks for a foreign `gen` before."""
-    if name == "__version__":
-        from gen.runtime.version import VERSION
-
-        return VERSION
-    raise AttributeError(f"module 'asperity' has no attribute {name!r}")

@@ -6,54 +6,98 @@ A program is imported only when its command line runs or is completed, so that `
 
 import os
 import sys
-from collections.abc import Sequence
 from importlib import import_module
-from typing import Any
+from typing import Any, NamedTuple
 
-from asperity import neighbours
-from asperity.programs import PROGRAMS
+import typer
+from typer.core import TyperGroup
+
+from gen.runtime import command_line, farm
+from gen.runtime.command_line import Version
 
 COMPLETING = "_ASPERITY_COMPLETE"
 """Environment variable by which a shell asks for completions."""
 
 
+class Program(NamedTuple):
+    """A program of one of the packages.
+
+    Attributes
+    ----------
+    module : str
+        Module with the program's `app` and `main`.
+    default_sigint : bool
+        Whether Ctrl-C ends it at once until a run listens to signals, see `command_line.start`.
+    summary : str
+        Line for the help.
+    """
+
+    module: str
+    default_sigint: bool
+    summary: str
+
+
+PROGRAMS = {
+    "gen": Program(
+        "gen.cli",
+        True,
+        "Surfaces, contacts, laws of interfaces, and databases of contact problems.",
+    ),
+    "learn": Program(
+        "learn.cli", True, "Surrogates of databases: fit, predict, laws, nine models compared."
+    ),
+    "bench": Program(
+        "bench.__main__", False, "Reports on exactness and speed (needs the extra 'bench')."
+    ),
+    "serve": Program(
+        "asperity.serving.cli",
+        False,
+        "A server of solver and surrogates for UM-Bridge's clients (needs the extra 'serve').",
+    ),
+}
+"""The programs by their names, in the order of the help."""
+
+
+class Programs(TyperGroup):
+    """A group of programs, each of which is imported only when its own words are looked at."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Return name, command and remaining words; the command is the program's own group."""
+        name, _, rest = super().resolve_command(ctx, args)
+        program = import_module(PROGRAMS[str(name)].module)
+        return name, typer.main.get_command(program.app), rest
+
+
+app = typer.Typer(cls=Programs, rich_markup_mode=None)
+
+
+@app.callback()
+def describe_program(*, version: Version = False) -> None:
+    """Contact of rough surfaces: solve it, make databases of it, learn from them."""
+
+
+def _stand_in() -> None:
+    """Stand for a program in the help; `Programs` puts the program itself in its place."""
+
+
+for _name, _program in PROGRAMS.items():
+    app.command(_name, help=_program.summary)(_stand_in)
+
+
 def main() -> int:
     """Run this process's command line and return its exit code, the same one on all MPI ranks."""
-    arguments = sys.argv[1:]
-    name = arguments[0] if arguments and arguments[0] in PROGRAMS else ""
-    fault = neighbours.fault(*(PROGRAMS[name].packages if name else ("gen",)))
-    if fault:
-        sys.stderr.write(f"asperity: {fault}\n")
-        return 2
-    from gen.runtime import farm, startup
-
-    if COMPLETING in os.environ:
-        _complete()
-    startup.start(default_sigint=not name or PROGRAMS[name].default_sigint)
+    name, *rest = sys.argv[1:] or [""]
+    program = PROGRAMS.get(name)
+    if COMPLETING in os.environ:  # print the words that can complete a command line, and end
+        command: Any = typer.main.get_command(app)
+        command(prog_name="asperity")
+    command_line.start(default_sigint=program is None or program.default_sigint)
     try:
-        code = _run(name, arguments)
+        if program:
+            code: int = import_module(program.module).main(rest, f"asperity {name}")
+        else:
+            code = command_line.main(app, "asperity", sys.argv[1:])
         farm.leave()
     except Exception:
         farm.abort_all()
     return code
-
-
-def _run(name: str, arguments: Sequence[str]) -> int:
-    """Run a program with the arguments that follow its name, or this command's own options."""
-    if name:
-        code: int = import_module(PROGRAMS[name].module).main(arguments[1:], f"asperity {name}")
-        return code
-    from asperity.overview import app
-    from gen.runtime import command_line
-
-    return command_line.main(app, "asperity", arguments)
-
-
-def _complete() -> None:
-    """Print the words that can complete a command line, and end; the shell has set variables."""
-    import typer
-
-    from asperity.overview import app
-
-    command: Any = typer.main.get_command(app)
-    command(prog_name="asperity")

@@ -13,19 +13,15 @@ from collections.abc import Mapping, Sequence
 from contextlib import redirect_stdout
 from io import BytesIO, StringIO
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from bench.picture import new_figure
+from bench.files import Row, read_table
 from bench.report import Report, remark
-from bench.table import formatted, read_table
 from gen.cli import main as gen
 from gen.runtime.errors import InputError
-from gen.runtime.output import make_folder, write
+from gen.runtime.files import make_folder, write
 from gen.surface import generate
-
-Row = dict[str, Any]
 
 YOUNG, CONDUCTIVITY, HOT = 210e3, 50.0, 100.0  # MPa, W/(m K), K
 STEEL = ("--young", f"{YOUNG:g}", "--poisson", "0.3", "--conductivity", f"{CONDUCTIVITY:g}")
@@ -37,16 +33,6 @@ ALLOWED = 1.0  # % between the table and CalculiX
 LAW = ("closure_um", "pressure_MPa", "conductance_W_per_mm2_K")
 QUANTITIES = ("closure_um", "pressure_MPa", "jump_K")
 SECONDS = 120.0  # most that CalculiX may take
-
-COLUMNS = {
-    "surface": "{surface}",
-    "hardness [MPa]": "{hardness_MPa}",
-    "pressure [MPa]": "{pressure_MPa:.4g}",
-    "closure off [%]": "{closure_um_off:.1e}",
-    "pressure off [%]": "{pressure_MPa_off:.1e}",
-    "temperature jump off [%]": "{jump_K_off:.1e}",
-    "verdict": "{verdict}",
-}
 
 DECK = Path(__file__).with_name("two-blocks.inp")
 """Two blocks that are pressed on each other in one step, as the manual shows them."""
@@ -110,17 +96,19 @@ def _compared(law: Sequence[Mapping[str, float]], printed: str) -> list[Row]:
     return rows
 
 
-def measure(folder: Path) -> list[Row]:
+def calculix(folder: Path) -> Report:
     """Compute the laws of all surfaces and hardnesses, and press each in CalculiX."""
-    rows = []
+    rows: list[Row] = []
     for (name, (hurst, nodes)), hardness in ((s, h) for s in SURFACES.items() for h in HARDNESSES):
         home = folder / "decks" / f"hurst-{hurst:g}-{'elastic' if hardness is None else 'yielding'}"
         for row in pressed(home, law_of(home, hurst, nodes, hardness)):
-            passed = all(abs(row[f"{each}_off"]) <= ALLOWED for each in QUANTITIES)
+            near = all(abs(row[f"{each}_off"]) <= ALLOWED for each in QUANTITIES)
             said = {"surface": name, "hardness_MPa": hardness or "", **row}
-            rows.append(said | {"verdict": "passed" if passed else "failed"})
+            rows.append(said | {"verdict": "passed" if near else "failed"})
         remark(f"{name}, hardness {hardness}: pressed")
-    return rows
+    passed = sum(row["verdict"] == "passed" for row in rows)
+    text = f"{passed} of {len(rows)} steps within {ALLOWED:g} % of the table"
+    return Report({"calculix": rows}, text=text)
 
 
 def law_of(
@@ -145,35 +133,3 @@ def law_of(
     table = read_table(path.with_suffix(".csv"))[1]
     rows = [row for row in table if row["against"] == "pressure_MPa"]
     return [{name: float(row[name]) for name in LAW} for row in rows[1:-1]]
-
-
-def report(rows: Sequence[Row]) -> Report:
-    """Make a report of the rows of `measure`."""
-    failed = sum(row["verdict"] != "passed" for row in rows)
-    said = f"{len(rows) - failed} of {len(rows)} steps within {ALLOWED:g} % of the table"
-    text = f"{formatted(COLUMNS, rows)}\n\n{said}"
-    return Report({"calculix": rows}, pictures={"calculix": _picture(rows)}, text=text)
-
-
-def _picture(rows: Sequence[Row]) -> Any:
-    """Draw pressure and temperature jump over the closure: lines of the table, dots of CalculiX."""
-    figure = new_figure(9, 4)
-    names = {"pressure_MPa": "pressure [MPa]", "jump_K": "temperature jump [K]"}
-    for panel, (column, label) in zip(figure.subplots(1, 2), names.items(), strict=True):
-        cases = sorted({(row["surface"], row["hardness_MPa"] or 0) for row in rows})
-        for number, (surface, hardness) in enumerate(cases):
-            mine = [
-                r for r in rows if (r["surface"], r["hardness_MPa"] or 0) == (surface, hardness)
-            ]
-            name = f"{surface}, {f'{hardness:g} MPa' if hardness else 'elastic'}"
-            style = {"color": f"C{number}"}
-            closures = [row["closure_um"] for row in mine]
-            panel.plot(closures, [row[column] for row in mine], "-", label=name, **style)
-            theirs = [row["closure_um_calculix"] for row in mine]
-            panel.plot(
-                theirs, [row[f"{column}_calculix"] for row in mine], "o", mfc="none", **style
-            )
-        panel.set(xlabel="closure [um]", ylabel=label, yscale="log")
-    figure.axes[1].set_ylim(0.5, None)
-    figure.axes[1].legend(fontsize="small", loc="lower left")
-    return figure

@@ -1,4 +1,4 @@
-"""The date, machine, code and versions of a measurement."""
+"""The circumstances of a measurement: date, machine and its load, code, versions."""
 
 import hashlib
 import os
@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from gen.runtime.provenance import git_commit, versions
+from gen.runtime.installation import git_commit, versions
 
 PACKAGES = (
     *("asperity", "numpy", "scipy", "pyfftw", "h5py", "mpi4py", "scikit-learn", "xgboost"),
@@ -37,6 +37,11 @@ def circumstances() -> dict[str, Any]:
         },
         "versions": versions(PACKAGES),
     }
+
+
+def load() -> float:
+    """Return how many processes ran or waited on average in the last minute; quiet is near 0."""
+    return round(os.getloadavg()[0], 2)
 
 
 def code_state(root: Path = ROOT) -> str:

@@ -1,25 +1,32 @@
-"""The databases that the reports rest on: generated into a folder, resumed, or given."""
+"""The databases that the reports rest on, generated or given, and what optional outputs cost."""
 
 import re
+import tempfile
+import time
 from contextlib import redirect_stdout
 from importlib.resources import files
 from io import StringIO
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 from bench.report import Report, remark
+from gen import database
 from gen.database import Reader
 from gen.display.databases import print_database
 from gen.generation.run import Request, generate_database
+from gen.generation.sample import compute_rows
 from gen.runtime.errors import InputError
 from gen.runtime.farm import World
-from gen.runtime.output import make_folder, write
-from gen.scene import Scene, differences, load
+from gen.runtime.files import make_folder, write
+from gen.scene import Scene, Store, differences, flags, load
+from gen.scene.columns import row_bytes
 from gen.schema import Status
 
 PAPER = "paper"  # preset that all surrogates of the reports are trained on
 # Of databases to be tested on: the preset's own seed would give them the surfaces trained on.
 OTHER_SEED = 2026
+SAMPLES = 64  # rows that are computed with and without an optional output
 
 CONCENTRATED = 'samples = 15878\n[contact]\nkernel = "concentrated-force"\n'
 """Scene of the paper's database with the influence coefficients of MIRCO."""
@@ -93,15 +100,19 @@ def all_of_them(folder: Path, given: Path | None, rows: int | None = None) -> li
     return [paper, *(generated(folder, name, text) for name, text in texts.items())]
 
 
-def report(paths: list[Path]) -> Report:
-    """Summarise databases: a table, and the output of `gen info` for each."""
-    rows, told = [], []
+def summaries(folder: Path, database: Path | None, rows: int) -> Report:
+    """Summarise the published databases: a table, and the output of `gen info` for each.
+
+    The arguments are those of `all_of_them`; 0 stands for all rows.
+    """
+    paths = all_of_them(folder, database, rows or None)
+    found, told = [], []
     for path in paths:
         with Reader(path) as reader, redirect_stdout(StringIO()) as text:
             print_database(reader)
-            rows.append(_summary(path.stem, reader))
+            found.append(_summary(path.stem, reader))
         told.append(text.getvalue().strip())
-    return Report({"databases": rows}, text="\n\n".join(told), text_name="databases")
+    return Report({"databases": found}, text="\n\n".join(told), text_name="databases")
 
 
 def _summary(name: str, reader: Reader) -> dict[str, Any]:
@@ -120,3 +131,42 @@ def _summary(name: str, reader: Reader) -> dict[str, Any]:
         "solve_max_s": float(times.max()),
         "solves_s": float(times.sum()),
     }
+
+
+def outputs(scene: str, rounds: int) -> list[dict[str, Any]]:
+    """Compute and write the first rows of a scene with and without each optional output, in turn.
+
+    Returns
+    -------
+    list of dict
+        For each output of the scene's table [store]: the median of the additional processor time
+        [ms per sample], smallest, middle and largest ratio of the times, additional bytes.
+    """
+    plain = load(scene)
+    compute_rows(plain, 0, 8)  # plans and tables are made before the clock starts
+    costs = []
+    for name in flags():
+        asked = plain.model_copy(update={"store": Store.model_validate({name: True})})
+        pairs = [(_seconds(plain), _seconds(asked)) for _ in range(rounds)]
+        ratios = [with_it / without for without, with_it in pairs]
+        costs.append(
+            {
+                "column": name,
+                "more_ms": 1e3 * median(b - a for a, b in pairs) / SAMPLES,
+                "ratio": median(ratios),
+                "ratio_low": min(ratios),
+                "ratio_high": max(ratios),
+                "bytes": row_bytes(asked) - row_bytes(plain),
+            }
+        )
+    return costs
+
+
+def _seconds(scene: Scene) -> float:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "outputs.h5"
+        database.create(path, scene.model_copy(update={"samples": SAMPLES}))
+        with database.Writer(path, scene) as writer:
+            began = time.process_time()
+            writer.write_block(0, SAMPLES, compute_rows(scene, 0, SAMPLES))
+            return time.process_time() - began

@@ -1,18 +1,21 @@
-"""Files that a page shows, as written or compressed beside that name, and texts of this package."""
+"""Files of reports: tables, this package's texts, and what is compressed in the repository."""
 
+import csv
 import lzma
+import math
 import tomllib
-import zlib
-from io import BytesIO
+from collections.abc import Iterable, Mapping, Sequence
+from io import StringIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-from zipfile import BadZipFile
+from typing import Any
 
 from gen.runtime.errors import InputError
+from gen.runtime.files import make_folder, write
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+Row = dict[str, Any]
+"""Values of one line of a table by the names of its columns, which are the same in all lines."""
 
+HOME = Path(__file__).parent  # of the texts of this package
 COMPRESSED = ".xz"  # added to the names of large tables in the repository; `unxz` gives them back
 
 
@@ -27,32 +30,6 @@ def content_of(path: Path) -> bytes:
         raise InputError(f"{path} cannot be read: {error.strerror or error}") from None
     except lzma.LZMAError as error:
         raise InputError(f"{packed} cannot be read: {error}") from None
-
-
-def kept_arrays(path: Path, *names: str) -> "dict[str, NDArray[Any]]":
-    """Read the arrays that a command has kept for its next run; the given names are among them.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or was not made by that command.
-    """
-    import numpy as np
-
-    try:
-        with np.load(BytesIO(content_of(path)), allow_pickle=False) as kept:
-            arrays: dict[str, NDArray[Any]] = dict(kept)
-    except (ValueError, TypeError, BadZipFile, EOFError, zlib.error):
-        arrays = {}
-    if not arrays or not arrays.keys() >= set(names):
-        raise InputError(f"{path} is not what this command keeps there: remove it")
-    return arrays
-
-
-def read_toml(name: str) -> dict[str, Any]:
-    """Read a TOML file of this package, by its path from `bench` on without the ending."""
-    path = Path(__file__).parent / f"{name}.toml"
-    return tomllib.loads(path.read_text(encoding="utf-8"))
 
 
 def is_there(path: Path) -> bool:
@@ -73,3 +50,71 @@ def named(folder: Path, name: str) -> list[Path]:
 
 def _packed(path: Path) -> Path:
     return path.with_name(path.name + COMPRESSED)
+
+
+def read_toml(name: str) -> dict[str, Any]:
+    """Read a TOML file of this package, by its path from `bench` on without the ending."""
+    path = HOME / f"{name}.toml"
+    return tomllib.loads(path.read_text(encoding="utf-8"))
+
+
+def rendered(name: str, values: Mapping[str, Any], *, markup: bool = False) -> str:
+    """Fill in a template of this package; what goes into markup is escaped.
+
+    A line that ends in a backslash goes on in the next one. `form` writes a number:
+    `seconds | form(".3g")`.
+    """
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("bench", "."),
+        autoescape=markup,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["form"] = format
+    return environment.get_template(name).render(values).replace("\\\n", "")
+
+
+def write_table(
+    path: Path, header: Iterable[str], rows: Iterable[Sequence[object]], digits: int = 0
+) -> Path:
+    """Write a table (CSV); its folder is made where there is none, None is written as nothing.
+
+    Numbers have all their digits, or as many significant ones as given: then NaN is nothing too.
+    """
+
+    def text(value: object) -> object:
+        if not digits or not isinstance(value, float):
+            return value
+        return "" if math.isnan(value) else f"{value:.{digits}g}"
+
+    lines = StringIO(newline="")
+    writer = csv.writer(lines)
+    writer.writerow(header)
+    writer.writerows([text(value) for value in row] for row in rows)
+    make_folder(path.parent)
+    write(path, lines.getvalue())
+    return path
+
+
+def write_rows(path: Path, rows: Iterable[Mapping[str, Any]]) -> Path:
+    """Write rows under the names of their columns, numbers with all their digits."""
+    rows = list(rows)
+    return write_table(path, rows[0], (list(row.values()) for row in rows))
+
+
+def read_table(path: Path) -> tuple[list[str], list[dict[str, str]]]:
+    """Read the names of the columns of a table, and its rows by these names."""
+    try:
+        reader = csv.DictReader(StringIO(content_of(path).decode(), newline=""), restval="")
+        return list(reader.fieldnames or ()), list(reader)
+    except (InputError, ValueError, csv.Error) as error:
+        raise InputError(f"{path}: cannot be read as a table ({error})") from None
+
+
+def markdown(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Return a table as lines of Markdown."""
+    lines = (f"| {' | '.join(cells)} |" for cells in rows)
+    return "\n".join([f"| {' | '.join(header)} |", f"|{'---|' * len(header)}", *lines])

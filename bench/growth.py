@@ -16,7 +16,6 @@ import tracemalloc
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import product
-from typing import Any
 from unittest import mock
 
 import numpy as np
@@ -25,14 +24,11 @@ from scipy import optimize
 import bem
 from bem.operators import patch
 from bem.operators.patch import fast_period
-from bench.picture import draw_curves, new_figure
+from bench.files import Row
 from bench.report import Report, remark
-from bench.table import formatted
 from gen.arrays import Heights
 from gen.runtime.errors import InputError
 from gen.surface import generate
-
-Row = dict[str, Any]
 
 SIDE = 1000.0  # um
 HURST, SIGMA0 = 0.65, 12.5  # 1, um
@@ -54,14 +50,12 @@ MEASURED = (
     " grid that transforms of a free patch need."
 )
 
-COLUMNS = {
-    "contact": "{area_percent:.1f} %",
-    "nodes": "{nodes}",
-    "convolutions": "{convolutions:.1f}",
-    "growth": "{growth:.2f}",
-    "seconds": "{seconds:.3g}",
-    "memory": "{padded_arrays:.1f}",
-}
+
+def growth(nodes: Sequence[int], surfaces: int) -> Report:
+    """Measure the cost of solves, and area and pressure under one load; arguments as in `cost`."""
+    costs = cost(nodes, surfaces)
+    pressed = pressures(nodes, surfaces)
+    return Report({"growth": costs, "yielding": pressed}, text=verdict(costs))
 
 
 def cost(nodes: Sequence[int], surfaces: int, percents: Sequence[float] = PERCENTS) -> list[Row]:
@@ -121,20 +115,9 @@ def pressures(nodes: Sequence[int], surfaces: int) -> list[Row]:
         ]
         row: Row = {"hardness": hardness, "nodes": size}
         row |= zip(PRESSED, np.mean(measured, axis=0).tolist(), strict=True)
-        remark(f"{_label(hardness)}, {size} nodes: {row['area_percent']:.3g} %")
+        remark(f"hardness {hardness}, {size} nodes: {row['area_percent']:.3g} %")
         rows.append(row)
     return rows
-
-
-def report(costs: Sequence[Row]) -> Report:
-    """Make a report of the rows of `cost`."""
-    text = f"{formatted(COLUMNS, costs)}\n\n{verdict(costs)}"
-    return Report({"growth": costs}, pictures={"growth": _cost_picture(costs)}, text=text)
-
-
-def yielding_report(pressed: Sequence[Row]) -> Report:
-    """Make a report of the rows of `pressures`."""
-    return Report({"yielding": pressed}, pictures={"yielding": _pressure_picture(pressed)})
 
 
 def verdict(costs: Sequence[Row]) -> str:
@@ -147,45 +130,6 @@ def verdict(costs: Sequence[Row]) -> str:
         f" (mark {WANTED_GROWTH:g}). Memory at {finest} nodes: at most {memory:.1f} padded arrays"
         f" (mark {WANTED_MEMORY:g}).\n\n{MEASURED}"
     )
-
-
-def _cost_picture(rows: Sequence[Row]) -> Any:
-    labels = "applications of H", "wall time of a solve [s]", "memory [padded fields]"
-    figure = _over_nodes(rows, "percent", ("convolutions", "seconds", "padded_arrays"), labels)
-    counts, seconds, memory = figure.axes
-    seconds.set(yscale="log")
-    memory.axhline(WANTED_MEMORY, color="0.6", ls=":")
-    for panel in (counts, memory):
-        panel.set(ylim=(0, None))
-    counts.legend()
-    return figure
-
-
-def _pressure_picture(rows: Sequence[Row]) -> Any:
-    labels = "contact area [% of the nodes]", "mean contact pressure [E*]", "applications of H"
-    columns = "area_percent", "mean_pressure", "convolutions"
-    figure = _over_nodes(rows, "hardness", columns, labels)
-    for panel in figure.axes:
-        panel.set(ylim=(0, None))
-    figure.axes[1].legend()
-    return figure
-
-
-def _over_nodes(rows: Sequence[Row], by: str, columns: Sequence[str], labels: Sequence[str]) -> Any:
-    """Draw columns over the nodes a side, each on a panel of its own."""
-    name = _label if by == "hardness" else "{:g} % in contact".format
-    figure = new_figure(11, 3.6)
-    sizes = sorted({row["nodes"] for row in rows})
-    for panel, column, label in zip(figure.subplots(1, 3), columns, labels, strict=True):
-        draw_curves(panel, rows, "nodes", column, by=by, label=name)
-        panel.set(xscale="log", ylabel=label, xlabel="nodes a side")
-        panel.set_xticks(sizes, [str(size) for size in sizes])
-        panel.minorticks_off()
-    return figure
-
-
-def _label(hardness: float | None) -> str:
-    return "elastic" if hardness is None else f"H = {hardness:g} E*"
 
 
 def surface(nodes: int, seed: int) -> Heights:

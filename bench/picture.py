@@ -1,13 +1,18 @@
-"""Pictures of reports: made, and written under their names only once they are whole."""
+"""Pictures of reports: drawn as their TOML files say, and written only once they are whole.
+
+A figure of a report's `contents` that has `panels` is drawn from the first table of its `data`:
+curves of columns over another one, side by side or in facets; `draw` says which keys there are.
+"""
 
 import itertools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import Any
 
+from bench.files import Row
 from gen.runtime import figure as figures
-from gen.runtime.output import make_folder, write
+from gen.runtime.files import make_folder, write
 
 # For colour-blind readers: Okabe and Ito's colours, and three more.
 COLOURS = (
@@ -30,38 +35,6 @@ def new_figure(width: float = 6.4, height: float = 4.8) -> Any:
     return figure
 
 
-def draw_curves(
-    panel: Any,
-    rows: Sequence[Mapping[str, Any]],
-    x: str,
-    y: str,
-    *,
-    by: str,
-    label: Callable[[Any], str] = str,
-    **look: Any,
-) -> None:
-    """Draw one column of a table over another: a curve for each value of a third one.
-
-    Parameters
-    ----------
-    panel : axes
-        Where to draw.
-    rows : sequence of mappings
-        Values by the names of the columns.
-    x, y, by : str
-        Columns of the abscissa, of the ordinate, and of what tells the curves apart.
-    label : callable
-        Names a curve by its value of `by`.
-    look : dict
-        Properties of all curves, instead of those of `STYLES`.
-    """
-    values = dict.fromkeys(row[by] for row in rows)
-    for value, style in zip(values, itertools.cycle(STYLES), strict=False):
-        own = [row for row in rows if row[by] == value]
-        places, heights = [row[x] for row in own], [row[y] for row in own]
-        panel.plot(places, heights, label=label(value), **{**style, **look})
-
-
 def save(figure: Any, path: Path) -> Path:
     """Write a figure as PNG."""
     from PIL import Image
@@ -73,3 +46,93 @@ def save(figure: Any, path: Path) -> Path:
     make_folder(path.parent)
     write(path, compact.getvalue(), "picture")
     return path
+
+
+def drawn(report: Mapping[str, Any], tables: Mapping[str, Sequence[Row]]) -> dict[str, Any]:
+    """Draw the figures that a report's file describes, of the tables that there are.
+
+    Return them by the names of their files without ending.
+    """
+    found = {}
+    for entry in report.get("contents", ()):
+        stem = Path(entry.get("data", [""])[0]).stem
+        if "panels" in entry and tables.get(stem):
+            found[Path(entry["figure"]).stem] = draw(entry, list(tables[stem]))
+    return found
+
+
+def draw(said: Mapping[str, Any], rows: Sequence[Row]) -> Any:
+    """Draw one figure of a report: its panels in `down` rows, those of a facet below each other.
+
+    `facet` is a format that tells the columns of panels apart, filled in with a row; `size` is
+    the width and height of a panel [inches], `legend` "figure" or the number of the panel that
+    names the curves.
+    """
+    facets = _split(rows, said.get("facet", ""))
+    panels, (width, height) = said["panels"], said.get("size", (3.7, 3.6))
+    down = len(panels) if "facet" in said else said.get("down", 1)
+    across = len(facets) if "facet" in said else len(panels) // down
+    figure = new_figure(width * across, height * down)
+    axes = figure.subplots(down, across, squeeze=False, **said.get("shared", {}))
+    for place, (title, own) in enumerate(facets.items()):
+        column = axes[:, place] if "facet" in said else axes.flat
+        for axis, panel in zip(column, panels, strict=True):
+            draw_panel(axis, {**said.get("all", {}), **panel}, own)
+        if title:
+            column[0].set_title(title)
+    if said.get("legend") == "figure":
+        figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    elif "legend" in said:
+        axes.flat[said["legend"]].legend(fontsize="small")
+    return figure
+
+
+def _split(rows: Sequence[Row], form: str) -> dict[str, list[Row]]:
+    """Return the rows by the text that a format makes of each."""
+    found: dict[str, list[Row]] = {}
+    for row in rows:
+        found.setdefault(form.format(**row), []).append(row)
+    return found
+
+
+def _limits(value: Any) -> Any:
+    """Return limits of an axis, of which the upper one may be missing, or what is none as it is."""
+    return (value[0], value[1] if len(value) > 1 else None) if isinstance(value, list) else value
+
+
+def draw_panel(axis: Any, panel: Mapping[str, Any], rows: Sequence[Row]) -> None:
+    """Draw columns over another one, a curve for each label.
+
+    The keys of a panel: `x` and `y`, columns, where rows without a y are left out; `label`, the
+    name of a curve, filled in with a row of it; `dashed`, a further column as a dashed line;
+    `dots`, pairs of columns as hollow dots; `look`, properties of the curves; `marks`, levels
+    of horizontal lines by name; `ticks`, whether only values of x have ticks; `none`, the text
+    for a missing value; `words`, whether values of x are texts; `axes`, what matplotlib's
+    `Axes.set` takes.
+    """
+    x, y = panel["x"], panel["y"]
+    none = panel.get("none", "")
+    known = [
+        {name: none if value in {None, ""} else value for name, value in row.items()}
+        for row in rows
+        if row[y] not in {None, ""}
+    ]
+    curves = _split(known, panel.get("label", ""))
+    for (name, own), style in zip(curves.items(), itertools.cycle(STYLES), strict=False):
+        places = [str(row[x]) if panel.get("words") else row[x] for row in own]
+        axis.plot(places, [row[y] for row in own], label=name, **{**style, **panel.get("look", {})})
+        if "dashed" in panel:
+            line = {"color": style["color"], "ls": "--", "lw": 1}
+            axis.plot(places, [row[panel["dashed"]] for row in own], **line)
+        for (abscissa, ordinate), marker in zip(panel.get("dots", ()), "os^", strict=False):
+            there, value = ([row[name] for row in own] for name in (abscissa, ordinate))
+            axis.plot(there, value, marker, mfc="none", color=style["color"])
+    for name, level in panel.get("marks", {}).items():
+        axis.axhline(level, color="0.4", ls=":")
+        place = {"xycoords": ("axes fraction", "data"), "ha": "right", "va": "bottom"}
+        axis.annotate(name, (0.99, level), fontsize=8, color="0.3", **place)
+    axis.set(**{name: _limits(value) for name, value in panel.get("axes", {}).items()})
+    if panel.get("ticks"):
+        values = sorted({row[x] for row in rows})
+        axis.set_xticks(values, [str(each) for each in values])
+        axis.minorticks_off()

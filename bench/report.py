@@ -1,16 +1,24 @@
-"""The files of a report: its tables, records, words and pictures, written into one folder."""
+"""A report: a function that returns rows, and a TOML file that says all the rest.
+
+`bench/reports/NAME.toml` has the title, the function (`measure`) with the options of its command,
+the commands of a short and of a full run, and the `contents` that are shown: what the columns
+are, how they are drawn and what to see. `CHAPTERS` puts the reports in order.
+"""
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any
 
 import typer
 
-from bench.picture import save
-from bench.table import write_rows
-from gen.runtime.output import make_folder, write
+from bench.contents import Content, contents_of
+from bench.files import Row, read_toml, write_rows
+from gen.runtime.files import make_folder, write
+
+ShowContents = Callable[[Path], Sequence[Content]]
 
 
 def remark(line: str) -> None:
@@ -22,18 +30,32 @@ def remark(line: str) -> None:
 class Report:
     """Results that are ready to be written, by the names of their files without ending.
 
-    Tables are rows with the same columns, records are what JSON can hold. The text
-    is for people: printed, and kept in a file if `text_name` names one.
+    Tables are rows with the same columns, records are what JSON can hold, pictures are figures
+    that the TOML file does not describe. The text is for people: printed below the tables, and
+    kept in a file if `text_name` names one. `of` names the report whose file describes the
+    tables, if it is not the command's own.
     """
 
-    tables: Mapping[str, Iterable[Any]]
+    tables: Mapping[str, Sequence[Row]]
     records: Mapping[str, Any] = field(default_factory=dict)
     pictures: Mapping[str, Any] = field(default_factory=dict)
     text: str = ""
     text_name: str = ""
+    of: str = ""
 
-    def write(self, folder: Path) -> list[Path]:
-        """Write all files into a folder, which is made where there is none."""
+    @property
+    def passed(self) -> bool:
+        """Whether no row has a verdict other than `passed`."""
+        rows = (row for rows in self.tables.values() for row in rows)
+        return all(row.get("verdict", "passed") == "passed" for row in rows)
+
+    def write(self, folder: Path, name: str = "") -> list[Path]:
+        """Write all files into a folder, which is made where there is none.
+
+        Pictures that the file of the report `name` describes are drawn from its tables.
+        """
+        from bench.picture import drawn, save
+
         make_folder(folder)
         paths = [write_rows(folder / f"{name}.csv", rows) for name, rows in self.tables.items()]
         texts = {
@@ -42,8 +64,75 @@ class Report:
         }
         if self.text_name:
             texts[f"{self.text_name}.txt"] = self.text
-        for name, text in texts.items():
-            paths.append(folder / name)
+        for file, text in texts.items():
+            paths.append(folder / file)
             write(paths[-1], text + "\n")
-        drawn = self.pictures.items()
-        return [*paths, *(save(figure, folder / f"{name}.png") for name, figure in drawn)]
+        described = drawn(read_toml(f"reports/{name}"), self.tables) if name else {}
+        pictures = {**self.pictures, **described}
+        return [*paths, *(save(each, folder / f"{name}.png") for name, each in pictures.items())]
+
+
+@dataclass(frozen=True)
+class Part:
+    """A report as a part of the page, under the headings of a chapter and a section.
+
+    `quick` and `full` are arguments of the Python interpreter in a short and in a full run, empty
+    if the part does not belong to that run. A run fills in {folder}, {database}, {comparison},
+    {cost} and {concentrated}; words in brackets are left out where the file that they name is not
+    there.
+    """
+
+    name: str
+    chapter: str
+    title: str
+    quick: str
+    full: str
+    show: ShowContents  # lists what the part's folder holds
+    folder: str = ""  # name of another part, to whose files it adds; empty for a folder of its own
+    retired: str = ""  # commit up to which the code has the command that made it
+    judges: bool = False  # whether exit code 1 says that a check failed, not that the report did
+    alone: bool = False  # whether it measures times, and needs the machine for itself
+    seconds: float | None = None  # processor time of the short run [s]
+    measure: str = ""  # function that returns the rows, if its command is one of `bench`
+    help: str = ""  # of that command
+    options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    keeps: bool = False  # whether the function keeps files of its own in the folder
+
+
+def part_of(report: str, chapter: str = "") -> Part:
+    """Return the part of a report.
+
+    Where the report lists its contents itself, `show` names that function: its module is loaded
+    when the page asks, since a part does not need the packages of all others.
+    """
+    said = read_toml(f"reports/{report}")
+    own = said.pop("show", "")
+    said.pop("contents", None)
+
+    def show(folder: Path) -> Sequence[Content]:
+        contents: ShowContents | None = resolve_name(own) if own else None
+        return contents(folder) if contents else contents_of(report, folder)
+
+    return Part(report, chapter, **{"quick": "", "full": "", **said}, show=show)
+
+
+CHAPTERS = {
+    "The contact solver: error against run time": ("solver", "peers", "growth", "hertz"),
+    "Bodies that yield": ("yielding", "hardness", "yielding-surrogate"),
+    "Patches without edges, and theory": ("periodic", "theory"),
+    "Stiff and extreme cases": ("stability",),
+    "Laws in CalculiX": ("calculix",),
+    "Cores": ("threads", "speedup"),
+    "The farm": ("databases", "outputs", "scale", "writers", "faults"),
+    "Surrogates: errors and costs": (
+        *("comparison", "tuning", "grids", "comparison-hybrid", "comparison-concentrated"),
+        *("models", "features", "tolerance", "grow", "cost", "throughput", "memory"),
+    ),
+    "Surrogates under shift": ("generalisation", "coverage"),
+    "Measured maps": ("scans",),
+    "The paper, side by side": ("paper", "unstated", "nearest"),
+    "Benchmarks": ("benchmarks",),
+}
+"""The reports under each chapter's heading."""
+
+PARTS = tuple(part_of(name, chapter) for chapter, names in CHAPTERS.items() for name in names)

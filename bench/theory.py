@@ -1,25 +1,65 @@
-"""Theories of random rough contact beside contacts on patches without edges.
+"""Closed forms and theories beside contacts: Hertz's paraboloid, and random surfaces without edges.
 
-Surfaces with a power spectrum, so many that waves of one length have all phases, are pressed by
-ever larger loads. Everything is dimensionless: pressures over E* h', with h' the rms of the
+`hertz` is the paper's first check (section 2.4): both kernels on the paper's two grids, beside the
+closed form, for E* = 1 MPa. The displacement counts from the paraboloid's tip, which on an even
+number of nodes lies a little above the highest of them.
+
+`theory` presses surfaces with a power spectrum, so many that waves of one length have all phases,
+by ever larger loads. Everything is dimensionless: pressures over E* h', with h' the rms of the
 gradient's modulus, and lengths over the rms height.
 """
 
 import math
-from collections.abc import Sequence
-from typing import Any
+from itertools import product
 
 import numpy as np
-import pandas as pd
 
 import bem
-from bem.analytic import BUSH_GIBSON_THOMAS, PERSSON, PerssonInterface, area_share
-from bench.picture import STYLES, new_figure
-from bench.report import Report, remark
+from bem.analytic import Paraboloid, PerssonInterface, area_share, distances_to_centre
+from bem.influence import KERNELS, Kernel
+from bench.files import Row
+from bench.report import remark
 from gen.arrays import Heights, Values
 from gen.spectral import SelfAffineSpectrum, generate_spectral
 
-Row = dict[str, Any]
+SPHERE = Paraboloid(5000.0)
+PATCH = 1000.0  # um
+NODES = (128, 256)
+LARGEST_DELTA = 1.0  # um
+STEPS = 50
+
+
+def closed_form(delta: float) -> tuple[float, float]:
+    """Compute force [uN] and area [% of the patch] by Hertz."""
+    return SPHERE.force(delta), 100 * np.pi * SPHERE.contact_radius(delta) ** 2 / PATCH**2
+
+
+def solved(kernel: Kernel, nodes: int, delta: float) -> tuple[float, float]:
+    """Compute the same by boundary elements."""
+    heights = SPHERE.heights(distances_to_centre((nodes, nodes), PATCH))
+    contact = bem.solve(heights, PATCH, delta + float(heights.max()), kernel=kernel)
+    return contact.force, contact.area_percent
+
+
+def hertz(steps: int = STEPS) -> list[Row]:
+    """Compute the closed form first, then every kernel on every grid, at `steps` displacements.
+
+    A row names the solution, "hertz" or the kernel, and its nodes a side, "" for the closed form.
+    Deviations of force and area are in per cent of Hertz's at the largest displacement.
+    """
+    deltas = np.linspace(0, LARGEST_DELTA, steps + 1).tolist()
+    exact = [closed_form(each) for each in deltas]
+    rows: list[Row] = []
+    cases: list[tuple[Kernel | None, int]] = [(None, 0), *product(KERNELS, NODES)]
+    for kernel, nodes in cases:
+        for delta, right in zip(deltas, exact, strict=True):
+            force, area = right if kernel is None else solved(kernel, nodes, delta)
+            row: Row = {"solution": kernel or "hertz", "nodes": nodes or "", "delta_um": delta}
+            row |= {"force_uN": force, "area_percent": area}
+            row["force_off_percent"] = 100 * (force - right[0]) / exact[-1][0]
+            rows.append(row | {"area_off_percent": 100 * (area - right[1]) / exact[-1][1]})
+    return rows
+
 
 SIDE = 1.0  # um
 RMS_SLOPE = 0.1  # which drops out of all ratios
@@ -30,24 +70,24 @@ PRESSURES = np.geomspace(0.005, 1.0, 14)  # E* h'
 STEP = 1.03  # ratio of the two loads about each pressure, whose difference gives the stiffness
 
 
-def compare(nodes: int, surfaces: int) -> list[Row]:
+def theory(nodes: int, surfaces: int) -> list[Row]:
     """Measure area, mean gap and stiffness for all spectra, as means over surfaces of each."""
     rows = []
     for hurst, band in SPECTRA:
         cut_off = NODES_PER_WAVE * SIDE / nodes
         spectrum = SelfAffineSpectrum(hurst, band * cut_off, cut_off)
-        heights = [surface(spectrum, nodes, seed) for seed in range(surfaces)]
+        heights = [random_surface(spectrum, nodes, seed) for seed in range(surfaces)]
         measured = np.mean([press(each) for each in heights], axis=0)
-        theory = persson(spectrum)
+        expected = persson(spectrum)
         rms = float(np.mean([each.std() for each in heights]))
-        rows += _rows(measured, theory, rms)
+        rows += _rows(measured, expected, rms)
         for row in rows[-len(PRESSURES) :]:
-            row |= {"hurst": hurst, "band": band, "nayak": nayak(theory), "nodes": nodes}
+            row |= {"hurst": hurst, "band": band, "nayak": nayak(expected), "nodes": nodes}
         remark(f"H = {hurst:g}, band {band:g}: {surfaces} surfaces")
     return rows
 
 
-def surface(spectrum: SelfAffineSpectrum, nodes: int, seed: int) -> Heights:
+def random_surface(spectrum: SelfAffineSpectrum, nodes: int, seed: int) -> Heights:
     """Generate one of the surfaces, (nodes, nodes) [um]."""
     random = np.random.default_rng(seed)
     return generate_spectral((nodes, nodes), SIDE, spectrum, random, rms_slope=RMS_SLOPE)
@@ -99,64 +139,11 @@ def _rows(measured: Values, theory: PerssonInterface, rms: float) -> list[Row]:
         "stiffness": 1 / measured[3] / unit,
         "persson_stiffness": theory.stiffness(loads) / unit,
     }
+    for name in ("corrected", "area", "persson"):
+        columns[f"{name}_slope"] = columns[f"{name}_percent"] / 100 / PRESSURES
+    for name in ("stiffness", "persson_stiffness"):
+        columns[f"{name}_over_pressure"] = columns[name] / PRESSURES
     return [
         {name: float(values[load]) for name, values in columns.items()}
         for load in range(len(PRESSURES))
     ]
-
-
-def report(rows: Sequence[Row]) -> Report:
-    """Make a report of the rows of `compare`."""
-    table = pd.DataFrame(rows)
-    pressure, names = table["pressure"], zip(table["hurst"], table["band"], strict=True)
-    table["spectrum"] = [f"H = {hurst:g}, band {band:g}" for hurst, band in names]
-    table["slope"] = table["corrected_percent"] / 100 / pressure
-    table["counted_slope"] = table["area_percent"] / 100 / pressure
-    table["ratio"] = table["stiffness"] / pressure
-    table["persson_ratio"] = table["persson_stiffness"] / pressure
-    pictures = {"area": _area_picture(table), "gap": _gap_picture(table)}
-    return Report({"theory": rows}, pictures=pictures)
-
-
-def _area_picture(table: pd.DataFrame) -> Any:
-    """Draw the area, and its ratio to the reduced pressure, over the reduced pressure."""
-    figure = new_figure(11, 4.4)
-    area, slope = figure.subplots(1, 2)
-    _curves(area, table, "corrected_percent")
-    _curves(slope, table, "slope", dashed="counted_slope", named=False)
-    fine = np.geomspace(PRESSURES[0], PRESSURES[-1], 200)
-    for kappa, line, name in ((PERSSON, "k-", "Persson"), (2.0, "k:", "erf with slope 2")):
-        share = area_share(fine, kappa)
-        area.plot(fine, 100 * share, line, label=name)
-        slope.plot(fine, share / fine, line)
-    slope.axhline(BUSH_GIBSON_THOMAS, color="0.5", label="Bush, Gibson, Thomas: √(2π)")
-    slope.axhline(PERSSON, color="k", ls="--", label="Persson: √(8/π)")
-    area.legend()
-    slope.legend(loc="lower left")
-    area.set(ylabel="contact area [%]", xlim=(0, None), ylim=(0, 100), title="(a) contact area")
-    slope.set(ylabel="area share / (p / E* h′)", xscale="log", title="(b) slope κ", ylim=(0.5, 3))
-    return figure
-
-
-def _gap_picture(table: pd.DataFrame) -> Any:
-    """Draw mean gap and stiffness over the reduced pressure, Persson's dashed."""
-    figure = new_figure(11, 4.4)
-    gap, stiffness = figure.subplots(1, 2)
-    for panel, column in ((gap, "mean_gap"), (stiffness, "ratio")):
-        _curves(panel, table, column, dashed=f"persson_{column}")
-        panel.set(xscale="log")
-    gap.set(ylabel="mean gap / rms height", ylim=(0, None), title="(a) mean gap")
-    stiffness.set(ylabel="dp/dΔ × rms height / p", yscale="log", title="(b) stiffness")
-    gap.legend()
-    return figure
-
-
-def _curves(
-    panel: Any, table: pd.DataFrame, column: str, *, dashed: str = "", named: bool = True
-) -> None:
-    """Draw a column over the pressure for each spectrum, and another one beside it, dashed."""
-    for style, (name, own) in zip(STYLES, table.groupby("spectrum", sort=False), strict=False):
-        panel.plot(own["pressure"], own[column], label=name if named else "", **style)
-        if dashed:
-            panel.plot(own["pressure"], own[dashed], color=style["color"], ls="--", lw=1)
-    panel.set(xlabel="mean pressure p / (E* h′)")

@@ -12,7 +12,7 @@ from contextlib import suppress
 
 import numpy as np
 
-from gen.generation.quantiles import quantiles
+from gen.distribution import quantiles
 from gen.generation.sample import UNSOLVED, solve_contact, surface_numbered
 from gen.runtime.user_code import TRUSTED
 from gen.scene import Scene

@@ -14,11 +14,10 @@ import numpy as np
 from SALib.analyze import sobol as analysis
 from SALib.sample import sobol as sampling
 
-from gen.generation.quantiles import log_within, quantiles, within
+from gen.distribution import is_drawn, log_within, quantiles, within
 from gen.generation.sample import surface_numbered
 from gen.runtime.user_code import TRUSTED
 from gen.scene import Scene
-from gen.scene.distribution import is_drawn
 from learn import Surrogate
 
 

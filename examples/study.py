@@ -11,11 +11,10 @@ import sys
 
 import numpy as np
 
-from gen.generation.quantiles import quantiles
+from gen.distribution import is_drawn, limits, quantiles
 from gen.generation.sample import surface_numbered
 from gen.runtime.user_code import TRUSTED
 from gen.scene import Scene
-from gen.scene.distribution import is_drawn, limits
 from learn import Surrogate
 
 

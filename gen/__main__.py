@@ -2,12 +2,12 @@
 
 import sys
 
-from gen.runtime import startup
+from gen.runtime import command_line
 
 
 def main() -> int:
     """Get ready, join the other ranks if there are any, and run the command."""
-    startup.start(default_sigint=True)
+    command_line.start(default_sigint=True)
     from gen import cli
     from gen.runtime import farm
 

@@ -4,12 +4,8 @@ from collections.abc import Sequence
 
 import typer
 
-from gen.commands.contact import contact
-from gen.commands.databases import check, columns, export, info, merge, plot
-from gen.commands.describe import describe
-from gen.commands.law import law
-from gen.commands.run import estimate, run
-from gen.commands.scene import scene
+from gen.commands.databases import check, columns, estimate, export, info, merge, plot, run
+from gen.commands.surfaces import contact, describe, law, scene
 from gen.runtime import command_line
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None)

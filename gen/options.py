@@ -1,12 +1,21 @@
-"""Arguments and options of the commands of `python -m gen`."""
+"""Arguments and options of the commands of `python -m gen`, and groups that commands share."""
 
+import shlex
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 import typer
 
+from gen.maps.settings import Reading
+from gen.runtime import command_line
+from gen.runtime.errors import InputError
+from gen.runtime.files import Output
+from gen.runtime.numbers import shown
 from gen.runtime.user_code import TRUSTED
+
+if TYPE_CHECKING:
+    from gen.maps.bodies import Opposite
 
 
 def _trust(context: typer.Context, wanted: bool) -> bool:
@@ -23,88 +32,6 @@ SurfaceFile = Annotated[
         metavar="SURFACE",
         help="Heights: .npy, text, or an instrument's file (x3p, sur, al3d, opd, plu, gwy ...).",
     ),
-]
-Side = Annotated[
-    str,
-    typer.Option(
-        metavar="UM",
-        help="Scan length in um for a file without lengths; two for an oblong patch: 1000,500.",
-    ),
-]
-Unit = Annotated[
-    str, typer.Option(metavar="UNIT", help="Unit of a file that names none, as um, nm or inch.")
-]
-Channel = Annotated[
-    str, typer.Option(metavar="NAME", help="Name or index of a channel of the file.")
-]
-OverrideScale = Annotated[
-    bool, typer.Option("--override-scale", help="Let --side and --unit overrule the file's own.")
-]
-Fill = Annotated[bool, typer.Option("--fill", help="Close holes by Laplace's equation.")]
-FillMost = Annotated[
-    bool, typer.Option("--fill-most", help="Fill even if more than half is missing.")
-]
-Level = Annotated[
-    str, typer.Option(metavar="HOW", help="Subtract the mean, plane or quadratic fit.")
-]
-Crop = Annotated[
-    str, typer.Option(metavar="X0:X1,Y0:Y1", help="Keep only this part, in um from the first node.")
-]
-Invert = Annotated[
-    bool, typer.Option("--invert", help="Turn upside down: heights point into the material.")
-]
-Mask = Annotated[
-    str, typer.Option(metavar="BELOW:ABOVE", help="Heights outside these, in um, become holes.")
-]
-Despike = Annotated[
-    float | None,
-    typer.Option(
-        metavar="THRESHOLD",
-        help="Replace nodes further from the local median than this times the scatter, as 7.",
-    ),
-]
-Form = Annotated[
-    int | None,
-    typer.Option(metavar="N", help="Subtract the fitted polynomial of total degree N, 1 to 20."),
-]
-Filter = Annotated[
-    str,
-    typer.Option(
-        "--filter",
-        metavar="S:L",
-        help="Gaussian filter (ISO 16610-61): cut-offs of the S- and L-filter in um; one may be"
-        " left out.",
-    ),
-]
-Downsample = Annotated[
-    int | None, typer.Option(metavar="N", help="Take the means of N x N nodes as nodes.")
-]
-Against = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="SURFACE",
-        help="A second rough body instead of a plane: a file, read and prepared alike; for gen law"
-        " a folder too, each of which every surface is pressed against.",
-    ),
-]
-AgainstOptions = Annotated[
-    str | None,
-    typer.Option(
-        metavar="OPTIONS",
-        help="Read and prepare the second body by these alone, in quotes: '--side 500 --fill'.",
-    ),
-]
-Turned = Annotated[
-    str,
-    typer.Option(
-        metavar="AXIS",
-        help="Axis of the second map that runs backwards as its body is turned over: x, y, or none"
-        " for a map seen through its body [x].",
-    ),
-]
-Shift = Annotated[
-    str,
-    typer.Option(metavar="X,Y", help="Centre of the second map, in um from that of the first."),
 ]
 Table = Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="Also write a table.")]
 Scene = Annotated[
@@ -293,3 +220,181 @@ Like = Annotated[
         metavar="MAP", help="Instead: self-affine surfaces fitted to the spectrum of this map."
     ),
 ]
+
+
+class Against(NamedTuple):
+    """A second rough body that surfaces are pressed against.
+
+    Attributes
+    ----------
+    against : Path or None
+        File of the second body; None for a flat one.
+    against_options : str or None
+        Options that it alone is read and prepared by; None for those of the first body.
+    turned, shift : str
+        How it is laid on the first body, see `gen.maps.bodies.Placement`.
+    """
+
+    against: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="SURFACE",
+            help="A second rough body instead of a plane: a file, read and prepared alike; for gen"
+            " law a folder too, each of which every surface is pressed against.",
+        ),
+    ] = None
+    against_options: Annotated[
+        str | None,
+        typer.Option(
+            metavar="OPTIONS",
+            help="Read and prepare the second body by these alone, in quotes: '--side 500 --fill'.",
+        ),
+    ] = None
+    turned: Annotated[
+        str,
+        typer.Option(
+            metavar="AXIS",
+            help="Axis of the second map that runs backwards as its body is turned over: x, y, or"
+            " none for a map seen through its body [x].",
+        ),
+    ] = ""
+    shift: Annotated[
+        str,
+        typer.Option(metavar="X,Y", help="Centre of the second map, in um from that of the first."),
+    ] = ""
+
+    def with_first(self, *surfaces: Path | str) -> list[Path | str]:
+        """Return the files of the first body and, if there is one, the second body's."""
+        return [*surfaces, *([self.against] if self.against else [])]
+
+    def body(self, first: Reading) -> "Opposite | None":
+        """Return the second body, None if no option names one.
+
+        Parameters
+        ----------
+        first : Reading
+            How the first body is read, and the second one unless it has options of its own.
+
+        Raises
+        ------
+        InputError
+            If an option of the second body comes without it, or cannot be used.
+        """
+        from gen.maps.bodies import Opposite, Placement
+
+        path, text, turned, shift = self
+        if path is None:
+            given = {"--against-options": text is not None, "--turned": turned, "--shift": shift}
+            for option in (name for name, value in given.items() if value):
+                raise InputError(f"{option}: needs --against, the second rough body")
+            return None
+        placement = Placement.parse(turned, shift)
+        if text is None:
+            return Opposite(path, first, placement)
+        return Opposite(path, _own_reading(path, text), placement, shared=False)
+
+
+def _own_reading(path: Path, text: str) -> Reading:
+    """Return how a surface is read and prepared by the options in a text."""
+    named = f"--against-options {shown(text)}"
+    alone = typer.Typer(add_completion=False, rich_markup_mode=None)
+    alone.command()(command_line.grouped(_one_body))
+    try:
+        arguments = [str(path.absolute()), *shlex.split(text)]
+        parser = typer.main.get_command(alone)
+        context = parser.make_context("describe", arguments, help_option_names=[])
+    except command_line.CommandLineError as error:
+        raise InputError(f"{named}: {error.format_message()}") from None
+    except ValueError as error:  # a quotation mark that is not closed
+        raise InputError(f"{named}: {error}") from None
+    given = {name: value for name, value in context.params.items() if name != "surface"}
+    return Reading.of_options(**given)
+
+
+def _one_body(surface: SurfaceFile, *, reading: Reading) -> None:
+    """Take the options of one body, which are parsed and nothing more."""
+
+
+Units = Literal["mm", "si"]
+
+
+def sides_of(path: Path) -> list[Path]:
+    """Return the names of the files of a band's soft and stiff side, beside the law's own file."""
+    return [path.parent / f"{path.stem}-{side}{path.suffix}" for side in ("soft", "stiff")]
+
+
+class LawOutputs(NamedTuple):
+    """Files to write a law to, each None if it is not asked for.
+
+    Attributes
+    ----------
+    table, json, header, calculix, abaqus, picture : Path or None
+        Table (CSV), JSON, C header, surface interactions for CalculiX and for Abaqus, picture.
+    units : {"mm", "si"}
+        System of units of the surface interactions.
+    """
+
+    table: Annotated[
+        Path | None, typer.Option("--csv", metavar="FILE", help="Write the table.")
+    ] = None
+    json: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the tables as JSON.")] = (
+        None
+    )
+    header: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Write a C header: monotone cubics and their tangents."),
+    ] = None
+    calculix: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write CalculiX's surface interaction.")
+    ] = None
+    abaqus: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write Abaqus' surface interaction.")
+    ] = None
+    picture: Annotated[
+        Path | None,
+        typer.Option("--plot", metavar="FILE", help="Draw the law with its band."),
+    ] = None
+    units: Annotated[
+        Units, typer.Option(help="Units for CalculiX and Abaqus: mm (mm, N, s, MPa) or si.")
+    ] = "mm"
+
+    @property
+    def outputs(self) -> list[Output]:
+        """The outputs, for `gen.runtime.files.check_outputs`, with those of a band's sides."""
+        models = {"--calculix": self.calculix, "--abaqus": self.abaqus}
+        return [
+            Output(self.table, "--csv"),
+            Output(self.json, "--json"),
+            Output(self.header, "--header"),
+            *(Output(path, option) for option, path in models.items()),
+            *(
+                Output(side, option)
+                for option, path in models.items()
+                if path
+                for side in sides_of(path)
+            ),
+            Output(self.picture, "--plot", "picture"),
+        ]
+
+    def filled(self, stem: Path | None) -> "LawOutputs":
+        """Return the files, with missing names made from a stem, but no picture.
+
+        Raises
+        ------
+        InputError
+            If the stem is empty or a folder's `.` or `..`.
+        """
+        if stem is None:
+            return self
+        if stem.name in {"", ".."}:
+            raise InputError(
+                f"--output {stem}: give what the names of the files begin with, as law"
+            )
+        place, name = stem.parent, stem.name
+        return self._replace(
+            table=self.table or place / f"{name}.csv",
+            json=self.json or place / f"{name}.json",
+            header=self.header or place / f"{name}.h",
+            calculix=self.calculix or place / f"{name}-calculix.inp",
+            abaqus=self.abaqus or place / f"{name}-abaqus.inp",
+        )

@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 
 from bem.spacing import Boundary
-from gen.measured.preparation import prepare, surface_warnings
-from gen.measured.source import Source
-from gen.measured.topography import OWN_SUFFIXES, Topography
-from gen.option_groups import Reading
+from gen.maps.doubts import surface_warnings
+from gen.maps.prepare import prepare
+from gen.maps.read import OWN_SUFFIXES, Topography, read
+from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
-from gen.runtime.input_file import require_file
-from gen.runtime.invocation import to_type
+from gen.runtime.files import require_file
+from gen.runtime.terminal import to_type
 from gen.schema import statistics_columns
 
 INSTRUMENTS = {
@@ -67,9 +67,8 @@ def read_surface(
     path: Path, reading: Reading, boundary: Boundary = "free"
 ) -> tuple[Topography, list[str]]:
     """Read and prepare a surface as a patch of a boundary; return it with the warnings about it."""
-    source = Source.of_options(path, reading._asdict())
     try:
-        topography = prepare(source.measured(boundary), source.preparation)
+        topography = prepare(read(path, reading, boundary), reading)
     except InputError as error:
         named = "" if str(error).startswith(("--", str(path))) else f"{path}: "
         raise InputError(f"{named}{error}") from None

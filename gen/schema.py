@@ -1,20 +1,13 @@
-"""The columns of a database: the one place that names them.
+"""The columns that every database can have, and the numbers of layout and results.
 
-Database files, checks, statistics and the manual's table of columns are derived from `COLUMNS`.
+Parameters of surfaces are named by their generators: `gen.scene.columns` puts both together.
 Lengths are in um, pressures in MPa, forces in uN.
 """
 
-from __future__ import annotations
-
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import IntEnum
-from typing import TYPE_CHECKING, Literal
-
-from gen.runtime.errors import InputError
-
-if TYPE_CHECKING:
-    from gen.scene import Scene
+from typing import Literal
 
 SCHEMA = 1
 """Number of the file layout: a file of another layout is refused."""
@@ -178,31 +171,6 @@ _STATISTICS = (
     _statistic("height_rms", "um", "standard deviation of the surface's heights", 2.62, 15.55),
 )
 
-_RMD = "the generators of random midpoint displacement"
-_SPECTRAL = "the generator `spectral`"
-_PARAMETERS = (
-    Column(
-        "hurst",
-        "f8",
-        "1",
-        "Hurst exponent of the surface",
-        paper_range=(0.5, 0.8),
-        optional=f"{_RMD} and {_SPECTRAL}",
-    ),
-    Column(
-        "sigma0",
-        "f8",
-        "um",
-        "standard deviation of the generator's first displacement",
-        optional=_RMD,
-    ),
-    Column("roll_off", "f8", "um", "longest wavelength of the power law", optional=_SPECTRAL),
-    Column("cut_off", "f8", "um", "shortest wavelength", optional=_SPECTRAL),
-    Column("drawn_rms_height", "f8", "um", "rms height drawn for the spectrum", optional=_SPECTRAL),
-    Column("drawn_rms_slope", "f8", "1", "rms slope drawn for the spectrum", optional=_SPECTRAL),
-    Column("stretch", "f8", "1", "wavelengths along x over those along y", optional=_SPECTRAL),
-)
-
 DRAWN_NAMES = {"rms_height": "drawn_rms_height", "rms_slope": "drawn_rms_slope"}
 """Parameters whose names could be taken for measured statistics, and the names of their columns.
 Files made before 1.0.0 have these columns under the names of the parameters."""
@@ -210,26 +178,38 @@ Files made before 1.0.0 have these columns under the names of the parameters."""
 STATUS = Column("status", "u1", "1", "0 pending, 1 done, 2 failed; written last")
 REASON = Column("reason", "u1", "1", "why the sample failed, or lacks statistics: a code")
 
+
+def _stored(
+    name: str,
+    unit: str,
+    long_name: str,
+    bounds: tuple[float, float] = (-math.inf, math.inf),
+    *,
+    dtype: str = "f8",
+    shape_of: Literal["", "nodes"] = "",
+) -> Column:
+    """Make the column of a quantity that is stored if the scene's `[store]` asks for it."""
+    key = f"`store.{name}`"
+    return Column(name, dtype, unit, long_name, shape_of=shape_of, optional=key, bounds=bounds)
+
+
+def _runtime(name: str, dtype: str, unit: str, long_name: str) -> Column:
+    """Make a column that differs from run to run."""
+    return Column(name, dtype, unit, long_name, RUNTIME, deterministic=False)
+
+
+_LOAD = "load in the unit of the scene's quantity"
+_FORCE = "normal force at the scene's modulus (1 uN = 1 MPa um2)"
+_STIFFNESS = "stiffness of unloading, infinite at full contact without edges"
+_INTERFACE = "the same without the patch's own compliance, infinite at full contact"
+_CONNECTS = "opposite sides that contact connects: 0 none, 1 along x, 2 along y, 3 both"
+_CORRECTED = "contact area less what the cells along its perimeter add"
+
 COLUMNS: tuple[Column, ...] = (
     STATUS,
     REASON,
     Column("surface", "i8", "1", "index of the surface, shared by its samples"),
-    Column("map", "i4", "1", "index of the surface's map", optional="the generator `scans`"),
-    Column(
-        "tile",
-        "i4",
-        "1",
-        "index of the tile of all maps, or of paired tiles",
-        optional="the generator `scans`",
-    ),
-    *_PARAMETERS,
-    Column(
-        "load",
-        "f8",
-        "1",
-        "load in the unit of the scene's quantity",
-        optional="a `[load]` other than Delta",
-    ),
+    Column("load", "f8", "1", _LOAD, optional="a `[load]` other than Delta"),
     Column("delta", "f8", "um", "far-field displacement Delta", paper_range=(5.0, 45.0)),
     Column(
         "hardness",
@@ -240,20 +220,9 @@ COLUMNS: tuple[Column, ...] = (
     ),
     *_STATISTICS,
     Column(
-        "area_percent",
-        "f8",
-        "%",
-        "effective contact area",
-        paper_range=(0.01, 16.56),
-        bounds=SHARE,
+        "area_percent", "f8", "%", "effective contact area", paper_range=(0.01, 16.56), bounds=SHARE
     ),
-    Column(
-        "force",
-        "f8",
-        "uN",
-        "normal force at the scene's modulus (1 uN = 1 MPa um2)",
-        bounds=AMOUNT,
-    ),
+    Column("force", "f8", "uN", _FORCE, bounds=AMOUNT),
     Column("contact_nodes", "i4", "1", "nodes under pressure", bounds=AMOUNT),
     Column(
         "yielded_percent",
@@ -266,143 +235,31 @@ COLUMNS: tuple[Column, ...] = (
     Column("iterations", "i4", "1", "iterations of the solver"),
     Column("convolutions", "i4", "1", "applications of the influence operator"),
     Column("residual", "f8", "1", "relative residual of the solution"),
-    Column(
-        "mean_gap",
-        "f8",
-        "um",
-        "mean gap over all nodes",
-        optional="`store.mean_gap`",
-        bounds=AMOUNT,
+    _stored("mean_gap", "um", "mean gap over all nodes", AMOUNT),
+    _stored("largest_pressure", "MPa", "largest pressure", AMOUNT),
+    _stored("perimeter", "um", "length of the contact's edges", AMOUNT),
+    _stored("stiffness", "N/m", _STIFFNESS, AMOUNT),
+    _stored("interface_stiffness", "N/m", _INTERFACE, AMOUNT),
+    _stored("contact_spots", "1", "spots of contact", AMOUNT, dtype="i4"),
+    _stored("largest_spot_percent", "%", "share of the contact area in the largest spot", SHARE),
+    _stored("contact_connects", "1", _CONNECTS, dtype="u1"),
+    _stored(
+        "gap_connects", "1", "opposite sides that the gap connects, in the same way", dtype="u1"
     ),
-    Column(
-        "largest_pressure",
-        "f8",
-        "MPa",
-        "largest pressure",
-        optional="`store.largest_pressure`",
-        bounds=AMOUNT,
-    ),
-    Column(
-        "perimeter",
-        "f8",
-        "um",
-        "length of the contact's edges",
-        optional="`store.perimeter`",
-        bounds=AMOUNT,
-    ),
-    Column(
-        "stiffness",
-        "f8",
-        "N/m",
-        "stiffness of unloading, infinite at full contact without edges",
-        optional="`store.stiffness`",
-        bounds=AMOUNT,
-    ),
-    Column(
-        "interface_stiffness",
-        "f8",
-        "N/m",
-        "the same without the patch's own compliance, infinite at full contact",
-        optional="`store.interface_stiffness`",
-        bounds=AMOUNT,
-    ),
-    Column(
-        "contact_spots",
-        "i4",
-        "1",
-        "spots of contact",
-        optional="`store.contact_spots`",
-        bounds=AMOUNT,
-    ),
-    Column(
-        "largest_spot_percent",
-        "f8",
-        "%",
-        "share of the contact area in the largest spot",
-        optional="`store.largest_spot_percent`",
-        bounds=SHARE,
-    ),
-    Column(
-        "contact_connects",
-        "u1",
-        "1",
-        "opposite sides that contact connects: 0 none, 1 along x, 2 along y, 3 both",
-        optional="`store.contact_connects`",
-    ),
-    Column(
-        "gap_connects",
-        "u1",
-        "1",
-        "opposite sides that the gap connects, in the same way",
-        optional="`store.gap_connects`",
-    ),
-    Column(
-        "corrected_area_percent",
-        "f8",
-        "%",
-        "contact area less what the cells along its perimeter add",
-        optional="`store.corrected_area_percent`",
-        bounds=SHARE,
-    ),
-    Column("heights", "f8", "um", "surface heights", shape_of="nodes", optional="`store.heights`"),
-    Column(
-        "pressure", "f8", "MPa", "contact pressure", shape_of="nodes", optional="`store.pressure`"
-    ),
+    _stored("corrected_area_percent", "%", _CORRECTED, SHARE),
+    _stored("heights", "um", "surface heights", shape_of="nodes"),
+    _stored("pressure", "MPa", "contact pressure", shape_of="nodes"),
     # "s", not "seconds": xarray would turn the word into a time difference.
-    Column("surface_seconds", "f8", "s", "time for the surface", RUNTIME, deterministic=False),
-    Column(
-        "solve_seconds", "f8", "s", "time for the contact problem", RUNTIME, deterministic=False
-    ),
-    Column("rank", "i4", "1", "MPI rank that computed the sample", RUNTIME, deterministic=False),
-    Column("host", "S64", "", "machine that computed the sample", RUNTIME, deterministic=False),
+    _runtime("surface_seconds", "f8", "s", "time for the surface"),
+    _runtime("solve_seconds", "f8", "s", "time for the contact problem"),
+    _runtime("rank", "i4", "1", "MPI rank that computed the sample"),
+    _runtime("host", "S64", "", "machine that computed the sample"),
 )
-"""Every column that a database can have, in the order of the file."""
-
+"""Every column that a database can have but for the parameters of its surfaces, in the order of the
+file. Parameters stand behind `surface`."""
 
 INFINITE_AT_FULL_CONTACT = frozenset(("stiffness", "interface_stiffness"))
 """Columns that full contact makes infinite."""
-
-
-def columns_for(scene: Scene) -> tuple[Column, ...]:
-    """Return the columns of a scene's database, in the order of the file.
-
-    Parameters
-    ----------
-    scene : Scene
-        The scene, whose `optional_columns` names the optional columns that it asks for.
-
-    Returns
-    -------
-    tuple of Column
-        The columns that every database has, the optional ones that the scene asks for, and those
-        of the parameters and outputs of a user's functions.
-    """
-    parameters = parameter_columns(scene)
-    asked_for = {parameters.get(name, name) for name in scene.optional_columns}
-    chosen = [column for column in COLUMNS if not column.optional or column.name in asked_for]
-    names = [column.name for column in chosen]
-    if "load" in names:
-        load = names.index("load")
-        chosen[load] = replace(chosen[load], unit=scene.load_unit, long_name=scene.quantity)
-    own = tuple(
-        Column(name, "f8", "1", f"parameter of {scene.surface.generator}")
-        for name in parameters.values()
-        if name not in names
-    )
-    outputs = tuple(
-        Column(
-            name, "f8", unit, f"output of {scene.store.function}", bounds=scene.store.bounds(name)
-        )
-        for name, unit in (scene.store.outputs or {}).items()
-    )
-    place = names.index("surface") + 1
-    last = next(index for index, column in enumerate(chosen) if column.group)
-    return (*chosen[:place], *own, *chosen[place:last], *outputs, *chosen[last:])
-
-
-def parameter_columns(scene: Scene) -> dict[str, str]:
-    """Return the columns of the parameters of a scene's surfaces, by the parameters' names."""
-    return {name: DRAWN_NAMES.get(name, name) for name in scene.drawn_parameters}
 
 
 def made_by_another(physics: int) -> str:
@@ -413,69 +270,6 @@ def made_by_another(physics: int) -> str:
     return f"made by {which} solver (physics {physics}, this version computes {PHYSICS})"
 
 
-RESERVED = frozenset(
-    (*(column.name for column in COLUMNS), *DRAWN_NAMES, RUNTIME, "sample", "x", "y", "area")
-)
-"""Names that outputs of a user's function cannot have: columns, dimensions, groups and targets."""
-
-
-ARGUMENTS = ("shape", "spacing", "rng")
-"""Names that parameters of a user's generator cannot have, which is called with these."""
-
-TAKEN = "is the name of something else; give a name of your own"
-
-
-def require_own_names(scene: Scene) -> None:
-    """Refuse parameters and outputs of a user's functions that have the names of other columns.
-
-    Parameters of a user's generator may have the names that other generators' parameters have.
-
-    Parameters
-    ----------
-    scene : Scene
-        The scene.
-
-    Raises
-    ------
-    InputError
-        With the first name that is taken.
-    """
-    known = {column.name for column in _PARAMETERS} - {*DRAWN_NAMES.values()} | DRAWN_NAMES.keys()
-    for name in scene.drawn_parameters:
-        if name in RESERVED - known or name in ARGUMENTS:
-            raise InputError(f"surface.parameters.{name}: {name} {TAKEN}, as own_{name}")
-    for name in scene.store.outputs or ():
-        if name in RESERVED or name in scene.drawn_parameters:
-            raise InputError(f"store.outputs.{name}: {name} {TAKEN}, as own_{name}")
-    outputs = scene.store.outputs
-    for name in (*(scene.store.least or ()), *(scene.store.most or ())):
-        if outputs is not None and name not in outputs:
-            raise InputError(f"store: {name} has bounds; the outputs are {', '.join(outputs)}")
-
-
-def row_bytes(scene: Scene) -> int:
-    """Return the size of one row of a scene's database, all columns together [bytes]."""
-    return sum(column.row_bytes(scene.shape) for column in columns_for(scene))
-
-
 def statistics_columns() -> tuple[Column, ...]:
     """Return the columns of the 22 statistics, in the order of the paper's Table 1."""
     return _STATISTICS
-
-
-def markdown_table() -> str:
-    """Write the table of columns that stands in `docs/how-to/reading.md`.
-
-    Returns
-    -------
-    str
-        Lines of Markdown: name, unit, meaning and the paper's range of every column.
-    """
-    lines = ["| Column | Unit | Meaning | Paper's range |", "|---|---|---|---|"]
-    for column in COLUMNS:
-        span = "{:g} to {:g}".format(*column.paper_range) if column.paper_range else ""
-        shape = ", nx x ny per sample" if column.shape_of else ""
-        condition = f" (with {column.optional})" if column.optional else ""
-        meaning = f"{column.long_name}{shape}{condition}"
-        lines.append(f"| `{column.path}` | {column.unit} | {meaning} | {span} |")
-    return "\n".join(lines)

@@ -3,13 +3,7 @@
 `from learn import Surrogate` loads what `python -m learn fit` has made.
 """
 
-from contextlib import suppress
 from typing import TYPE_CHECKING, Any
-
-with suppress(ModuleNotFoundError):  # in an editable install that is older than this package
-    from asperity.neighbours import require
-
-    require("learn", "bem", "gen")
 
 if TYPE_CHECKING:
     from learn.surrogate import Prediction, Surrogate

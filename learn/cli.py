@@ -5,13 +5,11 @@ from collections.abc import Sequence
 import typer
 
 from gen.runtime import command_line
-from learn.commands.card import card
-from learn.commands.comparison import compare, estimate, show, tune
+from learn.commands.comparison import appendix, compare, estimate, importance, show, tune
 from learn.commands.fit import fit
 from learn.commands.grow import grow
-from learn.commands.inputs import appendix, importance
 from learn.commands.law import law
-from learn.commands.predict import predict
+from learn.commands.predict import card, predict
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None)
 

@@ -11,16 +11,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.runtime.errors import InputError
-from gen.scene import Scene
 from learn import pooling
 from learn.arrays import Indices, Values
+from learn.columns import Stored, read_stored, reasons_against
 from learn.features import FeatureSet, chosen
-from learn.features.hardness import are_mixed, limits_of, modulus
-from learn.features.pressed import BLOCKS
-from learn.features.sets import build, target_scale
+from learn.features.sets import (
+    BLOCKS,
+    build,
+    features_of,
+    limits_of,
+    modulus,
+    node_count,
+    target_scale,
+)
 from learn.metrics import usual_size
 from learn.pooling import Origin, Population
-from learn.stored import Stored, read_stored, reasons_against
 
 SMALLEST = 10
 """Usable rows at least: two of these are for testing, and a score needs two."""
@@ -106,24 +111,12 @@ class Dataset:
         return self.database * MOST_ROWS + self.rows
 
     def keeping(self, names: tuple[str, ...]) -> "Dataset":
-        """Return the same rows with some of the inputs only.
-
-        Parameters
-        ----------
-        names : tuple of str
-            Columns of these inputs, in the wanted order.
-        """
+        """Return the same rows with the inputs of some columns only, in their order."""
         columns = [self.names.index(name) for name in names]
         return replace(self, inputs=self.inputs[:, columns], names=names)
 
     def at(self, positions: Indices) -> "Dataset":
-        """Return some of the rows only; their groups are numbered anew.
-
-        Parameters
-        ----------
-        positions : ndarray, shape (k,)
-            Positions of these rows, in the wanted order.
-        """
+        """Return the rows at some positions, (k,), in their order; groups are numbered anew."""
         _, groups = np.unique(self.groups[positions], return_inverse=True)
         return replace(
             self,
@@ -148,78 +141,11 @@ def read(
     roots: bool = False,
     blocks: int = BLOCKS,
 ) -> Dataset:
-    """Read and clean a database for one target; see `read_targets`.
-
-    Parameters
-    ----------
-    path : Path
-        A database made by `gen`.
-    target : str
-        "area", "force", or another result that the database stores, by its column.
-    area_max : float, optional
-        Largest area that is kept [%]; 16.56 is the paper's range.
-    features : str
-        A name of `learn.features.SETS`.
-    hybrid : ndarray, shape (rows of the database, 17), optional
-        The features that the surfaces add to hybrid features.
-    roots, blocks
-        See `read_targets`.
-
-    Raises
-    ------
-    InputError
-        See `read_targets`.
-    """
-    (dataset,) = read_targets(
-        path, (target,), area_max, features, hybrid, roots=roots, blocks=blocks
+    """Read one database for one target; see `read_together`."""
+    (rows,) = read_together(
+        (path,), (target,), area_max, features, (hybrid,), roots=roots, blocks=blocks
     )
-    return dataset
-
-
-def read_targets(
-    path: Path,
-    targets: Sequence[str],
-    area_max: float | None = None,
-    features: str = "paper",
-    hybrid: Values | None = None,
-    *,
-    roots: bool = False,
-    blocks: int = BLOCKS,
-) -> list[Dataset]:
-    """Read a database once, and clean it for each of several targets.
-
-    Parameters
-    ----------
-    path : Path
-        A database made by `gen`.
-    targets : sequence of str
-        Any of "area", "force", and the columns of other results that the database stores: those of
-        floating numbers, among them the user's own outputs, and `WHOLE_TARGETS`.
-    area_max : float, optional
-        Largest area that is kept [%]; 16.56 is the paper's range.
-    features : str
-        A name of `learn.features.SETS`. If it is free of units, so are the targets.
-    hybrid : ndarray, shape (rows of the database, 17), optional
-        The features that the surfaces add to hybrid features, from `learn.features.regeneration`.
-    roots : bool
-        True for the features that surrogates see (`learn.features.FeatureSet.with_roots`).
-    blocks : int
-        Blocks per side of their coarse solve; those of `hybrid`.
-
-    Returns
-    -------
-    list of Dataset
-        The usable rows for each target.
-
-    Raises
-    ------
-    InputError
-        If the file is no database or lacks a target, too few rows are left, or a target is
-        constant.
-    """
-    return read_together(
-        (path,), targets, area_max, features, (hybrid,), roots=roots, blocks=blocks
-    )
+    return rows
 
 
 def read_together(
@@ -232,21 +158,37 @@ def read_together(
     roots: bool = False,
     blocks: int = BLOCKS,
 ) -> list[Dataset]:
-    """Read several databases, and clean their rows for each of several targets.
+    """Read databases once, and clean their rows for each of several targets.
 
     Parameters
     ----------
     paths : sequence of Path
         Databases made by `gen`. The number of nodes becomes a feature if it differs.
-    targets, area_max, features, roots, blocks
-        See `read_targets`.
-    hybrids : sequence of ndarray or None
-        For each database, the features that its surfaces add to hybrid features.
+    targets : sequence of str
+        Any of "area", "force", and the columns of other results that the databases store: those of
+        floating numbers, among them the user's own outputs, and `WHOLE_TARGETS`.
+    area_max : float, optional
+        Largest area that is kept [%]; 16.56 is the paper's range.
+    features : str
+        A name of `learn.features.SETS`. If it is free of units, so are the targets.
+    hybrids : sequence of ndarray, each of shape (rows of the database, 17), or None
+        For each database, the columns that its surfaces add to hybrid features, from
+        `learn.features.regeneration`.
+    roots : bool
+        True for the features that surrogates see (`learn.features.FeatureSet.with_roots`).
+    blocks : int
+        Blocks per side of their coarse solve; those of `hybrids`.
+
+    Returns
+    -------
+    list of Dataset
+        The usable rows for each target.
 
     Raises
     ------
     InputError
-        See `read_targets`; also if databases cannot be learnt together.
+        If a file is no database or lacks a target, databases cannot be learnt together, too few
+        rows are left, or a target is constant.
     """
     scaled = chosen(features).scaled
     if area_max is not None and not area_max > 0:
@@ -263,25 +205,6 @@ def read_together(
         _together([_usable(each, values, number, wanted, area_max) for each, values in parts])
         for number in range(len(targets))
     ]
-
-
-def features_of(
-    scenes: Sequence[Scene], features: str, *, roots: bool, blocks: int = BLOCKS
-) -> FeatureSet:
-    """Return the feature set for the databases of one or more scenes.
-
-    Parameters
-    ----------
-    scenes : sequence of Scene
-        The scenes.
-    features : str
-        A name of `learn.features.SETS`.
-    roots, blocks
-        See `read_targets`.
-    """
-    mixed = are_mixed(scenes)
-    wanted = chosen(features, limits_of(scenes), roots=roots, blocks=blocks, elastic=mixed)
-    return wanted.with_nodes() if pooling.differ_in_nodes(scenes) else wanted
 
 
 def _usable(
@@ -344,17 +267,9 @@ def _together(parts: Sequence[tuple[Dataset, pooling.Placed]]) -> Dataset:
 
 
 def joined(sets: Sequence[Dataset]) -> Dataset:
-    """Return the rows of several datasets with the same inputs and target as one.
+    """Return the rows of several datasets with the same inputs and target as one, in their order.
 
-    Parameters
-    ----------
-    sets : sequence of Dataset
-        The datasets.
-
-    Returns
-    -------
-    Dataset
-        The rows in the order of the datasets; groups and populations keep their numbers.
+    Groups and populations keep their numbers.
     """
     first = sets[0]
     arrays: dict[str, Any] = {
@@ -402,24 +317,14 @@ def _features(wanted: FeatureSet, stored: Stored, hybrid: Values | None) -> Valu
             stored.length,
             hybrid,
             hardness_ratio=ratio,
-            nodes=pooling.node_count(scene),
+            nodes=node_count(scene),
         )
 
 
 def remarks(dataset: Dataset, normalisation: str) -> list[str]:
     """List remarks and warnings about the rows that a user should read before training on them.
 
-    Parameters
-    ----------
-    dataset : Dataset
-        The usable rows.
-    normalisation : str
-        One of `learn.models.NORMALISATIONS`.
-
-    Returns
-    -------
-    list of str
-        Lines of text, none if there is nothing to remark.
+    The normalisation is one of `learn.models.NORMALISATIONS`.
     """
     lines = [f"left out {number} rows: {why}" for why, number in sorted(dataset.dropped.items())]
     constant = np.flatnonzero(np.ptp(dataset.inputs, axis=0) == 0)
@@ -448,18 +353,7 @@ def remarks(dataset: Dataset, normalisation: str) -> list[str]:
 
 
 def require_usable(rows: Dataset) -> None:
-    """Refuse rows that nothing can be learnt from.
-
-    Parameters
-    ----------
-    rows : Dataset
-        The usable rows.
-
-    Raises
-    ------
-    InputError
-        If there are too few, a database has none, or the target is constant.
-    """
+    """Refuse rows that are too few, of a database without any, or of a constant target."""
     name = rows.source["database"]
     if rows.size < SMALLEST:
         left_out = "; ".join(f"{number} {text}" for text, number in sorted(rows.dropped.items()))

@@ -12,7 +12,7 @@ from functools import partial
 from typing import Any, TypeVar
 
 from gen.runtime import farm
-from gen.runtime.interruption import Interruption
+from gen.runtime.signals import Interruption
 
 Shared = TypeVar("Shared")
 Task = TypeVar("Task")

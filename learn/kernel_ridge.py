@@ -37,21 +37,9 @@ class SafeKernelRidge(KernelRidge):  # type: ignore[misc]
     """
 
     def fit(self, X: Any, y: Any, sample_weight: Any = None) -> "SafeKernelRidge":
-        """Fit the model to one target.
+        """Fit the model to inputs, (n, d), and one target, (n,).
 
-        Parameters
-        ----------
-        X : array_like, shape (n, d)
-            Inputs.
-        y : array_like, shape (n,)
-            Target.
-        sample_weight : None
-            Weights are not supported.
-
-        Raises
-        ------
-        ValueError
-            For sample weights or several alphas: the project has no use for them.
+        ValueError is raised for sample weights or several alphas: the project has no use for them.
         """
         if sample_weight is not None or np.ndim(self.alpha):
             raise ValueError("give one alpha and no sample weights")
@@ -64,13 +52,7 @@ class SafeKernelRidge(KernelRidge):  # type: ignore[misc]
 
 
 def flushed(kernel: Values) -> Values:
-    """Set negligible values of a kernel matrix to zero, in place, and return it.
-
-    Parameters
-    ----------
-    kernel : ndarray, shape (n, n)
-        The kernel matrix.
-    """
+    """Set negligible values of a kernel matrix, (n, n), to zero, in place, and return it."""
     kernel[np.abs(kernel) < NEGLIGIBLE * np.abs(kernel.diagonal()).max()] = 0.0
     return kernel
 

@@ -33,16 +33,9 @@ FLAT_ROWS = 10_000
 
 
 def needed(model: str, rows: int, *, baseline: bool = False) -> int:
-    """Estimate the peak memory of one process that fits a model [bytes].
+    """Estimate the peak memory of one process that fits a model to some rows [bytes].
 
-    Parameters
-    ----------
-    model : str
-        Name of the model.
-    rows : int
-        Number of training rows.
-    baseline : bool
-        True for the baseline, False for the largest candidate of the search.
+    A baseline needs less than the largest candidate of the search.
     """
     pairs = PAIR_BYTES.get(model, 0.0)
     if baseline:
@@ -57,21 +50,9 @@ def available() -> int:
 
 
 def check(model: str, rows: int, *, baseline: bool = False) -> None:
-    """Refuse a model that this machine cannot hold.
+    """Refuse a model that this machine cannot hold; see `needed`.
 
-    Parameters
-    ----------
-    model : str
-        Name of the model.
-    rows : int
-        Number of training rows.
-    baseline : bool
-        True for the baseline, False for the largest candidate of the search.
-
-    Raises
-    ------
-    InputError
-        With the need, the supply, and a number of rows that would fit.
+    InputError tells the need, the supply, and a number of rows that would fit.
     """
     need, limit = needed(model, rows, baseline=baseline), available()
     if need > limit:

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from sklearn.metrics import max_error, mean_absolute_error, mean_squared_error, r2_score
 
 
 @dataclass(frozen=True)
@@ -46,6 +45,8 @@ def scores(truth: ArrayLike, prediction: ArrayLike) -> Scores:
         If the lengths differ, a value is not finite, or the truth does not vary: the scores are
         undefined then.
     """
+    from sklearn.metrics import max_error, mean_absolute_error, mean_squared_error, r2_score
+
     known, guessed = np.asarray(truth, dtype=float), np.asarray(prediction, dtype=float)
     if known.ndim != 1 or known.shape != guessed.shape:
         raise ValueError(

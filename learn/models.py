@@ -1,17 +1,28 @@
-"""The nine models of the paper's section 3.3, in one table, as scikit-learn pipelines.
+"""The nine models of the paper's section 3.3 as scikit-learn pipelines, and their targets' scale.
 
 Baselines are the libraries' defaults with the paper's kernels: the Gaussian process has a radial
 basis function of length 1 that is not fitted (Appendix A), kernel ridge a linear kernel. Features
-without units need another length: see `learn.comparison.search.spaces.baseline`.
+without units need another length: see `learn.comparison.spaces.baseline`.
 """
 
+from __future__ import annotations
+
+import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from gen.runtime.errors import InputError
+from learn.arrays import Indices, Values
+from learn.features import chosen
+from learn.metrics import usual_size
+
+if TYPE_CHECKING:
+    from learn.dataset import Dataset
 
 NORMALISATIONS = ("l2", "standard", "min-max", "none")
 """Scalings of the rows: every row to unit length (the paper's), every input to mean 0 and
@@ -83,7 +94,7 @@ def _xgboost(seed: int) -> Any:
     try:
         from xgboost import XGBRegressor
     except ImportError:
-        from gen.runtime.installing import command_for
+        from gen.runtime.installation import command_for
 
         raise InputError(f"XGBoost is not installed: {command_for('learn')}") from None
     # The library's own defaults, written out so that a search finds them among the settings.
@@ -163,18 +174,7 @@ STEP = "model"
 
 
 def models_named(names: list[str] | None) -> list[Model]:
-    """Return the models of some names, in the order of `MODELS`.
-
-    Parameters
-    ----------
-    names : list of str or None
-        Names of models; all nine if there are none.
-
-    Raises
-    ------
-    InputError
-        If there is no model of a name.
-    """
+    """Return the models of some names, or all nine, in the order of `MODELS`; or InputError."""
     for name in names or ():
         if name not in MODELS:
             raise InputError(f"--model {name!r}: give one of {', '.join(MODELS)}")
@@ -189,7 +189,7 @@ def pipeline(
     seed: int = 0,
     tuned: bool = False,
 ) -> Any:
-    """Build an unfitted pipeline: scaling, then the model.
+    """Build an unfitted pipeline of scikit-learn: scaling, then the model.
 
     Parameters
     ----------
@@ -203,10 +203,6 @@ def pipeline(
         Seed of the model's random draws.
     tuned : bool
         True for the settings that all candidates of a search share.
-
-    Returns
-    -------
-    sklearn.pipeline.Pipeline
     """
     from sklearn.pipeline import Pipeline
 
@@ -257,3 +253,76 @@ def remarks() -> Iterator[list[str]]:
             text = AT_BOUND if "bound" in text else UNFINISHED
         if text not in said and not issubclass(each.category, FutureWarning | DeprecationWarning):
             said.append(text)
+
+
+@dataclass(frozen=True)
+class Scaling:
+    """A map of the target: models are trained on (target - mean) / deviation, or on its root's.
+
+    Where the features are free of units, and for Gaussian processes of surrogates, mean and
+    deviation are those of the training rows. Elsewhere they are 0 and 1: the paper trains on areas
+    as they are. Targets of another size are brought to an area's by a power of two, since splits of
+    trees, tubes of support vectors and steps of perceptrons have absolute thresholds.
+
+    Attributes
+    ----------
+    mean, deviation : float
+        Zero and unit of the scale, in the target's unit or that of its square root.
+    root : bool
+        True if models are trained on (sqrt(target) - mean) / deviation.
+    """
+
+    mean: float = 0.0
+    deviation: float = 1.0
+    root: bool = False
+
+    def scaled(self, target: Values) -> Values:
+        """Return the values that a model is trained on, (n,)."""
+        values = np.sqrt(target) if self.root else target
+        return (values - self.mean) / self.deviation
+
+    def restored(self, predicted: Values) -> Values:
+        """Return targets, (n,), from a model's predictions on the scale of the training."""
+        values = self.mean + self.deviation * np.asarray(predicted, dtype=np.float64)
+        return np.maximum(values, 0.0) ** 2 if self.root else values
+
+
+UNSCALED = Scaling()
+"""The identity."""
+
+USUAL = (1e-3, 1e3)
+"""Range of the medians of targets that are not scaled: areas in percent lie in it."""
+
+FAR = 10.0
+"""Mean over the deviation, beyond which models learn the distance from the mean: areas vary as much
+as they are large."""
+
+SIZE = 3
+"""Exponent of the other targets' scaled median: 2^2 to 2^3, that of the paper's areas, whose
+hyperparameters these targets are fitted with."""
+
+ROOTED_TARGETS = frozenset({"area_percent", "contact_nodes"})
+"""Targets whose square roots surrogates learn: the nodes in contact, which are never below 0. The
+error of the force, over its scale, grew by a third when its root was learnt."""
+
+
+def scaling_of(
+    dataset: Dataset, train: Indices, *, roots: bool = False, standard: bool = False
+) -> Scaling:
+    """Return the scaling of a dataset's target over its training rows, (m,).
+
+    With `roots` it is of the square root of a target of `ROOTED_TARGETS`. With `standard` it has
+    mean 0 and deviation 1 whatever the features, as a Gaussian process needs it, whose predictions
+    are the mean where it knows nothing.
+    """
+    target = dataset.target[train]
+    root = roots and dataset.target_name in ROOTED_TARGETS
+    if not (standard or chosen(dataset.features).scaled):
+        mean, deviation = float(target.mean()), float(target.std())
+        mean = mean if abs(mean) > FAR * deviation else 0.0
+        size = usual_size(target - mean)
+        if size == 0 or USUAL[0] <= size <= USUAL[1]:
+            return Scaling(mean)
+        return Scaling(mean, 2.0 ** (math.frexp(size)[1] - SIZE))
+    target = np.sqrt(target) if root else target
+    return Scaling(float(target.mean()), float(target.std()) or 1.0, root)

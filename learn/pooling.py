@@ -6,7 +6,6 @@ generator (they are made of the same random numbers), and windows of one tile of
 databases cut a map into other tiles, all windows of that map.
 """
 
-import math
 import os
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -18,9 +17,9 @@ import numpy as np
 
 from gen.runtime.errors import InputError
 from gen.scene import ScanSurface, Scene
-from gen.scene.words import shown
+from gen.scene.faults import shown
 from learn.arrays import Indices, Values
-from learn.features.hardness import modulus
+from learn.features.sets import modulus
 
 DIGITS = 8
 """Digits of a file's hash in the labels of maps, so that maps of one name differ."""
@@ -71,10 +70,8 @@ class Placed:
 
     Attributes
     ----------
-    path : Path
-        The database.
-    scene : Scene
-        Its scene.
+    path, scene : Path, Scene
+        The database and its scene.
     rows : ndarray of int, shape (n,)
         Numbers of the rows.
     statistics : ndarray, shape (n, 22)
@@ -94,18 +91,9 @@ class Placed:
 def require_compatible(scenes: Sequence[tuple[Path, Scene]], *, scaled: bool) -> None:
     """Refuse databases that no single surrogate describes.
 
-    Parameters
-    ----------
-    scenes : sequence of (Path, Scene)
-        The databases and their scenes.
-    scaled : bool
-        True for features without units: scan length and E* make no difference to them, and elastic
-        bodies are very hard ones.
-
-    Raises
-    ------
-    InputError
-        With the first key that differs from the first database's, and the file that has it.
+    With `scaled` features, which have no units, scan length and E* make no difference, and elastic
+    bodies are very hard ones. InputError names the first key that differs, and the file that has
+    it.
     """
     (first, reference), *others = scenes
     wanted = _must_agree(reference, scaled=scaled)
@@ -137,17 +125,6 @@ def _must_agree(scene: Scene, *, scaled: bool) -> dict[str, Any]:
     return common
 
 
-def node_count(scene: Scene) -> float:
-    """Return the nodes of a scene's patches along a side, the geometric mean of both axes."""
-    nx, ny = scene.shape
-    return math.sqrt(nx * ny)
-
-
-def differ_in_nodes(scenes: Sequence[Scene]) -> bool:
-    """Tell whether the patches of several scenes differ in their number of nodes."""
-    return len({node_count(scene) for scene in scenes}) > 1
-
-
 def populations(placed: Sequence[Placed]) -> tuple[Indices, tuple[Population, ...]]:
     """Return the number of each row's population, (n,), and the populations by their numbers."""
     names = [each for part in placed for each in _populations(part)]
@@ -169,18 +146,7 @@ def _populations(part: Placed) -> Iterator[Population]:
 
 
 def related(placed: Sequence[Placed]) -> Indices:
-    """Number the groups of rows that every split keeps together.
-
-    Parameters
-    ----------
-    placed : sequence of Placed
-        The rows of one or more databases.
-
-    Returns
-    -------
-    ndarray of int, shape (n,)
-        Group of each row, in the order of the databases.
-    """
+    """Number the groups of rows that every split keeps together, (n,), database by database."""
     surfaces = _surfaces(np.concatenate([part.statistics for part in placed]))
     labels = [surfaces]
     if any(part.tile is not None for part in placed):
@@ -273,17 +239,10 @@ def _numbered(placed: Sequence[Placed], labels: Sequence[Labels]) -> Indices:
 
 
 def linked(*labels: Indices) -> Indices:
-    """Number groups such that rows with any label in common are in one group.
+    """Number groups, (n,), such that rows with any label in common are in one group.
 
-    Parameters
-    ----------
-    *labels : ndarray of int, each of shape (n,)
-        Numbers of the rows, such as those of their surfaces and of their tiles.
-
-    Returns
-    -------
-    ndarray of int, shape (n,)
-        Number of each row's group: the connected components of rows that share a label.
+    Labels are numbers, each (n,), such as those of surfaces and of tiles; the groups are the
+    connected components of rows that share one.
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components

@@ -8,7 +8,7 @@ from gen.runtime.errors import InputError
 from learn import features
 from learn.arrays import Values
 from learn.executor import Executor
-from learn.features.pressed import BLOCKS
+from learn.features.sets import BLOCKS
 from learn.models import NORMALISATIONS
 
 
@@ -45,7 +45,7 @@ class Request:
         (`learn.features.FeatureSet.with_roots`).
     blocks : int
         Blocks per side of the coarse solve of hybrid features, one of
-        `learn.features.pressed.BLOCK_COUNTS`.
+        `learn.features.sets.BLOCK_COUNTS`.
     calibrate_on : Path or None
         Database whose rows calibrate the intervals; None for rows of the first ones.
     others : tuple of Path
@@ -83,21 +83,9 @@ class Request:
 def hybrid_for(
     request: Request, executor: Executor, stopping: Callable[[], bool] = lambda: False
 ) -> Values | None:
-    """Return the features that the database's surfaces themselves add, if any are asked for.
+    """Return the columns that the database's surfaces add, (rows, 17); None if none are asked for.
 
-    Parameters
-    ----------
-    request : Request
-        Database and feature set.
-    executor : Executor
-        Generates the surfaces anew.
-    stopping : callable
-        Asked between surfaces; True ends the work.
-
-    Returns
-    -------
-    ndarray, shape (rows of the database, 17), or None
-        See `learn.features.regeneration.hybrid_rows`; None if the feature set needs no surfaces.
+    See `learn.features.regeneration.hybrid_rows`, which takes the other arguments.
     """
     wanted = features.chosen(request.features, roots=request.roots, blocks=request.blocks)
     if not wanted.needs_surface:

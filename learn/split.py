@@ -58,7 +58,8 @@ def draw(
     """Split a dataset 80:20, and the training rows into folds.
 
     A target that few rows have, as the yielded share where most bodies are elastic, may be constant
-    in a part. The draw is then repeated, `DRAWS` times at most.
+    in a part. The draw is then repeated, `DRAWS` times at most. With groups of one row, the test
+    set has exactly a fifth of the rows, rounded down: 3,175 of 15,878.
 
     Parameters
     ----------
@@ -70,12 +71,6 @@ def draw(
         Number of training rows at most, the first of the draw; all if left out.
     others : sequence of Dataset
         The same rows with further targets.
-
-    Returns
-    -------
-    Split
-        The positions. With groups of one row, the test set has exactly a fifth of the rows, rounded
-        down: 3,175 of 15,878.
 
     Raises
     ------
@@ -112,20 +107,7 @@ def _drawn(random: np.random.Generator, groups: Indices, rows: int) -> tuple[Ind
 
 
 def require_tiles(dataset: Dataset, wanted: int) -> None:
-    """Refuse windows of too few tiles for a split.
-
-    Parameters
-    ----------
-    dataset : Dataset
-        The usable rows.
-    wanted : int
-        Number of tiles that the split needs.
-
-    Raises
-    ------
-    InputError
-        If the rows are of tiles, and of fewer.
-    """
+    """Refuse windows that lie in fewer tiles than a split needs."""
     tiles = np.unique(dataset.groups).size
     if dataset.by_tile and tiles < wanted:
         raise InputError(
@@ -162,18 +144,7 @@ def _fault(sets: Sequence[Dataset], train: Indices, test: Indices, train_rows: i
 def check_folds(dataset: Dataset, split: Split) -> None:
     """Refuse a training set that is too small for cross-validation.
 
-    Parameters
-    ----------
-    dataset : Dataset
-        The usable rows.
-    split : Split
-        The positions.
-
-    Raises
-    ------
-    InputError
-        If a fold has fewer than two rows, or its target does not vary: its score would be
-        undefined.
+    A fold with fewer than two rows, or a target that does not vary, has no score.
     """
     sizes = np.bincount(split.folds, minlength=FOLDS)
     if sizes.min() < 2:

@@ -16,7 +16,7 @@ settings.load_profile("project")
 @pytest.fixture(scope="session", autouse=True)
 def plain_numbers():
     """No line that any test sees printed has a number as NumPy writes it, np.float64(5.0)."""
-    from gen.runtime import command_line, console, terminal
+    from gen.runtime import terminal
 
     printable = terminal.printable
 
@@ -25,8 +25,7 @@ def plain_numbers():
         return printable(text)
 
     with pytest.MonkeyPatch.context() as patch:
-        for module in (command_line, console, terminal):
-            patch.setattr(module, "printable", checked)
+        patch.setattr(terminal, "printable", checked)
         yield
 
 
@@ -37,7 +36,7 @@ def populations(tmp_path_factory):
 
     from small_populations import MAPS, POPULATIONS
 
-    from bench.populations.made_maps import write_all
+    from bench.made_maps import write_all
     from gen import cli
     from gen.runtime.user_code import TRUSTED
 

@@ -3,11 +3,10 @@
 import csv
 from pathlib import Path
 
-from bench.page.content import Content, Words
-from bench.page.inputs import Inputs
-from bench.page.parts import Part
-from bench.page.record import Record, read
-from bench.page.run import Outcome, make
+from bench.contents import Content, Words
+from bench.record import Inputs, Record, read
+from bench.report import Part
+from bench.run import Outcome, make
 
 WRITE = "-c open('{folder}/made.txt','a').write('x')"
 

@@ -9,7 +9,8 @@ import numpy as np
 from gen import database, schema
 from gen.database import Writer, create
 from gen.scene import DisplacedSurface, Scene
-from gen.schema import Reason, Status, columns_for
+from gen.scene.columns import columns_for
+from gen.schema import Reason, Status
 
 NO_ROOM = """
     import resource, signal, sys
@@ -69,5 +70,5 @@ def filled(path, scene, *runs):
 
 def raise_physics(monkeypatch):
     """Have a version of the code that computes other results."""
-    for module in (database.creation, database.layout, database.opening):
+    for module in (database.creation, database.layout, database.reader):
         monkeypatch.setattr(module, "PHYSICS", PHYSICS + 1)

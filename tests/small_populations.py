@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from bench.populations.made_maps import MadeMap
+from bench.made_maps import MadeMap
 
 MAPS = (
     MadeMap("sandblasted", 0, (90, 60), 1.0, 15.0, (0.5, 0.8)),

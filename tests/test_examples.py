@@ -284,8 +284,7 @@ def test_the_served_solver_has_the_mean_area_of_the_solver(tmp_path, monkeypatch
     """QMCPy's mean through a model that answers as the server does, against plain averaging."""
     import umbridge
 
-    from asperity.serving.models import SolverModel
-    from asperity.serving.questions import Configuration
+    from asperity.serving.models import Configuration, SolverModel
     from gen.scene import load
 
     model = SolverModel(load("quick"), "quick")

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from bench.page.parts import CHAPTERS
-from gen.runtime.version import VERSION
+from bench.report import CHAPTERS
+from gen.runtime import VERSION
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("asperity", "bem", "gen", "learn", "bench")
@@ -43,7 +43,8 @@ def test_every_package_is_found_and_no_tests():
 def test_a_wheel_says_what_the_page_shows():
     patterns = PROJECT["tool"]["setuptools"]["package-data"]["bench"]
     installed = {path for pattern in patterns for path in (ROOT / "bench").glob(pattern)}
-    reports = {ROOT / "bench" / f"{each}.toml" for named in CHAPTERS.values() for each in named}
+    folder = ROOT / "bench" / "reports"
+    reports = {folder / f"{each}.toml" for named in CHAPTERS.values() for each in named}
     assert reports <= installed
     assert not [path for path in installed if "results" in path.parts]
 
@@ -77,7 +78,7 @@ def test_a_package_built_from_a_checkout_knows_its_commit(tmp_path):
     (tmp_path / ".git" / "HEAD").write_text(f"{COMMIT}\n")
     build = [sys.executable, "setup.py", "-q", "build", "--build-lib", "made"]
     subprocess.run(build, cwd=tmp_path, check=True, timeout=120, capture_output=True)
-    asked = "from gen.runtime.provenance import git_commit as it; print(it())"
+    asked = "from gen.runtime.installation import git_commit as it; print(it())"
     done = subprocess.check_output([sys.executable, "-c", asked], cwd=tmp_path / "made", text=True)
     assert done.strip() == COMMIT
 
@@ -93,7 +94,7 @@ def described(wheel: zipfile.ZipFile) -> Message:
 DATA = {
     "asperity/py.typed",
     *("bem/py.typed", "gen/py.typed", "learn/py.typed"),
-    *("bench/page/page.html", "bench/two-blocks.inp"),
+    *("bench/page.html", "bench/two-blocks.inp"),
 }
 """Files of the wheel that are neither Python nor of a kind below."""
 

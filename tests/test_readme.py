@@ -46,7 +46,7 @@ def test_surfaces_loads_and_outputs_of_your_own_are_made_as_shown(tmp_path, monk
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", list(sys.path))
     *_, scene = codes("toml", SCENES)
-    (module,) = codes("python", SCENES)
+    module, _ = codes("python", SCENES)  # the other one is a generator, which a test adds
     function, parameters = re.findall(r"# (generator = .*|parameters = .*)\n", module)
     Path("mine.py").write_text(module)
     Path("shown.toml").write_text(scene.replace("samples = 300", "samples = 6"))

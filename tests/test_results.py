@@ -12,9 +12,9 @@ import pytest
 from browser import look
 from pages import TEXT
 
-from bench.page.html import page_of
-from bench.page.inputs import Inputs
-from bench.page.parts import PARTS
+from bench.page import page_of
+from bench.record import Inputs
+from bench.report import PARTS
 from docs.extensions.tables import TABLES, markdown_of
 from learn.comparison.folder import LIBRARIES
 from learn.models import MODELS

@@ -1,118 +1,158 @@
-"""What README.md and the four start pages tell a newcomer to do, done in one empty folder."""
+"""How many modules and functions of ours the main paths pass, and how deep.
 
-import csv
-import importlib
-import re
-import shlex
-import shutil
+`python tests/test_walks.py` prints the counts of today. Lower `MOST` whenever they go down.
+"""
+
+import json
+import os
 import subprocess
+import sys
+import tempfile
 from pathlib import Path
+from types import FrameType
+from typing import Any, NamedTuple
 
-import h5py
+import numpy as np
 import pytest
-from launch import launch, mpiexec
-from pages import codes, steps
 
-pytest.importorskip("sklearn")
-pytest.importorskip("matplotlib")
-PROGRAMS = {"gen": "gen.cli", "learn": "learn.cli", "bench": "bench.__main__"}
+pytestmark = pytest.mark.long
 
-NOT_OURS = re.compile(
-    r"^(python -m venv|pip install|module load|make |mpirun|\. |\w+/ )|gen run paper|mpiexec -n 9"
-)
-"""Lines that install, take longer than a test may, or are a map of folders."""
+
+class Counts(NamedTuple):
+    """What a walk passes: modules, functions, and frames of ours on the stack at most."""
+
+    modules: int
+    functions: int
+    depth: int
+
+
+MOST = {
+    "heights": Counts(18, 117, 13),  # heights to the pressure on a free patch
+    "scene": Counts(55, 380, 30),  # a scene to the rows of a database
+    "fit": Counts(43, 242, 24),  # a database to a surrogate
+    "predict": Counts(30, 170, 18),  # a surrogate and a map to a prediction
+    "law": Counts(60, 402, 30),  # a map to its contact law
+}
+"""Most of each that a walk may pass."""
+
+STEEL = ["--young", "210e3", "--poisson", "0.3"]
+COMMANDS = {
+    "scene": ["gen", "run", "tiny.toml", "-o", "tiny.h5"],
+    "fit": ["learn", "fit", "tiny.h5", "--model", "kernel-ridge", "-o", "tiny.surrogate"],
+    "predict": [
+        *("learn", "predict", "tiny.surrogate", "surface.npy", "--side", "1000"),
+        *("--delta", "5:25:5", *STEEL),
+    ],
+    "law": [
+        *("gen", "law", "surface.npy", "--side", "1000", "--despike", "7", "--level", "plane"),
+        *("--fill", "--pressure", "1:1000:8:log", *STEEL, "--hardness", "2000", "-o", "law"),
+    ],
+}
+"""Arguments of `asperity`; each walk uses what those before it have made."""
+
+MADE = {"scene": "tiny.h5", "fit": "tiny.surrogate*", "law": "law*"}
+"""Files that a walk makes."""
+
+PACKAGES = ("asperity", "bem", "gen", "learn")
+COROUTINE_OR_GENERATOR = 0x20
+UNNAMED = {"<module>", "<genexpr>", "<listcomp>", "<dictcomp>", "<setcomp>", "<lambda>"}
+
+
+class Walk:
+    """Counts what is called inside a `with` block."""
+
+    def __enter__(self) -> "Walk":
+        self._root = str(Path(__file__).parents[1]) + os.sep
+        self._modules: set[str] = set()
+        self._functions: set[tuple[str, str]] = set()
+        self._on_stack = self._depth = 0
+        sys.setprofile(self._look)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        sys.setprofile(None)
+
+    def _look(self, frame: FrameType, event: str, _: object) -> None:
+        code = frame.f_code
+        if event not in {"call", "return"} or not code.co_filename.startswith(self._root):
+            return
+        module = code.co_filename[len(self._root) :]
+        hidden = code.co_name in UNNAMED or code.co_flags & COROUTINE_OR_GENERATOR
+        if Path(module).parts[0] not in PACKAGES or hidden:
+            return
+        if event == "return":
+            self._on_stack = max(0, self._on_stack - 1)
+            return
+        self._on_stack += 1
+        self._depth = max(self._depth, self._on_stack)
+        self._modules.add(module)
+        self._functions.add((module, getattr(code, "co_qualname", code.co_name)))
+
+    @property
+    def counts(self) -> Counts:
+        """What was counted."""
+        return Counts(len(self._modules), len(self._functions), self._depth)
+
+
+def run(name: str) -> None:
+    """Do what a walk does, once, in the current folder."""
+    import bem
+    from asperity.command import main
+
+    if name == "heights":
+        bem.solve(np.load("surface.npy"), 1000.0, 19.0)
+        return
+    for old in Path().glob(MADE.get(name, "none")):
+        old.unlink()
+    sys.argv = ["asperity", *COMMANDS[name]]
+    code = main()
+    assert code == 0, f"{name}: exit code {code}"
+
+
+def walk_all() -> dict[str, Counts]:
+    """Walk every path twice in the current folder, and count the second time."""
+    from gen.surface import generate
+
+    heights = generate("diamond-square", 129, 0.7, 12.0, np.random.default_rng(0))
+    np.save("surface.npy", heights)
+    Path("tiny.toml").write_text("samples = 120\n[surface]\nnodes = 33\n")
+    found = {}
+    for name in MOST:
+        run(name)
+        with Walk() as walk:
+            run(name)
+        found[name] = walk.counts
+    return found
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("walk")
-
-
-def walk(page, folder, monkeypatch):
-    """Do what a page shows, in its order."""
-    monkeypatch.chdir(folder)
-    for kind, step in steps(page):
-        if kind == "python":
-            exec(step, {})
-        elif not NOT_OURS.search(step) and (words := shlex.split(step, comments=True)):
-            run(words)
-
-
-def run(words):
-    """Run a command of ours inside this process, or one that starts several."""
-    if words[0] == "mpiexec":
-        arguments = words[words.index("asperity") + 1 :]
-        done = launch(int(words[2]), *arguments, folder=Path.cwd(), module="asperity")
-        assert done.returncode == 0, done.stderr
-    elif words[1] in PROGRAMS:
-        assert importlib.import_module(PROGRAMS[words[1]]).main(words[2:]) == 0, words
-    else:
-        assert words in [["asperity", "--help"], ["asperity", "--version"]]
-        assert launch(0, words[1], folder=Path.cwd(), module="asperity").returncode == 0
-
-
-def test_the_readme(folder, monkeypatch, capfd):
-    pytest.importorskip("SurfaceTopography")
-    monkeypatch.chdir(folder)
-    (scan,) = codes("python", "docs/how-to/scan.md")  # the page that the README names for it
-    exec(scan, {})
-    walk("README.md", folder, monkeypatch)
-    made = ("surface.npy", "quick.png", "first.surrogate", "law.h", "law-calculix.inp", "ground.h")
-    for name in made:
-        assert (folder / name).stat().st_size > 500
-    area, delta, gap = map(
-        float, re.findall(r"^([\d.]+) ([\d.]+) ([\d.]+)$", capfd.readouterr().out, re.M)[0]
+def counted() -> Any:
+    """Counts of a fresh process, whose caches no other test has filled."""
+    pytest.importorskip("sklearn")
+    done = subprocess.run(
+        [sys.executable, __file__],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=300,
     )
-    assert 2.5 <= area < 10  # load / hardness is 2.5 %
-    assert min(delta, gap) > 0
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
 
 
-def test_the_tribologist(folder, monkeypatch, capfd):
-    walk("docs/start/tribologist.md", folder, monkeypatch)
-    said = capfd.readouterr().out
-    for line in (
-        "effective contact area",
-        "displacement Delta",
-        "mean gap",
-        "largest pressure",
-        "residual",
-    ):
-        assert re.search(rf"^{line}", said, re.M), f"{line} is explained, and not printed"
-    with (folder / "law.csv").open(newline="") as file:
-        assert len(list(csv.DictReader(file))) == 10
+@pytest.mark.parametrize("name", MOST)
+def test_a_main_path_passes_few_rooms(counted: Any, name: str) -> None:
+    counts = Counts(*counted[name])
+    over = [each for each in Counts._fields if getattr(counts, each) > getattr(MOST[name], each)]
+    assert not over, f"{name}: {counts}, and at most {MOST[name]}"
 
 
-def test_the_finite_element_engineer(folder, monkeypatch):
-    walk("docs/start/finite-elements.md", folder, monkeypatch)
-    text = (folder / "joint-calculix.inp").read_text()
-    assert "*SURFACE INTERACTION, NAME=JOINT_CALCULIX" in text
-    assert {path.suffix for path in folder.glob("joint*")} == {
-        ".inp",
-        ".h",
-        ".csv",
-        ".json",
-        ".png",
-    }
-    table = (folder / "joint.csv").read_text()
-    assert "stiffness_MPa_per_um" in table
-    if shutil.which("ccx"):
-        shutil.copy(Path(__file__).parents[1] / "bench/two-blocks.inp", folder)
-        subprocess.run(["ccx", "two-blocks"], cwd=folder, check=True, timeout=60)
-        force = -float((folder / "two-blocks.dat").read_text().split()[-1])  # N on 1 mm2
-        assert 1 < force < 100, "a pressure of the table"
-
-
-def test_the_data_person(folder, monkeypatch, capfd):
-    pytest.importorskip("h5netcdf")
-    walk("docs/start/data.md", folder, monkeypatch)
-    assert "256" in capfd.readouterr().out
-
-
-@pytest.mark.mpi
-@pytest.mark.skipif(mpiexec() is None, reason="no mpiexec")
-def test_the_user_of_a_cluster(folder, monkeypatch):
-    (scene,) = codes("toml", "docs/start/cluster.md")
-    (folder / "mine.toml").write_text(scene)
-    walk("docs/start/cluster.md", folder, monkeypatch)
-    with h5py.File(folder / "mine.h5") as file:
-        assert (file["status"][:] == 1).all()
+if __name__ == "__main__":
+    sys.path[0] = str(
+        Path(__file__).parents[1]
+    )  # not tests/, whose folders have our packages' names
+    with tempfile.TemporaryDirectory() as empty:
+        os.chdir(empty)
+        walked = walk_all()
+    sys.stdout.write(json.dumps(walked) + "\n")
+    sys.stdout.flush()

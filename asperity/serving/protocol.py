@@ -13,8 +13,7 @@ from urllib.parse import urlsplit
 from aiohttp import web
 from pydantic import BaseModel, Field, ValidationError
 
-from asperity.serving.models import Model
-from asperity.serving.questions import Configuration, Vectors
+from asperity.serving.models import Configuration, Model, Vectors
 from asperity.serving.workers import Call, Refusal, Workers
 from gen.runtime.terminal import printable
 

@@ -12,8 +12,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from typing import NamedTuple
 
-from asperity.serving.models import Model, Unsolved, model_of
-from asperity.serving.questions import Configuration, Vectors
+from asperity.serving.models import Configuration, Model, Unsolved, Vectors, model_of
 from gen.runtime.errors import InputError
 from gen.runtime.user_code import TRUSTED
 

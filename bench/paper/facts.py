@@ -1,13 +1,20 @@
-"""The paper's numbers that nothing else in this tree needs, and where all of them stand.
+"""The paper's numbers that nothing else here needs, captions, and why ours differ.
 
-Its ranges (Table 1) stand in `gen.schema`, its search spaces and optima (Table 2) in
-`learn.comparison.search.spaces`, its times and scores (Tables 3 and 4) in
-`learn.comparison.paper`, its costs (section 4.4) in `bench.surrogates.times`, its paraboloid
-(section 2.4) in `bench.hertz`: modules here take them from there.
+Its ranges (Table 1) stand in `gen.columns`, its search spaces and optima (Table 2) in
+`learn.comparison.spaces`, its times and scores (Tables 3 and 4) in
+`learn.comparison.paper`, its costs (section 4.4) in `bench.surrogates.cost`, its paraboloid
+(section 2.4) in `bench.theory`: modules here take them from there.
 """
 
-from bench.surrogates.times import PAPER_ROWS, PAPER_TESTS
-from gen.schema import COLUMNS
+import math
+from pathlib import Path
+from typing import Any
+
+from bench.contents import Figure, Table
+from bench.files import read_toml
+from bench.picture import save
+from bench.surrogates.cost import PAPER_ROWS, PAPER_TESTS
+from gen.scene.columns import ALL_COLUMNS
 from learn.metrics import Scores
 
 GRIDS = (2, 8, 32, 128)  # cells a side of the surfaces that show how the generator works
@@ -18,5 +25,43 @@ FINE_ROWS = 800  # simulations on the finer grid (section 4.3)
 FINE = Scores(1.46, 3.95, 7.56, 99.16)  # scores of kernel ridge on the finer grid, Table 5 [%]
 TUNING_PAYS = 14  # evaluations after which the search for settings has paid (section 4.4)
 # Smallest and largest value of each quantity of Table 1.
-RANGES = {column.name: column.paper_range for column in COLUMNS if column.paper_range}
+RANGES = {column.name: column.paper_range for column in ALL_COLUMNS if column.paper_range}
 AREA_MAX = RANGES["area_percent"][1]  # largest area in the paper's database [%]
+
+
+DIGITS = 4  # significant digits of numbers in tables that people read
+
+TEXTS = {
+    kind: {name: " ".join(text.split()) for name, text in texts.items()}
+    for kind, texts in read_toml("paper/texts").items()
+}
+
+
+def why(name: str, **values: Any) -> str:
+    """Say why a number differs from the paper's."""
+    return TEXTS["why"][name].format(**values)
+
+
+def caption(name: str, **values: Any) -> str:
+    """Return the caption of a picture or a table."""
+    return TEXTS["captions"][name].format(**values)
+
+
+def picture(
+    folder: Path, name: str, drawn: Any, *data: Path, shows: str = "", **values: Any
+) -> Figure:
+    """Save a figure under a name; its caption is that of the name, or the one that it `shows`."""
+    return Figure(save(drawn, folder / f"{name}.png"), caption(shows or name, **values), data=data)
+
+
+def table(data: Path, shows: str = "", **values: Any) -> Table:
+    """Show a table with the caption of its file's name, or another one."""
+    return Table(data, caption(shows or data.stem, **values))
+
+
+def ratio(ours: float, theirs: float) -> str:
+    """Write our number over the paper's."""
+    if not theirs or math.isnan(ours) or math.isnan(theirs):
+        return ""
+    times = ours / theirs
+    return f"x {times:.3g}" if times >= 0.1 else f"1/{1 / times:,.0f}"

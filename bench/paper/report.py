@@ -6,39 +6,53 @@ from inspect import signature
 from pathlib import Path
 
 from bench import databases
+from bench.contents import Absent, Content, files_of
 from bench.databases import OTHER_SEED
-from bench.page.content import Absent, Content, files_of
-from bench.page.inputs import typed
-from bench.page.record import Making, contents_of
-from bench.paper import borrowed, cost, database, fine, models, numbers, predictions, surfaces
-from bench.report import remark
-from bench.surrogates.cases import CASES, FINE
-from bench.surrogates.generalisation import tests_of
+from bench.paper import costs, database, models, surfaces
+from bench.record import Making, recorded, typed
+from bench.report import Report, remark
 from gen.runtime.errors import InputError
-from gen.runtime.output import check_folder, make_folder
+from gen.runtime.files import check_folder, make_folder
 
 PARTS: Mapping[str, Callable[..., list[Content]]] = {
-    "numbers": numbers.numbers,
+    "numbers": costs.numbers,
     "levels": surfaces.levels,
     "profile": surfaces.profile,
     "topographies": surfaces.topographies,
-    "hertz": borrowed.paraboloid,
+    "hertz": surfaces.paraboloid,
     "solve-times": database.solve_times,
     "distributions": database.distributions,
     "table-1": database.table_1,
     "table-2": models.table_2,
     "table-3": models.table_3,
-    "baselines": predictions.baselines,
-    "tuned": predictions.tuned,
+    "baselines": models.baselines,
+    "tuned": models.tuned,
     "table-4": models.table_4,
-    "fine": fine.fine_grid,
-    "cost": cost.total_cost,
-    "appendix": borrowed.equal_kernels,
+    "fine": database.fine_grid,
+    "cost": costs.total_cost,
+    "appendix": surfaces.equal_kernels,
 }
 """All parts in the paper's order, by the functions that make their files in a folder.
 
 The further parameters of a function are its inputs by name; it makes more of those with a default.
 """
+
+
+def paper(
+    folder: Path,
+    rows: int,
+    database: Path | None,
+    fine: Path | None,
+    comparison: Path | None,
+    cost: Path | None,
+    only: Sequence[str],
+) -> Report:
+    """Draw the paper's figures and tables anew; the arguments are those of the command."""
+    inputs = {"database": database, "fine": fine, "comparison": comparison, "cost": cost}
+    given = {name: path for name, path in inputs.items() if path is not None}
+    paths = write_report(folder, given, rows, only=only)
+    return Report({}, text="\n".join(map(str, paths)))
+
 
 GENERATED = {"database", "fine"}  # inputs that are generated where they are not given
 
@@ -70,7 +84,11 @@ def write_report(
     in the folder's `databases`. Return pictures and tables, in the paper's order.
     """
     check_folder(folder)
-    for name, refuse in (("comparison", models.opened), ("cost", cost.read), ("fine", fine.check)):
+    for name, refuse in (
+        ("comparison", models.opened),
+        ("cost", costs.read_costs),
+        ("fine", database.check),
+    ):
         if name in given:
             refuse(given[name])
     parts = _chosen(only, given)
@@ -81,7 +99,7 @@ def write_report(
     for number, name in enumerate(parts, 1):
         own = {each: sources[each] for each in inputs_of(name) if each in sources}
         making = Making(_record(folder, name), _command(folder, name, given, rows), own)
-        shown = contents_of(making.path)
+        shown = recorded(making.path)
         if shown is None or not making.stays():
             remark(f"{number} of {len(parts)}: {name}")
             began = time.monotonic()
@@ -96,7 +114,7 @@ def contents(folder: Path) -> list[Content]:
     shown: list[Content] = []
     for name in PARTS:
         how = "".join(HOW[each] for each in missing_of(name, {})) + "python -m bench paper"
-        shown += contents_of(_record(folder, name)) or [Absent(name, how)]
+        shown += recorded(_record(folder, name)) or [Absent(name, how)]
     return shown
 
 
@@ -133,9 +151,7 @@ def _databases(
     if "database" in needed:
         found["database"] = databases.of_the_paper(given.get("database"), place, rows)
     if "fine" in needed and "fine" not in given:
-        # The one that `bench generalisation` tests on too.
-        (case,) = (case for case in CASES if case.name == FINE)
-        count = tests_of(max(100, len(database.read(found["database"]))))
-        text = f"samples = {count}\nseed = {OTHER_SEED}\n{case.scene}"
-        found["fine"] = databases.generated(place, case.file, text)
+        count = database.tests_of(len(database.finished(found["database"])))
+        text = f"samples = {count}\nseed = {OTHER_SEED}\n{database.FINE_SCENE}"
+        found["fine"] = databases.generated(place, "fine", text)
     return found

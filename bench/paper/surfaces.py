@@ -1,4 +1,4 @@
-"""The paper's pictures of surfaces: how they are generated, described and pressed."""
+"""The paper's pictures of surfaces and of a paraboloid, and two equal models (Appendix A)."""
 
 from pathlib import Path
 from typing import Any
@@ -7,16 +7,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 import bem
-from bench.page.content import Content
-from bench.paper.facts import DELTAS, GRIDS
-from bench.paper.texts import DIGITS, picture
+from bench import theory
+from bench.contents import Content, Figure
+from bench.files import write_table
+from bench.paper.facts import AREA_MAX, DELTAS, DIGITS, GRIDS, caption, picture
 from bench.picture import COLOURS, new_figure
-from bench.table import write_table
+from bench.report import Report
 from gen.arrays import Heights
+from gen.distribution import limits
 from gen.scene import DisplacedSurface, load
-from gen.scene.distribution import limits
 from gen.statistics import describe
 from gen.surface import GENERATORS, generate
+from learn.comparison import appendix
+from learn.request import Request
 
 SEED = 3
 _PAPER = load("paper").surface
@@ -29,7 +32,7 @@ SIGMA0 = sum(limits(PRESET.sigma0)) / 2
 ALONG, ACROSS = ((-1, 0), (1, 0)), ((0, -1), (0, 1))  # neighbours in profiles along x and along y
 
 
-def surface(hurst: float, generator: str = "diamond-square", nodes: int = NODES) -> Heights:
+def shown_surface(hurst: float, generator: str = "diamond-square", nodes: int = NODES) -> Heights:
     """Return the heights, shape (nodes, nodes), of the surface that all pictures show [um]."""
     return generate(generator, nodes, hurst, SIGMA0, np.random.default_rng(SEED))
 
@@ -52,7 +55,7 @@ def levels(folder: Path) -> list[Content]:
     axes = figure.subplots(len(GENERATORS), len(GRIDS))
     rows = []
     for line, generator in zip(axes, GENERATORS, strict=True):
-        grids = [surface(middle, generator, cells + 1) for cells in GRIDS]
+        grids = [shown_surface(middle, generator, cells + 1) for cells in GRIDS]
         highest = max(float(heights.max()) for heights in grids)
         for axis, cells, heights in zip(line, GRIDS, grids, strict=True):
             shown = _image(axis, heights, vmin=0, vmax=highest)
@@ -69,7 +72,7 @@ def levels(folder: Path) -> list[Content]:
 
 def profile(folder: Path) -> list[Content]:
     """Draw a topography and one of its profiles, statistics marked (section 2.3)."""
-    heights = surface(ROUGH)
+    heights = shown_surface(ROUGH)
     middle = NODES // 2
     x, line = np.linspace(0, SIDE, NODES), heights[:, middle]
     peaks = above(heights, *ALONG)[:, middle]
@@ -119,15 +122,15 @@ def topographies(folder: Path) -> list[Content]:
     cases = [("ad", ROUGH, small), ("be", ROUGH, large), ("cf", SMOOTH, small)]
     figure = new_figure(10.5, 6.6)
     axes = figure.subplots(2, len(cases))
-    pressed = [bem.solve(surface(hurst), SIDE, delta) for _, hurst, delta in cases]
+    pressed = [bem.solve(shown_surface(hurst), SIDE, delta) for _, hurst, delta in cases]
     fields = [contact.pressure * (SIDE / (NODES - 1)) ** 2 for contact in pressed]
-    highest = max(float(surface(hurst).max()) for _, hurst, _ in cases)
+    highest = max(float(shown_surface(hurst).max()) for _, hurst, _ in cases)
     strongest = max(float(force.max()) for force in fields)
     rows = []
     for (upper, lower), (names, hurst, delta), contact, force in zip(
         axes.T, cases, pressed, fields, strict=True
     ):
-        shown = _image(upper, surface(hurst), vmin=0, vmax=highest)
+        shown = _image(upper, shown_surface(hurst), vmin=0, vmax=highest)
         upper.set_title(f"({names[0]}) H = {hurst:g}", fontsize=10)
         spots = np.ma.masked_equal(force, 0)
         forces = _image(lower, spots, vmin=0, vmax=strongest, cmap="inferno_r")
@@ -149,3 +152,33 @@ def topographies(folder: Path) -> list[Content]:
 def _image(axis: Any, field: Any, **options: Any) -> Any:
     """Draw a field of nodes, x (axis 0) to the right."""
     return axis.imshow(field.T, origin="lower", extent=(0, SIDE, 0, SIDE), **options)
+
+
+APPENDIX_ROWS = 3000
+"""Training rows of Appendix A at most: that two predictions agree needs no more, and a Gaussian
+process's memory grows with their square."""
+
+
+def paraboloid(folder: Path) -> list[Content]:
+    """Press the paraboloid, and draw it as `python -m bench hertz` does (section 2.4)."""
+    rows = theory.hertz()
+    data, drawn = Report({"hertz": rows}).write(folder, "hertz")
+    areas: dict[str, float] = {}
+    for row in rows:
+        name = f"{row['solution']} on {row['nodes']} nodes a side"
+        areas[name] = areas.get(name, 0.0) + row["area_percent"]
+    (_, exact), *others = areas.items()
+    off = [f"{100 * (area / exact - 1):+.1f} % ({name})" for name, area in others]
+    return [Figure(drawn, caption("hertz", off=", ".join(off)), data=(data,))]
+
+
+def equal_kernels(folder: Path, database: Path) -> list[Content]:
+    """Compare two models that are one, as `learn appendix` does (Appendix A)."""
+    said: list[str] = []
+    # Its own folder of other rows, if the inputs have changed: `learn appendix` would refuse it.
+    (folder / "appendix" / "area" / "comparison.json").unlink(missing_ok=True)
+    output, rows = folder / "appendix", APPENDIX_ROWS
+    asked = Request(database, output, area_max=AREA_MAX, train_rows=rows, again=True)
+    table, picture = appendix.write_report(asked, said.append)
+    words = caption("appendix", said="; ".join(said), rows=rows)
+    return [Figure(picture, words, data=(table,))]

@@ -1,15 +1,30 @@
 """Contact by the dense matrix: every influence coefficient written out, every set factorised.
 
-Block principal pivoting with Cholesky factors: slow and short. The solution is accepted only if it
-fulfils the conditions of complementarity.
+`press` goes by block principal pivoting with Cholesky factors: slow and short. The solution is
+accepted only if it fulfils the conditions of complementarity.
+
+`press_yielding` bounds the pressure by a hardness. With A = L L^T, the pressure 0 <= p <= H that
+minimises p A p / 2 - u p is the least-squares solution of L^T p = L^-1 u within these bounds, which
+SciPy finds. On large sets that takes minutes; there the set of yielded nodes grows until no
+pressure is above H. `solve` begins with these sets, and accepts a pressure only if it fulfils all
+conditions of contact, which a single one does.
+
+`press_by_nnls` is the paper's algorithm, A. Bemporad and M. Paggi (2015), Int. J. Solids Struct.
+69-70, algorithm 3, after Lawson and Hanson (1974): one dense solve for each node that comes into
+contact. It is what MIRCO runs, and here only to be compared with. Two things are done better than
+in MIRCO, so that the comparison does not flatter ours: dense systems go to LAPACK's Cholesky
+instead of its LU, half the work, and influence coefficients are looked up in a table that is kept.
 """
 
+from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
+from scipy.linalg.lapack import dposv
+from scipy.optimize import lsq_linear
 
 from bem.influence import Kernel
 from bench.references.half_space import Field, displacement, flat_punch, influence_coefficients
@@ -201,3 +216,142 @@ def _fields(
     for each in (field, gap):
         each.setflags(write=False)
     return field, gap
+
+
+Method = Callable[[Field, Field, float], Sides]
+
+
+def press_yielding(
+    heights: Field,
+    delta: float,
+    hardness: float,
+    kernel: Kernel,
+    aspect: float = 1.0,
+    method: Method | None = None,
+) -> tuple[Field, Field]:
+    """Solve contact on a rigid far field with bounded pressure.
+
+    The parameters are those of `press`; the method is `by_least_squares` unless given, or
+    `by_growth`.
+
+    Returns
+    -------
+    pressure : ndarray, shape (nx, ny)
+        Pressure, like the hardness in [E* um / first side of a cell].
+    gap : ndarray, shape (nx, ny)
+        Gap; negative at yielded nodes, by the depth to which they yield [um].
+
+    Raises
+    ------
+    ArithmeticError
+        If the conditions of contact are not fulfilled.
+    """
+    interference = ((heights - heights.max()) + delta).reshape(-1)
+    nodes = np.flatnonzero(interference > 0)
+    pressure = np.zeros(heights.size)
+    matrix = influence_matrix(heights.shape, kernel, aspect, nodes)
+    sides = (method or by_least_squares)(matrix, interference[nodes], hardness)
+    pressure[nodes] = solve(matrix, interference[nodes], sides, hardness)
+    field = pressure.reshape(heights.shape)
+    return field, displace(field, kernel, aspect) - interference.reshape(heights.shape)
+
+
+def by_least_squares(matrix: Field, interference: Field, hardness: float) -> Sides:
+    """(m,) sides by bounded least squares: -1 without pressure, 1 at yielded nodes, 0 between."""
+    factor = cholesky(matrix, lower=True)
+    target = solve_triangular(factor, interference, lower=True)
+    found = lsq_linear(factor.T, target, bounds=(0.0, hardness), method="bvls", tol=1e-15)
+    return np.asarray(found.active_mask)
+
+
+def by_growth(matrix: Field, interference: Field, hardness: float) -> Sides:
+    """The same by elastic solves on fewer and fewer nodes, the others known to carry H."""
+    yielded = np.zeros(interference.size, bool)
+    while True:
+        rest = ~yielded
+        load = interference[rest] - hardness * matrix[np.ix_(rest, yielded)].sum(axis=1)
+        pressure = np.full(interference.size, hardness)
+        pressure[rest] = solve(matrix[np.ix_(rest, rest)], load) if rest.any() else 0.0
+        beyond = pressure > hardness
+        if not beyond.any():
+            return np.where(yielded, 1, np.where(pressure > 0, 0, -1))
+        yielded |= beyond
+
+
+def press_by_nnls(
+    heights: Field, delta: float, *, kernel: Kernel = "uniform-pressure", rtol: float = 1e-8
+) -> tuple[Field, int]:
+    """Press a surface on square cells as `press` does, up to a penetration rtol over Delta.
+
+    Returns
+    -------
+    pressure : ndarray, shape (nx, ny)
+        Pressure [E* Delta / spacing].
+    solves : int
+        Dense systems solved.
+    """
+    interference = ((heights - heights.max()) + delta) / delta
+    nodes = np.flatnonzero(interference > 0)
+    matrix = influence_matrix(heights.shape, kernel, nodes=nodes)
+    pressure = np.zeros(heights.size)
+    pressure[nodes], solves = solve_by_nnls(matrix, interference.reshape(-1)[nodes], rtol)
+    return pressure.reshape(heights.shape), solves
+
+
+def solve_by_nnls(matrix: Field, interference: Field, rtol: float = 1e-8) -> tuple[Field, int]:
+    """Find (m,) p >= 0 with gap w = H p - u >= -rtol and p w = 0, for a positive definite H.
+
+    Return p and the number of dense systems solved; raise ArithmeticError if rounding keeps the
+    method from ending, which no contact has been seen to do.
+    """
+    candidates = interference.size
+    active = np.empty(candidates, np.intp)  # the first `count` are in contact
+    rows = np.empty_like(matrix)  # those of H that belong to them
+    pressure, gap = np.zeros(candidates), -interference
+    count = solves = 0
+    while count < candidates and gap.min() < -rtol:
+        active[count] = gap.argmin()
+        rows[count] = matrix[active[count]]
+        count += 1
+        while True:
+            inside = active[:count]
+            values = _balance_by_nnls(rows[:count, inside], interference[inside])
+            solves += 1
+            if values.min() > 0:
+                break
+            count = _release(pressure, values, active, rows, count)
+            if solves > 10 * candidates:
+                raise ArithmeticError(f"no end after {solves} solves for {candidates} nodes")
+        pressure[inside] = values
+        gap = values @ rows[:count] - interference
+        gap[inside] = 0
+    return pressure, solves
+
+
+def _balance_by_nnls(matrix: Field, interference: Field) -> Field:
+    """Pressure of either sign that closes the gap on all nodes of a small matrix."""
+    _, values, failed = dposv(matrix.T, interference, overwrite_a=True)
+    if failed:
+        raise ArithmeticError("the influence matrix is not positive definite")
+    return np.asarray(values)
+
+
+def _release(pressure: Field, values: Field, active: Nodes, rows: Field, count: int) -> int:
+    """Go towards the balance as far as pressures stay positive; release the node that stops it.
+
+    The last of the active nodes takes the place of the one released.
+
+    Returns
+    -------
+    The number of nodes still in contact
+    """
+    inside = active[:count]
+    here = pressure[inside]
+    falling = np.flatnonzero(values <= 0)
+    shares = here[falling] / (here[falling] - values[falling] + np.finfo(float).tiny)
+    pressure[inside] = here + shares.min() * (values - here)
+    stopping = falling[shares.argmin()]
+    pressure[active[stopping]] = 0
+    active[stopping] = active[count - 1]
+    rows[stopping] = rows[count - 1]
+    return count - 1

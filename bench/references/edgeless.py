@@ -13,7 +13,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from scipy.optimize import brentq
 
-from bench.references import dense, yielding
+from bench.references import dense
 from bench.references.half_space import Field
 
 Boundary = Literal["periodic", "mirror"]
@@ -107,7 +107,7 @@ class Patch:
         *,
         delta: float = 0.0,
         force: float | None = None,
-        method: yielding.Method | None = None,
+        method: dense.Method | None = None,
     ) -> Solution:
         """Find the equilibrium at a displacement, below that of full elastic contact, or a load.
 

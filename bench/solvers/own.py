@@ -6,7 +6,7 @@ import bem
 from bem import influence
 from bem.influence import KERNELS
 from bem.operators.patch import Patch
-from bench.references import half_space, nnls
+from bench.references import dense, half_space
 from bench.solvers.case import Case
 from bench.solvers.solver import Answer, Failure, Press, Solver
 
@@ -33,12 +33,14 @@ def press_boundary_elements(case: Case, force: float, tolerance: float) -> Answe
 
 
 def papers_algorithm(nodes: int, spacing: float) -> Press:
-    """Open Bemporad and Paggi's active set, `nnls`; its iterations are dense solves."""
+    """Open Bemporad and Paggi's active set, `press_by_nnls`; its iterations are dense solves."""
     half_space.influence_coefficients.cache_clear()
     half_space.influence_coefficients((nodes, nodes), "uniform-pressure")
 
     def press(case: Case, force: float, tolerance: float) -> Answer:
-        pressure, solves = nnls.press(case.heights, case.delta, kernel=case.kernel, rtol=tolerance)
+        pressure, solves = dense.press_by_nnls(
+            case.heights, case.delta, kernel=case.kernel, rtol=tolerance
+        )
         return Answer(pressure * (case.delta / case.spacing), solves)
 
     return press

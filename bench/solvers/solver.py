@@ -10,7 +10,7 @@ from typing import Literal, TypeVar
 from bem.influence import Kernel
 from bench.references.half_space import Field
 from bench.solvers.case import Case, find_exact
-from gen.runtime.provenance import versions
+from gen.runtime.installation import versions
 
 Control = Literal["displacement", "force"]
 Item = TypeVar("Item")

@@ -11,12 +11,12 @@ import bem
 from bem.influence import Kernel
 from bem.operators import patch
 from bem.problem import RTOL as DEFAULT_RTOL
-from bench.references import dense, yielding
+from bench.references import dense
 from bench.references.half_space import Field
 from bench.stability.case import Answer, Case, Finding
-from bench.stability.solver.checks import honesty, says_what_yields, unlike_nodes, violation
-from bench.stability.solver.setup import Setup
-from bench.stability.tally import Tally, blocks, surface_and_aspect
+from bench.stability.checks import honesty, says_what_yields, unlike_nodes, violation
+from bench.stability.loads import Tally, blocks, surface_and_aspect
+from bench.stability.setup import Setup
 from gen.generation.plan import parameters
 from gen.generation.sample import surface_of
 from gen.scene import load
@@ -75,7 +75,7 @@ def problem(seed: int) -> Setup:
 @lru_cache(maxsize=128)
 def expected(asked: Setup) -> tuple[Field, Field]:
     """(nx, ny) pressure [MPa] and gap [um] of a problem by bounded least squares."""
-    return yielding.press(asked.surface, asked.delta, asked.bound, asked.kernel, asked.aspect)
+    return dense.press_yielding(asked.surface, asked.delta, asked.bound, asked.kernel, asked.aspect)
 
 
 def judge(asked: Setup, contact: bem.Contact) -> Iterator[Finding]:

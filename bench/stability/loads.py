@@ -1,10 +1,10 @@
-"""Random forces and mean pressures: surface, cells, kernel and load of a seed, at all tolerances.
+"""Many random contacts as one case, and random forces and mean pressures at all tolerances.
 
-A tolerance is a row of the table, of thousands of solves in all.
+A tolerance is a row of the table of loads, of thousands of solves in all.
 """
 
-from collections.abc import Callable, Iterator
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -15,9 +15,78 @@ from bench.references import surfaces
 from bench.references.half_space import Field
 from bench.references.surfaces import Random, Shape
 from bench.stability.case import Answer, Case, Finding
-from bench.stability.solver.checks import honesty
-from bench.stability.solver.setup import Setup
-from bench.stability.tally import Tally
+from bench.stability.checks import honesty
+from bench.stability.setup import Setup
+from gen.runtime.signals import Overtime, at_most
+
+BLOCK = 100  # problems of a case; the first block is in the quick table
+
+
+def blocks(
+    family: str, problems: int, asked: str, examine: Callable[[range], Answer], what: str
+) -> Iterator[Case]:
+    """Cut many problems into cases, named by what is numbered."""
+    for first in range(0, problems, BLOCK):
+        name, block = f"{what} {first} to {first + BLOCK - 1}", range(first, first + BLOCK)
+        yield Case(family, name, asked, partial(examine, block), slow=first > 0)
+
+
+def surface_and_aspect(
+    random: Random, nodes: tuple[int, int], largest_aspect: float
+) -> tuple[Field, float]:
+    """Draw heights with a range of 1, fewest to most nodes a side; half of the cells are oblong."""
+    rows, columns = (int(each) for each in random.integers(nodes[0], nodes[1] + 1, 2))
+    heights = surfaces.SURFACES[list(surfaces.SURFACES)[random.integers(len(surfaces.SURFACES))]](
+        random, (rows, columns)
+    )
+    oblong = random.random() < 0.5
+    aspect = float(largest_aspect ** random.uniform(-1, 1)) if oblong else 1.0
+    return heights / (np.ptp(heights) or 1.0), aspect
+
+
+@dataclass
+class Tally:
+    """The outcome of many solves of at most `seconds` each; a longer one counts as an endless loop.
+
+    `iterations` are of every solve that has an answer, `astray` the errors that were raised and
+    where, `largest` the worst finding of each name.
+    """
+
+    seconds: float
+    iterations: list[int] = field(default_factory=list)
+    astray: list[tuple[Exception, str]] = field(default_factory=list)
+    largest: dict[str, Finding] = field(default_factory=dict)
+
+    def solve(self, asked: Setup, where: str) -> bem.Contact | None:
+        """Solve; return None where that raises an error, and keep it."""
+        try:
+            with at_most(self.seconds):
+                contact = asked.solve()
+        except (Overtime, Exception) as error:
+            self.astray.append((error, where))
+            return None
+        self.iterations.append(contact.iterations)
+        return contact
+
+    def note(self, findings: Iterable[Finding]) -> None:
+        """Keep findings that are the worst of their name so far."""
+        for finding in findings:
+            worst = self.largest.get(finding.what, finding)
+            self.largest[finding.what] = max(worst, finding, key=lambda each: each.rank)
+
+    def raised(self, what: str, *expected: type[Exception]) -> Finding:
+        """Count errors, apart from those of expected types, and name the first three."""
+        others = [each for each in self.astray if not isinstance(each[0], expected)]
+        names = [f"{type(error).__name__} at {where}" for error, where in others[:3]]
+        return Finding(", ".join([what, *names]), len(others), 0)
+
+    def answer(self, problems: int, said: str = "", *first: Finding) -> Answer:
+        """Judge all solves, by these findings, or that there are no errors, and by the worst."""
+        middle, most = np.percentile(np.array(self.iterations or [0]), (50, 100))
+        out = f"{problems} solves, {middle:.0f} iterations in the middle, {most:.0f} at most{said}"
+        conduct = first or (self.raised("without an answer"),)
+        return Answer(out, [*conduct, *self.largest.values()])
+
 
 SECONDS = 20.0  # wall-clock time after which a solve on at most 1,600 nodes counts as a loop
 # What two convolutions of the same pressure may differ by [displacement of the far field].
@@ -45,7 +114,7 @@ def _waves(random: Random, shape: Shape) -> Field:
     return np.asarray(np.cos(along * x) + np.cos(across * y))
 
 
-SURFACES: tuple[Callable[[Random, Shape], Field], ...] = (
+KINDS: tuple[Callable[[Random, Shape], Field], ...] = (
     surfaces.SURFACES["white noise"],
     surfaces.random_walk,
     surfaces.SURFACES["integer ties"],
@@ -76,7 +145,7 @@ def cases() -> Iterator[Case]:
 def problem(seed: int, rtol: float) -> Setup:
     """Draw a problem; three of five have oblong cells."""
     random = np.random.default_rng(seed)
-    surface = SURFACES[random.integers(len(SURFACES))]
+    surface = KINDS[random.integers(len(KINDS))]
     rows, columns = (int(nodes) for nodes in random.integers(NODES[0], NODES[1] + 1, 2))
     heights = surface(random, (rows, columns))
     oblong = random.random() < 0.6

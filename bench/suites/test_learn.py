@@ -1,5 +1,7 @@
-"""The pruned search beside scikit-learn's own on the same grid, and fits and predictions of all
-nine models; each asserts its answer.
+"""The pruned search beside scikit-learn's own, fits and predictions of all nine models, features of
+a surface and a surrogate's answers; each asserts its answer.
+
+    pytest bench/suites/test_learn.py --benchmark-only
 """
 
 import warnings
@@ -11,14 +13,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from bench.stability.fitted import fitted, ordinary, rows_of
 from gen.runtime.errors import InputError
+from gen.surface import generate
 from learn import memory
-from learn.comparison.search import pruning
-from learn.comparison.search.grid_search import GridSearch
-from learn.comparison.search.spaces import Space
-from learn.comparison.search.trials import Trials
-from learn.comparison.training_data import Training
+from learn.comparison import grid as grids
+from learn.comparison.search import GridSearch
+from learn.comparison.spaces import Space
+from learn.comparison.training import Training
+from learn.comparison.trials import Trials
 from learn.executor import Executor
+from learn.features import SETS, SurfaceFeatures, chosen
+from learn.features.sets import HYBRID
 from learn.models import MODELS, STEP, pipeline
 
 ROWS = {"smoke": 250, "paper": 12_703}
@@ -67,7 +73,7 @@ def best_of_ours(name: str, size: str, samples: Samples, folds: Folds, path: Pat
     inputs, target = samples
     training = Training(inputs, target, folds, inputs[:2], target[:2])
     model = MODELS[name]
-    grid = pruning.grid(model, space_of(name, size), inputs.shape[1])
+    grid = grids.grid(model, space_of(name, size), inputs.shape[1])
     path.unlink(missing_ok=True)
     with Trials(path, {}) as trials:
         found = GridSearch(model, grid, training, trials, Executor()).exhaustive()
@@ -118,3 +124,46 @@ def test_baseline(benchmark: Any, name: str, what: str, size: str) -> None:
     # The perceptron's 200 epochs do no better than the mean on so few rows, not worse either.
     assert score > (-0.1 if name == "mlp" else 0.5)
     benchmark.extra_info["R2"] = score
+
+
+NODES = {"smoke": 33, "paper": 129, "large": 513}
+ASKED_ROWS = {"smoke": 1, "paper": 1000, "large": 100_000}
+SIDE, DELTA = 1000.0, 12.0
+
+
+@pytest.mark.parametrize("size", NODES)
+@pytest.mark.parametrize("name", SETS)
+def test_features(benchmark: Any, name: str, size: str) -> None:
+    """Cold: statistics, and all else that a surface is asked for, anew in every round."""
+    heights = generate("diamond-square", NODES[size], 0.65, 12.0, np.random.default_rng(7))
+    wanted, deltas = chosen(name), np.array([DELTA])
+
+    def features() -> NDArray[np.float64]:
+        return SurfaceFeatures(heights, (SIDE, SIDE)).features(wanted, deltas)
+
+    found = benchmark(features)
+    assert found.shape == (1, len(wanted.columns))
+    if wanted.needs_surface:
+        above = np.maximum(heights - (heights.max() - DELTA), 0.0)
+        places = [wanted.columns.index(column) for column in HYBRID[:2]]
+        bearing = found[0, places]
+        assert bearing == pytest.approx([np.mean(above > 0), above.mean() / DELTA], rel=1e-12)
+    lengths = 1.0 if wanted.scaled else 2.0
+    doubled = SurfaceFeatures(2 * heights, (2 * SIDE, 2 * SIDE)).features(wanted, 2 * deltas)
+    assert doubled[0, 0] == pytest.approx(lengths * found[0, 0], rel=1e-12)
+
+
+@pytest.mark.parametrize("size", ASKED_ROWS)
+@pytest.mark.parametrize("name", ["kernel-ridge", "xgboost", "gaussian-process"])
+def test_surrogate(benchmark: Any, name: str, size: str) -> None:
+    """Answers with intervals; each row's must not depend on how many are asked."""
+    asked = fitted(name, "tuned", ordinary("dimensionless"))
+    order = np.arange(ASKED_ROWS[size]) % asked.test.size
+    rows = rows_of(asked.test.at(order))
+    answer = benchmark(asked.surrogate.predict_rows, rows)
+    alone = asked.surrogate.predict_rows(rows_of(asked.test))
+    few = order[:40]
+    assert answer.values["target"][:40] == pytest.approx(alone.values["target"][few], rel=1e-9)
+    assert answer.low["target"][:40] == pytest.approx(alone.low["target"][few], rel=1e-9)
+    if benchmark.enabled:
+        benchmark.extra_info["answers_per_second"] = ASKED_ROWS[size] / benchmark.stats["median"]

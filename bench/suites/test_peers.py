@@ -9,8 +9,7 @@ The paper's surface at 129 nodes a side with few enough nodes in contact for the
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from bench.peers.compare import Trial, find_errors
-from bench.peers.sample import sample
+from bench.peers import Trial, find_errors, sample
 from bench.solvers.case import find_exact
 from bench.solvers.others import OTHERS
 from bench.solvers.own import BEM, PAPERS

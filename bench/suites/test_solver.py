@@ -29,7 +29,7 @@ from bem.operators.patch import Patch, displacement_filter
 from bem.problem import RTOL
 from bem.spacing import BOUNDARIES, Boundary
 from bench.references import half_space as references
-from bench.work_precision.studies import paper_case
+from bench.work_precision import paper_case
 
 SIZES = {"smoke": 33, "paper": 129, "large": 513}
 SIDE = 1000.0

@@ -1,32 +1,155 @@
 """When a surrogate pays: solver and surrogate against the number of queries (section 4.4).
 
-`cost` measures, `report` tells, tabulates and draws.
+Everything is timed in this one process, on the paper preset's distribution but on surfaces of
+another seed. All are processor times of one core: others on the machine do not count.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
+from statistics import fmean, median
+from time import process_time
 from typing import Any, NamedTuple
 
 import numpy as np
 
+import bem
 from bench import databases
-from bench.picture import STYLES, draw_curves, new_figure
+from bench.databases import OTHER_SEED
+from bench.files import Row, rendered
+from bench.picture import STYLES, draw_panel, new_figure
 from bench.report import Report, remark
-from bench.surrogates import times
 from bench.surrogates.fitting import Fitted, Parts, fit, parted, read, request_for
-from bench.surrogates.times import SolverTimes, SurrogateTimes
-from bench.template import rendered
+from gen.arrays import Heights
+from gen.generation.plan import parameters
+from gen.generation.sample import compute_rows, solve_contact, surface_of
 from gen.runtime.errors import InputError
 from gen.runtime.figure import log_axis
+from gen.scene import load
 from learn.comparison import paper
 from learn.comparison.folder import Folder
-from learn.features import SETS, chosen
+from learn.features import SETS, SurfaceFeatures, chosen
+from learn.metrics import scores
 from learn.request import Request
 from learn.surrogate.break_even import break_even, time_of
 
-PAPER, OURS = "the paper's", "ours"  # solvers
+PAPER_SOLVE = 189.79  # mean time of the paper's solver for one contact (section 4.4) [s]
+# Rows of the paper's database, and of its test set, which its prediction times are for.
+PAPER_ROWS, PAPER_TESTS = 15_878, 3_175
+PAPER_BREAK_EVEN = 15_893  # contacts, where the paper finds its break-even point (section 4.4)
+TAKEN = 1e-3  # s; settings that took less were taken from a table, not searched
+
+ENOUGH = 0.3  # s of calls that a median is over
+ROUNDS = (3, 300)  # calls that a median is over, at least and at most
+BATCH = 2000  # rows predicted together, as in section 4.4
+LOADS = 10  # displacements of a ladder on one surface
+DELTAS = 5.0, 45.0  # the paper's range of displacements [um]
+LOOSE = 1e-2  # residual of the loose solves that a surrogate competes with
+# The paper preset with surfaces that nothing was trained on.
+SCENE = load("paper").model_copy(update={"seed": OTHER_SEED})
+
+SIDE = SCENE.sides[0]
+
+Contacts = list[tuple[Heights, float]]  # surfaces, each with its displacement [um]
+
+
+class SolverTimes(NamedTuple):
+    """Mean times without any surrogate [s]."""
+
+    row: float  # of a database: surface, statistics, solve
+    surface: float  # of generating it
+    solve: float  # of a contact on a new surface
+    ladder: float  # of a contact among `LOADS` on one surface
+    loose: float  # of a contact on a new surface, to a residual of `LOOSE`
+    loose_nmae: float  # error of its area [%]
+
+
+class SurrogateTimes(NamedTuple):
+    """Times of a surrogate's answers [s]."""
+
+    surface: float  # features of a new surface at one displacement
+    load: float  # features of one more displacement on it
+    single: float  # prediction of a single row
+    batched: float  # prediction of a row among `BATCH`
+
+
+def median_seconds(call: Callable[[], object]) -> float:
+    """Time a call that is the same each time; the first is a warm-up."""
+    call()
+    taken: list[float] = []
+    fewest, most = ROUNDS
+    while len(taken) < fewest or (sum(taken) < ENOUGH and len(taken) < most):
+        taken.append(_seconds(call))
+    return median(taken)
+
+
+def mean_seconds(calls: Iterable[Callable[[], object]]) -> float:
+    """Time calls that differ: the mean is what many of them cost. The first is done twice."""
+    first, *others = calls
+    first()
+    return fmean(map(_seconds, (first, *others)))
+
+
+def _seconds(call: Callable[[], object]) -> float:
+    began = process_time()
+    call()
+    return process_time() - began
+
+
+def new_contacts(count: int) -> Contacts:
+    """Generate surfaces and loads of the preset that no surrogate here was trained on."""
+    plan = parameters(SCENE, 0, count)
+    return [(surface_of(SCENE, plan, row), float(plan.delta[row])) for row in range(count)]
+
+
+def measure_solver(contacts: Contacts) -> SolverTimes:
+    """Time the solver on new contacts, and on the rows that they are of."""
+    rows = range(len(contacts))
+    plan = parameters(SCENE, 0, len(contacts))
+    loose = [partial(bem.solve, each, SIDE, delta, rtol=LOOSE) for each, delta in contacts]
+    exact = [partial(solve_contact, SCENE, *each) for each in contacts]
+    areas = ([solve().area_percent for solve in solves] for solves in (exact, loose))
+    return SolverTimes(
+        row=mean_seconds(partial(compute_rows, SCENE, row, row + 1) for row in rows),
+        surface=mean_seconds(partial(surface_of, SCENE, plan, row) for row in rows),
+        solve=mean_seconds(exact),
+        ladder=ladder_seconds(contacts),
+        loose=mean_seconds(loose),
+        loose_nmae=scores(*areas).nmae,
+    )
+
+
+def ladder_seconds(contacts: Contacts) -> float:
+    """Time a contact among `LOADS` on one surface [s]."""
+    deltas = np.linspace(*DELTAS, LOADS)
+    climbs = (lambda z=z: list(bem.ladder(z, SIDE, deltas)) for z, _ in contacts)
+    return mean_seconds(climbs) / LOADS
+
+
+def measure_surrogate(fitted: Fitted, features: str, contacts: Contacts) -> SurrogateTimes:
+    """Time the answers of a surrogate with a feature set, on surfaces that it has not seen."""
+    sides, wanted = (SIDE, SIDE), chosen(features, roots=True)
+
+    def unknown(heights: Heights, delta: float) -> object:
+        return SurfaceFeatures(heights, sides).features(wanted, np.array([delta]))
+
+    surface = mean_seconds(partial(unknown, *each) for each in contacts)
+    # What does not depend on Delta is computed once: these have it.
+    known = [SurfaceFeatures(heights, sides) for heights, _ in contacts]
+    deltas = np.linspace(*DELTAS, LOADS)
+    rows = np.concatenate([each.features(wanted, deltas) for each in known])
+    many = np.resize(rows, (BATCH, rows.shape[1]))
+    return SurrogateTimes(
+        surface=surface,
+        load=mean_seconds(partial(each.features, wanted, deltas) for each in known) / LOADS,
+        single=median_seconds(partial(fitted.learnt.raw, rows[:1])),
+        batched=median_seconds(partial(fitted.learnt.raw, many)) / BATCH,
+    )
+
+
+PAPERS, OURS = "the paper's", "ours"  # solvers
 
 NEW, LADDER, KNOWN = "new surfaces", "loads on one surface", "statistics at hand"
 """The questions: a contact on a new surface, one more load on a surface, and a contact whose
@@ -36,7 +159,6 @@ FEWEST = 100  # training rows of a learning curve's first point
 # Fits of a point, each to other rows, as long as the rows suffice; the median error counts.
 DRAWS = 3
 
-Row = dict[str, Any]
 Build = dict[str, float]
 """Times before the first answer [s]: t_d, `database`, with the surfaces generated again where
 features need them; t_h, `tuning`; t_f, `fit`."""
@@ -55,8 +177,25 @@ class Costs(NamedTuple):
 def cost(
     folder: Path,
     rows: int,
-    *,
-    given: Path | None = None,
+    database: Path | None = None,
+    comparison: Path | None = None,
+    area_max: float = 16.56,
+    surfaces: int = 32,
+) -> Report:
+    """Report what `measured` returns, and when to use a surrogate; the arguments are the same."""
+    costs = measured(folder, rows, database, comparison, area_max, surfaces)
+    return Report(
+        {"cost": costs.questions, "learning": costs.points},
+        pictures={"cost": _picture(costs)},
+        text=_advice(costs),
+        text_name="cost",
+    )
+
+
+def measured(
+    folder: Path,
+    rows: int,
+    database: Path | None = None,
     comparison: Path | None = None,
     area_max: float = 16.56,
     surfaces: int = 32,
@@ -74,16 +213,16 @@ def cost(
     if rows < 200:
         raise InputError(f"--rows {rows}: give 200 or more, the paper has 15878")
     searched = 0.0 if comparison is None else tuning_seconds(comparison)
-    path = databases.of_the_paper(given, folder / "databases", rows)
+    path = databases.of_the_paper(database, folder / "databases", rows)
     remark(f"the solver on {surfaces} surfaces")
-    contacts = times.new_contacts(surfaces)
-    costs = Costs(times.measure_solver(contacts), {}, [of_the_paper()], [])
+    contacts = new_contacts(surfaces)
+    costs = Costs(measure_solver(contacts), {}, [of_the_paper()], [])
     for features in SETS:
         request = request_for(path, "kernel-ridge", features, area_max)
         parts = parted(read(request, rows))
         remark(f"{features} features: {parts.train.size} rows train")
         full = fit(request, parts.train, parts.calibration, parts.folds)
-        answer = times.measure_surrogate(full, features, contacts)
+        answer = measure_surrogate(full, features, contacts)
         build = build_times(rows, costs.solver, answer, full, features)
         build["tuning"] += searched if features == "paper" else 0.0
         costs.answers[features] = answer
@@ -123,12 +262,12 @@ def question(
 
 
 def of_the_paper() -> Row:
-    """Return the paper's own break-even, from its own times."""
+    """Return the paper's own break-even, from its own"""
     fit, tests = paper.TIMES["tuned"]["kernel-ridge"]
     searched = paper.TUNING_SECONDS["kernel-ridge"]
-    build = {"database": times.PAPER_ROWS * times.PAPER_SOLVE, "tuning": searched, "fit": fit}
-    query, who = tests / times.PAPER_TESTS, (KNOWN, PAPER, "paper, as published")
-    return question(*who, times.PAPER_ROWS, build, times.PAPER_SOLVE, query)
+    build = {"database": PAPER_ROWS * PAPER_SOLVE, "tuning": searched, "fit": fit}
+    query, who = tests / PAPER_TESTS, (KNOWN, PAPERS, "paper, as published")
+    return question(*who, PAPER_ROWS, build, PAPER_SOLVE, query)
 
 
 def build_times(
@@ -144,9 +283,9 @@ def _questions(
     features: str, rows: int, solver: SolverTimes, answer: SurrogateTimes, build: Build
 ) -> Iterator[Row]:
     """Yield all situations of a feature set; a surface itself costs both sides the same."""
-    theirs = {**build, "database": build["database"] + rows * (times.PAPER_SOLVE - solver.solve)}
+    theirs = {**build, "database": build["database"] + rows * (PAPER_SOLVE - solver.solve)}
     new, more = (each + answer.batched for each in (answer.surface, answer.load))
-    yield question(NEW, PAPER, features, rows, theirs, times.PAPER_SOLVE, new)
+    yield question(NEW, PAPERS, features, rows, theirs, PAPER_SOLVE, new)
     yield question(NEW, OURS, features, rows, build, solver.solve, new)
     yield question(LADDER, OURS, features, rows, build, solver.ladder, more)
     if not chosen(features).needs_surface:
@@ -196,24 +335,14 @@ def _fits(request: Request, parts: Parts, size: int) -> list[Fitted]:
     return [fit(request, rows, parts.calibration, folds) for rows in drawn]
 
 
-def report(costs: Costs) -> Report:
-    """Make a report of what was measured."""
-    return Report(
-        {"cost": costs.questions, "learning": costs.points},
-        pictures={"cost": _picture(costs)},
-        text=_advice(costs),
-        text_name="cost",
-    )
-
-
 def _advice(costs: Costs) -> str:
     """Describe the measurement, and say when to use a surrogate and when not."""
     new, loose = _new(costs, OURS), costs.solver.loose
     evens = [break_even(_build(each), loose, each["query"]) for each in new]
     goals = {goal: [p for p in costs.points if p["nmae"] <= goal] for goal in GOALS}
     said = costs._asdict() | {"new": new, "ours": OURS, "known": KNOWN, "never": math.inf}
-    said |= {"loads": times.LOADS, "loose": times.LOOSE, "papers": times.PAPER_BREAK_EVEN}
-    said |= {"taken": times.TAKEN, "time": time_of, "count": count}
+    said |= {"loads": LOADS, "loose": LOOSE, "papers": PAPER_BREAK_EVEN}
+    said |= {"taken": TAKEN, "time": time_of, "count": count}
     said["goals"] = {
         goal: min(points, key=lambda point: point["break_even"], default=None)
         for goal, points in goals.items()
@@ -238,13 +367,13 @@ def _picture(costs: Costs) -> Any:
     """Draw costs over queries for both solvers, and errors over samples and over costs."""
     figure = new_figure(11, 8)
     (theirs, ours), (samples, seconds) = figure.subplots(2, 2)
-    for axis, solver, title in ((theirs, PAPER, "the paper's solver"), (ours, OURS, "our solver")):
+    for axis, solver, title in ((theirs, PAPERS, "the paper's solver"), (ours, OURS, "our solver")):
         questions = _new(costs, solver)
         names = [f"{each['features']} ({count(each['break_even'])})" for each in questions]
         draw_costs(axis, questions, names, "solver")
         axis.set(title=f"New surfaces, {title}", xlabel="queries", ylabel="total cost [s]")
     for axis, column in ((samples, "trained"), (seconds, "build")):
-        draw_curves(axis, costs.points, column, "nmae", by="features", marker="o")
+        draw_panel(axis, {"x": column, "y": "nmae", "label": "{features}"}, costs.points)
         axis.set_ylabel("nMAE [%]")
         log_axis(axis.xaxis)
         log_axis(axis.yaxis)

@@ -13,10 +13,9 @@ from learn.executor import Executor
 from learn.features import chosen
 from learn.metrics import Scores, scores
 from learn.request import Request, hybrid_for
-from learn.surrogate.calibration_rows import Plan, without_calibration
-from learn.surrogate.distance import Distance
+from learn.surrogate.calibration import Plan, groups_of, without_calibration
 from learn.surrogate.fitting import Fit, fit_target
-from learn.surrogate.groups import groups_of
+from learn.surrogate.flag import Distance
 from learn.surrogate.settings import Settings
 
 

@@ -7,9 +7,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from bench.files import read_table
 from bench.picture import STYLES, new_figure
 from bench.report import Report
-from bench.table import read_table
 from gen.runtime.errors import InputError
 from gen.runtime.figure import log_axis
 from learn.models import MODELS
@@ -23,6 +23,12 @@ TIMES = {
 
 # A model with its result (`baseline` or `tuned`), errors on the test rows, times and fronts.
 Cost = Mapping[str, Any]
+
+
+def models(comparison: Path, target: str = "area") -> Report:
+    """Set errors against times; the arguments are those of `costs`."""
+    found = costs(comparison, target)
+    return Report({"models": [dict(each) for each in found]}, pictures={"models": picture(found)})
 
 
 def costs(comparison: Path, target: str = "area") -> Sequence[Cost]:
@@ -68,12 +74,7 @@ def front(costs: Iterable[Cost], time: str) -> list[Cost]:
     return kept
 
 
-def report(found: Sequence[Cost]) -> Report:
-    """Make a report of errors and times."""
-    return Report({"models": found}, pictures={"models": _picture(found)})
-
-
-def _picture(found: Sequence[Cost]) -> Any:
+def picture(found: Sequence[Cost]) -> Any:
     """Draw a panel for each kind of time; a colour and a marker for each model."""
     figure = new_figure(12, 4.8)
     shown = [time for time in TIMES if any(cost[time] is not None for cost in found)]

@@ -2,16 +2,17 @@
 
 import csv
 import json
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import mean
 
-from bench.benchmarks import in_short
-from bench.page.goals import lines as answers
-from bench.page.inputs import Inputs
-from bench.page.parts import PARTS
-from gen.schema import markdown_table
+from bench.answers import lines as answers
+from bench.record import Inputs
+from bench.report import PARTS
+from gen.maps.settings import markdown_table as preparation
+from gen.scene.columns import markdown_table
 from learn.comparison.search_tables import hours
 from learn.models import MODELS
 
@@ -277,6 +278,69 @@ def speed() -> list[str]:
     return [f"| {' | '.join(row)} |" for row in rows]
 
 
+SOLVES = 64
+"""Solves in a round of `solve paper`."""
+
+
+def in_short(times: Sequence[Row], growth: Sequence[Row]) -> list[tuple[str, str, str]]:
+    """Return the times of a contact's steps at 129 x 129 nodes, and the growth of the convolutions.
+
+    Takes the rows of `times.csv` and of the table of `bench growth`; returns for each quantity its
+    name, its median time with the spread of the middle half, and a ratio in words.
+    """
+    found = {(row["case"], row["size"]): row for row in times}
+
+    def time(case: str, size: str = "paper", of: int = 1) -> str:
+        middle, spread = (float(found[case, size][f"{e}_ms"]) / of for e in ("median", "spread"))
+        return f"{middle:.2g} ms ± {spread:.1g}"
+
+    def ratio(case: str, name: str) -> str:
+        (value,) = re.findall(rf"{name} (\S+?)(?:;|$)", found[case, ""]["more"])
+        return f"{float(value):.2g}"
+
+    tight, default, force = "solve paper: 1e-06", "solve paper: 2e-07", "solve given force: force"
+    few, alone = "solve few in contact: 129-1.0", "time_over_iterations_alone"
+    bare = [
+        f"{ratio(e, 'bare_convolutions_per_solve')} bare convolutions' time"
+        for e in (tight, default)
+    ]
+    rungs = [ratio(f"solve ladder: {many}", "time_over_single_solves") for many in (161, 9, 41)]
+    longer = [ratio(force, f"{name}_over_given_delta") for name in ("time", "convolutions")]
+    first = "contact solve, mean over the first 64 rows of `paper`, residual 1e-6 of Delta"
+    return [
+        (first, time(tight, "", SOLVES), bare[0]),
+        ("the same at the default residual, 2e-7", time(default, "", SOLVES), bare[1]),
+        (
+            "the first 16 by their force instead of Delta",
+            *("", "{} times as long, {} times the convolutions".format(*longer)),
+        ),
+        (
+            "1 % of the nodes in contact, dense algebra on these",
+            *(time(few, ""), f"{ratio(few, alone)} of the time of iterations alone"),
+        ),
+        ("one convolution, double", time("convolution: float64"), ""),
+        ("the same, single precision", time("convolution: float32"), ""),
+        ("surface, diamond-square", time("generate: diamond-square"), ""),
+        ("the 22 statistics", time("describe"), ""),
+        (
+            "a contact among 161 loads on one surface (9, 41 loads)",
+            *("", "{} of a separate solve's time ({}, {})".format(*rungs)),
+        ),
+        _grown(growth),
+    ]
+
+
+def _grown(growth: Sequence[Row]) -> tuple[str, str, str]:
+    """Return how convolutions grow from the smallest grid to the largest, in words."""
+    sizes = sorted({int(row["nodes"]) for row in growth})
+    last = [row for row in growth if int(row["nodes"]) == sizes[-1]]
+    shares = ", ".join(f"{float(row['percent']):g}" for row in last)
+    growths = ", ".join(f"{float(row['growth']):.2f}" for row in last)
+    what = "convolutions of iterations alone per doubling of the nodes a side"
+    grids = f"{sizes[0]} to {sizes[-1]:,}, at {shares} % contact"
+    return f"{what}, {grids}", "", f"{growths} times as many"
+
+
 def features() -> list[str]:
     """Scores of each feature set, means over the seeds of the split."""
     found: dict[str, list[Row]] = {}
@@ -336,7 +400,7 @@ TABLES = {
             *("hertz/hertz.csv", "peers/peers.csv", "peers/periodic.csv"),
             *("stability/models.csv", "stability/stability.csv", "stability/surfaces.csv"),
             *("growth/growth.csv", "scale/scale.csv", "comparison/area/scores.csv"),
-            *("features/features.csv", "coverage/coverage.csv", "scans/scans.csv"),
+            *("cost/learning.csv", "coverage/coverage.csv", "scans/scans.csv"),
             *("grow/grow.csv", "cost/cost.csv"),
         ),
     ),
@@ -543,11 +607,12 @@ TABLES = {
 
 
 def markdown_of(name: str) -> str:
-    """Return a table by its name; `columns` are those of a database.
+    """Return a table by its name; `columns` are those of a database, `preparation` that of maps.
 
     Raises
     ------
     KeyError
         If there is no table of this name.
     """
-    return markdown_table() if name == "columns" else TABLES[name].markdown()
+    own = {"columns": markdown_table, "preparation": preparation}
+    return own[name]() if name in own else TABLES[name].markdown()

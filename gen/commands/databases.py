@@ -1,8 +1,69 @@
-"""`gen info`, `plot`, `columns`, `check`, `merge`, `export`: commands that read databases."""
+"""`gen run`, `estimate`, `info`, `plot`, `columns`, `check`, `merge`, `export`: databases."""
 
 from gen import options
-from gen.runtime.output import Output, check_outputs
+from gen.runtime import farm, signals
+from gen.runtime.errors import InputError
+from gen.runtime.files import Output, check_outputs
+from gen.runtime.numbers import rows_from
 from gen.runtime.terminal import echo
+
+
+def run(
+    scene: options.Scene,
+    output: options.NewDatabase,
+    rows: options.Rows = "",
+    retry_failed: options.RetryFailed = False,
+    force: options.Force = False,
+    sample_limit: options.SampleLimit = None,
+    writer: options.Writer = "auto",
+    dry_run: options.DryRun = False,
+    trust: options.Trust = False,
+) -> int:
+    """Generate a database, or continue an interrupted run.
+
+    A single process works serially. Under `mpiexec -n 9 python -m mpi4py -m gen run ...` rank 0
+    hands out the samples and 8 workers compute them. An interrupted run finishes the samples that
+    it has begun; the same command continues it.
+    """
+    world = farm.this_world()
+    share = rows_from(rows)
+    if sample_limit is not None and not 0 < sample_limit <= signals.LONGEST:
+        raise InputError(
+            f"--sample-limit {sample_limit:g}: give seconds, a number above 0, at most"
+            f" {signals.LONGEST:g}"
+        )
+    if dry_run:
+        if world.is_master:
+            from gen.display import databases
+            from gen.generation.functions import completed
+            from gen.scene import load
+
+            databases.print_plan(completed(load(scene)), output)
+        return 0
+    from gen.generation.run import Request, generate_database
+
+    request = Request(scene, output, share, retry_failed, force, sample_limit, writer)
+    result = generate_database(request, world)
+    if world.is_master:
+        from gen.display import databases
+
+        databases.print_result(output, result)
+    return 128 + result.signal if result.signal and result.counts.pending else 0
+
+
+def estimate(
+    scene: options.SceneName,
+    ranks: options.Ranks = 1,
+    trust: options.Trust = False,
+) -> None:
+    """Measure a few samples and predict time, memory and disk space of a run."""
+    from gen.display import databases
+    from gen.generation import forecast
+    from gen.generation.functions import completed
+    from gen.scene import load
+
+    loaded = completed(load(scene))
+    databases.print_estimate(loaded, forecast.estimate(loaded, ranks))
 
 
 def info(file: options.Database) -> None:
@@ -20,7 +81,7 @@ def plot(
     trust: options.Trust = False,
 ) -> None:
     """Draw a database: one surface and its pressure, all areas, all solve times."""
-    from gen.picture import draw_database
+    from gen.display.picture import draw_database
 
     check_outputs([Output(output, "--output", "picture")], [file])
     draw_database(file, output)
@@ -29,7 +90,7 @@ def plot(
 
 def columns() -> None:
     """Print the columns of a database as a table in Markdown."""
-    from gen.schema import markdown_table
+    from gen.scene.columns import markdown_table
 
     for line in markdown_table().splitlines():
         echo(line)
@@ -93,8 +154,8 @@ def export(
     The same command continues an interrupted export, and renews one of a database that has grown.
     """
     from gen.database import Reader
-    from gen.export.about import About
-    from gen.export.folder import export as export_to
+    from gen.export import export as export_to
+    from gen.export.description import About
     from gen.runtime.memory import size
 
     with Reader(file) as reader:

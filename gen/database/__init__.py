@@ -15,13 +15,9 @@ MPI run together, if h5py is built with MPI. They write the same file, and eithe
 of the other.
 """
 
-from gen.database.creation import Opened, create, extend, open_or_create
-from gen.database.disk import coherent
-from gen.database.merging import merge
-from gen.database.opening import Counts
-from gen.database.parallel import ParallelWriter, parallel_hdf5
-from gen.database.reader import Reader, is_database
-from gen.database.writer import Writer
+from gen.database.creation import Opened, create, extend, merge, open_or_create
+from gen.database.reader import Counts, Reader, is_database
+from gen.database.writer import ParallelWriter, Writer, coherent, parallel_hdf5
 from gen.runtime.lock import lock
 
 __all__ = [

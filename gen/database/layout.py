@@ -1,19 +1,29 @@
-"""The layout of a database: dimensions, columns, and attributes with its origin."""
+"""How a database is laid out: dimensions, columns, attributes; and the refusal of other layouts.
+
+Databases come from anywhere. HDF5 lets the data of a dataset lie in other files (external storage,
+external links, virtual datasets), behind filters, or on top of another dataset's data, and lets a
+header declare more rows than the file has. With such a file, a run could write into a file that
+nobody named, or a reader could need memory without bound. Columns therefore have to be hard links
+to contiguous datasets of the schema's type and shape, and their data must not overlap.
+"""
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime
+from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
+from numpy.typing import NDArray
 
-from gen.database.disk import chunks, write_rows
-from gen.database.inspection import check_attributes
-from gen.runtime.provenance import git_commit, versions
-from gen.scene import Scene
+from gen.runtime.errors import InputError
+from gen.runtime.installation import git_commit, versions
+from gen.scene import Scene, columns_for
 from gen.schema import (
+    DRAWN_NAMES,
     PART,
     PHYSICS,
     REASON,
@@ -23,8 +33,18 @@ from gen.schema import (
     STATUS,
     Column,
     Status,
-    columns_for,
 )
+
+SIGNATURE = b"\x89HDF\r\n\x1a\n"
+"""First bytes of HDF5 files."""
+
+CHUNK_BYTES = 8 * 2**20
+"""Most bytes of a column that are in memory at once."""
+
+TEXTS = ("title", "scene", "scene_hash", "versions", "git_commit", "created")
+NUMBERS = ("samples", "schema", "physics", "physics_forced")
+LARGEST_ATTRIBUTE = 2**22
+"""Most bytes of an attribute, more than the text of any scene has."""
 
 PART_NUMBERS = ("first_row", "rows")
 """Attributes of a part: its first row in the scene's plan, and its number of rows."""
@@ -36,22 +56,32 @@ FLAGS: dict[Column, dict[int, str]] = {
 """Meaning of each code, for the columns with codes."""
 
 
+def chunks(rows: int, bytes_per_row: int, first: int = 0) -> Iterator[tuple[int, int]]:
+    """Split the rows from `first` on, up to `rows`, into chunks (start, stop) of a few megabytes.
+
+    A chunk has `CHUNK_BYTES` at most, and one row at least.
+    """
+    step = max(1, CHUNK_BYTES // bytes_per_row)
+    for start in range(first, rows, step):
+        yield start, min(start + step, rows)
+
+
+def write_rows(dataset: h5py.Dataset, start: int, values: NDArray[Any]) -> None:
+    """Write contiguous rows of the column's own type and shape, from row `start` of the file on.
+
+    This does the same as `dataset[start:stop] = values` without h5py's 0.1 ms for the slice; a
+    block has forty columns, and one process may write for hundreds.
+    """
+    rows = dataset.id.get_space()
+    rows.select_hyperslab((start,) + (0,) * (values.ndim - 1), values.shape)
+    dataset.id.write(h5py.h5s.create_simple(values.shape), rows, values)
+
+
 def lay_out(path: Path, scene: Scene, rows: range, attributes: Mapping[str, str | int]) -> None:
-    """Create a file with dimensions, attributes and empty columns.
+    """Create a file for some rows of a scene: dimensions, attributes and empty columns.
 
     HDF5 allocates the columns; `fill` fills them, because HDF5 crashes if the disk runs full during
     its own filling.
-
-    Parameters
-    ----------
-    path : Path
-        File to create.
-    scene : Scene
-        Scene of the rows.
-    rows : range
-        Rows of the scene that the file holds.
-    attributes : mapping
-        Texts and integers from `provenance`.
     """
     columns = columns_for(scene)
     # Version 2 of the superblock: later ones mark a file as open, and a killed writer would leave
@@ -81,20 +111,7 @@ def _with_rows(
 def rows_of(attributes: Mapping[str, str | int]) -> range:
     """Return the rows of a file in the numbers of its scene's plan.
 
-    Parameters
-    ----------
-    attributes : mapping
-        Attributes of the file.
-
-    Returns
-    -------
-    range
-        Rows of the file.
-
-    Raises
-    ------
-    ValueError
-        If the attributes name rows that the scene does not have.
+    A ValueError says that the attributes name rows that the scene does not have.
     """
     samples = int(attributes["samples"])
     if attributes["schema"] != PART:
@@ -133,16 +150,9 @@ def _add(
 
 
 def fill(file: h5py.File, scene: Scene, first: int, last: int) -> None:
-    """Write fill values (NaN, 0 and empty texts) into rows, which takes up their disk space.
+    """Write fill values (NaN, 0 and empty texts) into the rows first..last - 1 of a file.
 
-    Parameters
-    ----------
-    file : h5py.File
-        Database, open for writing.
-    scene : Scene
-        Its scene.
-    first, last : int
-        First row in the file, and one past the last.
+    They take up the rows' disk space.
     """
     for column in columns_for(scene):
         dataset = file[column.path]
@@ -164,31 +174,6 @@ def _set(node: h5py.Dataset | h5py.File, name: str, value: str | int) -> None:
         node.attrs[name] = value
 
 
-def read_attributes(file: h5py.File) -> dict[str, str | int]:
-    """Read the attributes of a file.
-
-    Parameters
-    ----------
-    file : h5py.File
-        Database.
-
-    Returns
-    -------
-    dict
-        Texts and integers by their names.
-
-    Raises
-    ------
-    ValueError
-        If an attribute is neither a text of fixed length nor an integer.
-    """
-    check_attributes(file)
-    return {
-        name: value.decode() if isinstance(value, bytes) else int(value)
-        for name, value in file.attrs.items()
-    }
-
-
 def _word(text: str) -> str:
     """Turn a text into one word, since CF's `flag_meanings` is a list separated by blanks."""
     return re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_") or "none"
@@ -208,19 +193,129 @@ def identity(scene: Scene) -> dict[str, str | int]:
 
 def provenance(scene: Scene) -> dict[str, str | int]:
     """Return all attributes of a new file for a scene."""
+    numerics = versions(("asperity", "numpy", "scipy", "pyfftw", "h5py"))
     return {
         "Conventions": "CF-1.11",
         **identity(scene),
         "schema": SCHEMA,
         "physics": PHYSICS,
         "physics_forced": 0,
-        "versions": json.dumps(_versions()),
+        "versions": json.dumps(numerics | {"hdf5": h5py.version.hdf5_version}),
         "git_commit": git_commit(),
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
     }
 
 
-def _versions() -> dict[str, str]:
-    """Return the versions of the packages that determine the numbers."""
-    hdf5 = {"hdf5": h5py.version.hdf5_version}
-    return versions(("asperity", "numpy", "scipy", "pyfftw", "h5py")) | hdf5
+def read_attributes(file: h5py.File) -> dict[str, str | int]:
+    """Read the attributes of a file: texts and integers by their names.
+
+    A ValueError names an attribute that is neither a text of fixed length nor a single integer.
+    """
+    for name in file.attrs:
+        attribute = h5py.h5a.open(file.id, name.encode("utf-8", "surrogateescape"))
+        kind = attribute.get_type()
+        text = isinstance(kind, h5py.h5t.TypeStringID) and not kind.is_variable_str()
+        number = isinstance(kind, h5py.h5t.TypeIntegerID)
+        wanted = text if name in TEXTS else number if name in NUMBERS else text or number
+        single = attribute.get_space().get_simple_extent_type() == h5py.h5s.SCALAR
+        if not wanted or not single or attribute.get_storage_size() > LARGEST_ATTRIBUTE:
+            kind_wanted = "integer" if name in NUMBERS else "text of fixed length"
+            raise ValueError(f"attribute {name!r} is not one {kind_wanted}")
+    return {
+        name: value.decode() if isinstance(value, bytes) else int(value)
+        for name, value in file.attrs.items()
+    }
+
+
+def check_columns(file: h5py.File, path: Path, scene: Scene, rows: int) -> None:
+    """Refuse a file whose columns for some rows of a scene `gen` cannot have laid out.
+
+    Time and memory do not depend on the number of rows that the file declares. An InputError names
+    a column that is missing or laid out otherwise.
+    """
+    size = path.stat().st_size
+    places = []
+    for column in columns_for(scene):
+        dataset = _dataset(file, path, column)
+        shape = column.shape(rows, scene.shape)
+        _check_kind(dataset, path, column, shape)
+        if fault := _foreign(dataset):
+            raise _refusal(path, column, fault)
+        first, length = dataset.get_offset(), rows * column.row_bytes(scene.shape)
+        if first is None or first + length > size:
+            raise InputError(
+                f"{path} is damaged: {rows} rows of column {column.path!r} do not fit"
+                f" into its {size} bytes; restore it from a copy or remove it"
+            )
+        places.append((first, first + length, column))
+    places.sort(key=lambda place: place[0])
+    for (_, end, column), (first, _, other) in pairwise(places):
+        if first < end:
+            raise _refusal(path, other, f"lies on top of column {column.path!r}")
+
+
+def stored_path(file: h5py.File, column: Column) -> str:
+    """Return the name of a column in a file: in older ones, some have those of the parameters."""
+    older = {name: parameter for parameter, name in DRAWN_NAMES.items()}.get(column.name)
+    if older is None or column.path.encode() in h5py.h5g.open(file.id, b"/"):
+        return column.path
+    return older
+
+
+def _dataset(file: h5py.File, path: Path, column: Column) -> h5py.h5d.DatasetID:
+    """Open the dataset of a column; refuse links other than hard links."""
+    node = h5py.h5g.open(file.id, b"/")
+    *groups, name = stored_path(file, column).split("/")
+    for part in (*groups, name):
+        wanted = h5py.h5d.DatasetID if part == name else h5py.h5g.GroupID
+        if part.encode() not in node:
+            raise _missing(path, column)
+        if node.links.get_info(part.encode()).type != h5py.h5l.TYPE_HARD:
+            raise _refusal(path, column, "is a link to somewhere else")
+        node = h5py.h5o.open(node, part.encode())
+        if not isinstance(node, wanted):
+            raise _missing(path, column)
+    return node
+
+
+def _check_kind(
+    dataset: h5py.h5d.DatasetID, path: Path, column: Column, shape: tuple[int, ...]
+) -> None:
+    """Refuse a dataset whose type, shape or rank differs from the schema's."""
+    space = dataset.get_space()
+    simple = space.get_simple_extent_type() == h5py.h5s.SIMPLE
+    if not simple or space.shape != shape or space.get_simple_extent_dims(maxdims=True) != shape:
+        raise _missing(path, column, shape)
+    kind = dataset.get_type()
+    if kind.committed() or not kind.equal(h5py.h5t.py_create(np.dtype(column.dtype))):
+        raise _missing(path, column, shape)
+
+
+def _foreign(dataset: h5py.h5d.DatasetID) -> str:
+    """Return why a dataset's data are not one contiguous piece of its file, or "" if they are."""
+    properties = dataset.get_create_plist()
+    layout = properties.get_layout()
+    if properties.get_external_count():
+        return "keeps its data in another file (external storage)"
+    if layout == h5py.h5d.VIRTUAL:
+        return "is put together from other datasets (virtual)"
+    if layout != h5py.h5d.CONTIGUOUS or properties.get_nfilters():
+        return "is stored in chunks or compressed, as copies by other programs are"
+    return ""
+
+
+def _refusal(path: Path, column: Column, fault: str) -> InputError:
+    """Return the error for a column that is laid out in another way."""
+    return InputError(
+        f"{path}: column {column.path!r} {fault}: gen writes no such file and uses none; give the"
+        " file that gen wrote"
+    )
+
+
+def _missing(path: Path, column: Column, shape: tuple[int, ...] = ()) -> InputError:
+    """Return the error for a column that is missing or of another type."""
+    wanted = f" of type {column.dtype} and shape {shape}" if shape else ""
+    return InputError(
+        f"{path} is damaged (no column {column.path!r}{wanted}); restore it from a copy or remove"
+        " it"
+    )

@@ -1,26 +1,109 @@
-"""The writer of databases: write finished rows, find pending ones."""
+"""Write databases: finished rows, by one process or by all processes of an MPI run together."""
 
+import errno
 import os
+import re
+import socket
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import h5py
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from gen.database.disk import chunks, disk_trouble, write_rows
-from gen.database.held import HeldFile
-from gen.database.inspection import stored_path
-from gen.database.opening import OpenDatabase, checked_for, counts, open_file
+from gen.database.layout import chunks, stored_path, write_rows
+from gen.database.reader import OpenDatabase, checked_for, counts, first_line, open_file
 from gen.runtime.errors import InputError
+from gen.runtime.files import require_writable
 from gen.scene import Scene
 from gen.schema import STATUS, Status
 
-KINDS = {"f": "fiu", "i": "iu", "u": "iu", "S": "S"}
-"""Accepted kinds of arrays for each kind of column."""
+FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
+"""Errors of the system for a full disk, an exhausted quota or a file that is too large."""
+
+MOUNTS = Path("/proc/self/mountinfo")
+"""Linux's list of mounted file systems."""
+
+INCOHERENT = frozenset({"nfs", "nfs4", "cifs", "smb3"})
+"""File systems whose machines write back whole pages, with outdated bytes of neighbouring rows."""
+
+
+class HeldFile:
+    """A file to be written, held by device and inode; a context manager.
+
+    `gen.runtime.lock` keeps writers apart, by name.
+
+    Parameters
+    ----------
+    path : Path
+        Database.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or read-only.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._parts: tuple[tuple[int, int], ...] = ()
+        self._metadata: list[bytes] = []
+        if path.is_dir():
+            raise InputError(f"{path} is a folder; give the name of a database")
+        try:
+            require_writable(path)
+            self._descriptor = os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
+        except OSError as error:
+            reason = "does not exist; check the name" if error.errno == errno.ENOENT else error
+            raise InputError(f"{path} {reason}") from None
+
+    def __enter__(self) -> Self:
+        """Return the file, which is released at the end of the block."""
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Release the file."""
+        self.close()
+
+    def close(self) -> None:
+        """Release the file."""
+        os.close(self._descriptor)
+
+    def remember(self, columns: Iterable[h5py.Dataset]) -> None:
+        """Record the bytes before and behind the columns, where writers change nothing."""
+        places = [(column.id.get_offset(), column.id.get_storage_size()) for column in columns]
+        first = min(offset for offset, _ in places)
+        last = max(offset + size for offset, size in places)
+        size = os.fstat(self._descriptor).st_size
+        self._parts = ((0, first), (last, size + 1))  # a file that has grown has one more byte
+        self._metadata = self._read()
+        self.check()
+
+    def check(self) -> None:
+        """Refuse to continue if the file has been replaced, moved, deleted or overwritten."""
+        try:
+            same = os.path.samestat(self.path.stat(), os.fstat(self._descriptor))
+            fate = "" if same else "replaced by another file"
+        except OSError:
+            fate = "moved or deleted"
+        if not fate and self._read() != self._metadata:
+            fate = "overwritten with something else"
+        if fate:
+            raise InputError(
+                f"{self.path} was {fate} while it was being written; nothing more is written, and"
+                " what this run has computed is in the old file, if that is anywhere"
+            )
+
+    def stat(self) -> os.stat_result:
+        """Return owner, mode and size of the file."""
+        return os.fstat(self._descriptor)
+
+    def _read(self) -> list[bytes]:
+        """Read the bytes before and behind the rows."""
+        return [os.pread(self._descriptor, stop - start, start) for start, stop in self._parts]
 
 
 class Writer(OpenDatabase):
@@ -106,13 +189,23 @@ class Writer(OpenDatabase):
         Raises
         ------
         ValueError
-            If a column is missing, unknown, or of another shape or kind, a status is neither done
-            nor failed, or the file has no such rows; nothing is written then.
+            If a column is missing, unknown, or of another shape, or the file has no such rows;
+            nothing is written then.
         InputError
             If the disk is full or fails, with the number of rows that are safe, or if the file has
             been replaced.
         """
-        arrays = self._checked_block(start, stop, columns)
+        if not self.rows.start <= start < stop <= self.rows.stop:
+            raise ValueError(f"rows {start} to {stop} of {self.rows.start} to {self.rows.stop}")
+        if wrong := columns.keys() ^ self._datasets.keys():
+            raise ValueError(f"columns missing or unknown: {', '.join(sorted(wrong))}")
+        arrays = {
+            column.name: np.ascontiguousarray(columns[column.name], dtype=column.dtype)
+            for column in self.columns()
+        }
+        for column in self.columns():
+            if arrays[column.name].shape != column.shape(stop - start, self.scene.shape):
+                raise ValueError(f"column {column.name} is of shape {arrays[column.name].shape}")
         self.confirm()
         status = arrays.pop(STATUS.name)
         try:
@@ -130,28 +223,6 @@ class Writer(OpenDatabase):
                 f"{self.path}: {trouble}; {counts(self._status).done} rows are done and safe: "
                 "make room and run the same command again"
             ) from None
-
-    def _checked_block(
-        self, start: int, stop: int, columns: Mapping[str, ArrayLike]
-    ) -> dict[str, NDArray[Any]]:
-        """Return a block's arrays in the columns' types; refuse wrong names, shapes and kinds."""
-        if not self.rows.start <= start < stop <= self.rows.stop:
-            raise ValueError(f"rows {start} to {stop} of {self.rows.start} to {self.rows.stop}")
-        if wrong := columns.keys() ^ self._datasets.keys():
-            raise ValueError(f"columns missing or unknown: {', '.join(sorted(wrong))}")
-        arrays = {}
-        for column in self.columns():
-            values = np.asarray(columns[column.name])
-            shape = column.shape(stop - start, self.scene.shape)
-            if values.shape != shape or values.dtype.kind not in KINDS[column.dtype[0]]:
-                raise ValueError(
-                    f"column {column.name}: wanted {column.dtype} of shape {shape}, "
-                    f"got {values.dtype} of shape {values.shape}"
-                )
-            arrays[column.name] = np.ascontiguousarray(values, dtype=column.dtype)
-        if not np.isin(arrays[STATUS.name], (Status.DONE, Status.FAILED)).all():
-            raise ValueError("a finished row is done or failed, nothing else")
-        return arrays
 
     def _flush(self) -> None:
         """Pass all data to the kernel, which keeps them if this process is killed."""
@@ -208,3 +279,125 @@ class Writer(OpenDatabase):
                 write_rows(self._status, start, chunk)
         self._flush()
         return retried
+
+
+class ParallelWriter(Writer):
+    """A database open for writing on all processes at once; the master holds `lock(path)`.
+
+    Opening and closing are collective calls. In between, every process writes its own rows
+    independently.
+
+    Parameters
+    ----------
+    path : Path
+        Database, from `open_or_create` on one process.
+    scene : Scene
+        Scene of the rows to be written.
+    communicator : mpi4py.MPI.Comm
+        Processes that write.
+    force : bool
+        Accept another physics number.
+
+    Raises
+    ------
+    InputError
+        On all processes, if one of them sees another file or cannot open it.
+    """
+
+    def __init__(self, path: Path, scene: Scene, communicator: Any, *, force: bool = False) -> None:
+        self._communicator = communicator
+        super().__init__(path, scene, force=force)
+
+    def _hold(self, path: Path) -> HeldFile:
+        """Hold the file; if one process refuses it, all do."""
+        _require_one_file(path, self._communicator)
+        held, refusal = None, ""
+        try:
+            held = HeldFile(path)
+        except InputError as error:
+            refusal = str(error)
+        refusals = list(filter(None, self._communicator.allgather(refusal)))
+        if held is None or refusals:
+            if held is not None:
+                held.close()
+            raise InputError(refusals[0])
+        return held
+
+    def _open(self, path: Path) -> h5py.File:
+        """Open the file together with the other processes."""
+        file, refusal = None, ""
+        try:
+            file = open_file(path, writing=True, communicator=self._communicator)
+        except InputError as error:
+            refusal = str(error)
+        refusals = self._communicator.allgather(refusal)
+        if file is None and all(refusals):
+            raise InputError(refusals[0])
+        if any(refusals):  # the processes that have opened it would wait in its closing
+            raise RuntimeError("; ".join(filter(None, refusals)))
+        return file
+
+    def _abandon(self) -> None:
+        """Do nothing, since closing is a collective call of MPI."""
+
+    def _flush(self) -> None:
+        """Do nothing: HDF5's flush is a collective call, and there is nothing to flush.
+
+        With MPI-IO, HDF5 buffers no data of contiguous datasets, and MPI-IO passes contiguous
+        pieces to the kernel before the call returns, so that the order of writes is kept.
+        """
+
+
+def _require_one_file(path: Path, communicator: Any) -> None:
+    """Refuse a path that leads to different files on different machines, or to none."""
+    try:
+        status = path.stat()
+        seen = (status.st_ino, status.st_size) if os.access(path, os.R_OK | os.W_OK) else None
+    except OSError:
+        seen = None
+    everywhere = communicator.allgather((seen, socket.gethostname()))
+    for rank, (there, host) in enumerate(everywhere):
+        if there is None or there != everywhere[0][0]:
+            raise InputError(
+                f"{path}: rank {rank} on {host} cannot write the file that rank 0 on "
+                f"{everywhere[0][1]} has made; give a path that all machines share, or "
+                "--writer single"
+            )
+
+
+def parallel_hdf5() -> bool:
+    """Tell whether h5py and its HDF5 are built with MPI; wheels of the package index are not."""
+    return bool(h5py.get_config().mpi)
+
+
+def coherent(path: Path) -> bool:
+    """Tell whether several machines can write neighbouring rows of a file at the same time.
+
+    Local disks and parallel file systems allow it, NFS and SMB do not. The kind of file system is
+    known on Linux only; elsewhere and in doubt the answer is yes.
+    """
+    real = Path(os.path.realpath(path))  # raises nothing for loops of links
+    try:
+        mounts = MOUNTS.read_text(errors="surrogateescape").splitlines()
+    except OSError:
+        return True
+    kind, longest = "", 0
+    for fields in (line.split(" ") for line in mounts):
+        point = re.sub(r"\\([0-7]{3})", lambda code: chr(int(code[1], 8)), fields[4])
+        if real.is_relative_to(point) and len(point) >= longest:
+            kind, longest = fields[fields.index("-") + 1], len(point)
+    return kind not in INCOHERENT
+
+
+def disk_trouble(error: Exception) -> str | None:
+    """Describe an error of the disk in words; None if the error is not about the disk.
+
+    h5py raises OSError, RuntimeError or ValueError for the same error of the system, depending on
+    the call; its number is part of the message.
+    """
+    match = re.search(r"errno = (\d+)", str(error))
+    number = int(match[1]) if match else getattr(error, "errno", None)
+    if number is not None:
+        reason = os.strerror(number)
+        return f"the disk is full ({reason})" if number in FULL else f"cannot be written: {reason}"
+    return f"cannot be written: {first_line(error)}" if isinstance(error, OSError) else None

@@ -7,20 +7,17 @@ import signal
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from rich.table import Table
 
-from gen.runtime.console import plain_console
-from gen.runtime.invocation import to_type
+from gen.distribution import limits
 from gen.runtime.memory import size
-from gen.scene.distribution import limits
-from gen.scene.load import UNITS
+from gen.runtime.terminal import echo, print_columns, to_type
 from gen.schema import PHYSICS_CHANGES, REASONS, RUNTIME, Column, Status, made_by_another
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from gen.database import Reader
-    from gen.generation.forecast import Estimate, Plan
+    from gen.generation.forecast import Estimate
     from gen.generation.run import RunResult
     from gen.scene import Scene
 
@@ -38,19 +35,18 @@ def print_result(path: Path, result: RunResult) -> None:
     result : RunResult
         Counts of rows and the signal that ended the run, if any.
     """
-    console = plain_console()
     pending, done, failed = result.counts
-    console.print(f"{path}: {done} rows done, {failed} failed, {pending} pending")
+    echo(f"{path}: {done} rows done, {failed} failed, {pending} pending")
     if failed:
-        console.print(f"warning: {failed} rows failed; why: {to_type(f'gen info {path}')}")
+        echo(f"warning: {failed} rows failed; why: {to_type(f'gen info {path}')}")
     if result.overdue:
-        console.print(
+        echo(
             f"warning: {result.overdue} rows took longer than --sample-limit and are pending; the"
             " same command with a larger one, or without, goes on with them"
         )
     if pending and result.signal:
         name = signal.Signals(result.signal).name
-        console.print(f"stopped by {name}; the same command goes on with the rows that are pending")
+        echo(f"stopped by {name}; the same command goes on with the rows that are pending")
 
 
 def print_database(reader: Reader) -> None:
@@ -61,93 +57,88 @@ def print_database(reader: Reader) -> None:
     reader : gen.database.Reader
         Open database.
     """
-    console = plain_console()
     counts = reader.counts()
     attributes = reader.attributes
-    console.print(f"{reader.path}: {attributes['title']}")
+    echo(f"{reader.path}: {attributes['title']}")
     part = ""
     if len(reader.rows) < reader.scene.samples:
         part = f": {reader.rows.start} to {reader.rows.stop - 1} of {reader.scene.samples}, a part"
-    console.print(f"  size      {size(reader.size_bytes)}, {sum(counts)} rows{part}")
-    console.print(
-        f"  rows      {counts.done} done, {counts.failed} failed, {counts.pending} pending"
-    )
+    echo(f"  size      {size(reader.size_bytes)}, {sum(counts)} rows{part}")
+    echo(f"  rows      {counts.done} done, {counts.failed} failed, {counts.pending} pending")
     for status in (Status.DONE, Status.FAILED):
         for code, number in reader.reasons(status).items():
             reason = REASONS.get(code, f"reason {code}")
-            console.print(f"            {number} {status.name.lower()}: {reason}")
-    console.print(f"  times     {_times(reader)}")
+            echo(f"            {number} {status.name.lower()}: {reason}")
+    echo(f"  times     {_times(reader)}")
     for line in _scene_lines(json.loads(reader.scene.text())):
-        console.print(f"  scene     {line}")
+        echo(f"  scene     {line}")
     versions = json.loads(str(attributes["versions"]))
-    console.print("  versions  " + ", ".join(f"{name} {value}" for name, value in versions.items()))
-    console.print(
+    echo("  versions  " + ", ".join(f"{name} {value}" for name, value in versions.items()))
+    echo(
         f"  made      {attributes['created']}, commit {attributes['git_commit'] or 'unknown'},"
         f" layout {attributes['schema']}, physics {attributes['physics']}"
     )
     for line in _changes_since(int(attributes["physics"])):
-        console.print(f"            {line}")
+        echo(f"            {line}")
     if counts.done:
         papers = _is_papers(reader.scene)
-        console.print(_ranges_table(reader, papers=papers))
+        _print_ranges(reader, papers=papers)
         if papers:
-            console.print(
-                "paper: its Table 1, whose bandwidth is defined otherwise and areas end early"
-            )
+            echo("paper: its Table 1, whose bandwidth is defined otherwise and areas end early")
 
 
-def print_plan(plan: Plan, path: Path | None = None) -> None:
-    """Print the numbers of samples, surfaces and nodes of a plan, its loads and the file's size.
+def print_plan(scene: Scene, path: Path | None = None) -> None:
+    """Print the numbers of samples, surfaces and nodes of a scene, its loads and the file's size.
 
     Parameters
     ----------
-    plan : Plan
-        Plan of a scene, from `gen.generation.forecast.plan_of`.
+    scene : Scene
+        Scene, completed as for a run.
     path : Path, optional
         Database that would be written.
     """
-    console = plain_console()
-    low, mean, high = plan.load
-    console.print(
-        f"{plan.samples} samples on {plan.surfaces} surfaces of"
-        f" {plan.shape[0]} x {plan.shape[1]} nodes"
-        f"{'' if plan.boundary == 'free' else f', {plan.boundary} boundary'}"
-        f"{', each against another rough one' if plan.two_rough else ''}"
+    from gen.generation.forecast import planned_loads
+    from gen.scene import row_bytes
+
+    contact, (nx, ny) = scene.contact, scene.shape
+    low, mean, high = planned_loads(scene)
+    echo(
+        f"{scene.samples} samples on {scene.surfaces} surfaces of {nx} x {ny} nodes"
+        f"{f', {contact.boundary} boundary' if scene.edgeless else ''}"
+        f"{'' if scene.surface.against is None else ', each against another rough one'}"
     )
-    name = "Delta" if plan.quantity == "delta" else plan.quantity
-    unit = UNITS[plan.quantity]
-    measure = "" if unit == "1" else f" {unit}"
-    console.print(f"  {name:<9} {low:.4g} to {high:.4g}{measure}, {mean:.4g}{measure} on average")
-    if plan.hardness is not None:
-        least, most = plan.hardness
+    name = "Delta" if scene.quantity == "delta" else scene.quantity
+    measure = "" if scene.load_unit == "1" else f" {scene.load_unit}"
+    echo(f"  {name:<9} {low:.4g} to {high:.4g}{measure}, {mean:.4g}{measure} on average")
+    if contact.hardness_limits is not None:
+        least, most = contact.hardness_limits
         drawn = "" if least == most else f" to {most:.4g}"
-        console.print(f"  hardness  {least:.4g}{drawn} MPa")
-    for doubt in plan.doubts:
-        console.print(f"  warning: {doubt}", soft_wrap=True)
-    console.print(f"  file      {size(plan.file_bytes)}")
+        echo(f"  hardness  {least:.4g}{drawn} MPa")
+    for doubt in contact.doubts:
+        echo(f"  warning: {doubt}")
+    echo(f"  file      {size(scene.samples * row_bytes(scene))}")
     if path is not None:
         state = "exists" if path.exists() else "does not exist yet"
-        console.print(f"  output    {path} {state}; nothing was written")
+        echo(f"  output    {path} {state}; nothing was written")
 
 
-def print_estimate(plan: Plan, estimate: Estimate) -> None:
+def print_estimate(scene: Scene, estimate: Estimate) -> None:
     """Print the time and the memory that a run is going to need.
 
     Parameters
     ----------
-    plan : Plan
-        Plan of a scene, from `gen.generation.forecast.plan_of`.
+    scene : Scene
+        Scene, completed as for a run.
     estimate : Estimate
         Its costs, from `gen.generation.forecast.estimate`.
     """
-    print_plan(plan)
-    console = plain_console()
+    print_plan(scene)
     hours, rest = divmod(round(estimate.seconds), 3600)
-    console.print(
+    echo(
         f"  time      {hours}:{rest // 60:02}:{rest % 60:02} h on {estimate.workers} workers:"
         f" {estimate.milliseconds:.2f} ms a sample, mean of {estimate.measured} measured here"
     )
-    console.print(f"  memory    {size(estimate.memory_bytes)} on all ranks")
+    echo(f"  memory    {size(estimate.memory_bytes)} on all ranks")
 
 
 def _scene_lines(scene: dict[str, Any]) -> list[str]:
@@ -218,17 +209,15 @@ def _ends_of(scene: Scene) -> list[tuple[float, float]]:
     return [*ends, (min(low for low, _ in loads), max(high for _, high in loads))]
 
 
-def _ranges_table(reader: Reader, *, papers: bool) -> Table:
-    """Tabulate the range of every column over the done rows, beside that of the paper if wanted."""
-    table = Table(box=None, pad_edge=False)
-    for title in ("column", "unit", "from", "to", *(("paper from", "paper to") if papers else ())):
-        table.add_column(title, justify="left" if title in {"column", "unit"} else "right")
-    ranges = reader.ranges()
+def _print_ranges(reader: Reader, *, papers: bool) -> None:
+    """Print the range of every column over the done rows, beside that of the paper if wanted."""
+    numbers = ("from", "to", *(("paper from", "paper to") if papers else ()))
+    ranges, rows = reader.ranges(), []
     for column in reader.columns():
         if column.name in ranges and column.group != RUNTIME:
             cells = _limits(ranges[column.name], column)
-            table.add_row(column.name, column.unit, *(cells if papers else cells[:2]))
-    return table
+            rows.append([column.name, column.unit, *cells[: len(numbers)]])
+    print_columns(rows, ("column", "unit", *numbers), right=numbers)
 
 
 def _limits(limits_here: tuple[float, float], column: Column) -> list[str]:

@@ -1,20 +1,21 @@
-"""Print a surface: how it was prepared, its statistics, its self-affine law."""
+"""Print a surface: how it was prepared, its statistics, its self-affine law, and its contacts."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rich.table import Table
-
-from gen.measured.areal import PARAMETERS
-from gen.measured.preparation import tilt
-from gen.runtime.console import console as new_console
-from gen.runtime.console import plain_console
+from gen.maps.areal import PARAMETERS
+from gen.maps.doubts import tilt
+from gen.runtime.terminal import RunProgress, echo, print_columns
 from gen.schema import statistics_columns
 
 if TYPE_CHECKING:  # statistics are printed without the solver
-    from gen.measured.self_affine import SelfAffineFit
-    from gen.measured.topography import Topography
+    from collections.abc import Iterable, Sequence
+
+    from bem import Contact
+    from gen.maps.contacts import Solution, Wanted
+    from gen.maps.read import Topography
+    from gen.maps.self_affine import SelfAffineFit
     from gen.statistics import Description
 
 
@@ -28,13 +29,10 @@ def print_preparation(topography: Topography, warnings: list[str]) -> None:
     warnings : list of str
         One line for each warning.
     """
-    console = plain_console()
     for step in topography.steps:
-        console.print(f"{topography.name}: {step}")
+        echo(f"{topography.name}: {step}")
     for warning in warnings:
-        new_console(stderr=True, markup=False, highlight=False, soft_wrap=True).print(
-            f"warning: {warning}"
-        )
+        echo(f"warning: {warning}", err=True)
 
 
 def print_statistics(topography: Topography, description: Description) -> None:
@@ -47,24 +45,24 @@ def print_statistics(topography: Topography, description: Description) -> None:
     description : gen.statistics.Description
         Statistics of the heights.
     """
-    console = plain_console()
     heights, spacing = topography.heights, topography.spacing
     said = (
         f"{heights.shape[0]} x {heights.shape[1]} nodes, spacing {spacing[0]:.6g} x"
         f" {spacing[1]:.6g} um, heights {heights.min():.6g} to {heights.max():.6g} um"
     )
-    if not topography.followed & {"--level plane", "--level quadratic", "--form"}:
+    if not topography.followed & {"level plane", "level quadratic", "form"}:
         said += ", tilt {:.4g} along x, {:.4g} along y".format(*tilt(topography))
-    console.print(said)
-    table = Table(box=None, pad_edge=False)
-    for title in ("statistic", "value", "unit", "meaning"):
-        table.add_column(title, justify="right" if title == "value" else "left")
-    for column in statistics_columns():
-        value = description.values[column.name]
-        table.add_row(column.name, f"{value:.6g}", column.unit, column.long_name)
-    console.print(table)
+    echo(said)
+    print_columns(
+        (
+            (each.name, f"{description.values[each.name]:.6g}", each.unit, each.long_name)
+            for each in statistics_columns()
+        ),
+        ("statistic", "value", "unit", "meaning"),
+        right={"value"},
+    )
     if description.reason:
-        console.print(f"nan: {description.reason}")
+        echo(f"nan: {description.reason}")
 
 
 def print_areal(parameters: Description) -> None:
@@ -73,18 +71,19 @@ def print_areal(parameters: Description) -> None:
     Parameters
     ----------
     parameters : gen.statistics.Description
-        Values and reason, from `gen.measured.areal.areal_parameters`.
+        Values and reason, from `gen.maps.areal.areal_parameters`.
     """
-    table = Table(box=None, pad_edge=False)
-    for title in ("ISO 25178", "value", "unit", "meaning"):
-        table.add_column(title, justify="right" if title == "value" else "left")
-    for name, unit, meaning in PARAMETERS:
-        if name in parameters.values:
-            table.add_row(name, f"{parameters.values[name]:.6g}", unit, meaning)
-    console = plain_console()
-    console.print(table)
+    print_columns(
+        (
+            (name, f"{parameters.values[name]:.6g}", unit, meaning)
+            for name, unit, meaning in PARAMETERS
+            if name in parameters.values
+        ),
+        ("ISO 25178", "value", "unit", "meaning"),
+        right={"value"},
+    )
     if parameters.reason:
-        console.print(f"nan: {parameters.reason}")
+        echo(f"nan: {parameters.reason}")
 
 
 def print_self_affine(fit: SelfAffineFit | str) -> None:
@@ -93,25 +92,194 @@ def print_self_affine(fit: SelfAffineFit | str) -> None:
     Parameters
     ----------
     fit : SelfAffineFit or str
-        Law or reason, from `gen.measured.self_affine.fit_self_affine`.
+        Law or reason, from `gen.maps.self_affine.fit_self_affine`.
     """
-    console = plain_console()
     if isinstance(fit, str):
-        console.print(f"self-affine law: none, {fit}")
+        echo(f"self-affine law: none, {fit}")
         return
     law = fit.spectrum
     remarks = "".join(f"; {remark}" for remark in fit.remarks)
-    console.print(
+    echo(
         f"self-affine law over {fit.decades:.2g} decades, from {law.roll_off:.4g} to"
         f" {law.cut_off:.4g} um, the spectrum within a factor of {fit.scatter:.3g}{remarks}; as a"
         " start for the generator spectral:"
     )
-    table = Table(box=None, pad_edge=False, show_header=False)
-    for name, value, unit, meaning in (
-        ("hurst", law.hurst, "1", "Hurst exponent"),
-        ("roll_off", law.roll_off, "um", "longest wavelength of the power law"),
-        ("cut_off", law.cut_off, "um", "shortest wavelength"),
-        ("rms_height", fit.rms_height, "um", "root mean square height"),
-    ):
-        table.add_row(name, f"{value:.6g}", unit, meaning)
-    console.print(table)
+    print_columns(
+        (name, f"{value:.6g}", unit, meaning)
+        for name, value, unit, meaning in (
+            ("hurst", law.hurst, "1", "Hurst exponent"),
+            ("roll_off", law.roll_off, "um", "longest wavelength of the power law"),
+            ("cut_off", law.cut_off, "um", "shortest wavelength"),
+            ("rms_height", fit.rms_height, "um", "root mean square height"),
+        )
+    )
+
+
+def follow_contacts(
+    topography: Topography,
+    warnings: list[str],
+    solutions: Iterable[Solution],
+    count: int,
+    *,
+    wanted: Wanted,
+    material: bool,
+) -> tuple[list[Contact], list[str]]:
+    """Collect the contacts of a surface with a progress bar, then print surface and contacts.
+
+    A single contact is printed in full, several as one table. Nothing is printed before the first
+    contact is solved, since its load may be refused.
+
+    Parameters
+    ----------
+    topography : Topography
+        Surface.
+    warnings : list of str
+        Warnings about the surface.
+    solutions : iterable of Solution
+        Contacts of the surface, one of which at least was solved.
+    count : int
+        Number of solutions.
+    wanted : Wanted
+        Answers to compute beside area, force and gap.
+    material : bool
+        Whether the user gave a modulus.
+
+    Returns
+    -------
+    contacts : list of bem.Contact
+        All contacts that were solved.
+    warnings : list of str
+        Warnings about the surface, about its contacts and about loads that were not solved.
+    """
+    from gen.maps.contacts import answers, border_remark, contact_warnings
+
+    contacts, faults = [], []
+    if count == 1:
+        [(contact, seconds, _)] = solutions
+        assert contact is not None
+        contacts.append(contact)
+    else:
+        with RunProgress(count, noun="loads") as progress:
+            for contact, _, fault in solutions:
+                if contact is None:
+                    faults.append(f"not solved, left out: {fault}")
+                else:
+                    contacts.append(contact)
+                    answers(contact, wanted)  # computed under the bar, and kept by the contact
+                progress.advance(1, contact is None)
+    warnings = warnings + contact_warnings(topography, contacts, material=material) + faults
+    print_preparation(topography, warnings)
+    if count == 1:
+        print_contact(contacts[0], seconds, wanted)
+    else:
+        print_law(contacts, wanted)
+    if remark := border_remark(topography, contacts):
+        echo(f"{topography.name}: {remark}")
+    return contacts, warnings
+
+
+def print_contact(contact: Contact, seconds: float, wanted: Wanted) -> None:
+    """Print the solution of one contact problem.
+
+    Parameters
+    ----------
+    contact : bem.Contact
+        Solution.
+    seconds : float
+        Time that the solution took [s].
+    wanted : Wanted
+        Answers to print beside area, force and gap.
+    """
+    from gen.maps.contacts import answers
+
+    problem = contact.problem
+    nodes = contact.pressure.shape
+    cell = problem.spacing[0] * problem.spacing[1]
+    # A_e is a share of nodes, so the patch counts as the cells of all its nodes.
+    nominal = contact.pressure.size * cell
+    touching = contact.contact_nodes * cell
+    lines = (
+        ("effective contact area", f"{contact.area_percent:.6g}", "%"),
+        ("contact nodes", f"{contact.contact_nodes}", f"of {nodes[0]} x {nodes[1]}"),
+        ("spacing", f"{problem.spacing[0]:.6g} x {problem.spacing[1]:.6g}", "um"),
+        *_boundary_lines(contact),
+        ("modulus E*", f"{problem.modulus:.6g}", "MPa"),
+        ("force", f"{contact.force:.8g}", "uN"),
+        ("nominal pressure", f"{contact.force / nominal:.6g}", "MPa, force over the whole patch"),
+        (
+            "contact pressure",
+            f"{contact.force / (touching or 1):.6g}",
+            "MPa, mean where in contact",
+        ),
+        ("largest pressure", f"{contact.largest_pressure:.6g}", "MPa"),
+        *_yielding_lines(contact),
+        *((each.label, each.shown, each.unit) for each in answers(contact, wanted)),
+        ("mean gap", f"{contact.mean_gap:.6g}", "um"),
+        ("contact perimeter", f"{contact.perimeter:.6g}", "um"),
+        ("displacement Delta", f"{contact.delta:.10g}", "um"),
+        *_far_field_lines(contact),
+        ("residual", f"{contact.residual:.2e}", "of Delta"),
+        ("iterations", f"{contact.iterations}", f"({contact.convolutions} convolutions)"),
+        ("time", f"{1e3 * seconds:.1f}", "ms, the set-up of a first solve included"),
+    )
+    print_columns(lines)
+
+
+def _far_field_lines(contact: Contact) -> list[tuple[str, str, str]]:
+    """Return the line of the far field's displacement, if it is another number than Delta."""
+    approach = f"{contact.approach:.10g}"
+    if approach == f"{contact.delta:.10g}":
+        return []
+    return [("far-field displacement", approach, "um, Delta and the compliance of the far field")]
+
+
+def print_law(contacts: Sequence[Contact], wanted: Wanted) -> None:
+    """Print contacts of one surface as a table with a line for each load.
+
+    Parameters
+    ----------
+    contacts : sequence of bem.Contact
+        Contacts of the surface.
+    wanted : Wanted
+        Answers to print beside area, force and gap.
+    """
+    from gen.maps.contacts import answers
+
+    titles = ["Delta um", "force uN", "pressure MPa", "area %", "largest MPa", "mean gap um"]
+    yielding = contacts[0].problem.hardness is not None
+    if yielding:
+        titles += ["yielded %", "depth um"]
+    titles += [each.column for each in answers(contacts[0], wanted)]
+    rows = []
+    for contact in contacts:
+        cells = contact.pressure.size * contact.problem.spacing[0] * contact.problem.spacing[1]
+        numbers = [
+            contact.delta,
+            contact.force,
+            contact.force / cells,
+            contact.area_percent,
+            contact.largest_pressure,
+            contact.mean_gap,
+        ]
+        if yielding:
+            numbers += [contact.yielded_percent, float(contact.yielded_depth.max())]
+        more = [each.shown for each in answers(contact, wanted)]
+        rows.append([*(f"{number:.6g}" for number in numbers), *more])
+    print_columns(rows, titles, right=titles)
+
+
+def _boundary_lines(contact: Contact) -> list[tuple[str, str, str]]:
+    """Return the line about a patch without edges: name, value and unit; none for a free one."""
+    boundary = contact.problem.boundary
+    return [] if boundary == "free" else [("boundary", boundary, "")]
+
+
+def _yielding_lines(contact: Contact) -> list[tuple[str, str, str]]:
+    """Return the lines about yielding: name, value and unit; none for elastic bodies."""
+    if contact.problem.hardness is None:
+        return []
+    return [
+        ("hardness", f"{contact.problem.hardness:.6g}", "MPa"),
+        ("yielded nodes", f"{contact.yielded_percent:.6g}", "% of all nodes"),
+        ("largest yielded depth", f"{contact.yielded_depth.max():.6g}", "um"),
+    ]

@@ -9,19 +9,24 @@ from pathlib import Path
 import numpy as np
 
 from gen.arrays import Heights
-from gen.draft.loads import Loads, Material, choose_loads
-from gen.draft.proposal import choose_preparation, known_texture, require_used
-from gen.draft.scans import contact_keys, load_keys
-from gen.draft.survey import MapSurvey, measured, survey, with_texture
-from gen.draft.writing import Key, number, quoted, rounded, span
-from gen.measured.areal import areal_parameters
-from gen.measured.preparation import prepare
-from gen.measured.self_affine import SelfAffineFit, fit_self_affine, radial_spectrum
-from gen.measured.settings import Preparation
-from gen.measured.topography import Topography
+from gen.draft.proposal import (
+    Loads,
+    Material,
+    choose_loads,
+    known_texture,
+    require_used,
+    rounded,
+    with_steps,
+)
+from gen.draft.scene_text import Key, contact_keys, load_keys, number, quoted, span
+from gen.draft.survey import MapSurvey, survey, with_texture
+from gen.maps.areal import areal_parameters
+from gen.maps.prepare import prepare
+from gen.maps.read import Topography, read
+from gen.maps.self_affine import SelfAffineFit, fit_self_affine, radial_spectrum
+from gen.maps.settings import Reading, said
 from gen.runtime.errors import InputError
-from gen.runtime.invocation import to_type
-from gen.scans.library import Reading
+from gen.runtime.terminal import to_type
 from gen.spectral import SelfAffineSpectrum, generate_spectral
 from gen.statistics import rms_slope
 
@@ -62,8 +67,8 @@ class Likeness:
     ----------
     look : MapSurvey
         The map.
-    preparation : Preparation
-        Steps of its preparation.
+    reading : Reading
+        How it is read and prepared.
     fit : SelfAffineFit
         Law of its spectrum.
     spectrum : SelfAffineSpectrum
@@ -83,7 +88,7 @@ class Likeness:
     """
 
     look: MapSurvey
-    preparation: Preparation
+    reading: Reading
     fit: SelfAffineFit
     spectrum: SelfAffineSpectrum
     step: float
@@ -129,9 +134,9 @@ def propose(path: Path, reading: Reading, material: Material) -> Likeness:
         If the map cannot be read, or no self-affine law fits its spectrum.
     """
     [look] = require_used(survey([path], reading))
-    preparation = choose_preparation([look])
-    [look] = require_used([with_texture(look, reading, preparation, None)])
-    topography = prepare(measured(path, reading), preparation)
+    reading = with_steps(reading, [look])
+    [look] = require_used([with_texture(look, reading, None)])
+    topography = prepare(read(path, reading), reading)
     stretch = _stretch(topography)
     fit = _fit(topography, stretch)
     if isinstance(fit, str):
@@ -143,7 +148,7 @@ def propose(path: Path, reading: Reading, material: Material) -> Likeness:
     slope = windows[1] / unscaled  # of the waves, where that between nodes is the map's
     return Likeness(
         look=look,
-        preparation=preparation,
+        reading=reading,
         fit=fit,
         spectrum=spectrum,
         step=step,
@@ -226,7 +231,7 @@ def keys(likeness: Likeness, command: str, output: Path) -> Iterator[Key]:
     name = likeness.look.path.name
     yield Key(
         f"Self-affine surfaces around {name}, a start for a population of your own. Written by\n"
-        f"    {command}\nThe map was {_prepared(likeness.preparation)}. Then\n"
+        f"    {command}\nThe map was {_prepared(likeness.reading)}. Then\n"
         f"    {to_type(f'gen estimate {output}')}\n"
         f"    {to_type('gen run')} {output} -o {output.with_suffix('.h5')}"
     )
@@ -248,11 +253,11 @@ def keys(likeness: Likeness, command: str, output: Path) -> Iterator[Key]:
     )
 
 
-def _prepared(steps: Preparation) -> str:
+def _prepared(steps: Reading) -> str:
     """Say how the map was prepared, in words of the options of `gen contact`."""
-    words = [f"--despike {steps.despike:g}"] if steps.despike is not None else []
-    words += [f"--level {steps.level}"] + ["--fill"] * steps.fill
-    return f"prepared by {' '.join(words)}"
+    taken = [f"despike {steps.despike:g}"] if steps.despike is not None else []
+    taken += [f"level {steps.level}"] + ["fill"] * steps.fill
+    return f"prepared by {' '.join(said(each, 'option') for each in taken)}"
 
 
 def _surface_keys(likeness: Likeness) -> Iterator[Key]:

@@ -1,4 +1,4 @@
-"""Propose a scene whose surfaces are windows of measured maps."""
+"""Propose a scene whose surfaces are windows of measured maps: spacing, windows and loads."""
 
 from __future__ import annotations
 
@@ -8,14 +8,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from gen.draft.loads import Loads, Material, choose_loads
-from gen.draft.spikes import common_threshold
-from gen.draft.survey import FORM, MapSurvey, Texture, survey, with_texture
-from gen.draft.windows import SIZES, common_spacing, window_nodes
-from gen.measured.settings import Preparation
+from gen.draft.survey import FORM, MapSurvey, Texture, common_threshold, survey, with_texture
+from gen.maps.prepare import is_same
+from gen.maps.read import Sides
+from gen.maps.settings import Reading
+from gen.maps.windows import Tiling
+from gen.material import Bodies, plane_strain_modulus
 from gen.runtime.errors import InputError
-from gen.scans.library import Reading
-from gen.scans.tiles import Tiling
 
 LOADS_PER_WINDOW = 5
 """Loads of each window: a ladder of loads on one surface costs less than as many surfaces."""
@@ -36,9 +35,7 @@ class Proposal:
     looks : tuple of MapSurvey
         All files; those without a fault are used.
     reading : Reading
-        How files are read.
-    preparation : Preparation
-        Steps of the preparation.
+        How files are read and prepared.
     spacing : float or None
         Spacing to which all maps are resampled; None if they share theirs [um].
     nodes : int
@@ -53,7 +50,6 @@ class Proposal:
 
     looks: tuple[MapSurvey, ...]
     reading: Reading
-    preparation: Preparation
     spacing: float | None
     nodes: int
     windows: int
@@ -121,11 +117,11 @@ def propose(
     require_used(looks)
     spacing = common_spacing([look.spacing for look in looks if not look.fault])
     looks = [_without_coarse(look, spacing) for look in looks]
-    preparation = choose_preparation([look for look in looks if not look.fault])
+    reading = with_steps(reading, [look for look in looks if not look.fault])
     target = None if spacing is None else (spacing, spacing)
     for index, look in enumerate(looks):
         if not look.fault:
-            looks[index] = with_texture(look, reading, preparation, target)
+            looks[index] = with_texture(look, reading, target)
         looked()
     used = require_used(looks)
     textures = [known_texture(look) for look in used]
@@ -139,7 +135,7 @@ def propose(
     textures = [known_texture(look) for look in require_used(looks)]
     loads = choose_loads(material, [each.rms_slope for each in textures], nodes**2)
     windows = _windows([each.shape for each in textures], nodes)
-    return Proposal(tuple(looks), reading, preparation, spacing, nodes, windows, loads, material)
+    return Proposal(tuple(looks), reading, spacing, nodes, windows, loads, material)
 
 
 def require_used(looks: Sequence[MapSurvey]) -> list[MapSurvey]:
@@ -151,10 +147,11 @@ def require_used(looks: Sequence[MapSurvey]) -> list[MapSurvey]:
     return used
 
 
-def choose_preparation(looks: Sequence[MapSurvey]) -> Preparation:
+def with_steps(reading: Reading, looks: Sequence[MapSurvey]) -> Reading:
     """Choose the steps of the preparation by the spikes, form and holes found in the maps."""
     spikes = [look.spikes for look in looks if look.spikes is not None]
-    return Preparation(
+    return replace(
+        reading,
         despike=common_threshold(spikes),
         level="quadratic" if any(look.form > FORM for look in looks) else "plane",
         fill=any(look.missing for look in looks),
@@ -187,3 +184,204 @@ def _windows(shapes: Sequence[tuple[int, int]], nodes: int) -> int:
     """Choose the number of windows, in tens."""
     beside = sum(math.prod(shape) for shape in shapes) / nodes**2
     return 10 * round(min(max(OVERLAP * beside, WINDOWS[0]), WINDOWS[1]) / 10)
+
+
+SIZES = (128, 96, 64, 48, 32)
+"""Nodes a side of the windows, the best first; cosine transforms of these numbers are fast."""
+
+WIDER = (192, 256)
+"""Nodes a side where windows of `SIZES` are narrow beside the texture."""
+
+WIDE = 5.0
+"""Sides of a window in autocorrelation lengths from which its statistics are those of the map."""
+
+MOST_MAPS = 0.75
+"""Share of the maps that have to hold two windows along both axes."""
+
+FINE = 0.8
+"""Share of the maps that are not coarsened for the sake of the others."""
+
+COARSE = 4.0
+"""Spacing over the median one from which maps are left out, however many they are."""
+
+
+def common_spacing(spacings: Sequence[Sides]) -> float | None:
+    """Choose the spacing that all maps are resampled to.
+
+    Parameters
+    ----------
+    spacings : sequence of (float, float)
+        Spacing of each map along x and y [um].
+
+    Returns
+    -------
+    float or None
+        The spacing that the share `FINE` of the maps have or are finer than, without those that
+        are coarser than `COARSE` times the median [um]: finer maps can lose detail, coarser ones
+        cannot gain it and are left out. None if all maps have the same spacing.
+    """
+    first = spacings[0]
+    if all(is_same(*pair) for each in spacings for pair in zip(each, first, strict=True)):
+        return None
+    coarsest = sorted(max(each) for each in spacings)
+    limit = COARSE * statistics.median(coarsest)
+    kept = [each for each in coarsest if each <= limit]
+    place = min(math.ceil(FINE * len(spacings)), len(kept)) - 1
+    return float(f"{kept[place]:.6g}")
+
+
+def window_nodes(shapes: Sequence[tuple[int, int]], length: float) -> int | None:
+    """Choose the nodes along each side of the windows.
+
+    Parameters
+    ----------
+    shapes : sequence of (int, int)
+        Nodes of each prepared map.
+    length : float
+        Autocorrelation length of a usual map [nodes]; NaN if it is unknown.
+
+    Returns
+    -------
+    int or None
+        The largest of `SIZES` of which most maps hold two side by side along both axes, so that
+        each map has tiles for training and for testing; one of `WIDER` where texture asks for it.
+        Where no size fits twice, the largest that most maps hold once. Maps that hold none do not
+        count; None if all are so small.
+    """
+    sides = [min(shape) for shape in shapes if min(shape) >= SIZES[-1]]
+    if not sides:
+        return None
+    for windows in (2, 1):
+        fitting = [size for size in SIZES if _share(sides, windows * size) >= MOST_MAPS]
+        if not fitting:
+            continue
+        best = fitting[0]
+        if windows == 2 and best == SIZES[0]:
+            for size in WIDER:
+                if best < WIDE * length and _share(sides, windows * size) >= MOST_MAPS:
+                    best = size
+        return best
+    raise AssertionError("every map that counts holds the smallest window")
+
+
+def _share(sides: Sequence[int], nodes: int) -> float:
+    """Return the share of the maps that are at least this wide."""
+    return sum(side >= nodes for side in sides) / len(sides)
+
+
+FEWEST_NODES = 50
+"""Nodes in contact under the smallest load; fewer count the grid rather than the area."""
+
+LARGEST_AREA = 0.4
+"""Share of the patch in contact under the largest load, about."""
+
+YIELDING = 0.5
+"""Largest mean pressure over the hardness; at 1 there is no equilibrium."""
+
+KAPPA = 2.0
+"""Contact area times E* rms slope over the load for light loads; the theories say 1.6 and 2.5."""
+
+
+@dataclass(frozen=True)
+class Material:
+    """Elastic constants and hardness of a contact.
+
+    Attributes
+    ----------
+    young : float
+        Young's modulus of an elastic body on a rigid one, or E* with `poisson` 0 [MPa].
+    poisson : float
+        Poisson's ratio [1].
+    hardness : float or None
+        Hardness of the softer body; None for elastic bodies [MPa].
+    known : bool
+        Whether the user gave a modulus.
+    """
+
+    young: float = 1.0
+    poisson: float = 0.0
+    hardness: float | None = None
+    known: bool = False
+
+    @classmethod
+    def of_options(
+        cls,
+        young: Sequence[float],
+        poisson: Sequence[float],
+        e_star: float | None,
+        hardness: float | None,
+    ) -> Material:
+        """Make a material of the options of `gen contact`; raise InputError if it is none."""
+        combined, hardness, known = Bodies.of_options(young, poisson, e_star, hardness)
+        if len(young) == 1:
+            return cls(young[0], poisson[0] if poisson else 0.0, hardness, known=True)
+        return cls(combined, 0.0, hardness, known)
+
+    @property
+    def e_star(self) -> float:
+        """Plane-strain modulus E* [MPa]."""
+        return plane_strain_modulus(self.young, self.poisson)
+
+
+@dataclass(frozen=True)
+class Loads:
+    """Loads of a scene, and how they were found.
+
+    Attributes
+    ----------
+    quantity : {"pressure", "pressure/(E* slope_rms)"}
+        What is given.
+    low, high : float
+        Ends of the range, [MPa] or [1].
+    areas : tuple of float
+        Contact area expected at both ends on a surface of middling slope [%].
+    slopes : tuple of float
+        Smallest, middle and largest rms slope of the surfaces [1].
+    """
+
+    quantity: str
+    low: float
+    high: float
+    areas: tuple[float, float]
+    slopes: tuple[float, float, float]
+
+
+def choose_loads(material: Material, slopes: Sequence[float], nodes: int) -> Loads:
+    """Choose loads from first contacts that the grid resolves to a large part of the patch.
+
+    The contact area under a mean pressure p is about KAPPA p / (E* rms slope) of an elastic body,
+    and at least p / hardness. The area of elastic bodies follows from p / (E* rms slope), so that
+    this quantity gives rough and smooth surfaces the same areas; with a hardness there are two
+    scales, and loads are pressures.
+
+    Parameters
+    ----------
+    material : Material
+        Elastic constants and hardness.
+    slopes : sequence of float
+        Rms slopes of the surfaces [1].
+    nodes : int
+        Number of nodes of a surface.
+
+    Returns
+    -------
+    Loads
+        Quantity and range.
+    """
+    middle = statistics.median(slopes)
+    ends = min(slopes), middle, max(slopes)
+    smallest = min(FEWEST_NODES / nodes, LARGEST_AREA / 10)
+    if material.hardness is None:
+        low, high = rounded(smallest / KAPPA), rounded(LARGEST_AREA / KAPPA)
+        return Loads(
+            "pressure/(E* slope_rms)", low, high, (100 * KAPPA * low, 100 * KAPPA * high), ends
+        )
+    bearing = min(material.hardness, material.e_star * middle / KAPPA)
+    low = rounded(smallest * bearing)
+    high = rounded(min(LARGEST_AREA * bearing, YIELDING * material.hardness))
+    return Loads("pressure", low, high, (100 * low / bearing, 100 * high / bearing), ends)
+
+
+def rounded(value: float, digits: int = 2) -> float:
+    """Round a number to some significant digits."""
+    return float(f"{value:.{digits}g}")

@@ -1,4 +1,4 @@
-"""Survey measured maps: the content of each file, and its faults."""
+"""Survey measured maps: the content of each file, its faults and its spikes, as a table."""
 
 from __future__ import annotations
 
@@ -6,20 +6,22 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
+from rich.table import Table
 
-from gen.arrays import Heights
-from gen.draft.spikes import Spikes, find_spikes
-from gen.measured import form
-from gen.measured.areal import areal_parameters
-from gen.measured.preparation import FLAT, MOST_HOLES, STEEP, prepare, tilt
-from gen.measured.resampling import resampled
-from gen.measured.settings import Preparation
-from gen.measured.topography import Sides, Topography, read
+from gen.arrays import Heights, Values
+from gen.maps import filters
+from gen.maps.areal import areal_parameters
+from gen.maps.doubts import FLAT, STEEP, tilt
+from gen.maps.files import digest
+from gen.maps.filters import scaled_distances
+from gen.maps.prepare import MANY_SPIKES, MOST_HOLES, prepare, resampled
+from gen.maps.read import Sides, Topography, in_words, read
+from gen.maps.settings import SPIKE, Reading
 from gen.runtime.errors import InputError
-from gen.scans.files import digest
-from gen.scans.library import Reading
+from gen.runtime.terminal import print_table
 from gen.statistics import rms_slope
 
 FORM = 0.9
@@ -127,7 +129,7 @@ def _look(path: Path, reading: Reading, contents: dict[str, Path]) -> MapSurvey:
         sha256 = digest(path)
         if sha256 in contents:
             return MapSurvey(path, f"the same map as {contents[sha256].name}")
-        topography = measured(path, reading)
+        topography = read(path, reading)
         contents[sha256] = path
     except InputError as error:
         return MapSurvey(path, fault=_without_name(str(error), path))
@@ -152,11 +154,6 @@ def _without_name(fault: str, path: Path) -> str:
     return fault.replace(", or overrule the file by --override-scale", "")
 
 
-def measured(path: Path, reading: Reading) -> Topography:
-    """Read a map as scenes do; raise InputError if it cannot be read."""
-    return read(path, reading.side, reading.unit, channel=reading.channel)
-
-
 def _fault(topography: Topography) -> str:
     """Say why a map cannot be used, "" if it can."""
     heights = topography.heights
@@ -173,14 +170,12 @@ def _fault(topography: Topography) -> str:
 def _form(heights: Heights) -> float:
     """Return the share of the variance about the mean plane that a quadratic takes out."""
     plane, quadratic = (
-        float(np.nanvar(heights - form.fitted_polynomial(heights, degree))) for degree in (1, 2)
+        float(np.nanvar(heights - filters.fitted_polynomial(heights, degree))) for degree in (1, 2)
     )
     return 1.0 - quadratic / plane if plane else 0.0
 
 
-def with_texture(
-    look: MapSurvey, reading: Reading, preparation: Preparation, spacing: Sides | None
-) -> MapSurvey:
+def with_texture(look: MapSurvey, reading: Reading, spacing: Sides | None) -> MapSurvey:
     """Prepare a map as the scene will, and measure its roughness.
 
     Parameters
@@ -188,9 +183,7 @@ def with_texture(
     look : MapSurvey
         A map that can be used.
     reading : Reading
-        How it is read.
-    preparation : Preparation
-        Steps of the preparation.
+        How it is read and prepared.
     spacing : tuple of float or None
         Spacing along x and y to resample it to [um]; None leaves its own.
 
@@ -200,7 +193,7 @@ def with_texture(
         The map with its texture, or with the reason why it cannot be used.
     """
     try:
-        topography = prepare(measured(look.path, reading), preparation)
+        topography = prepare(read(look.path, reading), reading)
         if spacing is not None:
             topography = resampled(topography, spacing)
     except InputError as error:
@@ -226,3 +219,141 @@ def remarks(look: MapSurvey) -> list[str]:
     if look.form > FORM:
         said.append("curved form")
     return said
+
+
+GAP = 2.0
+"""Ratio of the nearest spike's distance to that of the furthest other node which tells spikes from
+a surface whatever their number."""
+
+FEW = 1e-3
+"""Largest share of the nodes that may be spikes if no gap separates them from the other nodes."""
+
+APART = 2.5
+"""Distance of the furthest of such spikes over that of the furthest share `FEW` of all nodes, at
+least: on made maps without spikes the ratio is at most 2 (sharp ridges)."""
+
+
+class Spikes(NamedTuple):
+    """Distances from the local median on both sides of the gap between surface and spikes.
+
+    Attributes
+    ----------
+    surface : float
+        Largest distance of a node of the surface, in units of the scatter.
+    nearest : float
+        Smallest distance of a spike, infinite if there is none.
+    number : int
+        Number of spikes.
+    distances : ndarray, shape (further,)
+        The distances above `SPIKE`, falling.
+    """
+
+    surface: float
+    nearest: float
+    number: int
+    distances: Values
+
+
+def find_spikes(heights: Heights) -> Spikes:
+    """Part the spikes of a map from its surface at the largest gap between their distances.
+
+    Parameters
+    ----------
+    heights : ndarray, shape (nx, ny)
+        Heights with NaN in the holes [um].
+
+    Returns
+    -------
+    Spikes
+        Distances from the local median, in units of their scatter.
+    """
+    distances = np.abs(scaled_distances(heights))
+    distances = np.sort(distances[~np.isnan(distances)])[::-1]
+    high = np.maximum(distances, SPIKE)
+    number = _before_gap(high, MANY_SPIKES, GAP)
+    few = int(FEW * high.size)
+    if not number and high[0] > APART * high[few]:
+        number = _before_gap(high, FEW, 1.0)
+    nearest = float(high[number - 1]) if number else math.inf
+    return Spikes(float(high[number]), nearest, number, distances[distances > SPIKE])
+
+
+def _before_gap(high: Values, share: float, least: float) -> int:
+    """Return how many distances are before their largest gap, 0 if its ratio is too small.
+
+    Parameters
+    ----------
+    high : ndarray, shape (nodes,)
+        Distances, falling.
+    share : float
+        Share of them that may be before the gap.
+    least : float
+        Smallest ratio of the distances at the gap.
+    """
+    ahead = high[: max(1, int(share * high.size)) + 1]
+    ratios = ahead[:-1] / ahead[1:]
+    place = int(np.argmax(ratios))
+    return place + 1 if ratios[place] > least else 0
+
+
+def common_threshold(found: Sequence[Spikes]) -> float | None:
+    """Choose one threshold for several maps.
+
+    Parameters
+    ----------
+    found : sequence of Spikes
+        Spikes of each map.
+
+    Returns
+    -------
+    float or None
+        Threshold between all surfaces and all spikes, in the middle of their logarithms. Where no
+        number parts them it is just below the nearest spike, and some nodes of other maps are taken
+        for spikes. None if no map has a spike.
+    """
+    nearest = min((each.nearest for each in found), default=math.inf)
+    if math.isinf(nearest):
+        return None
+    surface = max(each.surface for each in found)
+    middle = math.sqrt(surface * nearest) if surface < nearest else 0.98 * nearest
+    return float(f"{middle:.2g}") if surface < float(f"{middle:.2g}") < nearest else middle
+
+
+WIDTH = 132
+"""Width of the table without a terminal [characters]."""
+
+TITLES = (
+    *("map", "nodes", "spacing um", "unit", "holes %", "spikes", "tilt", "rms height um"),
+    *("rms slope", "use"),
+)
+
+
+def print_looks(looks: Sequence[MapSurvey]) -> None:
+    """Print a line for each file: its content, and whether it is used or why not."""
+    table = Table(box=None, pad_edge=False)
+    for title in TITLES:
+        left = title in {"map", "unit", "use"}
+        table.add_column(title, justify="left" if left else "right", overflow="fold")
+    for look in looks:
+        table.add_row(*_cells(look))
+    print_table(table, WIDTH)
+
+
+def _cells(look: MapSurvey) -> list[str]:
+    """Write the known facts of a file, and a dash for each unknown one."""
+    use = f"no: {look.fault}" if look.fault else "; ".join(["yes", *remarks(look)])
+    if not look.shape[0]:
+        return [look.path.name, *["-"] * (len(TITLES) - 2), use]
+    texture = look.texture
+    return [
+        look.path.name,
+        f"{look.shape[0]} x {look.shape[1]}",
+        in_words(look.spacing, 4),
+        look.unit or "um?",
+        f"{100 * look.holes:.2g}",
+        "-" if look.spikes is None else str(look.spikes.number),
+        "-" if math.isnan(look.tilt[0]) else f"{max(map(abs, look.tilt)):.2g}",
+        "-" if texture is None else f"{texture.rms_height:.3g}",
+        "-" if texture is None else f"{texture.rms_slope:.3g}",
+        use,
+    ]

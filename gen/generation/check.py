@@ -7,11 +7,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gen.arrays import Columns, Values
+from gen.arrays import Columns
 from gen.database import Reader
-from gen.generation.plan import parameters, planned_columns
+from gen.generation.plan import Parameters, parameters, planned_columns
 from gen.generation.sample import compute_rows
-from gen.populations import make_ready
 from gen.scene import Scene
 from gen.schema import (
     DONE_REASONS,
@@ -24,6 +23,9 @@ from gen.schema import (
     made_by_another,
     statistics_columns,
 )
+
+Mask = NDArray[np.bool_]
+"""One truth value for each row of a chunk."""
 
 CHUNK_ROWS = 65_536
 """Rows that are read and checked together."""
@@ -65,7 +67,7 @@ def faults(path: Path, recompute: int, seed: int = 0) -> Iterator[str]:
                 finished.append(start + some)
                 yield from _chunk_faults(reader, start, stop, status)
         if finished and recompute:
-            make_ready(reader.scene, path.parent, sources=True)
+            reader.scene.surface.make_ready(path.parent, sources=True)
         if finished:
             rows = np.concatenate(finished)
             columns = comparable(reader)
@@ -77,49 +79,46 @@ def faults(path: Path, recompute: int, seed: int = 0) -> Iterator[str]:
 def _chunk_faults(
     reader: Reader, start: int, stop: int, status: NDArray[np.uint8]
 ) -> Iterator[str]:
-    """Compare the columns of a chunk with its plan, and refuse values that are not finite."""
-    scene = reader.scene
+    """Compare the columns of a chunk with its plan, and done rows with what holds for all of them.
+
+    A fault is a mask of rows and what is wrong with them. Fields are compared by recomputation
+    only.
+    """
+    scene, reason = reader.scene, reader.column("reason", start, stop)
     done, failed = status == Status.DONE, status == Status.FAILED
-    reason = reader.column("reason", start, stop)
-    solved = np.isin(reason, DONE_REASONS)
-    yield from _row_faults(done & ~solved, start, "done, but has a reason to fail")
-    known = np.isin(reason, [code for code in REASONS if code])
-    yield from _row_faults(failed & ~known, start, "failed without a known reason")
+    solved, known = (
+        np.isin(reason, DONE_REASONS),
+        np.isin(reason, [code for code in REASONS if code]),
+    )
     plan = parameters(scene, start, stop)
-    for name, planned in planned_columns(scene, plan).items():
-        unplanned = reader.column(name, start, stop) != planned
-        yield from _row_faults((done | failed) & unplanned, start, f"{name} is not the plan's")
-    rows: Columns = {}
-    for column in reader.columns():
-        if column.dtype[0] != "f" or not column.deterministic:
-            continue
-        if column.shape_of:
-            continue  # only recomputation compares fields
-        rows[column.name] = reader.column(column.name, start, stop)
-    yield from _finite_faults(start, done, reason == Reason.NO_STATISTICS, rows)
+    planned = planned_columns(scene, plan).items()
+    faults = [
+        (done & ~solved, "done, but has a reason to fail"),
+        (failed & ~known, "failed without a known reason"),
+        *(
+            (
+                (done | failed) & (reader.column(name, start, stop) != values),
+                f"{name} is not the plan's",
+            )
+            for name, values in planned
+        ),
+    ]
+    rows: Columns = {
+        column.name: reader.column(column.name, start, stop)
+        for column in reader.columns()
+        if column.dtype[0] == "f" and column.deterministic and not column.shape_of
+    }
+    undefined = reason == Reason.NO_STATISTICS
     nodes = reader.column("contact_nodes", start, stop)
-    yield from _range_faults(reader, start, done, rows, nodes)
-    yield from _load_faults(scene, plan.load, start, done, rows)
-    if plan.hardness is not None:
-        bearable = plan.hardness * (scene.spacing[0] * scene.spacing[1]) * nodes
-        yield from _yielding_faults(start, done, rows, bearable)
+    of_done = (*_not_finite(rows, undefined), *_impossible(scene, plan, rows, nodes))
+    for wrong, fault in (*faults, *((done & wrong, fault) for wrong, fault in of_done)):
+        yield from _row_faults(wrong, start, fault)
 
 
-def _finite_faults(
-    start: int, done: NDArray[np.bool_], undefined: NDArray[np.bool_], rows: Columns
-) -> Iterator[str]:
-    """Refuse values that are not finite in done rows, but for statistics that are undefined.
+def _not_finite(rows: Columns, undefined: Mask) -> Iterator[tuple[Mask, str]]:
+    """Find values that are not finite, but for statistics that a row's reason calls undefined.
 
     A stiffness may be infinite.
-
-    Parameters
-    ----------
-    start : int
-        Number of the first row.
-    done, undefined : ndarray of bool, shape (rows,)
-        Whether a row is done, and whether its reason says that statistics are undefined.
-    rows : Columns
-        Columns of the rows.
     """
     statistics = {column.name for column in statistics_columns()}
     missing = np.zeros_like(undefined)
@@ -128,86 +127,41 @@ def _finite_faults(
         missing |= excused
         if name in INFINITE_AT_FULL_CONTACT:
             excused |= values == np.inf
-        unknown = ~np.isfinite(values) & ~excused
-        yield from _row_faults(done & unknown, start, f"{name} is not finite")
-    groundless = done & undefined & ~missing
-    yield from _row_faults(groundless, start, "statistics are said to be undefined, but are not")
+        yield ~np.isfinite(values) & ~excused, f"{name} is not finite"
+    yield undefined & ~missing, "statistics are said to be undefined, but are not"
 
 
-def _range_faults(
-    reader: Reader,
-    start: int,
-    done: NDArray[np.bool_],
-    rows: Columns,
-    contact_nodes: NDArray[np.int32],
-) -> Iterator[str]:
-    """Compare done rows with the limits that hold for every solution."""
-    scene = reader.scene
-    area, total = rows["area_percent"], math.prod(scene.shape)
-    yield from _row_faults(done & ~((area >= 0) & (area <= 100)), start, "area outside 0 to 100 %")
-    shares = 100.0 * contact_nodes / total
-    yield from _row_faults(done & (area != shares), start, "area is not the share of contact nodes")
-    yield from _row_faults(done & ~(rows["force"] >= 0), start, "force is negative")
-    loaded = (rows["force"] > 0) == (contact_nodes > 0)
-    yield from _row_faults(done & ~loaded, start, "force without contact, or contact without force")
-    wide = rows["residual"] > scene.contact.rtol
-    yield from _row_faults(done & wide, start, f"residual above {scene.contact.rtol}")
+def _impossible(
+    scene: Scene, plan: Parameters, rows: Columns, nodes: NDArray[np.int32]
+) -> Iterator[tuple[Mask, str]]:
+    """Compare rows with the limits of every solution, with their loads, and with their hardness.
 
-
-def _load_faults(
-    scene: Scene, load: Values, start: int, done: NDArray[np.bool_], rows: Columns
-) -> Iterator[str]:
-    """Compare done rows with their loads; that of a pressure over E* and slope is not stored.
-
-    Parameters
-    ----------
-    scene : Scene
-        Scene of the rows.
-    load : ndarray, shape (rows,)
-        Loads in the scene's quantity.
-    start : int
-        Number of the first row.
-    done : ndarray of bool, shape (rows,)
-        Whether a row is done.
-    rows : Columns
-        Columns of the rows.
+    Loads in pressures over E* and slope are not compared: the slope is not stored.
     """
-    patch = math.prod(scene.shape) * math.prod(scene.spacing)
+    area, force, total = rows["area_percent"], rows["force"], math.prod(scene.shape)
+    yield ~((area >= 0) & (area <= 100)), "area outside 0 to 100 %"
+    yield area != 100.0 * nodes / total, "area is not the share of contact nodes"
+    yield ~(force >= 0), "force is negative"
+    yield (force > 0) != (nodes > 0), "force without contact, or contact without force"
+    yield rows["residual"] > scene.contact.rtol, f"residual above {scene.contact.rtol}"
+    cell = math.prod(scene.spacing)
     asked = {
-        "force": ("force", load),
-        "pressure": ("force", load * patch),
-        "delta/height_rms": ("delta", load * rows["height_rms"]),
+        "force": ("force", plan.load),
+        "pressure": ("force", plan.load * (total * cell)),
+        "delta/height_rms": ("delta", plan.load * rows["height_rms"]),
     }
     if scene.quantity in asked:
         name, wanted = asked[scene.quantity]
         unequal = ~np.isclose(rows[name], wanted, rtol=ROUNDING, atol=0.0)
-        yield from _row_faults(done & unequal, start, f"{name} is not that of the load")
+        yield unequal, f"{name} is not that of the load"
+    if plan.hardness is not None:
+        yielded, bearable = rows["yielded_percent"], plan.hardness * cell * nodes
+        share = (yielded >= 0) & (yielded <= area)
+        yield ~share, "more nodes have yielded than are in contact"
+        yield force > bearable * (1 + ROUNDING), "force above what the hardness bears"
 
 
-def _yielding_faults(
-    start: int, done: NDArray[np.bool_], rows: Columns, bearable: Values
-) -> Iterator[str]:
-    """Compare done rows with the limits of bodies that yield.
-
-    Parameters
-    ----------
-    start : int
-        Number of the first row.
-    done : ndarray of bool, shape (rows,)
-        Whether a row is done.
-    rows : Columns
-        Columns of the rows.
-    bearable : ndarray, shape (rows,)
-        Force of a contact that has yielded at all its nodes [uN].
-    """
-    yielded = rows["yielded_percent"]
-    shares = (yielded >= 0) & (yielded <= rows["area_percent"])
-    yield from _row_faults(done & ~shares, start, "more nodes have yielded than are in contact")
-    beyond = rows["force"] > bearable * (1 + ROUNDING)
-    yield from _row_faults(done & beyond, start, "force above what the hardness bears")
-
-
-def _row_faults(wrong: NDArray[np.bool_], start: int, fault: str) -> Iterator[str]:
+def _row_faults(wrong: Mask, start: int, fault: str) -> Iterator[str]:
     """Yield one line for all the rows of a chunk that share a fault."""
     rows = start + np.flatnonzero(wrong)
     if rows.size:

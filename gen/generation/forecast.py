@@ -1,4 +1,4 @@
-"""Forecast of a scene's cost: its plan in numbers, and the time of a few samples."""
+"""Forecast of a scene: the loads of its plan, and its cost from the time of a few samples."""
 
 import resource
 import time
@@ -9,8 +9,6 @@ import numpy as np
 from gen.generation.plan import parameters
 from gen.generation.sample import compute_rows
 from gen.scene import Scene
-from gen.scene.load import Quantity
-from gen.schema import row_bytes
 
 MEASURED_SURFACES = 16
 """Surfaces computed for an estimate, spread evenly over the plan."""
@@ -20,45 +18,6 @@ COUNTED_ROWS = 1_000_000
 
 MEASURED_LOADS = 4
 """Largest number of samples computed on each of these surfaces."""
-
-
-@dataclass(frozen=True)
-class Plan:
-    """A scene's plan in numbers.
-
-    Attributes
-    ----------
-    samples, surfaces : int
-        Numbers of rows and of surfaces.
-    shape : tuple of int
-        Nodes along x and y.
-    load : tuple of float
-        Smallest, mean and largest load of the planned rows, of the first `COUNTED_ROWS` if there
-        are more.
-    quantity : str
-        Quantity of these loads, see `gen.scene.load`.
-    file_bytes : int
-        Size of the database's columns [bytes].
-    hardness : tuple of float or None
-        Smallest and largest hardness [MPa] of the distribution; None for elastic bodies.
-    boundary : str
-        "free", "periodic" or "mirror".
-    two_rough : bool
-        Whether a second rough body is pressed against each surface.
-    doubts : tuple of str
-        What no solid has.
-    """
-
-    samples: int
-    surfaces: int
-    shape: tuple[int, int]
-    load: tuple[float, float, float]
-    quantity: Quantity
-    file_bytes: int
-    hardness: tuple[float, float] | None
-    boundary: str
-    two_rough: bool = False
-    doubts: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -86,35 +45,11 @@ class Estimate:
     memory_bytes: int
 
 
-def plan_of(scene: Scene) -> Plan:
-    """Summarise the plan of a scene without computing a row, in a bounded time.
+def planned_loads(scene: Scene) -> tuple[float, float, float]:
+    """Return the smallest, the mean and the largest load of the planned rows, in a bounded time.
 
-    Parameters
-    ----------
-    scene : Scene
-        Description of the samples.
-
-    Returns
-    -------
-    Plan
-        The plan in numbers.
+    They count in the scene's quantity; of many rows, the first `COUNTED_ROWS` are taken.
     """
-    return Plan(
-        samples=scene.samples,
-        surfaces=scene.surfaces,
-        shape=scene.shape,
-        load=_loads(scene),
-        quantity=scene.quantity,
-        file_bytes=scene.samples * row_bytes(scene),
-        hardness=scene.contact.hardness_limits,
-        boundary=scene.contact.boundary,
-        two_rough=scene.surface.against is not None,
-        doubts=tuple(scene.contact.doubts),
-    )
-
-
-def _loads(scene: Scene) -> tuple[float, float, float]:
-    """Return the smallest, the mean and the largest load in the scene's quantity."""
     load = parameters(scene, 0, min(scene.samples, COUNTED_ROWS)).load
     return float(load.min()), float(load.mean()), float(load.max())
 

@@ -16,6 +16,7 @@ number of samples, on ranks, on order or on restarts. This layout is part of a d
 another one gives other surfaces and loads for the same scene.
 """
 
+import functools
 import zlib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
@@ -24,11 +25,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Columns, Values
-from gen.generation.quantiles import log_within, quantiles
-from gen.populations import places
+from gen.distribution import log_within, quantiles
 from gen.scene import Piece, Scene
-from gen.scene.load import Quantity
-from gen.schema import parameter_columns
+from gen.scene.columns import parameter_columns
+from gen.scene.tables import Quantity
 
 CHUNK = 65_536
 """Surfaces that share a stream: one stream per row would take minutes for millions of rows."""
@@ -45,7 +45,7 @@ class Parameters:
     drawn : dict of str to ndarray, shape (rows,)
         Parameters of the row's surface by their names, as "hurst" [1] and "sigma0" [um].
     load : ndarray, shape (rows,)
-        Load in the scene's quantity, see `gen.scene.load`.
+        Load in the scene's quantity, one of `gen.scene.tables.UNITS`.
     quantity : str
         That quantity.
     hardness : ndarray, shape (rows,), or None
@@ -118,7 +118,7 @@ def parameters(scene: Scene, start: int, stop: int) -> Parameters:
         name: quantiles(distribution, of_surfaces[name])[surface - first]
         for name, distribution in scene.drawn_parameters.items()
     }
-    taken = places(scene, (surface_random(scene, number) for number in range(first, last)))
+    taken = scene.surface.places(surface_random(scene, each) for each in range(first, last))
     return Parameters(
         surface=surface,
         drawn=drawn,
@@ -183,7 +183,6 @@ def opposite_random(scene: Scene, surface: int | np.int64) -> np.random.Generato
 def blocks(
     pending: Iterable[tuple[int, int]],
     *,
-    samples: int,
     samples_per_surface: int,
     workers: int,
     largest: int,
@@ -199,8 +198,6 @@ def blocks(
     ----------
     pending : iterable of (int, int)
         Ranges (start, stop) of rows, ascending, without overlap.
-    samples : int
-        Number of planned rows, which no block exceeds.
     samples_per_surface : int
         Rows of one surface.
     workers : int
@@ -215,48 +212,21 @@ def blocks(
     ------
     tuple of int and int
         Ranges (start, stop) of rows, ascending, that hold every pending row once and no other.
-
-    Raises
-    ------
-    ValueError
-        If the ranges are not ascending within 0..samples, or a number is below 1.
     """
-    if min(samples_per_surface, workers, largest, smallest) < 1:
-        raise ValueError(
-            f"{samples_per_surface=}, {workers=}, {largest=}, {smallest=}: wanted 1 or more"
-        )
-    ranges = _ascending(list(pending), samples)
+    ranges = list(pending)
     remaining = sum(stop - start for start, stop in ranges)
     for start, stop in ranges:
         position = start
         while position < stop:
             rows = min(max(smallest, remaining // (3 * workers)), largest)
-            border = _border(position, rows, samples_per_surface, largest)
+            border = (position + rows) // samples_per_surface * samples_per_surface
+            if border <= position:  # one surface has more rows: all of them, if a block may
+                border += samples_per_surface
+                border = border if border - position <= largest else position + rows
             border = min(border, stop)
             yield position, border
             remaining -= border - position
             position = border
-
-
-def _border(position: int, rows: int, samples_per_surface: int, largest: int) -> int:
-    """Return the end of a block of `rows` rows: that of a surface if `largest` allows it."""
-    aligned = (position + rows) // samples_per_surface * samples_per_surface
-    if aligned > position:
-        return aligned
-    following = aligned + samples_per_surface
-    return following if following - position <= largest else position + rows
-
-
-def _ascending(ranges: list[tuple[int, int]], samples: int) -> list[tuple[int, int]]:
-    """Refuse ranges that do not ascend within the plan."""
-    previous = 0
-    for start, stop in ranges:
-        if not previous <= start <= stop <= samples:
-            raise ValueError(
-                f"pending rows {start} to {stop}: wanted ascending ranges in {previous}..{samples}"
-            )
-        previous = stop
-    return ranges
 
 
 def _stream(seed: int, *key: int) -> np.random.PCG64:
@@ -277,62 +247,39 @@ def _uniform_numbers(scene: Scene, first: int, last: int) -> tuple[dict[str, Val
     ndarray, shape (last - first, samples_per_surface, 2)
         Two numbers for each sample's load.
     """
-    hurst, sigma0, load = _of_chunks(scene.seed, scene.samples_per_surface, first, last)
-    shared = {"hurst": hurst, "sigma0": sigma0}
-    if scene.drawn_parameters.keys() == shared.keys():
-        return shared, load
-    return {
-        name: _leapt(scene.seed, first, last, CHUNK, 3, zlib.crc32(name.encode()))
-        for name in scene.drawn_parameters
-    }, load
+    m = scene.samples_per_surface
+    draw = functools.partial(_drawn, scene.seed, first, last, CHUNK)
+    load = draw((1,), per=2 * m, before=2 * CHUNK).reshape(-1, m, 2)
+    names = scene.drawn_parameters.keys()
+    if names == {"hurst", "sigma0"}:
+        return {"hurst": draw((1,))[:, 0], "sigma0": draw((1,), before=CHUNK)[:, 0]}, load
+    return {name: draw((3, zlib.crc32(name.encode())))[:, 0] for name in names}, load
 
 
-def _of_chunks(
-    seed: int, samples_per_surface: int, first: int, last: int
-) -> tuple[Values, Values, Values]:
-    """Draw numbers in [0, 1) for the surfaces first to last - 1 from their chunks' first streams.
+def _drawn(
+    seed: int,
+    start: int,
+    stop: int,
+    chunk: int,
+    key: tuple[int, ...],
+    *,
+    per: int = 1,
+    before: int = 0,
+) -> Values:
+    """Draw the numbers of the items start to stop - 1 in [0, 1), shape (stop - start, per).
 
-    Returns
-    -------
-    hurst, sigma0 : ndarray, shape (last - first,)
-        One number for each surface.
-    load : ndarray, shape (last - first, samples_per_surface, 2)
-        Two numbers for each sample.
+    `chunk` items share a stream, whose key is their chunk's number followed by `key`; `before`
+    numbers of each stream belong to something else. A surface's own key is one word, a chunk's two
+    or three: none shares a stream with another.
     """
-    hurst, sigma0 = np.empty(last - first), np.empty(last - first)
-    load = np.empty((last - first, samples_per_surface, 2))
-    per_load = 2 * samples_per_surface
-    begin = first
-    while begin < last:
-        chunk, offset = divmod(begin, CHUNK)
-        end = min(last, (chunk + 1) * CHUNK)
-        here, passed = slice(begin - first, end - first), CHUNK - (end - begin)
-        # A surface's key is one word, a chunk's two or three: none shares a stream with another.
-        stream = _stream(seed, chunk, 1)
-        random = np.random.Generator(stream)
-        # Each number takes one step of PCG64: leap over those that belong to other surfaces.
-        stream.advance(offset)
-        random.random(out=hurst[here])
-        stream.advance(passed)
-        random.random(out=sigma0[here])
-        stream.advance(passed - offset + offset * per_load)
-        random.random(out=load[here])
-        begin = end
-    return hurst, sigma0, load
-
-
-def _leapt(seed: int, start: int, stop: int, length: int, *key: int) -> Values:
-    """Draw the numbers start to stop - 1 of streams in [0, 1), each of which has `length` numbers.
-
-    The key of a stream is the number of its chunk followed by `key`.
-    """
-    uniform = np.empty(stop - start)
+    uniform = np.empty((stop - start, per))
     begin = start
     while begin < stop:
-        chunk, offset = divmod(begin, length)
-        end = min(stop, (chunk + 1) * length)
-        stream = _stream(seed, chunk, *key)
-        stream.advance(offset)
+        number, offset = divmod(begin, chunk)
+        end = min(stop, (number + 1) * chunk)
+        stream = _stream(seed, number, *key)
+        # Each number takes one step of PCG64: leap over those that belong to other items.
+        stream.advance(before + offset * per)
         np.random.Generator(stream).random(out=uniform[begin - start : end - start])
         begin = end
     return uniform
@@ -349,7 +296,8 @@ def _hardness(scene: Scene, start: int, stop: int) -> Values | None:
         return None
     if not contact.draws_hardness:
         return np.full(stop - start, limits[0])
-    uniform = _leapt(scene.seed, start, stop, CHUNK * scene.samples_per_surface, 2)
+    chunk = CHUNK * scene.samples_per_surface
+    uniform = _drawn(scene.seed, start, stop, chunk, (2,))[:, 0]
     if isinstance(given, tuple):
         return log_within(*limits, uniform)
     return np.clip(quantiles(given, uniform) * contact.hardness_unit, *limits)

@@ -1,37 +1,28 @@
-"""The main job: generate the rows that a database lacks, on one process or on many."""
+"""The farm: generate the rows that a database lacks, on one process or on many."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from contextlib import ExitStack
-from dataclasses import dataclass, replace
-from functools import partial
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Literal, NamedTuple, Self
+
+import numpy as np
 
 from gen.arrays import Columns
 from gen.generation import plan
-from gen.generation.completion import completed, functions, rehearse
-from gen.generation.delivery import (
-    Block,
-    Choice,
-    FromWorkers,
-    Target,
-    ThroughMaster,
-    delivery,
-    in_parallel,
-)
-from gen.generation.sample import compute_rows
-from gen.populations import make_ready, remarks
+from gen.generation.functions import completed, functions, rehearse
+from gen.generation.sample import compute_rows, finished_parts
 from gen.runtime import farm
 from gen.runtime.errors import InputError
-from gen.runtime.interruption import Interruption
-from gen.scene import Scene, load
-from gen.schema import row_bytes
+from gen.runtime.signals import Interruption
+from gen.scene import Scene, load, row_bytes
+from gen.schema import Status
 
-if TYPE_CHECKING:  # a worker that writes nothing needs neither HDF5 nor a progress bar
-    from gen.database import Counts
+if TYPE_CHECKING:  # a worker that writes nothing needs no HDF5
+    from gen.database import Counts, Writer
 
 BLOCK_ROWS = 64
 """Largest number of rows of a block, for few workers: contiguous rows are written together, and a
@@ -50,24 +41,11 @@ MASTER_SHARE = 1.5
 BLOCK_BYTES = 8 * 2**20
 """Largest size of a block [bytes], unless one row has more: fields make blocks small."""
 
+Block = tuple[int, int]
+"""First row of a task, and one past the last."""
 
-@dataclass(frozen=True)
-class RunResult:
-    """State in which a run left its database, the same on every process.
-
-    Attributes
-    ----------
-    counts : Counts
-        Numbers of pending, done and failed rows in the file.
-    signal : int
-        Number of the signal that interrupted the run; 0 if none did.
-    overdue : int
-        Number of rows left pending because they took longer than the limit.
-    """
-
-    counts: Counts
-    signal: int
-    overdue: int = 0
+Choice = Literal["auto", "single", "parallel"]
+"""Writers that a user can ask for."""
 
 
 @dataclass(frozen=True)
@@ -103,6 +81,170 @@ class Request:
     writer: Choice = "auto"
 
 
+@dataclass(frozen=True)
+class RunResult:
+    """State in which a run left its database, the same on every process.
+
+    Attributes
+    ----------
+    counts : Counts
+        Numbers of pending, done and failed rows in the file.
+    signal : int
+        Number of the signal that interrupted the run; 0 if none did.
+    overdue : int
+        Number of rows left pending because they took longer than the limit.
+    """
+
+    counts: Counts
+    signal: int
+    overdue: int = 0
+
+
+class Target(NamedTuple):
+    """The file to write and its writer: the master's decision, the same on every process.
+
+    Attributes
+    ----------
+    path : Path
+        The database, from `gen.database.open_or_create`.
+    scene : Scene
+        Scene of the file.
+    parallel : bool
+        Whether every worker writes its own rows.
+    force : bool
+        Whether rows may be added to those of another physics number.
+    """
+
+    path: Path
+    scene: Scene
+    parallel: bool
+    force: bool = False
+
+
+class Tally(NamedTuple):
+    """Counts of the rows of a block by their fate.
+
+    Attributes
+    ----------
+    failed : int
+        Number of failed rows.
+    overdue : int
+        Number of rows that took longer than the limit and are still pending.
+    trouble : str
+        Reason why the rows could not be written; "" if they were.
+    """
+
+    failed: int
+    overdue: int
+    trouble: str = ""
+
+
+class Delivery:
+    """The way of computed rows into the file: through the master, or from every worker itself.
+
+    All processes make one of these and leave its block together, because the parallel writer opens
+    and closes the file on all of them.
+
+    Parameters
+    ----------
+    target : Target
+        The file, and who writes it.
+    world : farm.World
+        The processes.
+    compute : callable
+        Function that computes every column of a block's rows; pending rows are not written.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be opened: on the master, or on every process that writes.
+    """
+
+    def __init__(
+        self, target: Target, world: farm.World, compute: Callable[[Block], Columns]
+    ) -> None:
+        self._compute = compute
+        self._parallel = target.parallel
+        self._writer: Writer | None = None
+        if target.parallel or world.is_master:  # other workers need no HDF5
+            from gen import database
+
+            path, scene, force = target.path, target.scene, target.force
+            self._writer = (
+                database.ParallelWriter(path, scene, world.communicator, force=force)
+                if target.parallel
+                else database.Writer(path, scene, force=force)
+            )
+
+    def __enter__(self) -> Self:
+        """Return the delivery, whose file is closed at the end of the block."""
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Close the file."""
+        if self._writer is not None:
+            self._writer.close()
+
+    def confirm(self) -> None:
+        """Refuse, where rows are written, a file that has been replaced since it was opened."""
+        if self._writer is not None:
+            self._writer.confirm()
+
+    def work(self, block: Block) -> Columns | Tally:
+        """Compute the rows of a block on a worker, which writes them if every worker does."""
+        rows = self._compute(block)
+        if not self._parallel:
+            return rows
+        try:
+            return self._write(block, rows)
+        except InputError as error:
+            return Tally(0, 0, str(error))
+
+    def take(self, block: Block, result: Columns | Tally) -> Tally:
+        """Take what `work` has returned on the master: write rows, raise a worker's InputError."""
+        tally = result if isinstance(result, Tally) else self._write(block, result)
+        if tally.trouble:
+            raise InputError(tally.trouble)
+        return tally
+
+    def _write(self, block: Block, rows: Columns) -> Tally:
+        """Write the finished rows of a block, and count its rows."""
+        if self._writer is None:
+            raise ValueError("rows are taken on the master only")
+        finished = 0
+        for start, stop, part in finished_parts(block[0], rows):
+            self._writer.write_block(start, stop, part)
+            finished += stop - start
+        failed = int(np.count_nonzero(rows["status"] == Status.FAILED))
+        return Tally(failed, block[1] - block[0] - finished)
+
+
+def in_parallel(choice: Choice, path: Path, world: farm.World) -> bool:
+    """Decide whether workers write; `auto` means the parallel writer wherever it is safe.
+
+    Raises
+    ------
+    InputError
+        If the parallel writer is asked for and not available.
+    """
+    from gen import database
+
+    if choice == "parallel":
+        if not database.parallel_hdf5():
+            raise InputError(
+                "--writer parallel: this h5py has no MPI; build one as"
+                " docs/how-to/parallel-hdf5.md says, or leave the option out"
+            )
+        if world.size == 1:
+            raise InputError(
+                "--writer parallel: there is one process only; start it as"
+                " mpiexec -n 9 python -m mpi4py -m gen run ..."
+            )
+    if choice == "single" or world.size == 1:
+        return False
+    return choice == "parallel" or (database.parallel_hdf5() and database.coherent(path))
+
+
 def generate_database(request: Request, world: farm.World) -> RunResult:
     """Create or continue a database; every process of the world has to call it.
 
@@ -128,52 +270,98 @@ def generate_database(request: Request, world: farm.World) -> RunResult:
     with ExitStack() as stack:
         # From here on a signal is noted; it takes effect between two blocks, not in a broadcast.
         interruption = stack.enter_context(Interruption(listening=world.is_master))
-        job = stack.enter_context(_Job(request, world)) if world.is_master else None
+        job = stack.enter_context(_prepared(request, world)) if world.is_master else None
         target: Target = world.broadcast(job and job.target)
-        compute = partial(_compute_block, target, world.rank, request.sample_limit)
-        blocks = job.blocks(world) if job is not None else iter(())
-        delivered = delivery(target, world, compute)
-        return _work_off(job, blocks, delivered, world, interruption)
 
+        def compute(block: Block) -> Columns:
+            target.scene.surface.make_ready(target.path.parent, verify=False)
+            limit = request.sample_limit
+            return compute_rows(target.scene, *block, rank=world.rank, limit=limit)
 
-class _Job:
-    """The master's side of a run: the locked file, ready for writing, and its pending rows."""
-
-    def __init__(self, request: Request, world: farm.World) -> None:
+        # If all processes have opened the file, all of them have to close it: between here and the
+        # farm the master does nothing that can fail.
+        with Delivery(target, world, compute) as delivered:
+            if job is None:
+                farm.run(delivered.work, iter(()), lambda block, result: None, world)
+            else:
+                overdue = _hand_out(job, delivered, world, interruption)
+        # Every writer has closed the file: its rows can be counted now.
+        if job is None:
+            return world.broadcast(None)  # type: ignore[no-any-return]
         from gen import database
 
-        with ExitStack() as stack:
-            asked_for = completed(load(request.scene), request.path.parent)
-            first, last = request.rows or (0, asked_for.samples)
-            if not 0 <= first < last <= asked_for.samples:
-                raise InputError(
-                    f"--rows {first}:{last}: give first and last + 1 of the rows 0 to"
-                    f" {asked_for.samples}, as 0:{asked_for.samples}"
-                )
-            parallel = in_parallel(request.writer, request.path, world)
-            stack.enter_context(database.lock(request.path))
-            if not request.path.exists():
-                rehearse(asked_for)
-            self.opened = database.open_or_create(
-                request.path, asked_for, range(first, last), force=request.force
-            )
-            with database.Writer(request.path, asked_for, force=request.force) as writer:
-                scene = writer.scene
-                self.retried = writer.retry_failed(first, last) if request.retry_failed else 0
-                self.pending = writer.pending(first, last)
-            make_ready(scene, request.path.parent)
-            self.target = Target(request.path, scene, parallel, request.force)
-            self._stack = stack.pop_all()
+        with database.Reader(target.path) as reader:
+            ended = RunResult(reader.counts(), interruption.signal, overdue)
+        world.broadcast(ended)
+        return ended
 
-    def __enter__(self) -> _Job:
-        return self
 
-    def __exit__(self, *error: object) -> None:
-        self._stack.close()
+class _Job(NamedTuple):
+    """The master's side of a run: the file, its pending rows, and what there is to say of it."""
 
-    def blocks(self, world: farm.World) -> Iterator[Block]:
-        """Cut the pending rows into tasks."""
-        return blocks_of(self.target.scene, self.pending, world.workers)
+    target: Target
+    pending: list[Block]
+    begun: str
+
+
+@contextmanager
+def _prepared(request: Request, world: farm.World) -> Iterator[_Job]:
+    """Lock the file, create or check it, and find its pending rows, on the master."""
+    from gen import database
+
+    path, force = request.path, request.force
+    asked_for = completed(load(request.scene), path.parent)
+    first, last = request.rows or (0, asked_for.samples)
+    if not 0 <= first < last <= asked_for.samples:
+        raise InputError(
+            f"--rows {first}:{last}: give first and last + 1 of the rows 0 to"
+            f" {asked_for.samples}, as 0:{asked_for.samples}"
+        )
+    parallel = in_parallel(request.writer, path, world)
+    with database.lock(path):
+        if not path.exists():
+            rehearse(asked_for)
+        opened = database.open_or_create(path, asked_for, range(first, last), force=force)
+        with database.Writer(path, asked_for, force=force) as writer:
+            scene = writer.scene
+            retried = writer.retry_failed(first, last) if request.retry_failed else 0
+            pending = writer.pending(first, last)
+        scene.surface.make_ready(path.parent)
+        todo = sum(stop - start for start, stop in pending)
+        again = f", {retried} failed ones among them" if retried else ""
+        begun = (
+            f"{path}: {opened.how}, {opened.samples} rows, {todo} to do{again}; {world.workers}"
+            f" {'worker' if world.workers == 1 else 'workers'},"
+            f" {'parallel' if parallel else 'single'} writer"
+        )
+        yield _Job(Target(path, scene, parallel, force), pending, begun)
+
+
+def _hand_out(job: _Job, delivered: Delivery, world: farm.World, interruption: Interruption) -> int:
+    """Do the master's part: hand out blocks, take results, note signals; return late rows."""
+    from gen.runtime.terminal import RunProgress
+
+    overdue, scene = 0, job.target.scene
+    todo = sum(stop - start for start, stop in job.pending)
+    with RunProgress(todo) as progress:
+        progress.say(job.begun)
+        for function in functions(scene):
+            progress.say(f"runs {function}")
+        for doubt in scene.contact.doubts:
+            progress.say(f"  warning: {doubt}")
+        for line in scene.surface.remarks():
+            progress.say(f"  {line}")
+
+        def take(block: Block, result: Columns | Tally) -> None:
+            nonlocal overdue
+            tally = delivered.take(block, result)
+            overdue += tally.overdue
+            progress.advance(block[1] - block[0] - tally.overdue, tally.failed)
+
+        blocks = blocks_of(scene, job.pending, world.workers)
+        farm.run(delivered.work, blocks, take, world, stopping=interruption.requested)
+        delivered.confirm()
+    return overdue
 
 
 def blocks_of(scene: Scene, pending: list[Block], workers: int) -> Iterator[Block]:
@@ -199,7 +387,6 @@ def blocks_of(scene: Scene, pending: list[Block], workers: int) -> Iterator[Bloc
     least = max(1, min(most, _least_rows(nodes, sum(b - a for a, b in pending), workers)))
     return plan.blocks(
         pending,
-        samples=scene.samples,
         samples_per_surface=scene.samples_per_surface,
         workers=workers,
         largest=min(most, max(fitting, 2 * least - 1)),
@@ -215,85 +402,3 @@ def _least_rows(nodes: int, rows: int, workers: int) -> int:
     """
     answer = ANSWER_NODES / nodes  # the master's time for a block, in solves
     return int(min(MASTER_SHARE * workers * answer, math.sqrt(rows * answer)))
-
-
-def _work_off(
-    job: _Job | None,
-    blocks: Iterator[Block],
-    delivered: ThroughMaster | FromWorkers,
-    world: farm.World,
-    interruption: Interruption,
-) -> RunResult:
-    """Run the farm, and broadcast the master's result.
-
-    If all processes have opened the file, all of them have to close it: between here and the farm
-    the master does nothing that can fail.
-    """
-    with delivered:
-        if job is None:
-            farm.run(delivered.work, blocks, _ignore, world)
-        else:
-            ended = _supervise(job, blocks, delivered, world, interruption)
-    # Every writer has closed the file: its rows can be counted now.
-    result: RunResult = world.broadcast(None if job is None else _counted(job.target.path, ended))
-    return result
-
-
-def _counted(path: Path, ended: RunResult) -> RunResult:
-    """Count the rows of the file by status."""
-    from gen import database
-
-    with database.Reader(path) as reader:
-        return replace(ended, counts=reader.counts())
-
-
-def _supervise(
-    job: _Job,
-    blocks: Iterator[Block],
-    delivered: ThroughMaster | FromWorkers,
-    world: farm.World,
-    interruption: Interruption,
-) -> RunResult:
-    """Do the master's part: hand out blocks, take the results, and note signals and late rows."""
-    from gen.database import Counts
-    from gen.runtime.progress import RunProgress
-
-    overdue = 0
-    todo = sum(stop - start for start, stop in job.pending)
-    with RunProgress(todo) as progress:
-        progress.say(_opening_line(job, todo, world))
-        for function in functions(job.target.scene):
-            progress.say(f"runs {function}")
-        for line in remarks(job.target.scene):
-            progress.say(f"  {line}")
-
-        def take(block: Block, result: Any) -> None:
-            nonlocal overdue
-            tally = delivered.take(block, result)
-            overdue += tally.overdue
-            progress.advance(block[1] - block[0] - tally.overdue, tally.failed)
-
-        farm.run(delivered.work, blocks, take, world, stopping=interruption.requested)
-        delivered.confirm()
-    return RunResult(Counts(0, 0, 0), interruption.signal, overdue)
-
-
-def _opening_line(job: _Job, todo: int, world: farm.World) -> str:
-    """Describe the run that is about to begin."""
-    again = f", {job.retried} failed ones among them" if job.retried else ""
-    workers = "worker" if world.workers == 1 else "workers"
-    writer = "parallel" if job.target.parallel else "single"
-    return (
-        f"{job.target.path}: {job.opened.how}, {job.opened.samples} rows, {todo} to do{again};"
-        f" {world.workers} {workers}, {writer} writer"
-    )
-
-
-def _compute_block(target: Target, rank: int, limit: float | None, block: Block) -> Columns:
-    """Compute the rows of a worker's block."""
-    make_ready(target.scene, target.path.parent, verify=False)
-    return compute_rows(target.scene, *block, rank=rank, limit=limit)
-
-
-def _ignore(block: Block, result: Any) -> None:
-    """Drop a result: only the master receives any."""

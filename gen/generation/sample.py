@@ -3,14 +3,14 @@
 import itertools
 import socket
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
 import bem
 from bem.derived.spots import Spots
 from gen.arrays import Columns, Heights
-from gen.generation.own_outputs import outputs_of
+from gen.generation.functions import outputs_of
 from gen.generation.plan import (
     Parameters,
     opposite_random,
@@ -19,13 +19,16 @@ from gen.generation.plan import (
     surface_random,
 )
 from gen.material import plane_strain_modulus
-from gen.populations import opposite_heights, surface_heights
 from gen.runtime.errors import InputError, SourceError
 from gen.runtime.memory import too_little_for_solve
-from gen.runtime.overtime import Overtime, at_most
+from gen.runtime.signals import Overtime, at_most
 from gen.scene import Scene
-from gen.schema import DONE_REASONS, Reason, Status, columns_for
+from gen.scene.columns import columns_for
+from gen.schema import DONE_REASONS, Reason, Status
 from gen.statistics import Description, describe, rms_slope
+
+EFFORT = ("iterations", "convolutions", "residual")
+"""Columns of the cost and the residual of a solve, converged or not."""
 
 ANSWERS = ("area_percent", "force", "contact_nodes")
 """Columns of every database that are results of `bem.solve` under the same name."""
@@ -78,29 +81,27 @@ def compute_rows(
     Returns
     -------
     Columns
-        Every column of `gen.schema.columns_for(scene)`, with stop - start rows.
+        Every column of `gen.scene.columns_for(scene)`, with stop - start rows.
 
     Raises
     ------
     InputError
         If memory runs out: that is not the sample's fault, so no row has failed.
     """
-    try:
-        return _computed(scene, start, stop, rank, limit)
-    except MemoryError:
-        raise too_little_for_solve(scene.shape) from None
-
-
-def _computed(scene: Scene, start: int, stop: int, rank: int, limit: float | None) -> Columns:
-    """Compute the rows start to stop - 1 without handling a lack of memory."""
     plan = parameters(scene, start, stop)
-    rows = _pending_rows(scene, stop - start)
+    rows: Columns = {
+        column.name: np.full(column.shape(stop - start, scene.shape), column.fill, column.dtype)
+        for column in columns_for(scene)
+    }
     rows |= planned_columns(scene, plan)
     rows["rank"][:] = rank
     rows["host"][:] = socket.gethostname().encode()[:64]
     edges = np.flatnonzero(np.diff(plan.surface, prepend=-1, append=-1))
-    for first, last in itertools.pairwise(edges.tolist()):
-        _compute_surface(scene, plan, rows, first, last, limit)
+    try:
+        for first, last in itertools.pairwise(edges.tolist()):
+            _compute_surface(scene, plan, rows, first, last, limit)
+    except MemoryError:
+        raise too_little_for_solve(scene.shape) from None
     return rows
 
 
@@ -130,14 +131,20 @@ def surface_of(scene: Scene, plan: Parameters, row: int) -> Heights:
     """Make the surface of one row of a plan: heights of the scene's shape [um].
 
     Of two rough bodies it is the composite surface, the sum of both heights. The second one is
-    drawn as it faces the first, so neither is turned over.
+    drawn as it faces the first, so neither is turned over. An InputError says what cannot be made.
     """
-    surface, drawn = int(plan.surface[row]), plan.parameters_of(row)
-    heights = surface_heights(scene, surface, drawn, surface_random(scene, surface))
-    if scene.surface.against is None:
-        return heights
-    streams = surface_random(scene, surface), opposite_random(scene, surface)
-    heights = heights + opposite_heights(scene, surface, drawn, *streams)
+    number, drawn, table = int(plan.surface[row]), plan.parameters_of(row), scene.surface
+    try:
+        heights = table.heights(scene.grid, number, drawn, surface_random(scene, number))
+        if table.against is None:
+            return heights
+        streams = surface_random(scene, number), opposite_random(scene, number)
+        heights = heights + table.opposite_heights(scene.grid, number, drawn, *streams)
+    except ArithmeticError as error:
+        raise InputError(
+            f"surface {number} cannot be made in double precision ({type(error).__name__}): give"
+            " other parameters"
+        ) from error
     heights -= heights.min()
     return heights
 
@@ -242,14 +249,6 @@ def load_of(scene: Scene, heights: Heights, load: float) -> dict[str, float]:
     return {scene.quantity: load}
 
 
-def _pending_rows(scene: Scene, count: int) -> Columns:
-    """Make rows in which every column has its fill value."""
-    return {
-        column.name: np.full(column.shape(count, scene.shape), column.fill, dtype=column.dtype)
-        for column in columns_for(scene)
-    }
-
-
 def _compute_surface(
     scene: Scene, plan: Parameters, rows: Columns, first: int, last: int, limit: float | None
 ) -> None:
@@ -300,50 +299,41 @@ def _solve(scene: Scene, heights: Heights, plan: Parameters, rows: Columns, row:
     try:
         contact = _contact(scene, heights, plan, row)
     except bem.NotConverged as failure:
-        _record_effort(failure.contact, rows, row)
+        _record(failure.contact, EFFORT, rows, row)
         return Reason.NOT_CONVERGED
     except bem.NoSolution:
-        return _without_solution(scene)
+        elastic = Reason.FULL_CONTACT if scene.edgeless else Reason.NO_SOLUTION
+        return elastic if scene.contact.hardness_limits is None else Reason.BEYOND_HARDNESS
     except (ArithmeticError, np.linalg.LinAlgError):
         return Reason.ARITHMETIC
-    _record_effort(contact, rows, row)
+    _record(contact, EFFORT, rows, row)
     if not np.isfinite(contact.force):
         return Reason.NOT_FINITE
-    return _add_results(scene, contact, rows, plan.first + row, row)
+    try:
+        return _add_results(scene, contact, rows, plan.first + row, row)
+    except ArithmeticError:
+        return Reason.ARITHMETIC
+
+
+def _record(contact: bem.Contact, names: Iterable[str], rows: Columns, row: int) -> None:
+    """Store numbers of a contact under their names."""
+    for name in names:
+        rows[name][row] = getattr(contact, name)
 
 
 def _add_results(
     scene: Scene, contact: bem.Contact, rows: Columns, number: int, row: int
 ) -> Reason:
-    """Fill in all results of one contact; return the reason if one cannot be computed."""
+    """Fill in the results of one contact; return the reason if one is no number."""
+    wanted = scene.optional_columns
     if scene.quantity != "delta":
         rows["delta"][row] = contact.delta
-    try:
-        _add_answers(scene, contact, rows, row)
-    except ArithmeticError:
-        return Reason.ARITHMETIC
-    if scene.store.function is None:
-        return Reason.NONE
-    return _add_outputs(scene, contact, rows, number, row)
-
-
-def _add_answers(scene: Scene, contact: bem.Contact, rows: Columns, row: int) -> None:
-    """Fill in the results of one contact, and those that the scene asks for."""
-    wanted = scene.optional_columns
-    for name in (*ANSWERS, *(OPTIONAL_ANSWERS & wanted)):
-        rows[name][row] = getattr(contact, name)
+    _record(contact, (*ANSWERS, *(OPTIONAL_ANSWERS & wanted)), rows, row)
     for name in SPOT_ANSWERS.keys() & wanted:
         rows[name][row] = SPOT_ANSWERS[name](contact.spots)
-
-
-def _add_outputs(
-    scene: Scene, contact: bem.Contact, rows: Columns, number: int, row: int
-) -> Reason:
-    """Fill in the outputs of the user's function, and return the reason if one is no number."""
-    try:
-        outputs = outputs_of(scene.store, contact, number)
-    except ArithmeticError:
-        return Reason.ARITHMETIC
+    if scene.store.function is None:
+        return Reason.NONE
+    outputs = outputs_of(scene.store, contact, number)
     for name, value in outputs.items():
         rows[name][row] = value
     return Reason.NONE if np.isfinite(list(outputs.values())).all() else Reason.NOT_FINITE
@@ -356,12 +346,9 @@ def _contact(scene: Scene, heights: Heights, plan: Parameters, row: int) -> bem.
 
 
 def first_surface(scene: Scene) -> Heights | None:
-    """Make a scene's first surface; return None if that leaves the range of numbers.
+    """Make a scene's first surface; None if that leaves the range of numbers.
 
-    Raises
-    ------
-    SourceError
-        If what the surfaces are made of is missing or has changed.
+    A SourceError says that what it is made of is missing or has changed.
     """
     try:
         return surface_of(scene, parameters(scene, 0, 1), 0)
@@ -372,24 +359,9 @@ def first_surface(scene: Scene) -> Heights | None:
 
 
 def first_contact(scene: Scene, rows: int) -> tuple[int, bem.Contact] | None:
-    """Solve the first of a scene's rows that has a solution.
+    """Solve the first of a scene's first rows that has a solution; None if none of them has.
 
-    Parameters
-    ----------
-    scene : Scene
-        Description of the samples.
-    rows : int
-        Number of rows to try.
-
-    Returns
-    -------
-    tuple of int and bem.Contact, or None
-        The row and its contact; None if no row has a solution.
-
-    Raises
-    ------
-    SourceError
-        If what the surfaces are made of is missing or has changed.
+    A SourceError says that what the surfaces are made of is missing or has changed.
     """
     plan = parameters(scene, 0, rows)
     for row in range(rows):
@@ -400,18 +372,3 @@ def first_contact(scene: Scene, rows: int) -> tuple[int, bem.Contact] | None:
         except UNSOLVED:
             continue
     return None
-
-
-def _without_solution(scene: Scene) -> Reason:
-    """Return the reason why a contact of the scene may have no equilibrium."""
-    if scene.contact.hardness_limits is not None:
-        return Reason.BEYOND_HARDNESS
-    if scene.contact.boundary != "free":
-        return Reason.FULL_CONTACT
-    return Reason.NO_SOLUTION
-
-
-def _record_effort(contact: bem.Contact, rows: Columns, row: int) -> None:
-    """Store the cost and the residual of a solve, converged or not."""
-    for name in ("iterations", "convolutions", "residual"):
-        rows[name][row] = getattr(contact, name)

@@ -1,9 +1,8 @@
 """Contact laws of interfaces: tables that a finite-element code reads at an integration point.
 
-`contact_law` makes a law with the solver; `subjects` are the surfaces that it is about, `points`
-and `curves` its numbers. `writers` writes its files: `table` (CSV), `json_file`, `c_header`,
-`finite_elements` (CalculiX, Abaqus) and `picture`. The laws of surrogates use the same numbers and
-writers.
+`contact_law` makes a law with the solver. `surfaces` are what it is about, `curves` its numbers,
+`solved` finds them. `files` shows and writes it; `c_header` and `finite_elements` are for programs.
+The laws of surrogates use the same numbers and writers.
 """
 
 from gen.law.contact_law import Law, Order, by_solver

@@ -17,11 +17,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gen.arrays import Values
-from gen.law.curves import CONDUCTANCE, slopes
+from gen.law.curves import CONDUCTANCE, STIFFNESS, slopes
 from gen.law.finite_elements import rising
-from gen.law.points import STIFFNESS
-from gen.runtime import output
-from gen.runtime.provenance import git_commit, versions
+from gen.runtime import VERSION, files
+from gen.runtime.installation import git_commit
 
 if TYPE_CHECKING:
     from gen.law.contact_law import Law
@@ -99,7 +98,7 @@ def write(path: Path, law: Law) -> None:
     """
     tables = {name: getattr(law, name) for name in ("over_delta", "over_pressure")}
     law = replace(law, **{name: each.chosen(~each.flagged) for name, each in tables.items()})
-    output.write(path, "\n".join(_lines(law, _name(path))) + "\n")
+    files.write(path, "\n".join(_lines(law, _name(path))) + "\n")
 
 
 def _name(path: Path) -> str:
@@ -135,7 +134,6 @@ def _lines(law: Law, name: str) -> Iterator[str]:
 
 def _description(law: Law, name: str) -> Iterator[str]:
     """Yield the paragraphs of the comment at the top."""
-    version = versions(["asperity"]).get("asperity", "")
     commit = git_commit()[:12]
     yield f"Contact law of rough surfaces, E* = {law.bodies.e_star:.17g} MPa."
     if law.bodies.hardness is not None:
@@ -143,7 +141,7 @@ def _description(law: Law, name: str) -> Iterator[str]:
     yield f"Surface: {'; '.join(law.origins)}"
     if law.order.command:
         yield f"Command: {law.order.command}"
-    yield f"Made: {datetime.now(UTC).isoformat(timespec='seconds')}, asperity {version} {commit}"
+    yield f"Made: {datetime.now(UTC).isoformat(timespec='seconds')}, asperity {VERSION} {commit}"
     for note in law.notes:
         yield f"How: {note}"
     if law.over_delta.banded or law.over_pressure.banded:

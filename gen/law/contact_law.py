@@ -15,12 +15,12 @@ from bem.spacing import Boundary
 from gen.arrays import Values
 from gen.law import solved
 from gen.law.curves import Curves, with_conductance
-from gen.law.loads import deltas_from, pressures_from
-from gen.law.subjects import LawSurfaces, read_subjects
+from gen.law.surfaces import LawSurfaces, read_subjects
+from gen.maps.bodies import Opposite
+from gen.maps.settings import Reading
 from gen.material import Bodies
-from gen.measured.source import Opposite
-from gen.option_groups import Reading
 from gen.runtime.errors import InputError
+from gen.runtime.numbers import MAGNITUDES, magnitude, shown, values_from
 from gen.runtime.terminal import shortened
 
 FEW = 10
@@ -275,3 +275,49 @@ def usual_loads(subjects: LawSurfaces, e_star: float) -> tuple[Values | None, Va
     if not loads.size:
         raise InputError("give --delta or --pressure: the scene presses nothing")
     return (loads, None) if kind == "delta" else (None, loads)
+
+
+def deltas_from(text: str) -> Values:
+    """Parse displacements, as "2", "1,2,5" or "5:45:9" [um].
+
+    Raises
+    ------
+    InputError
+        If the text is not made of numbers within `gen.runtime.numbers.MAGNITUDES`.
+    """
+    advice = "give numbers above 0 um, as 2, 1,2,5 or 5:45:9"
+    values = numbers_from(text, "--delta", advice)
+    if not all(map(magnitude, values)):
+        low, high = MAGNITUDES
+        raise InputError(f"--delta {shown(text)}: give numbers from {low:g} to {high:g} um")
+    return values
+
+
+def pressures_from(text: str) -> Values:
+    """Parse nominal pressures, as "1:100:20" [MPa].
+
+    Raises
+    ------
+    InputError
+        If the text is not made of numbers of 0 or more, or all are 0.
+    """
+    advice = f"give pressures from 0 to {MAGNITUDES[1]:g} MPa, not all 0, as 0:100:20"
+    values = numbers_from(text, "--pressure", advice)
+    if not values.any() or not all(value == 0 or magnitude(value) for value in values):
+        raise InputError(f"--pressure {shown(text)}: {advice}")
+    return values
+
+
+def numbers_from(text: str, option: str, advice: str) -> Values:
+    """Parse finite numbers, as "2", "1,2,5" or "5:45:9".
+
+    Raises
+    ------
+    InputError
+        If there are none or too many, or one is not finite; the message has the option and the
+        advice.
+    """
+    values = np.array(values_from(text, option, advice))
+    if not np.isfinite(values).all():
+        raise InputError(f"{option} {shown(text)}: {advice}")
+    return values

@@ -1,17 +1,27 @@
-"""Curves of a contact law: monotone values with a band and slopes, over Delta or over pressure."""
+"""The numbers of a contact law: points of one surface, and curves with a band and slopes.
+
+`Points` are the contacts of one surface. `tabulated` puts those of one surface or many into a table
+of monotone `Curves` over Delta or over pressure.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Values
-from gen.law.points import STIFFNESS, Points
 from gen.material import Bodies
 from gen.runtime.errors import InputError
+
+NAMES = ("delta_um", "area_percent", "force_uN", "mean_gap_um", "pressure_MPa", "closure_um")
+"""Quantities of every point. The closure is what the interface alone gives way from first touch on:
+Delta, less what the half-space behind a free patch gives way, which a mesh has already."""
+
+STIFFNESS = "stiffness_MPa_per_um"
+"""Stiffness of the interface alone, of unloading, per nominal area."""
 
 QUANTITIES = ("area_percent", "force_uN", "mean_gap_um", "pressure_MPa", "closure_um")
 CONDUCTANCE = "conductance_W_per_mm2_K"
@@ -41,6 +51,73 @@ APART = 1e-9
 
 OUTSIDE_WEIGHT = 1e-9
 """Weight of a point outside the training, over one inside, where curves are made monotone."""
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """Contacts of one surface under k loads, ascending.
+
+    Attributes
+    ----------
+    values : dict of str to ndarray, shape (k,)
+        Values by name: delta_um, area_percent, force_uN, mean_gap_um, pressure_MPa, closure_um,
+        and stiffness_MPa_per_um where it is known.
+    low, high : dict of str to ndarray, shape (k,)
+        Ends of the intervals by name; quantities without intervals are left out.
+    reasons : tuple of str
+        For each load, why it lies outside the training; "" if it does not.
+    endless : tuple of str
+        For each load inside the training, why it has no interval; "" if it has one. May be empty.
+    warnings : tuple of str
+        Warnings about the solved contacts of this surface.
+    faults : tuple of str
+        For each load, why the solver has no values there, which are NaN; "" if it has. May be
+        empty.
+    """
+
+    values: dict[str, Values]
+    low: dict[str, Values] = field(default_factory=dict)
+    high: dict[str, Values] = field(default_factory=dict)
+    reasons: tuple[str, ...] = ()
+    endless: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+    faults: tuple[str, ...] = ()
+
+    def chosen(self, places: NDArray[np.bool_] | NDArray[np.int64]) -> Points:
+        """Return the points of some of the loads."""
+
+        def some(part: dict[str, Values]) -> dict[str, Values]:
+            return {name: each[places] for name, each in part.items()}
+
+        reasons = tuple(np.array(self.reasons, dtype=object)[places])
+        values, low, high = some(self.values), some(self.low), some(self.high)
+        return replace(self, values=values, low=low, high=high, reasons=reasons, faults=())
+
+    def joined(self, more: Points) -> Points:
+        """Append the points of further loads."""
+
+        def both(one: dict[str, Values], other: dict[str, Values]) -> dict[str, Values]:
+            return {name: np.concatenate([each, other[name]]) for name, each in one.items()}
+
+        return Points(
+            both(self.values, more.values),
+            both(self.low, more.low),
+            both(self.high, more.high),
+            self.reasons + more.reasons,
+        )
+
+    def from_rest(self, gap_at_rest: float) -> Points:
+        """Put first touch at Delta = 0, where no value is uncertain, before these loads.
+
+        Parameters
+        ----------
+        gap_at_rest : float
+            Mean gap at first touch [um].
+        """
+        rest = {name: np.zeros(1) for name in self.values}
+        rest["mean_gap_um"] = np.array([gap_at_rest])
+        ends = {name: rest[name] for name in self.low}
+        return Points(rest, ends, ends, ("",)).joined(self)
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,10 +28,10 @@ from numpy.typing import NDArray
 from gen.arrays import Values
 from gen.law.contact_law import Law
 from gen.law.curves import CONDUCTANCE, risen
-from gen.option_groups import Units, sides_of
-from gen.runtime import output
+from gen.options import Units, sides_of
+from gen.runtime import VERSION, files
 from gen.runtime.errors import InputError
-from gen.runtime.provenance import git_commit, versions
+from gen.runtime.installation import git_commit
 
 Program = Literal["calculix", "abaqus"]
 
@@ -96,7 +96,7 @@ def write(path: Path, law: Law, program: Program, units: Units) -> list[Path]:
         made += zip(sides_of(path), ("soft", "stiff"), strict=True)
     texts = ["\n".join(_lines(each, law, program, UNITS[units], side)) for each, side in made]
     for (each, _), text in zip(made, texts, strict=True):
-        output.write(each, text + "\n")
+        files.write(each, text + "\n")
     return [each for each, _ in made]
 
 
@@ -179,7 +179,6 @@ def _description(
     law: Law, program: Program, units: UnitSystem, pressures: Values, side: str
 ) -> Iterator[str]:
     """Yield the paragraphs of the comment at the top."""
-    version = versions(["asperity"]).get("asperity", "")
     yield f"Contact of rough surfaces: {law.bodies.text}. Units: {units.text}."
     if law.order.conductivities is not None:
         k1, k2 = law.order.conductivities
@@ -189,7 +188,7 @@ def _description(
         closure, conductance = SIDES[side]
         yield f"The {side} side: closure {closure}, conductance {conductance} of the {law.band}."
     yield f"Command: {law.order.command}"
-    yield f"Made by asperity {version} {git_commit()[:12]}"
+    yield f"Made by asperity {VERSION} {git_commit()[:12]}"
     for note in law.notes:
         yield f"How: {note}"
     yield (

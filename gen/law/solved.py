@@ -1,16 +1,23 @@
 """Laws from the solver: every value is that of a contact solved under the given load."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gen.arrays import Values
-from gen.law.curves import APART, Curves, held, risen, tabulated
-from gen.law.points import Points, solved
-from gen.law.subjects import LawSurface, Load
+from gen.law.curves import APART, NAMES, STIFFNESS, Curves, Points, held, risen, tabulated
+from gen.law.surfaces import LawSurface, Load
+from gen.maps.contacts import contact_warnings, solve_loads
+from gen.maps.read import Topography
 from gen.material import Bodies
 from gen.runtime.errors import InputError
-from gen.runtime.progress import RunProgress
+from gen.runtime.terminal import RunProgress
+
+if TYPE_CHECKING:
+    from bem import Contact
 
 ARGUMENTS: dict[Load, str] = {"delta": "delta_um", "pressure": "pressure_MPa"}
 
@@ -61,7 +68,7 @@ def tables(
     asked: dict[Load, Values | None] = {"delta": deltas, "pressure": pressures}
     lost: list[str] = []
 
-    def solve(load: Load, loads: Values) -> tuple[Values, list[Points]]:
+    def under(load: Load, loads: Values) -> tuple[Values, list[Points]]:
         if load == "delta":
             loads, beyond = _possible_deltas(loads, surfaces, bodies)
             lost.extend(beyond)
@@ -69,7 +76,7 @@ def tables(
         lost.extend(faults)
         return loads, parts
 
-    solutions = {load: solve(load, loads) for load, loads in asked.items() if loads is not None}
+    solutions = {load: under(load, loads) for load, loads in asked.items() if loads is not None}
     made: dict[Load, Curves] = {}
     rest = float(np.mean([surface.gap_at_rest for surface in surfaces]))
     both: tuple[tuple[Load, Load], ...] = ("delta", "pressure"), ("pressure", "delta")
@@ -78,12 +85,14 @@ def tables(
         loads, parts = solutions.get(load) or solutions[other]
         if load not in solutions and len(surfaces) > 1:
             means = _means(parts, argument)
-            loads, parts = solve(load, means if load == "delta" else _below(means, bodies))
+            loads, parts = under(load, means if load == "delta" else _below(means, bodies))
         elif load not in solutions:
             parts = [_ascending(part, argument) for part in parts]
             loads = parts[0].values[argument]
         if load == "delta" or load not in solutions:  # pressures that were given stay alone
-            parts = [part.from_rest(each) for part, each in zip(parts, surfaces, strict=True)]
+            parts = [
+                part.from_rest(each.gap_at_rest) for part, each in zip(parts, surfaces, strict=True)
+            ]
             loads = np.append(0.0, loads)
         made[load] = tabulated(argument, loads, [held(part) for part in parts], level, rest)
     warnings = _warnings(parts for _, parts in solutions.values())
@@ -108,7 +117,7 @@ def _each(
     points = []
     with RunProgress(len(surfaces), f"surfaces at given {load}") as progress:
         for surface in surfaces:
-            points.append(solved(surface, load, loads.tolist(), bodies, stiffness=stiffness))
+            points.append(solve(surface, load, loads.tolist(), bodies, stiffness=stiffness))
             progress.advance(1, 0)
     kept = np.ones(loads.size, dtype=bool)
     said = []
@@ -166,3 +175,72 @@ def _ascending(part: Points, argument: str) -> Points:
     """Return the contacts under load whose argument rises."""
     order = np.argsort(part.values[argument], kind="stable")
     return part.chosen(order[risen(part.values[argument][order])])
+
+
+def solve(
+    subject: LawSurface,
+    load: str,
+    loads: Sequence[float],
+    bodies: Bodies,
+    *,
+    stiffness: bool = False,
+) -> Points:
+    """Solve the law of one surface at the given loads; there are no intervals.
+
+    Parameters
+    ----------
+    subject : LawSurface
+        The surface.
+    load : str
+        Kind of load: "delta" [um] or "pressure" [MPa].
+    loads : sequence of float
+        Ascending loads, 0 or more.
+    bodies : Bodies
+        E* and hardness.
+    stiffness : bool
+        Whether to solve for the stiffness of the interface too.
+
+    Returns
+    -------
+    Points
+        Points at all loads, NaN where the solver did not converge.
+
+    Raises
+    ------
+    InputError
+        If a load has no solution, or the solver converges under none of them.
+    """
+    topography = Topography(subject.name, subject.heights, subject.sides, boundary=subject.boundary)
+    settings = {"modulus": bodies.e_star, **subject.settings}
+    if bodies.hardness is not None:
+        settings["hardness"] = bodies.hardness
+    compliance = subject.patch_compliance(bodies.e_star)
+    rows, faults, last = [], [], None
+    notable: dict[int, Contact] = {}  # the first with each number of warnings, which only rises
+    names = [*NAMES, *([STIFFNESS] if stiffness else [])]
+    for contact, _, fault in solve_loads(topography, load, loads, **settings):
+        faults.append(fault)
+        if contact is None:
+            rows.append([np.nan] * len(names))
+            continue
+        last = contact
+        pressure = contact.force / subject.nominal
+        area, gap = contact.area_percent, max(contact.mean_gap, 0.0)  # below 0 by rounding alone
+        closure = contact.delta - compliance * pressure
+        row = [contact.delta, area, contact.force, gap, pressure, max(closure, 0.0)]
+        rows.append([*row, _stiffness(contact, subject)] if stiffness else row)
+        notes = contact_warnings(topography, [contact], material=bodies.known)
+        notable.setdefault(len(notes), contact)
+    assert last is not None
+    said = contact_warnings(topography, [*notable.values(), last], material=bodies.known)
+    columns = np.array(rows, dtype=np.float64).reshape(-1, len(names)).T
+    values = dict(zip(names, columns, strict=True))
+    return Points(values, reasons=("",) * len(rows), warnings=tuple(said), faults=tuple(faults))
+
+
+def _stiffness(contact: Contact, subject: LawSurface) -> float:
+    """Return the interface's stiffness per nominal area [MPa / um]."""
+    try:
+        return contact.interface_stiffness / subject.nominal
+    except ArithmeticError as error:
+        raise InputError(f"{subject.name}: {error}") from None

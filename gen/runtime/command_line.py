@@ -1,22 +1,28 @@
-"""Run a command so that it ends with one clear line and the same exit code on all ranks."""
+"""Run a command so that it ends with one clear line and the same exit code on all ranks.
 
+`start` prepares the process, `grouped` lets commands share options, `main` runs a command line.
+"""
+
+import io
 import os
+import shlex
+import signal
 import sys
 import time
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
-from functools import cache
+from dataclasses import fields, is_dataclass
+from functools import cache, wraps
+from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, get_type_hints
 
 import typer
 
-from gen.runtime import farm, memory, startup
+from gen.runtime import VERSION, farm, memory
 from gen.runtime.errors import InputError
-from gen.runtime.invocation import started_as, to_type
 from gen.runtime.numbers import shown
-from gen.runtime.terminal import echo, printable
-from gen.runtime.version import VERSION
+from gen.runtime.terminal import drop, echo, put, started_as, to_type
 
 CommandLineError: Any = typer.BadParameter.__mro__[2]
 """Base class of typer's errors about a command line; typer has moved it twice."""
@@ -27,7 +33,7 @@ LONGEST = 1200
 EXTRAS = {
     "aiohttp": "serve",
     "jinja2": "bench",
-    "mapie": "learn",
+    "skops": "learn",
     "matplotlib": "plot",
     "mlcroissant": "export",
     "pandas": "bench",
@@ -53,6 +59,119 @@ Version = Annotated[
     typer.Option("--version", is_eager=True, callback=_print_version, help="Print the version."),
 ]
 """The option `--version` of every program."""
+
+
+def start(*, default_sigint: bool) -> None:
+    """Prepare this process for a command; to be called before NumPy is imported.
+
+    Parameters
+    ----------
+    default_sigint : bool
+        Let Ctrl-C end the process until a run listens to signals; a KeyboardInterrupt on one rank
+        alone would leave the other ranks waiting.
+    """
+    # More threads would compete for the cores, and sums could depend on their number.
+    for library in ("OMP", "OPENBLAS", "MKL", "BLIS", "VECLIB_MAXIMUM"):
+        os.environ[f"{library}_NUM_THREADS"] = "1"
+    if default_sigint:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+    for descriptor in range(3):  # a database could get the number of a closed stream
+        with suppress(OSError):
+            os.fstat(descriptor)
+            continue
+        os.open(os.devnull, os.O_RDWR)  # takes the lowest free number
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")  # characters that the encoding lacks, in a title
+
+
+def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Expand the arguments of a command that are groups of options, for Typer.
+
+    Parameters
+    ----------
+    command : callable
+        A command. An argument annotated with a NamedTuple or a dataclass is a group: its fields,
+        with their annotations and defaults, are the options. Fields of a dataclass that are no
+        options have no annotation with `help` and `metavar`.
+
+    Returns
+    -------
+    callable
+        The command with the fields in the places of the groups.
+    """
+    kinds = get_type_hints(command, include_extras=True)
+    groups = {name: kind for name, kind in kinds.items() if _is_group(kind)}
+    parameters: list[Parameter] = []
+    for parameter in signature(command).parameters.values():
+        name, kind = parameter.name, kinds[parameter.name]
+        own = parameter.replace(annotation=kind, kind=Parameter.KEYWORD_ONLY)
+        parameters += _options(kind) if name in groups else [own]
+
+    @wraps(command)
+    def called(**given: Any) -> Any:
+        for name, group in groups.items():
+            own = {each.name: given.pop(each.name) for each in _options(group)}
+            given[name] = getattr(group, "of_options", group)(**own)
+        return command(**given)
+
+    called.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
+    called.__annotations__ = {each.name: each.annotation for each in parameters}
+    return called
+
+
+def _is_group(kind: Any) -> bool:
+    """Tell whether the annotation of an argument is that of a group of options."""
+    return hasattr(kind, "_field_defaults") or is_dataclass(kind)
+
+
+@cache
+def _options(group: Any) -> list[Parameter]:
+    """Return the fields of a group as parameters of a function."""
+    kinds = get_type_hints(group, include_extras=True)
+    defaults = getattr(group, "_field_defaults", None)
+    if defaults is None:
+        defaults = {each.name: each.default for each in fields(group)}
+        kinds = {name: _option(name, kinds[name]) for name in defaults}
+    return [
+        Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=kinds[name])
+        for name, default in defaults.items()
+        if kinds[name] is not None
+    ]
+
+
+def _option(name: str, kind: Any) -> Any:
+    """Return the annotation of an option for a field with `help` and `metavar`; else None."""
+    said = next(iter(getattr(kind, "__metadata__", ())), None)
+    if said is None:
+        return None
+    flag = f"--{name.replace('_', '-')}"
+    return Annotated[
+        kind.__origin__, typer.Option(flag, metavar=said.metavar or None, help=said.help)
+    ]
+
+
+def typed(context: typer.Context, program: str) -> str:
+    """Return the command line of a command, for the record, without the defaults.
+
+    Parameters
+    ----------
+    context : typer.Context
+        Context of the command.
+    program : str
+        Package that the command belongs to.
+    """
+    words = [*to_type(program).split(), str(context.info_name)]
+    for parameter in context.command.params:
+        name = str(parameter.name)
+        source = context.get_parameter_source(name)
+        if source is None or source.name != "COMMANDLINE":
+            continue
+        given = context.params[name]
+        values = given if isinstance(given, list | tuple) else [given]
+        option = [] if parameter.param_type_name == "argument" else [parameter.opts[0]]
+        for value in values:
+            words += [*option, str(value)] if value is not True else option
+    return shlex.join(words)
 
 
 def main(
@@ -144,11 +263,9 @@ def _run(app: typer.Typer, name: str, arguments: Sequence[str]) -> tuple[int, st
     except (KeyboardInterrupt, typer.Abort):
         return 130, f"{name}: interrupted"
     except BrokenPipeError:  # the reader of our output, for example `head`, has ended
-        _drop_output()
+        drop(sys.stdout)
         return 141, ""
     except (CommandLineError, InputError, ModuleNotFoundError, OSError) as error:
-        if isinstance(error, OSError) and error.filename == startup.OUTPUT:
-            _drop_output()
         return 2, _in_words(name, error)
     except MemoryError as error:
         allowed = memory.size(memory.allowed())
@@ -173,12 +290,11 @@ def _require_values(arguments: Sequence[str]) -> None:
 
 
 def _invoke(app: typer.Typer, name: str, arguments: Sequence[str]) -> int:
-    """Run a command and flush its output, so that errors of the output are raised here."""
+    """Run a command; print what is left of its output, so that its errors are raised here."""
     command = _built(app)
     with command.make_context(name, list(arguments)) as context:
         code = command.invoke(context)
-    if sys.stdout is not None:
-        sys.stdout.flush()
+    put("", sys.stdout)
     return code if isinstance(code, int) else 0
 
 
@@ -200,7 +316,7 @@ def _in_words(name: str, error: Exception) -> str:
         package = (error.name or "").partition(".")[0]
         if package not in EXTRAS:
             raise error
-        from gen.runtime.installing import command_for
+        from gen.runtime.installation import command_for
 
         extra = EXTRAS[package]
         return f"{name}: needs {package}, which is not installed: {command_for(extra)}"
@@ -220,17 +336,8 @@ def _place(error: OSError) -> str:
 
 def _complain(message: str) -> None:
     """Write one line on standard error, if that is possible."""
-    with suppress(OSError, ValueError, AttributeError):
-        line = printable(" ".join(message.split()))
-        if len(line) > LONGEST:  # holds a name or a number that nobody has typed by hand
-            line = f"{line[: LONGEST // 2]} ... {line[-LONGEST // 2 :]}"
-        sys.stderr.write(line + "\n")
-        sys.stderr.flush()
-
-
-def _drop_output() -> None:
-    """Discard buffered output, which Python would otherwise try to write again as it exits."""
-    with suppress(OSError, ValueError, AttributeError):
-        null = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(null, sys.stdout.fileno())
-        os.close(null)
+    line = " ".join(message.split())
+    if len(line) > LONGEST:  # holds a name or a number that nobody has typed by hand
+        line = f"{line[: LONGEST // 2]} ... {line[-LONGEST // 2 :]}"
+    with suppress(ValueError):
+        echo(line, err=True)

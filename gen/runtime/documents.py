@@ -1,20 +1,30 @@
-"""JSON documents that our programs exchange, checked before any part of them is used.
+"""Tables (CSV) for other programs, and JSON documents, which are checked before they are used.
 
-Somebody may have edited or sent them. A missing key, a text in place of a number or a number that
-is not finite is named here, before it can do harm.
+Somebody may have edited or sent a document. A missing key, a text in place of a number or a number
+that is not finite is named here, before it can do harm.
 """
 
+import csv
+import io
 import json
+import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from gen.runtime.errors import InputError
-from gen.runtime.input_file import require_file
+from gen.runtime.files import require_file, write
 
 LARGEST = 64 * 2**20
 """Most bytes of a document; those of this project have some thousands."""
+
+Row = dict[str, float | int | str]
+"""One line of a table: values by the names of the columns."""
+
+FORMULAS = ("=", "+", "-", "@", "\t", "\r", "\n")
+"""First characters of a text that a spreadsheet would compute."""
 
 
 class Document(BaseModel):
@@ -24,6 +34,42 @@ class Document(BaseModel):
     """
 
     model_config = ConfigDict(extra="allow", strict=True, allow_inf_nan=False)
+
+
+def cell(value: object) -> object:
+    """Return a value for a cell: no formula, and nothing for a number that is not finite.
+
+    Parameters
+    ----------
+    value : object
+        Number or text. Texts that look like formulas get an apostrophe, which is OWASP's advice for
+        texts from strangers.
+    """
+    if isinstance(value, float) and not math.isfinite(value):
+        return ""
+    return f"'{value}" if isinstance(value, str) and value.startswith(FORMULAS) else value
+
+
+def write_csv(path: Path, rows: Sequence[Row]) -> None:
+    """Write rows as CSV under a header with their names.
+
+    Parameters
+    ----------
+    path : Path
+        File to write.
+    rows : sequence of dict
+        Rows with the same names, at least one.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    """
+    text = io.StringIO(newline="")
+    writer = csv.DictWriter(text, list(rows[0]))
+    writer.writeheader()
+    writer.writerows({name: cell(value) for name, value in row.items()} for row in rows)
+    write(path, text.getvalue())
 
 
 def text_of(content: dict[str, Any]) -> str:

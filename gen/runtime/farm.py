@@ -171,7 +171,7 @@ def this_world() -> World:
     try:
         from mpi4py import MPI
     except (ImportError, RuntimeError) as error:
-        from gen.runtime.installing import command_for
+        from gen.runtime.installation import command_for
 
         reason = str(error).partition("\n")[0]
         raise InputError(

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from gen.runtime.errors import InputError
-from gen.runtime.output import write
+from gen.runtime.files import write
 from gen.runtime.terminal import printable
 
 SUFFIXES = (".png", ".svg", ".pdf")
@@ -33,10 +33,31 @@ def new_figure(width: float, height: float, *, dpi: float | None = None) -> Any:
     try:
         from matplotlib.figure import Figure
     except ImportError:
-        from gen.runtime.installing import command_for
+        from gen.runtime.installation import command_for
 
         raise InputError(f"drawing needs matplotlib: {command_for('plot')}") from None
     return Figure(figsize=(width, height), dpi=dpi, layout="constrained")
+
+
+def empty_figure(picture: Path | None, width: float, height: float) -> Any:
+    """Make the figure of a picture before anything is computed for it; None if there is none.
+
+    Parameters
+    ----------
+    picture : Path or None
+        Picture that will be written.
+    width, height : float
+        Size of the figure [inches].
+
+    Raises
+    ------
+    InputError
+        If the suffix is of no picture, or matplotlib is not installed.
+    """
+    if picture is None:
+        return None
+    require_picture_name(picture)
+    return new_figure(width, height, dpi=110)
 
 
 def log_axis(axis: Any) -> None:

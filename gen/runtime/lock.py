@@ -11,7 +11,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from gen.runtime.errors import InputError
-from gen.runtime.output import make_folder, place_of
+from gen.runtime.files import make_folder, place_of
 
 OURS = re.compile(rb"host .+, process [0-9]+(, job .+)?, since .+\n?")
 """Content of our lock files: their holder in one line."""
@@ -39,7 +39,8 @@ def lock(path: Path) -> Iterator[None]:
         If another process writes the database, the folder cannot be written, its file system has
         no locks, or a file of the user's has the lock's name.
     """
-    with _held(path, beside(path, ".lock")):
+    real = place_of(path)  # one lock for all links to a file
+    with _held(path, real.with_name(f"{real.name}.lock")):
         yield
 
 
@@ -74,25 +75,24 @@ def lock_folder(folder: Path) -> Iterator[None]:
 @contextmanager
 def _held(path: Path, lock_path: Path) -> Iterator[None]:
     """Hold the lock of a path, which is that of a file."""
-    descriptor, ours = _locked(path, lock_path)
+    descriptor = _locked(path, lock_path)
     try:
-        if ours:
-            with suppress(OSError):  # a full disk: the text is missing, the lock holds
-                os.ftruncate(descriptor, 0)
-                os.write(descriptor, _this_process().encode())
+        with suppress(OSError):  # a full disk: the text is missing, the lock holds
+            os.ftruncate(descriptor, 0)
+            os.write(descriptor, _this_process().encode())
         yield
     finally:
         # Unlinked while the lock is held: nobody can lock a name that is about to vanish,
         # because `_locked` checks that the name still leads to what it has locked.
-        if ours and _leads_to(lock_path, descriptor):
+        if _leads_to(lock_path, descriptor):
             lock_path.unlink(missing_ok=True)
         os.close(descriptor)
 
 
-def _locked(path: Path, lock_path: Path) -> tuple[int, bool]:
-    """Return the descriptor of the locked file, and whether it may be written and removed."""
+def _locked(path: Path, lock_path: Path) -> int:
+    """Return the descriptor of the locked file."""
     while True:
-        descriptor, ours = _opened(path, lock_path)
+        descriptor = _opened(path, lock_path)
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
@@ -108,38 +108,32 @@ def _locked(path: Path, lock_path: Path) -> tuple[int, bool]:
                     f"{path}: its file system has no locks ({error.strerror}); set "
                     "HDF5_USE_FILE_LOCKING=FALSE and let only one run write it"
                 ) from None
-            return descriptor, ours
+            return descriptor
         # The holder before us may have unlinked the file between our open and our lock.
         if _leads_to(lock_path, descriptor):
-            return descriptor, ours
+            return descriptor
         os.close(descriptor)
 
 
-def _opened(path: Path, lock_path: Path) -> tuple[int, bool]:
-    """Return the descriptor of the lock file, and whether it is ours by origin or content.
+def _opened(path: Path, lock_path: Path) -> int:
+    """Return the descriptor of a new lock file, or of one that a killed process has left.
 
-    A link is not followed and a file of the user's is refused. An empty file may be locked but is
-    neither written nor removed.
+    A link is not followed, and a file of the user's is refused.
     """
-    flags = os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
-    while True:
-        try:
-            with suppress(FileExistsError):
-                return os.open(lock_path, flags | os.O_CREAT | os.O_EXCL, 0o666), True
-            with suppress(FileNotFoundError):  # removed meanwhile
-                descriptor = os.open(lock_path, flags)
-                break
-        except OSError as error:
-            if os.path.lexists(lock_path):
-                raise _foreign(path, lock_path) from None
-            raise InputError(
-                f"{path} cannot be written: {error.strerror}: {lock_path.parent}; "
-                "give a folder that exists and is yours to write"
-            ) from None
+    flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
+    try:
+        descriptor = os.open(lock_path, flags, 0o666)
+    except OSError as error:
+        if os.path.lexists(lock_path):
+            raise _foreign(path, lock_path) from None
+        raise InputError(
+            f"{path} cannot be written: {error.strerror}: {lock_path.parent}; "
+            "give a folder that exists and is yours to write"
+        ) from None
     if stat.S_ISREG(os.fstat(descriptor).st_mode):
         content = os.pread(descriptor, LONGEST + 1, 0)
         if not content or (len(content) <= LONGEST and OURS.fullmatch(content)):
-            return descriptor, bool(content)
+            return descriptor
     os.close(descriptor)
     raise _foreign(path, lock_path)
 
@@ -166,17 +160,3 @@ def _this_process() -> str:
     parts += [f"job {job}"] if job else []
     now = datetime.now(UTC).isoformat(timespec="seconds")
     return ", ".join([*parts, f"since {now}"]) + "\n"
-
-
-def beside(path: Path, ending: str) -> Path:
-    """Append to a file's name, in the folder to which links lead.
-
-    Parameters
-    ----------
-    path : Path
-        File.
-    ending : str
-        Text to append to its name.
-    """
-    real = place_of(path)
-    return real.with_name(real.name + ending)

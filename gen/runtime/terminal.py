@@ -1,14 +1,37 @@
-"""Print lines on a terminal without control characters of their content.
+"""Everything that a command prints: lines, tables, progress, and commands as the user types them.
 
 Titles, names of files and messages of libraries come from strangers. An escape sequence in one of
-them could clear the screen, rename the window or forge a line of ours. Every line that a command
-prints goes through `echo`, through `gen.runtime.console`, or through `printable`.
+them could clear the screen, rename the window or forge a line of ours. So every text that is
+printed passes through `printable`.
 """
 
-import typer
+import os
+import sys
+import time
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
+from typing import Any, Self
+
+from gen.runtime.errors import InputError
+
+OUTPUT = "standard output"
+"""Name of standard output in place of a file's name in errors."""
 
 LETTERS = 110
 """Letters of a name that fit into a line of a picture's title."""
+
+ENDLESS = 1000
+"""Width of a table that goes to a file or a pipe, where no line is broken [characters]."""
+
+LINE_SECONDS = 30.0
+"""Time between two lines of progress in a batch log [s]."""
+
+COMMAND = "asperity"
+"""Name of the installed command, under which all programs run too."""
+
+_start: ContextVar[str] = ContextVar("_start", default="python -m")
+"""The words before the name of a program on the command line."""
 
 
 def printable(text: str) -> str:
@@ -34,7 +57,92 @@ def echo(line: str, *, err: bool = False) -> None:
     err : bool
         Print on standard error instead of standard output.
     """
-    typer.echo(printable(line), err=err)
+    put(f"{printable(line)}\n", sys.stderr if err else sys.stdout)
+
+
+def print_table(table: Any, width: int = ENDLESS) -> None:
+    """Print a table.
+
+    Parameters
+    ----------
+    table : rich.table.Table
+        The table.
+    width : int
+        Width without a terminal; with one, the terminal's [characters].
+    """
+    if sys.stdout is None:
+        return
+    from rich.console import Console
+    from rich.segment import Segment, Segments
+
+    console = Console(width=None if sys.stdout.isatty() else width, markup=False, emoji=False)
+    pieces = [
+        Segment("\n".join(map(printable, piece.text.split("\n"))), piece.style)
+        for piece in console.render(table)
+    ]
+    with console.capture() as captured:
+        console.print(Segments(pieces), end="")
+    put(captured.get(), sys.stdout)
+
+
+def print_columns(
+    rows: Iterable[Sequence[str]], titles: Sequence[str] = (), right: Collection[str] = ()
+) -> None:
+    """Print rows of texts in columns without lines between them.
+
+    Parameters
+    ----------
+    rows : iterable of sequence of str
+        Cells of each row.
+    titles : sequence of str
+        Titles of the columns; none are printed if there are none.
+    right : collection of str
+        Titles of the columns whose cells end at the right, as numbers do.
+    """
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False, show_header=bool(titles))
+    for title in titles:
+        table.add_column(title, justify="right" if title in right else "left")
+    for row in rows:
+        table.add_row(*row)
+    print_table(table)
+
+
+def put(text: str, stream: Any) -> None:
+    """Write a text on a standard stream at once, if this process has the stream.
+
+    Errors of standard error are ignored: a full device or a lost reader ends no command.
+
+    Parameters
+    ----------
+    text : str
+        Text that holds no control characters of strangers.
+    stream : text file or None
+        `sys.stdout` or `sys.stderr`.
+
+    Raises
+    ------
+    OSError
+        If standard output cannot be written, with its name; BrokenPipeError if its reader is gone.
+    """
+    if stream is None:
+        return
+    try:
+        stream.write(text)
+        stream.flush()
+    except OSError as error:
+        drop(stream)
+        if stream is not sys.stderr:
+            raise OSError(error.errno, error.strerror, OUTPUT) from None
+
+
+def drop(stream: Any) -> None:
+    """Discard what a stream still holds, which Python would try to write again as it exits."""
+    with suppress(OSError, ValueError, AttributeError):
+        null = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(null, stream.fileno())
+        os.close(null)
 
 
 def shortened(name: str) -> str:
@@ -46,3 +154,151 @@ def brief(reasons: str) -> str:
     """Shorten reasons to the first one and the number of the others, for a narrow column."""
     first, _, others = reasons.partition("; ")
     return f"{first}; and {others.count('; ') + 1} more" if others else first
+
+
+@contextmanager
+def started_as(name: str) -> Iterator[None]:
+    """Let messages name commands as the user has typed the running one.
+
+    Parameters
+    ----------
+    name : str
+        Name of the program: "gen", or "asperity gen".
+    """
+    own = _start.set(COMMAND if name.partition(" ")[0] == COMMAND else "python -m")
+    try:
+        yield
+    finally:
+        _start.reset(own)
+
+
+def to_type(words: str) -> str:
+    """Return a command as the user can type it.
+
+    Parameters
+    ----------
+    words : str
+        Program, command and arguments, as "gen info FILE"; also "asperity gen info FILE".
+    """
+    return words if words.partition(" ")[0] == COMMAND else f"{_start.get()} {words}"
+
+
+class RunProgress:
+    """Progress on standard error: a bar on a terminal, a line now and then in a batch log.
+
+    A stream that is full, closed or without a reader ends no run.
+
+    Parameters
+    ----------
+    total : int
+        Number of rows of this run.
+    noun : str
+        Plural noun for the rows, which words that tell it from others may follow.
+    work : float, optional
+        Expected cost of all rows in any unit, from which the remaining time follows; by default
+        all rows cost the same.
+    """
+
+    def __init__(self, total: int, noun: str = "samples", work: float | None = None) -> None:
+        self._total, self._noun = total, noun
+        self._here = self._failed = 0
+        self._work, self._worked = float(total if work is None else work), 0.0
+        self._began = self._last_line = time.monotonic()
+        self._bar: Any = None
+        if sys.stderr is not None and sys.stderr.isatty():
+            self._bar = _bar(noun, total)
+
+    def __enter__(self) -> Self:
+        """Start the clock and the bar."""
+        self._began = self._last_line = time.monotonic()
+        with _heedless():
+            if self._bar:
+                self._bar.start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Stop the bar; print a last line in a batch log, but not above a refusal of the input."""
+        with _heedless():
+            if self._bar:
+                self._bar.stop()
+        if not self._bar and self._here and not isinstance(error[1], InputError):
+            self._print_line()
+
+    def advance(self, rows: int, failed: int, work: float | None = None) -> None:
+        """Count rows that have been written.
+
+        Parameters
+        ----------
+        rows : int
+            Number of rows, failed ones included.
+        failed : int
+            Number of failed rows.
+        work : float, optional
+            Cost of the rows, in the unit of the total; their number by default.
+        """
+        self._here += rows
+        self._failed += failed
+        self._worked += rows if work is None else work
+        if self._bar:
+            with _heedless():
+                (task,) = self._bar.task_ids
+                self._bar.update(task, completed=self._here, pace=self._pace())
+        elif time.monotonic() > self._last_line + LINE_SECONDS:
+            self._print_line()
+
+    def say(self, message: str) -> None:
+        """Print a line above the bar.
+
+        Parameters
+        ----------
+        message : str
+            The line.
+        """
+        with _heedless():
+            if self._bar:
+                self._bar.console.print(
+                    printable(message), markup=False, highlight=False, soft_wrap=True
+                )
+            else:
+                echo(message, err=True)
+
+    def _print_line(self) -> None:
+        """Print the state as a line of a batch log."""
+        self._last_line = time.monotonic()
+        share = 100 * self._here / self._total
+        self.say(f"{self._here} of {self._total} {self._noun} ({share:.1f} %), {self._pace()}")
+
+    def _pace(self) -> str:
+        """Return rate, failures and remaining time in words."""
+        elapsed = max(time.monotonic() - self._began, 1e-9)
+        left = elapsed * (self._work / self._worked - 1) if self._worked else 0.0
+        rate = f"{self._here / elapsed:.3g} {self._noun.partition(' ')[0]}/s"
+        return f"{rate}, {self._failed} failed, {_duration(max(left, 0.0))} left"
+
+
+def _heedless() -> Any:
+    """Return a guard against errors of a stream that shows progress."""
+    return suppress(OSError, ValueError)
+
+
+def _bar(noun: str, total: int) -> Any:
+    """Return a bar of rich's on standard error, with one task."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+
+    bar = Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[pace]}"),
+        console=Console(stderr=True),
+    )
+    bar.add_task(noun, total=total, pace="")
+    return bar
+
+
+def _duration(seconds: float) -> str:
+    """Format a time as minutes and seconds, with hours if there are any."""
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"

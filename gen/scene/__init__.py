@@ -1,10 +1,9 @@
 """Scenes: the TOML files that describe a database, read and checked in this one room."""
 
-from gen.scene.load import Piece
-from gen.scene.loading import load, preset_names
-from gen.scene.scene import Scene, differences
-from gen.scene.store import Store, flags
-from gen.scene.surface import DisplacedSurface, PythonSurface, ScanSurface, SpectralSurface
+from gen.generators import DisplacedSurface, PythonSurface, ScanSurface
+from gen.scene.columns import columns_for, row_bytes
+from gen.scene.scene import Scene, differences, load, preset_names
+from gen.scene.tables import Piece, Store, flags
 
 __all__ = [
     "DisplacedSurface",
@@ -12,10 +11,11 @@ __all__ = [
     "PythonSurface",
     "ScanSurface",
     "Scene",
-    "SpectralSurface",
     "Store",
+    "columns_for",
     "differences",
     "flags",
     "load",
     "preset_names",
+    "row_bytes",
 ]

@@ -1,32 +1,75 @@
-"""Messages about a scene that breaks a rule: the key, its value, and the allowed values."""
+"""Texts that are no scene, and messages about a scene that breaks a rule: key, value, allowed."""
 
 import difflib
+import re
 from collections.abc import Iterator
 from typing import Any, get_args
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from gen.scene.distribution import TABLES
-from gen.scene.surface import TAGS
-from gen.scene.table import Table
-from gen.scene.words import Location, dotted, shown
+from gen.distribution import TABLES, Table
+from gen.generators import GENERATORS, TAGS
+from gen.runtime.errors import InputError
+
+Location = tuple[int | str, ...]
+
+DEEPEST = 16
+"""Largest depth of nested tables and arrays; a scene has four levels."""
+
+TEXTS = re.compile(
+    r'''"""(?:\\.|[^\\])*?(?:"""|\\?\Z)|\'\'\'.*?(?:\'\'\'|\Z)|"(?:\\.|[^"\\\n])*"?|'[^'\n]*'?|\#[^\n]*''',
+    re.DOTALL,
+)
+"""Texts and comments of TOML, in which dots and brackets mean nothing. Unterminated texts match
+too, so that the search never starts again inside one."""
+
+DOTTED = re.compile(r"[^=,\[\]{}\n]*")
+"""A stretch of TOML that may be one dotted key."""
+
+
+def require_simple(text: str, source: str) -> None:
+    """Refuse texts that keep a TOML parser busy for minutes: deep arrays, keys of many dots."""
+    bare = TEXTS.sub("", text)
+    depth = deepest = 0
+    for bracket in re.findall(r"[\[\]{}]", bare):
+        depth += 1 if bracket in "[{" else -1
+        deepest = max(deepest, depth)
+    if deepest > DEEPEST or any(key.count(".") > DEEPEST for key in DOTTED.findall(bare)):
+        raise InputError(one_line(f"{source}: not TOML of a scene: over {DEEPEST} levels deep"))
+
+
+def dotted(location: Location) -> str:
+    """Write a location as a dotted key, for example "delta.pieces[0].share"."""
+    parts = (f"[{part}]" if isinstance(part, int) else f".{part}" for part in location)
+    return "".join(parts).removeprefix(".")
+
+
+def shown(value: object) -> str:
+    """Write a value for a message: short, and in TOML's notation."""
+    if value is None:
+        return "nothing"
+    if isinstance(value, bool):
+        return str(value).lower()
+    try:
+        text = repr(value)
+    except ValueError:  # Python refuses to write out whole numbers of over 4,300 digits
+        text = "a number of thousands of digits"
+    return text if len(text) <= 80 else f"{text[:76]} ..."
+
+
+def one_line(message: str) -> str:
+    """Escape line breaks and control characters, which a message may quote from the input."""
+    return "".join(
+        character if character.isprintable() else character.encode("unicode_escape").decode()
+        for character in message
+    )
 
 
 def first_fault(error: ValidationError, root: type[Table]) -> str:
-    """Describe the first fault of a scene, and say how many more there are.
+    """Describe the first fault of a scene in one line, and say how many more there are.
 
-    Parameters
-    ----------
-    error : ValidationError
-        All faults.
-    root : type of Table
-        The table that the locations of faults begin at.
-
-    Returns
-    -------
-    str
-        One line.
+    Locations of faults begin at the table `root`.
     """
     faults = error.errors(include_url=False)
     # A misspelt key makes another one look missing: the misspelt one is the better news.
@@ -57,9 +100,9 @@ def _unknown(location: Location, key: str, value: str, root: type[Table]) -> str
     tags = [part for part in location if part in TAGS]
     owners = [name for name, table in TAGS.items() if location[-1] in table.model_fields]
     if len(location) == 3 and tags and owners:
-        there = " or ".join(f"'{name}'" for owner in owners for name in _generators(TAGS[owner]))
+        there = " or ".join(f"'{name}'" for owner in owners for name in TAGS[owner].names())
         return f"unknown key {key} = {value} of this generator; it is one of {there}"
-    known = dict(_known_keys(root, str(tags[0]) if tags else "<displaced>"))
+    known = dict(_known_keys(root, str(tags[0]) if tags else next(iter(TAGS))))
     # Of keys with the same last name the one in the same table is meant.
     nearest = sorted(known, key=lambda name: name.startswith(f"{location[0]}."))
     names = {known_key.rpartition(".")[2]: known_key for known_key in nearest}
@@ -67,25 +110,27 @@ def _unknown(location: Location, key: str, value: str, root: type[Table]) -> str
     return f"unknown key {key} = {value}; the closest known key is {closest}"
 
 
-def _generators(table: type[Table]) -> tuple[str, ...]:
-    """Return the names of the generators that a table of surfaces describes."""
-    return get_args(table.model_fields["generator"].annotation)
-
-
 def _allowed(location: Location, root: type[Table]) -> str:
     """Return the allowed values, in words, of the key that a location belongs to."""
     tags = [str(part) for part in location if part in TAGS]
-    known = dict(_known_keys(root, tags[0] if tags else "<displaced>"))
+    known = dict(_known_keys(root, tags[0] if tags else next(iter(TAGS))))
     names = [part for part in location if isinstance(part, str) and part not in TAGS]
     while dotted(tuple(names)) not in known:  # inside a value that is not a table of keys
         names.pop()
     return known[dotted(tuple(names))]
 
 
+def _names_of_generators() -> str:
+    """Name all generators."""
+    *others, last = (f"'{name}'" for each in GENERATORS for name in each.names())
+    return f"{', '.join(others)} or {last}"
+
+
 def _known_keys(table: type[Table], tag: str, prefix: str = "") -> Iterator[tuple[str, str]]:
     """Yield every key of a scene, dotted and without indices, with its allowed values in words."""
     for name, field in table.model_fields.items():
-        yield prefix + name, field.description or ""
+        words = field.description or ""
+        yield prefix + name, _names_of_generators() if name == "generator" else words
         for kind in _tables(field.annotation, tag):
             yield from _known_keys(kind, tag, f"{prefix}{name}.")
 

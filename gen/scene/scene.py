@@ -1,10 +1,12 @@
-"""Scenes as a whole: the tables of a TOML file that describe a database."""
+"""Scenes: the tables of a TOML file that describe a database, shipped ones and those in files."""
 
 import hashlib
 import json
 import math
 import tomllib
 from collections.abc import Iterator, Mapping
+from importlib.resources import files
+from pathlib import Path
 from typing import Annotated, Any, Self
 
 from pydantic import (
@@ -16,19 +18,19 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
+from gen.distribution import Distribution, Table, limits
+from gen.generators import TAGS, DisplacedSurface, Surface, tag_of
+from gen.generators.rules import Grid
 from gen.runtime.errors import InputError
-from gen.scene.contact import Contact
-from gen.scene.distribution import Distribution, limits
-from gen.scene.faults import first_fault
-from gen.scene.load import UNITS, Delta, Load, Piece, Quantity
-from gen.scene.store import Store
-from gen.scene.surface import DisplacedSurface, ScanSurface, Surface, tag_of
-from gen.scene.table import Table
-from gen.scene.toml import require_simple
-from gen.scene.words import Location, dotted, one_line, shown
+from gen.runtime.files import require_file
+from gen.scene.faults import Location, dotted, first_fault, one_line, require_simple, shown
+from gen.scene.tables import UNITS, Contact, Delta, Load, Piece, Quantity, Store
 
 INERT = {"samples", "title", "creator", "licence"}
 """Keys of a scene that change no row."""
+
+MOST_BYTES = 1_000_000
+"""Largest size of a scene's file: a scene takes a few hundred bytes, apart from its title."""
 
 
 class Scene(Table):
@@ -61,12 +63,17 @@ class Scene(Table):
     @model_validator(mode="before")
     @classmethod
     def _complete(cls, content: Any) -> Any:
-        """Give a scene without loads the paper's displacements, and windows of maps no edges."""
+        """Give a scene without loads the paper's displacements, and windows no edges.
+
+        A window is a piece of a larger surface: a free patch would have edges where the surface has
+        none.
+        """
         if not isinstance(content, dict):
             return content
-        content = _with_mirrored_windows(content)
-        if _has_windows(content):
-            return content
+        if TAGS[tag_of(content.get("surface"))].WINDOWS:
+            contact = content.get("contact", {})
+            mirrored = {"boundary": "mirror", **contact} if isinstance(contact, dict) else contact
+            return {**content, "contact": mirrored}
         if content.keys().isdisjoint({"delta", "load"}):
             return {**content, "delta": Delta()}
         return content
@@ -94,11 +101,20 @@ class Scene(Table):
 
     @model_validator(mode="after")
     def _require_surfaces_and_solutions(self) -> Self:
-        """Refuse surfaces that cannot be made, and loads all of which exceed the hardness."""
-        if not self.surface.has_sides():  # known when its maps have been looked for
+        """Refuse surfaces that cannot be made, and loads all of which exceed the hardness.
+
+        Those of maps are known once a run has found them. Corrected areas need square cells.
+        """
+        if not self.surface.has_sides():
             return self
-        if fault := self.surface.fault_on(self.spacing, self.contact.boundary):
+        if fault := self.surface.fault_on(self.grid):
             raise PydanticCustomError("conflict", f"surface: {fault}")
+        along, across = self.spacing
+        if self.store.corrected_area_percent and not math.isclose(along, across, rel_tol=1e-9):
+            raise PydanticCustomError(
+                "conflict",
+                f"store.corrected_area_percent needs square cells, not {along:g} x {across:g} um",
+            )
         hardness = self.contact.hardness_limits
         if hardness is None or self.quantity not in {"pressure", "force"}:
             return self
@@ -113,24 +129,11 @@ class Scene(Table):
             )
         return self
 
-    @model_validator(mode="after")
-    def _require_square_cells(self) -> Self:
-        """Refuse corrected areas of oblong cells, those of maps once a run has found them."""
-        if self.store.corrected_area_percent and self.surface.has_sides():
-            along, across = self.spacing
-            if not math.isclose(along, across, rel_tol=1e-9):
-                raise PydanticCustomError(
-                    "conflict",
-                    f"store.corrected_area_percent needs square cells, not {along:g} x {across:g}"
-                    " um",
-                )
-        return self
-
     @model_serializer(mode="wrap")
     def _without_absent_loads(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         """Leave out the table of loads that the scene does not have."""
         content: dict[str, Any] = handler(self)
-        if isinstance(self.surface, ScanSurface):  # their boundary is not free by default
+        if self.surface.WINDOWS:  # their boundary is not free by default
             content["contact"]["boundary"] = self.contact.boundary
         return {name: value for name, value in content.items() if value is not None}
 
@@ -175,6 +178,37 @@ class Scene(Table):
         """
         (nx, ny), (x, y) = self.shape, self.sides
         return x / self.contact.intervals(nx), y / self.contact.intervals(ny)
+
+    @property
+    def grid(self) -> Grid:
+        """The grid that surfaces are made on."""
+        return Grid(self.shape, self.spacing, self.contact.boundary)
+
+    def resolved(self, home: Path | None = None) -> Self:
+        """Complete a scene by hashes of the files and sources that its surfaces depend on.
+
+        Parameters
+        ----------
+        home : Path, optional
+            Folder of the database, for what is prepared once for all processes; a temporary folder
+            if it is left out.
+
+        Returns
+        -------
+        Scene
+            The scene as a database records it; the same one if everything stands in the scene.
+
+        Raises
+        ------
+        InputError
+            If something that the scene names is missing, or does not go with the rest of it.
+        """
+        surface = self.surface.resolved(home)
+        if surface is self.surface:
+            return self
+        # Read anew: some rules of a scene need what has been found, as the spacing of maps.
+        text = self.model_copy(update={"surface": surface}).text()
+        return self.from_text(text, "the scene with its maps")
 
     @property
     def drawn_parameters(self) -> dict[str, Distribution]:
@@ -223,7 +257,7 @@ class Scene(Table):
     def optional_columns(self) -> frozenset[str]:
         """Names of the optional columns that this scene asks for."""
         names = {name for name, wanted in self.store if wanted is True}
-        names |= self.drawn_parameters.keys() | self.surface.places()
+        names |= self.drawn_parameters.keys() | self.surface.PLACES.keys()
         if self.quantity != "delta":
             names.add("load")
         if self.contact.draws_hardness:
@@ -333,6 +367,63 @@ class Scene(Table):
         return {**content, "surface": self.surface.relevant(content["surface"])}
 
 
+def preset_names() -> tuple[str, ...]:
+    """Return the names of the scenes that are shipped in `gen/scenes`, in alphabetical order."""
+    names = (entry.name for entry in (files("gen") / "scenes").iterdir())
+    return tuple(sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml")))
+
+
+def load(name_or_path: str) -> Scene:
+    """Read a shipped scene by its name, or a scene from a TOML file.
+
+    Parameters
+    ----------
+    name_or_path : str
+        One of `preset_names` or the path of a file; the name of a preset takes precedence.
+
+    Returns
+    -------
+    Scene
+        The scene.
+
+    Raises
+    ------
+    InputError
+        If there is no such scene, the file cannot be read, or the scene is not valid. The message
+        is one line with the file, the key, its value and the values that are allowed.
+    """
+    if name_or_path in preset_names():
+        preset = files("gen") / "scenes" / f"{name_or_path}.toml"
+        return Scene.parse(preset.read_text(encoding="utf-8"), f"scene {name_or_path}")
+    scene = Scene.parse(_read(name_or_path), name_or_path)
+    anchored = scene.surface.anchored(Path(name_or_path).parent)
+    return scene.model_copy(update={"surface": anchored})
+
+
+def _read(path: str) -> str:
+    """Read a scene's file; drop the byte order mark that some editors write."""
+    try:
+        with require_file(Path(path)).open("rb") as file:
+            content = file.read(MOST_BYTES + 1)
+        if len(content) <= MOST_BYTES:
+            return content.decode("utf-8-sig")
+        reason = f"over {MOST_BYTES:,} bytes"
+    except InputError:
+        raise
+    except FileNotFoundError:
+        reason = "neither a file nor a preset"
+    except UnicodeDecodeError as error:
+        reason = f"not UTF-8 text (byte {error.start} is {error.object[error.start]:#04x})"
+    except OSError as error:
+        reason = error.strerror or str(error)
+    except ValueError as error:  # a null character in the path
+        reason = str(error)
+    presets = ", ".join(preset_names())
+    raise InputError(
+        one_line(f"scene {path!r}: {reason}; give a preset ({presets}) or the path of a TOML file")
+    )
+
+
 def differences(in_file: Scene, asked_for: Scene) -> list[str]:
     """List the keys that change results and differ between two scenes, with both values.
 
@@ -363,23 +454,6 @@ def _difference(key: Location, old: object, new: object) -> str:
     if key in {("surface", "source"), ("store", "source")} and None not in {old, new}:
         return f"{dotted(key)}: the source of the function's module has changed"
     return f"{dotted(key)}: {shown(old)} in the file, {shown(new)} asked for"
-
-
-def _has_windows(content: dict[str, Any]) -> bool:
-    """Tell whether the surfaces of a scene are windows of maps."""
-    return tag_of(content.get("surface")) == "<scans>"
-
-
-def _with_mirrored_windows(content: dict[str, Any]) -> dict[str, Any]:
-    """Continue windows of maps by their mirror images unless the scene gives a boundary.
-
-    A window is a piece of a larger surface: a free patch would have edges where the surface has
-    none.
-    """
-    contact = content.get("contact", {})
-    if not _has_windows(content) or not isinstance(contact, dict):
-        return content
-    return {**content, "contact": {"boundary": "mirror", **contact}}
 
 
 def _leaves(value: object, location: Location = ()) -> Iterator[tuple[Location, object]]:

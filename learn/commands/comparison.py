@@ -1,4 +1,7 @@
-"""`learn compare`, `tune`, `estimate` and `show`: compare the nine models."""
+"""`learn compare`, `tune`, `estimate` and `show`: compare the nine models.
+
+`learn importance` and `appendix` report on the inputs and on two kernel methods.
+"""
 
 from __future__ import annotations
 
@@ -8,11 +11,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gen.runtime import farm
+from gen.runtime.command_line import grouped
 from gen.runtime.errors import InputError
-from gen.runtime.invocation import to_type
 from gen.runtime.lock import lock_folder
-from gen.runtime.option_groups import grouped
-from gen.runtime.terminal import echo
+from gen.runtime.terminal import echo, to_type
 from learn.commands.options import (
     Again,
     Comparison,
@@ -63,8 +65,8 @@ def tune(
         str,
         typer.Option(
             metavar="TIME",
-            help="Time for the searches, as 2h or 30min: successive halving where a grid is too"
-            " large for it, then five folds of all rows. Without it, whole grids.",
+            help="Time of this call, as 2h or 30min: successive halving where a grid is too large"
+            " for it, then five folds of all rows. Without it, whole grids.",
         ),
     ] = "",
     target: Target = "area",
@@ -77,12 +79,12 @@ def tune(
     Five folds of all rows decide. Where no candidate is better than the baseline that `compare`
     fits, the baseline wins.
 
-    Every finished fit is kept: interrupted or killed, the same command goes on, with what is left
-    of its budget. Started as `mpiexec -n 65 python -m mpi4py -m learn tune ...` rank 0 hands out
-    the fits, the others do them.
+    Every finished fit is kept: interrupted or killed, the same command goes on. Started as
+    `mpiexec -n 65 python -m mpi4py -m learn tune ...` rank 0 hands out the fits, the others do
+    them.
     """
+    from learn.bounded import seconds
     from learn.comparison import jobs
-    from learn.comparison.search.budget import seconds
     from learn.executor import lead
 
     def job(executor: Executor) -> int:
@@ -100,7 +102,7 @@ def estimate(
     output: Output,
     model: Models = None,
     budget: Annotated[
-        str, typer.Option(metavar="TIME", help="Time for all models together, as 1h or 90min.")
+        str, typer.Option(metavar="TIME", help="Time of this call, as 1h or 90min.")
     ] = "1h",
     target: Target = "area",
     *,
@@ -111,8 +113,8 @@ def estimate(
     The times are those of one thread: divide by the workers. What is fitted is kept, and need not
     be done again by `tune` on the same folder.
     """
+    from learn.bounded import seconds
     from learn.comparison import jobs
-    from learn.comparison.search.budget import seconds
     from learn.executor import lead
 
     def job(executor: Executor) -> int:
@@ -181,3 +183,44 @@ def _write_and_print(folder: Path, *, pictures: bool) -> None:
 
             for path in draw(part):
                 echo(f"wrote {path}")
+
+
+@grouped
+def importance(
+    file: Database,
+    output: Output,
+    model: Annotated[str, typer.Option(metavar="NAME", help="The model to ask.")] = "kernel-ridge",
+    target: Target = "area",
+    *,
+    selection: Selection,
+) -> None:
+    """Rank the inputs by what shuffling each does to the error, and drop the weakest.
+
+    With the settings that `tune` has found, if the folder holds them, else with the paper's
+    optimum: DIR/TARGET/importance.csv, selection.csv and importance.png.
+    """
+    request = requested(file, output, [model], target, selection)
+    from learn.comparison.importance import write_report
+
+    with lock_folder(request.output):
+        for path in write_report(request, echo):
+            echo(f"wrote {path}")
+
+
+@grouped
+def appendix(
+    file: Database,
+    output: Output,
+    *,
+    selection: Selection,
+) -> None:
+    """Compare Gaussian process and kernel ridge with equal kernels, as the paper's Appendix A.
+
+    DIR/area/appendix.csv and appendix.png.
+    """
+    request = requested(file, output, None, "area", selection)
+    from learn.comparison.appendix import write_report
+
+    with lock_folder(request.output):
+        for path in write_report(request, echo):
+            echo(f"wrote {path}")

@@ -9,11 +9,10 @@ import typer
 
 from gen.options import Trust
 from gen.runtime import farm
+from gen.runtime.command_line import grouped
 from gen.runtime.errors import InputError
-from gen.runtime.invocation import to_type
-from gen.runtime.option_groups import grouped
-from gen.runtime.output import Output, check_outputs
-from gen.runtime.terminal import echo
+from gen.runtime.files import Output, check_outputs
+from gen.runtime.terminal import echo, to_type
 from learn.commands.options import SEEDS, AreaMax, note
 
 if TYPE_CHECKING:
@@ -29,31 +28,7 @@ SurrogateFile = Annotated[
 
 
 class Choice(NamedTuple):
-    """Model, features, targets and rows of a surrogate.
-
-    Attributes
-    ----------
-    model : str
-        Name of the model.
-    features : str
-        Name of the feature set, "" for the dimensionless one.
-    blocks : int, optional
-        Blocks per side of the coarse solve of hybrid features.
-    target : str
-        Names of targets with commas, or "both".
-    source : Path, optional
-        Comparison folder whose tuned settings are used.
-    area_max : float, optional
-        Largest area that is kept [%].
-    normalise : str
-        Name of the scaling, "" for that of the features.
-    seed : int, optional
-        Seed of the split and of the model.
-    train_rows : int, optional
-        Largest number of rows to train on and to calibrate with.
-    calibrate_on : Path, optional
-        Database whose rows calibrate the intervals.
-    """
+    """Model, features, targets and rows of a surrogate; see the help of the options."""
 
     model: Annotated[
         str, typer.Option(metavar="NAME", help="One of the nine models, as in learn compare.")
@@ -137,7 +112,7 @@ def _request(files: list[Path], output: Path, choice: Choice) -> Request:
     from learn.features import chosen
     from learn.models import models_named
     from learn.request import Request
-    from learn.surrogate import training
+    from learn.surrogate import fitting
     from learn.surrogate.settings import normalisation_of
 
     models_named([choice.model])
@@ -167,12 +142,12 @@ def _request(files: list[Path], output: Path, choice: Choice) -> Request:
         "normalisation": choice.normalise,
     }
     stated = {name: value for name, value in stated.items() if value not in {"", None}}
-    return training.request_from(request, choice.source, stated)
+    return fitting.request_from(request, choice.source, stated)
 
 
 def _blocks(choice: Choice) -> int:
     """Return the blocks per side of the coarse solve, which only hybrid features have."""
-    from learn.features.pressed import BLOCKS
+    from learn.features.sets import BLOCKS
 
     if choice.blocks is None:
         return BLOCKS
@@ -189,12 +164,12 @@ def _blocks(choice: Choice) -> int:
 
 def _fit(request: Request, source: Path | None, executor: Executor) -> int:
     """Fit and save a surrogate; return the exit code."""
-    from gen.runtime.interruption import Interruption
-    from learn.surrogate import training
+    from gen.runtime.signals import Interruption
+    from learn.surrogate import fitting
 
     with Interruption(listening=True) as interruption:
         stopping = interruption.requested
-        surrogate = training.fit(request, executor, note, source=source, stopping=stopping)
+        surrogate = fitting.fit(request, executor, note, source=source, stopping=stopping)
     if surrogate is None:
         note("stopped; the same command goes on with what is left")
         return 128 + interruption.signal

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import typer
 
 from gen import options
+from gen.maps.settings import FileReading, Reading
 from gen.runtime import farm
+from gen.runtime.command_line import grouped, typed
 from gen.runtime.errors import InputError
-from gen.runtime.option_groups import grouped, typed
-from gen.runtime.output import Output, check_outputs
+from gen.runtime.files import Output, check_outputs
 from gen.runtime.terminal import echo
 from learn.commands.fit import targets_in
 from learn.commands.options import SEEDS, note
@@ -89,7 +90,7 @@ class Goal(NamedTuple):
 
 
 class OfMaps(NamedTuple):
-    """Material and reading for a folder of maps, as `gen scene` takes them.
+    """Material for a folder of maps, as `gen scene` takes it.
 
     Attributes
     ----------
@@ -97,17 +98,12 @@ class OfMaps(NamedTuple):
         Young's moduli [MPa] and Poisson's ratios [1].
     e_star, hardness : float, optional
         E* and hardness [MPa].
-    side, unit, channel : str
-        Scan length, unit and channel for files that do not say them.
     """
 
     young: options.Young = None
     poisson: options.Poisson = None
     e_star: options.EStar = None
     hardness: options.Hardness = None
-    side: options.Side = ""
-    unit: options.Unit = ""
-    channel: options.Channel = ""
 
 
 @grouped
@@ -118,6 +114,7 @@ def grow(
     *,
     goal: Goal,
     maps: OfMaps,
+    reading: FileReading,
     trust: options.Trust = False,
 ) -> int:
     """Generate rows of a scene and fit to them until a surrogate is as accurate as asked for.
@@ -133,33 +130,38 @@ def grow(
     command = typed(context, "learn")
 
     def job(executor: Executor) -> int:
-        return _grow(scene, output, goal, maps, command, executor)
+        return _grow(scene, output, goal, (maps, reading), command, executor)
 
     return lead(job, farm.this_world())
 
 
 def _grow(
-    scene: str, output: Path, goal: Goal, maps: OfMaps, command: str, executor: Executor
+    scene: str,
+    output: Path,
+    goal: Goal,
+    maps: tuple[OfMaps, FileReading],
+    command: str,
+    executor: Executor,
 ) -> int:
     """Grow on the master; return the exit code."""
     from gen.runtime.figure import new_figure, save
-    from gen.runtime.interruption import Interruption
-    from learn.comparison.search.budget import seconds
-    from learn.grow import picture, rounds, summary
-    from learn.grow.pace import Pace
+    from gen.runtime.signals import Interruption
+    from learn.bounded import seconds
+    from learn.grow import report, rounds
     from learn.grow.population import scene_of
-    from learn.surrogate.training import require_better
+    from learn.grow.rows import Pace
+    from learn.surrogate.fitting import require_better
 
     pace = Pace(seconds(goal.budget) if goal.budget else None, executor.workers)
     order, drawing = _order(output, goal), _beside(output, ".png")
-    population = _population(scene, maps, command)
+    population = _population(scene, *maps, command)
     population.check(output)
     check_outputs(
         [Output(output, "--output", "surrogate"), Output(drawing, "--output", "picture")],
         [] if population.is_folder or not Path(scene).is_file() else [scene],
     )
     _require_own(order.request.database, output, drawing)
-    figure = new_figure(picture.WIDTH, picture.HEIGHT, dpi=110)
+    figure = new_figure(report.WIDTH, report.HEIGHT, dpi=110)
     with Interruption(listening=True) as interruption:
         whole = scene_of(population, _beside(output, ".toml"), note)
         for doubt in whole.contact.doubts:
@@ -168,8 +170,8 @@ def _grow(
     if grown.ending == "interrupted" or grown.last is None:
         note(f"stopped; {order.request.database} is kept, the same command goes on")
         return 128 + interruption.signal
-    summary.show(order.request, grown, grown.last, order.most)
-    picture.draw(figure, grown.last, grown.curve)
+    report.show(order.request, grown, grown.last, order.most)
+    report.draw(figure, grown.last, grown.curve)
     echo(f"wrote {output}, {order.request.database} and {save(figure, drawing)}")
     require_better(grown.last.surrogate, str(output))
     return 0
@@ -193,7 +195,7 @@ def _require_own(database: Path, surrogate: Path, drawing: Path) -> None:
 def _order(output: Path, goal: Goal) -> Order:
     """Check the options, and return the growth that they describe."""
     from learn.features import chosen
-    from learn.features.pressed import BLOCKS
+    from learn.features.sets import BLOCKS
     from learn.grow.rounds import Order
     from learn.models import models_named
     from learn.request import Request
@@ -234,18 +236,19 @@ def _beside(output: Path, suffix: str) -> Path:
     return output.with_suffix(suffix)
 
 
-def _population(scene: str, maps: OfMaps, command: str) -> Population:
+def _population(scene: str, maps: OfMaps, reading: FileReading, command: str) -> Population:
     """Return the surfaces and loads that the command names."""
-    from gen.draft.loads import Material
-    from gen.scans.library import Reading
+    from gen.draft.proposal import Material
     from learn.grow.population import Population
 
+    how = Reading.of_options(**vars(reading))
+    given = maps._asdict() | how.of("reading")
     return Population(
         name=scene,
-        reading=Reading(maps.side, maps.unit, maps.channel),
+        reading=how,
         material=Material.of_options(
             maps.young or [], maps.poisson or [], maps.e_star, maps.hardness
         ),
-        given=tuple(f"--{name.replace('_', '-')}" for name, each in maps._asdict().items() if each),
+        given=tuple(f"--{name.replace('_', '-')}" for name, each in given.items() if each),
         command=command,
     )

@@ -6,10 +6,11 @@ from typing import Annotated, Literal
 import typer
 
 from gen import options
-from gen.option_groups import Files, Reading
+from gen.maps.settings import Reading
+from gen.runtime.command_line import grouped, typed
 from gen.runtime.errors import InputError
-from gen.runtime.option_groups import grouped, typed
-from gen.runtime.output import check_outputs, kind_of
+from gen.runtime.figure import empty_figure
+from gen.runtime.files import check_outputs, kind_of
 from gen.runtime.terminal import echo
 from learn.commands.options import Coverage, Deltas, Material, note
 
@@ -47,7 +48,7 @@ def law(
     output: options.LawFiles = None,
     trust: options.Trust = False,
     *,
-    files: Files,
+    files: options.LawOutputs,
     reading: Reading,
     material: Material,
 ) -> None:
@@ -59,17 +60,15 @@ def law(
     training or of a scene, else 1 MPa. With --conductivity there is the conductance too. Surrogates
     that have not learnt the stiffness take it from the slope of the force, for elastic bodies only.
     """
-    from gen.law.table import show
-    from gen.law.writers import write
-    from gen.measured.outcome import require_conductivities
+    from gen.law.files import show, write_files
+    from gen.maps.contacts import require_conductivities
     from learn.surrogate import Surrogate
-    from learn.surrogate.calibration_text import require_level
+    from learn.surrogate.interval import checked_level
     from learn.surrogate.law import Order, make
-    from learn.surrogate.quantiles import checked_level
 
     files = files.filled(output)
     check_outputs(files.outputs, inputs)
-    figure = files.empty_figure()
+    figure = empty_figure(files.picture, 12.0, 7.0)
     file, wanted = _surrogate_and_inputs(inputs, solver=solver)
     order = Order(
         inputs=tuple(wanted),
@@ -87,10 +86,10 @@ def law(
     )
     surrogate = None if file is None else Surrogate.load(file)
     if surrogate is not None and not solver:
-        require_level(surrogate.card, surrogate.learnt, order.level)
+        surrogate.require_level(order.level)
     tables = make(surrogate, order, note)
     show(tables)
-    for written in write(tables, files, figure):
+    for written in write_files(tables, files, figure):
         echo(f"wrote {written}")
 
 

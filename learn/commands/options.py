@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import typer
 
 from gen.options import Trust
-from gen.runtime.output import check_folder
+from gen.runtime.files import check_folder
 from gen.runtime.terminal import echo
 
 if TYPE_CHECKING:
@@ -85,23 +85,7 @@ Coverage = Annotated[
 
 
 class Selection(NamedTuple):
-    """Rows and features that a comparison rests on.
-
-    Attributes
-    ----------
-    area_max : float, optional
-        Largest area that is kept [%].
-    features : str
-        Name of the feature set.
-    normalise : str
-        Name of the scaling, "" for that of the features.
-    seed : int
-        Seed of the split and of the models.
-    train_rows : int, optional
-        Largest number of training rows.
-    trust : bool
-        Whether functions that the database names may run, for hybrid features.
-    """
+    """Rows and features that a comparison rests on; see the help of the options."""
 
     area_max: AreaMax = None
     features: Features = "paper"
@@ -112,17 +96,7 @@ class Selection(NamedTuple):
 
 
 class Material(NamedTuple):
-    """Elastic constants of one body on a rigid plane, or of two bodies, and their hardness.
-
-    Attributes
-    ----------
-    young, poisson : list of float, optional
-        Young's moduli [MPa] and Poisson's ratios [1].
-    e_star : float, optional
-        E*, in their place [MPa].
-    hardness : float, optional
-        Hardness of the softer body [MPa].
-    """
+    """Elastic constants of one body on a rigid plane, or of two bodies, and their hardness."""
 
     young: Annotated[
         list[float] | None,
@@ -169,27 +143,7 @@ def requested(
 ) -> Request:
     """Return the request of a comparison, after a look at its folder.
 
-    Parameters
-    ----------
-    file : Path
-        Database.
-    output : Path
-        Folder of the comparison.
-    models : list of str or None
-        Names of models, None for all nine.
-    target : str
-        Name of a target, or "both".
-    selection : Selection
-        Rows and features.
-    again : bool
-        True to repeat fits that the folder has.
-    limit : float, optional
-        Time for the searches [s].
-
-    Raises
-    ------
-    InputError
-        If the folder cannot be written, or an option has no meaning.
+    InputError is raised if the folder cannot be written, or an option has no meaning.
     """
     from learn.features import chosen
     from learn.request import Request

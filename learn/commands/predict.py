@@ -1,13 +1,13 @@
-"""`learn predict`: ask a surrogate about surfaces."""
+"""`learn predict` and `card`: ask a surrogate about surfaces, or about itself."""
 
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from gen.option_groups import Reading
-from gen.runtime.option_groups import grouped
-from gen.runtime.output import Output, check_outputs
+from gen.maps.settings import Reading
+from gen.runtime.command_line import grouped
+from gen.runtime.files import Output, check_outputs
 from gen.runtime.terminal import echo
 from learn.commands.options import Coverage, Deltas, File, Inputs, Material
 
@@ -28,17 +28,15 @@ def predict(
     material: Material,
 ) -> None:
     """Predict area and force of surfaces, with intervals, and a flag outside the training."""
-    from gen.law.loads import deltas_from
-    from gen.runtime.progress import RunProgress
-    from gen.runtime.table import Row, write_csv
+    from gen.law.contact_law import deltas_from
+    from gen.runtime.documents import Row, write_csv
+    from gen.runtime.terminal import RunProgress
     from learn.surrogate import Surrogate
     from learn.surrogate.answers import Question, answers, show
-    from learn.surrogate.calibration_text import require_level
-    from learn.surrogate.quantiles import checked_level
 
     check_outputs([Output(output, "--output")], [file, *inputs])
     surrogate = Surrogate.load(file)
-    require_level(surrogate.card, surrogate.learnt, checked_level(interval))
+    surrogate.require_level(interval)
     question = Question(
         deltas=deltas_from(delta) if delta else None,
         e_star=material.modulus(),
@@ -55,3 +53,11 @@ def predict(
     if output is not None:
         write_csv(output, rows)
         echo(f"wrote {output}")
+
+
+def card(file: File) -> None:
+    """Print a surrogate's model card: what it was made of, its scores, intervals and ranges."""
+    from learn.surrogate.card import show
+    from learn.surrogate.file import read_card
+
+    show(*read_card(file))

@@ -1,7 +1,9 @@
-"""Nine models compared: baselines, searches of whole grids, tables and pictures beside the paper's.
+"""Nine models compared: baselines, searches of grids, tables and pictures beside the paper's.
 
-`jobs` is where the commands compare, tune and estimate begin. `search` finds the best settings of a
-model, within the time that `clock` gives it, `timing` fits and times the winners, `results` and
+`jobs` is where the commands compare, tune and estimate begin. `spaces` has the grids, `grid`
+reduces them to the candidates that differ, `search` fits these on the workers (`fits`) and keeps
+their scores on disk (`trials`), `halving` searches within a time,
+and `estimate` tells the time of a whole grid. `timing` fits and times the winners, `results` and
 `folder` keep the results, `tables` and `pictures` show them. `importance` and `appendix` are
 reports of their own.
 """

@@ -6,18 +6,16 @@ kernel of 23 inputs is singular then, so both get 1, the default of kernel ridge
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from gen.runtime.figure import draw_parity, new_figure, parity_axes
 from learn import memory
 from learn.arrays import Values
-from learn.comparison.folder import Folder
 from learn.comparison.pictures import save
-from learn.comparison.preparation import open_folder, read_single
+from learn.comparison.training import open_folder, read_single
 from learn.dataset import Dataset
 from learn.metrics import Scores, scores
 from learn.models import MODELS, pipeline, remarks
@@ -31,8 +29,7 @@ CASES: dict[str, dict[str, Any]] = {
 """Kernel ridge's settings in both cases; the paper's lambda and sigma_n^2 are both alpha."""
 
 
-@dataclass(frozen=True, eq=False)
-class Agreement:
+class Agreement(NamedTuple):
     """The predictions of both models in one case.
 
     Attributes
@@ -57,19 +54,14 @@ class Agreement:
 
 
 def agreements(rows: Dataset, parts: Split, normalisation: str = "l2") -> list[Agreement]:
-    """Fit both models in both cases.
+    """Fit both models in both cases, with one of `learn.models.NORMALISATIONS`."""
+    from sklearn.gaussian_process.kernels import RBF, DotProduct
 
-    Parameters
-    ----------
-    rows, parts : Dataset, Split
-        The data.
-    normalisation : str
-        One of `learn.models.NORMALISATIONS`.
-    """
     cases = []
     truth = rows.target[parts.test]
     for case, settings in CASES.items():
-        process_settings = {"kernel": _kernel(case), "alpha": settings["alpha"]}
+        kernel = DotProduct(0.0, "fixed") if case == "linear" else RBF(1.0, "fixed")
+        process_settings = {"kernel": kernel, "alpha": settings["alpha"]}
         predictions = []
         for name, own in (("gaussian-process", process_settings), ("kernel-ridge", settings)):
             fitted = pipeline(MODELS[name], own, normalisation=normalisation).fit(
@@ -81,12 +73,6 @@ def agreements(rows: Dataset, parts: Split, normalisation: str = "l2") -> list[A
         scored = scores(truth, process), scores(truth, ridge)
         cases.append(Agreement(case, truth, process, ridge, largest, *scored))
     return cases
-
-
-def _kernel(case: str) -> Any:
-    from sklearn.gaussian_process.kernels import RBF, DotProduct
-
-    return DotProduct(0.0, "fixed") if case == "linear" else RBF(1.0, "fixed")
 
 
 def write_report(request: Request, say: Callable[[str], None]) -> list[Path]:
@@ -116,28 +102,19 @@ def write_report(request: Request, say: Callable[[str], None]) -> list[Path]:
         cases = agreements(rows, parts, request.normalisation)
     for remark in said:
         say(f"warning: {remark}")
+    lines = []
     for case in cases:
+        process, ridge = case.process_scores, case.ridge_scores
         say(
-            f"{case.case}: R2 {case.process_scores.r2:.4f} % (Gaussian process),"
-            f" {case.ridge_scores.r2:.4f} % (kernel ridge), predictions differ by"
-            f" {case.largest:.1e} of the largest area"
+            f"{case.case}: R2 {process.r2:.4f} % (Gaussian process), {ridge.r2:.4f} % (kernel"
+            f" ridge), predictions differ by {case.largest:.1e} of the largest area"
         )
-    return [_write_table(folder, cases), _draw(cases, folder.path / "appendix.png")]
-
-
-def _write_table(folder: Folder, cases: list[Agreement]) -> Path:
-    """Write appendix.csv."""
-    return folder.write_table(
-        "appendix.csv",
-        ["case", "gp_r2", "ridge_r2", "gp_nmse", "ridge_nmse", "largest_difference"],
-        [
-            (
-                *(case.case, case.process_scores.r2, case.ridge_scores.r2),
-                *(case.process_scores.nmse, case.ridge_scores.nmse, case.largest),
-            )
-            for case in cases
-        ],
-    )
+        lines.append((case.case, process.r2, ridge.r2, process.nmse, ridge.nmse, case.largest))
+    header = ["case", "gp_r2", "ridge_r2", "gp_nmse", "ridge_nmse", "largest_difference"]
+    return [
+        folder.write_table("appendix.csv", header, lines),
+        _draw(cases, folder.path / "appendix.png"),
+    ]
 
 
 def _draw(cases: list[Agreement], path: Path) -> Path:

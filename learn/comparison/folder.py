@@ -2,7 +2,7 @@
 
     area/comparison.json        conditions of all results: data, scene, options, seeds, versions
     area/rows.csv               row of the database, part, fold, group that is kept together
-    area/trials/MODEL.jsonl     finished fits of a search (`learn.comparison.search.trials`)
+    area/trials/MODEL.jsonl     finished fits of a search (`learn.comparison.trials`)
     area/baseline/MODEL.json    settings, scores, times; MODEL.csv has the test rows' predictions
     area/tuned/MODEL.json       the same for a search's winner, and how it was searched
     area/tuned/MODEL-grid.csv   every candidate of the grid with its scores
@@ -13,19 +13,20 @@ Each target has a folder (here area). Files are written beside their place and t
 """
 
 import csv
+import io
 import json
 from collections.abc import Iterable, Iterator, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from gen.runtime import documents, output
+from gen.runtime import documents, files
+from gen.runtime.documents import cell
 from gen.runtime.errors import InputError
-from gen.runtime.table import cell
 from learn.arrays import Values
-from learn.comparison import records
+from learn.comparison import records, spaces
 from learn.dataset import Dataset
 from learn.features import chosen
 from learn.models import MODELS
@@ -39,9 +40,6 @@ KINDS = ("baseline", "tuned")
 
 LARGEST = 1e30
 """Bound of the targets' values: the axes of a picture take no larger ones."""
-
-EARLIER = {"features": "paper", "target_scaling": "none"}
-"""Conditions of folders that are older than the choice."""
 
 
 def versions() -> dict[str, str]:
@@ -89,14 +87,15 @@ def conditions(
     }
 
 
-class Folder:
-    """One target's part of a comparison folder.
+class Winner(NamedTuple):
+    """The winner of a search: its settings, and whether it is of the grid or the baseline."""
 
-    Parameters
-    ----------
-    path : Path
-        The folder of the target.
-    """
+    settings: dict[str, Any]
+    of_grid: bool
+
+
+class Folder:
+    """One target's part of a comparison folder, at a path."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -116,13 +115,10 @@ class Folder:
         InputError
             If the folder belongs to another comparison, or cannot be written.
         """
-        known = (self.path / "comparison.json").exists()
-        if known:
+        if (self.path / "comparison.json").exists():
             self._check(agreed)
-        if not known or self.test_groups() is None:  # older folders do not name the groups
-            self.write_table("rows.csv", ("row", "part", "fold", "group"), _rows(dataset, split))
-        if known:
             return
+        self.write_table("rows.csv", ("row", "part", "fold", "group"), _rows(dataset, split))
         self.write_json(
             "comparison.json",
             {
@@ -142,7 +138,7 @@ class Folder:
 
     def _check(self, agreed: dict[str, Any]) -> None:
         """Refuse a folder that was made under other conditions, naming the first that differs."""
-        stored = EARLIER | self.record()["conditions"]
+        stored = self.record()["conditions"]
         for name in sorted(agreed.keys() | stored.keys()):
             if stored.get(name) != agreed.get(name):
                 raise InputError(
@@ -165,14 +161,7 @@ class Folder:
         return record
 
     def result(self, kind: str, model: str) -> dict[str, Any] | None:
-        """Read the result of a model, None if there is none.
-
-        Parameters
-        ----------
-        kind : str
-            "baseline", "tuned" or "whole-grid".
-        model : str
-            Name of the model.
+        """Read the "baseline", "tuned" or "whole-grid" result of a model, None if there is none.
 
         Raises
         ------
@@ -189,20 +178,38 @@ class Folder:
                 if result is not None:
                     yield model, kind, result
 
+    def winner(self, model: str) -> Winner | None:
+        """Read the winner of a model's search, None if the folder has none.
+
+        Somebody may have edited the file, and with settings outside the grid a library may use up
+        all memory or never end.
+
+        Raises
+        ------
+        InputError
+            If the settings are not of the grid.
+        """
+        result = self.result("tuned", model)
+        if result is None or "settings" not in result:
+            return None
+        settings = {  # JSON stores the layers of a perceptron as a list
+            name: tuple(value) if isinstance(value, list) else value
+            for name, value in result["settings"].items()
+        }
+        path = self.path / "tuned" / f"{model}.json"
+        features = self.record()["conditions"]["features"]
+        if result["search"].get("winner") == "baseline":
+            if settings != spaces.baseline(model, features):
+                raise InputError(f"{path}: settings = {settings!r} are not those of the baseline")
+            return Winner(settings, of_grid=False)
+        grid, space = spaces.of(model, features)
+        for name, value in settings.items():
+            if value not in space.get(name, []):
+                raise InputError(f"{path}: {name} = {value!r} is not in the grid {grid!r}")
+        return Winner(settings, of_grid=True)
+
     def prediction(self, kind: str, model: str) -> tuple[Values, Values]:
-        """Read truth and prediction of the test rows.
-
-        Parameters
-        ----------
-        kind : str
-            "baseline" or "tuned".
-        model : str
-            Name of the model.
-
-        Returns
-        -------
-        truth, prediction : ndarray, shape (m,)
-            Solved and predicted values, in the target's unit.
+        """Read truth and prediction of the test rows, each of shape (m,), in the target's unit.
 
         Raises
         ------
@@ -220,30 +227,25 @@ class Folder:
             raise InputError(f"{path}: holds values that are not finite: move it away")
         return truth, prediction
 
-    def test_groups(self) -> Values | None:
-        """Read the group of each test row, in the order of the predictions.
+    def test_groups(self) -> Values:
+        """Read the group of each test row, in the order of the predictions; shape (m,).
 
         Rows of one surface, or of one tile of a map, are of one group.
-
-        Returns
-        -------
-        ndarray, shape (m,), or None
-            Numbers of the groups; None for a folder that is older than they are, or lacks the file.
 
         Raises
         ------
         InputError
-            If the file is damaged.
+            If the file is missing or damaged.
         """
         path = self.path / "rows.csv"
         try:
             rows = [*csv.DictReader(documents.read_bytes(path).decode().splitlines())]
-            groups = [float(row["group"]) for row in rows if row["part"] == "test"]
-        except (FileNotFoundError, KeyError):
-            return None
-        except (ValueError, TypeError, csv.Error) as error:
-            raise InputError(f"{path} cannot be read: {error}: move it away") from None
-        return np.array(groups)
+            return np.array([float(row["group"]) for row in rows if row["part"] == "test"])
+        except (FileNotFoundError, KeyError, ValueError, TypeError, csv.Error) as error:
+            raise InputError(
+                f"{path} cannot be read ({error}): learn compare DATABASE -o into a new folder"
+                " makes it again"
+            ) from None
 
     def write_json(self, name: str, content: dict[str, Any]) -> Path:
         """Write a JSON file of the folder, and return its path."""
@@ -263,30 +265,21 @@ class Folder:
         rows : iterable of sequence
             The lines.
         """
-        lines: list[str] = []
-
-        class Lines:
-            write = lines.append
-
-        writer = csv.writer(Lines(), lineterminator="\n")
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
         writer.writerow(header)
         writer.writerows(map(cell, row) for row in rows)
-        return self._write(name, "".join(lines))
+        return self._write(name, text.getvalue())
 
     def _write(self, name: str, text: str) -> Path:
         path = self.path / name
-        output.make_folder(path.parent)
-        output.write(path, text)
+        files.make_folder(path.parent)
+        files.write(path, text)
         return path
 
 
 def targets(path: Path) -> list[Folder]:
     """List the targets of a comparison folder.
-
-    Parameters
-    ----------
-    path : Path
-        The comparison folder.
 
     Raises
     ------

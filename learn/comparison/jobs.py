@@ -1,36 +1,27 @@
 """The jobs: fit the models' baselines, tune the models over their grids, estimate the grids' times.
 
 A job runs on the master. It reads as if there were one process: the executor (`learn.executor`)
-does its fits on the workers.
+does its fits on the workers. The time that a job is given is wall-clock time of its call; what is
+left of it is shared evenly among the searches that are left.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+import math
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from gen.runtime.interruption import Interruption
-from gen.runtime.progress import RunProgress
+from gen.runtime.signals import Interruption
+from gen.runtime.terminal import RunProgress
 from learn import dataset
-from learn.comparison.clock import Clock
+from learn.comparison import estimate as costs
+from learn.comparison import grid as grids
+from learn.comparison import halving, results, spaces, timing
 from learn.comparison.folder import Folder
-from learn.comparison.preparation import prepare
-from learn.comparison.results import (
-    has_winner,
-    print_result,
-    winner_of,
-    write_cost,
-    write_failure,
-    write_fit,
-    write_search,
-)
-from learn.comparison.search import budget, pruning, spaces, whole_grid
-from learn.comparison.search.budget import Share
-from learn.comparison.search.grid_search import GridSearch
-from learn.comparison.search.spaces import Space
-from learn.comparison.search.staged import require_served
-from learn.comparison.search.trials import Trials
-from learn.comparison.timing import FitResult, TimedFit, fit_and_time
-from learn.comparison.training_data import Training
+from learn.comparison.search import GridSearch
+from learn.comparison.timing import FitResult, TimedFit
+from learn.comparison.training import Training, prepare
+from learn.comparison.trials import Trials
 from learn.executor import Executor
 from learn.models import Model, models_named
 from learn.request import Request, hybrid_for
@@ -38,13 +29,7 @@ from learn.request import Request, hybrid_for
 
 @dataclass(frozen=True)
 class _Target:
-    """One target of a job: its folder, its data, and the executor of its fits.
-
-    Attributes
-    ----------
-    stopping : callable
-        Returns True once a signal has come.
-    """
+    """One target of a job; `stopping` returns True once a signal has come."""
 
     request: Request
     folder: Folder
@@ -52,62 +37,51 @@ class _Target:
     executor: Executor
     stopping: Callable[[], bool]
 
-    def timed(self, task: TimedFit) -> FitResult:
-        """Fit, score and time a model while nothing else runs."""
-        return self.executor.call(fit_and_time, self.training, task)
-
-    @property
-    def name(self) -> str:
-        """Name of the target, and of its folder."""
-        return self.folder.path.name
+    def timed(self, task: TimedFit) -> FitResult | None:
+        """Fit, score and time a model while nothing else runs; None if its time was over."""
+        return self.executor.call(timing.fit_in_time, self.training, task)
 
     @contextmanager
-    def searching(
-        self, model: Model, source: str, space: Space, clock: Clock
-    ) -> Iterator[tuple[GridSearch, Share | None]]:
-        """Open the finished fits of a model's grid, whose name is `source`; yield its time too."""
-        grid = pruning.grid(model, space, self.training.columns)
+    def searching(self, model: Model) -> Iterator[GridSearch]:
+        """Open the finished fits of a model's grid."""
         features, columns = self.request.features, self.training.columns
+        source, space = spaces.of(model.name, features)
+        grid = grids.grid(model, space, columns)
         _, known = spaces.untuned(model.name, features)
-        optimum = grid.number_of(pruning.canonical_settings(model, known, columns))
-        carried = spaces.baseline(model.name, features), optimum
         path = self.folder.path / "trials" / f"{model.name}.jsonl"
-        with (
-            Trials(path, self.folder.record()["conditions"]) as trials,
-            clock.search(self.name, model.name, self.stopping) as share,
-        ):
-            context = self.training, trials, self.executor, self.stopping
-            yield GridSearch(model, grid, *context, source, *carried), share
+        with Trials(path, self.folder.record()["conditions"]) as trials:
+            yield GridSearch(
+                *(model, grid, self.training, trials, self.executor, self.stopping, source),
+                baseline=spaces.baseline(model.name, features),
+                optimum=grid.number_of(grids.canonical_settings(model, known, columns)),
+            )
 
 
 def compare(request: Request, executor: Executor) -> int:
-    """Fit, score and time the baselines of all models that are asked for.
-
-    Parameters
-    ----------
-    request : Request
-        Database, folder, targets and models.
-    executor : Executor
-        Does the fits.
-
-    Returns
-    -------
-    int
-        Number of the signal that stopped the job, 0 if none did.
-
-    Raises
-    ------
-    InputError
-        For input that cannot be used.
-    """
+    """Fit, score and time the baselines of all models that are asked for; see `tune`."""
     models = models_named(list(request.models))
     with Interruption(listening=True) as interruption:
         for target in _targets(request, models, executor, interruption, searched=False):
-            _fit_baselines(target, models)
+            with RunProgress(len(models), "models") as progress:
+                for model in models:
+                    there = target.folder.result("baseline", model.name) is not None
+                    if interruption.requested():
+                        break
+                    if request.again or not there:
+                        _fit_baseline(target, model, progress.say)
+                    progress.advance(1, 0)
     return interruption.signal
 
 
-def tune(request: Request, executor: Executor, given: Mapping[str, Space] | None = None) -> int:
+def _fit_baseline(target: _Target, model: Model, say: Callable[[str], None]) -> None:
+    task = TimedFit(model.name, spaces.baseline(model.name, target.request.features))
+    result = target.timed(task)
+    assert result is not None  # there is no limit
+    results.write_fit(target.folder, task, target.training, result)
+    results.print_result(say, task, result)
+
+
+def tune(request: Request, executor: Executor) -> int:
     """Search the models' grids, then fit, score and time the winners.
 
     Parameters
@@ -116,9 +90,6 @@ def tune(request: Request, executor: Executor, given: Mapping[str, Space] | None
         Database, folder, targets, models, and the time for all searches.
     executor : Executor
         Does the fits.
-    given : mapping, optional
-        A grid for each model; those of `learn.comparison.search.spaces` if left out. Boosting whose
-        first trees are no model of their own (DART, linear, or stopped early) is refused.
 
     Returns
     -------
@@ -130,64 +101,31 @@ def tune(request: Request, executor: Executor, given: Mapping[str, Space] | None
     InputError
         For input that cannot be used.
     """
-    models = models_named(list(request.models))
-    grids = _grids(request, models, given)
-    with Interruption(listening=True) as interruption:
-        clock = Clock("tune", request, grids)
-        for target in _targets(request, models, executor, interruption, searched=True):
-            for model in _left(target, models, clock):
-                with target.searching(model, *grids[model.name], clock) as (grid_search, share):
-                    _tune_model(target, grid_search, share)
-        if not interruption.requested():
-            clock.close()
-    return interruption.signal
+    return _search(request, executor, _tune_model)
 
 
 def estimate(request: Request, executor: Executor) -> int:
-    """Estimate the times of the models' whole grids from fits that are drawn at random.
+    """Estimate the times of the models' whole grids from fits drawn at random; see `tune`."""
+    return _search(request, executor, _estimate_model)
 
-    Parameters
-    ----------
-    request : Request
-        Database, folder, targets, models, and the time for all estimates.
-    executor : Executor
-        Does the fits.
 
-    Returns
-    -------
-    int
-        Number of the signal that stopped the job, 0 if none did.
-
-    Raises
-    ------
-    InputError
-        For input that cannot be used.
-    """
-    models = models_named(list(request.models))
-    grids = _grids(request, models)
+def _search(
+    request: Request, executor: Executor, work: Callable[[_Target, GridSearch, float], None]
+) -> int:
+    """Do some work on the grid of each model and target, each until its share of the time ends."""
+    began, models = time.time(), models_named(list(request.models))
+    end = math.inf if request.limit is None else began + request.limit
+    left = len(models) * len(request.targets)
     with Interruption(listening=True) as interruption:
-        clock = Clock("estimate", request, grids)
         for target in _targets(request, models, executor, interruption, searched=True):
-            for model in _left(target, models, clock):
-                with target.searching(model, *grids[model.name], clock) as (grid_search, share):
-                    cost = whole_grid.estimate(grid_search, share or Share(0.0))
-                    if cost is not None:
-                        write_cost(target.folder, grid_search, cost)
-        if not interruption.requested():
-            clock.close()
+            for model in models:
+                if interruption.requested():
+                    break
+                until = time.time() + max(end - time.time(), 0.0) / left
+                left -= 1
+                with target.searching(model) as search:
+                    work(target, search, until)
     return interruption.signal
-
-
-def _grids(
-    request: Request, models: list[Model], given: Mapping[str, Space] | None = None
-) -> dict[str, tuple[str, Space]]:
-    """Return the name and the values of each model's grid, before any row is read."""
-    grids = {model.name: spaces.of(model.name, request.features) for model in models}
-    if given is not None:
-        grids = {model.name: (spaces.GIVEN, given[model.name]) for model in models}
-    for model in models:
-        require_served(model, grids[model.name][1])
-    return grids
 
 
 def _targets(
@@ -203,46 +141,34 @@ def _targets(
     hybrid = hybrid_for(request, executor, stopping)
     if stopping():
         return
-    for rows in dataset.read_targets(
-        request.database, request.targets, request.area_max, request.features, hybrid
+    for rows in dataset.read_together(
+        (request.database,), request.targets, request.area_max, request.features, (hybrid,)
     ):
         if not stopping():
             folder, training = prepare(request, rows, models, searched=searched)
             yield _Target(request, folder, training, executor, stopping)
 
 
-def _fit_baselines(target: _Target, models: list[Model]) -> None:
-    """Fit and time the baselines that the folder lacks, one at a time."""
-    request, folder = target.request, target.folder
-    with RunProgress(len(models), "models") as progress:
-        for model in models:
-            there = folder.result("baseline", model.name) is not None
-            if target.stopping():
-                return
-            if request.again or not there:
-                task = TimedFit(model.name, spaces.baseline(model.name, request.features))
-                result = target.timed(task)
-                write_fit(folder, task, target.training, result)
-                print_result(progress.say, task, result)
-            progress.advance(1, 0)
-
-
-def _left(target: _Target, models: list[Model], clock: Clock) -> Iterator[Model]:
-    """Yield the models whose searches the job still lacks, until a signal comes."""
-    for model in models:
-        if not target.stopping() and not clock.ended(target.name, model.name):
-            yield model
-
-
-def _tune_model(target: _Target, grid_search: GridSearch, share: Share | None) -> None:
+def _tune_model(target: _Target, search: GridSearch, until: float) -> None:
     """Search one model's grid, and fit and time the winner, which may be the baseline."""
-    folder, model = target.folder, grid_search.model
-    search = grid_search.exhaustive() if share is None else budget.search(grid_search, share)
+    folder, model = target.folder, search.model
+    found = search.exhaustive() if math.isinf(until) else halving.within(search, until)
     if target.stopping():
         return
-    every_fit_failed = search is not None and not search.scores.scored and search.scores.failures
-    if search is None or not search.scores.decided or every_fit_failed:
-        write_failure(folder, model, search)
-    elif target.request.again or not has_winner(folder, grid_search, search):
-        result = target.timed(winner_of(grid_search, search))
-        write_search(folder, grid_search, search, result)
+    every_fit_failed = found is not None and not found.scores.scored and found.scores.failures
+    if found is None or not found.scores.decided or every_fit_failed:
+        failures = [] if found is None else [*found.scores.failures]
+        results.write_failure(folder, model, "; ".join(failures) or results.UNFINISHED)
+    elif target.request.again or not results.has_winner(folder, search, found):
+        result = target.timed(replace(results.winner_of(search, found), until=until))
+        if result is None:
+            results.write_failure(folder, model, results.UNFITTED)
+        else:
+            results.write_search(folder, search, found, result)
+
+
+def _estimate_model(target: _Target, search: GridSearch, until: float) -> None:
+    """Estimate the time of one model's whole grid."""
+    cost = costs.estimate(search, until)
+    if cost is not None:
+        results.write_cost(target.folder, search, cost)

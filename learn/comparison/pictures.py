@@ -8,9 +8,10 @@ import numpy as np
 
 from gen.runtime import figure as figures
 from gen.runtime.figure import draw_parity, new_figure, parity_axes
-from learn.comparison import intervals, tables
+from learn.comparison import tables
 from learn.comparison.folder import KINDS, Folder
-from learn.comparison.intervals import Intervals
+from learn.comparison.tables import Intervals
+from learn.metrics import LEVEL
 from learn.models import MODELS
 
 COLOURS = {"baseline": "tab:blue", "tuned": "tab:orange"}
@@ -36,45 +37,24 @@ DPI = 120
 
 
 def save(figure: Any, path: Path) -> Path:
-    """Write a figure as PNG, and return its path; a file appears only once it is whole.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        The figure.
-    path : Path
-        The file.
-    """
+    """Write a figure as PNG, and return its path; a file appears only once it is whole."""
     return figures.save(figure, path, dpi=DPI)
 
 
 def draw(folder: Folder) -> list[Path]:
-    """Draw the results of a folder.
+    """Draw parity.png (like figures 8 and 10), scores.png and times.png (like figure 9).
 
-    Parameters
-    ----------
-    folder : Folder
-        The folder of a target.
-
-    Returns
-    -------
-    list of Path
-        parity.png (like figures 8 and 10), scores.png and times.png (like figure 9); none if the
-        folder has no results.
+    Nothing is drawn if the folder of the target has no results.
     """
-    record = folder.record()
-    shown = [
-        (model, kind, result)
-        for model, kind, result in folder.results()
-        if result.get("test") is not None
-    ]
-    if not shown:
+    record, found = folder.record(), tables.intervals(folder)
+    shown = [each for each in folder.results() if each[2].get("test") is not None]
+    if found is None:
         return []
     target = str(record["conditions"]["target"])
-    quantity = f"{record['conditions']['target'].replace('_percent', '')} [{record['unit']}]"
+    quantity = f"{target.replace('_percent', '')} [{record['unit']}]"
     return [
         save(_parity(folder, shown, quantity), folder.path / "parity.png"),
-        save(_scores(folder, shown, target), folder.path / "scores.png"),
+        save(_scores(found, shown, target), folder.path / "scores.png"),
         save(_times(shown), folder.path / "times.png"),
     ]
 
@@ -103,11 +83,9 @@ def _parity(folder: Folder, shown: Shown, quantity: str) -> Any:
     return figure
 
 
-def _scores(folder: Folder, shown: Shown, target: str) -> Any:
+def _scores(found: Intervals, shown: Shown, target: str) -> Any:
     """Draw every score of every model with its interval; the worst model fills the height."""
-    wanted, found = tables.names(target), intervals.of(folder)
-    if found is None:
-        raise ValueError("there are no scores to draw")
+    wanted = tables.names(target)
     figure = new_figure(1.6 + 1.15 * len(MODELS), 2.3 * len(wanted))
     axes = figure.subplots(len(wanted), 1, sharex=True, squeeze=False)[:, 0]
     for name, axis in zip(wanted, axes, strict=True):
@@ -129,11 +107,8 @@ def _scores(folder: Folder, shown: Shown, target: str) -> Any:
 def _said(found: Intervals, shown: Shown, target: str) -> str:
     """Explain the whiskers and the nMSE, and name the models whose baseline won the search."""
     lines = []
-    if found.of:
-        lines.append(
-            f"whiskers: {100 * intervals.LEVEL:g} % bootstrap intervals,"
-            f" {intervals.BOOTSTRAP:,} resamples of {found.groups} {found.drawn}; nMaxE has none"
-        )
+    if any(found.of.values()):
+        lines.append(f"whiskers: {100 * LEVEL:g} % bootstrap intervals, {found.in_words()}")
     won = [MODELS[m].title for m, _, r in shown if (r.get("search") or {}).get("winner") == BEST]
     if won:
         lines.append(f"tuned is the baseline, which won the search: {', '.join(won)}")

@@ -5,7 +5,6 @@ from typing import Annotated, Literal
 from pydantic import ConfigDict, Field, model_validator
 
 from gen.runtime.documents import Document
-from learn.split import FOLDS
 
 MOST = 2**53
 """Largest number of rows, fits or candidates that is accepted."""
@@ -21,10 +20,10 @@ class Conditions(Document):
 
     database_sha256: str
     target: str
-    features: str = "paper"
+    features: str
     inputs: list[str]
     normalisation: str
-    target_scaling: str = "none"
+    target_scaling: str
     seed: Annotated[int, Field(ge=0, lt=2**32)]
     folds: Count
     train_rows: Count
@@ -95,7 +94,6 @@ class Result(Document):
     model: str
     settings: dict[str, Setting]
     settings_key: str
-    refit: dict[str, Setting] = Field(default_factory=dict)
     fitted: dict[str, str]
     test: Scored | None
     train: Scored | None
@@ -124,7 +122,7 @@ class Failure(Document):
 
 
 class WholeGrid(Document):
-    """The file whole-grid/MODEL.json: see `learn.comparison.search.whole_grid.Cost`."""
+    """The file whole-grid/MODEL.json: see `learn.comparison.estimate.Cost`."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -134,34 +132,6 @@ class WholeGrid(Document):
     fits: Count
     of: Count
     rows: Count = 0
-
-
-class Trial(Document):
-    """A line of the file trials/MODEL.jsonl: see `learn.comparison.search.trials.Trial`."""
-
-    model_config = ConfigDict(extra="forbid")
-
-    candidate: str
-    fold: Annotated[int, Field(ge=0, lt=FOLDS)]
-    rows: Count
-    r2: Annotated[float, Field(le=1)] | None
-    failure: str = ""
-    remark: str = ""
-    seconds: Seconds = 0.0
-    collapsed: bool = False
-
-
-class Clock(Document):
-    """The file trials/MODEL.clock.json: see `learn.comparison.clock`."""
-
-    model_config = ConfigDict(extra="forbid")
-
-    command: str
-    budget: Seconds
-    models: list[str]
-    targets: list[str]
-    spent: Seconds
-    ended: bool
 
 
 KINDS: dict[str, tuple[type[Document], ...]] = {

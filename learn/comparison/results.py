@@ -2,78 +2,62 @@
 
 from collections.abc import Callable
 from dataclasses import asdict, replace
-from math import isnan
 from typing import Any
 
 import numpy as np
 
-from gen.runtime.progress import RunProgress
-from learn import split
+from gen.runtime.terminal import RunProgress
+from learn.comparison import grid as grids
+from learn.comparison.estimate import Cost
 from learn.comparison.folder import Folder
-from learn.comparison.search import pruning
-from learn.comparison.search.grid_search import GridSearch, SearchResult
-from learn.comparison.search.pruning import Grid
-from learn.comparison.search.scores import GridScores
-from learn.comparison.search.spaces import TABLE_2
-from learn.comparison.search.whole_grid import Cost
+from learn.comparison.search import GridScores, GridSearch, SearchResult
 from learn.comparison.search_tables import why_baseline
 from learn.comparison.timing import FitResult, TimedFit
-from learn.comparison.training_data import Training
+from learn.comparison.training import Training
 from learn.models import MODELS, Model
+from learn.split import FOLDS
 
 Say = Callable[[str], None]
 """Prints a line for the user."""
 
+UNFINISHED = f"neither baseline nor candidate was finished on {FOLDS} folds within the time"
+"""Why a search with a budget has no winner."""
 
-def has_winner(folder: Folder, grid_search: GridSearch, search: SearchResult) -> bool:
-    """Whether a folder has the result of this very search and winner.
+UNFITTED = "the winner's fit to all rows was not finished within the time: give a larger --budget"
+"""Why the winner of a search with a budget has no scores."""
 
-    Parameters
-    ----------
-    folder : Folder
-        The folder of the target.
-    grid_search : GridSearch
-        Model and grid.
-    search : SearchResult
-        The search, which has a winner.
-    """
-    result = folder.result("tuned", grid_search.model.name)
+
+def winner_of(search: GridSearch, found: SearchResult) -> TimedFit:
+    """Return the winner of a search, a candidate of the grid or the baseline, to be fitted."""
+    name, scores = search.model.name, found.scores
+    if scores.baseline_wins:
+        return TimedFit(name, search.baseline or {}, tuned=True, baseline=True)
+    return TimedFit(name, search.grid.differing[scores.winner], tuned=True)
+
+
+def _place_of_winner(search: GridSearch, found: SearchResult) -> str:
+    """Name the winner's place: the grid, its optimum by the paper, or the baseline."""
+    if found.scores.baseline_wins:
+        return "baseline"
+    return "optimum" if found.scores.winner == search.optimum else "grid"
+
+
+def has_winner(folder: Folder, search: GridSearch, found: SearchResult) -> bool:
+    """Whether a folder has the result of this very search and winner."""
+    result = folder.result("tuned", search.model.name)
     return (
         result is not None
         and "settings" in result
-        and result["settings_key"] == _key(winner_of(grid_search, search), grid_search.training)
-        and result["search"].get("winner") == _kind_of_winner(grid_search, search)
-        and result["search"]["how"] == search.how
-        and result["search"].get("grid", TABLE_2) == grid_search.source
-        and result["search"]["candidates_scored"] == search.scores.scored
+        and result["settings_key"] == _key(winner_of(search, found), search.training)
+        and result["search"].get("winner") == _place_of_winner(search, found)
+        and result["search"]["how"] == found.how
+        and result["search"].get("grid") == search.source
+        and result["search"]["candidates_scored"] == found.scores.scored
     )
 
 
-def winner_of(grid_search: GridSearch, search: SearchResult) -> TimedFit:
-    """Return the winner of a search, to be fitted to all rows.
-
-    Parameters
-    ----------
-    grid_search : GridSearch
-        Model, grid and baseline.
-    search : SearchResult
-        The search, which has a winner: a candidate of the grid, or the baseline.
-    """
-    name, scores = grid_search.model.name, search.scores
-    if scores.baseline_wins:
-        return TimedFit(name, grid_search.baseline or {}, tuned=True, baseline=True)
-    return TimedFit(name, grid_search.grid.differing[scores.winner], tuned=True)
-
-
-def _kind_of_winner(grid_search: GridSearch, search: SearchResult) -> str:
-    """Name the winner's place: the grid, its optimum by the paper, or the baseline."""
-    if search.scores.baseline_wins:
-        return "baseline"
-    return "optimum" if search.scores.winner == grid_search.optimum else "grid"
-
-
 def write_search(
-    folder: Folder, grid_search: GridSearch, search: SearchResult, result: FitResult
+    folder: Folder, search: GridSearch, found: SearchResult, result: FitResult
 ) -> None:
     """Write and print the result of a search and of its winner.
 
@@ -81,85 +65,73 @@ def write_search(
     ----------
     folder : Folder
         The folder of the target.
-    grid_search : GridSearch
+    search : GridSearch
         Model, grid and data.
-    search : SearchResult
-        The search, which has a winner.
+    found : SearchResult
+        The result of the search, which has a winner.
     result : FitResult
         Scores and times of the winner.
     """
-    model, grid, scores = grid_search.model, grid_search.grid, search.scores
-    folder.write_table(f"tuned/{model.name}-grid.csv", *_candidates(grid, scores))
-    task = winner_of(grid_search, search)
+    model, scores = search.model, found.scores
+    folder.write_table(f"tuned/{model.name}-grid.csv", *_candidates(search, scores))
+    task = winner_of(search, found)
     if not task.baseline:
-        task = replace(task, settings=grid.first(scores.winner))
-    report = _report(grid_search, search)
-    write_fit(folder, task, grid_search.training, result, report, search.seconds)
-    for text, number in [*scores.failures.items(), *scores.remarks.items()]:
-        _say(f"{model.title}: {number} of {scores.folds.size} scores: {text}")
-    print_result(_say, task, result)
-    if scores.baseline_wins:
-        _say(f"{model.title}: {why_baseline(report)}")
+        task = replace(task, settings=search.grid.first(scores.winner))
+    report = _report(search, found)
+    write_fit(folder, task, search.training, result, report, found.seconds)
+    with RunProgress(1) as progress:
+        for text, number in [*scores.failures.items(), *scores.remarks.items()]:
+            progress.say(f"{model.title}: {number} of {scores.folds.size} scores: {text}")
+        print_result(progress.say, task, result)
+        if scores.baseline_wins:
+            progress.say(f"{model.title}: {why_baseline(report)}")
 
 
-def _report(grid_search: GridSearch, search: SearchResult) -> dict[str, Any]:
+def _report(search: GridSearch, found: SearchResult) -> dict[str, Any]:
     """Describe a search in the result of its winner."""
-    grid, scores = grid_search.grid, search.scores
+    grid, scores = search.grid, found.scores
     own = [] if np.isnan(scores.baseline).any() else scores.baseline.tolist()
+    of_folds = {
+        "r2_folds": own if scores.baseline_wins else scores.of(scores.winner),
+        "grid_r2_folds": scores.of(scores.winner),
+        "optimum_r2_folds": scores.of(search.optimum),
+        "baseline_r2_folds": own,
+    }
     return {
-        "how": search.how,
-        "grid": grid_search.source,
-        "rows": search.rows,
+        "how": found.how,
+        "grid": search.source,
+        "rows": search.training.rows,
         "candidates": grid.nominal,
         "candidates_differing": len(grid.differing),
         "candidates_scored": scores.scored,
-        "fits_nominal": split.FOLDS * grid.nominal,
+        "fits_nominal": FOLDS * grid.nominal,
         "fits": scores.fits,
-        "baseline_fits": scores.baseline_fits,
-        "winner": _kind_of_winner(grid_search, search),
-        "r2_folds": _percent(own if scores.baseline_wins else scores.of(scores.winner)),
-        "grid_r2_folds": _percent(scores.of(scores.winner)),
-        "optimum_r2_folds": _percent(scores.of(grid_search.optimum)),
-        "baseline_r2_folds": _percent(own),
+        "baseline_fits": int(np.count_nonzero(~np.isnan(scores.baseline))),
+        "winner": _place_of_winner(search, found),
+        **{name: [100 * score for score in folds] for name, folds in of_folds.items()},
         "failures": scores.failures,
         "remarks": scores.remarks,
     }
 
 
-def _percent(scores: list[float]) -> list[float]:
-    return [100 * score for score in scores]
-
-
-def write_failure(folder: Folder, model: Model, search: SearchResult | None) -> None:
-    """Write and print the reason why a search has no winner.
-
-    Parameters
-    ----------
-    folder : Folder
-        The folder of the target.
-    model : Model
-        The model.
-    search : SearchResult or None
-        The search, None if it finished no candidate.
-    """
-    reason = f"neither baseline nor candidate was finished on {split.FOLDS} folds within the time"
-    if search is not None:
-        reason = "; ".join(search.scores.failures) or reason
-    folder.write_json(
-        f"tuned/{model.name}.json", {"model": model.name, "failure": reason, "remarks": []}
-    )
-    _say(f"warning: {model.title}: {reason}")
-
-
-def _candidates(grid: Grid, scores: GridScores) -> tuple[list[str], list[list[object]]]:
+def _candidates(search: GridSearch, scores: GridScores) -> tuple[list[str], list[list[object]]]:
     """Return the table of all candidates as the paper counts them, in ParameterGrid's order."""
-    names = list(grid.candidates[0])
-    folds = [f"r2_fold_{fold}" for fold in range(scores.folds.shape[1])]
+    names = list(search.grid.candidates[0])
+    folds = [f"r2_fold_{fold}" for fold in range(FOLDS)]
     rows: list[list[object]] = []
-    for candidate, number in zip(grid.candidates, grid.canonical, strict=True):
-        r2 = [float(scores.means[number]), *map(float, scores.folds[number])]
+    means = scores.means
+    for candidate, number in zip(search.grid.candidates, search.grid.canonical, strict=True):
+        r2 = [float(means[number]), *map(float, scores.folds[number])]
         rows.append([*(candidate[name] for name in names), number, *r2])
     return [*names, "differing_candidate", "r2_mean", *folds], rows
+
+
+def write_failure(folder: Folder, model: Model, reason: str) -> None:
+    """Write and print the reason why a search has no winner."""
+    content = {"model": model.name, "failure": reason, "remarks": []}
+    folder.write_json(f"tuned/{model.name}.json", content)
+    with RunProgress(1) as progress:
+        progress.say(f"warning: {model.title}: {reason}")
 
 
 def write_fit(
@@ -170,7 +142,7 @@ def write_fit(
     report: dict[str, Any] | None = None,
     search_seconds: float = 0.0,
 ) -> None:
-    """Write a model's result; predictions first, so that no result is without them.
+    """Write scores, predictions and times of a model.
 
     Parameters
     ----------
@@ -193,15 +165,7 @@ def write_fit(
         ("test_row", "truth", "prediction"),
         ((number, *pair) for number, pair in enumerate(pairs)),
     )
-    content = _content(task, training, result)
-    times = {name: None if isnan(each) else each for name, each in vars(result.times).items()}
-    content |= {"search": report or {}, "times": {**times, "search": search_seconds}}
-    folder.write_json(f"{task.kind}/{task.model}.json", content)
-
-
-def _content(task: TimedFit, training: Training, result: FitResult) -> dict[str, Any]:
-    """Return the settings and scores of a result as its file holds them."""
-    return {
+    content = {
         "model": task.model,
         "settings": task.settings,
         "settings_key": _key(task, training),
@@ -210,59 +174,35 @@ def _content(task: TimedFit, training: Training, result: FitResult) -> dict[str,
         "train": None if result.train is None else asdict(result.train),
         "failure": result.failure,
         "remarks": list(result.remarks),
+        "search": report or {},
+        "times": {**result.times, "search": search_seconds},
     }
+    folder.write_json(f"{task.kind}/{task.model}.json", content)
 
 
 def _key(task: TimedFit, training: Training) -> str:
     """Return the line of text that identifies the settings of a fit."""
     if not task.of_grid:
-        return pruning.baseline_key(task.settings)
-    canonical = pruning.canonical_settings(MODELS[task.model], task.settings, training.columns)
-    return pruning.key(canonical)
+        return grids.baseline_key(task.settings)
+    return grids.key(grids.canonical_settings(MODELS[task.model], task.settings, training.columns))
 
 
-def write_cost(folder: Folder, grid_search: GridSearch, cost: Cost) -> None:
-    """Write the time that a model's whole grid takes.
-
-    Parameters
-    ----------
-    folder : Folder
-        The folder of the target.
-    grid_search : GridSearch
-        Model and grid.
-    cost : Cost
-        The estimate.
-    """
-    content = {"grid": grid_search.source, **asdict(cost)}
-    folder.write_json(f"whole-grid/{grid_search.model.name}.json", content)
+def write_cost(folder: Folder, search: GridSearch, cost: Cost) -> None:
+    """Write the time that a model's whole grid takes."""
+    content = {"grid": search.source, **asdict(cost)}
+    folder.write_json(f"whole-grid/{search.model.name}.json", content)
 
 
 def print_result(say: Say, task: TimedFit, result: FitResult) -> None:
-    """Print a model's scores and times, and the warnings of its fit.
-
-    Parameters
-    ----------
-    say : callable
-        Prints a line.
-    task : TimedFit
-        The model.
-    result : FitResult
-        Scores and times.
-    """
+    """Print a model's scores and times, and the warnings of its fit."""
     title = f"{MODELS[task.model].title}, {task.kind}"
     title += ", which is the baseline" if task.tuned and task.baseline else ""
     if result.test is None:
         say(f"warning: {title}: {result.failure}")
         return
-    times = result.times
     say(
         f"{title}: R2 {result.test.r2:.2f} %, nMAE {result.test.nmae:.2f} %,"
-        f" fit {times.fit:.3g} s, prediction {times.test:.3g} s"
+        f" fit {result.times['fit']:.3g} s, prediction {result.times['test']:.3g} s"
     )
     for remark in result.remarks:
         say(f"  warning: {remark}")
-
-
-def _say(line: str) -> None:
-    with RunProgress(1) as progress:
-        progress.say(line)

@@ -1,33 +1,20 @@
 """The tables of a comparison's searches: extent, decision, settings, and times of whole grids."""
 
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import Any
 
-from rich.markup import escape
 from rich.table import Table
 
 from learn.comparison import paper
 from learn.comparison.folder import Folder
-from learn.comparison.search.spaces import TABLE_2, WHOLE
+from learn.comparison.spaces import TABLE_2, WHOLE
 from learn.models import MODELS
 
-SEARCHED = {
-    "how": "searched",
-    "rows": "rows",
-    "candidates": "candidates",
-    "candidates_differing": "candidates_differing",
-    "candidates_scored": "candidates_scored",
-    "fits_nominal": "fits_nominal",
-    "fits": "fits",
-}
-"""The extent of a search: its keys in a result, and its columns in tuning.csv."""
+EXTENT = ["rows", "candidates", "candidates_differing", "candidates_scored", "fits_nominal", "fits"]
+"""The extent of a search: keys of a result, and columns of tuning.csv."""
 
-WINNERS = {
-    "grid": "grid",
-    "optimum": "the paper's optimum",
-    "baseline": "the baseline",
-}
-"""Names of the winners' places in tables; an older folder has none."""
+WINNERS = {"grid": "grid", "optimum": "the paper's optimum", "baseline": "the baseline"}
+"""Names of the winners' places in tables."""
 
 DECIDED = {
     "winner_r2": "r2_folds",
@@ -37,46 +24,38 @@ DECIDED = {
 }
 """Columns of tuning.csv, and the R2 over the folds of a result whose means [%] they are."""
 
-
-class WholeGrid(NamedTuple):
-    """The time of a whole grid [s] and its standard error; see `search.whole_grid.Cost`."""
-
-    grid: str
-    seconds: float
-    error: float | None
-    fits: int
-    of: int
-    rows: int
+COST = ["grid", "seconds", "error", "fits", "of", "rows"]
+"""The time of a whole grid: keys of its file, and columns of whole-grids.csv."""
 
 
-def rows(folder: Folder) -> Iterator[list[object]]:
-    """Yield the lines of tuning.csv: model, grid, extent, decision and settings."""
+def files(folder: Folder) -> dict[str, tuple[list[str], list[list[object]]]]:
+    """Return the columns and lines of the tables of searches (CSV), by their names."""
+    extents, times = [], []
     for model in MODELS:
         result = folder.result("tuned", model)
         if result and "search" in result:
             search = result["search"]
-            extent = [search[name] for name in SEARCHED]
-            winner, means = search.get("winner") or "", (_mean(search, n) for n in DECIDED.values())
-            grid = search.get("grid", TABLE_2)
-            yield [model, grid, *extent, winner, *means, settings(result)]
-
-
-HEADER = ["model", "grid", *SEARCHED.values(), "winner", *DECIDED, "settings"]
-"""Columns of tuning.csv."""
+            extent = [search.get("grid", TABLE_2), *(search[name] for name in ("how", *EXTENT))]
+            means = [_mean(search, name) for name in DECIDED.values()]
+            winner = search.get("winner") or ""
+            extents.append([model, *extent, winner, *means, settings(result)])
+            times.append([model, result["times"]["search"], paper.TUNING_SECONDS[model]])
+    costs = [
+        [model, *(cost[name] for name in COST), paper.TUNING_SECONDS[model]]
+        for model, cost in grid_costs(folder)
+    ]
+    header = ["model", "grid", "searched", *EXTENT, "winner", *DECIDED, "settings"]
+    return {
+        "tuning.csv": (header, extents),
+        "tuning-times.csv": (["model", "fit_seconds", "paper_s"], times),
+        "whole-grids.csv": (["model", *COST, "paper_s"], costs),
+    }
 
 
 def _mean(search: dict[str, Any], name: str) -> float | str:
     """Return the mean R2 over the folds [%], "" where there is none."""
     folds = search.get(name) or []
     return sum(folds) / len(folds) if folds else ""
-
-
-def time_rows(folder: Folder) -> Iterator[list[object]]:
-    """Yield the lines of tuning-times.csv."""
-    for model in MODELS:
-        result = folder.result("tuned", model)
-        if result and "times" in result:
-            yield [model, result["times"]["search"], paper.TUNING_SECONDS[model]]
 
 
 def settings(result: dict[str, Any]) -> str:
@@ -86,29 +65,10 @@ def settings(result: dict[str, Any]) -> str:
 
 
 def why_baseline(search: dict[str, Any]) -> str:
-    """Say why the baseline is the winner of a search: it is better, or nothing else was judged.
-
-    Parameters
-    ----------
-    search : dict
-        Description of the search in its result.
-    """
+    """Say why the baseline is the winner of a search, by the description in its result."""
     if search.get("grid_r2_folds"):
         return "the baseline wins, no candidate is better over five folds of all rows"
     return "the baseline stays, no candidate was finished on five folds of all rows within the time"
-
-
-def undecided(folder: Folder) -> list[str]:
-    """Return the models whose winners no cross-validation on all rows has compared to the baseline.
-
-    Folders hold such results where they are older than that rule.
-    """
-    found = {model: folder.result("tuned", model) or {} for model in MODELS}
-    return [
-        model
-        for model, result in found.items()
-        if "settings" in result and not result["search"].get("winner")
-    ]
 
 
 def table(folder: Folder, beside: bool) -> Table:
@@ -122,7 +82,7 @@ def table(folder: Folder, beside: bool) -> Table:
         Whether the paper's times stand beside ours.
     """
     found = Table(
-        title=escape(
+        title=(
             "Searches: means of R2 over the five folds of all rows [%], which decide; sum of the"
             " fits' times [s], the paper's tuning time in brackets"
         )
@@ -140,24 +100,19 @@ def table(folder: Folder, beside: bool) -> Table:
             found.add_row(MODELS[model].title, "failed")
             continue
         theirs = f" ({paper.TUNING_SECONDS[model]:.0f})" if beside else ""
+        means = [_mean(search, name) for name in ("r2_folds", "baseline_r2_folds")]
         found.add_row(
             MODELS[model].title,
             str(search.get("grid", TABLE_2)),
             str(search["how"]),
-            WINNERS.get(search.get("winner"), "of few rows, see below"),
+            WINNERS.get(search.get("winner"), ""),
             settings(result),
-            *(_number(_mean(search, name)) for name in ("r2_folds", "baseline_r2_folds")),
-            str(search["candidates"]),
-            str(search["candidates_differing"]),
-            str(search["fits"]),
-            str(search["fits_nominal"]),
+            *(f"{mean:.2f}" if isinstance(mean, float) else mean for mean in means),
+            *(str(search[name]) for name in ("candidates", "candidates_differing")),
+            *(str(search[name]) for name in ("fits", "fits_nominal")),
             f"{seconds(result['times']['search'])}{theirs}",
         )
     return found
-
-
-def _number(value: float | str) -> str:
-    return f"{value:.2f}" if isinstance(value, float) else value
 
 
 def seconds(value: float) -> str:
@@ -165,8 +120,14 @@ def seconds(value: float) -> str:
     return f"{value:.0f}" if value >= 1000 else f"{value:.3g}"
 
 
-def grid_costs(folder: Folder) -> Iterator[tuple[str, WholeGrid]]:
-    """Yield the models whose whole grids' times are known, and these times."""
+def hours(seconds: float) -> str:
+    """Return a time [s] in hours as text, without an exponent."""
+    number = seconds / 3600
+    return f"{number:.2g}" if number < 99.5 else f"{number:.0f}"
+
+
+def grid_costs(folder: Folder) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the models whose whole grids' times are known, and these times by `COST`."""
     every = folder.record()["conditions"]["train_rows"]
     for model in MODELS:
         result = folder.result("tuned", model) or {}
@@ -174,42 +135,29 @@ def grid_costs(folder: Folder) -> Iterator[tuple[str, WholeGrid]]:
         search = result.get("search") or {}
         if search.get("how") == WHOLE:
             taken, fits = result["times"]["search"], search["fits"] + search.get("baseline_fits", 0)
-            yield model, WholeGrid(search.get("grid", TABLE_2), taken, 0.0, fits, fits, every)
+            cost = [search.get("grid", TABLE_2), taken, 0.0, fits, fits, every]
+            yield model, dict(zip(COST, cost, strict=True))
         elif estimate is not None:
-            yield model, WholeGrid(**{"rows": every, **estimate})
-
-
-def hours(seconds: float) -> str:
-    """Return a time in hours as text, without an exponent.
-
-    Parameters
-    ----------
-    seconds : float
-        The time [s].
-    """
-    number = seconds / 3600
-    return f"{number:.2g}" if number < 99.5 else f"{number:.0f}"
+            yield model, {"rows": every, **estimate}
 
 
 def grid_cost_table(folder: Folder) -> Table:
     """Return a table of the times of whole grids on one thread [h]."""
     table = Table(
-        title=escape("Whole grids, one fit after the other on one thread; the paper's in brackets")
+        title="Whole grids, one fit after the other on one thread; the paper's in brackets"
     )
     table.add_column("Model")
     table.add_column("Grid")
     for column in ("time [h]", "fits", "timed on all rows", "on rows up to", "relative error"):
-        table.add_column(escape(column), justify="right")
+        table.add_column(column, justify="right")
     for model, cost in grid_costs(folder):
         theirs = f" ({hours(paper.TUNING_SECONDS[model])})"
-        error = "" if cost.error is None else f"{100 * cost.error / cost.seconds:.0f} %"
+        error = "" if cost["error"] is None else f"{100 * cost['error'] / cost['seconds']:.0f} %"
         table.add_row(
             MODELS[model].title,
-            cost.grid,
-            f"{hours(cost.seconds)}{theirs}",
-            str(cost.of),
-            str(cost.fits),
-            str(cost.rows),
-            "measured" if cost.fits == cost.of else error,
+            cost["grid"],
+            f"{hours(cost['seconds'])}{theirs}",
+            *(str(cost[name]) for name in ("of", "fits", "rows")),
+            "measured" if cost["fits"] == cost["of"] else error,
         )
     return table

@@ -5,6 +5,7 @@ processes wait, on one thread, as medians.
 """
 
 import math
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from statistics import median
@@ -13,9 +14,10 @@ from typing import Any
 
 import numpy as np
 
+from learn import bounded
 from learn.arrays import Values
-from learn.comparison.search.pruning import Settings
-from learn.comparison.training_data import Training
+from learn.comparison.grid import Settings
+from learn.comparison.training import Training
 from learn.metrics import Scores, scores
 from learn.models import MODELS, STEP, pipeline, remarks
 
@@ -27,6 +29,9 @@ ENOUGH = 5.0
 
 TOO_LONG = 300.0
 """Seconds after which no further repetition is begun."""
+
+NO_TIMES = {"fit": None, "fits": 0, "test": None, "row": None}
+"""Times of a fit that has failed."""
 
 
 @dataclass(frozen=True)
@@ -43,12 +48,15 @@ class TimedFit:
         Whether it is the winner of a search.
     baseline : bool
         Whether it is the baseline: always, unless `tuned` says that it is a search's winner.
+    until : float
+        Time of `time.time` at which the fit is stopped [s].
     """
 
     model: str
     settings: Settings = field(default_factory=dict)
     tuned: bool = False
     baseline: bool = False
+    until: float = math.inf
 
     @property
     def of_grid(self) -> bool:
@@ -59,28 +67,6 @@ class TimedFit:
     def kind(self) -> str:
         """Name of the folder of its result."""
         return "tuned" if self.tuned else "baseline"
-
-
-@dataclass(frozen=True, eq=False)
-class Times:
-    """Medians, on one thread of one process [s].
-
-    Attributes
-    ----------
-    fit : float
-        Time of a fit to all training rows.
-    fits : int
-        Number of fits that this median is over.
-    test : float
-        Time of predicting the whole test set.
-    row : float
-        Time of predicting a single row.
-    """
-
-    fit: float = math.nan
-    fits: int = 0
-    test: float = math.nan
-    row: float = math.nan
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,8 +81,9 @@ class FitResult:
         Predictions of the test rows, empty if the fit failed.
     fitted : dict
         Settings that the fit has chosen by itself, such as a kernel's length.
-    times : Times
-        Times, NaN if the fit failed.
+    times : dict
+        Medians, on one thread of one process: "fit" to all training rows, which is over "fits"
+        fits, prediction of the "test" set and of a single "row" [s]; None if the fit failed.
     failure : str
         The reason why there are no scores.
     remarks : tuple of str
@@ -107,24 +94,20 @@ class FitResult:
     test: Scores | None
     prediction: Values
     fitted: dict[str, str]
-    times: Times
+    times: dict[str, float | None]
     failure: str = ""
     remarks: tuple[str, ...] = ()
 
 
-def fit_and_time(training: Training, task: TimedFit) -> FitResult:
-    """Fit, score and time a model.
+def fit_in_time(training: Training, task: TimedFit) -> FitResult | None:
+    """Fit, score and time a model; None if that was stopped at its time."""
+    return bounded.call(fit_and_time, training, task, task.until)
 
-    Parameters
-    ----------
-    training : Training
-        Training and test rows.
-    task : TimedFit
-        The model and its settings.
-    """
-    model = MODELS[task.model]
+
+def fit_and_time(training: Training, task: TimedFit) -> FitResult:
+    """Fit, score and time a model."""
     unfitted = pipeline(
-        model,
+        MODELS[task.model],
         task.settings,
         normalisation=training.normalisation,
         seed=training.seed,
@@ -132,42 +115,70 @@ def fit_and_time(training: Training, task: TimedFit) -> FitResult:
     )
     with remarks() as said:
         try:
-            result = _scored_and_timed(training, unfitted)
+            result = _scored_and_timed(training, unfitted, task.until)
         except Exception as error:  # whatever a library raises: the model has no scores
             text = " ".join(str(error).split())[:300] or type(error).__name__
-            result = FitResult(None, None, np.empty(0), {}, Times(), failure=text)
+            result = FitResult(None, None, np.empty(0), {}, {**NO_TIMES}, failure=text)
     return replace(result, remarks=tuple(said))
 
 
-def _scored_and_timed(training: Training, unfitted: Any) -> FitResult:
+def _scored_and_timed(training: Training, unfitted: Any, until: float) -> FitResult:
     first = perf_counter()
     fitted = unfitted.fit(training.inputs, training.target)
-    fits = [perf_counter() - first]
+    alone = perf_counter() - first
     restored = training.scaling.restored
     prediction = restored(fitted.predict(training.test_inputs))
     train = scores(restored(training.target), restored(fitted.predict(training.inputs)))
     test = scores(training.test_target, prediction)
+    chosen = _chosen(fitted)
+    times: dict[str, float | None] = {
+        "test": median(repeated(lambda: fitted.predict(training.test_inputs), (3, 9))),
+        "row": median(repeated(lambda: fitted.predict(training.test_inputs[:1]), (5, 99))),
+    }
+
+    def again() -> None:
+        unfitted.fit(training.inputs, training.target)
+
     # The first of several fits is a warm-up; a fit that is too long to be repeated counts itself.
-    fits = _repeated(lambda: unfitted.fit(training.inputs, training.target), FITS, fits[0]) or fits
-    times = Times(
-        fit=median(fits),
-        fits=len(fits),
-        test=median(_repeated(lambda: fitted.predict(training.test_inputs), (3, 9), 0.0)),
-        row=median(_repeated(lambda: fitted.predict(training.test_inputs[:1]), (5, 99), 0.0)),
+    fits = repeated(again, FITS, alone, until) or [alone]
+    return FitResult(
+        train, test, prediction, chosen, {**times, "fit": median(fits), "fits": len(fits)}
     )
-    return FitResult(train, test, prediction, _chosen(fitted), times)
 
 
-def _repeated(action: Callable[[], Any], bounds: tuple[int, int], spent: float) -> list[float]:
-    """Time an action repeatedly, within bounds of number and of time spent [s]."""
+def repeated(
+    action: Callable[[], Any],
+    bounds: tuple[int, int],
+    before: float = 0.0,
+    until: float = math.inf,
+) -> list[float]:
+    """Time an action repeatedly.
+
+    Parameters
+    ----------
+    action : callable
+        The action.
+    bounds : tuple of int
+        Fewest and most repetitions; fewer, even none, if they take too long.
+    before : float
+        Time that the action took before, which tells whether another one ends in time [s].
+    until : float
+        Time of `time.time` by which the last one has to end [s].
+
+    Returns
+    -------
+    list of float
+        Times [s].
+    """
     taken: list[float] = []
-    while len(taken) < bounds[1] and spent < TOO_LONG:
+    while len(taken) < bounds[1] and before + sum(taken) < TOO_LONG:
         if len(taken) >= bounds[0] and sum(taken) > ENOUGH:
+            break
+        if time.time() + 2 * max([before, *taken]) >= until:
             break
         began = perf_counter()
         action()
         taken.append(perf_counter() - began)
-        spent += taken[-1]
     return taken
 
 

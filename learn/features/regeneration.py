@@ -19,18 +19,14 @@ import numpy as np
 from gen.database import Reader
 from gen.generation.plan import Parameters, parameters
 from gen.generation.sample import surface_of
-from gen.populations import make_ready
 from gen.runtime.errors import InputError, SourceError
-from gen.runtime.input_file import require_file
-from gen.runtime.output import atomic
-from gen.runtime.progress import RunProgress
+from gen.runtime.files import atomic, require_file
+from gen.runtime.terminal import RunProgress
 from gen.scene import Scene
 from gen.schema import PHYSICS, Status
 from learn.arrays import Values
 from learn.executor import Executor
-from learn.features.hardness import hardness_ratios
-from learn.features.pressed import BLOCKS, HYBRID
-from learn.features.sets import STATISTICS
+from learn.features.sets import BLOCKS, HYBRID, STATISTICS, modulus
 from learn.features.surface import LOOSE, SurfaceFeatures
 
 VERSION = 3
@@ -48,24 +44,11 @@ Block = tuple[int, int, tuple[float, ...]]
 def hybrid_rows(
     path: Path, executor: Executor, stopping: Callable[[], bool], blocks: int = BLOCKS
 ) -> Values:
-    """Return the hybrid features of all finished rows.
+    """Return the columns of `HYBRID` for every row of a database, (n, 17).
 
-    Parameters
-    ----------
-    path : Path
-        The database.
-    executor : Executor
-        Generates the surfaces.
-    stopping : callable
-        Called between blocks of rows; True ends the work.
-    blocks : int
-        Blocks per side of the coarse solve, one of `learn.features.pressed.BLOCK_COUNTS`.
-
-    Returns
-    -------
-    ndarray, shape (n, 17)
-        The features of `HYBRID` for every row of the database; NaN for rows that are not finished
-        or were not reached before the stop.
+    They are NaN for rows that are not finished or were not reached before the stop, for which
+    `stopping` is asked between blocks of rows. The executor generates the surfaces; `blocks` is the
+    number per side of the coarse solve.
 
     Raises
     ------
@@ -80,7 +63,9 @@ def hybrid_rows(
 
 def _work_off(job: "_Job", executor: Executor, stopping: Callable[[], bool]) -> None:
     """Compute the missing blocks; raise InputError for a wrong surface."""
-    make_ready(*job.shared[:2])  # maps are prepared here before many processes ask for them at once
+    scene, folder, *_ = job.shared
+    # Maps are prepared here before many processes ask for them at once.
+    scene.surface.make_ready(folder)
     faults: list[str] = []
     rows = sum(stop - start for start, stop, _ in job.blocks)
     with RunProgress(rows, "surfaces") as progress:
@@ -114,7 +99,7 @@ def _work_off(job: "_Job", executor: Executor, stopping: Callable[[], bool]) -> 
 def _compute(shared: tuple[Scene, Path, int], block: Block) -> tuple[Values, Values]:
     """Compute a block of the rows of a scene, whose database lies in a folder."""
     scene, folder, blocks = shared
-    make_ready(scene, folder, verify=False)
+    scene.surface.make_ready(folder, verify=False)
     return compute_block(scene, block, blocks)
 
 
@@ -130,7 +115,7 @@ def compute_block(scene: Scene, block: Block, blocks: int = BLOCKS) -> tuple[Val
     inputs = np.full((stop - start, len(_inputs(scene))), np.nan)
     values = np.full((stop - start, len(HYBRID)), np.nan)
     inputs[:, 0] = deltas
-    ratios = hardness_ratios(scene, plan.hardness)
+    ratios = None if plan.hardness is None else np.asarray(plan.hardness) / modulus(scene)
     if scene.contact.draws_hardness:
         inputs[:, -1] = plan.hardness
     surface: SurfaceFeatures | None = None

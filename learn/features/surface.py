@@ -7,9 +7,11 @@ to the nodes; the `refined` features count the nodes that stand above it, so tha
 are not lost in the means of their blocks (there are none where every node is a block). Delta is
 measured from the highest node throughout.
 
-Surrogates see more of the same solve, at hardly any cost (`learn.features.pressed.LOCAL`): the area
+Surrogates see more of the same solve, at hardly any cost (`learn.features.sets.LOCAL`): the area
 in contact inside the blocks by Persson's theory, the nodes that stand above shifted displacements,
-and how far they stand out.
+and how far they stand out. The blocks are pressed as if each were smooth. What their means do not
+resolve is described by its rms height and, for each block, by the rms slope inside it; from this
+slope and the pressure on a block follows the share of it that is in contact.
 """
 
 import math
@@ -17,15 +19,23 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 import bem
 from bem.spacing import Boundary, node_spacing
 from gen.runtime.errors import InputError
 from gen.statistics import Description, describe
 from learn.arrays import Values
-from learn.features.blocks import Blocks
-from learn.features.pressed import BLOCKS, FACTORS, HYBRID, POWERS, SHIFTS
-from learn.features.sets import FeatureSet, build, patch_length
+from learn.features.sets import (
+    BLOCKS,
+    FACTORS,
+    HYBRID,
+    POWERS,
+    SHIFTS,
+    FeatureSet,
+    build,
+    patch_length,
+)
 
 Sides = tuple[float, float]
 
@@ -37,8 +47,113 @@ LOOSE = 1e-3
 """Residual of the coarse solve, over Delta: a feature need not be exact, but reproducible."""
 
 
+PERSSON = math.sqrt(2.0)
+"""Persson's share of the area in contact is erf(sqrt(2) p / (E* h')), with the pressure p and the
+rms slope h'."""
+
+
 class Undefined(InputError):
     """Features that need statistics which the surface does not define."""
+
+
+@dataclass(frozen=True, eq=False)
+class Blocks:
+    """The blocks of a surface.
+
+    Attributes
+    ----------
+    heights : ndarray, shape (nx, ny)
+        Heights of the nodes [um].
+    steps : tuple of float
+        Spacing of the nodes along x and y [um].
+    most : int
+        Largest number of blocks per side; with fewer nodes every node is a block.
+    """
+
+    heights: Values
+    steps: tuple[float, float]
+    most: int
+
+    @cached_property
+    def means(self) -> Values:
+        """Mean height of each block, (bx, by) [um]."""
+        return self._over_blocks(self.heights)
+
+    @cached_property
+    def roughness(self) -> float:
+        """Rms of the heights that the means, interpolated to the nodes, do not resolve [um]."""
+        return float(self._unresolved.std())
+
+    @cached_property
+    def slopes(self) -> Values:
+        """Rms slope of these heights inside each block, (bx, by); 0 where it is one node [1]."""
+        rest, (step_x, step_y) = self._unresolved, self.steps
+        squares = _squares(rest, step_x) + _squares(rest.T, step_y).T
+        return np.asarray(np.sqrt(self._over_blocks(squares)))
+
+    def interpolated(self, values: Values) -> Values:
+        """Interpolate from the blocks' centres to the nodes, (nx, ny), constant outside."""
+        across, along = self._weights
+        return np.asarray(across @ values @ along.T)
+
+    def local_area(self, pressure: Values, factor: float) -> float:
+        """Return the share of the nodes in contact by Persson's theory, inside each block.
+
+        The pressure on each block is over E*, and multiplied by the factor. Blocks without slopes
+        count in full where they are pressed. Source: B. N. J. Persson (2001), J. Chem. Phys. 115,
+        3840.
+        """
+        from scipy.special import erf
+
+        pressed = pressure > 0
+        with np.errstate(divide="ignore", over="ignore"):
+            shares = erf(factor * PERSSON * pressure[pressed] / self.slopes[pressed])
+        (_, sizes_x), (_, sizes_y) = self._along
+        return float((np.outer(sizes_x, sizes_y)[pressed] * shares).sum()) / self.heights.size
+
+    @cached_property
+    def _unresolved(self) -> Values:
+        """Heights less the interpolated means, (nx, ny) [um]."""
+        return np.asarray(self.heights - self.interpolated(self.means))
+
+    def _over_blocks(self, values: Values) -> Values:
+        """Return means of nodes over each block, (bx, by)."""
+        (rows, sizes_x), (columns, sizes_y) = self._along
+        sums = np.add.reduceat(np.add.reduceat(values, rows, axis=0), columns, axis=1)
+        return np.asarray(sums / np.outer(sizes_x, sizes_y))
+
+    @cached_property
+    def _along(self) -> list[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+        """First node and size of each block, along x and along y."""
+        return [_blocks(nodes, self.most) for nodes in self.heights.shape]
+
+    @cached_property
+    def _weights(self) -> tuple[Values, Values]:
+        """Weights of linear interpolation from blocks to nodes, along x and along y."""
+        nx, ny = self.heights.shape
+        return _interpolation(nx, self.most), _interpolation(ny, self.most)
+
+
+def _blocks(nodes: int, most: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the first node and the size of each block along an axis."""
+    blocks = min(nodes, most)
+    edges = np.arange(blocks + 1) * nodes // blocks
+    return edges[:-1], np.diff(edges)
+
+
+def _interpolation(nodes: int, most: int) -> Values:
+    """Return the weights of linear interpolation from blocks to nodes, (nodes, blocks)."""
+    first, sizes = _blocks(nodes, most)
+    centres = first + (sizes - 1) / 2
+    unit = np.eye(centres.size)
+    return np.stack([np.interp(np.arange(nodes), centres, each) for each in unit], axis=1)
+
+
+def _squares(heights: Values, step: float) -> Values:
+    """Return the squared slope along the first axis at each node, the mean of both sides of it."""
+    between = (np.diff(heights, axis=0) / step) ** 2
+    ends = np.concatenate([between[:1], between, between[-1:]])
+    return np.asarray((ends[1:] + ends[:-1]) / 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,20 +222,7 @@ class SurfaceFeatures:
     def features(
         self, features: FeatureSet, deltas: Values, hardness_ratio: float | None = None
     ) -> Values:
-        """Return the features at each displacement.
-
-        Parameters
-        ----------
-        features : FeatureSet
-            The set to compute.
-        deltas : ndarray, shape (k,)
-            Far-field displacements, above 0 [um].
-        hardness_ratio : float, optional
-            Hardness over E*; None for elastic bodies.
-
-        Returns
-        -------
-        ndarray, shape (k, d)
+        """Return the features of a set at displacements above 0 [um], (k, d).
 
         Raises
         ------
@@ -150,16 +252,9 @@ class SurfaceFeatures:
     def hybrid(
         self, delta: float, hardness_ratio: float | None = None, blocks: int = BLOCKS
     ) -> tuple[float, ...]:
-        """Return the columns of `HYBRID`, which the hybrid set adds, at one Delta.
+        """Return the columns of `HYBRID`, which the hybrid set adds, at one Delta above 0 [um].
 
-        Parameters
-        ----------
-        delta : float
-            Far-field displacement, above 0 [um].
-        hardness_ratio : float, optional
-            Hardness over E*; None for elastic bodies.
-        blocks : int
-            Blocks per side, one of `BLOCK_COUNTS`.
+        The coarse solve has `blocks` per side, one of `BLOCK_COUNTS`.
         """
         interference = self.heights - (self._highest - delta)
         bearing, coarse = _above(interference, delta), self._blocks(blocks)
@@ -219,18 +314,11 @@ class SurfaceFeatures:
     def coarse_means(
         self, delta: float, hardness_ratio: float | None = None
     ) -> tuple[float, float]:
-        """Return mean displacement over F / (E* L), and mean yielded depth, of the coarse solve.
+        """Return the coarse solve's mean displacement over F / (E* L) and mean yielded depth [um].
 
         Multiplied by F / (E* L) with the force of a finer solve, the first gives the mean
         displacement of that solve: it depends on the distribution of the load over the patch, and
         hardly on its distribution over single nodes. Without edges the mean displacement is 0.
-
-        Returns
-        -------
-        compliance : float
-            Mean displacement over F / (E* L) [1].
-        yielded : float
-            Mean yielded depth; 0 for elastic bodies [um].
         """
         if self.boundary != "free" and hardness_ratio is None:
             return 0.0, 0.0
@@ -275,14 +363,8 @@ def _above(interference: Values, delta: float) -> tuple[float, float]:
 def _shifted(interference: Values, delta: float, roughness: float) -> tuple[float, ...]:
     """Return the shares of nodes above shifted displacements, and norms of the positive part.
 
-    Parameters
-    ----------
-    interference : ndarray, shape (nx, ny)
-        Heights above the displacement [um].
-    delta : float
-        Far-field displacement [um].
-    roughness : float
-        Rms of the heights that the blocks do not resolve [um].
+    The interference is that of the heights above the displacement [um], the roughness the rms of
+    the heights that the blocks do not resolve [um].
     """
     shares = [np.count_nonzero(interference > shift * roughness) for shift in SHIFTS]
     above = np.maximum(interference, 0.0) / delta

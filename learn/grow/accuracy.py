@@ -1,11 +1,101 @@
-"""The error of a surrogate on test rows, its standard error, and a bound on it."""
+"""How accurate a surrogate of a growing database is, and how sure that is.
+
+A fixed random fifth of the surfaces, or of the maps' tiles, is held out: their rows never train.
+The error on them has a bound that the true error exceeds with a small probability only.
+
+Looking often makes it likely that one look is lucky. The sizes of the database at which it is
+looked at are therefore fixed in advance, and the look at size number k may be wrong with a
+probability of only `RISK` / ((k + 1) (k + 2)). These probabilities add up to `RISK`, so that it
+bounds the probability that a surrogate worse than its mark is accepted at any of the sizes, however
+many of them are looked at.
+"""
 
 import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from gen.database import Reader
+from gen.runtime.errors import InputError
+from gen.scene import ScanSurface, Scene
+from learn import bounded
 from learn.arrays import Indices, Values
+from learn.columns import TILE
+from learn.dataset import Dataset
+from learn.executor import Executor
+from learn.metrics import no_better
+from learn.request import Request
+from learn.split import FOLDS, Split
+from learn.surrogate import fitting
+from learn.surrogate.learnt import Learnt
+from learn.surrogate.model import Surrogate
+
+RISK = 0.05
+"""Largest probability that a surrogate is accepted although its error is above the mark."""
+
+SMALLEST_ROWS = 60
+"""Rows of the smallest database, at least."""
+
+SMALLEST_SURFACES = 20
+"""Surfaces of the smallest database, at least."""
+
+RATIO = math.sqrt(2)
+"""Ratio of two successive sizes."""
+
+SHARE = 5
+"""One of this many surfaces, or tiles, is in the holdout."""
+
+KEY = 20_260
+"""Key of the draw's stream of random numbers, which belongs to no other part of a scene."""
+
+LEVEL = 0.9
+"""Coverage of the intervals that are looked at."""
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """The sizes of a database at which it is looked at.
+
+    Attributes
+    ----------
+    samples_per_surface : int
+        Rows of one surface; sizes are multiples of it.
+    """
+
+    samples_per_surface: int
+
+    def rows(self, number: int) -> int:
+        """Return the rows of a size, counted from 0: two digits, rounded up to whole surfaces."""
+        smallest = max(SMALLEST_ROWS, SMALLEST_SURFACES * self.samples_per_surface)
+        return self.rounded_up(int(float(f"{smallest * RATIO**number:.2g}")))
+
+    def rounded_up(self, rows: int) -> int:
+        """Round a number of rows up to whole surfaces."""
+        return -(-rows // self.samples_per_surface) * self.samples_per_surface
+
+    def number(self, rows: int) -> int:
+        """Return the number of the smallest size that has some number of rows, or more."""
+        number = 0
+        while self.rows(number) < rows:
+            number += 1
+        return number
+
+
+def risk(number: int) -> float:
+    """Return the probability with which the look at a size may accept a surrogate wrongly."""
+    return RISK / ((number + 1) * (number + 2))
+
+
+def quantile(risk: float, groups: int) -> float:
+    """Return the value that Student's t of `groups` - 1 degrees exceeds with a probability."""
+    from scipy.stats import t
+
+    return float(t.ppf(1.0 - risk, groups - 1))
 
 
 class Accuracy(NamedTuple):
@@ -26,15 +116,10 @@ class Accuracy(NamedTuple):
     groups: int
 
     def bound(self, risk: float) -> float:
-        """Return a number that the surrogate's error exceeds with a small probability only [%].
+        """Return a number that the surrogate's error exceeds with a probability of `risk` only [%].
 
         It is nMAE exp(t SE / nMAE) with Student's t. On the logarithm's scale the skewness of
         absolute errors matters little: nMAE + t SE fails several times as often as it may.
-
-        Parameters
-        ----------
-        risk : float
-            That probability.
         """
         if self.nmae == 0.0:
             return 0.0
@@ -42,13 +127,6 @@ class Accuracy(NamedTuple):
             return math.inf
         relative = quantile(risk, self.groups) * self.error / self.nmae
         return self.nmae * math.exp(min(relative, 700.0))
-
-
-def quantile(risk: float, groups: int) -> float:
-    """Return the value that Student's t of `groups` - 1 degrees exceeds with a probability."""
-    from scipy.stats import t
-
-    return float(t.ppf(1.0 - risk, groups - 1))
 
 
 def accuracy(errors: Values, truth: Values, groups: Indices) -> Accuracy:
@@ -83,3 +161,253 @@ def summed(values: Values, groups: Indices) -> Values:
     """Add up the values of each group, in the order of their numbers; shape (groups,)."""
     _, place = np.unique(groups, return_inverse=True)
     return np.asarray(np.bincount(place.ravel(), weights=values), dtype=np.float64)
+
+
+def drawn(numbers: Indices, seed: int, among: int = SHARE) -> NDArray[np.bool_]:
+    """Tell which surfaces or tiles are in the holdout: of `among` successive numbers, one.
+
+    Parameters
+    ----------
+    numbers : ndarray of int, shape (n,)
+        Numbers of surfaces or tiles.
+    seed : int
+        Seed of the scene.
+    among : int
+        One of this many successive numbers is drawn.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+        A function of each number and the seed alone, whatever the size of the database.
+    """
+    values, places = np.unique(numbers, return_inverse=True)
+    chosen = []
+    for value in map(int, values):
+        sequence = np.random.SeedSequence(seed, spawn_key=(KEY, value // among, KEY))
+        draw = np.random.Generator(np.random.PCG64(sequence)).integers(among)
+        chosen.append(int(draw) == value % among)
+    return np.array(chosen, dtype=bool)[places.ravel()]
+
+
+def split_holdout(rows: Dataset) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Tell which of the usable rows of a whole database test, and which may train.
+
+    Returns
+    -------
+    test, train : ndarray of bool, shape (n,)
+        No group has rows in both. A row is in neither if it could train but shares its group with
+        rows that test, as windows of two tiles do that are equal to the last bit. Surfaces that
+        repeat an earlier one follow that one.
+    """
+    scene = Scene.from_text(rows.source["scene"])
+    if rows.by_tile:
+        assert isinstance(scene.surface, ScanSurface)
+        with Reader(Path(rows.source["database"])) as reader:
+            tiles = np.asarray(reader.column(TILE)[rows.rows], dtype=np.int64)
+        test = drawn(tiles, scene.seed, min(SHARE, scene.surface.tile_groups()))
+    elif np.ptp(rows.groups) == 0:  # one surface under many loads: its rows are drawn one by one
+        test = drawn(rows.rows, scene.seed)
+        return test, ~test
+    else:
+        surfaces = rows.rows // scene.samples_per_surface
+        _, first, place = np.unique(rows.groups, return_index=True, return_inverse=True)
+        test = drawn(surfaces[first], scene.seed)[place.ravel()]
+    tested = np.unique(rows.groups[test])
+    return test, ~np.isin(rows.groups, tested)
+
+
+def parted(sets: list[Dataset], seed: int) -> Split:
+    """Divide the rows of a growing database into training rows, with their folds, and test rows.
+
+    Parameters
+    ----------
+    sets : list of Dataset
+        The same rows for each target.
+    seed : int
+        Seed of the order of the training rows.
+
+    Returns
+    -------
+    Split
+        Training rows in random order, groups together, and the rows of the holdout.
+
+    Raises
+    ------
+    InputError
+        If there are too few rows in a part, or a target does not vary there.
+    """
+    rows = sets[0]
+    test, train = (np.flatnonzero(each) for each in split_holdout(rows))
+    for each in sets:
+        for name, part in (("training", train), ("test", test)):
+            if part.size < 2 or np.ptp(each.target[part]) == 0:
+                raise InputError(
+                    f"{rows.source['database']}: {each.target_name} does not vary over the"
+                    f" {part.size} {name} rows of {rows.size}: more are needed"
+                )
+    by_surface = rows.by_tile or bool(np.ptp(rows.groups) > 0)
+    labels = rows.groups[train] if by_surface else rows.rows[train]
+    groups = np.unique(labels)
+    order = np.random.default_rng(seed).permutation(groups.size)
+    place = order[np.searchsorted(groups, labels)]
+    shuffled = np.argsort(place, kind="stable")
+    folds = (place[shuffled] * FOLDS // groups.size).astype(np.int8)
+    return Split(train[shuffled], test, folds, seed, by_surface)
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """Predictions of one target for the test rows.
+
+    Attributes
+    ----------
+    truth, prediction : ndarray, shape (n,)
+        Solved and predicted values, in the target's unit.
+    low, high : ndarray, shape (n,)
+        Ends of the intervals of 90 %.
+    accuracy : Accuracy
+        The error.
+    """
+
+    truth: Values
+    prediction: Values
+    low: Values
+    high: Values
+    accuracy: Accuracy
+
+    @property
+    def inside(self) -> NDArray[np.bool_]:
+        """Whether each row is inside its interval, shape (n,)."""
+        return np.asarray((self.low <= self.truth) & (self.truth <= self.high))
+
+
+def judge(learnt: Learnt, rows: Dataset) -> Judged:
+    """Compare the predictions of a target with the solver's results for some rows."""
+    raw = learnt.raw(rows.inputs)
+    ends = learnt.ends(rows.inputs, raw, LEVEL)
+    low, high = (learnt.within(each * rows.scale) for each in ends)
+    predicted = learnt.within(raw * rows.scale)
+    truth = rows.target * rows.scale
+    found = accuracy(np.abs(predicted - truth), truth, rows.groups)
+    return Judged(truth, predicted, low, high, found)
+
+
+@dataclass(frozen=True, eq=False)
+class Appraisal:
+    """A surrogate of the present rows, and its errors on the holdout.
+
+    Attributes
+    ----------
+    rows, number : int
+        Finished rows of the database, and the number of its size.
+    mark : float
+        Largest nMAE that is asked for [%].
+    surrogate : Surrogate
+        The surrogate.
+    sets : list of Dataset
+        The usable rows for each target.
+    parts : Split
+        Their division.
+    judged : dict of str to Judged
+        Predictions by target.
+    reading : float
+        Time to read the rows, and to compute the features of new ones [s].
+    """
+
+    rows: int
+    number: int
+    mark: float
+    surrogate: Surrogate
+    sets: list[Dataset]
+    parts: Split
+    judged: dict[str, Judged]
+    reading: float
+
+    def bound(self, target: str) -> float:
+        """Return the bound that a target's error exceeds with this size's probability only [%]."""
+        return self.judged[target].accuracy.bound(risk(self.number))
+
+    @property
+    def worst(self) -> str:
+        """The target with the largest bound, on which the mark depends."""
+        return max(self.judged, key=self.bound)
+
+    @property
+    def met(self) -> bool:
+        """Whether the errors of all targets are below the mark, and no constant does as well."""
+        scored = [each["scores"]["r2"] for each in self.surrogate.card["targets"].values()]
+        return self.bound(self.worst) <= self.mark and not any(map(no_better, scored))
+
+
+def appraise(
+    request: Request,
+    rows: int,
+    number: int,
+    mark: float,
+    executor: Executor,
+    say: Callable[[str], None],
+    stopping: Callable[[], bool],
+    until: float = math.inf,
+) -> Appraisal | None:
+    """Fit a surrogate to the finished rows, judge it and save it.
+
+    Parameters
+    ----------
+    request : Request
+        Database, file of the surrogate, targets, features, model.
+    rows, number : int
+        Finished rows of the database, and the number of its size.
+    mark : float
+        Largest nMAE that is asked for [%].
+    executor : Executor
+        Generates the surfaces for hybrid features.
+    say : callable
+        Called with lines for the user.
+    stopping : callable
+        Asked between surfaces; True ends the work.
+    until : float
+        Time of `time.time` at which the fit is stopped [s].
+
+    Returns
+    -------
+    Appraisal or None
+        The surrogate with its errors; None after a stop.
+
+    Raises
+    ------
+    InputError
+        If there are too few rows to fit or to judge, or too little memory.
+    """
+    began = time.monotonic()
+    sets = fitting.read(request, executor, stopping)
+    if sets is None:
+        return None
+    reading = time.monotonic() - began
+    sets = [each.at(np.flatnonzero(each.rows < rows)) for each in sets]
+    parts = parted(sets, request.seed)
+    done = bounded.call(_fitted, (request, sets, parts), None, until)
+    if done is None:
+        return None
+    surrogate, lines = done
+    for line in lines:
+        say(line)
+    judged = {
+        target: judge(surrogate.learnt[target], each.at(parts.test))
+        for target, each in zip(request.targets, sets, strict=True)
+    }
+    found = Appraisal(rows, number, mark, surrogate, sets, parts, judged, reading)
+    surrogate.card["grown"] = {
+        "mark": mark,
+        "met": found.met,
+        "rows": rows,
+        "errors": {name: each.accuracy.error for name, each in judged.items()},
+        "bounds": {name: found.bound(name) for name in judged},
+    }
+    surrogate.save(request.output)
+    return found
+
+
+def _fitted(data: tuple[Request, list[Dataset], Split], task: None) -> tuple[Surrogate, list[str]]:
+    """Fit a surrogate to rows that are divided; return the lines for the user too."""
+    lines: list[str] = []
+    return fitting.fit_parts(*data, lines.append), lines

@@ -14,11 +14,9 @@ import numpy as np
 
 from learn.arrays import Values
 from learn.dataset import Dataset
-from learn.grow.accuracy import quantile, summed
-from learn.grow.appraisal import Appraisal, judge
-from learn.grow.sizes import Sizes, risk
+from learn.grow.accuracy import Appraisal, Sizes, judge, quantile, risk, summed
 from learn.request import Request
-from learn.surrogate.calibration_rows import without_calibration
+from learn.surrogate.calibration import without_calibration
 from learn.surrogate.fitting import fit_target
 
 FEWEST_ROWS = 15
@@ -109,7 +107,7 @@ def learning_curve(request: Request, found: Appraisal) -> Curve | None:
     Parameters
     ----------
     request : Request
-        Request of the found.
+        Targets, features and model.
     found : Appraisal
         The surrogate of all rows, whose worst target counts.
 
@@ -173,7 +171,7 @@ def _wrong_of_part(
 
 
 def _wrong(found: Appraisal, target: str, test: Dataset) -> Values:
-    """Return the absolute errors of a look's surrogate, summed over each group of test rows."""
+    """Return the absolute errors of the last surrogate, summed over each group of test rows."""
     judged = found.judged[target]
     return summed(np.abs(judged.prediction - judged.truth), test.groups)
 
@@ -238,7 +236,7 @@ def advise(found: Appraisal, curve: Curve, sizes: Sizes, most: int) -> Advice:
     Parameters
     ----------
     found : Appraisal
-        The look at the rows that there are.
+        The surrogate of the rows that there are.
     curve : Curve
         Its learning curve.
     sizes : Sizes

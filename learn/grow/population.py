@@ -5,15 +5,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from gen.draft import files, proposal, scans
-from gen.draft.loads import Material
-from gen.draft.table import print_looks
-from gen.draft.writing import Key
+from gen.draft import proposal, scene_text
+from gen.draft.proposal import Material
+from gen.draft.scene_text import Key
+from gen.draft.survey import print_looks
+from gen.maps.files import digest, map_files
+from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
-from gen.runtime.invocation import to_type
-from gen.runtime.progress import RunProgress
-from gen.scans.files import digest, map_files
-from gen.scans.library import Reading
+from gen.runtime.terminal import RunProgress, to_type
 from gen.scene import Scene, load, preset_names
 
 
@@ -100,15 +99,17 @@ def scene_of(population: Population, file: Path, say: Callable[[str], None]) -> 
             paths, population.reading, population.material, lambda: progress.advance(1, 0)
         )
     print_looks(proposed.looks)
-    keys = scans.keys(proposed, [population.name], population.command, file)
-    files.write(file, [*keys, Key(origin)])
+    keys = scene_text.keys(proposed, [population.name], population.command, file)
+    scene_text.write(file, [*keys, Key(origin)])
     say(f"wrote {file}: {to_type(f'gen run {file}')} gives its database more rows")
     return load(str(file))
 
 
 def _origin(paths: list[Path], population: Population) -> str:
     """Return a comment that tells from which maps and options a scene was drafted."""
-    told = [*map(digest, paths), str(population.reading), str(population.material)]
+    keys = population.reading.of("reading").items()
+    reading = f"Reading({', '.join(f'{name}={value!r}' for name, value in keys)})"
+    told = [*map(digest, paths), reading, str(population.material)]
     return f"Drafted from maps and options {hashlib.sha256(' '.join(told).encode()).hexdigest()}"
 
 

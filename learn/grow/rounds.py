@@ -3,23 +3,20 @@
 import math
 import time
 from collections.abc import Callable
-from contextlib import ExitStack
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Literal
 
 from gen import database
 from gen.database import Reader
-from gen.generation.completion import completed
+from gen.generation.functions import completed
 from gen.runtime.errors import InputError
 from gen.scene import Scene, differences
+from learn import bounded
 from learn.columns import TARGETS, results, short_name
 from learn.executor import Executor
-from learn.grow.appraisal import Appraisal, appraise
+from learn.grow.accuracy import Appraisal, Sizes, appraise
 from learn.grow.curve import EXPONENTS, Advice, Curve, advise, learning_curve
-from learn.grow.generation import generate, stock
-from learn.grow.pace import Pace
-from learn.grow.sizes import Sizes
+from learn.grow.rows import Pace, generate, stock
 from learn.request import Request
 
 FURTHEST = 4
@@ -60,29 +57,14 @@ class Order:
     mark: float
     most: int
 
-    def check(self, scene: Scene) -> None:
-        """Refuse targets that the database of a scene will not have.
 
-        Raises
-        ------
-        InputError
-            With the targets that there are.
-        """
-        known = results(scene)
-        for target in self.request.targets:
-            if TARGETS.get(target, target) not in known:
-                names = ", ".join(short_name(column) for column in known)
-                raise InputError(f"--target {target!r}: the scene stores {names}")
-
-
-@dataclass(frozen=True, eq=False)
-class Grown:
-    """The end of a growth.
+class Growth:
+    """A growth under way, and its end.
 
     Attributes
     ----------
-    ending : str
-        Why it has ended.
+    ending : str or None
+        Why it has ended; None while it goes on.
     last : Appraisal or None
         The last surrogate and its errors; None if there was none.
     curve : Curve or None
@@ -93,11 +75,125 @@ class Grown:
         Time of the last look [s].
     """
 
-    ending: Ending
-    last: Appraisal | None
-    curve: Curve | None
-    advice: Advice | None
-    fitting: float
+    def __init__(
+        self,
+        order: Order,
+        scene: Scene,
+        executor: Executor,
+        pace: Pace,
+        say: Callable[[str], None],
+        stopping: Callable[[], bool],
+    ) -> None:
+        self._order, self._scene, self._executor = order, scene, executor
+        self._pace, self._say, self._stopping = pace, say, stopping
+        self._path = order.request.database
+        self._sizes = Sizes(scene.samples_per_surface)
+        self.ending: Ending | None = None
+        self.last: Appraisal | None = None
+        self.curve: Curve | None = None
+        self.advice: Advice | None = None
+        self.fitting = 0.0
+
+    def run(self) -> None:
+        """Go on until there is a reason to end."""
+        wanted = max(stock(self._path).length, min(self._sizes.rows(0), self._order.most))
+        while self.ending is None:
+            self._generate(wanted)
+            rows = stock(self._path).rows
+            if self.last is not None and rows == self.last.rows:
+                self.ending = "budget"  # it does not suffice for another row
+            elif not self._stopping():
+                self._look(rows)
+                self.ending = self._reason(rows)
+            if self._stopping():
+                self.ending = "interrupted"
+            wanted = self._next(rows)
+
+    def _generate(self, rows: int) -> None:
+        """Compute the pending rows of a database of some length."""
+        there = stock(self._path)
+        if there.rows and not self._pace.row:
+            self._pace.row = there.seconds / there.rows / self._pace.workers
+        if there.rows < rows:
+            generate(self._path, self._scene, rows, self._executor, self._pace, self._stopping)
+
+    def _look(self, rows: int) -> None:
+        """Fit and judge, unless there are too few rows yet."""
+        before = 0 if self.last is None else self.last.rows
+        began = time.monotonic()
+        found = self._fitted(rows)
+        if found is None:
+            return
+        self.last = found
+        self.curve = bounded.call(learning_curve, self._order.request, found, self._pace.until)
+        self.advice = None
+        if self.curve is not None and not found.met:
+            self.advice = advise(found, self.curve, self._sizes, self._order.most)
+        self._say(in_words(found, self.advice))
+        self.fitting = time.monotonic() - began - found.reading
+        self._pace.note_fit(rows, self.fitting)
+        if rows > before:
+            self._pace.features = found.reading / (rows - before)
+
+    def _fitted(self, rows: int) -> Appraisal | None:
+        """Return a look; None after a stop, and where a database has too few rows for one yet."""
+        order, number = self._order, self._sizes.number(rows)
+        try:
+            found = appraise(
+                *(order.request, rows, number, order.mark, self._executor, self._say),
+                *(self._stopping, self._pace.until),
+            )
+        except InputError as error:
+            if self.last is not None or number >= PATIENT or rows >= order.most:
+                raise
+            if not self._affords(rows):
+                raise InputError(
+                    f"the budget sufficed for {rows} rows, too few for a surrogate ({error}); the"
+                    " same command goes on"
+                ) from None
+            self._say(f"{rows} rows are too few: {error}")
+            return None
+        if found is None and self.last is None and not self._stopping():
+            raise InputError(
+                f"the budget sufficed for {rows} rows, but not for a fit to them; the same command"
+                " goes on"
+            )
+        return found
+
+    def _reason(self, rows: int) -> Ending | None:
+        """Return why the growth ends after a look, None if it goes on."""
+        if self.last is not None and self.last.met:
+            return "met"
+        if rows >= self._order.most:
+            return "rows"
+        if self._is_hopeless(rows):
+            return "hopeless"
+        return None if self._affords(rows) else "budget"
+
+    def _is_hopeless(self, rows: int) -> bool:
+        """Tell whether the mark is out of reach for a curve, at first for the steepest one only."""
+        if self.last is None or self.advice is None or self.advice.hopeless < SURE:
+            return False
+        error = self.last.judged[self.last.worst].accuracy.nmae
+        steepest = error * (rows / self._order.most) ** EXPONENTS[1]
+        return steepest > self._order.mark or self.last.number >= EARLIEST
+
+    def _affords(self, rows: int) -> bool:
+        """Tell whether the budget allows another round that is worth its fit."""
+        least = max(self._sizes.samples_per_surface, int(WORTH * rows))
+        return self._pace.left > 0 and self._pace.affordable(rows, least) >= least
+
+    def _next(self, rows: int) -> int:
+        """Return the rows of the next look: as advised, but not far, and within the budget."""
+        number = self._sizes.number(rows + 1)
+        if self.advice is not None and math.isinf(self.advice.rows):
+            number += 1
+        elif self.advice is not None:
+            asked = min(self.advice.rows, self._sizes.rows(number + FURTHEST - 1))
+            number = max(number, self._sizes.number(int(asked)))
+        wanted = min(self._sizes.rows(number), self._order.most)
+        affordable = self._pace.affordable(rows, wanted - rows)
+        return min(wanted, self._sizes.rounded_up(rows + affordable))
 
 
 def grow(
@@ -107,7 +203,7 @@ def grow(
     pace: Pace,
     say: Callable[[str], None],
     stopping: Callable[[], bool],
-) -> Grown:
+) -> Growth:
     """Grow a database and its surrogate until the surrogate is as accurate as asked for.
 
     The state is the database: the same call goes on after a stop or a kill.
@@ -133,141 +229,24 @@ def grow(
         If the input cannot be used, or the budget is too small for a first surrogate.
     """
     path = order.request.database
-    with ExitStack() as stack:
-        whole = completed(scene, path.parent)
-        order.check(whole)
-        stack.enter_context(database.lock(path))
-        _require_scene(path, whole)
-        return _Growth(order, whole, executor, pace, say, stopping).run()
-
-
-def _require_scene(path: Path, scene: Scene) -> None:
-    """Refuse a database of another scene, also where it has rows enough."""
-    if path.exists():
-        with Reader(path) as reader:
-            different = differences(reader.scene, scene)
-        if different:
-            raise InputError(
-                f"{path} holds another scene ({'; '.join(different)}); give another --output, or"
-                " the file's own scene"
-            )
-
-
-class _Growth:
-    """A growth under way."""
-
-    def __init__(
-        self,
-        order: Order,
-        scene: Scene,
-        executor: Executor,
-        pace: Pace,
-        say: Callable[[str], None],
-        stopping: Callable[[], bool],
-    ) -> None:
-        self.order, self.scene, self.executor = order, scene, executor
-        self.pace, self.say, self.stopping = pace, say, stopping
-        self.path = order.request.database
-        self.sizes = Sizes(scene.samples_per_surface)
-        self.last: Appraisal | None = None
-        self.curve: Curve | None = None
-        self.advice: Advice | None = None
-        self.fitting = 0.0
-
-    def run(self) -> Grown:
-        """Go on until there is a reason to end."""
-        wanted = max(stock(self.path).length, min(self.sizes.rows(0), self.order.most))
-        ending: Ending | None = None
-        while ending is None:
-            self._generate(wanted)
-            rows = stock(self.path).rows
-            if self.last is not None and rows == self.last.rows:
-                ending = "budget"  # it does not suffice for another row
-            elif not self.stopping():
-                self._look(rows)
-                ending = self._ending(rows)
-            ending = "interrupted" if self.stopping() else ending
-            wanted = self._next(rows)
-        return Grown(ending, self.last, self.curve, self.advice, self.fitting)
-
-    def _generate(self, rows: int) -> None:
-        """Compute the pending rows of a database of some length."""
-        there = stock(self.path)
-        if there.rows and not self.pace.row:
-            self.pace.row = there.seconds / there.rows / self.pace.workers
-        if there.rows < rows:
-            generate(self.path, self.scene, rows, self.executor, self.pace, self.stopping)
-
-    def _look(self, rows: int) -> None:
-        """Fit and judge, unless there are too few rows yet."""
-        before = 0 if self.last is None else self.last.rows
-        began = time.monotonic()
-        found = self._fitted(rows)
-        if found is None:
-            return
-        self.last = found
-        self.curve = learning_curve(self.order.request, found)
-        self.advice = None
-        if self.curve is not None and not found.met:
-            self.advice = advise(found, self.curve, self.sizes, self.order.most)
-        self.say(in_words(found, self.advice))
-        self.fitting = time.monotonic() - began - found.reading
-        self.pace.note_fit(rows, self.fitting)
-        if rows > before:
-            self.pace.features = found.reading / (rows - before)
-
-    def _fitted(self, rows: int) -> Appraisal | None:
-        """Return a look; None after a stop, and where a database has too few rows for one yet."""
-        order, number = self.order, self.sizes.number(rows)
-        try:
-            return appraise(
-                order.request, rows, number, order.mark, self.executor, self.say, self.stopping
-            )
-        except InputError as error:
-            if self.last is not None or number >= PATIENT or rows >= order.most:
-                raise
-            if not self._affords(rows):
+    whole = completed(scene, path.parent)
+    known = results(whole)
+    for target in order.request.targets:
+        if TARGETS.get(target, target) not in known:
+            names = ", ".join(short_name(column) for column in known)
+            raise InputError(f"--target {target!r}: the scene stores {names}")
+    with database.lock(path):
+        if path.exists():  # refuse another scene, also where the database has rows enough
+            with Reader(path) as reader:
+                different = differences(reader.scene, whole)
+            if different:
                 raise InputError(
-                    f"the budget sufficed for {rows} rows, too few for a surrogate ({error}); the"
-                    " same command goes on"
-                ) from None
-            self.say(f"{rows} rows are too few: {error}")
-            return None
-
-    def _ending(self, rows: int) -> Ending | None:
-        """Return why the growth ends after a look, None if it goes on."""
-        if self.last is not None and self.last.met:
-            return "met"
-        if rows >= self.order.most:
-            return "rows"
-        if self._is_hopeless(rows):
-            return "hopeless"
-        return None if self._affords(rows) else "budget"
-
-    def _is_hopeless(self, rows: int) -> bool:
-        """Tell whether the mark is out of reach for a curve, at first for the steepest one only."""
-        if self.last is None or self.advice is None or self.advice.hopeless < SURE:
-            return False
-        error = self.last.judged[self.last.worst].accuracy.nmae
-        steepest = error * (rows / self.order.most) ** EXPONENTS[1]
-        return steepest > self.order.mark or self.last.number >= EARLIEST
-
-    def _affords(self, rows: int) -> bool:
-        """Tell whether the budget allows another round that is worth its fit."""
-        least = max(self.sizes.samples_per_surface, int(WORTH * rows))
-        return self.pace.left > 0 and self.pace.affordable(rows, least) >= least
-
-    def _next(self, rows: int) -> int:
-        """Return the rows of the next look: as advised, but not far, and within the budget."""
-        number = self.sizes.number(rows + 1)
-        if self.advice is not None and math.isinf(self.advice.rows):
-            number += 1
-        elif self.advice is not None:
-            asked = min(self.advice.rows, self.sizes.rows(number + FURTHEST - 1))
-            number = max(number, self.sizes.number(int(asked)))
-        wanted = min(self.sizes.rows(number), self.order.most)
-        affordable = self.pace.affordable(rows, wanted - rows)
-        return min(wanted, self.sizes.rounded_up(rows + affordable))
+                    f"{path} holds another scene ({'; '.join(different)}); give another --output,"
+                    " or the file's own scene"
+                )
+        growth = Growth(order, whole, executor, pace, say, stopping)
+        growth.run()
+        return growth
 
 
 def in_words(found: Appraisal, advice: Advice | None) -> str:

@@ -8,7 +8,6 @@ Examples
 >>> answer.area, answer.low["area"], answer.high["area"], answer.reasons
 """
 
-from learn.surrogate.model import OnSurface, Surrogate
-from learn.surrogate.prediction import Prediction
+from learn.surrogate.model import OnSurface, Prediction, Surrogate
 
 __all__ = ["OnSurface", "Prediction", "Surrogate"]

@@ -1,5 +1,6 @@
-"""Predictions for files, as tables with one row for each surface and displacement."""
+"""Predictions for files, surfaces or tables of statistics, with a row for each displacement."""
 
+import csv
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -7,22 +8,22 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from rich.markup import escape
+from numpy.typing import NDArray
 from rich.table import Table as Printed
 
+from gen.maps.read import sides_from
+from gen.maps.settings import Reading
 from gen.material import Bodies
-from gen.option_groups import Reading
 from gen.reading import files_in, is_table, read_surface
-from gen.runtime.console import wide_console
+from gen.runtime.documents import Row
 from gen.runtime.errors import InputError
-from gen.runtime.table import Row
-from gen.runtime.terminal import brief
+from gen.runtime.files import require_file
+from gen.runtime.terminal import brief, echo, print_table, to_type
 from learn.arrays import Indices, Values
 from learn.features import Undefined
-from learn.surrogate.model import OnSurface, Surrogate
-from learn.surrogate.prediction import Prediction
-from learn.surrogate.ranges import pair
-from learn.surrogate.sources import Table, read_table
+from learn.features.sets import STATISTICS
+from learn.surrogate.flag import pair
+from learn.surrogate.model import Prediction, Surrogate
 
 REASONS = 12
 """Reasons that are printed at most."""
@@ -32,8 +33,44 @@ VALUE = re.compile(r" \S+ outside")
 UNDEFINED = "statistics undefined: {}"
 """Reason of a row whose surface does not define all statistics that the features need."""
 
+WIDTH = 160
+"""Width of the table without a terminal [characters]."""
+
 SHOWN = 40
 """Rows that are printed at most; a file gets all of them."""
+
+
+DELTA_NAMES = ("delta_um", "delta")
+SIDE_NAMES = ("side_x_um", "side_y_um")
+NODE_NAMES = ("nodes_x", "nodes_y")
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Rows of statistics.
+
+    Attributes
+    ----------
+    name : str
+        Name of the file.
+    statistics : ndarray, shape (n, 22)
+        Statistics in the order of Table 1, NaN where a surface defines none.
+    delta : ndarray, shape (n,) or None
+        Far-field displacements, None if the file has none [um].
+    sides : ndarray, shape (n, 2)
+        Scan lengths, NaN where the file has none [um].
+    nodes : ndarray of int, shape (n, 2)
+        Nodes along both axes, 0 where the file has none.
+    boundaries : tuple of str
+        The different boundaries of the rows; "free" where the file has none.
+    """
+
+    name: str
+    statistics: Values
+    delta: Values | None
+    sides: Values
+    nodes: NDArray[np.int64]
+    boundaries: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -113,7 +150,13 @@ def answers(
                 say(f"  warning: {line}")
             on_surface = surrogate.for_surface(topography.heights, topography.sides, str(path))
             try:
-                prediction = _predicted(on_surface, question)
+                prediction = on_surface.predict(
+                    question.deltas,
+                    e_star=question.e_star,
+                    hardness=question.hardness,
+                    level=question.level,
+                    std=True,
+                )
             except Undefined as error:
                 if len(files) == 1:
                     raise
@@ -121,18 +164,6 @@ def answers(
                 reason = on_surface.surface.description.reason
                 prediction = _unpredicted(surrogate, question.deltas, (UNDEFINED.format(reason),))
             yield from _rows(surrogate, str(path), prediction, warnings)
-
-
-def _predicted(on_surface: OnSurface, question: Question) -> Prediction:
-    """Predict the contacts of one surface."""
-    assert question.deltas is not None
-    return on_surface.predict(
-        question.deltas,
-        e_star=question.e_star,
-        hardness=question.hardness,
-        level=question.level,
-        std=True,
-    )
 
 
 def _unpredicted(surrogate: Surrogate, delta: Values, reasons: tuple[str, ...]) -> Prediction:
@@ -234,7 +265,6 @@ def heading(column: str, unit: str) -> str:
 
 def show(rows: Sequence[Row], level: float, bodies: Bodies) -> None:
     """Print the first rows of the table, and the reasons of those outside the training."""
-    console = wide_console(160)
     hidden = ("_low", "_high", "_std", "warnings")  # warnings were said with the surface
     names = [name for name in rows[0] if not name.endswith(hidden)]
     table = Printed(title=f"Predictions with {100 * level:g} % intervals, {bodies.text}")
@@ -242,21 +272,21 @@ def show(rows: Sequence[Row], level: float, bodies: Bodies) -> None:
         table.add_column(name, justify="left" if name in {"input", "flag", "reason"} else "right")
     for row in rows[:SHOWN]:
         style = "dim" if row["flag"] == "outside" else ""
-        table.add_row(*(escape(_cell(row, name)) for name in names), style=style)
-    console.print(table)
+        table.add_row(*(_cell(row, name) for name in names), style=style)
+    print_table(table, WIDTH)
     for doubt in bodies.doubts:
-        console.print(f"warning: {doubt}", highlight=False, soft_wrap=True)
+        echo(f"warning: {doubt}")
     outside = sum(row["flag"] == "outside" for row in rows)
     if len(rows) > SHOWN:
-        console.print(f"... and {len(rows) - SHOWN} more: -o writes all of them", highlight=False)
+        echo(f"... and {len(rows) - SHOWN} more: -o writes all of them")
     if outside:
         text = (
             f"{outside} of {len(rows)} rows lie outside what the surrogate was trained on: no"
             " interval holds there, and none is given (-)"
         )
-        console.print(text, highlight=False, soft_wrap=True)
+        echo(text)
         for line in _reasons(rows):
-            console.print(f"  {line}", highlight=False, markup=False, soft_wrap=True)
+            echo(f"  {line}")
 
 
 def _reasons(rows: Sequence[Row]) -> Iterator[str]:
@@ -287,3 +317,87 @@ def _cell(row: Row, name: str) -> str:
         return f"{value:.4g} (-)"
     spread = f" +- {row[f'{name}_std']:.2g}" if f"{name}_std" in row else ""
     return f"{value:.4g}{spread} ({row[f'{name}_low']:.4g} to {row[f'{name}_high']:.4g})"
+
+
+def read_table(path: Path, side: str = "") -> Table:
+    """Read rows of statistics, as `python -m gen describe --csv` writes them.
+
+    Parameters
+    ----------
+    path : Path
+        CSV with a header that names the 22 statistics; `delta_um` or `delta`, sides and nodes are
+        optional, and other columns are ignored.
+    side : str
+        Scan length, or two with a comma, for rows without lengths [um].
+
+    Raises
+    ------
+    InputError
+        If a column is missing, or a value is no number; the message names row and column.
+    """
+    try:
+        with require_file(path).open(encoding="utf-8-sig", newline="") as file:
+            reader = csv.DictReader(file, skipinitialspace=True)
+            names = [name.strip() for name in reader.fieldnames or []]
+            reader.fieldnames = names
+            rows = list(reader)
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{path} cannot be read: {error}") from None
+    missing = [name for name in STATISTICS if name not in names]
+    if missing:
+        more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
+        raise InputError(
+            f"{path}: has no column {', '.join(missing[:3])}{more}; {to_type('gen describe --csv')}"
+            " writes all 22"
+        )
+    if not rows:
+        raise InputError(f"{path}: has a header and no rows")
+    deltas = [name for name in DELTA_NAMES if name in names]
+    sides = np.full((len(rows), 2), np.nan)
+    if all(name in names for name in SIDE_NAMES):
+        sides = _columns(path, rows, SIDE_NAMES)
+    if side:
+        given = sides_from(side)
+        if not np.allclose(sides[~np.isnan(sides[:, 0])], given, rtol=1e-3):
+            raise InputError(f"{path}: names other sides than --side {side}: leave that out")
+        sides[:] = given
+    nodes = np.zeros((len(rows), 2))
+    if all(name in names for name in NODE_NAMES):
+        nodes = _columns(path, rows, NODE_NAMES)
+    return Table(
+        name=str(path),
+        statistics=_columns(path, rows, STATISTICS, undefined=True),
+        delta=_columns(path, rows, deltas[:1])[:, 0] if deltas else None,
+        sides=sides,
+        nodes=nodes.astype(np.int64),
+        boundaries=tuple(sorted({row.get("boundary") or "free" for row in rows})),
+    )
+
+
+def _columns(
+    path: Path, rows: list[dict[str, str]], names: Sequence[str], *, undefined: bool = False
+) -> Values:
+    """Return the finite numbers of some columns, (n, k); an empty cell or "nan" has none."""
+    return np.array(
+        [
+            list(_numbers(path, number, row, names, undefined=undefined))
+            for number, row in enumerate(rows)
+        ]
+    )
+
+
+def _numbers(
+    path: Path, number: int, row: dict[str, str], names: Sequence[str], *, undefined: bool
+) -> Iterator[float]:
+    for name in names:
+        if undefined and str(row[name]).strip().lower() in {"", "nan"}:
+            yield np.nan
+            continue
+        try:
+            value = float(row[name])
+        except (TypeError, ValueError):
+            value = np.nan
+        if not np.isfinite(value):
+            text = str(row.get(name))[:40]
+            raise InputError(f"{path}, row {number + 1}: {name} is {text!r}; give finite numbers")
+        yield value

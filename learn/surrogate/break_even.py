@@ -66,23 +66,10 @@ class Payback:
 
 
 def answer_seconds(surrogate: Surrogate, scene: Scene, rows: Indices, deltas: Values) -> float:
-    """Measure the wall-clock time of an answer on surfaces of a scene [s].
+    """Measure the mean wall-clock time of an answer on surfaces of a scene [s].
 
-    Parameters
-    ----------
-    surrogate : Surrogate
-        The surrogate.
-    scene : Scene
-        Scene whose surfaces are asked about.
-    rows : ndarray of int, shape (n,)
-        Rows of the scene, of which `SURFACES` at most are timed; not those that trained.
-    deltas : ndarray, shape (n,)
-        Their displacements [um].
-
-    Returns
-    -------
-    float
-        Mean over the surfaces, statistics and features included; NaN if no surface can be asked.
+    Statistics and features are included. `SURFACES` rows, (n,), at most are timed, at their Delta
+    [um]; none of them has trained. NaN if no surface can be asked.
     """
     taken = []
     for row, delta in zip(rows[: SURFACES + 1].tolist(), deltas.tolist(), strict=False):

@@ -6,31 +6,31 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gen.runtime import VERSION
 from gen.runtime.errors import InputError
-from gen.runtime.provenance import versions as versions_of
 from gen.runtime.terminal import printable
 from gen.scene import Scene
 from learn.arrays import Indices, Values
 from learn.comparison.folder import versions
-from learn.dataset import Dataset, features_of
-from learn.features.hardness import limits_of, modulus
+from learn.dataset import Dataset
+from learn.features.sets import features_of, limits_of, modulus
 from learn.metrics import magnitude, scores
 from learn.models import MODELS
 from learn.request import Request
-from learn.surrogate import calibration_text, ranges
-from learn.surrogate.conformal import coverage
+from learn.surrogate import flag
+from learn.surrogate.calibration import FEWEST
 from learn.surrogate.learnt import Learnt
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from learn.surrogate.model import Surrogate
+WIDTH = 120
+"""Width of the tables without a terminal [characters]."""
 
 LEVELS = (0.5, 0.9, 0.95)
 """Intervals whose coverage is reported."""
 
 LICENCE = "BSD-3-Clause"
-LIBRARIES = ("asperity", "mapie")
 
 
 def make(
@@ -60,7 +60,6 @@ def make(
     boundary = scene.contact.boundary
     features = features_of(scenes, request.features, roots=request.roots, blocks=request.blocks)
     (model,) = request.models
-    found = versions_of(LIBRARIES)
     return {
         "title": f"{MODELS[model].title} for {', '.join(request.targets)}",
         "model": model,
@@ -79,7 +78,7 @@ def make(
         **({} if limits is None else {"hardness_ratio": list(limits)}),
         **({"elastic": True} if features.elastic else {}),
         **({"databases": databases(rows)} if len(scenes) > 1 else {}),
-        "delta": [float(end) for end in _ends(rows.described[train, 0])],
+        "delta": _ends(rows.described[train, 0]),
         "area_max": request.area_max,
         "rows": {
             **{name: int(size) for name, size in sizes.items()},
@@ -89,7 +88,7 @@ def make(
         "seed": request.seed,
         "database": rows.source["database"],
         "database_sha256": rows.source["database_sha256"],
-        "versions": {**{name: found.get(name, "") for name in LIBRARIES}, **versions()},
+        "versions": {"asperity": VERSION, **versions()},
         "licence": LICENCE,
         "made": datetime.now(UTC).isoformat(timespec="seconds"),
     }
@@ -118,23 +117,18 @@ def judge(learnt: Learnt, rows: Dataset, test: Indices) -> dict[str, Any]:
     raw, scale = learnt.raw(rows.inputs[test]), rows.scale[test]
     truth = rows.target[test]
     scored = vars(scores(truth * scale, learnt.within(raw * scale)))
-    covered = [
-        {
-            "level": level,
-            "coverage": share,
-            "mean_width": float(np.mean(learnt.within(high * scale) - learnt.within(low * scale))),
-        }
-        for level, share, low, high in coverage(
-            learnt.calibration, raw, truth, LEVELS, rows.inputs[test]
-        )
-    ]
-    least, most = _ends(truth * scale)
+    covered = []
+    for level in LEVELS:
+        share, *ends = learnt.calibration.coverage(raw, truth, level, rows.inputs[test])
+        low, high = (learnt.within(end * scale) for end in ends)
+        width = float(np.mean(high - low))
+        covered.append({"level": level, "coverage": share, "mean_width": width})
     several = {} if len(rows.origins) == 1 else {"databases": _by_database(learnt, rows, test)}
     return {
         **several,
         "column": learnt.column,
         "unit": learnt.unit,
-        "range": [float(least), float(most)],
+        "range": _ends(truth * scale),
         "scores": {name: float(value) for name, value in scored.items()},
         "intervals": covered,
         "ranges_of_prediction": int(learnt.calibration.borders.size + 1),
@@ -155,33 +149,23 @@ def _by_database(learnt: Learnt, rows: Dataset, test: Indices) -> list[dict[str,
             error = np.abs(learnt.within(raw * scale) - truth * scale)
             mae, size = float(error.mean()), magnitude(truth * scale)
             nmae = 100 * mae / size if size else nmae
-            level = (LEVELS[1],)
-            ((_, covered, *_),) = coverage(learnt.calibration, raw, truth, level, rows.inputs[mine])
-        entry = {"rows": int(mine.size), "nmae": nmae, "mae": mae, "coverage": float(covered)}
-        found.append(entry)
+            covered, *_ = learnt.calibration.coverage(raw, truth, LEVELS[1], rows.inputs[mine])
+        found.append({"rows": int(mine.size), "nmae": nmae, "mae": mae, "coverage": covered})
     return found
 
 
 def left_out(learnt: Learnt, rows: Dataset, crossed: Values) -> dict[str, float]:
-    """Score predictions over their scale by models that have not seen the group of a row [%].
+    """Score predictions of training rows, (n,), by models that have not seen their groups [%].
 
-    Parameters
-    ----------
-    learnt : Learnt
-        Model of the target.
-    rows : Dataset
-        The training rows.
-    crossed : ndarray, shape (n,)
-        Their predictions.
+    The predictions are over their scale.
     """
     predicted = learnt.within(crossed * rows.scale)
     found = scores(rows.target * rows.scale, predicted)
     return {name: float(value) for name, value in vars(found).items()}
 
 
-def lines(surrogate: "Surrogate") -> Iterator[str]:
-    """Yield the lines of the card, without its tables."""
-    card = surrogate.card
+def lines(card: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the lines of a card, without its tables."""
     yield f"{card['title']}, {card['features']} features, normalised: {card['normalisation']}"
     rows, by = card["rows"], card["rows"].get("split_by", "surface")
     left_out = sum(rows["left_out"].values())
@@ -202,7 +186,7 @@ def lines(surrogate: "Surrogate") -> Iterator[str]:
             yield f"          left out in turn: R2 {r2:.3f} %, nMAE {nmae:.2f} %"
         for remark in target["remarks"]:
             yield f"          warning: {remark}"
-    if said := calibration_text.line(card):
+    if said := _calibration(card):
         yield f"intervals {said}"
     if "grown" in card:
         yield f"grown     {_grown(card['grown'])}"
@@ -217,6 +201,27 @@ def lines(surrogate: "Surrogate") -> Iterator[str]:
     yield f"made      {card['made']}, licence {card['licence']}"
 
 
+def _calibration(card: Mapping[str, Any]) -> str:
+    """Say by what intervals are calibrated and what they hold for; "" for held-out rows."""
+    if "calibration" not in card:
+        return ""
+    entry = card["calibration"]
+    groups, kinds = entry["groups"], f"{entry['kind']}s"
+    origin = f" of {entry['database']}" if entry["database"] else ""
+    if entry["scheme"] == "ranges":
+        return f"calibrated by {card['rows']['calibration']} rows{origin}: hold for rows like these"
+    if entry["scheme"] == "each":
+        return (
+            f"calibrated on each of {groups} {kinds}{origin}: hold for further surfaces of these"
+            f" {kinds}; for others, {FEWEST} {kinds} or more are needed"
+        )
+    how = "" if entry["database"] else ", each predicted without it"
+    return (
+        f"calibrated by whole {kinds}{origin} ({groups} of them{how}): hold for other {kinds} like"
+        f" these, up to {100 * groups / (groups + 1):.1f} %"
+    )
+
+
 def _grown(record: dict[str, Any]) -> str:
     """State the accuracy that a growth aimed at, and the accuracy that it reached."""
     bounds = ", ".join(f"{name} {bound:.3g} %" for name, bound in record["bounds"].items())
@@ -226,60 +231,66 @@ def _grown(record: dict[str, Any]) -> str:
     )
 
 
-def _patch(card: dict[str, Any]) -> str:
+def _patch(card: Mapping[str, Any]) -> str:
     """Describe nodes and sides of the training's patches, as many as there are."""
 
     def patch(entry: Mapping[str, Any]) -> str:
-        (nx, ny), (x, y) = ranges.pair(entry, "nodes"), ranges.pair(entry, "side")
+        (nx, ny), (x, y) = flag.pair(entry, "nodes"), flag.pair(entry, "side")
         sides = f"side {x:g} um" if x == y else f"sides {x:g} x {y:g} um"
         return f"{nx:g} x {ny:g} nodes, {sides}"
 
-    return " and ".join(dict.fromkeys(patch(entry) for entry in ranges.databases_of(card)))
+    return " and ".join(dict.fromkeys(patch(entry) for entry in card.get("databases", [card])))
 
 
-def _hardness(card: dict[str, Any]) -> str:
+def _hardness(card: Mapping[str, Any]) -> str:
     """Describe the hardness of the training; "" for elastic bodies."""
     limits = card.get("hardness_ratio")
     also = ", and elastic bodies" if card.get("elastic") else ""
-    return "" if limits is None else f", hardness {ranges.between(limits)} E*{also}"
+    return "" if limits is None else f", hardness {flag.between(limits)} E*{also}"
 
 
-def _boundary(card: dict[str, Any]) -> str:
+def _boundary(card: Mapping[str, Any]) -> str:
     """Describe the boundary of patches without edges; "" for free ones."""
-    boundary = ranges.boundary_of(card)
+    boundary = flag.boundary_of(card)
     return "" if boundary == "free" else f", {boundary} boundary"
 
 
-def show(surrogate: "Surrogate") -> None:
-    """Print the card with its tables: scores, coverage of the intervals, training ranges.
+def show(card: Mapping[str, Any], low: Values, high: Values) -> None:
+    """Print a card with its tables: scores, coverage of the intervals, training ranges.
+
+    Parameters
+    ----------
+    card : mapping of str to object
+        From `make`.
+    low, high : ndarray, shape (d,)
+        Training ranges of the features.
 
     Raises
     ------
     InputError
         If an entry of the card is missing, so that the file is not from `learn fit`.
     """
-    from gen.runtime.console import wide_console
+    from gen.runtime.terminal import echo, print_table
 
     try:
-        texts = list(lines(surrogate))
-        tables = [_scores(surrogate), _intervals(surrogate), _ranges(surrogate)]
-        if "databases" in surrogate.card:
-            tables.insert(0, _databases(surrogate))
+        texts = list(lines(card))
+        tables = [_scores(card), _intervals(card), _ranges(card, low, high)]
+        if "databases" in card:
+            tables.insert(0, _databases(card))
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
         fault = printable(f"{type(error).__name__}: {error}")
         raise InputError(f"the surrogate's card is not whole ({fault}): fit it anew") from None
-    console = wide_console(120)
     for text in texts:
-        console.print(printable(text), highlight=False, markup=False, soft_wrap=True)
+        echo(text)
     for table in tables:
-        console.print(table)
+        print_table(table, WIDTH)
 
 
-def _scores(surrogate: "Surrogate") -> "Table":
+def _scores(card: Mapping[str, Any]) -> "Table":
     table = _table("Scores on the test rows [%]", "Target", "Unit")
     for column in ("from", "to", "nMSE", "nMAE", "nMaxE", "R2"):
         table.add_column(column, justify="right")
-    for name, target in surrogate.card["targets"].items():
+    for name, target in card["targets"].items():
         scores, (low, high) = target["scores"], target["range"]
         nmse = f"{scores['nmse']:.3f}" if target["column"] == "area_percent" else "-"
         others = (f"{scores[score]:.3f}" for score in ("nmae", "nmaxe", "r2"))
@@ -288,18 +299,18 @@ def _scores(surrogate: "Surrogate") -> "Table":
     return table
 
 
-def _databases(surrogate: "Surrogate") -> "Table":
+def _databases(card: Mapping[str, Any]) -> "Table":
     """Return the table of the databases, with scores on the test rows of each."""
     table = _table("Databases, and scores on their test rows", "Database", "Generator", "Nodes")
     for column in ("rows", "tested"):
         table.add_column(column, justify="right")
-    targets = surrogate.card["targets"]
+    targets = card["targets"]
     for name in targets:
         unit = _plain(targets[name]["unit"])
         table.add_column(f"{_plain(name)}: nMAE [%]", justify="right")
         table.add_column(f"mean error [{unit}]".replace("[1]", "").strip(), justify="right")
         table.add_column(f"in {LEVELS[1]:.0%}", justify="right")
-    for place, entry in enumerate(surrogate.card["databases"]):
+    for place, entry in enumerate(card["databases"]):
         judged = [target["databases"][place] for target in targets.values()]
         nodes = f"{entry['nodes'][0]:g} x {entry['nodes'][1]:g}"
         cells = [_plain(entry["database"]), _plain(entry["generator"]), nodes]
@@ -313,11 +324,11 @@ def _databases(surrogate: "Surrogate") -> "Table":
     return table
 
 
-def _intervals(surrogate: "Surrogate") -> "Table":
+def _intervals(card: Mapping[str, Any]) -> "Table":
     table = _table("Conformal intervals on the test rows", "Target")
     for column in ("wanted", "covered", "mean width"):
         table.add_column(column, justify="right")
-    for name, target in surrogate.card["targets"].items():
+    for name, target in card["targets"].items():
         for each in target["intervals"]:
             wanted, covered = f"{100 * each['level']:.0f} %", f"{100 * each['coverage']:.1f} %"
             width = f"{each['mean_width']:.4g} {target['unit']}"
@@ -325,14 +336,12 @@ def _intervals(surrogate: "Surrogate") -> "Table":
     return table
 
 
-def _ranges(surrogate: "Surrogate") -> "Table":
+def _ranges(card: Mapping[str, Any], low: Values, high: Values) -> "Table":
     table = _table("Inputs and their training ranges", "Input", "Unit")
     for column in ("from", "to"):
         table.add_column(column, justify="right")
-    for (name, unit), low, high in zip(
-        surrogate.card["columns"], surrogate.low, surrogate.high, strict=True
-    ):
-        table.add_row(_plain(name), _plain(unit), f"{low:.5g}", f"{high:.5g}")
+    for (name, unit), least, most in zip(card["columns"], low, high, strict=True):
+        table.add_row(_plain(name), _plain(unit), f"{least:.5g}", f"{most:.5g}")
     return table
 
 
@@ -347,10 +356,9 @@ def _table(title: str, *names: str) -> "Table":
 
 def _plain(text: Any) -> str:
     """Return a text of the file as a cell, without markup and control characters."""
-    from rich.markup import escape
-
-    return escape(printable(str(text)))
+    return printable(str(text))
 
 
-def _ends(values: Any) -> tuple[Any, Any]:
-    return values.min(), values.max()
+def _ends(values: Values) -> list[float]:
+    """Return the least and the largest of some values."""
+    return [float(values.min()), float(values.max())]

@@ -1,6 +1,7 @@
 """The model of one target: scaling, estimator and intervals, with a fast kernel ridge."""
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -10,13 +11,33 @@ import numpy as np
 from gen.runtime.errors import InputError
 from learn import memory
 from learn.arrays import Values
-from learn.models import STEP
-from learn.surrogate.conformal import Calibration
-from learn.surrogate.moments import Clipped
-from learn.target import Scaling
+from learn.features.sets import PURE
+from learn.models import STEP, Scaling
+from learn.surrogate.interval import Calibration
 
 PART = 2000
 """Rows that are predicted together: a kernel needs memory for rows times training rows."""
+
+MOMENTS = frozenset(name for name in PURE if "skewness" in name or "kurtosis" in name)
+"""Features of which models see the nearest value of the training.
+
+Moments of third and fourth order have heavy tails. A window of a honed map with a groove at its
+border may have a kurtosis of its peaks forty deviations from the mean. A radial basis function of
+long reach extrapolates like a polynomial there, and a few rows of this kind have had most of the
+squared error of all rows (`bench scans`). How large a moment is beyond those of the training
+decides little about the contact, so that the end of its range is a better input. The other features
+are left as they are: areas and forces of the coarse solve tell most where they are extrapolated.
+Flags see the moments as they are, and predictions for other rows do not change.
+"""
+
+Clip = tuple[Values, Values]
+"""Ends, each (d,), of the ranges that features are clipped to; infinite for those that are not."""
+
+
+def clip_of(columns: Sequence[str], low: Values, high: Values) -> Clip:
+    """Return the training ranges, each end (d,), of the moments among some features."""
+    moment = np.array([name in MOMENTS for name in columns])
+    return np.where(moment, low, -np.inf), np.where(moment, high, np.inf)
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,17 +46,15 @@ class Learnt:
 
     Attributes
     ----------
-    column : str
-        Column of the target in `gen.schema`.
-    unit : str
-        Unit of the target.
-    pipeline : object
+    column, unit : str
+        Column of the target in `gen.schema`, and its unit.
+    pipeline : sklearn.pipeline.Pipeline
         Scaling and estimator, fitted to the scaled target over its scale.
     scaling : Scaling
         Scaling of the target over its scale.
     calibration : Calibration
         Intervals of the target over its scale.
-    clipped : Clipped, optional
+    clip : tuple of ndarray, optional
         Ranges that the model's inputs do not leave; None for features with units.
     bounds : tuple of float
         Least and largest value of the target's column.
@@ -46,47 +65,36 @@ class Learnt:
     pipeline: Any
     scaling: Scaling
     calibration: Calibration
-    clipped: Clipped | None = None
+    clip: Clip | None = None
     bounds: tuple[float, float] = (-np.inf, np.inf)
 
     def within(self, values: Values) -> Values:
         """Cut predictions, or ends of their intervals, at the bounds of the column, (n,)."""
         return np.clip(values, *self.bounds)
 
-    @property
-    def root(self) -> bool:
-        """True if the model predicts the square root of the target."""
-        return self.scaling.root
-
     def raw(self, inputs: Values) -> Values:
-        """Predict the target over its scale."""
-        if self.clipped is not None:
-            inputs = self.clipped.of(inputs)
+        """Predict the target over its scale, (n,), at the features, (n, d)."""
+        if self.clip is not None:
+            inputs = np.clip(inputs, *self.clip)
         with np.errstate(over="ignore", invalid="ignore"):  # said by `predict_rows`, row by row
             predicted = [self._predict(part) for part in _parts(inputs)]
             return self.scaling.restored(np.concatenate(predicted))
 
     def ends(self, inputs: Values, raw: Values, level: float) -> tuple[Values, Values]:
-        """Return both ends of the interval over the scale, each (n,).
-
-        Parameters
-        ----------
-        inputs : ndarray, shape (n, d)
-            Features.
-        raw : ndarray, shape (n,)
-            Predictions from `raw`.
-        level : float
-            Wanted coverage.
-        """
+        """Return both ends, each (n,), of the interval over the scale around `raw` predictions."""
         return self.calibration.ends(raw, level, inputs)
 
     def _predict(self, inputs: Values) -> Values:
         """Predict some rows, kernel ridge without scikit-learn's checks of its training rows."""
-        if self._expansion is None:
+        (_, scaling), (_, estimator) = self.pipeline.steps
+        without_factor = self.has_spread and estimator.L_ is None
+        if self._expansion is None and not without_factor:
             return np.asarray(self.pipeline.predict(inputs), dtype=np.float64).reshape(-1)
-        centres, squares, gamma, weights = self._expansion
-        scaling = self.pipeline.steps[0][1]
         scaled = inputs if scaling == "passthrough" else scaling.transform(inputs)
+        if self._expansion is None:  # scikit-learn 1.7 asks for the factor also for the mean
+            kernel = estimator.kernel_(scaled, estimator.X_train_)
+            return np.asarray(kernel @ estimator.alpha_, dtype=np.float64).reshape(-1)
+        centres, squares, gamma, weights = self._expansion
         distances = squares - 2.0 * (scaled @ centres.T)
         distances += np.einsum("ij,ij->i", scaled, scaled)[:, None]
         np.maximum(distances, 0.0, out=distances)
@@ -122,7 +130,7 @@ class Learnt:
                 self.pipeline.predict(part, return_std=True)[1] for part in _parts(inputs)
             ]
         spread = np.concatenate(deviations).reshape(-1) * self.scaling.deviation
-        if not self.root:
+        if not self.scaling.root:
             return spread
         # The deviation of the square of a normally distributed number with this spread.
         squares = 4.0 * self.raw(inputs) * spread**2 + 2.0 * spread**4
@@ -131,6 +139,8 @@ class Learnt:
 
 def _factor(process: Any) -> Values:
     """Compute the Cholesky factor of a Gaussian process's kernel matrix, as its fit does.
+
+    Files do not hold it: it is as large as the square of the number of rows.
 
     Raises
     ------

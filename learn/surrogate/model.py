@@ -2,31 +2,101 @@
 
 from __future__ import annotations  # short signatures in help()
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from bem.spacing import Boundary
 from gen.arrays import refuse_masked
 from gen.runtime.errors import InputError
-from gen.runtime.terminal import printable
 from learn.arrays import Values
 from learn.features import FeatureSet, SurfaceFeatures, chosen
 from learn.features.sets import NODES, build, target_scale
-from learn.surrogate import packing, ranges, storage
-from learn.surrogate.distance import Distance
+from learn.surrogate import file, flag
+from learn.surrogate.flag import Distance
+from learn.surrogate.interval import checked_level
 from learn.surrogate.learnt import Learnt
-from learn.surrogate.prediction import Prediction, Rows
 
 LARGEST = 1e38
 """Of a feature: trees see their inputs in single precision, which ends there."""
 
 PROPORTIONAL = {"force", "largest_pressure", "stiffness", "interface_stiffness"}
 """Targets that are proportional to E*."""
+
+ROUNDING = 1e-9
+"""Difference up to which a level of intervals counts as the largest one."""
+
+
+class Rows(NamedTuple):
+    """Rows of features that the models can predict.
+
+    Attributes
+    ----------
+    inputs, statistics : ndarray, shape (n, d) and (n, 22)
+        Features, and statistics in the order of Table 1.
+    delta : ndarray, shape (n,)
+        Far-field displacement [um].
+    length : ndarray or float
+        Scan length L; one for all rows, or shape (n,) [um].
+    notes : tuple of str
+        Notes on grids that differ from the training's: one for all rows, or n.
+    hardness_ratio : float, optional
+        Hardness over E*; None for elastic bodies.
+    """
+
+    inputs: Values
+    statistics: Values
+    delta: Values
+    length: Values | float
+    notes: tuple[str, ...]
+    hardness_ratio: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """Predictions for n rows.
+
+    Attributes
+    ----------
+    delta : ndarray, shape (n,)
+        Far-field displacement [um].
+    values : dict of str to ndarray, shape (n,)
+        Predictions by target: "area" [%], "force" [uN], "mean_gap" [um] ...
+    low, high : dict of str to ndarray, shape (n,)
+        Ends of the intervals by target; empty if no level was given. They only hold for rows
+        inside the training; tables leave them out for the other rows.
+    std : dict of str to ndarray, shape (n,)
+        Standard deviations by target, of Gaussian processes, on request.
+    reasons : tuple of str
+        For each row, the features outside the training; "" if there is none.
+    """
+
+    delta: Values
+    values: dict[str, Values]
+    low: dict[str, Values] = field(default_factory=dict)
+    high: dict[str, Values] = field(default_factory=dict)
+    std: dict[str, Values] = field(default_factory=dict)
+    reasons: tuple[str, ...] = ()
+
+    @property
+    def area(self) -> Values:
+        """Effective contact area, shape (n,) [%]."""
+        return self.values["area"]
+
+    @property
+    def force(self) -> Values:
+        """Normal force, shape (n,) [uN]."""
+        return self.values["force"]
+
+    @property
+    def inside(self) -> NDArray[np.bool_]:
+        """Rows inside the training ranges, True or False, shape (n,)."""
+        return np.array([not reason for reason in self.reasons], dtype=np.bool_)
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,61 +111,32 @@ class Surrogate:
         Models by the short names of their targets.
     low, high : ndarray, shape (d,)
         Training ranges of the features.
-    distance : Distance, optional
-        Distances from the training; None in older files.
+    distance : Distance
+        Distances from the training.
     """
 
     card: dict[str, Any]
     learnt: Mapping[str, Learnt]
     low: Values
     high: Values
-    distance: Distance | None = None
+    distance: Distance
 
     @classmethod
     def load(cls, path: Path | str) -> Self:
-        """Read a surrogate's file; nothing in it is executed, and every part of it is checked.
+        """Read a surrogate's file; no code that it names is imported or runs.
 
-        Parameters
-        ----------
-        path : Path or str
-            File that `learn fit` or `save` wrote.
-
-        Returns
-        -------
-        Surrogate
-            The surrogate in the file.
-
-        Raises
-        ------
-        InputError
-            If the file is no surrogate, is damaged, or cannot come from `learn fit`.
+        InputError is raised if the file, that `learn fit` or `save` wrote, is damaged or of another
+        format, or does not fit the libraries installed here.
         """
-        card, parts = storage.load(Path(path))
-        try:
-            with np.errstate(all="ignore"):  # what is not finite then is refused
-                learnt, low, high, distance = packing.unpacked(card, parts)
-        except Exception as error:  # parts of any type stand where others belong
-            fault = printable(" ".join(str(error).split())[:100])
-            raise InputError(f"{path}: is not whole ({fault}): fit it anew") from None
-        return cls(card, learnt, low, high, distance)
+        return cls(**file.load(Path(path)))
 
     def save(self, path: Path | str) -> None:
         """Write the file that `load` reads, whole or not at all.
 
-        Parameters
-        ----------
-        path : Path or str
-            File to write.
-
-        Raises
-        ------
-        InputError
-            If it cannot be written.
-        ValueError
-            If a model has settings that `learn fit` never gives.
+        InputError is raised if it cannot be written, ValueError if a model has settings that
+        `learn fit` never gives.
         """
-        parts = packing.packed(self.card, self.learnt, self.low, self.high, self.distance)
-        storage.save(Path(path), self.card, parts)
+        file.save(Path(path), self)
 
     @property
     def features(self) -> FeatureSet:
@@ -117,25 +158,11 @@ class Surrogate:
         return None if limits is None else (float(limits[0]), float(limits[1]))
 
     def hardness_ratio(self, hardness: float | None, e_star: float | None = None) -> float | None:
-        """Return the hardness over E* of a prediction, after a check that the surrogate has one.
+        """Return the hardness over E* of a prediction; None for elastic bodies.
 
-        Parameters
-        ----------
-        hardness : float or None
-            Hardness of the softer body [MPa]; None for elastic bodies if the training has some,
-            otherwise for the only hardness of the training.
-        e_star : float, optional
-            E* of the prediction; that of the training by default [MPa].
-
-        Returns
-        -------
-        float or None
-            Hardness over E*; None for elastic bodies.
-
-        Raises
-        ------
-        InputError
-            If the training has no hardness, or several and none is given.
+        A hardness that is left out [MPa] stands for elastic bodies if the training has some,
+        otherwise for the only hardness of the training. E* is by default that of the training
+        [MPa]. InputError is raised if the training has no hardness, or several and none is given.
         """
         limits = self.hardness_limits
         if limits is None:
@@ -154,29 +181,19 @@ class Surrogate:
         if limits[0] < limits[1]:
             raise InputError(
                 "give --hardness: the surrogate was trained on bodies that yield at"
-                f" {ranges.between(limits)} E*"
+                f" {flag.between(limits)} E*"
             )
         return limits[0]
 
     @property
     def boundary(self) -> Boundary:
         """Boundary of the training's patches: that of every prediction too."""
-        return ranges.boundary_of(self.card)
+        return flag.boundary_of(self.card)
 
     def require_boundary(self, boundary: str, name: str) -> None:
-        """Refuse a surface or statistics of another boundary than that of the training.
+        """Refuse a surface or table, by its name, of another boundary than that of the training.
 
-        Parameters
-        ----------
-        boundary : str
-            Boundary of the surface or statistics: "free", "periodic" or "mirror".
-        name : str
-            Name of the surface or table in the message.
-
-        Raises
-        ------
-        InputError
-            If the boundary is not that of the training.
+        InputError says what to fit instead.
         """
         if boundary != self.boundary:
             raise InputError(
@@ -188,6 +205,29 @@ class Surrogate:
     def modulus(self) -> float:
         """E* of the training [MPa]."""
         return float(self.card["modulus"])
+
+    def require_level(self, level: float) -> None:
+        """Refuse a level of intervals that has too few groups or rows to be calibrated.
+
+        InputError names the largest level; it is raised for one outside 0 to 1 too.
+        """
+        checked_level(level)
+        for name, each in self.learnt.items():
+            largest = each.calibration.largest_level
+            if level > largest + ROUNDING:
+                raise InputError(
+                    f"--interval {level:g}: intervals of {name} are calibrated by"
+                    f" {self._calibrated_by()}, which reach"
+                    f" {math.floor(1000 * largest) / 1000:g} at most: give less"
+                )
+
+    def _calibrated_by(self) -> str:
+        """Say by how many groups, or rows, intervals are calibrated: "17 maps"."""
+        entry = self.card.get("calibration")
+        if entry is None or entry["scheme"] == "ranges":
+            return f"{self.card['rows']['calibration']} rows"
+        groups = f"{entry['groups']} {entry['kind']}s"
+        return groups if entry["scheme"] == "others" else f"the rows of {groups}"
 
     def predict(
         self,
@@ -243,11 +283,6 @@ class Surrogate:
         name : str
             Name of the surface in messages.
 
-        Returns
-        -------
-        OnSurface
-            The surrogate with the features of this surface.
-
         Raises
         ------
         InputError
@@ -280,21 +315,10 @@ class Surrogate:
         ----------
         statistics : ndarray, shape (n, 22)
             Statistics in the order and units of Table 1.
-        delta : ndarray, shape (n,)
-            Far-field displacement [um].
-        length : ndarray or float
-            Scan length L; one for all rows, or shape (n,) [um].
-        notes : tuple of str
-            Notes on grids that differ from the training's: one for all rows, or n.
-        hardness_ratio : float, optional
-            Hardness over E*, from `hardness_ratio`.
+        delta, length, notes, hardness_ratio
+            See `Rows`.
         nodes : ndarray, shape (n,), optional
             Nodes along a side, the geometric mean of both axes, if the features need them.
-
-        Returns
-        -------
-        Rows
-            Features of n rows, shape (n, d), with their statistics and displacements.
 
         Raises
         ------
@@ -333,34 +357,24 @@ class Surrogate:
         std: bool = False,
         reasons: bool = True,
     ) -> Prediction:
-        """Predict rows of features.
+        """Predict rows of features, from `of_statistics` or `OnSurface.rows`.
 
         Parameters
         ----------
         rows : Rows
-            Rows from `of_statistics` or `OnSurface.rows`.
+            The rows.
         e_star, level : float, optional
-            See `predict`.
+            See `predict`; InputError is raised if E* is not above 0.
         std : bool
             True to add the standard deviations of Gaussian processes.
         reasons : bool
             False to skip the check of training ranges; a prediction that is not finite still has
             a reason.
-
-        Returns
-        -------
-        Prediction
-            Predictions of all targets, one for each row.
-
-        Raises
-        ------
-        InputError
-            If `e_star` is not above 0.
         """
         if e_star is not None and not 0 < e_star < np.inf:
             raise InputError(f"E* {e_star:g}: give a modulus above 0 MPa")
         ratio = 1.0 if e_star is None else e_star / self.modulus
-        said = self.reasons(rows) if reasons else ("",) * len(rows.delta)
+        said = list(self.reasons(rows) if reasons else ("",) * len(rows.delta))
         prediction = Prediction(rows.delta.copy(), {})
         for name, learnt in self.learnt.items():
             scale = target_scale(
@@ -368,8 +382,11 @@ class Surrogate:
             )
             if learnt.column in PROPORTIONAL:
                 scale = scale * ratio
-            raw = ranges.finite(learnt.raw(rows.inputs), scale)
-            said = ranges.with_undefined(said, name, raw)
+            raw = learnt.raw(rows.inputs)
+            with np.errstate(over="ignore", invalid="ignore"):
+                raw[~np.isfinite(raw * scale)] = np.nan
+            for row in np.flatnonzero(np.isnan(raw)):
+                said[row] = flag.joined(f"the surrogate has no finite {name}", said[row])
             prediction.values[name] = learnt.within(raw * scale)
             if level is not None:
                 low, high = learnt.ends(rows.inputs, raw, level)
@@ -378,46 +395,25 @@ class Surrogate:
             spread = learnt.spread(rows.inputs) if std else None
             if spread is not None:
                 prediction.std[name] = spread * scale
-        return replace(prediction, reasons=said)
+        return replace(prediction, reasons=tuple(said))
 
     def reasons(self, rows: Rows) -> tuple[str, ...]:
-        """Return for each row the features outside their training ranges; "" if there is none.
-
-        Parameters
-        ----------
-        rows : Rows
-            Rows from `of_statistics` or `OnSurface.rows`.
-
-        Returns
-        -------
-        tuple of str
-            One text for each row.
-        """
+        """Return for each row why it is outside the training; "" if it is inside."""
         elastic = bool(self.card.get("elastic"))
-        note = ranges.hardness_note(self.hardness_limits, rows.hardness_ratio, elastic=elastic)
-        if note:
-            notes = tuple("; ".join(filter(None, (own, note))) for own in rows.notes or ("",))
-            rows = rows._replace(notes=notes)
-        if self.distance is not None:
-            rows = rows._replace(notes=self.distance.noted(rows.inputs, rows.notes))
-        return ranges.reasons(self.features.columns, self.low, self.high, rows)
+        note = flag.hardness_note(self.hardness_limits, rows.hardness_ratio, elastic=elastic)
+        given = rows.notes or ("",)
+        given = given * (len(rows.delta) // len(given))
+        notes = [flag.joined(each, note) for each in given]
+        return flag.reasons_of(
+            rows.inputs, notes, self.features, (self.low, self.high), self.distance
+        )
 
     def note(self, shape: tuple[int, int], sides: tuple[float, float]) -> str:
         """Return how a grid differs from the training's; "" if it does not.
 
-        Parameters
-        ----------
-        shape : tuple of int
-            Nodes along x and y.
-        sides : tuple of float
-            Lengths of the patch along x and y [um].
-
-        Returns
-        -------
-        str
-            One text for the grid.
+        The grid is given by its nodes and lengths [um] along x and y.
         """
-        return ranges.grid_note(self.card, self.features, shape, sides)
+        return flag.grid_note(self.card, self.features, shape, sides)
 
 
 def _own(name: str, given: ArrayLike) -> Values:
@@ -442,25 +438,11 @@ class OnSurface:
     surface: SurfaceFeatures
 
     def rows(self, delta: ArrayLike, hardness_ratio: float | None = None) -> Rows:
-        """Compute the features at one or more displacements.
+        """Compute the features at displacements above 0, one or n of them [um].
 
-        Parameters
-        ----------
-        delta : ArrayLike
-            One displacement above 0, or n of them [um].
-        hardness_ratio : float, optional
-            Hardness over E*, from `Surrogate.hardness_ratio`; None for elastic bodies.
-
-        Returns
-        -------
-        Rows
-            Features, shape (n, d), with the surface's statistics and the displacements.
-
-        Raises
-        ------
-        InputError
-            If a displacement is not above 0, or the features need statistics that the surface does
-            not define.
+        The hardness over E* comes from `Surrogate.hardness_ratio`. InputError is raised if a
+        displacement is not above 0, or the features need statistics that the surface does not
+        define.
         """
         surface, surrogate = self.surface, self.surrogate
         deltas = np.atleast_1d(_own("Delta", delta))
@@ -473,7 +455,7 @@ class OnSurface:
         notes: tuple[str, ...] = (note,)
         if (deltas >= limit).any():
             beyond = np.where(deltas >= limit, full, "")
-            notes = tuple("; ".join(filter(None, (own, note))) for own in beyond)
+            notes = tuple(flag.joined(own, note) for own in beyond)
         return Rows(inputs, statistics, deltas, surface.length, notes, hardness_ratio)
 
     def predict(
@@ -486,12 +468,12 @@ class OnSurface:
         std: bool = False,
         reasons: bool = True,
     ) -> Prediction:
-        """Predict contacts at one or more displacements.
+        """Predict contacts at one or more displacements above 0 [um].
 
         Parameters
         ----------
         delta : ArrayLike
-            One displacement above 0, or n of them [um].
+            One displacement, or n of them [um].
         e_star, hardness : float, optional
             See `Surrogate.predict` [MPa].
         level, std, reasons : float or bool
@@ -505,8 +487,7 @@ class OnSurface:
         Raises
         ------
         InputError
-            If a displacement, `e_star` or `hardness` is impossible, or the training asks for a
-            hardness that is not given.
+            As of `Surrogate.predict`.
         """
         rows = self.rows(delta, self.surrogate.hardness_ratio(hardness, e_star))
         return self.surrogate.predict_rows(

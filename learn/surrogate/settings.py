@@ -12,11 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.runtime.errors import InputError
-from gen.runtime.invocation import to_type
+from gen.runtime.terminal import to_type
 from learn.arrays import Values
 from learn.comparison.folder import Folder
-from learn.comparison.search.spaces import OPTIMA
-from learn.comparison.winner import settings_of
+from learn.comparison.spaces import OPTIMA
 from learn.models import MODELS, NORMALISATIONS, STEP, pipeline, remarks
 from learn.request import Request
 
@@ -101,10 +100,7 @@ def choose(
 def tuned_conditions(folder: Folder, model: str) -> dict[str, Any]:
     """Return the features, rows and seed that a tuned winner rests on.
 
-    Raises
-    ------
-    InputError
-        If the folder has no tuned model of this name.
+    InputError is raised if the folder has no tuned model of this name.
     """
     conditions: dict[str, Any] = folder.record()["conditions"]
     _tuned(folder, model)
@@ -112,7 +108,7 @@ def tuned_conditions(folder: Folder, model: str) -> dict[str, Any]:
 
 
 def _tuned(folder: Folder, model: str) -> Settings:
-    winner = settings_of(folder, model)
+    winner = folder.winner(model)
     if winner is None:
         raise InputError(
             f"--from: {folder.path} has no tuned {model}: {to_type(f'learn tune --model {model}')}"
@@ -197,13 +193,7 @@ def _likelihood(process: Any) -> float:
 
 
 def normalisation_of(features_default: str, given: str) -> str:
-    """Return the given scaling, or the default of the features.
-
-    Raises
-    ------
-    InputError
-        If no scaling has this name.
-    """
+    """Return the given scaling, or the default of the features; InputError if there is none."""
     if given and given not in NORMALISATIONS:
         raise InputError(f"--normalise {given!r}: give one of {', '.join(NORMALISATIONS)}")
     return given or features_default

@@ -11,7 +11,7 @@ from launch import TIMEOUT, environment, launch, mpiexec
 
 import asperity
 from asperity import command
-from gen.runtime.version import VERSION
+from gen.runtime import VERSION
 
 ALONE = [
     ("", "asperity: Missing command. (see asperity --help)"),
@@ -21,7 +21,7 @@ ALONE = [
     ("gen info", "asperity gen: Missing argument 'FILE'. (see asperity gen info --help)"),
     ("gen info no.h5", "asperity gen: no.h5 does not exist"),
     ("learn fti", "asperity learn: No such command 'fti'"),
-    ("bench hertz", "asperity bench: Missing option '--output' / '-o'."),
+    ("bench hertz --bogus", "asperity bench: No such option: --bogus"),
 ]
 """Command lines that are refused, and how the line begins."""
 
@@ -30,7 +30,7 @@ ALONE = [
 def typed(tmp_path, monkeypatch, capfd):
     """Run a command line in this process; return code, standard output and standard error."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("gen.runtime.startup.start", lambda **_: None)
+    monkeypatch.setattr("gen.runtime.command_line.start", lambda **_: None)
     monkeypatch.setattr("gen.runtime.farm.leave", lambda: None)  # later tests may need MPI
 
     def run(line: str) -> tuple[int, str, str]:

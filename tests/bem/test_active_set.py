@@ -17,7 +17,7 @@ from bem.influence import Kernel
 from bem.iterate import cut_to_load
 from bench.references import dense
 from bench.references.surfaces import SURFACES, Shape, surface
-from gen.runtime.overtime import at_most
+from gen.runtime.signals import at_most
 
 pytestmark = pytest.mark.usefixtures("both_ways")
 

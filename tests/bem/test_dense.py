@@ -80,8 +80,8 @@ def test_corrections_remove_rounding(dtype: str) -> None:
 
 @pytest.mark.parametrize("dtype", ["float64", "float32"])
 def test_a_singular_matrix_is_refused(dtype: str) -> None:
+    matrix = InfluenceMatrix(SHAPE, "uniform-pressure", 1.0, dtype)
     with pytest.raises(np.linalg.LinAlgError):
-        matrix = InfluenceMatrix(SHAPE, "uniform-pressure", 1.0, dtype)
         ContactFactor(matrix.among, np.array([3, 7, 40, 7]))
 
 

@@ -10,7 +10,7 @@ from bem import equilibrium
 from bem.influence import KERNELS, Kernel
 from bem.operators import filters
 from bench.references.surfaces import SURFACES, surface
-from gen.runtime.overtime import at_most
+from gen.runtime.signals import at_most
 from gen.surface import generate
 
 pytestmark = pytest.mark.usefixtures("both_ways")

@@ -13,7 +13,7 @@ from bench.stability.edgeless import (
     periodic_problem,
     problem,
 )
-from bench.stability.solver.setup import Setup
+from bench.stability.setup import Setup
 
 SEEDS = [
     *((problem, judge, seed) for seed in range(150)),

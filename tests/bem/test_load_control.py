@@ -11,7 +11,7 @@ import bem
 from bem.influence import KERNELS
 from bem.problem import FAR_FIELDS
 from bench.references.surfaces import SURFACES, surface
-from gen.runtime.overtime import at_most
+from gen.runtime.signals import at_most
 from gen.surface import generate
 
 pytestmark = pytest.mark.usefixtures("both_ways")

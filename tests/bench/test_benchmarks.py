@@ -9,8 +9,10 @@ from pathlib import Path
 import pytest
 
 from bench.benchmarks import contents
-from bench.page.content import Absent, Table, Words
+from bench.contents import Absent, Table, Words
 from gen.runtime.errors import InputError
+
+pytestmark = pytest.mark.long
 
 ROOT = Path(__file__).resolve().parents[2]
 

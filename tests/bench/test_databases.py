@@ -4,8 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from bench.databases import all_of_them, report, shipped
-from bench.table import read_table
+from bench.databases import all_of_them, outputs, shipped, summaries
+from bench.files import read_table
+from gen.scene import flags
 
 
 def test_all_databases_are_summarised(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -15,7 +16,7 @@ def test_all_databases_are_summarised(tmp_path: Path, monkeypatch: pytest.Monkey
     before = [path.stat().st_mtime_ns for path in paths]
     assert all_of_them(tmp_path / "databases", None, 6) == paths
     assert [path.stat().st_mtime_ns for path in paths] == before
-    report(paths).write(tmp_path)
+    summaries(tmp_path / "databases", None, 6).write(tmp_path)
     rows = read_table(tmp_path / "databases.csv")[1]
     assert [row["scene"] for row in rows] == ["paper", "fine", "paper-mirco", "concentrated"]
     assert all(int(row["done"]) == int(row["rows"]) == 6 for row in rows)
@@ -26,3 +27,10 @@ def test_all_databases_are_summarised(tmp_path: Path, monkeypatch: pytest.Monkey
 def test_a_shipped_scene_has_other_rows_if_they_are_given() -> None:
     assert "\nsamples = 800 " in shipped("fine")
     assert "\nsamples = 12 " in shipped("fine", 12)
+
+
+def test_every_optional_output_has_its_cost(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("bench.databases.SAMPLES", 2)
+    rows = outputs("quick", 1)
+    assert [row["column"] for row in rows] == list(flags())
+    assert all(row["ratio"] > 0 and row["bytes"] > 0 for row in rows)

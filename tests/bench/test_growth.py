@@ -1,14 +1,14 @@
 """The report on grids: what its rows hold, and that they can show a miss."""
 
-import csv
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from bench.growth import HARDNESSES, cost, pressures, report, verdict, yielding_report
-from bench.page.content import files_of
-from bench.page.parts import contents_of
+from bench.contents import contents_of, files_of
+from bench.files import read_table
+from bench.growth import HARDNESSES, cost, pressures, verdict
+from bench.report import Report
 from gen.runtime.errors import InputError
 
 
@@ -52,17 +52,12 @@ def test_a_hardness_bounds_the_mean_pressure(pressed: list[dict[str, Any]]) -> N
 def test_the_page_shows_what_is_written(
     costs: list[dict[str, Any]], pressed: list[dict[str, Any]], tmp_path: Path
 ) -> None:
-    made = report(costs)
-    assert "| 5.0 % | 65 |" in made.text.replace(f"{costs[0]['area_percent']:.1f}", "5.0")
-    table, picture = made.write(tmp_path)
-    assert picture.read_bytes().startswith(b"\x89PNG")
-    with table.open(newline="") as file:
-        written = list(csv.DictReader(file))
+    paths = Report({"growth": costs, "yielding": pressed}).write(tmp_path, "growth")
+    shown = [path for each in contents_of("growth", tmp_path) for path in files_of(each)]
+    assert set(shown) == set(paths)
+    assert paths[-1].read_bytes().startswith(b"\x89PNG")
+    written = read_table(tmp_path / "growth.csv")[1]
     assert [float(row["convolutions"]) for row in written] == [row["convolutions"] for row in costs]
-    yielding_report(pressed).write(tmp_path)
-    for name in ("growth", "yielding"):
-        shown = contents_of(name, tmp_path)
-        assert all(path.exists() for each in shown for path in files_of(each))
 
 
 @pytest.mark.parametrize("nodes", [100, 33, 3, 0])

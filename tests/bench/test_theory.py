@@ -1,22 +1,96 @@
-"""Theories beside contacts without edges: small surfaces, and the files of the report."""
+"""Closed forms and theories beside contacts: numbers, files, and what is refused."""
 
+import csv
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from launch import launch
 
 from bem.analytic import BUSH_GIBSON_THOMAS, PERSSON
 from bench import theory
-from bench.page.parts import contents_of
+from bench.report import Report
 from gen.spectral import SelfAffineSpectrum
+
+Curves = dict[tuple[str, int | str], list[dict[str, Any]]]
+
+
+@pytest.fixture(scope="module")
+def curves() -> Curves:
+    found: Curves = {}
+    for row in theory.hertz(steps=2):
+        found.setdefault((row["solution"], row["nodes"]), []).append(row)
+    return found
+
+
+def test_forces_of_the_papers_example(curves: Curves) -> None:
+    """At Delta = 1; other numbers mean that solver or kernels have changed."""
+    forces = {key: curve[-1]["force_uN"] for key, curve in curves.items()}
+    exact = 4 / 3 * np.sqrt(5000)
+    assert forces["hertz", ""] == pytest.approx(exact, rel=1e-14)
+    shares = {
+        ("uniform-pressure", 128): 1.0011112,
+        ("uniform-pressure", 256): 1.0002409,
+        ("concentrated-force", 128): 1.0268076,
+        ("concentrated-force", 256): 1.0129298,
+    }
+    for key, share in shares.items():
+        assert forces[key] / exact == pytest.approx(share, abs=1e-6)
+
+
+def test_areas_of_the_papers_example(curves: Curves) -> None:
+    """The concentrated force makes them small, less so on the finer grid."""
+    areas = {key: curve[-1]["area_percent"] for key, curve in curves.items()}
+    concentrated = [areas["concentrated-force", nodes] for nodes in (128, 256)]
+    assert concentrated[0] < concentrated[1] < areas["hertz", ""]
+    assert areas["uniform-pressure", 256] == pytest.approx(areas["hertz", ""], rel=0.02)
+
+
+def test_command_writes_table_and_picture(tmp_path: Path) -> None:
+    done = launch(0, "hertz", "-o", "new/reports", folder=tmp_path, module="bench")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.split()[-2:] == ["new/reports/hertz.csv", "new/reports/hertz.png"]
+    folder = tmp_path / "new" / "reports"
+    assert (folder / "hertz.png").read_bytes().startswith(b"\x89PNG")
+    with (folder / "hertz.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 5 * (theory.STEPS + 1)
+    exact = [row for row in rows if row["solution"] == "hertz"]
+    assert {row["nodes"] for row in exact} == {""}
+    assert float(exact[-1]["delta_um"]) == 1
+    assert float(exact[-1]["force_uN"]) == pytest.approx(94.2809, abs=1e-4)
+    assert float(exact[-1]["area_percent"]) == pytest.approx(1.5708, abs=1e-4)
+
+
+@pytest.mark.parametrize("folder", ["taken", "taken/below", "/proc/nowhere"])
+def test_folders_that_cannot_be_written_are_refused(folder: str, tmp_path: Path) -> None:
+    (tmp_path / "taken").touch()
+    done = launch(0, "hertz", "-o", folder, folder=tmp_path, module="bench")
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert len(done.stderr.splitlines()) == 1
+    assert done.stderr.startswith(f"bench: {folder} ")
+    assert [entry.name for entry in tmp_path.iterdir()] == ["taken"]
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["hertz", "--help"]])
+def test_help_imports_no_numerics(arguments: list[str], tmp_path: Path) -> None:
+    code = f"import sys; from bench.__main__ import main; assert main({arguments}) == 0;"
+    code += "assert not {'numpy', 'scipy', 'pyfftw', 'h5py', 'matplotlib'} & sys.modules.keys()"
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
 
 NODES = 128
 
 
 @pytest.fixture(scope="module")
 def rows() -> list[dict[str, Any]]:
-    return theory.compare(NODES, surfaces=1)
+    return theory.theory(NODES, surfaces=1)
 
 
 def column(rows: list[dict[str, Any]], name: str) -> np.ndarray:
@@ -67,17 +141,10 @@ def test_perssons_interface_has_the_moments_of_the_surfaces() -> None:
     spectrum = SelfAffineSpectrum(0.8, 0.25, 0.0625)
     interface = theory.persson(spectrum)
     assert interface.rms_slope() == pytest.approx(theory.RMS_SLOPE, rel=1e-12)
-    rms_height = theory.surface(spectrum, NODES, seed=0).std()
+    rms_height = theory.random_surface(spectrum, NODES, seed=0).std()
     assert interface.rms_height() == pytest.approx(rms_height, rel=0.05)
 
 
-def test_report_is_a_table_and_two_pictures_with_captions(
-    rows: list[dict[str, Any]], tmp_path: Path
-) -> None:
-    paths = theory.report(rows).write(tmp_path)
+def test_report_is_a_table_and_two_pictures(rows: list[dict[str, Any]], tmp_path: Path) -> None:
+    paths = Report({"theory": rows}).write(tmp_path, "theory")
     assert [path.name for path in paths] == ["theory.csv", "area.png", "gap.png"]
-    shown = contents_of("theory", tmp_path)
-    assert [content.picture.name for content in shown] == ["area.png", "gap.png"]
-    assert all(len(content.caption) > 100 for content in shown)
-    header = paths[0].read_text(encoding="utf-8").splitlines()[0]
-    assert header.startswith("pressure,area_percent,corrected_percent,persson_percent,mean_gap")

@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
-from bench.table import write_rows
-from gen.runtime import command_line, farm, startup
+from bench.files import write_rows
+from gen.runtime import command_line, farm
 from tests.faults.campaign import KINDS, ROUNDS, campaign
 from tests.faults.table import by_kind, line, summary
 
@@ -64,7 +64,7 @@ def main(arguments: Sequence[str]) -> int:
 
 
 if __name__ == "__main__":
-    startup.start(default_sigint=False)
+    command_line.start(default_sigint=False)
     code = main(sys.argv[1:])
     farm.leave()
     sys.exit(code)

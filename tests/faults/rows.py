@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.database import Reader
-from gen.schema import COLUMNS, Status
+from gen.scene.columns import ALL_COLUMNS
+from gen.schema import Status
 
 Columns = dict[str, NDArray[Any]]
 
@@ -78,5 +79,5 @@ def difference(now: Columns | None, reference: Columns) -> str:
 
 def deterministic(columns: Columns) -> list[str]:
     """Names of the columns that the scene alone decides."""
-    names = {column.name for column in COLUMNS if column.deterministic}
+    names = {column.name for column in ALL_COLUMNS if column.deterministic}
     return [name for name in columns if name in names]

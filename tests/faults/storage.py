@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from gen.schema import row_bytes
+from gen.scene.columns import row_bytes
 from tests.faults.rows import columns_of, difference, row_fault
 from tests.faults.runs import Ended, await_lock, is_locked
 from tests.faults.stage import Found, NotPossible, Stage, code_fault, refusal_fault

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from gen.runtime import command_line, farm, startup
+from gen.runtime import command_line, farm
 from gen.runtime.errors import InputError
 from tests.fuzz import search
 from tests.fuzz.corpus import KINDS
@@ -67,7 +67,7 @@ def main(arguments: Sequence[str]) -> int:
 
 
 if __name__ == "__main__":
-    startup.start(default_sigint=False)
+    command_line.start(default_sigint=False)
     code = main(sys.argv[1:])
     farm.leave()
     sys.exit(code)

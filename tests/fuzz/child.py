@@ -35,7 +35,6 @@ LOADED = {
         "gen.database",
         "gen.display",
         "gen.generation.forecast",
-        "gen.picture",
         "gen.generation.run",
         "matplotlib.backends.backend_agg",
         "scipy.sparse.linalg",
@@ -48,12 +47,12 @@ LOADED = {
         "learn.surrogate.answers",
         "learn.surrogate.card",
         "learn.surrogate.law",
-        "learn.surrogate.training",
+        "learn.surrogate.fitting",
         "sklearn.ensemble",
         "sklearn.tree",
         "xgboost",
     ),
-    "bench": ("bench.page.run",),
+    "bench": ("bench.run",),
 }
 """Modules that commands import when they need them: loaded once here, not once in every case."""
 

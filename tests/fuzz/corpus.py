@@ -141,7 +141,7 @@ MADE: tuple[Command, ...] = (
     ("learn", "compare", "rows.h5", "-o", "found", *LEARN),
     ("learn", "tune", "rows.h5", "-o", "found", "--budget", "2s", *LEARN),
     ("learn", "estimate", "rows.h5", "-o", "found", "--budget", "1s", *LEARN),
-    ("bench", "run", "-o", "page", "--only", "hertz"),
+    ("bench", "run", "hertz", "-o", "page"),
 )
 """The commands that make the sound files, in this order."""
 

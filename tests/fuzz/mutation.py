@@ -1,4 +1,4 @@
-"""Damage: bytes of any file, values of JSON and TOML, a surrogate's content under its checksum.
+"""Damage: bytes of any file, values of JSON and TOML.
 
 The mutators are plain functions of a seeded generator of random numbers. Hypothesis and atheris
 were weighed: Hypothesis generates values from a grammar, but the files here are made by libraries,
@@ -7,17 +7,12 @@ one process, which a command that crashes or hangs takes along. Forked commands 
 sound a moment ago need neither, and a seed and a number are a whole case.
 """
 
-import hashlib
 import json
 import re
-import struct
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-
-from gen.runtime.output import SURROGATE
-from learn.surrogate.storage import FORMAT, HEAD, STEP
 
 Random = np.random.Generator
 Mutator = Callable[[bytes, Random], bytes]
@@ -38,16 +33,6 @@ ODD: tuple[Any, ...] = (
 
 INTERESTING = (0, 1, 0x7F, 0x80, 0xFF, 0x7FFF, 0xFFFF, 2**31 - 1, 2**32 - 1, 2**63 - 1, 2**64 - 1)
 """Numbers at which types end."""
-
-ARRAY_NUMBERS = (
-    *((8, struct.pack("<d", value)) for value in (np.nan, np.inf, -np.inf, 1e308, 5e-324, -1.0)),
-    *((4, struct.pack("<f", value)) for value in (np.nan, np.inf, 3e38)),
-    *((4, struct.pack("<i", value)) for value in (-(2**31), -2, -1, 0, 1, 7, 2**31 - 1)),
-)
-"""Bytes and contents of odd numbers in arrays."""
-
-TEXT_SHARE = 0.6
-"""How often the text of a surrogate is changed; else it is an array."""
 
 WORD = re.compile(rb"[A-Za-z_][A-Za-z0-9_/.]{3,31}")
 NUMBER = re.compile(rb"-?\d+(\.\d+)?([eE][-+]?\d+)?")
@@ -154,31 +139,6 @@ def restructured(data: bytes, random: Random) -> bytes:
     return text.encode()
 
 
-def unsettled(data: bytes, random: Random) -> bytes:
-    """Write an odd number over one of an array: none, without end, an index that leads nowhere."""
-    length, value = ARRAY_NUMBERS[int(random.integers(len(ARRAY_NUMBERS)))]
-    place = length * (_place(data, random) // length)
-    return data[:place] + value + data[place + length :]
-
-
-def resigned(data: bytes, random: Random) -> bytes:
-    """Change the text or the arrays of a surrogate, and make its checksum right again."""
-    head = HEAD.match(data)
-    if head is None:
-        return flipped(data, random)
-    body = data[head.end() :]
-    end = 8 + int.from_bytes(body[:8], "little")
-    text, arrays = body[8:end], body[end:]
-    if random.random() < TEXT_SHARE or not arrays:
-        text = restructured(text, random)
-        text += b" " * (-len(text) % STEP)
-    else:
-        arrays = unsettled(arrays, random)
-    body = len(text).to_bytes(8, "little") + text + arrays
-    digest = hashlib.sha256(body).hexdigest()
-    return SURROGATE + f"format {FORMAT}\nsha256 {digest}\n".encode() + body
-
-
 BYTES: tuple[Mutator, ...] = (flipped, overwritten, cut, shifted, blanked)
 BY_ENDING: dict[str, tuple[Mutator, ...]] = {
     ".h5": (*BYTES, linked, linked, renamed, renamed, renumbered),
@@ -188,7 +148,6 @@ BY_ENDING: dict[str, tuple[Mutator, ...]] = {
     ".csv": (relined, renumbered, renamed, *BYTES),
     ".txt": (relined, renumbered, *BYTES),
     ".npy": (renumbered, renamed, *BYTES),
-    ".surrogate": (*[resigned] * 12, *BYTES),
 }
 """What is done to a file, by the ending of its name; to others, bytes are changed."""
 

@@ -2,20 +2,18 @@
 
 import json
 import signal
-from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from gen.runtime.errors import InputError
-from learn.surrogate.storage import load, save
 from tests.fuzz import child
 from tests.fuzz.__main__ import main
 from tests.fuzz.child import Ended, fault, run
 from tests.fuzz.corpus import KINDS
 from tests.fuzz.findings import Findings
-from tests.fuzz.mutation import BY_ENDING, damaged, resigned
+from tests.fuzz.mutation import BY_ENDING, damaged
 from tests.fuzz.search import Case, fuzz
 
 RUN = ("gen", "run", "scene.toml")
@@ -35,18 +33,6 @@ def test_the_same_seed_and_number_do_the_same_damage():
             for seed in (0, 0, 1)
         )
         assert first == again != other
-
-
-def test_a_surrogate_is_damaged_under_its_checksum(tmp_path):
-    path = tmp_path / "sound.surrogate"
-    save(path, {"target": "area"}, {"weights": np.ones(50), "depth": 3})
-    data, sound = path.read_bytes(), load(path)
-    read = 0
-    for number in range(20):
-        path.write_bytes(resigned(data, np.random.default_rng(number)))
-        with suppress(InputError):
-            read += repr(load(path)) != repr(sound)
-    assert read > 5, "many are whole, with other content"
 
 
 def test_endings_are_judged():

@@ -4,7 +4,7 @@ import pytest
 
 from gen.material import SLIPS, Bodies, combined_modulus
 from gen.runtime.errors import InputError
-from gen.scene.contact import Contact
+from gen.scene.tables import Contact
 
 
 def test_moduli_combine() -> None:

@@ -11,7 +11,7 @@ from gen import cli
 from gen.database import Reader, Writer, create, merge, open_or_create
 from gen.runtime.errors import InputError
 from gen.scene import Scene
-from gen.schema import row_bytes
+from gen.scene.columns import row_bytes
 from learn import dataset
 
 SCENE = "samples = {}\nsamples_per_surface = 2\n[surface]\nnodes = 17\n"
@@ -102,7 +102,7 @@ def test_parts_merge_whatever_they_overlap(folder, monkeypatch):
     # An old share: as large as the whole, with the rows of others pending.
     create(folder / "old.h5", Scene.parse(SCENE.format(60), "60.toml"))
     assert run("60.toml", "old.h5", "--rows", "28:47") == 0
-    monkeypatch.setattr("gen.database.disk.CHUNK_BYTES", 320)  # chunks that lie in no file
+    monkeypatch.setattr("gen.database.layout.CHUNK_BYTES", 320)  # chunks that lie in no file
     assert cli.main(["merge", *map(str, parts), "old.h5", "-o", "merged.h5"]) == 0
     assert bytes_of("merged.h5") == bytes_of("60.h5")
     assert merge(folder / "gap.h5", parts[1:]) == (24, 36, 0)

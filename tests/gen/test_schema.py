@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from gen import schema, statistics
 from gen.scene import Scene, Store, flags
-from gen.schema import COLUMNS, PHYSICS, PHYSICS_CHANGES, REASON, REASONS, RUNTIME, STATUS, Reason
+from gen.scene.columns import ALL_COLUMNS, columns_for, markdown_table
+from gen.schema import PHYSICS, PHYSICS_CHANGES, REASON, RUNTIME, STATUS
 
 STORED = (
     *(
@@ -24,38 +24,24 @@ YIELDING = ("hardness", "yielded_percent")
 
 
 def test_status_leads_and_names_are_unique():
-    assert COLUMNS[:2] == (STATUS, REASON)
-    assert len({column.name for column in COLUMNS}) == len(COLUMNS)
+    assert ALL_COLUMNS[:2] == (STATUS, REASON)
+    assert len({column.name for column in ALL_COLUMNS}) == len(ALL_COLUMNS)
 
 
 def test_every_column_is_a_type_of_numpy_and_explained():
-    for column in COLUMNS:
+    for column in ALL_COLUMNS:
         assert np.array(column.fill, dtype=column.dtype).shape == ()
         assert column.long_name
         assert column.unit or column.dtype[0] == "S"
 
 
-def test_statistics_are_those_that_are_computed_in_the_order_of_table_1():
-    names = tuple(column.name for column in schema.statistics_columns())
-    described = statistics.describe(np.random.default_rng(0).normal(size=(9, 9)), 1.0)
-    assert tuple(described.values) == names == statistics.NAMES
-    assert len(names) == 22
-    assert all(column.paper_range for column in schema.statistics_columns())
-
-
-def test_ranges_ascend():
-    for column in COLUMNS:
-        if column.paper_range:
-            assert column.paper_range[0] < column.paper_range[1]
-
-
 def test_only_runtime_differs_between_runs():
-    assert {column.group for column in COLUMNS if not column.deterministic} == {RUNTIME}
-    assert {column.group for column in COLUMNS if column.deterministic} == {""}
+    assert {column.group for column in ALL_COLUMNS if not column.deterministic} == {RUNTIME}
+    assert {column.group for column in ALL_COLUMNS if column.deterministic} == {""}
 
 
 def test_scene_flags_are_the_optional_columns():
-    optional = tuple(column for column in COLUMNS if column.optional)
+    optional = tuple(column for column in ALL_COLUMNS if column.optional)
     assert tuple(column.name for column in optional) == PLACES + DRAWN + YIELDING + STORED
     conditions = [column.optional for column in optional if column.name in STORED]
     assert conditions == [f"`store.{name}`" for name in STORED]
@@ -64,20 +50,15 @@ def test_scene_flags_are_the_optional_columns():
 
 @pytest.mark.parametrize("flag", STORED)
 def test_flag_adds_its_column(flag):
-    least = schema.columns_for(Scene(samples=1))
-    more = schema.columns_for(Scene(samples=1, store=Store(**{flag: True})))
+    least = columns_for(Scene(samples=1))
+    more = columns_for(Scene(samples=1, store=Store(**{flag: True})))
     assert {column.name for column in more} - {column.name for column in least} == {flag}
 
 
 def test_fields_have_nodes():
-    shapes = {column.name: column.shape(7, (9, 8)) for column in COLUMNS}
+    shapes = {column.name: column.shape(7, (9, 8)) for column in ALL_COLUMNS}
     assert shapes["heights"] == shapes["pressure"] == (7, 9, 8)
     assert shapes["force"] == (7,)
-
-
-def test_every_reason_has_a_text():
-    assert set(REASONS) == set(Reason)
-    assert [REASONS[code] == "" for code in Reason] == [True] + [False] * 7
 
 
 def test_every_physics_number_says_what_it_changed():
@@ -88,8 +69,8 @@ def test_every_physics_number_says_what_it_changed():
 
 
 def test_table_has_every_column_and_table_1s_ranges():
-    lines = schema.markdown_table().splitlines()
-    assert len(lines) == len(COLUMNS) + 2
+    lines = markdown_table().splitlines()
+    assert len(lines) == len(ALL_COLUMNS) + 2
     assert all(line.count("|") == 5 for line in lines)
     assert "| `area_percent` | % | effective contact area | 0.01 to 16.56 |" in lines
     assert "| `runtime/rank` | 1 | MPI rank that computed the sample |  |" in lines

@@ -1,7 +1,6 @@
 """Surfaces: nested, self-affine by construction, or refused."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +10,6 @@ from hypothesis import strategies as st
 from gen.runtime.errors import InputError
 from gen.surface import GENERATORS, generate
 
-MIRCO = Path(__file__).parents[3] / "shared" / "mirco"
 names = pytest.mark.parametrize("generator", sorted(GENERATORS))
 
 
@@ -113,17 +111,6 @@ def test_lowest_node_is_zero_and_nothing_else_is_given_up(generator):
     assert heights.flags.c_contiguous
     assert heights.min() == 0.0
     assert np.unique(heights).size > 0.99 * heights.size
-
-
-@names
-def test_same_seed_same_surface_other_seed_another(generator):
-    assert np.array_equal(surface(generator, 65), surface(generator, 65))
-    assert not np.array_equal(surface(generator, 65), surface(generator, 65, seed=6))
-
-
-@names
-def test_no_displacement_gives_a_flat_surface(generator):
-    assert not surface(generator, 17, sigma0=0.0).any()
 
 
 @names

@@ -22,7 +22,7 @@ def test_help_imports_no_numerics(name, tmp_path):
         [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True
     )
     loaded = done.stdout.splitlines()[-1]
-    for library in ("numpy", "scipy", "sklearn", "mapie", "h5py", "mpi4py"):
+    for library in ("numpy", "scipy", "sklearn", "skops", "h5py", "mpi4py"):
         assert f"'{library}'" not in loaded
 
 

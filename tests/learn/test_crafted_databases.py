@@ -1,7 +1,8 @@
 """Databases from anywhere, given to the commands that learn from them."""
 
+from pathlib import Path
+
 import crafted_databases as crafted
-import crafted_surrogates
 import pytest
 
 from learn import cli
@@ -11,7 +12,9 @@ from learn import cli
 def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("crafted")
     crafted.prepare(folder)
-    (folder / "x.surrogate").write_bytes(crafted_surrogates.whole("decision-tree"))
+    sample = str(Path(__file__).parents[2] / "examples" / "sample.h5")
+    fitted = ["fit", sample, "--model", "decision-tree", "-o", str(folder / "x.surrogate")]
+    assert cli.main(fitted) == 0
     return folder
 
 

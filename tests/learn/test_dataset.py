@@ -181,7 +181,7 @@ def test_one_huge_input_hides_the_others_only_from_unit_length(solved, normalisa
 
 def test_targets_that_are_read_together_are_those_that_are_read_alone(change):
     path = change("force", [3], np.nan)
-    together = dataset.read_targets(path, ("area", "force"), 40.0)
+    together = dataset.read_together((path,), ("area", "force"), 40.0)
     assert [len(rows.rows) for rows in together] == [together[0].size, together[0].size - 1]
     for rows, target in zip(together, ("area", "force"), strict=True):
         alone = dataset.read(path, target, 40.0)

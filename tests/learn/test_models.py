@@ -1,21 +1,32 @@
 """The nine models beside their libraries' defaults."""
 
+import contextlib
+import re
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
+from target_kinds import KIND_SCENES, KINDS
 
+from gen import cli as gen
 from gen.runtime.errors import InputError
-from learn.comparison.search.spaces import OPTIMA
+from learn import Surrogate, cli, dataset, split
+from learn.comparison.spaces import OPTIMA
+from learn.executor import Executor
 from learn.models import (
     AT_BOUND,
     MODELS,
     NORMALISATIONS,
     UNFINISHED,
+    UNSCALED,
     models_named,
     pipeline,
     remarks,
+    scaling_of,
 )
+from learn.request import Request
+from learn.surrogate import fitting
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -112,3 +123,125 @@ def test_warnings_of_libraries_become_sentences_once():
             warnings.warn("`criterion` is deprecated", FutureWarning, stacklevel=1)
             warnings.warn("divide by\nzero", RuntimeWarning, stacklevel=1)
     assert said == [UNFINISHED, AT_BOUND, "divide by zero"]
+
+
+@pytest.mark.parametrize(("factor", "exponent"), [(1.0, 0), (2.0**-40, -40), (2.0**40, 40)])
+def test_targets_of_another_size_are_brought_to_an_areas_by_a_power_of_two(
+    database, change, factor, exponent
+):
+    rows = dataset.read(database, "area")
+    change("force", slice(None), rows.target.copy() * factor)
+    forces = dataset.read(database, "force")
+    scaling = scaling_of(forces, np.arange(forces.size))
+    if exponent == 0:
+        assert scaling == UNSCALED
+        return
+    assert scaling.mean == 0
+    assert np.log2(scaling.deviation) % 1 == 0
+    assert 4 <= np.median(scaling.scaled(forces.target)) < 8
+    np.testing.assert_array_equal(scaling.restored(scaling.scaled(forces.target)), forces.target)
+
+
+def test_targets_without_units_are_standardised_over_the_training_rows(solved):
+    rows = dataset.read(solved, "area", features="dimensionless")
+    train = split.draw(rows).train
+    scaled = scaling_of(rows, train).scaled(rows.target[train])
+    assert scaled.mean() == pytest.approx(0, abs=1e-12)
+    assert scaled.std() == pytest.approx(1)
+
+
+def test_roots_of_areas_are_standardised_and_squared_again(solved):
+    area = dataset.read(solved, "area", features="dimensionless")
+    train = split.draw(area).train
+    scaling = scaling_of(area, train, roots=True)
+    assert scaling.root
+    assert scaling.scaled(area.target[train]).std() == pytest.approx(1)
+    np.testing.assert_allclose(scaling.restored(scaling.scaled(area.target)), area.target)
+    assert scaling.restored(np.array([-1e3]))[0] == 0.0, "a root below 0 is no area"
+    force = dataset.read(solved, "force", features="dimensionless")
+    assert not scaling_of(force, train, roots=True).root
+
+
+def fitted(path, targets, model="kernel-ridge", features="dimensionless"):
+    scaling = "l2" if features == "paper" else "standard"
+    request = Request(path, path, targets, (model,), None, scaling, features)
+    return fitting.fit(request, Executor(), lambda line: None)
+
+
+def answers(surrogate, path):
+    """The answers of a surrogate to the rows of its database, by target, and the ends."""
+    rows = dataset.read(path, "area", features=surrogate.features.name)
+    statistics, delta = rows.described[:, 1:], rows.described[:, 0]
+    ratio = surrogate.hardness_limits and surrogate.hardness_limits[1]
+    asked = surrogate.of_statistics(statistics, delta, 1000.0, hardness_ratio=ratio)
+    return surrogate.predict_rows(asked)
+
+
+@pytest.mark.parametrize("features", ["dimensionless", "paper"])
+@pytest.mark.parametrize("name", KIND_SCENES)
+def test_targets_of_every_kind_are_learnt_or_refused_in_a_line(kinds, tmp_path, name, features):
+    """A surrogate is better than a constant and keeps its target's signs, or is not written."""
+    path, learnt = kinds / f"{name}.h5", set()
+    for target in KINDS:
+        surrogate = known = None
+        try:
+            surrogate = fitted(path, (target,), features=features)
+        except InputError as error:
+            known = re.search(rf"{target}.*(no better than a constant|does not vary)", str(error))
+        assert surrogate or known, target
+        if surrogate is None:
+            continue
+        learnt.add(target)
+        surrogate.save(tmp_path / "x.surrogate")
+        scores = surrogate.card["targets"][target]["scores"]
+        assert scores["r2"] > 0
+        assert 0 <= scores["nmae"] < 1000
+        found = answers(Surrogate.load(tmp_path / "x.surrogate"), path)
+        for values in (found.values[target], found.low[target], found.high[target]):
+            assert not np.isnan(values).any()
+        if target in {"negative", "tiny"}:
+            assert np.median(found.values[target]) < 0, "is not cut at 0"
+    assert learnt >= {"negative", "signed", "tiny", "huge", "spoilt", "distant"} or name != "free"
+
+
+@pytest.mark.long
+def test_a_growth_to_a_negative_target_does_not_meet_its_mark_by_the_sign(kinds, monkeypatch):
+    monkeypatch.chdir(kinds)
+    rows = ["--rows", "90", "--nmae", "0.01", "--features", "dimensionless"]
+    given = ["--target", "negative", "--model", "decision-tree", *rows]
+    shown = cli.main(["grow", "free.toml", "-o", "grown.surrogate", "--trust", *given])
+    card = Surrogate.load("grown.surrogate").card
+    assert shown in {0, 2}
+    assert not card["grown"]["met"]
+    assert card["grown"]["bounds"]["negative"] > 0.01
+
+
+def test_columns_are_cut_at_their_own_bounds_only(kinds, tmp_path):
+    """An output without bounds may be negative; with `store.least` and `most` it keeps to them."""
+    surrogate = fitted(kinds / "free.h5", ("area", "negative"))
+    assert surrogate.learnt["area"].bounds == (0.0, 100.0)
+    assert surrogate.learnt["negative"].bounds == (-np.inf, np.inf)
+    text = (kinds / "free.toml").read_text() + "least = { signed = -4 }\nmost = { signed = 96 }\n"
+    with contextlib.chdir(kinds):
+        Path("bounded.toml").write_text(text)
+        assert gen.main(["run", "bounded.toml", "-o", "bounded.h5", "--trust"]) == 0
+        bounded = fitted(Path("bounded.h5"), ("signed",))
+    bounded.save(tmp_path / "b.surrogate")
+    loaded = Surrogate.load(tmp_path / "b.surrogate").learnt["signed"]
+    assert loaded.bounds == (-4.0, 96.0)
+    assert loaded.within(np.array([-9.0, 5.0, 99.0])).tolist() == [-4.0, 5.0, 96.0]
+
+
+@pytest.mark.parametrize(
+    ("further", "said"),
+    [
+        ("least = { signed = -1 }", "signed is -"),
+        ("most = { other = 1 }", "other has bounds"),
+        ("least = { signed = 2 }\nmost = { signed = 2 }", "is not below"),
+    ],
+)
+def test_bounds_that_do_not_hold_are_refused(kinds, monkeypatch, capsys, further, said):
+    monkeypatch.chdir(kinds)
+    Path("wrong.toml").write_text(f"{(kinds / 'free.toml').read_text()}{further}\n")
+    assert gen.main(["run", "wrong.toml", "-o", "wrong.h5", "--trust"]) == 2
+    assert said in capsys.readouterr().err

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from gen.runtime.errors import InputError
 from learn import split
 from learn.dataset import Dataset
-from learn.surrogate.calibration_rows import without_calibration
+from learn.surrogate.calibration import without_calibration
 
 
 def rows_of(sizes, seed=0):

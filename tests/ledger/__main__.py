@@ -6,9 +6,9 @@ from typing import Annotated
 
 import typer
 
-from gen.runtime import command_line, farm, startup
+from gen.runtime import command_line, farm
 from gen.runtime.errors import InputError
-from gen.runtime.output import Output, check_outputs
+from gen.runtime.files import Output, check_outputs
 from tests.ledger.jobs import job_counts
 from tests.ledger.solves import solve_counts
 from tests.ledger.table import LEDGER, faults, read, text_table, updated, write_entries
@@ -53,7 +53,7 @@ def main(arguments: Sequence[str]) -> int:
 
 
 if __name__ == "__main__":
-    startup.start(default_sigint=False)
+    command_line.start(default_sigint=False)
     code = main(sys.argv[1:])
     farm.leave()
     sys.exit(code)

@@ -6,10 +6,10 @@ from pathlib import Path
 from gen.database import Reader
 from gen.generation.run import Request, generate_database
 from gen.runtime.farm import World
-from gen.schema import row_bytes
-from learn.comparison import jobs
+from gen.scene.columns import row_bytes
+from learn.comparison import grid as grids
+from learn.comparison import jobs, spaces
 from learn.comparison.folder import Folder
-from learn.comparison.search import pruning, spaces
 from learn.executor import Executor
 from learn.models import MODELS
 from learn.request import Request as ComparisonRequest
@@ -82,7 +82,7 @@ def grid_counts() -> dict[Key, int]:
     counts = {}
     for model in MODELS.values():
         _, space = spaces.of(model.name, "paper")
-        grid = pruning.grid(model, space, INPUTS)
+        grid = grids.grid(model, space, INPUTS)
         item = f"grid of Table 2, {model.name}"
         counts[Key(item, "candidates")] = grid.nominal
         counts[Key(item, "candidates that differ")] = len(grid.differing)

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from gen.runtime.errors import InputError
-from gen.runtime.input_file import require_file
-from gen.runtime.output import write
+from gen.runtime.files import require_file, write
 
 LEDGER = Path(__file__).with_name("counts.csv")
 

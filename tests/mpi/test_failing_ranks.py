@@ -15,18 +15,18 @@ import contextlib, errno, faulthandler, io, json, os, sys
 from unittest.mock import patch
 from mpi4py import MPI
 from gen import cli
-from gen.generation import delivery, run
+from gen.generation import run
 from gen.runtime.errors import InputError
 faulthandler.dump_traceback_later(60, exit=True)
 world = MPI.COMM_WORLD
 full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "disk")
 missing = ModuleNotFoundError("No module named 'matplotlib'", name="matplotlib")
 FAULTS = {
-    "a disk full while rows come in": (0, delivery.ThroughMaster, "take", full),
+    "a disk full while rows come in": (0, run.Delivery, "take", full),
     "a package that is missing": (0, run, "blocks_of", missing),
     "an error of the system at the start": (0, run, "_Job", full),
-    "a refusal after the start": (0, run, "delivery", InputError("no delivery")),
-    "a worker alone": (1, run, "delivery", InputError("no delivery")),
+    "a refusal after the start": (0, run, "Delivery", InputError("no delivery")),
+    "a worker alone": (1, run, "Delivery", InputError("no delivery")),
 }
 for name, (rank, home, attribute, error) in FAULTS.items():
     err = io.StringIO() if name != "a worker alone" else sys.stderr

@@ -17,12 +17,12 @@ SUDDENLY = """
 import json, os, shutil, sys
 from pathlib import Path
 from gen import cli, database
-from gen.generation import delivery, run
+from gen.generation import run
 from gen.scene import load
 from mpi4py import MPI
 world, master = MPI.COMM_WORLD, MPI.COMM_WORLD.rank == 0
 run.BLOCK_ROWS = 1
-take = {each: each.take for each in (delivery.ThroughMaster, delivery.FromWorkers)}
+take = {each: each.take for each in (run.Delivery,)}
 def happen(path):
     if path.name == "replaced.h5":
         os.replace(shutil.copy("other.h5", "new"), path)

@@ -8,7 +8,7 @@ from databases import deterministic_bytes, status
 from launch import launch, mpiexec
 from walk import walk
 
-from bench.populations.made_maps import Faults, MadeMap, write_all
+from bench.made_maps import Faults, MadeMap, write_all
 from gen import cli
 
 SMALL = "samples = 75\n{}\n[surface]\nnodes = 33\n"

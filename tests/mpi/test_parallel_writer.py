@@ -39,10 +39,10 @@ perimeter = true
 SPYING = """
 import pickle, sys
 from gen import cli
-from gen.generation import delivery
+from gen.generation import run
 from gen.runtime import farm
 from gen.database import Writer
-write_block, take = Writer.write_block, delivery.FromWorkers.take
+write_block, take = Writer.write_block, run.Delivery.take
 def tell(verb, number):
     with open(f"{verb}-{farm.this_world().rank}.txt", "a") as file:
         print(number, file=file)
@@ -52,7 +52,7 @@ def write_and_tell(self, start, stop, columns):
 def take_and_tell(self, block, result):
     tell("took", len(pickle.dumps(result)))
     return take(self, block, result)
-Writer.write_block, delivery.FromWorkers.take = write_and_tell, take_and_tell
+Writer.write_block, run.Delivery.take = write_and_tell, take_and_tell
 sys.exit(cli.main(["run", "scene.toml", "-o", "spied.h5"]))
 """
 
@@ -73,15 +73,15 @@ sys.exit(cli.main(["run", "scene.toml", "-o", sys.argv[1]]))
 WITHOUT_ROOM = """
 import resource, signal, sys
 from gen import cli
-from gen.generation import delivery
+from gen.generation import run
 from gen.runtime import farm
-work = delivery.FromWorkers.work
+work = run.Delivery.work
 def work_without_room(self, block):
     if farm.this_world().rank == 1:
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))
     return work(self, block)
-delivery.FromWorkers.work = work_without_room
+run.Delivery.work = work_without_room
 sys.exit(cli.main(["run", "scene.toml", "-o", "full.h5"]))
 """
 

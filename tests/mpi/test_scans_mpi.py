@@ -9,7 +9,7 @@ import pytest
 from databases import deterministic_bytes, status
 from launch import TIMEOUT, command, environment, launch, mpiexec
 
-from bench.populations.made_maps import Faults, MadeMap, measured
+from bench.made_maps import Faults, MadeMap, measured
 from gen import cli
 
 pytestmark = [

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from small_populations import POPULATIONS
 
-from asperity.serving.models import SolverModel, SurrogateModel, model_of
-from asperity.serving.questions import Configuration
+from asperity.serving.models import Configuration, SolverModel, SurrogateModel, model_of
 from gen import cli
 from gen.database import Reader
 from gen.runtime.errors import InputError

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from asperity.serving import workers
-from asperity.serving.questions import Configuration
+from asperity.serving.models import Configuration
 from asperity.serving.workers import Call, Refusal, Workers
 from gen.runtime.user_code import TRUSTED
 

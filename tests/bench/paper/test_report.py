@@ -7,17 +7,19 @@ import pytest
 
 import learn.cli
 from bench import __main__ as bench
-from bench import hertz, picture
-from bench.page.content import Absent, Figure, Table, Words, files_of
-from bench.page.record import Making, read
-from bench.paper import facts, report
+from bench import picture, theory
+from bench.contents import Absent, Figure, Table, Words, files_of
+from bench.files import write_table
+from bench.paper import database, facts, report
+from bench.paper.facts import why
 from bench.paper.report import contents
-from bench.paper.texts import why
-from bench.surrogates.times import PAPER_BREAK_EVEN
-from bench.table import write_table
+from bench.record import Making, read
+from bench.surrogates.cost import PAPER_BREAK_EVEN
 from gen.database import Reader
 from gen.runtime.errors import InputError
 from learn.surrogate.break_even import break_even
+
+pytestmark = pytest.mark.long
 
 COST = ("asked", "solver", "features", *("rows", "database", "tuning", "fit", "solve", "query"))
 NAMES = set(report.PARTS)
@@ -32,7 +34,7 @@ def table_of(path):
 def _few_rows():
     """Fewer rows on the finer grid, and pictures that are drawn faster."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(report, "tests_of", lambda rows: 20)
+        patch.setattr(database, "tests_of", lambda rows: 20)
         patch.setattr(picture, "DPI", 40)
         yield
 
@@ -67,10 +69,10 @@ def cost(tmp_path_factory):
 @pytest.fixture(scope="module")
 def made(preset, comparison, cost, tmp_path_factory):
     """The whole report on few rows: its folder, its inputs, the files that it told of."""
-    folder, compare = tmp_path_factory.mktemp("made"), hertz.compare
+    folder, compare = tmp_path_factory.mktemp("made"), theory.hertz
     given = {"database": preset, "comparison": comparison, "cost": cost}
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(hertz, "compare", lambda: compare(3))
+        patch.setattr(theory, "hertz", lambda: compare(3))
         return folder, given, report.write_report(folder, given, 200)
 
 

@@ -1,13 +1,18 @@
-"""The references that the solver is held against, held against SciPy and against each other."""
+"""Contact by the dense matrix: elastic, with a hardness, and the paper's algorithm."""
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.integrate import dblquad
 from scipy.optimize import nnls
+from scipy.optimize import nnls as scipy_nnls
 
+import bem
 import bem.influence
 from bem.influence import KERNELS, Kernel
 from bench.references import dense, half_space
+from bench.references.surfaces import SURFACES, surface
 
 Shape = tuple[int, int]
 
@@ -43,20 +48,6 @@ def test_convolution_is_the_product_with_the_matrix(kernel: Kernel) -> None:
     moved = dense.influence_matrix(pressure.shape, kernel) @ pressure.reshape(-1)
     convolved = half_space.displacement(pressure, kernel)
     np.testing.assert_allclose(convolved.reshape(-1), moved, atol=1e-13)
-
-
-@pytest.mark.parametrize(("kernel", "smallest"), [(KERNELS[0], 0.58), (KERNELS[1], 0.08)])
-def test_how_well_a_kernel_resists_short_waves(kernel: Kernel, smallest: float) -> None:
-    """The figures that the stability table gives as a reason."""
-    eigenvalues = np.linalg.eigvalsh(dense.influence_matrix((33, 33), kernel))
-    assert eigenvalues[0] == pytest.approx(smallest, abs=0.005)
-
-
-@pytest.mark.parametrize("aspect", [1.0, 5.0])
-def test_flat_punch_moves_all_nodes_by_one(aspect: float) -> None:
-    punch = half_space.flat_punch((7, 12), "uniform-pressure", aspect)
-    moved = dense.influence_matrix((7, 12), "uniform-pressure", aspect) @ punch.reshape(-1)
-    np.testing.assert_allclose(moved, 1, rtol=1e-11)
 
 
 @pytest.mark.parametrize("kernel", KERNELS)
@@ -105,3 +96,99 @@ def test_dense_solve_certifies_what_it_returns(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(dense, "cho_solve", lambda _factor, values: values)
     with pytest.raises(ArithmeticError, match="gap of"):
         dense.press(np.zeros((3, 3)), 1.0, "uniform-pressure")
+
+
+def rough(nodes: int = 33, seed: int = 0) -> np.ndarray:
+    """A random walk with a range of heights of 10."""
+    random = np.random.default_rng(seed)
+    walk = np.cumsum(np.cumsum(random.standard_normal((nodes, nodes)), axis=0), axis=1)
+    return 10 * walk / np.ptp(walk)
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("delta", [0.5, 2.0, 5.0])
+def test_pressure_is_that_of_the_solver_and_of_the_dense_reference(
+    delta: float, kernel: Kernel
+) -> None:
+    heights = rough()
+    pressure, _ = dense.press_by_nnls(heights, delta, kernel=kernel, rtol=1e-12)
+    contact = bem.solve(heights, 320.0, delta, kernel=kernel, rtol=1e-12)
+    expected, _ = dense.press(heights, delta, kernel)
+    np.testing.assert_allclose(pressure, expected, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(pressure * delta / 10.0, contact.pressure, rtol=0, atol=1e-9)
+
+
+@settings(max_examples=50)
+@given(seed=st.integers(0, 2**32 - 1), data=st.data())
+def test_any_positive_definite_problem_is_solved(seed: int, data: st.DataObject) -> None:
+    """Nodes that come into contact too early are released again."""
+    random = np.random.default_rng(seed)
+    size = data.draw(st.integers(1, 12))
+    root = random.standard_normal((size + 4, size))
+    matrix, interference = root.T @ root, random.standard_normal(size)
+    pressure, _ = dense.solve_by_nnls(matrix, interference, rtol=1e-12)
+    factor = np.linalg.cholesky(matrix)
+    expected, _ = scipy_nnls(factor.T, np.linalg.solve(factor, interference))
+    assert (pressure >= 0).all()
+    np.testing.assert_allclose(pressure, expected, rtol=1e-7, atol=1e-10)
+
+
+def test_matrices_that_are_not_positive_definite_are_refused() -> None:
+    with pytest.raises(ArithmeticError, match="positive definite"):
+        dense.solve_by_nnls(np.array([[0.0, 0.0], [0.0, 1.0]]), np.array([1.0, 0.5]))
+
+
+SHAPE = (9, 7)
+
+
+def press(kind: str, hardness: float, delta: float = 0.6, kernel: Kernel = "uniform-pressure"):
+    heights = surface(kind, SHAPE, seed=3)
+    return heights, *dense.press_yielding(heights, delta, hardness, kernel)
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("kind", SURFACES)
+def test_a_hardness_above_all_pressures_gives_the_elastic_solution(
+    kind: str, kernel: Kernel
+) -> None:
+    heights, pressure, _ = press(kind, 1e3, kernel=kernel)
+    elastic, _ = dense.press(heights, 0.6, kernel)
+    np.testing.assert_allclose(pressure, 0.6 * elastic, atol=1e-9)
+
+
+@pytest.mark.parametrize("kind", SURFACES)
+def test_a_vanishing_hardness_gives_the_bearing_area(kind: str) -> None:
+    heights, pressure, gap = press(kind, 1e-9)
+    bearing = heights > heights.max() - 0.6
+    np.testing.assert_array_equal(pressure, np.where(bearing, 1e-9, 0.0))
+    np.testing.assert_allclose(-gap, heights - heights.max() + 0.6, atol=1e-7)
+
+
+@pytest.mark.parametrize("share", [0.9, 0.5, 0.1])
+@pytest.mark.parametrize("kind", SURFACES)
+def test_conditions_of_contact_hold(kind: str, share: float) -> None:
+    elastic = press(kind, 1e3)[1].max()
+    _, pressure, gap = press(kind, share * elastic)
+    yielded = pressure == share * elastic
+    assert yielded.any()
+    assert (pressure >= 0).all()
+    assert pressure.max() <= share * elastic
+    assert gap[pressure == 0].min(initial=0.0) >= -1e-11
+    assert gap[yielded].max() <= 1e-11
+    assert np.abs(gap[(pressure > 0) & ~yielded]).max(initial=0.0) < 1e-11
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("kind", SURFACES)
+def test_growing_the_yielded_set_is_least_squares(kind: str, kernel: Kernel) -> None:
+    heights = surface(kind, SHAPE, seed=4)
+    for hardness in (0.02, 0.1, 0.4):
+        expected, _ = dense.press_yielding(heights, 1.5, hardness, kernel)
+        found, _ = dense.press_yielding(heights, 1.5, hardness, kernel, 1.0, dense.by_growth)
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
+
+
+def test_a_solution_that_breaks_them_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(dense, "cho_solve", lambda _factor, values: values)
+    with pytest.raises(ArithmeticError, match="dense solve: "):
+        press("white noise", 0.3, 2.0)

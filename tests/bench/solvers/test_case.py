@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import bem
-from bench.peers.sample import sample
+from bench.peers import sample
 from bench.references.dense import press
 from bench.solvers import case as cases
 from bench.solvers.case import Case, find_exact
-from bench.work_precision.studies import paper_case
+from bench.work_precision import paper_case
 
 
 @pytest.fixture(scope="module")
@@ -68,17 +67,6 @@ def test_a_coarser_grid_sees_means(small: Case) -> None:
         (1, 2): 0.5,
         (2, 2): 0.5,
     }
-
-
-@pytest.mark.parametrize("nodes", [33, 36, 48])
-def test_a_margin_changes_nothing_but_the_grid(nodes: int, case: Case) -> None:
-    posed, force = case.with_margin(nodes), find_exact(case).force
-    contact = bem.solve(posed.heights, posed.side, posed.delta, rtol=1e-12)
-    assert posed.spacing == pytest.approx(case.spacing, rel=1e-15)
-    assert contact.force == pytest.approx(force, rel=1e-11)
-    assert posed.mean_pressure(force) == pytest.approx(contact.pressure.mean(), rel=1e-11)
-    inside = contact.pressure[: case.nodes, : case.nodes]
-    np.testing.assert_allclose(inside, find_exact(case).pressure, rtol=0, atol=1e-9)
 
 
 def test_a_wrong_guess_of_yielded_nodes_is_corrected(monkeypatch: pytest.MonkeyPatch) -> None:

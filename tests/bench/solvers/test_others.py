@@ -2,9 +2,7 @@
 
 import pytest
 
-from bench.peers.compare import find_errors
-from bench.peers.sample import sample
-from bench.solvers import aspher, contact_mechanics
+from bench.peers import find_errors, sample
 from bench.solvers.case import find_exact
 from bench.solvers.others import OTHERS, installed
 from bench.solvers.own import BEM, PAPERS
@@ -23,12 +21,6 @@ def test_peers_solve_the_same_problem(peer: Solver, delta: float) -> None:
     assert errors.load_error < 1e-8
     assert errors.misplaced_nodes == 0
     assert errors.pressure_error < 1e-7
-
-
-@pytest.mark.parametrize(("nodes", "nested", "coarsest"), [(129, 132, 33), (257, 264, 33)])
-def test_grids_that_peers_like(nodes: int, nested: int, coarsest: int) -> None:
-    assert aspher.nested_grid(nodes) == nested == coarsest * 2 ** aspher.levels(nodes)
-    assert contact_mechanics.fast_grid(nodes) == {129: 135, 257: 270}[nodes]
 
 
 @pytest.mark.parametrize("hardness", [0.3, 0.05, 0.005])

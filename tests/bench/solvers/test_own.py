@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bench.solvers.own import BEM, PAPERS
-from bench.work_precision.studies import paper_case
+from bench.work_precision import paper_case
 
 
 def test_both_algorithms_end_in_the_same_answer() -> None:

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from bench.peers.sample import sample
+from bench.peers import sample
 from bench.solvers.case import Case
 from bench.solvers.others import installed, missing
 from bench.solvers.own import BEM

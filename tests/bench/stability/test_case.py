@@ -1,11 +1,21 @@
-"""How cases are run, refused and judged."""
+"""Cases and their verdicts, and the tables: every quick case passes, and the command shows it."""
 
-import math
+import csv
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from bench.stability.case import Answer, Case, Finding, Refusal, run_case
+from bench import __main__ as command
+from bench.contents import Absent, Table, contents_of
+from bench.stability import case as tables
+from bench.stability import setup as topographies
+from bench.stability.case import TABLES, Answer, Case, Finding, Refusal, cases_of, run_case
+from bench.stability.checks import contact_case, has_force
+from bench.stability.setup import Setup
 from gen.runtime.errors import InputError
 
 
@@ -42,11 +52,114 @@ def test_a_missing_extra_ends_the_table_and_is_no_failed_case():
         run_case(Case("test", "test", "", learn))
 
 
-def test_the_worst_check_is_the_one_that_failed() -> None:
-    findings = (Finding("near", 0.9, 1.0), Finding("failed", 0.2, 0.1), Finding("far", 0.0, 1.0))
-    assert Answer("", findings).worst.what == "failed"
-    assert Answer("", findings[::2]).worst.what == "near"
+LARGE = {"k = 9", "k = 10", "k = 11"}
+MODELS = {"Decision Tree", "SVM Regressor", "Kernel Ridge", "GP Regressor"}
 
 
-def test_what_is_not_a_number_is_not_passed() -> None:
-    assert not Finding("error", math.nan, 1.0).passed
+def is_fast(table: str, case: Case) -> bool:
+    """Whether a case takes seconds at most; the tests of random contacts draw some of them."""
+    if table == "models" and case.family.startswith("models: "):
+        return case.name in MODELS or case.family == "models: few rows"
+    return not (
+        case.slow
+        or table in {"loads", "hardness", "edgeless"}
+        or (table == "surfaces" and {case.name, case.name.partition(",")[0]} & LARGE)
+    )
+
+
+FAST = [case for table in TABLES for case in cases_of(table) if is_fast(table, case)]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("case", FAST, ids=lambda case: f"{case.family}: {case.name}")
+def test_case(case: Case) -> None:
+    result = run_case(case)
+    assert result.passed, result.failed
+
+
+@pytest.mark.parametrize("table", TABLES)
+def test_names_are_unique_and_families_stand_together(table: str) -> None:
+    names = [(case.family, case.name) for case in cases_of(table)]
+    families = [family for family, _ in names]
+    assert len(set(names)) == len(names)
+    assert families == sorted(families, key=families.index)
+
+
+SMALL = partial(topographies.paper, 33)
+SOUND = contact_case("one", "sound", SMALL, 12.0)
+TWO = (
+    SOUND,
+    contact_case("two", "refused", np.zeros(3), refusal=Refusal(ValueError, ("(3,)",))),
+)
+BROKEN = contact_case(
+    "two", "broken", SMALL, 12.0, checks=(partial(has_force, "nothing", 0.0, 0.0),)
+)
+SLOW = replace(SOUND, family="two", name="slow", slow=True)
+
+
+@pytest.fixture
+def holding(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """Puts other cases into all tables."""
+
+    def put(*cases: Case) -> None:
+        monkeypatch.setattr(tables, "cases_of", lambda _name: cases)
+
+    return put
+
+
+SOLVER: Sequence[str] = ["stability", "--of", "solver"]
+
+
+def test_command_prints_and_writes_the_table(
+    tmp_path: Path, holding: Callable[..., None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    holding(*TWO, SLOW)
+    assert command.main([*SOLVER, "-o", str(tmp_path / "new")]) == 0
+    printed = capsys.readouterr().out
+    assert "2 cases, 0 failed" in printed
+    assert "heights have shape (3,)" in printed
+    with (tmp_path / "new" / "stability.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["case"] for row in rows] == ["sound", "refused"]
+    assert {row["verdict"] for row in rows} == {"passed"}
+    assert float(rows[0]["force_uN"]) == Setup(SMALL(), 12.0).solve().force
+    assert int(rows[0]["ordinary_iterations"]) > 0
+    assert rows[1]["force_uN"] == rows[1]["iterations"] == ""
+    assert command.main([*SOLVER, "--full"]) == 0
+    assert "3 cases, 0 failed" in capsys.readouterr().out
+
+
+def test_command_fails_with_a_case(
+    tmp_path: Path, holding: Callable[..., None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    holding(*TWO, BROKEN)
+    assert command.main([*SOLVER, "-o", str(tmp_path)]) == 1
+    printed = capsys.readouterr().out
+    assert "3 cases, 1 failed" in printed
+    assert "two, broken: force off nothing" in printed
+    assert ",failed," in (tmp_path / "stability.csv").read_text(encoding="utf-8")
+
+
+def test_all_tables_are_run_unless_some_are_named(
+    tmp_path: Path, holding: Callable[..., None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    holding(*TWO)
+    assert command.main(["stability", "--of", "models", "-o", str(tmp_path)]) == 0
+    assert [path.name for path in tmp_path.iterdir()] == ["models.csv"]
+    shown = contents_of("stability", tmp_path)
+    assert [type(each) for each in shown] == [*5 * [Absent], Table]
+    assert command.main(["stability", "-o", str(tmp_path)]) == 0
+    names = {f"{sheet.file}.csv" for sheet in TABLES.values()}
+    assert {path.name for path in tmp_path.iterdir()} == names
+    capsys.readouterr()
+    assert command.main(["stability", "--of", "rivers"]) == 2
+    assert "surfaces, solver, loads, hardness, edgeless, models" in capsys.readouterr().err
+
+
+def test_folders_are_refused_before_anything_is_solved(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(tables, "cases_of", lambda _name: pytest.fail("ran"))
+    (tmp_path / "taken").touch()
+    assert command.main(["stability", "-o", str(tmp_path / "taken")]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1

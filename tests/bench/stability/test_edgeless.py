@@ -9,7 +9,6 @@ import pytest
 import bem
 from bench.stability.edgeless import (
     Judge,
-    cases,
     examine,
     judge,
     judge_images,
@@ -18,24 +17,9 @@ from bench.stability.edgeless import (
     periodic_problem,
     problem,
 )
-from bench.stability.solver.setup import Setup
+from bench.stability.setup import Setup
 
 SEED = 16
-
-
-def test_the_table_asks_for_every_problem_once() -> None:
-    for family, count in (("dense references", 1000), ("mirror images", 200)):
-        blocks = [case.examine.args[0] for case in cases() if case.family == family]  # type: ignore[attr-defined]
-        assert [number for block in blocks for number in block] == list(range(count))
-
-
-def test_problems_are_of_every_kind() -> None:
-    drawn = [problem(seed) for seed in range(60)]
-    kinds = {(each.boundary, each.hardness is None, bool(each.force)) for each in drawn}
-    assert len(kinds) == 8
-    assert any(each.pressure for each in drawn)
-    assert any(not each.pressure and not each.force for each in drawn)
-    assert any(len(set(each.cell)) == 2 for each in drawn)
 
 
 def more(contact: bem.Contact) -> bem.Contact:

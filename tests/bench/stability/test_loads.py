@@ -6,8 +6,8 @@ from dataclasses import replace
 import pytest
 
 import bem
-from bench.stability.loads import SOLVES, cases, examine
-from bench.stability.solver.setup import Setup
+from bench.stability.loads import examine
+from bench.stability.setup import Setup
 
 MANY = 40
 
@@ -17,12 +17,6 @@ def test_random_loads_have_an_answer(rtol: float) -> None:
     answer = examine(rtol, range(MANY))
     assert answer.passed, answer.failed
     assert answer.out.startswith(f"{MANY} solves, ")
-
-
-def test_the_table_asks_for_all_of_them_once() -> None:
-    ranges = [case.examine.args[1] for case in cases()]  # type: ignore[attr-defined]
-    seeds = [seed for each in ranges for seed in each]
-    assert sorted(seeds) == list(range(sum(SOLVES.values()))) == list(range(5000))
 
 
 def shifted(contact: bem.Contact) -> bem.Contact:

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from bench import __main__ as bench
-from bench.page.parts import contents_of
+from bench.contents import contents_of
 from bench.surrogates import coverage as study
-from bench.surrogates import coverage_cases
-from bench.surrogates.coverage import coverage, pooled, report, verdict
-from bench.surrogates.coverage_cases import FEW, HARDNESS, Case, cases, column, pools
+from bench.surrogates.coverage import FEW, HARDNESS, cases, column, coverage, verdict
 from gen.runtime.errors import InputError
+
+pytestmark = pytest.mark.long
 
 SMALL = {
     "paper": "[surface]\nnodes = 17\n",
@@ -26,7 +26,7 @@ def made(tmp_path_factory):
 
     def databases(place, rows):
         return {
-            name: coverage_cases.generated(place, name, f"samples = 300\n{text}")
+            name: study.generated(place, name, f"samples = 300\n{text}")
             for name, text in SMALL.items()
         }
 
@@ -34,12 +34,12 @@ def made(tmp_path_factory):
     with pytest.MonkeyPatch.context() as small:
         small.setattr(study, "databases", databases)
         small.setattr(study, "pools", lambda: few)
-        small.setattr(coverage_cases, "FINE", {257: "fine-257"})
+        small.setattr(study, "FINE", {257: "fine-257"})
         return folder, coverage(folder, 300, 2)
 
 
 def test_every_case_is_judged_with_every_seed(made):
-    _, found = made
+    found = made[1].tables["coverage-seeds"]
     names = [(row["trained_on"], row["tested_on"], row["seed"]) for row in found]
     assert len(set(names)) == len(names) == 2 * 7
     for row in found:
@@ -83,33 +83,15 @@ def test_rows_of_a_finer_grid_all_train(made):
     pool = ("paper", "fine-257")
     rows = study._read(paths, hybrids, pool)
     with pytest.MonkeyPatch.context() as small:
-        small.setattr(coverage_cases, "FINE", {257: "fine-257"})
+        small.setattr(study, "FINE", {257: "fine-257"})
         found = {case.trained_on: case for case in cases(pool, rows, 1)}
     parts = study._parts(found["preset and 20 rows of fine-257"], rows, 200, 1)
     assert (parts.train.database == 1).sum() == FEW
     assert not (parts.calibration.database == 1).any()
 
 
-def test_rows_of_several_scenes_are_told_apart(made):
-    folder, _ = made
-    pool = ("paper", "midpoint")
-    paths = {name: folder / "databases" / f"{name}.h5" for name in pool}
-    hybrids = {
-        name: study.hybrid_rows(path, study.Executor(), bool) for name, path in paths.items()
-    }
-    rows = study._read(paths, hybrids, pool)
-    first = np.flatnonzero(rows.database == 0)
-    judged, none = np.setdiff1d(np.arange(rows.size), first[:200]), np.array([], dtype=np.int64)
-    case = Case("half", "others", pool, first[:200], judged, none, np.zeros(rows.size, dtype=bool))
-    together, *scenes = study._judged(case, rows, 200, 0)
-    assert [row["tested_on"] for row in scenes] == ["others: paper", "others: midpoint"]
-    for name in ("judged", "unflagged"):
-        assert together[name] == sum(row[name] for row in scenes)
-
-
 def test_the_table_pools_the_seeds(made):
-    _, found = made
-    table = pooled(found)
+    found, table = (made[1].tables[name] for name in ("coverage-seeds", "coverage"))
     assert len(table) == 7
     for row in table:
         own = [each for each in found if each["trained_on"] == row["trained_on"]]
@@ -120,8 +102,7 @@ def test_the_table_pools_the_seeds(made):
         )
         if row["unflagged"]:
             assert row["covered_unflagged"] == pytest.approx(inside / row["unflagged"])
-    text = report(found).text
-    assert text.count("\n") == 8
+    assert len(made[1].text.splitlines()) == 7
 
 
 def test_verdicts_allow_for_a_standard_error():
@@ -132,20 +113,14 @@ def test_verdicts_allow_for_a_standard_error():
 
 
 def test_the_command_writes_what_the_page_shows(made, tmp_path, monkeypatch):
-    _, found = made
-    monkeypatch.setattr(study, "coverage", lambda *_: found)
+    monkeypatch.setattr(study, "coverage", lambda **_: made[1])
     assert bench.main(["coverage", "-o", str(tmp_path)]) == 0
     assert {path.name for path in tmp_path.iterdir()} == {
         "coverage.csv",
         "coverage-seeds.csv",
         "coverage.txt",
     }
-    assert contents_of("surrogates/coverage", tmp_path)
-
-
-def test_pools_hold_every_broad_scene():
-    assert sum(len(names) for names in coverage_cases.KINDS.values()) == len(coverage_cases.BROAD)
-    assert set(pools()[-1]) == set(coverage_cases.BROAD)
+    assert contents_of("coverage", tmp_path)
 
 
 def test_too_few_rows_are_refused(tmp_path):

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from bench.__main__ import main
-from bench.surrogates.models import Cost, costs, front, report
-from bench.table import read_table
+from bench.files import read_table
+from bench.surrogates.models import Cost, costs, front, picture
 from gen.runtime.errors import InputError
 
 
@@ -62,8 +62,8 @@ def test_command_writes_table_and_picture(comparison: Path, tmp_path: Path) -> N
     assert (tmp_path / "out" / "models.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_without_a_search_there_is_no_panel_for_it(tmp_path: Path) -> None:
-    assert len(report([cost("svm", 10, 1)]).write(tmp_path)) == 2
+def test_without_a_search_there_is_no_panel_for_it() -> None:
+    assert len(picture([cost("svm", 10, 1)]).axes) == 2
 
 
 def test_what_is_no_comparison_is_refused(

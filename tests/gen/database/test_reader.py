@@ -1,18 +1,22 @@
 """The reader: columns, ranges, and other programs that read the same file."""
 
+import os
+
+import h5py
 import numpy as np
 import pytest
-from small_databases import block, filled, run, small
+from small_databases import PHYSICS, block, filled, raise_physics, run, small
 
-from gen import database
-from gen.database import Reader, Writer, create, lock
+from gen import database, schema
+from gen.database import Reader, Writer, create, lock, merge, open_or_create
 from gen.runtime.errors import InputError
-from gen.scene import Store
-from gen.schema import Reason, Status, columns_for
+from gen.scene import DisplacedSurface, Scene, Store
+from gen.scene.columns import columns_for
+from gen.schema import Reason, Status
 
 
 def test_ranges_are_those_of_done_rows(path, monkeypatch):
-    monkeypatch.setattr(database.disk, "CHUNK_BYTES", 24)
+    monkeypatch.setattr(database.layout, "CHUNK_BYTES", 24)
     scene = small()
     filled(path, scene, (2, 5, Status.DONE), (7, 8, Status.FAILED), (9, 10, Status.DONE))
     force = block(scene, 0, 10)["force"]
@@ -112,3 +116,121 @@ def test_a_name_may_be_a_text(path):
     with Reader(str(path)) as reader:
         assert reader.counts().done == 10
         assert reader.path == path
+
+
+def bad_file(path, kind):
+    """Put something at the path that is no database."""
+    if kind == "folder":
+        path.mkdir()
+    elif kind == "text":
+        path.write_text("hurst,delta\n0.8,10\n")
+    elif kind == "empty":
+        path.write_bytes(b"")
+    elif kind == "foreign":
+        with h5py.File(path, "w") as file:
+            file["force"] = np.ones(3)
+    elif kind == "cut off":
+        create(path, small())
+        with path.open("r+b") as file:
+            file.truncate(path.stat().st_size // 2)
+    elif kind == "damaged":
+        create(path, small())
+        with h5py.File(path, "r+") as file:
+            del file["force"]
+    elif kind == "spoilt":
+        create(path, small())
+        content = path.read_bytes()
+        path.write_bytes(content.replace(b"samples_per_surface", b"\xff" * 19))
+
+
+BAD_FILES = {
+    "folder": "is a folder",
+    "text": "is not a database",
+    "empty": "is empty",
+    "foreign": "HDF5 but not a database",
+    "cut off": "is cut off",
+    "damaged": "no column 'force'",
+    "spoilt": "is damaged",
+}
+
+
+@pytest.mark.parametrize("kind", BAD_FILES)
+def test_bad_file_is_named_in_one_line_and_left_alone(path, kind):
+    bad_file(path, kind)
+    before = None if path.is_dir() else path.read_bytes()
+    for opening in (
+        lambda: Reader(path),
+        lambda: Writer(path, small()),
+        lambda: open_or_create(path, small(20), force=True),
+        lambda: merge(path.with_name("target.h5"), [path]),
+    ):
+        with pytest.raises(InputError, match=BAD_FILES[kind]) as raised:
+            opening()
+        assert str(path) in str(raised.value)
+        assert "\n" not in str(raised.value)
+    assert path.is_dir() or path.read_bytes() == before
+    assert not path.with_name("target.h5").exists()
+
+
+def test_missing_file(path):
+    for opening in (Reader, lambda missing: Writer(missing, small())):
+        with pytest.raises(InputError, match="does not exist"):
+            opening(path)
+
+
+def test_missing_folder(tmp_path):
+    path = tmp_path / "nowhere" / "some.h5"
+    with pytest.raises(InputError, match="there is no folder"):
+        create(path, small())
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may read and write everything")
+def test_forbidden_file(path):
+    create(path, small())
+    path.chmod(0)
+    with pytest.raises(InputError, match="Permission denied"):
+        Reader(path)
+
+
+def test_other_scene_is_refused_key_by_key(path):
+    create(path, small(seed=1))
+    before = path.read_bytes()
+    other = Scene(samples=20, seed=2, surface=DisplacedSurface(nodes=9))
+    with pytest.raises(InputError) as raised:
+        open_or_create(path, other, force=True)
+    assert "seed: 1 in the file, 2 asked for" in str(raised.value)
+    assert "surface.nodes: 5 in the file, 9 asked for" in str(raised.value)
+    with pytest.raises(InputError, match="seed"):
+        Writer(path, other)
+    assert path.read_bytes() == before
+
+
+def test_title_does_not_make_another_scene(path):
+    create(path, small(title="one"))
+    assert open_or_create(path, small(title="two")) == ("resumed", 10)
+
+
+def test_other_layout_is_refused(path, monkeypatch):
+    create(path, small())
+    monkeypatch.setattr(database.reader, "SCHEMA", schema.SCHEMA + 1)
+    for opening in (Reader, lambda old: open_or_create(old, small(), force=True)):
+        with pytest.raises(InputError, match=r"layout 1, this version reads layout 2"):
+            opening(path)
+
+
+def test_other_physics_is_refused_unless_forced(path, monkeypatch):
+    create(path, small())
+    before = path.read_bytes()
+    raise_physics(monkeypatch)
+    now, later = f"physics {PHYSICS}", f"physics {PHYSICS + 1}"
+    with pytest.raises(InputError, match=f"{now}, this version computes {later}"):
+        open_or_create(path, small())
+    with pytest.raises(InputError, match="physics"):
+        Writer(path, small())
+    assert path.read_bytes() == before
+    assert open_or_create(path, small(), force=True) == ("resumed", 10)
+    with Writer(path, small(), force=True):
+        pass
+    with Reader(path) as reader:
+        assert reader.attributes["physics"] == PHYSICS
+        assert reader.attributes["physics_forced"] == PHYSICS + 1

@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.populations.made_maps import MAPS, write
-from gen.draft import files, likeness
-from gen.draft.loads import Material
+from bench.made_maps import MAPS, write
+from gen.draft import likeness, scene_text
+from gen.draft.proposal import Material
+from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
-from gen.scans.library import Reading
 from gen.spectral import SelfAffineSpectrum, generate_spectral
 
 pytest.importorskip("SurfaceTopography")
@@ -35,7 +35,7 @@ def made(spectrum, slope, seed=0):
 def test_the_scene_holds_the_law_that_the_map_was_made_by(tmp_path, hurst):
     path = save(tmp_path, made(SelfAffineSpectrum(hurst, 30.0, 2.5), 0.1))
     like = likeness.propose(path, READING, Material())
-    scene = files.write(tmp_path / "a.toml", likeness.keys(like, "a command", Path("a.toml")))
+    scene = scene_text.write(tmp_path / "a.toml", likeness.keys(like, "a command", Path("a.toml")))
     surface = scene.surface
     assert surface.generator == "spectral"
     assert surface.hurst[0] < hurst < surface.hurst[1]
@@ -56,7 +56,7 @@ def test_a_lay_becomes_a_stretch(tmp_path):
     assert like.spectrum.hurst == pytest.approx(0.7, abs=0.1)
     assert like.spectrum.roll_off == pytest.approx(60.0, rel=0.3)
     assert like.height == pytest.approx(like.windows[0], rel=0.25)
-    files.write(tmp_path / "a.toml", likeness.keys(like, "a command", Path("a.toml")))
+    scene_text.write(tmp_path / "a.toml", likeness.keys(like, "a command", Path("a.toml")))
 
 
 def test_a_map_of_scratches_brings_a_doubt(tmp_path):
@@ -64,7 +64,7 @@ def test_a_map_of_scratches_brings_a_doubt(tmp_path):
     like = likeness.propose(write(ground, tmp_path), Reading(), Material())
     assert like.doubt
     scene = tmp_path / "a.toml"
-    files.write(scene, likeness.keys(like, "a command", Path("a.toml")))
+    scene_text.write(scene, likeness.keys(like, "a command", Path("a.toml")))
     assert "DOUBTFUL" in scene.read_text()
 
 

@@ -1,18 +1,19 @@
 """What is seen in files of maps, and what is wrong with them."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from bench.populations.made_maps import MAPS, write
-from gen.draft.survey import remarks, survey, with_texture
-from gen.measured.settings import Preparation
-from gen.scans.library import Reading
+from bench.made_maps import MAPS, measured, write
+from gen.draft.survey import Spikes, common_threshold, find_spikes, remarks, survey, with_texture
+from gen.maps.filters import without_spikes
+from gen.maps.settings import Reading
 
 pytest.importorskip("SurfaceTopography")
 
-HERE = Reading()
+HERE = Reading.of_options()
 MADE = {made.name: made for made in MAPS}
 
 
@@ -23,7 +24,7 @@ def saved(tmp_path):
     def look(heights, side="10"):
         path = tmp_path / "scan.txt"
         np.savetxt(path, heights)
-        return survey([path], Reading(side=side))[0]
+        return survey([path], Reading.of_options(side=side))[0]
 
     return look
 
@@ -43,16 +44,16 @@ def test_a_made_map_is_seen_as_it_was_made(tmp_path, name):
 
 def test_texture_is_that_of_the_prepared_map(tmp_path):
     made = MADE["ground-3"]
-    steps = Preparation(despike=40.0, level="plane", fill=True)
+    steps = replace(HERE, despike=40.0, level="plane", fill=True)
     [raw] = survey([write(made, tmp_path)], HERE)
-    look = with_texture(raw, HERE, steps, None)
+    look = with_texture(raw, steps, None)
     assert look.texture is not None
     assert look.texture.rms_height == pytest.approx(made.rms, rel=0.05)
-    coarse = with_texture(raw, HERE, steps, (2.0, 2.0))
+    coarse = with_texture(raw, steps, (2.0, 2.0))
     assert coarse.texture is not None
     assert coarse.texture.shape == (191, 191)
     assert coarse.texture.rms_slope < look.texture.rms_slope
-    assert "missing" in with_texture(raw, HERE, Preparation(), None).fault
+    assert "missing" in with_texture(raw, HERE, None).fault
 
 
 def test_files_that_are_no_use_say_why(tmp_path):
@@ -61,7 +62,7 @@ def test_files_that_are_no_use_say_why(tmp_path):
     np.savetxt(tmp_path / "a.txt", np.random.default_rng(1).normal(size=(20, 20)))
     np.savetxt(tmp_path / "b.txt", np.random.default_rng(1).normal(size=(20, 20)))
     names = ["notes.txt", "noise.x3p", "a.txt", "b.txt", "none.txt"]
-    looks = survey([tmp_path / name for name in names], Reading(side="10"))
+    looks = survey([tmp_path / name for name in names], Reading.of_options(side="10"))
     faults = [look.fault for look in looks]
     assert "number" in faults[0]
     assert faults[1]
@@ -71,7 +72,7 @@ def test_files_that_are_no_use_say_why(tmp_path):
 
 
 def test_lengths_of_files_are_not_overruled(tmp_path):
-    [look] = survey([write(MADE["ground-3"], tmp_path)], Reading(side="5"))
+    [look] = survey([write(MADE["ground-3"], tmp_path)], Reading.of_options(side="5"))
     assert look.fault.endswith("--side says 5; leave that out")
 
 
@@ -81,7 +82,7 @@ def test_maps_without_heights_are_left_out(saved):
     assert saved(np.ones((20, 20))).fault == "all its heights are equal"
     assert saved(rough[:3, :3]).fault == "3 x 3 nodes are too few"
     flat = saved(1e-9 * rough)
-    assert "check the unit" in with_texture(flat, Reading(side="10"), Preparation(), None).fault
+    assert "check the unit" in with_texture(flat, Reading.of_options(side="10"), None).fault
 
 
 def test_a_bowl_has_a_form_and_a_wave_has_none(saved):
@@ -90,3 +91,53 @@ def test_a_bowl_has_a_form_and_a_wave_has_none(saved):
     assert saved(30 * (x**2 + y**2) + rough).form > 0.95
     assert saved(30 * np.sin(2 * math.pi * x) + rough).form < 0.9
     assert remarks(saved(30 * (x**2 + y**2) + rough)) == ["curved form"]
+
+
+SOME = [made for made in MAPS if made.number in {2, 3}]
+NONE = np.empty(0)
+
+
+@pytest.mark.parametrize("made", SOME, ids=lambda made: made.name)
+def test_all_spikes_of_made_maps_are_found_and_nothing_else(made):
+    found = find_spikes(measured(made))
+    assert found.number == made.faults.spikes
+    assert found.surface < found.nearest
+
+
+def test_the_threshold_takes_out_the_spikes_of_all_maps_and_nothing_else():
+    maps = [measured(made) for made in SOME]
+    threshold = common_threshold([find_spikes(heights) for heights in maps])
+    assert threshold is not None
+    for made, heights in zip(SOME, maps, strict=True):
+        _, spikes = without_spikes(heights, threshold)
+        assert np.count_nonzero(spikes) == made.faults.spikes
+
+
+def test_maps_without_spikes_need_no_threshold():
+    assert common_threshold([Spikes(20.0, math.inf, 0, NONE)] * 3) is None
+
+
+def test_where_no_number_parts_them_the_spikes_decide():
+    ridges, spiky = Spikes(90.0, math.inf, 0, NONE), Spikes(8.0, 60.0, 3, NONE)
+    threshold = common_threshold([ridges, spiky])
+    assert threshold is not None
+    assert 0.9 * 60 < threshold < 60
+
+
+def test_many_spikes_and_those_that_no_gap_parts_are_found():
+    random = np.random.default_rng(5)
+    rough = random.normal(size=(200, 200))
+    many = rough.copy()
+    many.flat[random.choice(many.size, 300, replace=False)] += 40.0
+    assert find_spikes(many).number == 300
+    tail = rough.copy()
+    tail.flat[random.choice(tail.size, 8, replace=False)] = 10.0 * 1.7 ** np.arange(8)
+    assert find_spikes(tail).number >= 5
+    assert find_spikes(rough).number == 0
+
+
+def test_a_map_of_half_flat_parts_has_no_division_by_zero():
+    heights = np.zeros((40, 40))
+    heights[20:] = 1.0
+    heights[5, 5] = 30.0
+    assert find_spikes(heights).number == 1

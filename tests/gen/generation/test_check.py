@@ -172,10 +172,6 @@ def yielding(tmp_path, monkeypatch):
     return tmp_path / "rows.h5"
 
 
-def test_a_sound_database_of_bodies_that_yield_has_no_faults(yielding):
-    assert list(faults(yielding, recompute=12)) == []
-
-
 @pytest.mark.parametrize(
     ("column", "value", "fault"),
     [
@@ -210,25 +206,6 @@ def test_the_same_seed_chooses_the_same_rows(database, monkeypatch):
     for seed in (1, 1, 2):
         list(faults(database, recompute=5, seed=seed))
     assert chosen[:5] == chosen[5:10] != chosen[10:]
-
-
-def test_a_database_of_patches_without_edges_is_checked_like_any_other(folder_of_cells, capsys):
-    assert list(faults(folder_of_cells / "rows.h5", recompute=12)) == []
-    with h5py.File(folder_of_cells / "rows.h5", "r+") as file:
-        assert file["pressure"].shape == (12, 16, 16)
-        file["pressure"][3] = 0.0
-    (fault,) = faults(folder_of_cells / "rows.h5", recompute=12)
-    assert "row 3: pressure" in fault
-
-
-@pytest.fixture
-def folder_of_cells(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    text = "samples = 12\n[surface]\nnodes = 17\n[contact]\nboundary = 'mirror'\n"
-    text += "[delta]\npieces = [{share = 1.0, range = [0.5, 4.0]}]\n[store]\npressure = true\n"
-    (tmp_path / "scene.toml").write_text(text)
-    assert cli.main(["run", "scene.toml", "-o", "rows.h5"]) == 0
-    return tmp_path
 
 
 LOADED = """samples = 4

@@ -7,16 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gen.distribution import log_within
 from gen.generation.plan import (
     CHUNK,
     Parameters,
     blocks,
-    opposite_random,
     parameters,
     planned_columns,
-    surface_random,
 )
-from gen.generation.quantiles import log_within
 from gen.generation.run import BLOCK_BYTES, blocks_of
 from gen.scene import Scene, load
 
@@ -79,27 +77,6 @@ def test_any_slice_equals_the_whole(m: int) -> None:
         assert_slice(parameters(scene(m=m), start, end), whole, start, end)
 
 
-@settings(max_examples=100, deadline=None)
-@given(data=st.data(), m=st.sampled_from([1, 3, 5]))
-def test_any_drawn_slice_equals_the_whole(data: st.DataObject, m: int) -> None:
-    middle = CHUNK * m
-    limits = st.integers(-50, 50)
-    start, low, high, stop = sorted(middle + data.draw(limits) for _ in range(4))
-    whole = parameters(scene(m=m), start, stop)
-    assert_slice(parameters(scene(m=m), low, high), whole, low - start, high - start)
-
-
-def test_more_samples_leave_rows_as_they_are() -> None:
-    few, many = scene(samples=10, m=3), scene(samples=10_000_000, m=3)
-    assert_slice(parameters(few, 0, 10), parameters(many, 0, 1000), 0, 10)
-
-
-def test_more_samples_a_surface_leave_surfaces_as_they_are() -> None:
-    single, fivefold = parameters(scene(m=1), 0, 100), parameters(scene(m=5), 0, 500)
-    np.testing.assert_array_equal(fivefold.drawn["hurst"][::5], single.drawn["hurst"])
-    np.testing.assert_array_equal(fivefold.drawn["sigma0"][::5], single.drawn["sigma0"])
-
-
 def test_rows_of_a_surface_share_it() -> None:
     rows = parameters(scene(m=5), 3, 23)
     np.testing.assert_array_equal(rows.surface, [0, 0] + 5 * [1] + 5 * [2] + 5 * [3] + 3 * [4])
@@ -110,55 +87,10 @@ def test_rows_of_a_surface_share_it() -> None:
     assert len(set(rows.delta)) == 20
 
 
-def test_rows_far_into_the_plan() -> None:
-    """The last row that a scene can ask for costs no more than the first."""
-    rows = parameters(scene(samples=10**9), 10**9 - 2, 10**9)
-    np.testing.assert_array_equal(rows.surface, [10**9 - 2, 10**9 - 1])
-
-
 @pytest.mark.parametrize(("start", "stop"), [(-1, 3), (4, 3)])
 def test_rows_that_are_no_range_are_refused(start: int, stop: int) -> None:
     with pytest.raises(ValueError, match="wanted 0 <= start <= stop"):
         parameters(scene(), start, stop)
-
-
-def test_displacement_has_the_shares_of_its_pieces() -> None:
-    """Binomial spread at 200,000 rows is 0.1 %: the tolerance is five times that."""
-    rows = parameters(load("paper"), 0, 200_000)
-    assert rows.delta.min() >= 5.0
-    assert rows.delta.max() <= 45.0
-    assert np.mean(rows.delta < 25.0) == pytest.approx(0.75, abs=0.005)
-    for low, high, share in [(5.0, 15.0, 0.375), (25.0, 35.0, 0.125)]:
-        inside = (rows.delta >= low) & (rows.delta < high)
-        assert np.mean(inside) == pytest.approx(share, abs=0.005)
-
-
-def test_ranges_are_filled_evenly_and_independently() -> None:
-    rows = parameters(load("paper"), 0, 200_000)
-    for column, low, high in [(rows.drawn["hurst"], 0.5, 0.8), (rows.drawn["sigma0"], 10.0, 15.0)]:
-        share, _ = np.histogram(column, bins=10, range=(low, high))
-        np.testing.assert_allclose(share / column.size, 0.1, atol=0.005)
-    correlation = np.corrcoef([rows.drawn["hurst"], rows.drawn["sigma0"], rows.delta])
-    np.testing.assert_allclose(correlation, np.eye(3), atol=0.015)
-
-
-def test_range_of_one_value() -> None:
-    fixed = scene(
-        extra="[surface]\nhurst = [0.7, 0.7]\nsigma0 = [0.1, 0.1]\n"
-        "[delta]\npieces = [{share = 1.0, range = [0.3, 0.3]}]"
-    )
-    rows = parameters(fixed, 0, 1000)
-    assert set(rows.drawn["hurst"]) == {0.7}
-    assert set(rows.drawn["sigma0"]) == {0.1}
-    assert set(rows.delta) == {0.3}
-
-
-@settings(max_examples=100, deadline=None)
-@given(limits=st.lists(st.floats(0.0, 1.0), min_size=2, max_size=2).map(sorted))
-def test_rounding_keeps_within_the_range(limits: list[float]) -> None:
-    low, high = limits
-    rows = parameters(scene(extra=f"[surface]\nhurst = [{low!r}, {high!r}]"), 0, 200)
-    assert np.all((rows.drawn["hurst"] >= low) & (rows.drawn["hurst"] <= high))
 
 
 def hardness(limits: str, m: int = 1, key: str = "hardness") -> Scene:
@@ -179,29 +111,6 @@ def test_hardness_shifts_no_other_number(m: int) -> None:
     assert elastic.hardness is None
     for limits in ("2000", "[500, 2000]"):
         assert_slice(parameters(hardness(limits, m), 7, 500), elastic, 0, 493)
-
-
-@pytest.mark.parametrize("m", [1, 5])
-def test_any_slice_of_hardnesses_equals_the_whole(m: int) -> None:
-    made, border = hardness("[500, 2000]", m), CHUNK * m
-    whole = parameters(made, 0, border + 50).hardness
-    assert whole is not None
-    for start, stop in [(0, 1), (3, 11), (border - 7, border), (border - 3, border + 9)]:
-        part = parameters(made, start, stop).hardness
-        assert part is not None
-        assert part.tobytes() == whole[start:stop].tobytes()
-    assert np.unique(whole).size == whole.size, "every sample has a hardness of its own"
-
-
-def test_hardness_is_log_uniform_and_independent() -> None:
-    rows = parameters(hardness("[0.003, 0.1]", key="hardness_ratio"), 0, 200_000)
-    assert rows.hardness is not None
-    share, _ = np.histogram(np.log(rows.hardness), bins=10, range=np.log([0.003, 0.1]))
-    np.testing.assert_allclose(share / rows.hardness.size, 0.1, atol=0.005)
-    correlation = np.corrcoef(
-        [rows.drawn["hurst"], rows.drawn["sigma0"], rows.delta, np.log(rows.hardness)]
-    )
-    np.testing.assert_allclose(correlation, np.eye(4), atol=0.015)
 
 
 @settings(max_examples=100, deadline=None)
@@ -227,18 +136,6 @@ def test_other_seeds_give_other_rows() -> None:
     here, there = (parameters(scene(extra=f"seed = {seed}"), 0, 100) for seed in (1, 2))
     for column, other in zip(columns(here)[1:], columns(there)[1:], strict=True):
         assert not np.any(column == other)
-
-
-def test_surfaces_have_streams_of_their_own() -> None:
-    paper = scene()
-    first = {surface_random(paper, surface).random() for surface in range(2000)}
-    first |= {opposite_random(paper, surface).random() for surface in range(2000)}
-    assert len(first) == 4000
-    again = surface_random(paper, 7).standard_normal(5)
-    np.testing.assert_array_equal(again, surface_random(paper, 7).standard_normal(5))
-    np.testing.assert_array_equal(
-        again, surface_random(load("fine"), np.int64(7)).standard_normal(5)
-    )
 
 
 def test_no_surface_shares_a_stream_with_a_chunk() -> None:
@@ -269,10 +166,8 @@ def pending_plans(draw: st.DrawFn) -> tuple[list[tuple[int, int]], int, int]:
 def test_blocks_hold_every_pending_row_once(
     plan: tuple[list[tuple[int, int]], int, int], workers: int, largest: int
 ) -> None:
-    ranges, samples, m = plan
-    cut = list(
-        blocks(ranges, samples=samples, samples_per_surface=m, workers=workers, largest=largest)
-    )
+    ranges, _, m = plan
+    cut = list(blocks(ranges, samples_per_surface=m, workers=workers, largest=largest))
     held = [row for start, stop in cut for row in range(start, stop)]
     assert held == sorted(set(held))
     assert held == [row for start, stop in ranges for row in range(start, stop)]
@@ -290,9 +185,7 @@ def test_blocks_hold_every_pending_row_once(
     largest=st.integers(1, 2000),
 )
 def test_blocks_shrink_to_the_end(samples: int, m: int, workers: int, largest: int) -> None:
-    cut = blocks(
-        [(0, samples)], samples=samples, samples_per_surface=m, workers=workers, largest=largest
-    )
+    cut = blocks([(0, samples)], samples_per_surface=m, workers=workers, largest=largest)
     sizes = [stop - start for start, stop in cut]
     if largest < m:
         return
@@ -302,36 +195,15 @@ def test_blocks_shrink_to_the_end(samples: int, m: int, workers: int, largest: i
 
 
 def test_blocks_of_ten_million_rows_are_few_and_lazy() -> None:
-    settings_ = {"samples": 10**7, "samples_per_surface": 5, "workers": 100, "largest": 1000}
+    settings_ = {"samples_per_surface": 5, "workers": 100, "largest": 1000}
     whole = blocks([(0, 10**7)], **settings_)
     assert next(whole) == (0, 1000)
     assert sum(1 for _ in whole) < 1.2 * 10**7 / 1000
 
 
 def test_finished_rows_of_a_surface_are_left_alone() -> None:
-    cut = list(blocks([(3, 4), (11, 12)], samples=12, samples_per_surface=5, workers=1, largest=9))
+    cut = list(blocks([(3, 4), (11, 12)], samples_per_surface=5, workers=1, largest=9))
     assert cut == [(3, 4), (11, 12)]
-
-
-def test_nothing_pending_gives_no_blocks() -> None:
-    for pending in ([], [(0, 0)], [(7, 7), (10, 10)]):
-        cut = blocks(pending, samples=10, samples_per_surface=5, workers=1, largest=9)
-        assert list(cut) == []
-
-
-@pytest.mark.parametrize("pending", [[(0, 11)], [(-1, 3)], [(3, 2)], [(4, 6), (5, 7)]])
-def test_ranges_that_do_not_ascend_within_the_plan_are_refused(
-    pending: list[tuple[int, int]],
-) -> None:
-    with pytest.raises(ValueError, match="ascending ranges"):
-        list(blocks(pending, samples=10, samples_per_surface=1, workers=1, largest=9))
-
-
-@pytest.mark.parametrize("zero", ["samples_per_surface", "workers", "largest"])
-def test_blocks_need_workers_and_rows(zero: str) -> None:
-    numbers = {"samples": 10, "samples_per_surface": 1, "workers": 1, "largest": 9} | {zero: 0}
-    with pytest.raises(ValueError, match=f"{zero}=0"):
-        list(blocks([(0, 10)], **numbers))
 
 
 @pytest.mark.parametrize(

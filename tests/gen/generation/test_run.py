@@ -3,6 +3,7 @@
 import resource
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import h5py
@@ -11,8 +12,13 @@ import pytest
 from databases import deterministic_bytes, status
 from launch import command, environment
 
-from gen import cli
-from gen.database import Reader
+from gen import cli, database
+from gen.database import Reader, writer
+from gen.generation.run import Block, Delivery, Target, in_parallel
+from gen.generation.sample import compute_rows
+from gen.runtime import farm
+from gen.runtime.errors import InputError
+from gen.scene import DisplacedSurface, Scene
 from gen.schema import PHYSICS, PHYSICS_CHANGES
 
 SAMPLE = Path(__file__).resolve().parents[3] / "examples" / "sample.h5"
@@ -67,32 +73,6 @@ def test_a_database_of_bodies_that_yield_lives_as_any_other(folder, capsys, hard
     assert "  hardness  " in capsys.readouterr().out
     assert run("scene.toml", "-o", "whole.h5") == 2
     assert "hardness" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("keys", ["boundary = 'periodic'", "boundary = 'mirror'\nhardness = 0.05"])
-def test_a_database_of_patches_without_edges_lives_as_any_other(folder, capsys, keys):
-    for samples in (11, 20):
-        text = SCENE.format(samples, "") + f"[contact]\n{keys}\n"
-        text += "[delta]\npieces = [{ share = 1.0, range = [0.5, 4.0] }]\n"
-        (folder / f"{samples}.toml").write_text(text)
-    assert run("20.toml", "-o", "whole.h5") == 0
-    assert run("11.toml", "-o", "grown.h5") == 0
-    assert run("20.toml", "-o", "grown.h5") == 0
-    assert run("20.toml", "-o", "part0.h5", "--rows", "0:7") == 0
-    assert run("20.toml", "-o", "part1.h5", "--rows", "7:20") == 0
-    assert cli.main(["merge", "part0.h5", "part1.h5", "-o", "merged.h5"]) == 0
-    whole = deterministic_bytes(folder / "whole.h5")
-    assert deterministic_bytes(folder / "grown.h5") == whole
-    assert deterministic_bytes(folder / "merged.h5") == whole
-    assert cli.main(["check", "part1.h5", "--recompute", "20"]) == 0
-    capsys.readouterr()
-    assert cli.main(["info", "whole.h5"]) == 0
-    told = capsys.readouterr().out
-    assert "20 done, 0 failed" in told
-    assert 'spacing = "side/n"' in told
-    assert cli.main(["plot", "whole.h5", "-o", "whole.png"]) == 0
-    assert run("scene.toml", "-o", "whole.h5") == 2
-    assert "contact.boundary" in capsys.readouterr().err
 
 
 def test_the_shipped_sample_is_resumed_and_extended_and_keeps_its_bytes(folder, capsys):
@@ -162,18 +142,6 @@ def test_retrying_a_share_leaves_other_failures(folder):
     assert status(folder / "rows.h5")[30] == 2
 
 
-def test_more_samples_extend_and_keep_what_is_done(folder, capsys):
-    assert run("more.toml", "-o", "whole.h5") == 0
-    assert run("scene.toml", "-o", "grown.h5") == 0
-    with h5py.File("grown.h5") as file:
-        times = file["runtime/solve_seconds"][:]
-    assert run("more.toml", "-o", "grown.h5") == 0
-    assert "extended, 70 rows, 30 to do" in capsys.readouterr().err
-    with h5py.File("grown.h5") as file:
-        np.testing.assert_array_equal(file["runtime/solve_seconds"][:40], times)
-    assert deterministic_bytes(folder / "grown.h5") == deterministic_bytes(folder / "whole.h5")
-
-
 def test_retrying_computes_failed_rows_again(folder, capsys):
     assert run("scene.toml", "-o", "rows.h5") == 0
     whole = deterministic_bytes(folder / "rows.h5")
@@ -187,28 +155,6 @@ def test_retrying_computes_failed_rows_again(folder, capsys):
     assert run("scene.toml", "-o", "rows.h5", "--retry-failed") == 0
     assert "2 to do, 2 failed ones among them" in capsys.readouterr().err
     assert deterministic_bytes(folder / "rows.h5") == whole
-
-
-def test_another_scene_is_refused_key_by_key(folder, capsys):
-    assert run("scene.toml", "-o", "rows.h5") == 0
-    (folder / "other.toml").write_text(SCENE.format(40, "seed = 3") + "side = 900.0\n")
-    before = (folder / "rows.h5").read_bytes()
-    capsys.readouterr()
-    assert run("other.toml", "-o", "rows.h5") == 2
-    message = capsys.readouterr().err
-    assert "seed: 2025 in the file, 3 asked for" in message
-    assert "surface.side: 1000.0 in the file, 900.0 asked for" in message
-    assert (folder / "rows.h5").read_bytes() == before
-
-
-def test_another_physics_needs_force(folder, capsys):
-    assert run("scene.toml", "-o", "rows.h5", "--rows", "0:10") == 0
-    with h5py.File("rows.h5", "r+") as file:
-        file.attrs["physics"] = 0
-    assert run("scene.toml", "-o", "rows.h5") == 2
-    assert "--force" in capsys.readouterr().err
-    assert run("scene.toml", "-o", "rows.h5", "--force") == 0
-    assert (status(folder / "rows.h5") == 1).all()
 
 
 def test_info_says_how_results_have_changed_since(folder, capsys):
@@ -276,3 +222,127 @@ def test_a_run_says_that_the_units_of_its_material_slipped(tmp_path, capsys):
         assert cli.main(ask) == 0
         told = capsys.readouterr()
         assert "is the modulus in GPa?" in told.out + told.err
+
+
+ALONE, MANY = farm.World(), farm.World(0, 9)
+
+MOUNTS = r"""
+22 1 8:1 / / rw,relatime shared:1 - ext4 /dev/sda1 rw
+31 22 0:50 / /home rw,relatime shared:2 master:1 - nfs4 server:/home rw
+32 31 0:51 / /home/on\040lustre rw - lustre 10.0.0.1@tcp:/scratch rw
+33 22 0:52 / /homely rw - tmpfs tmpfs rw
+"""
+
+
+@pytest.fixture
+def mounts(tmp_path, monkeypatch):
+    (tmp_path / "mountinfo").write_text(MOUNTS.strip())
+    monkeypatch.setattr(writer, "MOUNTS", tmp_path / "mountinfo")
+
+
+@pytest.mark.parametrize(
+    ("path", "answer"),
+    [
+        ("/x.h5", True),
+        ("/home/x.h5", False),
+        ("/home/on lustre/x.h5", True),
+        ("/homely/x.h5", True),
+    ],
+)
+def test_network_file_systems_are_known_by_their_mounts(mounts, path, answer):
+    assert database.coherent(Path(path)) is answer
+
+
+def test_without_a_list_of_mounts_the_answer_is_yes(tmp_path, monkeypatch):
+    monkeypatch.setattr(writer, "MOUNTS", tmp_path / "missing")
+    assert database.coherent(Path("/home/x.h5"))
+
+
+@pytest.mark.parametrize(
+    ("choice", "path", "world", "has_mpi", "answer"),
+    [
+        ("auto", "/x.h5", MANY, True, True),
+        ("auto", "/x.h5", MANY, False, False),
+        ("auto", "/x.h5", ALONE, True, False),
+        ("auto", "/home/x.h5", MANY, True, False),
+        ("single", "/x.h5", MANY, True, False),
+        ("parallel", "/x.h5", MANY, True, True),
+        ("parallel", "/home/x.h5", MANY, True, True),
+    ],
+)
+def test_who_writes(mounts, monkeypatch, choice, path, world, has_mpi, answer):
+    monkeypatch.setattr(database, "parallel_hdf5", lambda: has_mpi)
+    assert in_parallel(choice, Path(path), world) is answer
+
+
+@pytest.mark.parametrize(
+    ("world", "has_mpi", "words"), [(MANY, False, "no MPI"), (ALONE, True, "one process")]
+)
+def test_a_parallel_writer_that_cannot_be_is_refused(monkeypatch, world, has_mpi, words):
+    monkeypatch.setattr(database, "parallel_hdf5", lambda: has_mpi)
+    with pytest.raises(InputError, match=words) as caught:
+        in_parallel("parallel", Path("x.h5"), world)
+    assert "\n" not in str(caught.value)
+
+
+def test_rows_through_the_master_are_counted_and_written(tmp_path):
+    scene = Scene(samples=10, surface=DisplacedSurface(nodes=5))
+    path = tmp_path / "some.h5"
+    database.create(path, scene)
+
+    def compute(block: Block):
+        rows = compute_rows(scene, *block)
+        rows["status"][1], rows["status"][2] = 2, 0  # one that fails, one that takes too long
+        return rows
+
+    with Delivery(Target(path, scene, parallel=False), ALONE, compute) as delivered:
+        tally = delivered.take((4, 8), delivered.work((4, 8)))
+    assert tally.overdue == 1
+    assert tally.failed >= 1
+    with database.Reader(path) as reader:
+        finished = reader.column("status") != 0
+    assert finished.tolist() == [False] * 4 + [True, True, False, True] + [False] * 2
+
+
+def test_workers_that_write_tell_the_master_counts_and_troubles(tmp_path, monkeypatch):
+    scene = Scene(samples=10, surface=DisplacedSurface(nodes=5))
+    path = tmp_path / "some.h5"
+    database.create(path, scene)
+
+    def alone(path, scene, communicator, *, force):  # a writer of one process, of any HDF5
+        return database.Writer(path, scene, force=force)
+
+    monkeypatch.setattr(database, "ParallelWriter", alone)
+    target = Target(path, scene, parallel=True)
+    with Delivery(target, ALONE, lambda block: compute_rows(scene, *block)) as delivered:
+        tally = delivered.work((0, 4))
+        assert delivered.take((0, 4), tally) == tally
+        path.rename(tmp_path / "away.h5")
+        troubled = delivered.work((4, 8))
+        with pytest.raises(InputError, match="moved or deleted"):
+            delivered.take((4, 8), troubled)
+    with database.Reader(tmp_path / "away.h5") as reader:
+        assert reader.counts().pending == 6
+
+
+def test_a_file_that_cannot_be_opened_is_refused(tmp_path):
+    target = Target(tmp_path / "missing.h5", Scene(samples=1), parallel=False)
+    with pytest.raises(InputError, match="does not exist"):
+        Delivery(target, ALONE, lambda block: {})
+
+
+def test_a_worker_of_the_single_writer_loads_neither_hdf5_nor_a_progress_bar():
+    code = (
+        "import sys; from pathlib import Path\n"
+        "import gen.generation.run; from gen.runtime import farm\n"
+        "from gen.scene import Scene; from gen.generation.run import Target, Delivery\n"
+        "target = Target(Path('missing.h5'), Scene(samples=1), parallel=False)\n"
+        "world = farm.World(1, 3)\n"
+        "with Delivery(target, world, lambda block: {}) as delivered:\n"
+        "    assert delivered.work((0, 1)) == {}\n"
+        "print(sorted({'h5py', 'rich', 'typer', 'mpi4py'} & sys.modules.keys()))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=300
+    )
+    assert done.stdout == "[]\n", done.stderr

@@ -13,7 +13,7 @@ import bem
 from bem.contact import mean_conductivity
 from bem.derived.stiffness import patch_stiffness
 from gen import cli
-from gen.law import points
+from gen.law import solved
 
 E_STAR = 210e3 / (1 - 0.3**2)
 CONDUCTING = ["--conductivity", "50", "--conductivity", "20"]
@@ -159,10 +159,10 @@ def test_loads_that_are_not_solved_are_named_and_cost_no_others(
 ):
     """Of one surface and of a population; the other numbers are those of these loads alone."""
     with monkeypatch.context() as few:
-        few.setattr(points, "solve_loads", partial(points.solve_loads, max_iterations=3))
+        few.setattr(solved, "solve_loads", partial(solved.solve_loads, max_iterations=3))
         run(name, "--pressure", "1:3000:9:log", "--csv", "few.csv")
         lines = [line for line in capsys.readouterr().out.splitlines() if "not solved" in line]
-        few.setattr(points, "solve_loads", partial(points.solve_loads, max_iterations=1))
+        few.setattr(solved, "solve_loads", partial(solved.solve_loads, max_iterations=1))
         run(name, "--pressure", "500:600:3", ends=2)
         assert re.search(r"s0.npy: 600 MPa: residual .* after", capsys.readouterr().err)
     one = table("few.csv")

@@ -7,8 +7,16 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.interpolate import PchipInterpolator
 
-from gen.law.curves import CONDUCTANCE, QUANTITIES, monotone, slopes, tabulated, with_conductance
-from gen.law.points import STIFFNESS, Points
+from gen.law.curves import (
+    CONDUCTANCE,
+    QUANTITIES,
+    STIFFNESS,
+    Points,
+    monotone,
+    slopes,
+    tabulated,
+    with_conductance,
+)
 from gen.runtime.errors import InputError
 
 

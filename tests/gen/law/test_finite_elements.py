@@ -60,6 +60,7 @@ def read(path):
 
 def test_calculix_has_pressure_and_closure_and_a_temperature_beside_conductances(law):
     folder, table = law
+    assert not [name for name in read(folder / "plain.inp") if "CONDUCTANCE" in name]
     blocks = read(folder / "joint-calculix.inp")
     behaviour = blocks[TABLE]
     assert blocks["*SURFACE INTERACTION, NAME=JOINT_CALCULIX"].size == 0
@@ -94,10 +95,6 @@ def test_abaqus_is_told_that_the_second_column_is_a_pressure(law):
     behaviour = blocks[TABLE]
     np.testing.assert_allclose(behaviour[1:, 1], 1e-6 * table.closure_um, rtol=1e-9)
     assert "m, N, s, Pa" in (folder / "9.inp").read_text()
-
-
-def test_without_conductivities_there_is_the_closure_alone(law):
-    assert not [name for name in read(law[0] / "plain.inp") if "CONDUCTANCE" in name]
 
 
 def test_units_are_consistent():
@@ -177,10 +174,8 @@ def wavy(nodes, height):
     ("heights", "loads"),
     [
         (wavy(16, 0.05), ["3000:9000:7", "--e-star", "230e3", "--boundary", "periodic"]),
-        (wavy(16, 0.05), ["0.01:0.06:6", "--e-star", "230e3", "--boundary", "periodic"]),
         (wavy(16, 0.05), ["500:9000:9", "--e-star", "230e3", "--hardness", "10e3"]),
         (wavy(16, 0.05), ["500:9000:9", "--e-star", "230e3", "--boundary", "free"]),
-        (np.random.default_rng(1).normal(size=(8, 8)), ["0.1,1,10,100", "--e-star", "1"]),
         (np.random.default_rng(1).normal(size=(2, 8, 8)), ["0.1,1,10,100", "--e-star", "1"]),
     ],
 )
@@ -188,9 +183,8 @@ def test_every_file_ends_at_full_contact_and_says_so(tmp_path, capsys, heights, 
     """Every number is finite; arguments rise, and nothing else turns back or is empty."""
     for number, each in enumerate(np.atleast_3d(heights.T).T):
         np.save(tmp_path / f"{number}.npy", each)
-    load = "--delta" if loads[0].startswith("0.01:") else "--pressure"
     names = [str(path) for path in tmp_path.glob("*.npy")]
-    ask = ["law", *names, "--side", "8", load, *loads, "--conductivity", "1"]
+    ask = ["law", *names, "--side", "8", "--pressure", *loads, "--conductivity", "1"]
     assert cli.main([*ask, "-o", f"{tmp_path}/law"]) == 0
     note = "full contact from"
     assert note in capsys.readouterr().out
@@ -306,7 +300,7 @@ def test_calculix_follows_the_last_slope_past_the_end_of_the_table(law):
 
 
 @needs_calculix
-@pytest.mark.parametrize("share", [0.02, 0.15, 0.5, 0.75, 0.99])
+@pytest.mark.parametrize("share", [0.02, 0.5, 0.99])
 def test_calculix_reaches_any_pressure_of_the_table_in_one_step(law, share):
     folder, table = law
     behaviour = read(folder / "joint-calculix.inp")[TABLE]
@@ -343,7 +337,7 @@ def test_the_deck_of_the_manual_runs_as_it_stands_and_without_heat(law, tmp_path
     np.testing.assert_allclose(forces, wanted, rtol=1e-3)
 
 
-@pytest.mark.parametrize("points", [2, 3, 8, 18, 19, 20, 41, 200])
+@pytest.mark.parametrize("points", [2, 18, 19, 20, 200])
 def test_calculix_gets_nineteen_points_of_any_law(points):
     closures = np.linspace(0, 3e-3, points) ** 1.2
     pressures = 4e9 * closures**2.5

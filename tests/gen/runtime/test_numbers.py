@@ -50,8 +50,8 @@ def test_values_are_those_of_linspace():
 @pytest.mark.parametrize(
     "text",
     [
-        *("", "x", "1:2", "1:2:1", "1:2:0x3", "1:inf:3", "nan:2:3", "1:2:3:4", "1,", ":" * 3000),
-        *("0:1:3:log", "-2:-1:3:log", "1:2:1:log", "1:log", "1:2:log", "1:2:3:log:log", "1:2:3:x"),
+        *("", "x", "1:2", "1:2:1", "1:2:0x3", "1:inf:3", "1:2:3:4", "1,", ":" * 3000),
+        *("0:1:3:log", "1:log", "1:2:log", "1:2:3:x"),
     ],
 )
 def test_what_is_no_value_is_refused(text):

@@ -1,18 +1,22 @@
-"""What stands in a stranger's file drives neither a terminal nor a spreadsheet."""
+"""What is printed: no text of a stranger's drives the terminal, no stream ends a run."""
 
-import csv
+import errno
 import io
 import re
 
 import numpy as np
 import pytest
-from rich.progress import Progress
 from rich.table import Table
 
 from gen import cli
-from gen.runtime.console import console
-from gen.runtime.table import cell, write_csv
-from gen.runtime.terminal import echo, printable
+from gen.runtime.terminal import (
+    RunProgress,
+    echo,
+    print_table,
+    printable,
+    started_as,
+    to_type,
+)
 
 EVIL = "a\x1b[2J\x1b]0;owned\x07\x9b31m\u202eb\r\nx.h5: sound"
 """Clears the screen, names the window, colours, turns the direction, and forges a line."""
@@ -49,19 +53,13 @@ def test_a_file_name_cannot_drive_the_terminal(tmp_path, monkeypatch, capsys):
     assert said.err.count("\n") == 1
 
 
-def test_lines_tables_and_bars_of_a_console_are_harmless(capsys):
-    file = io.StringIO()
-    made = console(file=file, width=100, markup=False, highlight=False)
-    made.print(EVIL)
+def test_lines_and_tables_are_harmless(capsys):
     table = Table(EVIL.replace("\n", " "), title="t\x1b[2J")
-    table.add_row("c\x1b]0;\x07")
-    made.print(table)
-    with Progress(console=made) as progress:
-        progress.add_task("bar", total=1)
-        progress.console.print(EVIL)
-    assert file.getvalue().count("\nx.h5") == 0
-    assert "\x1b" not in file.getvalue()
-    assert "c?]0;" in file.getvalue()
+    table.add_row("c\x1b]0;\x07 [red] :smile:")
+    print_table(table, 100)
+    said = capsys.readouterr().out
+    assert "\x1b" not in said
+    assert "c?]0; [red] :smile:" in said
     echo(EVIL)
     echo(EVIL, err=True)
     said = capsys.readouterr()
@@ -69,16 +67,42 @@ def test_lines_tables_and_bars_of_a_console_are_harmless(capsys):
     assert said.out == said.err == printable(EVIL) + "\n"
 
 
-def test_styles_of_our_own_stay():
-    file = io.StringIO()
-    console(file=file, force_terminal=True, color_system="standard").print("x", style="dim")
-    assert file.getvalue() == "\x1b[2mx\x1b[0m\n"
+def test_styles_of_our_own_stay_on_a_terminal(monkeypatch, capsys):
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True)
+    monkeypatch.setenv("TERM", "xterm")
+    table = Table("x")
+    table.add_row("a", style="dim")
+    print_table(table)
+    assert "\x1b[2m" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("text", ["=1+1", "+1", "-1", "@SUM(A1)", "\t=1", "\r=1", "\n=1"])
-def test_a_cell_of_text_is_no_formula(tmp_path, text):
-    assert cell(text) == f"'{text}"
-    write_csv(tmp_path / "a.csv", [{"name": text, "value": -1.5, "count": -3, "plain": "a=b"}])
-    with (tmp_path / "a.csv").open(newline="", encoding="utf-8") as file:
-        (row,) = csv.DictReader(file)
-    assert row == {"name": f"'{text}", "value": "-1.5", "count": "-3", "plain": "a=b"}
+@pytest.mark.parametrize(
+    ("name", "typed"),
+    [("asperity gen", "asperity learn card x"), ("gen", "python -m learn card x")],
+)
+def test_messages_name_commands_as_they_are_typed(name, typed):
+    with started_as(name):
+        assert to_type("learn card x") == typed
+    assert to_type("learn card x") == "python -m learn card x"
+
+
+def test_the_path_of_a_command_that_was_typed_stays():
+    assert to_type("asperity gen run") == "asperity gen run"
+    assert to_type("gen run") == "python -m gen run"
+
+
+class Full(io.StringIO):
+    """A stream on a device that is full."""
+
+    def write(self, text):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+
+@pytest.mark.parametrize("terminal", [False, True])
+def test_progress_in_a_program_of_somebody_else_ends_no_run(monkeypatch, terminal):
+    stream = Full()
+    monkeypatch.setattr(stream, "isatty", lambda: terminal)
+    monkeypatch.setattr("sys.stderr", stream)
+    with RunProgress(2) as progress:
+        progress.say("hello")
+        progress.advance(2, 0)

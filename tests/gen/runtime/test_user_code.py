@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from gen.runtime.errors import SourceError
-from gen.runtime.overtime import Overtime, at_most
+from gen.runtime.signals import Overtime, at_most
 from gen.runtime.user_code import TRUSTED, faults_of, load_function, source_hash, source_of
 
 
@@ -71,7 +71,6 @@ def test_modules_may_define_dataclasses_and_import_their_neighbours(here):
     ("text", "fault"),
     [
         ("def g():\n    pass\n", "of_the_user.py has no function f"),
-        ("f = 5\n", "has no function f"),
         ("def f(:\n", "importing of_the_user failed: SyntaxError"),
         (
             "raise ValueError('two\\nlines')\n",
@@ -79,7 +78,6 @@ def test_modules_may_define_dataclasses_and_import_their_neighbours(here):
         ),
         ("import no_such_module_here\n", "ModuleNotFoundError"),
         ("import sys\nsys.exit(3)\n", "importing of_the_user failed: SystemExit: 3"),
-        ("1 / 0\n", "importing of_the_user failed: ZeroDivisionError"),
     ],
 )
 def test_a_function_that_cannot_be_loaded_is_one_line(here, text, fault):

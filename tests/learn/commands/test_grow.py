@@ -5,14 +5,13 @@ import subprocess
 import time
 from pathlib import Path
 
-import numpy as np
 import pytest
 from databases import deterministic_bytes
 from launch import TIMEOUT, command, environment, launch, mpiexec
+from surrogate_numbers import numbers_of
 
 from gen import cli as gen
-from learn import Surrogate, cli
-from learn.surrogate.packing import packed
+from learn import cli
 
 SCENE = "samples = 10\n[surface]\nnodes = 9\n"
 GROW = ["grow", "scene.toml", "-o", "my.surrogate", "--features", "dimensionless"]
@@ -24,9 +23,7 @@ def run(*arguments):
 
 
 def numbers(path):
-    found = Surrogate.load(path)
-    with np.printoptions(threshold=10**6, precision=17):
-        return repr(packed(found.card, found.learnt, found.low, found.high, found.distance))
+    return numbers_of(path)
 
 
 @pytest.fixture(scope="module")
@@ -83,11 +80,11 @@ FAILING = """
 import sys
 from mpi4py import MPI
 from learn import cli
-from learn.grow import generation
+from learn.grow import rows
 def broken(*arguments, **keys):
     raise ZeroDivisionError("a bug")
 if MPI.COMM_WORLD.rank == 2:
-    generation.compute_rows = broken
+    rows.compute_rows = broken
 sys.exit(cli.main({arguments}))
 """
 

@@ -3,20 +3,9 @@
 import os
 
 import h5py
-import pytest
 from comparisons import run
 
 from learn.comparison import folder
-
-
-def test_predictions_and_scores_belong_together(work):
-    from learn.metrics import scores
-
-    assert run("compare", "database.h5", "-o", "out", "--model", "decision-tree") == 0
-    part = folder.Folder(work / "out/area")
-    found = scores(*part.prediction("baseline", "decision-tree"))
-    stored = part.result("baseline", "decision-tree")["test"]
-    assert stored == pytest.approx(vars(found))
 
 
 def test_databases_whose_names_are_no_text_leave_folders_that_can_be_read(work):

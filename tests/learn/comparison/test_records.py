@@ -22,8 +22,7 @@ def made(tmp_path_factory):
     database = folder / "rows.h5"
     assert gen_cli.main(["run", str(folder / "scene.toml"), "-o", str(database)]) == 0
     arguments = [str(database), "-o", str(folder / "found"), "--model", "decision-tree"]
-    # Long enough for a first result on a machine that is busy with other work.
-    assert cli.main(["tune", *arguments, "--budget", "5s"]) == 0
+    assert cli.main(["tune", *arguments]) == 0
     assert (folder / "found" / RESULT).exists()
     return folder
 
@@ -46,7 +45,7 @@ def refusal(capsys, *arguments: str) -> str:
 SHOW = ("show", "found", "--no-pictures")
 FIT = ("fit", "rows.h5", "--model", "decision-tree", "--from", "found", "--target", "area")
 FIT = (*FIT, "-o", "a.surrogate")
-TUNE = ("tune", "rows.h5", "-o", "found", "--model", "decision-tree", "--budget", "1s")
+TUNE = ("tune", "rows.h5", "-o", "found", "--model", "decision-tree")
 
 DAMAGE = {
     "no-object": (RECORD, b"[1, 2]", SHOW),
@@ -54,9 +53,7 @@ DAMAGE = {
     "not-utf-8": (RESULT, b"\xff\xfe", SHOW),
     "empty": (RESULT, b"", SHOW),
     "nested": (RESULT, b"[" * 100_000, SHOW),
-    "digits": (RESULT, b'{"model": ' + b"9" * 5000 + b"}", SHOW),
     "trials": (TRIALS, b"{}\n[]\n", TUNE),
-    "trials-digits": (TRIALS, b"9" * 5000 + b"\n", TUNE),
 }
 
 
@@ -70,24 +67,16 @@ def test_what_is_no_document_is_refused(name, folder, capsys):
 CHANGES = {
     "missing": (RECORD, "unit", None, SHOW),
     "target": (RECORD, "conditions.target", 3, SHOW),
-    "rows-text": (RECORD, "conditions.train_rows", "many", SHOW),
     "rows-negative": (RECORD, "conditions.test_rows", -1, SHOW),
     "area-nan": (RECORD, "conditions.area_max", float("nan"), SHOW),
-    "conditions-list": (RECORD, "conditions", [], FIT),
     "seed-float": (RECORD, "conditions.seed", 1.5, FIT),
-    "normalisation": (RECORD, "conditions.normalisation", "x", FIT),
     "features": (RECORD, "conditions.features", "x", FIT),
     "score-nan": (RESULT, "test.r2", float("nan"), SHOW),
-    "score-huge": (RESULT, "test.r2", 10**400, SHOW),
     "score-missing": (RESULT, "test.nmae", None, SHOW),
     "times-nan": (RESULT, "times.fit", float("nan"), SHOW),
-    "times-list": (RESULT, "times", [], SHOW),
     "search-text": (RESULT, "search.fits", "many", SHOW),
-    "settings-list": (RESULT, "settings", [1], FIT),
     "setting-unknown": (RESULT, "settings.depth", 3, FIT),
     "setting-huge": (RESULT, "settings.max_depth", 10**9, FIT),
-    "setting-nested": (RESULT, "settings.max_depth", {"a": 1}, FIT),
-    "refit": (RESULT, "refit", {"max_depth": 3}, FIT),
 }
 
 
@@ -110,7 +99,7 @@ def test_a_damaged_value_is_named(name, folder, capsys):
 
 @pytest.mark.parametrize(
     ("key", "value"),
-    [("fold", 9), ("fold", "0"), ("rows", -1), ("r2", "x"), ("seconds", -1.0), ("more", 1)],
+    [("fold", 9), ("r2", "x"), ("r2", -1e30), ("seconds", -1.0), ("more", 1)],
 )
 def test_a_damaged_trial_is_named_by_its_line(key, value, folder, capsys):
     lines = (folder / TRIALS).read_text().splitlines()
@@ -135,8 +124,3 @@ def test_predictions_that_are_no_numbers_are_refused(folder, capsys):
     for damaged in ("", whole + "7,nan,1\n", whole + "7\n", whole + "a,b,c\n"):
         table.write_text(damaged)
         assert "decision-tree.csv" in refusal(capsys, "show", "found")
-
-
-def test_the_folder_is_sound_as_it_was_made(folder, capsys):
-    assert cli.main(list(SHOW)) == 0
-    assert cli.main(list(FIT)) == 0, capsys.readouterr().err

@@ -15,27 +15,12 @@ from gen.runtime.errors import InputError
 from learn import dataset
 from learn.executor import Executor
 from learn.features import SETS, SurfaceFeatures, regeneration
-from learn.features.pressed import BLOCK_COUNTS, HYBRID
 from learn.features.regeneration import hybrid_rows
-from learn.features.sets import STATISTICS
+from learn.features.sets import BLOCK_COUNTS, HYBRID, STATISTICS
 
 
 def never():
     return False
-
-
-@pytest.mark.parametrize("name", list(SETS))
-def test_rows_of_a_database_and_their_surfaces_have_the_same_features(solved, name):
-    hybrid = hybrid_rows(solved, Executor(), never) if SETS[name].needs_surface else None
-    rows = dataset.read(solved, "area", features=name, hybrid=hybrid)
-    assert rows.names == SETS[name].columns
-    with Reader(solved) as reader:
-        scene = reader.scene
-    plan = parameters(scene, 0, scene.samples)
-    for row in (0, 17, 89):
-        own = SurfaceFeatures(surface_of(scene, plan, row), (scene.surface.side,) * 2)
-        again = own.features(SETS[name], plan.delta[row : row + 1])
-        np.testing.assert_array_equal(rows.inputs[row], again[0])
 
 
 @pytest.mark.parametrize("blocks", BLOCK_COUNTS)

@@ -1,11 +1,18 @@
-"""Errors of surrogates, their standard errors, and how often their bounds fail."""
+"""Errors of surrogates and their bounds, the sizes of looks, and the rows that are held out."""
 
+import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from learn.grow.accuracy import accuracy
+from gen.runtime.errors import InputError
+from learn import dataset
+from learn.grow import accuracy as module
+from learn.grow.accuracy import RISK, SMALLEST_SURFACES, Sizes, accuracy, risk
 
 
 def test_of_equal_truths_it_is_the_mean_with_its_standard_error():
@@ -30,10 +37,6 @@ def test_a_single_surface_bounds_nothing():
     assert found.bound(0.05) == math.inf
 
 
-def test_without_errors_the_bound_is_zero():
-    assert accuracy(np.zeros(5), np.ones(5), np.arange(5)).bound(0.001) == 0.0
-
-
 @pytest.mark.parametrize("groups", [12, 60])
 def test_the_bound_fails_about_as_often_as_it_may(groups):
     """Half-normal errors that grow with the truth; nMAE + t SE fails twice as often and more."""
@@ -48,6 +51,81 @@ def test_the_bound_fails_about_as_often_as_it_may(groups):
     assert failed < risk + 3 * math.sqrt(risk / trials) + 0.003
 
 
+@given(st.integers(1, 400))
+def test_sizes_are_whole_surfaces_that_grow_by_about_the_square_root_of_two(per_surface):
+    sizes = Sizes(per_surface)
+    rows = [sizes.rows(number) for number in range(16)]
+    assert rows[0] >= max(60, SMALLEST_SURFACES * per_surface)
+    for small, large in itertools.pairwise(rows):
+        assert large % per_surface == 0
+        assert 1.2 < large / small < 1.65
+    assert [sizes.number(each) for each in rows] == list(range(16))
+    assert sizes.number(rows[3] + 1) == 4
+
+
+def test_the_risks_of_all_looks_together_are_the_risk_that_is_stated():
+    assert sum(risk(number) for number in range(10_000)) == pytest.approx(RISK, rel=1e-3)
+    assert sum(risk(number) for number in range(10_000)) < RISK
+
+
+def test_one_of_five_successive_numbers_is_drawn_by_the_seed_alone():
+    drawn = module.drawn(np.arange(1000), 7)
+    assert (drawn.reshape(-1, 5).sum(axis=1) == 1).all()
+    assert (drawn != module.drawn(np.arange(1000), 8)).any()
+    some = np.random.default_rng(0).permutation(1000)[:300]
+    np.testing.assert_array_equal(module.drawn(some, 7), drawn[some])
+    places = np.flatnonzero(drawn) % 5
+    assert (np.bincount(places, minlength=5) > 20).all()  # random, not every fifth
+
+
+@pytest.mark.parametrize("rows", [30, 61])
+def test_a_larger_database_holds_out_the_same_rows(solved, rows):
+    whole = dataset.read(solved)
+    test, train = module.split_holdout(whole)
+    some = whole.at(np.arange(rows))
+    test_then, train_then = module.split_holdout(some)
+    np.testing.assert_array_equal(test_then, test[:rows])
+    np.testing.assert_array_equal(train_then, train[:rows])
+    assert test.sum() == whole.size // 5
+
+
+def test_windows_of_one_tile_are_in_one_part(populations):
+    rows = dataset.read(populations / "scans.h5", "area")
+    test, train = module.split_holdout(rows)
+    assert rows.by_tile
+    assert test.any()
+    assert train.any()
+    assert not set(rows.groups[test]) & set(rows.groups[train])
+
+
+def test_rows_linked_to_rows_of_the_holdout_train_never_and_test_no_more(populations):
+    rows = dataset.read(populations / "scans.h5", "area")
+    test, _ = module.split_holdout(rows)
+    linked = replace(rows, groups=np.zeros(rows.size, dtype=np.int64))
+    test_then, train_then = module.split_holdout(linked)
+    np.testing.assert_array_equal(test_then, test)
+    assert not train_then.any()
+
+
+def test_parts_are_whole_groups_in_random_order_with_folds(solved):
+    rows = dataset.read(solved)
+    parts = module.parted([rows], seed=3)
+    assert sorted([*parts.train, *parts.test]) == list(range(rows.size))
+    assert set(parts.folds) == set(range(5))
+    assert (np.diff(parts.folds) >= 0).all()
+    assert list(parts.train) != sorted(parts.train)
+    other = module.parted([rows], seed=4)
+    np.testing.assert_array_equal(other.test, parts.test)
+    assert list(other.train) != list(parts.train)
+
+
+def test_parts_without_a_test_row_are_refused(solved):
+    rows = dataset.read(solved)
+    test, _ = module.split_holdout(rows)
+    with pytest.raises(InputError, match="over the 0 test rows"):
+        module.parted([rows.at(np.flatnonzero(~test))], seed=0)
+
+
 def test_errors_are_measured_by_magnitudes():
     """A negative target has no negative error, and a signed one of mean 0 has an error at all."""
     random = np.random.default_rng(5)
@@ -55,3 +133,12 @@ def test_errors_are_measured_by_magnitudes():
     wanted = accuracy(errors, truth, groups)
     assert accuracy(errors, -truth, groups) == wanted
     assert accuracy(errors, truth * (-1.0) ** groups, groups) == wanted
+
+
+def test_rows_that_repeat_a_surface_follow_its_first_row(populations):
+    rows = dataset.read(populations / "python.h5", "area")
+    repeated = replace(rows, groups=np.arange(rows.size) % 20)
+    test, train = module.split_holdout(repeated)
+    for group in range(20):
+        assert len(set(test[repeated.groups == group])) == 1
+    assert (train == ~test).all()

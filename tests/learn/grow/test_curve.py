@@ -6,10 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from learn.grow import curve as module
-from learn.grow.accuracy import Accuracy
+from learn.grow.accuracy import Accuracy, Sizes
 from learn.grow.curve import Curve, advise, fitted, values
-from learn.grow.sizes import Sizes
 
 
 @pytest.mark.parametrize("exact", [(0.0, 50.0, 0.5), (1.0, 300.0, 0.9), (0.5, 20.0, 0.3)])
@@ -18,13 +16,6 @@ def test_the_fit_finds_the_curve_that_points_lie_on(exact):
     found = fitted(rows, values(np.array(exact), rows))
     further = np.array([6400.0, 25_600.0])
     assert values(found, further) == pytest.approx(values(np.array(exact), further), rel=0.02)
-
-
-def test_rising_errors_level_off():
-    floor, scale, exponent = fitted(np.array([50.0, 100.0, 200.0]), np.array([2.0, 2.1, 2.2]))
-    assert 0 <= floor <= 2.0
-    assert scale > 0
-    assert exponent >= 0.1
 
 
 def appraised(nmae, error, mark, rows=240, *, by_tile=False):
@@ -63,26 +54,3 @@ def test_a_floor_above_the_mark_is_hopeless():
     advice = advise(appraised(4.0, 0.1, 2.0), curve_of((3.0, 15.5, 0.5)), Sizes(1), 20_000)
     assert math.isinf(advice.rows)
     assert advice.hopeless == 1.0
-
-
-def test_the_spread_of_the_draws_is_stated():
-    fits = [(0, 62.0, 0.5)] * 5 + [(3.0, 15.5, 0.5)] * 5
-    advice = advise(appraised(4.0, 0.0, 2.001), curve_of(*fits), Sizes(1), 20_000)
-    assert advice.low == 960
-    assert math.isinf(advice.high)
-    assert advice.hopeless == 0.5
-
-
-def test_no_more_rows_than_allowed_are_advised():
-    advice = advise(appraised(4.0, 0.0, 2.0), curve_of((0, 62.0, 0.5)), Sizes(1), 700)
-    assert math.isinf(advice.rows)
-
-
-@pytest.mark.parametrize("rows", [60, 500, 100_000])
-def test_parts_lie_in_the_database_and_do_not_overlap(rows):
-    parts = list(module._parts(rows))
-    for size in {size for size, _ in parts}:
-        starts = [start for each, start in parts if each == size]
-        assert starts == [draw * size for draw in range(len(starts))]
-        assert starts[-1] + size <= rows
-        assert module.FEWEST_ROWS <= size <= module.MOST_ROWS

@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 from small_populations import MAPS
 
-from gen.draft.loads import Material
+from gen.draft.proposal import Material
+from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
-from gen.scans.library import Reading
 from gen.scene import load
 from learn.grow.population import Population, scene_of
 
@@ -19,7 +19,7 @@ def population(name, *given, hardness=None):
 
 @pytest.fixture(scope="module")
 def maps(tmp_path_factory):
-    from bench.populations.made_maps import write_all
+    from bench.made_maps import write_all
 
     folder = tmp_path_factory.mktemp("maps")
     write_all(folder / "maps", MAPS)
@@ -37,11 +37,6 @@ def test_shipped_scenes_and_files_are_read(tmp_path):
 def test_options_of_maps_are_refused_for_scenes():
     with pytest.raises(InputError, match="--young: is for a folder of maps"):
         population("quick", "--young").check(Path("my.surrogate"))
-
-
-def test_a_surrogate_among_the_maps_is_refused(maps):
-    with pytest.raises(InputError, match="among the maps"):
-        population(maps).check(maps / "my.surrogate")
 
 
 def test_the_scene_of_a_folder_is_written_once_and_is_the_same_again(maps, tmp_path):

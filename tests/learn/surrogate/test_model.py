@@ -1,7 +1,6 @@
 """Surrogates of every model: fitted, stored, asked."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,16 +8,16 @@ import pytest
 import bem
 import learn
 from gen import cli
-from gen.option_groups import Reading
+from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
 from gen.surface import generate
 from learn import Surrogate, split
-from learn.comparison.search.spaces import OPTIMA
+from learn.comparison.spaces import OPTIMA
 from learn.executor import Executor
-from learn.features.pressed import BLOCK_COUNTS, ROOTED_LOCAL
+from learn.features.sets import BLOCK_COUNTS, ROOTED_LOCAL
 from learn.models import MODELS
 from learn.request import Request
-from learn.surrogate import agreement, law, settings, training
+from learn.surrogate import fitting, law, settings
 from learn.surrogate.card import lines
 from learn.surrogate.law import Order
 
@@ -31,7 +30,7 @@ def fitted(path, model="kernel-ridge", features="dimensionless", **options):
     targets = options.pop("targets", ("area", "force"))
     scaling = "l2" if features == "paper" else "standard"
     request = Request(path, path, targets, (model,), None, scaling, features, **options)
-    return training.fit(request, Executor(), say)
+    return fitting.fit(request, Executor(), say)
 
 
 @pytest.fixture(scope="module")
@@ -72,14 +71,13 @@ def test_every_model_fits_saves_loads_and_predicts_the_same(
     assert scores["r2"] > (60 if model == "decision-tree" else 80)  # 58 rows trained it
 
 
-@pytest.mark.parametrize("features", ["paper", "dimensionless"])
-def test_what_it_predicts_are_the_rows_of_its_test(solved, features):
+def test_what_it_predicts_are_the_rows_of_its_test(solved):
     from gen.database import Reader
     from gen.generation.plan import parameters
     from gen.generation.sample import surface_of
     from learn import dataset, metrics
 
-    surrogate = fitted(solved, features=features)
+    surrogate = fitted(solved)
     rows = dataset.read(solved, "force")
     test = split.draw(rows).test
     with Reader(solved) as reader:
@@ -112,21 +110,6 @@ def test_a_surface_costs_its_features_once_and_batches_are_the_single_calls(ridg
     assert "description" in vars(on_surface.surface)
 
 
-@pytest.mark.parametrize("features", ["paper", "dimensionless"])
-def test_kernel_ridge_is_scikit_learns(solved, features):
-    learnt = replace(
-        fitted(solved, features=features, targets=("area",)).learnt["area"], clipped=None
-    )
-    ridge = learnt.pipeline.named_steps["model"]
-    inputs = learnt.pipeline.steps[0][1].transform(
-        np.abs(np.random.default_rng(0).normal(size=(5000, 23)))
-    )
-    assert learnt._expansion is not None
-    learnt.pipeline.steps[0] = ("scaling", "passthrough")
-    theirs = learnt.scaling.restored(ridge.predict(inputs))
-    np.testing.assert_allclose(learnt.raw(inputs), theirs, rtol=1e-6, atol=1e-9)
-
-
 @pytest.fixture(scope="module")
 def rooted(solved):
     """A surrogate as `learn fit --features hybrid` makes it, with square roots."""
@@ -138,7 +121,10 @@ def test_roots_of_area_and_features_are_learnt_kept_and_squared_again(rooted, he
     loaded = Surrogate.load(tmp_path / "rooted.surrogate")
     assert loaded.features.columns[-7:] == tuple(f"sqrt({name})" for name in ROOTED_LOCAL)
     assert loaded.card["blocks"] == 33
-    assert (loaded.learnt["area"].root, loaded.learnt["force"].root) == (True, False)
+    assert (loaded.learnt["area"].scaling.root, loaded.learnt["force"].scaling.root) == (
+        True,
+        False,
+    )
     deltas = np.linspace(2.0, 40.0, 9)
     found, again = rooted.predict(heights, 1000.0, deltas), loaded.predict(heights, 1000.0, deltas)
     np.testing.assert_array_equal(again.area, found.area)
@@ -151,24 +137,6 @@ def test_roots_of_area_and_features_are_learnt_kept_and_squared_again(rooted, he
     cut = (found.low["area"] > 0) & (found.high["area"] < 100)
     assert cut.sum() > 2
     np.testing.assert_allclose((low + high)[cut] / 2, np.sqrt(found.area)[cut], rtol=1e-9)
-
-
-def test_a_card_with_roots_that_its_features_do_not_have_is_refused(rooted, ridge):
-    for card, fault in (
-        (rooted.card | {"roots": False}, "roots is False"),
-        (rooted.card | {"roots": 1}, "roots is 1"),
-        (rooted.card | {"blocks": 34}, "--blocks 34: give 33 or 65"),
-        (rooted.card | {"blocks": 33.0}, "blocks is 33"),
-        (ridge.card | {"blocks": 33}, "dimensionless features have no coarse solve of 33"),
-        (ridge.card | {"roots": True}, "columns are not those|features have no roots"),
-    ):
-        with pytest.raises((ValueError, InputError), match=fault):
-            agreement.check_card(card)
-    without = {name: entry for name, entry in rooted.card.items() if name != "roots"}
-    with pytest.raises(ValueError, match="no coarse solve of 33"):
-        agreement.check_card(without)
-    with pytest.raises(ValueError, match="area is learnt as a square root"):
-        agreement.check_models(ridge.card, {"area": rooted.learnt["area"]}, ridge.low, ridge.high)
 
 
 def test_the_deviation_of_a_gaussian_process_is_that_of_the_square(solved, heights):
@@ -256,35 +224,6 @@ def test_the_package_offers_the_class_and_nothing_else():
 def plastic(yielding):
     """A surrogate of bodies that yield at 0.003 to 0.1 E*."""
     return fitted(yielding, features="hybrid", targets=("area", "force", "yielded_percent"))
-
-
-def test_a_file_from_before_the_hardness_answers_as_it_did():
-    old = Surrogate.load(Path(__file__).with_name("elastic.surrogate"))
-    surface = generate("diamond-square", 17, 0.7, 12.0, np.random.default_rng(0))
-    found = old.predict(surface, 1000.0, [10.0, 30.0])
-    np.testing.assert_allclose(found.area, [15.30474605202898, 50.88284574374893], rtol=1e-12)
-    np.testing.assert_allclose(found.force, [3923.17097756496, 24576.016456407888], rtol=1e-12)
-    low = [6.389432139583134, 41.967531831303084]
-    np.testing.assert_allclose(found.low["area"], low, rtol=1e-12)
-    assert old.hardness_limits is None
-    assert old.card["nodes"] == [17, 17], "format 3 had one number for both axes"
-    assert old.card["side"] == [1000.0, 1000.0]
-    with pytest.raises(InputError, match="trained on elastic bodies"):
-        old.predict(surface, 1000.0, 10.0, hardness=0.01)
-
-
-def test_a_file_from_before_the_local_features_answers_as_it_did():
-    """Format 4, hybrid features with five roots.
-
-    Its features come from a loose solve, whose dense algebra rounds in single precision: areas
-    differ by some 2e-8 of themselves between processors (try OPENBLAS_CORETYPE=Sandybridge).
-    """
-    old = Surrogate.load(Path(__file__).with_name("rooted.surrogate"))
-    surface = generate("diamond-square", 65, 0.7, 12.0, np.random.default_rng(0))
-    found = old.predict(surface, 1000.0, [10.0, 30.0])
-    np.testing.assert_allclose(found.area, [6.2642351750487855, 34.139854229479305], rtol=1e-7)
-    np.testing.assert_allclose(found.low["area"], [5.9163572796004440, 33.321096986277226])
-    assert (len(old.features.columns), old.features.solved_blocks) == (35, 33)
 
 
 def test_finer_blocks_are_kept_and_answer_the_same(tmp_path):
@@ -398,7 +337,7 @@ def test_a_surrogate_of_oblong_patches_knows_their_shape(oblong, tmp_path):
     assert loaded.card["nodes"] == [18, 33]
     assert loaded.card["side"] == [700.0, 1200.0]
     assert loaded.card["spacing"] == pytest.approx([700 / 17, 1200 / 32])
-    assert "18 x 33 nodes, sides 700 x 1200 um" in " ".join(lines(loaded))
+    assert "18 x 33 nodes, sides 700 x 1200 um" in " ".join(lines(loaded.card))
     assert loaded.note((18, 33), (700.0, 1200.0)) == ""
     assert loaded.note((18, 33), (7.0, 12.0)) == "", "without units any size is alike"
     assert loaded.note((33, 18), (1200.0, 700.0)) == (
@@ -416,18 +355,3 @@ def test_a_surrogate_with_units_knows_the_spacing_along_both_axes(populations):
     assert paper.note((18, 33), (700.0, 1200.0)) == ""
     assert "side 7 um, trained on 700 um" in paper.note((18, 33), (7.0, 12.0))
     assert "spacing 19.05 um, trained on 37.5 um" in paper.note((18, 64), (700.0, 1200.0))
-
-
-@pytest.mark.parametrize("pair", [[18, 32], [18], 18, "18", [18, 0], None, [18, "33"]])
-def test_a_card_with_other_nodes_than_its_scene_is_refused(oblong, pair):
-    with pytest.raises(ValueError, match="nodes"):
-        agreement.check_card(oblong.card | {"nodes": pair})
-
-
-@pytest.mark.parametrize("boundary", [None, "free", "periodic", 3])
-def test_a_card_with_another_boundary_than_its_scene_is_refused(cells, boundary):
-    card = {name: value for name, value in cells.card.items() if name != "boundary"}
-    card |= {} if boundary is None else {"boundary": boundary}
-    with pytest.raises(ValueError, match=f"boundary is {boundary}, mirror in the scene"):
-        agreement.check_card(card)
-    agreement.check_card(cells.card)

@@ -1,0 +1,216 @@
+"""Questions about Asperity and the measured answers: the lines at the top of the page.
+
+Each line is made of tables of one report. Its commands are those that the report's records name.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from bench.files import is_there, named, read_table
+from bench.record import Inputs, read
+from bench.report import Part
+
+Row = dict[str, str]
+Answer = Callable[[list[Row]], str]
+
+NOT_OTHERS = {"bem", "paper's NNLS"}
+"""Solvers among the peers that are not another program."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A question, and the function that puts rows of the `tables` of a part into words.
+
+    In names of tables a * stands for several; `also` are further reports that add to them.
+    """
+
+    question: str
+    part: str
+    tables: str
+    answer: Answer
+    also: Sequence[str]
+
+    def said(self, folder: Path) -> str:
+        """Return the answer, "" if the tables are not there or lack it."""
+        paths = [path for path in named(folder, self.tables) if is_there(path)]
+        rows = [row for path in paths for row in read_table(path)[1]]
+        try:
+            return self.answer(rows) if rows else ""
+        except (LookupError, ValueError):  # a short run has fewer rows
+            return ""
+
+
+ASKED: list[Asked] = []
+"""The questions in the order of the page."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line of the page; its commands are those that were run, none if no record names one."""
+
+    question: str
+    answer: str
+    part: str
+    commands: tuple[str, ...]
+
+
+def lines(parts: Sequence[Part], inputs: Inputs) -> list[Line]:
+    """Answer all questions whose tables are there and hold the answer."""
+    known = {part.name: part for part in parts}
+    found = []
+    for asked in ASKED:
+        made_by = [known[each] for each in (asked.part, *asked.also) if each in known]
+        if made_by and (answer := asked.said(inputs.folder(made_by[0]))):
+            records = [(part, read(inputs.making(part).path)) for part in made_by]
+            ran = tuple(inputs.command(part, record.command) for part, record in records if record)
+            found.append(Line(asked.question, answer, asked.part, ran))
+    return found
+
+
+def asked(
+    question: str, tables: str, also: Sequence[str] = (), part: str = ""
+) -> Callable[[Answer], Answer]:
+    """Let a function answer a question from tables of a report, that of its name unless given."""
+
+    def keep(answer: Answer) -> Answer:
+        ASKED.append(Asked(question, part or answer.__name__, tables, answer, also))
+        return answer
+
+    return keep
+
+
+@asked("How exact is a contact?", "hertz.csv")
+def hertz(rows: list[Row]) -> str:
+    """Error of the force on a sphere on the finest grid, at the largest displacement."""
+    deepest = max(float(row["delta_um"]) for row in rows)
+    last = [row for row in rows if float(row["delta_um"]) == deepest]
+    (exact,) = (float(row["force_uN"]) for row in last if row["solution"] == "hertz")
+    ours = {
+        int(float(row["nodes"])): float(row["force_uN"])
+        for row in last
+        if row["solution"] == "uniform-pressure"
+    }
+    error = 100 * abs(ours[max(ours)] / exact - 1)
+    return (
+        f"The force on a sphere is within {error:.2g} % of Hertz's, {max(ours)} nodes a side,"
+        f" pressed in by {deepest:g} um."
+    )
+
+
+def _beside_others(rows: list[Row], case: tuple[str, ...]) -> str:
+    """Tell the time of the fastest other solver over ours, from the least of all cases on."""
+    ratios: dict[tuple[str, ...], float] = {}
+    for row in rows:
+        if row["times_ours"] and row["solver"] not in NOT_OTHERS:
+            key = tuple(row[name] for name in case)
+            ratios[key] = min(ratios.get(key, float("inf")), float(row["times_ours"]))
+    least, most = min(ratios.values()), max(ratios.values())
+    return f"The fastest other solver takes {least:.2g} to {most:.2g} times our time."
+
+
+@asked("How fast, at equal accuracy?", "peers.csv")
+def peers(rows: list[Row]) -> str:
+    """Time of the fastest other solver over ours on free patches."""
+    return _beside_others(rows, ("nodes", "hurst", "delta_um"))
+
+
+@asked("How fast on periodic patches?", "periodic.csv")
+def periodic(rows: list[Row]) -> str:
+    """The same on periodic patches."""
+    return _beside_others(rows, ("nodes", "hurst", "mean_pressure"))
+
+
+@asked("Does it bear stiff and extreme cases?", "*.csv")
+def stability(rows: list[Row]) -> str:
+    """Cases that pass, of all."""
+    passed = sum(row["verdict"] == "passed" for row in rows)
+    return f"{passed} of {len(rows)} stiff and extreme cases pass."
+
+
+@asked("Do fine grids cost more steps?", "growth.csv")
+def growth(rows: list[Row]) -> str:
+    """Growth of the convolutions from the smallest grid to the largest."""
+    sizes = sorted({int(row["nodes"]) for row in rows})
+    most = max(float(row["growth"]) for row in rows if int(row["nodes"]) == sizes[-1])
+    return (
+        f"From {sizes[0]} to {sizes[-1]:,} nodes a side the convolutions of a solve grow by a"
+        f" factor of {most:.2g} at most."
+    )
+
+
+@asked("How near do its models come to the paper's?", "area/scores.csv", also=("tuning",))
+def comparison(rows: list[Row]) -> str:
+    """Best of the nine models with the paper's features, beside the paper's best."""
+    ours, theirs = (
+        max((row for row in rows if row[name]), key=lambda row: float(row[name]), default=None)
+        for name in ("r2", "paper_r2")
+    )
+    if ours is None:
+        return ""
+    best = (
+        f"With a split by surfaces, the best of nine models ({ours['model']}) reaches R2"
+        f" {float(ours['r2']):.2f} % of the area"
+    )
+    if theirs is None:  # other features or another database than the paper's
+        return f"{best}."
+    return f"{best}; the paper's best ({theirs['model']}) has {float(theirs['paper_r2']):.2f} %."
+
+
+@asked("How exact is a surrogate?", "learning.csv", part="cost")
+def exactness(rows: list[Row]) -> str:
+    """Error of the area with hybrid features, learnt from all rows, on rows that judge."""
+    best = max((r for r in rows if r["features"] == "hybrid"), key=lambda r: int(r["trained"]))
+    return (
+        f"New surfaces of the same kind: nMAE {float(best['nmae']):.2f} % of the area, R2"
+        f" {float(best['r2']):.2f} %, learnt from {int(best['trained']):,} rows."
+    )
+
+
+@asked("Does it know what it does not know?", "coverage.csv")
+def coverage(rows: list[Row]) -> str:
+    """Populations whose rows without a flag are covered as promised."""
+    judged = [row for row in rows if int(row["unflagged"])]
+    met = sum(row["verdict"].startswith("met") for row in judged)
+    worst = min(judged, key=lambda row: float(row["covered_unflagged"]))
+    return (
+        f"In {met} of {len(judged)} shifted populations 90 % intervals hold at least 88 % of the"
+        f" rows without a flag, to within the error. Least,"
+        f" {100 * float(worst['covered_unflagged']):.0f} %: rows of '{worst['tested_on']}', learnt"
+        f" from '{worst['trained_on']}'. In {len(rows) - len(judged)} more all rows are flagged."
+    )
+
+
+@asked("What of measured maps?", "scans.csv")
+def scans(rows: list[Row]) -> str:
+    """Errors on unseen tiles of maps, for each size of window."""
+    whole = [row for row in rows if row["left_out"] == "unseen tiles" and row["map"] == "all"]
+    sizes = "; ".join(
+        f"{row['nodes']} nodes a side: R2 {float(row['r2']):.2f} %, nMAE {float(row['nmae']):.2g} %"
+        for row in sorted(whole, key=lambda row: int(row["nodes"]))
+    )
+    if not sizes:
+        raise LookupError("unseen tiles")
+    return f"Parts of maps that were not trained on: {sizes}."
+
+
+@asked("Is the accuracy asked for kept?", "grow.csv")
+def grow(rows: list[Row]) -> str:
+    """Promises of accuracy that hold on fresh surfaces."""
+    kept = sum(float(row["fresh_nmae"]) <= float(row["asked"]) for row in rows)
+    return f"The accuracy asked for holds on fresh surfaces in {kept} of {len(rows)} cases."
+
+
+@asked("When does a surrogate pay?", "cost.csv")
+def cost(rows: list[Row]) -> str:
+    """Contacts from which on a surrogate costs less than solving."""
+    (row,) = (
+        row
+        for row in rows
+        if (row["asked"], row["solver"], row["features"]) == ("new surfaces", "ours", "hybrid")
+    )
+    return (
+        f"From {int(row['break_even']):,} contacts of new surfaces on, with"
+        f" {int(row['rows']):,} rows to train on; an answer takes"
+        f" {float(row['query']) / float(row['solve']):.2g} of the time of a solve."
+    )

@@ -1,0 +1,218 @@
+"""The commands of `bench`: one for each report, as its TOML file says, and those of the page."""
+
+import inspect
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from pkgutil import resolve_name
+from typing import Annotated, Any
+
+import typer
+
+from bench.contents import cell
+from bench.files import Row, markdown, read_toml
+from bench.report import PARTS, Part, Report, remark
+from gen.runtime import command_line
+from gen.runtime.errors import InputError
+from gen.runtime.figure import new_figure
+from gen.runtime.files import check_folder
+
+app = typer.Typer(add_completion=False, rich_markup_mode=None)
+
+_output = typer.Option("--output", "-o", metavar="DIR", help="The folder to write into.")
+Folder = Annotated[Path, _output]
+Place = Annotated[Path | None, _output]
+Database = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="A database of the paper preset, not generated anew."),
+]
+Comparison = Annotated[
+    Path | None,
+    typer.Option(metavar="DIR", help="Folder of learn compare and tune; made if left out."),
+]
+Full = Annotated[bool, typer.Option("--full", help="Everything: hours. Else ten minutes.")]
+Names = Annotated[list[str] | None, typer.Argument(metavar="NAME", help="All if none.")]
+
+LONGEST = 60  # rows of a table that is printed
+
+
+@app.callback()
+def describe_program(*, version: command_line.Version = False) -> None:
+    """Reports on exactness and speed, each as a table (CSV) and a picture (PNG)."""
+
+
+def main(arguments: Sequence[str], name: str = "bench") -> int:
+    """Run one command line; return its exit code."""
+    return command_line.main(app, name, arguments, alone=True)
+
+
+@app.command()
+def run(
+    output: Folder,
+    names: Names = None,
+    *,
+    full: Full = False,
+    database: Database = None,
+    comparison: Comparison = None,
+    only: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="The same as NAME alone.")
+    ] = None,
+    plan: Annotated[
+        bool, typer.Option("--plan", help="List the parts with their times, and make nothing.")
+    ] = False,
+) -> int:
+    """Make all reports, or those named, and one page of them: DIR/index.html, without network.
+
+    Every part runs as a command of its own, in DIR/PART, two at a time but those that measure
+    times, which run alone. A part stays where the same command has made it from the same inputs,
+    with the same code and packages: after Ctrl-C the same command goes on. A short run leaves alone
+    what a full one has made. Exit code 1 if a check failed or a part could not be made.
+    """
+    from bench import run as running
+    from bench.record import Inputs
+
+    inputs, chosen = Inputs(output, database, comparison, full), [*(names or ()), *(only or ())]
+    if plan:
+        typer.echo(running.planned(inputs, chosen))
+        return 0
+    path, outcome = running.run(inputs, chosen)
+    typer.echo(path)
+    if outcome.signal:
+        remark("bench: interrupted; the same command goes on")
+        return 128 + outcome.signal
+    for name in outcome.failed:
+        remark(f"bench: {name} failed, see {path} or {output / name}")
+    return 1 if outcome.failed else 0
+
+
+@app.command()
+def page(
+    folder: Annotated[Path, typer.Argument(help="Folder of `bench run`.")],
+    *,
+    full: Full = False,
+    comparison: Comparison = None,
+) -> None:
+    """Write the page of what a folder holds anew, and make nothing."""
+    from bench.page import write_page
+    from bench.record import Inputs
+
+    if not folder.is_dir():
+        raise InputError(f"{folder} is not a folder; `python -m bench run -o {folder}` makes one")
+    typer.echo(write_page(PARTS, Inputs(folder, None, comparison, full)))
+
+
+@app.command()
+def publish(
+    folder: Annotated[Path, typer.Argument(help="Folder of `bench run --full`.")],
+    target: Annotated[Path, typer.Argument(help="Folder of published results: bench/results.")],
+    *,
+    comparison: Comparison = None,
+    mixed: Annotated[
+        bool, typer.Option("--mixed", help="Allow results of several states of the code.")
+    ] = False,
+) -> None:
+    """Copy what a run has made into the folder of published results.
+
+    Tables, pictures, words and records of all finished parts, large tables compressed; folders all
+    of whose parts were made lose their earlier files. Refused are parts that were not finished,
+    results of several states of the code, and more than 6 MB.
+    """
+    from bench.publish import publish as copy
+    from bench.record import Inputs
+
+    for path in copy(PARTS, Inputs(folder, None, comparison, full=True), target, mixed=mixed):
+        typer.echo(path)
+
+
+def add(part: Part) -> None:
+    """Add the command of a report, with the options that its file declares."""
+
+    def command(output: Path | None, **given: Any) -> int:
+        asked = {name: _parsed(name, given[name], said) for name, said in part.options.items()}
+        if output is not None:
+            _require_place(output, part)
+        if part.keeps:
+            asked["folder"] = output
+        found = resolve_name(part.measure)(**asked)
+        report = found if isinstance(found, Report) else Report({part.name: found})
+        _tell(report.of or part.name, report)
+        for path in report.write(output, report.of or part.name) if output is not None else ():
+            typer.echo(path)
+        return 0 if report.passed or not part.judges else 1
+
+    keyword, none = inspect.Parameter.KEYWORD_ONLY, inspect.Parameter.empty
+    annotations: dict[str, Any] = {"output": Folder if part.keeps else Place}
+    annotations |= {name: _annotation(said) for name, said in part.options.items()}
+    defaults: dict[str, Any] = {} if part.keeps else {"output": None}
+    defaults |= {name: _shown(said) for name, said in part.options.items() if "default" in said}
+    paths = {name for name, said in part.options.items() if "path" in said}
+    defaults |= {name: None for name in paths if "argument" not in part.options[name]}
+    parameters = [
+        inspect.Parameter(name, keyword, annotation=each, default=defaults.get(name, none))
+        for name, each in annotations.items()
+    ]
+    command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    command.__annotations__, command.__doc__ = annotations, part.help
+    app.command(part.name)(command)
+
+
+def _annotation(said: Mapping[str, Any]) -> Any:
+    """Return the type of an option, and what typer is to say of it."""
+    told = {name: said[name] for name in ("help", "metavar", "min") if name in said}
+    kind: Any = type(said.get("default"))
+    if "path" in said:
+        kind = Path | None if not said.get("argument") else Path
+    elif "repeat" in said:
+        kind = list[str]
+    elif kind is list:
+        kind = str
+    if said.get("argument"):
+        return Annotated[kind, typer.Argument(**told)]
+    names = [f"--{said['flag']}"] if "flag" in said else []
+    return Annotated[kind, typer.Option(*names, **told)]
+
+
+def _shown(said: Mapping[str, Any]) -> Any:
+    """Return the default of an option as typer shows it: lists of numbers with commas."""
+    default = said["default"]
+    if isinstance(default, list) and "repeat" not in said:
+        return ",".join(f"{each:g}" for each in default)
+    return default
+
+
+def _parsed(name: str, value: Any, said: Mapping[str, Any]) -> Any:
+    """Return an option as its function takes it: numbers that stood between commas as a list."""
+    if not isinstance(said.get("default"), list) or "repeat" in said:
+        return value
+    kind = float if said.get("kind") == "float" else int
+    try:
+        return [kind(each) for each in value.split(",")] if value else []
+    except ValueError:
+        raise InputError(f"{name} {value!r}: give numbers with commas between them") from None
+
+
+def _require_place(folder: Path, part: Part) -> None:
+    """Refuse a folder, or pictures without matplotlib, before any work is done for a report."""
+    shown = read_toml(f"reports/{part.name}").get("contents", ())
+    names = [each[kind] for each in shown for kind in ("figure", "table", "words") if kind in each]
+    if any(name.endswith(".png") for name in names):
+        new_figure(1.0, 1.0)
+    check_folder(folder, *(name for name in names if "*" not in name))
+
+
+def _tell(described_by: str, report: Report) -> None:
+    """Print the tables that the report shows, unless they are long, and its text."""
+    contents = read_toml(f"reports/{described_by}").get("contents", ())
+    shown = {each.get("table"): each for each in contents}
+    for name, rows in report.tables.items():
+        lines: list[Row] = list(rows)
+        if f"{name}.csv" in shown and lines and len(lines) <= LONGEST:
+            columns = shown[f"{name}.csv"].get("columns", list(lines[0]))
+            texts = ([cell("" if r[c] is None else str(r[c])).text for c in columns] for r in lines)
+            typer.echo(f"{markdown(columns, texts)}\n")
+    if report.text:
+        typer.echo(report.text)
+
+
+for _part in PARTS:
+    if _part.measure:
+        add(_part)

@@ -1,0 +1,170 @@
+"""What a report shows: pictures, tables and words, each with the files behind it.
+
+The report's TOML file lists them as `contents`, each a figure, a table or words of a file with its
+caption. The page of all reports and the manual render the same contents.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from bench.files import content_of, is_there, named, read_table, read_toml
+from gen.runtime.errors import InputError
+
+DIGITS = 4  # significant digits of numbers that are shown; the files have all of them
+
+PASSED = "passed"
+SPECIAL = {"": "", "nan": "nan", "inf": "∞", "-inf": "-∞"}
+# Last words of columns' names that are units.
+UNITS = {"um": "µm", "s": "s", "seconds": "s", "ms": "ms", "percent": "%", "uN": "µN"}
+UNITS |= {"MPa": "MPa", "K": "K"}
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A PNG file, a caption in plain text that says what to see in it, and the tables behind it.
+
+    The command that makes it is that of the report if it is empty.
+    """
+
+    picture: Path
+    caption: str
+    command: str = ""
+    data: tuple[Path, ...] = ()
+
+
+@dataclass(frozen=True)
+class Table:
+    """A CSV file, with the names of its columns first, and a caption as that of a figure."""
+
+    data: Path
+    caption: str
+    command: str = ""
+    columns: tuple[str, ...] = ()  # that are shown, in this order; all of them if empty
+    verdict: str = ""  # the column whose value is `passed` where all is well: other rows are red
+
+
+@dataclass(frozen=True)
+class Words:
+    """A paragraph; its lines and blanks are kept if a program `typed` it."""
+
+    text: str
+    typed: bool = False
+
+
+@dataclass(frozen=True)
+class Absent:
+    """Something that was left out, and how to get it in one line."""
+
+    what: str
+    how: str
+
+
+Content = Figure | Table | Words | Absent
+
+
+def tables_of(content: Content) -> tuple[Path, ...]:
+    """Return the CSV files of a content."""
+    if isinstance(content, Figure):
+        return content.data
+    return (content.data,) if isinstance(content, Table) else ()
+
+
+def files_of(content: Content) -> tuple[Path, ...]:
+    """Return the pictures and tables of a content."""
+    picture = (content.picture,) if isinstance(content, Figure) else ()
+    return *picture, *tables_of(content)
+
+
+def moved(content: Content, place: Callable[[Path], Path]) -> Content:
+    """Return a content whose files are elsewhere."""
+    if isinstance(content, Figure):
+        data = tuple(map(place, content.data))
+        return replace(content, picture=place(content.picture), data=data)
+    return replace(content, data=place(content.data)) if isinstance(content, Table) else content
+
+
+def contents_of(report: str, folder: Path) -> list[Content]:
+    """List what a folder holds of a report, by the report's file."""
+    entries = read_toml(f"reports/{report}").get("contents", ())
+    return [each for entry in entries for each in _contents(entry, folder)]
+
+
+def _contents(entry: Mapping[str, Any], folder: Path) -> Iterator[Content]:
+    """Yield the contents of an entry: one for each file that its name, with a *, may stand for.
+
+    A table that is not there, or has no rows, is `absent` if the entry says so. Words, names with
+    a *, what a command of its own makes, and what is `optional` are left out where no file is
+    there.
+    """
+    (kind,) = entry.keys() & {"figure", "table", "words"}
+    name, command = entry[kind], entry.get("command", "")
+    may_miss = command or kind == "words" or entry.get("optional", False)
+    for path in named(folder, name):
+        caption = " ".join(entry.get("caption", "").replace("{target}", path.parent.name).split())
+        if "absent" in entry and not (is_there(path) and read_table(path)[1]):
+            yield Absent(entry["absent"], entry["how"].format(folder=folder))
+        elif may_miss and not is_there(path):
+            continue
+        elif kind == "figure":
+            data = tuple(folder / each for each in entry.get("data", ()))
+            yield Figure(path, caption, command, data)
+        elif kind == "table":
+            columns = tuple(entry.get("columns", ()))
+            yield Table(path, caption, command, columns, entry.get("verdict", ""))
+        else:
+            text, typed = content_of(path).decode(), entry.get("typed", False)
+            yield from [Words(text, typed)] if typed else map(Words, text.splitlines())
+
+
+class Cell(NamedTuple):
+    """A title or a value as it is shown, and whether it is a number or the title of numbers."""
+
+    text: str
+    number: bool
+
+
+class Tabulated(NamedTuple):
+    """A table as it is shown; the verdict of each row says whether it failed, None without one."""
+
+    titles: list[Cell]
+    rows: list[list[Cell]]
+    failed: list[bool | None]
+
+
+def tabulated(table: Table) -> Tabulated:
+    """Read a table, and format it for readers: few digits, units in the titles."""
+    header, lines = read_table(table.data)
+    columns = table.columns or tuple(header)
+    if missing := {*columns, table.verdict} - {"", *header}:
+        raise InputError(f"{table.data}: has no column {', '.join(sorted(missing))}")
+    rows = [[cell(line[name]) for name in columns] for line in lines]
+    titles = [
+        Cell(_title(name), all(row[place].number for row in rows))
+        for place, name in enumerate(columns)
+    ]
+    failed = [line[table.verdict] != PASSED if table.verdict else None for line in lines]
+    return Tabulated(titles, rows, failed)
+
+
+def _title(name: str) -> str:
+    """Return a column's name for people, its unit in brackets where it ends in one."""
+    *words, last = name.split("_")
+    return " ".join([*words, f"[{UNITS[last]}]" if words and last in UNITS else last])
+
+
+def cell(text: str) -> Cell:
+    """Return a value of a table as it is shown."""
+    if text in SPECIAL:
+        return Cell(SPECIAL[text], number=True)
+    try:
+        value = float(text)
+    except ValueError:
+        return Cell(text, number=False)
+    if not math.isfinite(value):  # a word: numbers that are written so are in SPECIAL
+        return Cell(text, number=False)
+    if value.is_integer() and abs(value) < 1e7:
+        return Cell(f"{value:,.0f}" if abs(value) >= 1e4 else f"{value:.0f}", number=True)
+    return Cell(f"{value:.{DIGITS}g}", number=True)

@@ -1,0 +1,390 @@
+"""
+The farm on this machine: its own work, real speed-up, and how fast rows are written.
+
+`python -m mpi4py -m bench.farm PROGRAM SPEC` runs one of `PROGRAMS` on some ranks, started by
+`launch` with a time limit, and prints its result in JSON:
+
+- `dispatch`: tasks that cost nothing, through the farm. What is left is the farm's own work: to
+  hand out, to send, to take back.
+- `generation`: one generation. Two processors that share a clock, a cache or a memory bus are not
+  twice as fast as one. So every round of `speedup` also runs two copies side by side that know
+  nothing of each other: what they gain over one alone bounds what any farm could gain. Start-up is
+  not in the time: all ranks are there and have solved a problem of the same size. `busy` says how
+  much of the machine others used meanwhile.
+- `writing`: rows with fields that cost nothing to compute, from workers into a file, with each
+  writer in turn. What counts is the way of the rows: through MPI to the master and into the file,
+  or from each worker into the file; to the kernel, where a killed run leaves them, not to the disk.
+"""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from statistics import mean, median
+from typing import Any
+
+import numpy as np
+
+from bench.files import Row
+from bench.report import Report, remark
+from gen import database
+from gen.arrays import Columns
+from gen.generation.run import Block, Delivery, Request, Target, blocks_of, generate_database
+from gen.generation.sample import compute_rows
+from gen.runtime import farm
+from gen.runtime.errors import InputError
+from gen.runtime.installation import command_for
+from gen.scene import Scene, load
+from gen.scene.columns import columns_for, row_bytes
+from gen.schema import Status
+
+TIMEOUT = 300.0  # seconds after which a measurement counts as hanging
+
+ENVIRONMENT = {
+    "OMPI_ALLOW_RUN_AS_ROOT": "1",
+    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+    "OMPI_MCA_rmaps_base_oversubscribe": "1",
+    "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",
+    "PYTHONPATH": str(Path(__file__).resolve().parents[1]),
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+}
+"""Open MPI as root and on few cores; one thread a rank."""
+
+
+def launch(ranks: int, program: str, arguments: dict[str, Any], folder: Path) -> Any:
+    """Run one of `PROGRAMS` in a folder and return what it prints in its last line, in JSON.
+
+    Its arguments are written down for it in JSON. 0 ranks run alone, without MPI.
+
+    Raises
+    ------
+    InputError
+        If there is no mpiexec, or the program fails.
+    """
+    specification = folder / "specification.json"
+    specification.write_text(json.dumps(arguments))
+    command = [sys.executable, "-m", "bench.farm", program, str(specification)]
+    if ranks:
+        command = [_mpiexec(), "-n", str(ranks), sys.executable, "-m", "mpi4py", *command[1:]]
+    kept = {key: value for key, value in os.environ.items() if not key.startswith(("PMI", "OMPI"))}
+    done = subprocess.run(
+        command,
+        cwd=folder,
+        env=kept | ENVIRONMENT,
+        capture_output=True,
+        text=True,
+        timeout=TIMEOUT,
+        check=False,
+    )
+    if done.returncode:
+        reason = f"exit code {done.returncode}: {done.stderr.strip()[-500:]}"
+        raise InputError(f"{program} on {ranks} ranks fails with {reason}")
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def _mpiexec() -> str:
+    """Find the launcher that belongs to this environment's MPI."""
+    beside = Path(sys.executable).with_name("mpiexec")
+    found = str(beside) if beside.exists() else shutil.which("mpiexec")
+    if found is None:
+        raise InputError(f"no mpiexec: {command_for('mpich')}")
+    return found
+
+
+SALT = 2_654_435_761  # multiplies numbers, so that the sum tells whether each was there
+
+
+def work(task: int) -> int:
+    """Do nearly nothing, the same everywhere."""
+    return task * SALT
+
+
+def dispatch(tasks: int, world: farm.World) -> int:
+    """Sum the results of all tasks on the master; every process of the world has to call it."""
+    results: list[int] = []
+    farm.run(work, iter(range(tasks)), lambda _task, result: results.append(result), world)
+    return sum(results)
+
+
+def expected(tasks: int) -> int:
+    """Return the sum of the results if every task is done once."""
+    return SALT * tasks * (tasks - 1) // 2
+
+
+def timed_dispatch(arguments: dict[str, int], world: farm.World) -> dict[str, float]:
+    """Time as many tasks as the arguments say."""
+    dispatch(8 * world.workers, world)  # the first tasks find their way
+    began = time.perf_counter()
+    total = dispatch(arguments["tasks"], world)
+    seconds = time.perf_counter() - began
+    return {"seconds": seconds, "total": total, "workers": world.workers}
+
+
+# Runs of a round, and their ranks: 0 is without MPI; rank 0 of the others is the master.
+RANKS = {"alone": 0, "1 worker": 2, "2 workers": 3}
+COPIES = "2 copies"  # the run of two processes alone, side by side; its times are the means of both
+# Generation times of one round by the name of the run, without start-up [s].
+Turn = dict[str, float]
+
+GAINS: dict[str, Callable[[Turn], float]] = {
+    "2 workers over 1 worker": lambda turn: turn["1 worker"] / turn["2 workers"],
+    "2 workers over a run alone": lambda turn: turn["alone"] / turn["2 workers"],
+    "2 copies over one: the machine's bound": lambda turn: 2 * turn["alone"] / turn[COPIES],
+    "2 workers over a run alone, of that bound": lambda turn: turn[COPIES] / turn["2 workers"] / 2,
+}
+
+
+def time_rounds(rows: int, rounds: int) -> list[Turn]:
+    """Generate the first rows of `paper` alone, with workers and in two copies, in turn."""
+    runs: dict[str, Callable[[], tuple[float, float]]] = {
+        name: partial(generate, ranks, rows) for name, ranks in RANKS.items()
+    }
+    runs[COPIES] = partial(_side_by_side, rows)
+    turns = []
+    for number in range(rounds):
+        found = {name: runs[name]() for name in list(runs)[:: (-1) ** number]}
+        times = (f"{name} {found[name][0]:.2f} s ({found[name][1]:.0%} busy)" for name in runs)
+        turns.append({name: wall for name, (wall, _) in found.items()})
+        over_worker, over_alone, bound, _ = (gain(turns[-1]) for gain in GAINS.values())
+        remark(
+            f"{', '.join(times)}: speed-up {over_worker:.2f} over 1 worker, {over_alone:.2f} over"
+            f" alone, of {bound:.2f}"
+        )
+    return turns
+
+
+def summary(turns: list[Turn]) -> str:
+    """Return medians and extremes in one line each."""
+    lines = []
+    for what, gain in GAINS.items():
+        ratios = [gain(turn) for turn in turns]
+        lines.append(
+            f"{what}: {median(ratios):.2f} (median of {len(ratios)} rounds,"
+            f" {min(ratios):.2f} to {max(ratios):.2f})"
+        )
+    return "\n".join(lines)
+
+
+def speedup(rows: int, rounds: int) -> Report:
+    """Report times of each run [s], and speed-ups; the arguments are those of `time_rounds`."""
+    turns = time_rounds(rows, rounds)
+    names = {name: f"{name.replace(' ', '_')}_s" for name in turns[0]}
+    found = [
+        {"round": number, **{names[name]: seconds for name, seconds in turn.items()}}
+        | {what.partition(":")[0]: gain(turn) for what, gain in GAINS.items()}
+        for number, turn in enumerate(turns, 1)
+    ]
+    return Report({"speedup": found}, text=summary(turns))
+
+
+def generate(
+    ranks: int, rows: int, meeting: str = "", folder: Path | None = None
+) -> tuple[float, float]:
+    """Generate rows on some ranks; return the wall time [s], and how busy the machine was [1]."""
+    with tempfile.TemporaryDirectory() as name:
+        home = folder or Path(name)
+        (home / "scene.toml").write_text(f"samples = {rows}\n")
+        found = launch(ranks, "generation", {"meeting": meeting}, home)
+    return float(found["wall"]), float(found["busy"])
+
+
+def _side_by_side(rows: int) -> tuple[float, float]:
+    """Generate twice without MPI, beginning together; return the means."""
+    with tempfile.TemporaryDirectory() as meeting, ThreadPoolExecutor(2) as pool:
+        both = list(pool.map(lambda _: generate(0, rows, meeting), range(2)))
+    wall, busy = zip(*both, strict=True)
+    return mean(wall), mean(busy)
+
+
+def _generation(arguments: dict[str, Any], world: farm.World) -> dict[str, float]:
+    """Generate the scene of this folder, once both copies have met where they are to meet."""
+    compute_rows(load("scene.toml"), 0, 1)
+    world.broadcast(None)
+    if arguments["meeting"]:
+        folder = Path(arguments["meeting"])
+        (folder / str(os.getpid())).touch()
+        while len(list(folder.iterdir())) < 2:  # whoever started them bounds the wait
+            time.sleep(0.001)
+    before, began = _jiffies(), time.perf_counter()
+    generate_database(Request("scene.toml", Path("rows.h5")), world)
+    wall = time.perf_counter() - began
+    busy = (_jiffies() - before) / os.sysconf("SC_CLK_TCK") / wall / (os.cpu_count() or 1)
+    return {"wall": wall, "busy": busy}
+
+
+def _jiffies() -> int:
+    """Read how long all processors have been busy, or were taken away, since the start."""
+    fields = Path("/proc/stat").read_text().splitlines()[0].split()[1:]
+    user, nice, system, _, _, interrupts, soft, steal = (int(field) for field in fields[:8])
+    return user + nice + system + interrupts + soft + steal
+
+
+WRITTEN = "samples = {rows}\n[surface]\nnodes = {nodes}\n[store]\npressure = true\n"
+
+
+@dataclass(frozen=True)
+class Spec:
+    """Rows with pressure fields on a grid, and how often each writer writes them."""
+
+    rows: int = 2000
+    nodes: int = 129
+    rounds: int = 5
+
+    @property
+    def scene(self) -> Scene:
+        """The scene of the rows."""
+        return Scene.parse(
+            WRITTEN.format(rows=self.rows, nodes=self.nodes), "the benchmark's scene"
+        )
+
+    @property
+    def megabytes(self) -> float:
+        """Size of all rows [MB]."""
+        return self.rows * row_bytes(self.scene) / 1e6
+
+
+Seconds = dict[str, list[float]]  # times of the rounds by the writer's name [s]
+
+
+def writers(ranks: Sequence[int], rows: int, rounds: int, folder: Path | None) -> list[Row]:
+    """Measure both writers under mpiexec, or the single one alone where h5py has no MPI.
+
+    Takes numbers of processes, 2 or more each, of which rank 0 is the master, and the folder on the
+    file system of interest, None for a temporary one. Returns times of each writer [s] and its rate
+    [MB/s], medians and extremes.
+
+    Raises
+    ------
+    InputError
+        If there is no mpiexec, or a measurement fails.
+    """
+    if min(ranks) < 2:
+        raise InputError(f"ranks {min(ranks)}: give 2 or more each, rank 0 is the master")
+    if folder is not None and not folder.is_dir():
+        raise InputError(f"{folder} is not a folder; give one that exists")
+    spec, found = Spec(rows=rows, rounds=rounds), []
+    remark(f"{rows} rows with pressure fields, {spec.megabytes:,.0f} MB; {rounds} rounds")
+    with tempfile.TemporaryDirectory(dir=folder) as temporary:
+        for number in ranks:
+            taken = launch(number, "writing", asdict(spec), Path(temporary))
+            found += [_row(spec, number, writer, times) for writer, times in taken.items()]
+    return found
+
+
+def _row(spec: Spec, ranks: int, writer: str, times: list[float]) -> Row:
+    return {
+        "ranks": ranks,
+        "writer": writer,
+        "rows": spec.rows,
+        "megabytes": spec.megabytes,
+        "median_s": median(times),
+        "rate_MB_s": spec.megabytes / median(times),
+        "lowest_MB_s": spec.megabytes / max(times),
+        "highest_MB_s": spec.megabytes / min(times),
+    }
+
+
+def time_writers(spec: Spec, path: Path, world: farm.World) -> Seconds:
+    """Write files with each writer in turn; every process of the world has to call it."""
+    writers = ["single", "parallel"] if database.parallel_hdf5() else ["single"]
+    seconds: Seconds = {writer: [] for writer in writers}
+    blocks = list(blocks_of(spec.scene, [(0, spec.rows)], world.workers))
+    template = template_of(spec.scene, blocks)
+    for number in range(spec.rounds):
+        for writer in writers[:: (-1) ** number]:  # A B B A: drifts cancel
+            target = Target(path, spec.scene, parallel=writer == "parallel")
+            if world.is_master:
+                create(target)
+            world.broadcast(None)
+            seconds[writer].append(write(target, blocks, template, world))
+            if world.is_master:
+                require_rows(path, blocks, template)
+    return seconds
+
+
+def create(target: Target) -> None:
+    """Create the file anew, without rows."""
+    target.path.unlink(missing_ok=True)
+    database.create(target.path, target.scene)
+
+
+def write(target: Target, blocks: Sequence[Block], template: Columns, world: farm.World) -> float:
+    """Write the rows of a template into a file that is there; every process has to call it.
+
+    Returns
+    -------
+    float
+        Time from the first task to the closed file [s].
+    """
+
+    def compute(block: Block) -> Columns:
+        return {name: values[: block[1] - block[0]] for name, values in template.items()}
+
+    with Delivery(target, world, compute) as delivered:
+
+        def take(block: Block, result: Any) -> None:
+            delivered.take(block, result)
+
+        world.broadcast(None)
+        began = time.perf_counter()
+        farm.run(delivered.work, iter(blocks), take, world)
+    return time.perf_counter() - began
+
+
+def template_of(scene: Scene, blocks: Sequence[Block]) -> Columns:
+    """Return rows for the largest block; the fields are random, as zeros could be cheaper."""
+    count = max(stop - start for start, stop in blocks)
+    rows = {
+        column.name: np.full(column.shape(count, scene.shape), column.fill, column.dtype)
+        for column in columns_for(scene)
+    }
+    rows["status"][:] = Status.DONE
+    rows["pressure"] = np.random.default_rng(0).normal(size=rows["pressure"].shape)
+    return rows
+
+
+def require_rows(path: Path, blocks: Sequence[Block], template: Columns) -> None:
+    """Raise ValueError unless all rows have arrived, each in its place."""
+    with database.Reader(path) as reader:
+        if reader.counts().done != len(reader.column("status")):
+            raise ValueError(f"rows are missing: {reader.counts()}")
+        for start, stop in blocks:
+            (last,) = reader.column("pressure", stop - 1, stop)
+            if not np.array_equal(last, template["pressure"][stop - 1 - start]):
+                raise ValueError(f"row {stop - 1} is not what was written")
+
+
+def _write(arguments: dict[str, Any], world: farm.World) -> Seconds:
+    """Time both writers on rows as the arguments say."""
+    return time_writers(Spec(**arguments), Path("writers.h5"), world)
+
+
+PROGRAMS: dict[str, Callable[[dict[str, Any], farm.World], Any]] = {
+    "dispatch": timed_dispatch,
+    "generation": _generation,
+    "writing": _write,
+}
+"""What runs on some ranks: every process calls it with the arguments and the world."""
+
+
+def main(program: str, specification: str) -> None:
+    """Run a program, and print the master's result in JSON."""
+    world = farm.this_world()
+    arguments = json.loads(Path(specification).read_text(encoding="utf-8"))
+    result = PROGRAMS[program](arguments, world)
+    if world.is_master:
+        sys.stdout.write(json.dumps(result) + "\n")
+    farm.leave()
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

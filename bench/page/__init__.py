@@ -1,1 +1,0 @@
-"""All reports on one page that needs neither network nor server."""

@@ -1,0 +1,477 @@
+"""Other solvers beside ours on free patches, bodies that yield, and periodic patches.
+
+Equal accuracy first, then time: each solver at the loosest tolerance that is good enough. `Errors`
+says when a solution counts as one, `loosest` finds the tolerance, `compare` times.
+
+On periodic patches all solve the same problem: the displacement of a wave is 2 / (E* |q|) of its
+pressure, and zero on average. Surfaces have a power spectrum from a quarter of the side down to
+four cells.
+"""
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import lru_cache, partial
+from pathlib import Path
+from statistics import median
+
+import numpy as np
+
+from bench.contents import Absent, Content, contents_of
+from bench.files import Row, read_table
+from bench.report import Report, remark
+from bench.solvers import others
+from bench.solvers.case import PERIODIC_RTOL, Case, Exact, find_exact
+from bench.solvers.others import OTHERS, installed, missing
+from bench.solvers.own import BEM, PAPERS, press_boundary_elements
+from bench.solvers.solver import (
+    REFERENCE_RTOL,
+    Answer,
+    Control,
+    Failure,
+    Press,
+    Solver,
+    back_and_forth,
+)
+from gen.arrays import Heights, Values
+from gen.generation.plan import surface_random
+from gen.runtime.errors import InputError
+from gen.scene import load
+from gen.spectral import SelfAffineSpectrum, generate_spectral
+from gen.surface import generate
+
+SIDE = 1000.0  # um
+SIGMA0 = 20.0  # um
+
+# Of the paper preset's surfaces one on which, at 129 nodes a side, H = 0.8 and Delta = 5 um, 6 to
+# 18 nodes touch, where MIRCO is at its best; at H = 0.65 its contacts are of middling size.
+SURFACE = 18
+
+HURST = 0.65
+PAPERS_HURST = 0.8
+PAPERS_NODES = 129
+PAPERS_DELTAS = (5.0, 15.0, 25.0)  # um
+
+
+# On periodic patches.
+HURSTS = (0.8, 0.3, 0.5, 0.65, 0.95)  # one surface each; solvers are timed on the first
+# Mean pressures over E* times the rms slope: some 1, 10, 50, 90 and 99 % of the nodes touch.
+LOADS = (0.004, 0.04, 0.26, 0.75, 1.2)
+
+CLOSEST = "closest_load_error", "closest_misplaced_nodes", "closest_pressure_error"
+MEASURED = "tolerance", "seconds", "times_ours", "convolutions"
+PERIODIC_LADDER = tuple(10.0**-decade for decade in range(2, 13))
+LARGEST = 512  # nodes a side up to which all surfaces are solved, as closely as each solver can
+LONG, FEW_ROUNDS = 512, 3  # nodes a side from which on solves take long, and rounds at most there
+
+
+@lru_cache(maxsize=64)  # the same case has its exact solution found once
+def sample(nodes: int, delta: float, hardness: float | None = None, hurst: float = HURST) -> Case:
+    """Return the surface, 2^k + 1 nodes a side, pressed by Delta [um]; the hardness is over E*."""
+    name = f"H = {hurst}, Delta = {delta:g} um"
+    if hardness is not None:
+        name += f", hardness {hardness:g} E*"
+    return Case(name, _peer_heights(nodes, hurst), SIDE, delta, hardness=hardness, hurst=hurst)
+
+
+def samples(
+    nodes: Sequence[int], deltas: Sequence[float], hardnesses: Sequence[float] = ()
+) -> list[Case]:
+    """Return the peers' surface at every load on every grid, elastic and with every hardness.
+
+    Without a hardness, contacts of the paper's algorithm are added at its grid.
+    """
+    bounds = (None, *sorted(hardnesses, reverse=True))
+    found = []
+    for size in nodes:
+        found += [sample(size, delta, bound) for delta in deltas for bound in bounds]
+        if size == PAPERS_NODES and not hardnesses:
+            found += [sample(size, delta, hurst=PAPERS_HURST) for delta in PAPERS_DELTAS]
+    return found
+
+
+@lru_cache(maxsize=8)
+def _peer_heights(nodes: int, hurst: float) -> Heights:
+    """Generate the (nodes, nodes) surface [um]."""
+    random = surface_random(load("paper"), SURFACE)
+    heights = generate("diamond-square", nodes, hurst, SIGMA0, random)
+    heights.setflags(write=False)
+    return heights
+
+
+# The force at the displacement given, or the displacement of the far field at the force given [1].
+LOAD_ERROR = 1e-6
+# Nodes in contact in one solution only, of those in contact [1]; one is always allowed.
+MISPLACED_SHARE = 5e-4
+FIRST_GUESS = 1e-4  # of a tolerance; later ones are what the last contact took
+TURN = 0.05  # s of CPU time that a solver's turn takes at least, by repetition
+PATIENCE = 5.0  # s of CPU time of a solve that is not repeated for its median
+UNKNOWN = dict.fromkeys(("load_error", "misplaced_nodes", "pressure_error", "convolutions"))
+
+
+@dataclass(frozen=True)
+class Errors:
+    """How far a pressure is from the reference."""
+
+    load_error: float  # of the force, or of the displacement where the force is given, relative
+    misplaced_nodes: int  # in contact, or yielded, in it or in the reference, not in both
+    pressure_error: float  # the largest, over the largest pressure
+
+    def good_enough(self, contact_nodes: int) -> bool:
+        """Say whether a solution of a contact of this many nodes may have these errors."""
+        allowed = max(1.0, MISPLACED_SHARE * contact_nodes)
+        return self.load_error <= LOAD_ERROR and self.misplaced_nodes <= allowed
+
+
+def find_errors(pressure: Values, control: Control, case: Case, exact: Exact) -> Errors:
+    """Measure the errors of an (n, n) pressure [MPa] that was found under a given load.
+
+    A given force is met by construction, so that its displacement counts, which is computed here
+    and not by the peer.
+    """
+    if control == "force":
+        approach = case.displacement(pressure) - (case.heights - case.heights.max())
+        load_error = (pressure * approach).sum() / pressure.sum() / case.delta - 1
+    else:
+        load_error = pressure.sum() * case.spacing**2 / exact.force - 1
+    touching = (pressure > 0) != (exact.pressure > 0)
+    yielded = case.yielded(pressure) != case.yielded(exact.pressure)
+    return Errors(
+        load_error=abs(float(load_error)),
+        misplaced_nodes=int(np.count_nonzero(touching) + np.count_nonzero(yielded)),
+        pressure_error=float(np.abs(pressure - exact.pressure).max() / exact.pressure.max()),
+    )
+
+
+def loosest(
+    good_enough: Callable[[float], bool], ladder: Sequence[float], guess: float
+) -> float | None:
+    """Find the loosest tolerance of a falling ladder that is good enough, or None if none is.
+
+    Begin at the nearest tolerance that is not looser than the guess. Go looser from one that is
+    good enough, as far as that holds; go tighter from one that is not.
+    """
+    rung = next((r for r, tolerance in enumerate(ladder) if tolerance <= guess), len(ladder) - 1)
+    if good_enough(ladder[rung]):
+        while rung > 0 and good_enough(ladder[rung - 1]):
+            rung -= 1
+        return ladder[rung]
+    return next((tolerance for tolerance in ladder[rung + 1 :] if good_enough(tolerance)), None)
+
+
+class Trial:
+    """One solver on one contact."""
+
+    def __init__(self, solver: Solver, case: Case) -> None:
+        self.solver, self._case = solver, case
+        self.tolerance: float | None = None  # the loosest that is good enough, once it is found
+        self.remark = ""  # why there is none
+        self._exact = find_exact(case, REFERENCE_RTOL)
+        self.contact_nodes = int(np.count_nonzero(self._exact.pressure > 0))
+        self._tried: dict[float, Row] = {}
+        self._turns: list[float] = []
+        self._seconds: list[float] = []
+        self._failed = 0.0
+
+    def find_tolerance(self, guess: float) -> None:
+        """Search the solver's ladder."""
+        if self.contact_nodes > self.solver.largest_contact:
+            self.remark = f"not tried above {self.solver.largest_contact:g} nodes in contact"
+            return
+        self.tolerance = loosest(self._good_enough, self.solver.ladder, guess)
+        if self.tolerance is not None:
+            self.remark = ""
+            if self._tried[self.tolerance]["seconds"] > PATIENCE:
+                self._seconds = [self._tried[self.tolerance]["seconds"]]
+        elif not self.remark:
+            self.remark = f"not good enough at {self.solver.ladder[-1]:.0e}"
+
+    def _good_enough(self, tolerance: float) -> bool:
+        if tolerance < self._failed:  # whoever does not reach one tolerance reaches no tighter one
+            return False
+        try:
+            answer, seconds = self._timed(tolerance)
+        except Failure as failure:
+            self._failed = tolerance
+            self.remark = f"tolerance {tolerance:.0e}: {failure}"
+            return False
+        errors = find_errors(answer.pressure, self.solver.control, self._case, self._exact)
+        work = {"seconds": seconds, "convolutions": answer.convolutions}
+        self._tried[tolerance] = work | asdict(errors)
+        return errors.good_enough(self.contact_nodes)
+
+    def _timed(self, tolerance: float) -> tuple[Answer, float]:
+        began = time.process_time()
+        return self.solver.solve(self._case, tolerance), time.process_time() - began
+
+    def take_turn(self) -> None:
+        """Time it at its tolerance, unless a time is there that is too long to be repeated."""
+        if self.tolerance is None or max(self._seconds, default=0.0) > PATIENCE:
+            return
+        turn: list[float] = []
+        while sum(turn) < TURN:
+            turn.append(max(self._timed(self.tolerance)[1], 1e-6))
+        self._turns.append(median(turn))
+        self._seconds += turn
+
+    @property
+    def seconds(self) -> float | None:
+        """Median of its times [s]."""
+        return median(self._seconds) if self._seconds else None
+
+    def times(self, other: "Trial") -> float | None:
+        """Median over the rounds of its time over another's: a machine has slow seconds."""
+        rounds = list(zip(self._turns, other._turns, strict=False))
+        if rounds:
+            return median(own / its for own, its in rounds)
+        if self.seconds and other.seconds:  # one of them takes too long to be repeated
+            return self.seconds / other.seconds
+        return None
+
+    def row(self, set_up_seconds: float, ours: "Trial") -> Row:
+        """Return the row of the table; `ours` is the trial of the first solver."""
+        case, solver, seconds = self._case, self.solver, self.seconds
+        found = UNKNOWN if self.tolerance is None else self._tried[self.tolerance]
+        return {
+            "nodes": case.nodes,
+            "hurst": case.hurst,
+            "sigma0_um": SIGMA0,
+            "delta_um": case.delta,
+            "contact_nodes": self.contact_nodes,  # of the reference
+            "solver": solver.name,
+            "version": solver.version,
+            "control": solver.control,
+            "set_up_seconds": set_up_seconds,  # of making what serves all contacts on the grid
+            "tolerance": self.tolerance,  # the loosest of its ladder that is good enough
+            "seconds": seconds,  # of CPU time of a solve after the set-up, median
+            "times_ours": self.times(ours),
+            "load_error": found["load_error"],  # and two more of `Errors`
+            "misplaced_nodes": found["misplaced_nodes"],
+            "pressure_error": found["pressure_error"],
+            "remark": self.remark,  # why there are no numbers
+            "hardness": case.hardness,  # over E*, None for elastic bodies
+            "yielded_nodes": int(np.count_nonzero(case.yielded(self._exact.pressure))),
+            "convolutions": found["convolutions"],  # None if the solver does not count them
+        }
+
+
+def compare(cases: Sequence[Case], solvers: Sequence[Solver], rounds: int = 4) -> list[Row]:
+    """Bring solvers to the same accuracy on each contact, and time them there in turn.
+
+    Parameters
+    ----------
+    cases : sequence of Case
+        The contacts.
+    solvers : sequence of Solver
+        The first is ours, over whose time the others' are taken.
+    rounds : int
+        Turns that each solver has.
+    """
+    rows: list[Row] = []
+    guesses = [FIRST_GUESS] * len(solvers)
+    set_ups: dict[int, list[float]] = {}
+    for case in cases:
+        remark(f"{case.nodes} nodes a side, {case.name}")
+        if case.nodes not in set_ups:
+            set_ups[case.nodes] = [_set_up_seconds(solver, case) for solver in solvers]
+        trials = [Trial(solver, case) for solver in solvers]
+        for trial, guess in zip(trials, guesses, strict=True):
+            trial.find_tolerance(guess)
+        guesses = [trial.tolerance or guess for trial, guess in zip(trials, guesses, strict=True)]
+        for trial in back_and_forth(trials, rounds):
+            trial.take_turn()
+        pairs = zip(trials, set_ups[case.nodes], strict=True)
+        rows += [trial.row(set_up, trials[0]) for trial, set_up in pairs]
+    return rows
+
+
+def _set_up_seconds(solver: Solver, case: Case) -> float:
+    solver.set_up(case.nodes, case.spacing)  # imports the package
+    began = time.process_time()
+    solver.set_up(case.nodes, case.spacing)
+    return time.process_time() - began
+
+
+def _edgeless(nodes: int, spacing: float) -> Press:
+    """Open `bem.solve` for periodic patches, which keeps nothing for a grid."""
+    return press_boundary_elements
+
+
+_peer = partial(Solver, install="peers", ladder=PERIODIC_LADDER)
+_periodic_cm = partial(_peer, package="ContactMechanics")
+_periodic_aspher = partial(_peer, package="aspher", control="force")
+PERIODIC_SOLVERS = (
+    Solver("bem", _edgeless, control="force", precision="mixed", ladder=PERIODIC_LADDER),
+    _periodic_cm(
+        "ContactMechanics primal",
+        partial(others.primal_gradients, control="force", boundary="periodic"),
+        control="force",
+    ),
+    _periodic_cm("ContactMechanics dual", partial(others.dual_gradients, boundary="periodic")),
+    _peer(
+        "Tamaas",
+        partial(others.projected_gradients, boundary="periodic"),
+        package="tamaas",
+        control="force",
+    ),
+    _periodic_aspher(
+        "ASPHER", partial(others.single_grid, precond="fourier-fft", backend="periodic")
+    ),
+    _periodic_aspher(
+        "ASPHER nested, FFT",
+        partial(others.nested_grids, engine="fft", backend="periodic"),
+        precision="mixed",
+    ),
+)
+
+
+@lru_cache(maxsize=4)
+def periodic_sample(nodes: int, hurst: float, load: float) -> Case:
+    """Return a contact on a side of 1 um with a rms slope of 1; the load is a mean pressure."""
+    spectrum = SelfAffineSpectrum(hurst, roll_off=0.25, cut_off=4 / nodes)
+    random = np.random.default_rng(25)
+    heights = generate_spectral((nodes, nodes), 1.0, spectrum, random, rms_slope=1.0)
+    name = f"H = {hurst:g}, p / (E* h') = {load:g}"
+    case = Case(name, heights, side=1.0, delta=np.nan, hurst=hurst, load=load)
+    return replace(case, delta=case.solve(PERIODIC_RTOL).delta)
+
+
+def errors_of(solver: Solver, case: Case, tolerance: float) -> Errors:
+    """Solve, and compare with the exact solution; raise `Failure` if the solver fails."""
+    pressure = solver.solve(case, tolerance).pressure
+    return find_errors(pressure, solver.control, case, find_exact(case, REFERENCE_RTOL))
+
+
+def _closest(solver: Solver, case: Case) -> tuple[Errors | None, str]:
+    """Return the errors at the tightest tolerance that a solver reaches, or why there are none."""
+    why = ""
+    for tolerance in (1e-12, 1e-10, 1e-8, 1e-6):
+        try:
+            return errors_of(solver, case, tolerance), ""
+        except Failure as failure:
+            why = f"tolerance {tolerance:.0e}: {failure}"
+    return None, why
+
+
+def rows_of(nodes: int, hurst: float, load: float, rounds: int) -> Iterator[Row]:
+    """Compare all solvers on a contact; without rounds, only how close they come to it."""
+    case, solvers = (
+        periodic_sample(nodes, hurst, load),
+        [PERIODIC_SOLVERS[0], *installed(PERIODIC_SOLVERS[1:])],
+    )
+    share = find_exact(case, REFERENCE_RTOL).contact_share
+    timed = {row["solver"]: row for row in compare([case], solvers, rounds)}
+    for solver in solvers:
+        close, why = _closest(solver, case) if nodes <= LARGEST else (None, "")
+        row = timed[solver.name] if rounds else {"remark": why}
+        yield {
+            "nodes": nodes,
+            "hurst": hurst,
+            "mean_pressure": load,  # over E* times the rms slope
+            "area_percent": 100 * share,
+            "solver": solver.name,
+            "version": solver.version,
+            **{error: getattr(close, error.removeprefix("closest_"), None) for error in CLOSEST},
+            **{name: row.get(name) for name in MEASURED},
+            "remark": "" if close or row.get("tolerance") else row["remark"],
+        }
+
+
+def compare_periodic(nodes: Sequence[int], rounds: int) -> list[Row]:
+    """Compare on all surfaces and loads: closeness of all, CPU time on the first surface."""
+    for size in nodes:
+        if size < others.COARSEST or size & (size - 1):
+            raise InputError(f"nodes {size}: give 2^k from {others.COARSEST} on, as 128, 256, 512")
+    return [
+        row
+        for size in nodes
+        for turns in [rounds if size < LONG else min(rounds, FEW_ROUNDS)]
+        for hurst in (HURSTS if size <= LARGEST else HURSTS[:1])
+        for load in LOADS
+        for row in rows_of(size, hurst, load, turns if hurst == HURSTS[0] else 0)
+    ]
+
+
+def periodic_report(rows: Sequence[Row]) -> Report:
+    """Make a report of the timed contacts, and of how far solvers are from ours at most."""
+    tables = {
+        "periodic": [row for row in rows if row["seconds"] or row["remark"]],
+        "periodic-agreement": list(agreement(rows)),
+    }
+    return Report(tables, of="periodic")
+
+
+def agreement(rows: Sequence[Row]) -> Iterator[Row]:
+    """Yield how far each solver is from ours at most, over all surfaces and loads of a grid."""
+    for nodes, solver in dict.fromkeys((row["nodes"], row["solver"]) for row in rows):
+        own = [row for row in rows if (row["nodes"], row["solver"]) == (nodes, solver)]
+        found = [row for row in own if row[CLOSEST[0]] is not None]
+        if found:
+            largest = {error: max(row[error] for row in found) for error in CLOSEST}
+            counts = {"contacts": len(own), "solved": len(found)}
+            yield {"nodes": nodes, "solver": solver, **counts, **largest}
+
+
+CONDITIONS = f"""\
+Each at its loosest tolerance with the force, or the displacement where it is given the force,
+within {LOAD_ERROR:g} and the nodes in contact within {100 * MISPLACED_SHARE:g} % (or one) of a
+reference of residual {REFERENCE_RTOL:g}. Set-up, once a grid, is not in the times; ASPHER's nested
+grids are set up in each solve."""
+
+
+def peers(
+    nodes: Sequence[int],
+    deltas: Sequence[float],
+    rounds: int,
+    hardness: Sequence[float],
+    boundary: str,
+) -> Report:
+    """Compare all solvers that are installed at equal accuracy.
+
+    The arguments are those of the command: nodes a side, displacements [um], turns, and hardnesses
+    over E*. With hardnesses, those solvers that know one are compared on bodies that yield, elastic
+    ones beside them.
+
+    Raises
+    ------
+    InputError
+        If a grid, a displacement, a hardness or a boundary cannot be used.
+    """
+    if boundary not in {"free", "periodic"}:
+        raise InputError(f"boundary {boundary}: give free or periodic")
+    if boundary == "periodic" and hardness:
+        raise InputError("hardness with boundary periodic: no other solver knows both, give one")
+    if boundary == "periodic":
+        return periodic_report(compare_periodic(nodes or [128, 256], rounds))
+    nodes = nodes or [129, 257]
+    _check(nodes, deltas, hardness)
+    for package, install in missing().items():
+        remark(f"{package} is not installed and left out: {install}")
+    solvers = [BEM, PAPERS, *installed()]
+    if not hardness:
+        return Report({"peers": compare(samples(nodes, deltas), solvers, rounds)}, text=CONDITIONS)
+    plastic = [solver for solver in solvers if solver.plastic]
+    rows = compare(samples(nodes, deltas, hardness), plastic, rounds)
+    return Report({"hardness": rows}, text=CONDITIONS, of="hardness")
+
+
+def _check(nodes: Sequence[int], deltas: Sequence[float], hardnesses: Sequence[float]) -> None:
+    for size in nodes:
+        if size < 3 or (size - 1) & (size - 2):
+            raise InputError(f"nodes {size}: give 2^k + 1, as 129, 257, 513")
+    for name, values, wanted in (
+        ("delta", deltas, "a displacement above 0 um"),
+        ("hardness", hardnesses, "a share of E* above 0"),
+    ):
+        for value in values:
+            if not 0 < value < float("inf"):
+                raise InputError(f"{name} {value}: give {wanted}")
+
+
+def contents(folder: Path) -> list[Content]:
+    """List what a folder of this report holds, and the solvers that took no part."""
+    shown = contents_of("peers", folder)
+    solvers = {row["solver"] for row in read_table(folder / "peers.csv")[1]}
+    there = {solver.package for solver in OTHERS if solver.name in solvers}
+    absent = {solver.package: solver.install for solver in OTHERS if solver.package not in there}
+    return [*shown, *(Absent(package, how) for package, how in absent.items())]

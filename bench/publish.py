@@ -1,0 +1,115 @@
+"""`python -m bench publish`: the results of a run in the form in which they are in the repository.
+
+The tables, words, records and shown pictures of all finished parts are copied, large tables
+compressed. Databases, surrogates and what the commands printed stay behind.
+"""
+
+import lzma
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+from bench.contents import Figure
+from bench.files import COMPRESSED
+from bench.record import NOT_READ, PAGE, Inputs, Record, read
+from bench.report import Part
+from gen.runtime import documents
+from gen.runtime.errors import InputError
+from gen.runtime.files import make_folder, write
+from gen.runtime.lock import lock_folder
+
+LARGEST = 6_000_000  # bytes of all published results, at most
+LARGE = 200_000  # bytes from which on a table is compressed
+RECORD = ".part.json"
+KINDS = frozenset({".csv", ".json", ".jsonl", ".toml", ".txt"})
+# Folders inside of a part's, and files by folder and name, that are not published.
+INSIDE = frozenset({"baseline", "databases", "decks", "maps", "predictions", "tuned"})
+LEFT_BEHIND = frozenset({"benchmarks/times.json", "area/rows.csv"})
+
+
+def publish(parts: Sequence[Part], inputs: Inputs, target: Path, *, mixed: bool) -> list[Path]:
+    """Copy what a run has made into the folder of published results; return the files written.
+
+    A folder all of whose parts were made loses its earlier files.
+
+    Raises
+    ------
+    InputError
+        If there is nothing to publish, the folders are not apart, a part was not finished, the
+        results would be of several states of the code and `mixed` does not allow that, or too
+        large, or another process writes the folder. Then nothing is changed.
+    """
+    folders: dict[Path, list[Part]] = {}
+    for part in parts:
+        folders.setdefault(inputs.folder(part), []).append(part)
+    for folder in (inputs.output, *folders):
+        source, goal = folder.resolve(), target.resolve()
+        if source.is_relative_to(goal) or goal.is_relative_to(source):
+            raise InputError(f"{target}: {folder} is read, give a folder apart from it")
+    with lock_folder(target):
+        new: dict[Path, bytes] = {}
+        gone: set[Path] = set()
+        for folder, those in folders.items():
+            made = [part for part in those if _finished(part, inputs)]
+            home = target / (made[0].folder or made[0].name) if made else target
+            new |= {home / name: content for name, content in _published(made, folder)}
+            if made and len(made) == len(those):
+                gone |= {path for path in home.rglob("*") if path.is_file()}
+        if not new:
+            raise InputError(
+                f"{inputs.output} holds no finished part: `python -m bench run` makes it"
+            )
+        there = {path for path in target.rglob("*") if path.is_file() and path.name != PAGE}
+        _check({path: path.read_bytes() for path in there - gone} | new, target, mixed=mixed)
+        for path in gone - new.keys():
+            path.unlink()
+        for path, content in new.items():
+            make_folder(path.parent)
+            if path.suffix == COMPRESSED:
+                path.unlink(missing_ok=True)
+            write(path, content, "picture" if path.suffix == ".png" else "text")
+        return sorted(new)
+
+
+def _finished(part: Part, inputs: Inputs) -> bool:
+    """Say whether a part was made; one that was not finished is refused."""
+    path = inputs.making(part).path
+    record = read(path)
+    if record is not None and not record.finished:
+        raise InputError(f"{path}: {part.name} was not finished (code {record.code})")
+    return record is not None
+
+
+def _published(made: Sequence[Part], folder: Path) -> Iterator[tuple[Path, bytes]]:
+    """Yield the names, from a part's folder on, and contents of the files to publish."""
+    shown = [content for part in made for content in part.show(folder)]
+    pictures = {content.picture for content in shown if isinstance(content, Figure)}
+    for path in sorted(folder.rglob("*")) if made else ():
+        name = path.relative_to(folder)
+        beside = f"{path.parent.name}/{path.name}"
+        wanted = path in pictures or (path.suffix in KINDS and beside not in LEFT_BEHIND)
+        printed = path.name.endswith(NOT_READ) and not path.name.endswith(RECORD)
+        if path.is_file() and wanted and not printed and not INSIDE.intersection(name.parts[:-1]):
+            content = path.read_bytes()
+            if path.suffix == ".jsonl" or (path.suffix == ".csv" and len(content) >= LARGE):
+                yield name.with_name(name.name + COMPRESSED), lzma.compress(content)
+            else:
+                yield name, content
+
+
+def _check(after: Mapping[Path, bytes], target: Path, *, mixed: bool) -> None:
+    """Refuse results of several states of the code, unless that is asked, or too large ones."""
+    names: dict[str, list[str]] = {}
+    for path in sorted(path for path in after if path.name.endswith(RECORD)):
+        state = str(documents.checked(path, after[path], Record).get("state", ""))
+        names.setdefault(state[:10] or "unknown", []).append(path.name.removesuffix(RECORD))
+    if len(names) > 1 and not mixed:
+        told = "; ".join(f"{state}: {', '.join(those)}" for state, those in names.items())
+        raise InputError(f"results of several states of the code, --mixed allows them: {told}")
+    size = sum(map(len, after.values()))
+    if size > LARGEST:
+        largest = sorted(after, key=lambda path: len(after[path]), reverse=True)[:3]
+        named = ", ".join(f"{path} {len(after[path]) / 1e6:.1f} MB" for path in largest)
+        raise InputError(
+            f"{target} would have {size / 1e6:.1f} MB, at most {LARGEST / 1e6:.0f} are allowed;"
+            f" the largest: {named}"
+        )

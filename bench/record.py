@@ -1,0 +1,179 @@
+"""Where the files of a run are, and how each part was made: compared before it is made again."""
+
+import re
+import shlex
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from bench.circumstances import circumstances
+from bench.contents import Content, Figure, Table, files_of, moved
+from bench.files import is_there
+from bench.report import Part
+from gen.runtime import documents
+from gen.runtime.files import write
+
+SAME = ("state", "versions", "machine")  # what has to be as it was for something to stay
+# Ends of the names of files that record how a part was made; no part reads them.
+NOT_READ = (".part.json", ".printed.txt")
+PAGE = "index.html"
+
+
+class Machine(documents.Document):
+    """The machine on which something was made."""
+
+    processor: str
+
+
+class Record(documents.Document):
+    """The record of something that was made: see `Making`."""
+
+    command: str
+    code: Annotated[int, Field(ge=-64, le=255)] = 0
+    finished: bool = True
+    seconds: Annotated[float, Field(ge=0, le=1e15)] = 0.0
+    told: list[str] = Field(default_factory=list)
+    contents: list[Content] = Field(default_factory=list)
+    inputs: dict[str, int]
+    created: str
+    commit: str
+    state: str = ""  # of the code; empty in records of before it was written down
+    machine: Machine
+    load: float | None = None  # of the machine in the minute before; quiet is near 0
+    versions: dict[str, str]
+
+
+@dataclass(frozen=True)
+class Making:
+    """A result that a command makes from inputs, and that stays while these do not change.
+
+    The record (`path`) is in the folder of what is made; `sources` are the files and folders that
+    the command reads, by name.
+    """
+
+    path: Path
+    command: str
+    sources: Mapping[str, Path]
+
+    def stays(self) -> bool:
+        """Say whether the record is of the same command, inputs, code, packages and machine."""
+        found = read(self.path)
+        if found is None or not found.finished:
+            return False
+        then = found.model_dump()
+        now = circumstances() | {"command": self.command, "inputs": self._stamps()}
+        return all(then[name] == now[name] for name in ("command", "inputs", *SAME))
+
+    def write(self, contents: Sequence[Content] = (), **said: Any) -> None:
+        """Write the record, with the contents that are shown if it is to say so.
+
+        Their files are in the record's folder; `said` are further fields of `Record`.
+        """
+        folder = self.path.parent
+        if contents:
+            said["contents"] = [moved(e, lambda file: file.relative_to(folder)) for e in contents]
+        known = {"command": self.command, "inputs": self._stamps(), **circumstances()}
+        record = Record(**known, **said)
+        write(self.path, record.model_dump_json(indent=2, exclude_unset=True) + "\n")
+
+    def _stamps(self) -> dict[str, int]:
+        """Return when each input was changed last [ns]; 0 for a missing one."""
+        return {
+            name: max((file.stat().st_mtime_ns for file in _inside(source)), default=0)
+            for name, source in self.sources.items()
+        }
+
+
+def _inside(path: Path) -> Iterator[Path]:
+    if path.is_file():
+        yield path
+    elif path.is_dir():
+        files = (file for file in path.rglob("*") if file.is_file())
+        yield from (file for file in files if not file.name.endswith(NOT_READ))
+
+
+def read(path: Path) -> Record | None:
+    """Read a record; None if there is none."""
+    found = documents.read(path, Record)
+    return None if found is None else Record.model_validate(found, strict=False)
+
+
+def recorded(path: Path) -> list[Content] | None:
+    """Return the contents that a record lists; None without a record, or if a file is missing."""
+    found = read(path)
+    if found is None:
+        return None
+    contents = [moved(each, lambda file: path.parent / file) for each in found.contents]
+    if not all(is_there(file) for each in contents for file in files_of(each)):
+        return None
+    return [
+        replace(each, command=each.command or found.command)
+        if isinstance(each, Figure | Table)
+        else each
+        for each in contents
+    ]
+
+
+def typed(arguments: Sequence[str]) -> str:
+    """Return a command of the interpreter as a user types it."""
+    return shlex.join(["python", *arguments])
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """The places of the files that parts are made of, and of those that they make."""
+
+    output: Path  # folder of the page
+    database: Path | None  # of the paper preset; that in the page's folder if None
+    comparison: Path | None  # folder of `learn compare` and `learn tune`, likewise
+    full: bool  # True for everything, False for what fits into ten minutes
+
+    @property
+    def files(self) -> dict[str, Path]:
+        """The files that a part may read, by their names in commands."""
+        return {
+            "database": self.database or self.output / "databases" / "paper.h5",
+            "comparison": self.comparison or self.output / "comparison",
+            "cost": self.output / "cost",
+            "concentrated": self.output / "databases" / "concentrated.h5",
+        }
+
+    def folder(self, part: Part) -> Path:
+        """Return the folder of a part's files."""
+        name = part.folder or part.name
+        return self.files["comparison"] if name == "comparison" else self.output / name
+
+    def template(self, part: Part) -> str:
+        """Return the arguments of a part's command in this run, to be filled in."""
+        return part.full if self.full else part.quick
+
+    def arguments(self, part: Part) -> list[str]:
+        """Return the arguments of the interpreter; none if the part is not in this run."""
+
+        def wish(found: re.Match[str]) -> str:
+            path = self.files[found[2]]
+            there = path.is_file() or any(path.glob("**/*.csv"))
+            return found[1] if there else ""
+
+        given = re.sub(r"\[([^]]*\{(\w+)\})\]", wish, self.template(part))
+        values = {"folder": self.folder(part), **self.files}
+        return [word.format_map(values) for word in given.split()]
+
+    def command(self, part: Part, command: str) -> str:
+        """Return the command that made a part, with `report` for a folder that is not this one."""
+        own = re.compile(rf"(.+)/{re.escape(part.folder or part.name)}(/.*)?")
+        words = shlex.split(command)
+        roots = {found[1] for word in words if (found := own.fullmatch(word))}
+        for root in roots - {str(self.output)}:
+            words = [re.sub(rf"^{re.escape(root)}(?=/)", "report", word) for word in words]
+        return shlex.join(words)
+
+    def making(self, part: Part) -> Making:
+        """Return the record, command and inputs of a part, which decide whether it stays."""
+        folder, named = self.folder(part), re.findall(r"\{(\w+)\}", self.template(part))
+        sources = {name: path for name, path in self.files.items() if name in named}
+        sources = {name: path for name, path in sources.items() if path != folder}
+        return Making(folder / f"{part.name}.part.json", typed(self.arguments(part)), sources)

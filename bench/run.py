@@ -1,0 +1,248 @@
+"""The runner: parts made by the commands that a user would type, each with a record beside it.
+
+Two parts are made at a time, those that measure times alone. A part stays while its record names
+the same command, inputs, code, packages and machine, so that the same `bench run` goes on where it
+was interrupted.
+"""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TextIO
+
+from bench.circumstances import RESULTS, code_state, load
+from bench.databases import of_the_paper
+from bench.page import write_page
+from bench.record import PAGE, Inputs, Record, read
+from bench.report import PARTS, Part, remark
+from gen.runtime.errors import InputError
+from gen.runtime.files import check_folder
+from gen.runtime.lock import lock_folder
+from gen.runtime.signals import Interruption
+from gen.scene import load as load_scene
+
+ROWS = 1500  # rows of the paper preset that a short run generates; a full one generates all 15,878
+TOGETHER = min(2, os.cpu_count() or 1)  # parts that run at the same time
+PATIENCE = 60.0  # seconds that a part has to end after a signal, before it is killed
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The end of a run: the parts that failed, now or when they were made, and the signal or 0."""
+
+    failed: tuple[str, ...] = ()
+    signal: int = 0
+
+
+def run(inputs: Inputs, only: Sequence[str] = ()) -> tuple[Path, Outcome]:
+    """Make the missing parts, or those of them that are named, then the page of all parts."""
+    parts = _chosen(only, inputs)
+    check_folder(inputs.output, PAGE)
+    with lock_folder(inputs.output):
+        if any("{database}" in inputs.template(part) for part in parts):
+            rows = load_scene("paper").samples if inputs.full else ROWS
+            of_the_paper(inputs.database, inputs.files["database"].parent, rows)
+        outcome = make(parts, inputs, lambda: write_page(PARTS, inputs))
+        return write_page(PARTS, inputs), outcome
+
+
+def make(parts: Iterable[Part], inputs: Inputs, after: Callable[[], object]) -> Outcome:
+    """Make the parts that are not there yet; `after` is called when parts have been made.
+
+    Two run at a time on a machine of two cores or more, but those that measure times, which are
+    alone. What the commands print to standard error is passed on.
+    """
+    wanted = [part for part in parts if inputs.arguments(part)]
+    codes: dict[str, int] = {}
+    with Interruption(listening=True) as interruption, ThreadPoolExecutor(TOGETHER) as pool:
+        for batch in _batches(wanted, inputs):
+            if interruption.requested():
+                break
+            missing = []
+            for part in batch:
+                heading, kept = (
+                    f"[{wanted.index(part) + 1}/{len(wanted)}] {part.name}",
+                    _kept(part, inputs),
+                )
+                if kept is not None:
+                    remark(f"{heading}: is there")
+                    codes[part.name] = kept.code
+                else:
+                    time = told(seconds(part, inputs))
+                    remark(f"{heading} ({time}): {inputs.making(part).command}")
+                    missing.append(part)
+            made = list(pool.map(lambda part: _run(part, inputs, interruption), missing))
+            if interruption.requested():
+                break
+            codes |= {part.name: code for part, code in zip(missing, made, strict=True)}
+            if missing:
+                after()
+    failed = tuple(part.name for part in wanted if codes.get(part.name))
+    return Outcome(failed, interruption.signal)
+
+
+def _batches(parts: Sequence[Part], inputs: Inputs) -> Iterator[list[Part]]:
+    """Yield parts that run at the same time: none is alone, or reads or writes another's folder."""
+    batch: list[Part] = []
+    for part in parts:
+        touched = {inputs.folder(part), *inputs.making(part).sources.values()}
+        folders = [inputs.folder(each) for each in batch]
+        shared = any(path.is_relative_to(folder) for path in touched for folder in folders)
+        apart = not shared and not any(each.alone for each in batch)
+        if batch and (part.alone or len(batch) == TOGETHER or not apart):
+            yield batch
+            batch = []
+        batch.append(part)
+    if batch:
+        yield batch
+
+
+def _chosen(only: Sequence[str], inputs: Inputs) -> list[Part]:
+    """Return the parts of this run; a comparison that was given is not ours to add to."""
+    names = {part.name: part for part in PARTS}
+    for name in only:
+        if name not in names:
+            raise InputError(f"{name}: give one of {', '.join(names)}")
+        if not inputs.template(names[name]):
+            gone = f"left with commit {names[name].retired}" if names[name].retired else ""
+            raise InputError(f"{name}: {gone or 'takes long, and needs --full'}")
+    given = inputs.comparison
+    if given is not None and not given.is_dir():
+        raise InputError(f"--comparison {given}: give a folder of learn compare or learn tune")
+    wanted = [part for part in PARTS if not only or part.name in only]
+    return [part for part in wanted if inputs.folder(part) != given]
+
+
+def _kept(part: Part, inputs: Inputs) -> Record | None:
+    """Return the record of a part that need not be made.
+
+    A short run also leaves alone what a full one has made.
+    """
+    making, full = inputs.making(part), replace(inputs, full=True).making(part)
+    found = read(making.path)
+    if found is None or not found.finished:
+        return None
+    longer = not inputs.full and found.command == full.command != making.command
+    return found if longer or making.stays() else None
+
+
+def _run(part: Part, inputs: Inputs, interruption: Interruption) -> int:
+    """Run one command to its end or a signal; write down how it ended, return its exit code."""
+    making, arguments = inputs.making(part), inputs.arguments(part)
+    path = making.path
+    said: list[str] = []
+    printed, state, busy = path.with_name(f"{part.name}.printed.txt"), code_state(), load()
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.unlink(missing_ok=True)
+        began = time.monotonic()
+        with printed.open("w", encoding="utf-8") as file:
+            code = _call(arguments, file, said, interruption)
+    except OSError as error:
+        raise InputError(f"{path.parent} cannot be written to: {error.strerror or error}") from None
+    if not interruption.requested():
+        crashed = any(line.startswith("Traceback") for line in said)
+        if changed := code_state() != state:
+            said.append("the code changed meanwhile: the same command makes it anew")
+        making.write(
+            code=code,
+            finished=not changed and (code == 0 or (code == 1 and part.judges and not crashed)),
+            seconds=round(time.monotonic() - began, 1),
+            told=said[-5:],
+            load=busy,
+        )
+    return code
+
+
+def _call(
+    arguments: Sequence[str], printed: TextIO, said: list[str], interruption: Interruption
+) -> int:
+    """Run one command in a session of its own; return its exit code.
+
+    So Ctrl-C reaches us alone, and is passed on once; what the command has started ends with it.
+    """
+
+    def listen(process: "subprocess.Popen[str]") -> None:
+        for line in process.stderr or ():
+            if line.strip():
+                said.append(line.rstrip())
+                remark(f"    {said[-1]}")
+
+    with subprocess.Popen(
+        [sys.executable, *arguments],
+        stdout=printed,
+        stderr=subprocess.PIPE,
+        text=True,
+        errors="replace",
+        start_new_session=True,
+    ) as process:
+        listener = threading.Thread(target=listen, args=(process,), daemon=True)
+        listener.start()
+        try:
+            code = _wait(process, interruption)
+        finally:
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+        listener.join(PATIENCE)
+        return code
+
+
+def _wait(process: "subprocess.Popen[str]", interruption: Interruption) -> int:
+    """Wait for the end; pass a signal on, and kill a process that ignores it."""
+    while not interruption.requested():
+        with suppress(subprocess.TimeoutExpired):
+            return process.wait(timeout=0.2)
+    process.send_signal(interruption.signal)
+    with suppress(subprocess.TimeoutExpired):
+        return process.wait(timeout=PATIENCE)
+    process.kill()
+    return process.wait()
+
+
+def seconds(part: Part, inputs: Inputs) -> float | None:
+    """Return the time that a part took [s]: here, by the same command, else where it was measured.
+
+    Full runs have records among the published results, short ones say it in the report's file.
+    None where neither knows the part.
+    """
+    making = inputs.making(part)
+    here = read(making.path)
+    if here is not None and here.finished and here.command == making.command:
+        return here.seconds
+    if not inputs.full:
+        return part.seconds
+    there = read(RESULTS / (part.folder or part.name) / f"{part.name}.part.json")
+    return there.seconds if there is not None and there.seconds else None
+
+
+def told(time: float | None) -> str:
+    """Say a time in a few characters."""
+    if time is None:
+        return "not known"
+    return f"{time:.0f} s" if time < 100 else f"{time / 60:.0f} min"
+
+
+def planned(inputs: Inputs, only: Sequence[str] = ()) -> str:
+    """List what a run would make, with the time that it is going to take, and make nothing."""
+    parts = [part for part in _chosen(only, inputs) if inputs.arguments(part)]
+    check_folder(inputs.output, PAGE)
+    kept = [_kept(part, inputs) is not None for part in parts]
+    times = [seconds(part, inputs) for part in parts]
+    lines = [
+        f"{part.name:24} {'is there' if stays else told(time):>9}  {part.title}"
+        for part, time, stays in zip(parts, times, kept, strict=True)
+    ]
+    left = [time for time, stays in zip(times, kept, strict=True) if not stays]
+    known = sum(time for time in left if time is not None)
+    unknown = sum(time is None for time in left)
+    more = f" and {unknown} of an unknown time" if unknown else ""
+    lines.append(f"{len(left)} parts to make: {told(known)} by earlier records{more}")
+    return "\n".join(lines)

@@ -1,1 +1,0 @@
-"""How much faster the farm is on more processes of this machine."""

@@ -1,0 +1,340 @@
+"""Cases of the contact solver: elastic bodies, and a hardness from none to all nodes yielded."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
+from itertools import chain
+from typing import Any
+
+import numpy as np
+
+import bem
+from bem.analytic import Cone, FlatPunch, Indenter, Paraboloid
+from bem.equilibrium import BeyondCriticalDelta
+from bem.influence import KERNELS, Kernel
+from bench.references import dense
+from bench.references.half_space import Field, critical_delta, influence_coefficients
+from bench.stability import checks as judged
+from bench.stability import setup as topographies
+from bench.stability.case import Case, Refusal
+from bench.stability.checks import contact_case
+from bench.stability.setup import CELL, DELTA, NODES, SIDE, SMALL, Setup, flat, paper
+
+# Heights times a power of ten are rounded anew: two solves then differ by their tolerance.
+HEIGHT_ROUNDING = 1e-6
+
+LONG_CELLS = (
+    "rows of cells hardly differ across their short side: H is nearly singular there, and the"
+    " preconditioner, made for square cells, further from its inverse"
+)
+SHORT_WAVES = (
+    "the concentrated force resists a checkerboard of pressures seven times less than a uniform"
+    " pressure does (smallest eigenvalue 0.08 against 0.58): conjugate gradients are slower"
+)
+CHECKERBOARD = (
+    "the surface asks for the checkerboard of pressures that the concentrated force resists least:"
+    " the active set cycles, and projected gradients have to end that"
+)
+NEAR_CRITICAL = (
+    "the compliant operator is nearly singular on sets larger than the solution's: the active set"
+    " cycles, and projected gradients or rigid solves have to bring it near"
+)
+DENSE = (judged.agrees_with_dense_solve,)
+SYMMETRIC = (judged.is_symmetric,)
+
+
+def cases() -> Iterator[Case]:
+    """Elastic contacts, then bodies that yield."""
+    yield from elastic_cases()
+    yield from yielding_cases()
+
+
+def elastic_cases() -> Iterator[Case]:
+    """Family after family."""
+    given = _materials_and_sizes(), _displacements(), _grids()
+    surfaces = _roughness(), _single_nodes(), _terraces(), _bodies()
+    models = _concentrated_forces(), _compliant_far_fields()
+    return chain(*given, *surfaces, *models)
+
+
+def _one_cell(delta: float, spacing: float) -> Any:
+    """One square cell carries the force that presses it down by Delta, E* = 1 MPa."""
+    force = delta * spacing / float(influence_coefficients((1, 1), "uniform-pressure")[0, 0])
+    return partial(judged.has_force, "one cell", force, 1e-6)
+
+
+def _materials_and_sizes() -> Iterator[Case]:
+    def case(family: str, name: str, factor: float, force: float, **arguments: Any) -> Case:
+        allowed = judged.FOUR_ULP if np.log2(factor).is_integer() else HEIGHT_ROUNDING
+        heights, check = paper() * factor, partial(judged.scales, force, allowed)
+        return contact_case(family, name, heights, DELTA * factor, checks=(check,), **arguments)
+
+    for modulus in (1e-12, 1e-6, 1e6, 1e15):
+        yield case("material", f"E = {modulus:g} MPa", 1, modulus, modulus=modulus)
+    for poisson in (-0.99, -0.5, 0.3, 0.5):
+        yield case("material", f"ν = {poisson:g}", 1, 1 / (1 - poisson**2), poisson=poisson)
+    for side in (1e-9, 1.0, 1e9):
+        yield case("size", f"L = {side:g} um", 1, side / SIDE, side=side)
+    for name, factor in (("1e-12", 1e-12), ("1e12", 1e12), ("2^-40", 2.0**-40), ("2^40", 2.0**40)):
+        yield case("size", f"heights and Δ times {name}", factor, factor)
+    name = "E, L, heights and Δ"
+    yield case("size", f"{name} small", 1e-12, 1e-36, side=1e-9, modulus=1e-12)
+    yield case("size", f"{name} large", 1e12, 1e33, side=1e9, modulus=1e15)
+
+
+def _displacements() -> Iterator[Case]:
+    case = partial(contact_case, "displacement")
+    untouched = partial(judged.has_force, "nothing touches", 0.0, 0.0)
+    for delta in (0.0, -1.0, -1e300):
+        yield case(f"Δ = {delta:g}", paper, delta, checks=(untouched,))
+    ulp = float(np.spacing(paper().max()))
+    for name, delta in (("one ulp of the highest node", ulp), ("1e-300 um", 1e-300)):
+        yield case(f"first touch by {name}", paper, delta, checks=(_one_cell(delta, CELL),))
+    shares = {"1e-3 short of": 1 - 1e-3, "at": 1.0, "1e-3 beyond": 1 + 1e-3, "10 times": 10.0}
+    for name, factor in shares.items():
+        reaching = partial(_to_full_contact, factor)
+        yield case(f"{name} full contact", paper(SMALL), reaching, checks=DENSE)
+    for times in (1.0, 10.0, 1e3, 1e6):
+        yield case(f"Δ of {times:g} height ranges", paper, times * float(np.ptp(paper())))
+
+
+def _to_full_contact(factor: float, heights: Field) -> float:
+    return factor * dense.full_contact_delta(heights, "uniform-pressure")
+
+
+def _grids() -> Iterator[Case]:
+    """Numbers of nodes, and patches and cells that are not square."""
+    case, corner = partial(contact_case, "grid"), topographies.cropped_paper
+    for k in range(1, 12):
+        checks = DENSE if k <= 5 else (judged.turns_with_surface,) if k == 7 else ()
+        surface = partial(paper, 2**k + 1)
+        yield case(f"k = {k}", surface, checks=checks, slow=k >= 10, ordinary=True)
+    yield case("a single node", flat(1), 3.0, spacing=2.0, checks=(_one_cell(3, 2),))
+    for name, shape in (("one row", (1, 129)), ("one column", (129, 1)), ("four nodes", (2, 2))):
+        yield case(name, corner(shape), 10.0, spacing=7.8125, checks=DENSE)
+    yield case("a patch of 1:64", corner((3, 129)), side=(1000 / 64, 1000.0), checks=DENSE)
+    for sides in ((1000.0, 64000.0), (64000.0, 1000.0)):
+        name = f"cells of {sides[0] / 1000:g}:{sides[1] / 1000:g}"
+        long = partial(case, side=sides, reason=LONG_CELLS)
+        yield long(f"{name}, coarse", paper(SMALL), checks=DENSE)
+        yield long(name, paper)
+        yield long(f"{name}, large contact", paper, 500.0)
+
+
+def _roughness() -> Iterator[Case]:
+    case, noise = partial(contact_case, "roughness"), topographies.white_noise
+    for hurst in (0.01, 0.99):
+        yield case(f"H = {hurst:g}", paper(NODES, hurst))
+        yield case(f"H = {hurst:g}, large contact", paper(NODES, hurst), 200.0)
+        yield case(f"H = {hurst:g}, coarse", paper(SMALL, hurst), 200.0, checks=DENSE)
+    yield case("σ0 = 0: flat, edge singular", paper(sigma0=0.0), checks=SYMMETRIC)
+    yield case("σ0 = 0, coarse", paper(SMALL, sigma0=0.0), checks=DENSE + SYMMETRIC)
+    for delta in (1.0, 10.0, 100.0, 1000.0):
+        yield case(f"white noise, Δ = {delta:g} σ", noise, delta)
+    yield case("white noise, coarse", noise(SMALL), 10.0, checks=DENSE)
+    plane = np.linspace(0.0, SIDE, NODES)[:, None]
+    for delta in (1.0, 25.0, 700.0, 5000.0):
+        yield case(f"rough, tilted by 45°, Δ = {delta:g}", paper() + plane, delta)
+    coarse = flat(SMALL) + np.linspace(0.0, SIDE, SMALL)[:, None]
+    yield case("a plane tilted by 45°", coarse, 700.0, checks=DENSE)
+
+
+def _single_nodes() -> Iterator[Case]:
+    """One node above or below all others."""
+    case, middle = partial(contact_case, "feature"), topographies.with_middle_at
+    both = DENSE + SYMMETRIC
+    spike, needle, pit = middle(10.0, flat()), middle(1e6, paper()), middle(-1e6, flat())
+    yield case("a spike on a plane", spike, 5.0, checks=(_one_cell(5, CELL),))
+    yield case("spike and plane touch", spike, 20.0, checks=SYMMETRIC)
+    yield case("spike and plane touch, coarse", middle(10.0, flat(SMALL)), 20.0, checks=both)
+    yield case("a needle carries all load", needle, 25.0, checks=(_one_cell(25, CELL),))
+    yield case("a needle in to its root", needle, 1.1e6)
+    for delta in (1.0, 1e7):
+        yield case(f"a pit 1e6 deep, Δ = {delta:g}", pit, delta, checks=SYMMETRIC)
+    yield case("a pit 1e6 deep, coarse", middle(-1e6, flat(SMALL)), 10.0, checks=both)
+
+
+def _terraces() -> Iterator[Case]:
+    """Steps and exact ties."""
+    board, plateaus = topographies.checkerboard, topographies.terraces
+    for name, short, surface, deltas, checks, on_coarse in (
+        ("a step of 1 um", "a step of 1 um", topographies.step, (0.5, 1.0, 3.0), (), 3.0),
+        ("a checkerboard of 1 um", "a checkerboard", board, (1.0, 10.0, 1e3), SYMMETRIC, 10.0),
+        (
+            "plateaus of exact ties",
+            "plateaus of exact ties",
+            plateaus,
+            (10.0, 25.0, 60.0),
+            (),
+            60.0,
+        ),
+    ):
+        for delta in deltas:
+            yield contact_case("feature", f"{name}, Δ = {delta:g}", surface, delta, checks=checks)
+        coarse = partial(surface, SMALL)
+        yield contact_case("feature", f"{short}, coarse", coarse, on_coarse, checks=DENSE + checks)
+
+
+def _bodies() -> Iterator[Case]:
+    """Closed forms, within what the grid costs; some 60 nodes carry the first."""
+    bodies: tuple[tuple[str, str, Indenter, float, int, float], ...] = (
+        ("Hertz, even grid: four nodes tie", "Hertz's", Paraboloid(5000.0), 0.2, 128, 0.01),
+        ("Hertz", "Hertz", Paraboloid(5000.0), 5.0, NODES, 0.001),
+        ("a cone", "a cone", Cone(0.1), 25.0, NODES, 0.001),
+        ("a flat punch", "a flat punch", FlatPunch(250.0), 1.0, NODES, 0.01),
+    )
+    for name, whose, body, delta, nodes, allowed in bodies:
+        off_tip = 0.0 if nodes % 2 else SIDE / (nodes - 1) * np.sqrt(0.5)  # of the nearest node
+        below_tip = -float(body.heights(np.array(off_tip)))
+        closed_form = partial(judged.has_force, whose, body.force(delta + below_tip), allowed)
+        checks = (closed_form, *SYMMETRIC, *(() if nodes % 2 else DENSE))
+        surface = partial(topographies.indenter, body, nodes)
+        yield contact_case("closed form", name, surface, delta, checks=checks)
+
+
+def _concentrated_forces() -> Iterator[Case]:
+    """The kernel that is nearly singular where much is in contact."""
+    case = partial(contact_case, "concentrated force", kernel="concentrated-force")
+    rough = partial(case, reason=SHORT_WAVES)
+    for delta in (25.0, 80.0, 150.0, 500.0, 5000.0):
+        yield rough(f"Δ = {delta:g}", paper, delta)
+        yield rough(f"Δ = {delta:g}, coarse", paper(SMALL), delta, checks=DENSE)
+    yield rough("white noise", topographies.white_noise, 100.0)
+    yield rough("flat", flat, checks=SYMMETRIC)
+    for nodes, checks in ((NODES, SYMMETRIC), (SMALL, DENSE + SYMMETRIC)):
+        for delta in (1.0, 10.0, 50.0, 1e3):
+            name, board = f"a checkerboard of {nodes} nodes", topographies.checkerboard(nodes)
+            yield case(f"{name}, Δ = {delta:g}", board, delta, checks=checks, reason=CHECKERBOARD)
+
+
+def _compliant_far_fields() -> Iterator[Case]:
+    case = partial(contact_case, "compliant far field", far_field="compliant")
+    for kernel in KERNELS:
+        near = partial(case, kernel=kernel, reason=NEAR_CRITICAL)
+        for share, allowed in ((0.9, 1e-4), (0.99, 1e-4), (0.999, 1e-3)):
+            name, delta = f"Δ = {share:g} Δ*, {kernel}", partial(_of_critical, share, kernel)
+            yield near(name, paper, delta)
+            check = partial(judged.agrees_with_dense_solve, allowed=allowed)
+            yield near(f"{name}, coarse", paper(SMALL), delta, checks=(check,))
+        beyond = Refusal(BeyondCriticalDelta, ("delta = ", "must stay below Delta* = "))
+        for share in (1 + 1e-9, 2.0):
+            name, delta = f"Δ = {share:.10g} Δ*, {kernel}", partial(_of_critical, share, kernel)
+            yield case(name, paper, delta, kernel=kernel, refusal=beyond)
+    nowhere = Refusal(BeyondCriticalDelta, ("delta = 1e-09 um", "must stay below Delta* = 0 um"))
+    yield case("flat: Δ* = 0", flat, 1e-9, refusal=nowhere)
+
+
+def _of_critical(share: float, kernel: Kernel, heights: Field) -> float:
+    return share * critical_delta(heights, kernel)
+
+
+FEW = 17  # nodes a side where the dense matrix is to judge: it takes many solves of all nodes
+# Of a half-space of E* = 1 MPa [MPa].
+CAPS = (1e-9, 1e-6, 1e-4, 1e-3, 5e-3, 2e-2, 5e-2, 0.1, 0.3, 1.0, 1e3)
+# Reason for more iterations than those of the elastic contact.
+MORE_SETS = "the yielded nodes have to be found too, which takes solves of their own"
+capped = partial(contact_case, "hardness", reason=MORE_SETS)
+
+
+def yielding_cases() -> Iterator[Case]:
+    """By the share of the nodes that yield, then by surface, cell and load."""
+    for hardness in CAPS:
+        case = partial(capped, hardness=hardness, checks=(judged.says_what_yields,))
+        both = judged.yields_as_by_dense_solve, judged.says_what_yields
+        yield case(f"H = {hardness:g} E*", paper)
+        yield case(f"H = {hardness:g} E*, coarse", paper(FEW), checks=both)
+    yield from _limits()
+    yield from _prescribed()
+    yield from _yielding_surfaces()
+    yield from _loads()
+
+
+def _limits() -> Iterator[Case]:
+    """The elastic contact from its largest pressure on, and the bearing area."""
+    largest = float(Setup(paper()).solve().pressure.max())
+    elastic = partial(judged.equals, "the elastic contact", partial(replace, hardness=None))
+    for name, hardness in (
+        ("the", largest),
+        ("one ulp above the", float(np.nextafter(largest, np.inf))),
+        ("one ulp below the", float(np.nextafter(largest, 0))),
+    ):
+        title, checks = f"{name} largest elastic pressure", (judged.is_nearly_elastic,)
+        yield capped(title, paper, hardness=hardness, checks=checks)
+    name = "1e-3 above the largest elastic pressure"
+    yield capped(name, paper, hardness=1.001 * largest, checks=(elastic,))
+    yield capped("H = 1e90 E*", paper, hardness=1e90, checks=(elastic,))
+    for hardness in (1e-12, 1e-90):
+        both = judged.is_bearing_area, judged.says_what_yields
+        name = f"bearing area, H = {hardness:g} E*"
+        yield capped(name, paper, hardness=hardness, checks=both)
+    for hardness in (0.0, -1.0, np.nan):
+        refusal = Refusal(ValueError, ("hardness",))
+        yield capped(f"H = {hardness:g}", paper, hardness=hardness, refusal=refusal)
+
+
+def _prescribed() -> Iterator[Case]:
+    """Surfaces made from the pressure that solves them, so that each node's side is known."""
+    for name, below, depth in (
+        ("all nodes yield", 0, 1.0),
+        ("all nodes at the hardness, none deeper", 0, 0.0),
+        ("all nodes yield but one, which is just below", 1, 1.0),
+        ("all nodes at the hardness but one, none deeper", 1, 0.0),
+        ("half of the nodes yield", FEW**2 // 2, 1.0),
+    ):
+        for hardness in (1e-3, 1.0, 1e3):
+            pressure, heights, delta = _made(below, depth, hardness)
+            area = (SIDE / (FEW - 1)) ** 2
+            force = partial(judged.has_force, "the one it is made of", pressure.sum() * area, 1e-6)
+            title = f"{name}, H = {hardness:g} E*"
+            yield capped(title, heights, delta, hardness=hardness, checks=(force,))
+
+
+def _made(below: int, depth: float, hardness: float) -> tuple[Field, Field, float]:
+    """Pressure with some nodes below the hardness, and heights and displacement for it.
+
+    The other nodes yield to a depth over the largest displacement that the pressure makes [1].
+    """
+    random = np.random.default_rng(below)
+    pressure = np.full(FEW**2, hardness)
+    chosen = random.choice(FEW**2, below, replace=False)
+    pressure[chosen] *= random.uniform(0.9, 0.999, below)
+    field = pressure.reshape(FEW, FEW)
+    moved = dense.displace(field, "uniform-pressure") * (SIDE / (FEW - 1))
+    deeper = depth * random.random(field.shape) * float(moved.max())
+    interference = moved + np.where(field == hardness, deeper, 0.0)
+    return field, interference - interference.max(), float(interference.max())
+
+
+def _yielding_surfaces() -> Iterator[Case]:
+    surfaces: tuple[tuple[str, Callable[..., Field], float], ...] = (
+        ("flat", flat, 5.0),
+        ("sphere", partial(topographies.indenter, Paraboloid(5000.0)), 5.0),
+        ("white noise", topographies.white_noise, 10.0),
+        ("checkerboard", topographies.checkerboard, 10.0),
+        ("exact ties", topographies.terraces, 25.0),
+    )
+    dense_check = (judged.yields_as_by_dense_solve,)
+    for name, surface, delta in surfaces:
+        for hardness in (1e-3, 1e-2, 5e-2):
+            for kernel in KERNELS:
+                title = f"{name}, H = {hardness:g} E*, {kernel}"
+                case = partial(capped, hardness=hardness, delta=delta, kernel=kernel)
+                yield case(title, surface)
+                yield case(f"{title}, coarse", partial(surface, FEW), checks=dense_check)
+    for sides in ((1000.0, 64000.0), (64000.0, 1000.0)):
+        for hardness in (1e-4, 1e-3, 1e-2):
+            title = f"cells of {sides[0] / 1000:g}:{sides[1] / 1000:g}, H = {hardness:g} E*"
+            yield capped(title, paper, hardness=hardness, side=sides)
+
+
+def _loads() -> Iterator[Case]:
+    """A given mean pressure up to the hardness, beyond which there is no solution."""
+    for hardness in (1e-3, 0.1):
+        for share in (1e-3, 0.5, 0.9, 0.99, 1 - 1e-6, 1.0, 2.0):
+            pressure = share * hardness
+            given = partial(
+                judged.has_force, "the one given", pressure * paper().size * CELL**2, 1e-12
+            )
+            refusal = Refusal(bem.NoSolution, ("hardness",)) if share >= 1 else None
+            case = partial(capped, hardness=hardness, checks=(given,), refusal=refusal)
+            yield case(f"p = {share:.7g} H, H = {hardness:g} E*", paper, pressure=pressure)

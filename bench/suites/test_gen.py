@@ -1,0 +1,188 @@
+"""Time of the farm, of both writers and of surfaces of every kind, with the answers asserted.
+
+    pytest bench/suites/test_gen.py --benchmark-only
+
+Tasks of `dispatch` cost nothing; under mpiexec the time of a round is that of the whole program,
+and `seconds_per_task` in the extra info is the farm's alone. `python -m bench writers` measures
+both writers on any number of ranks. Budgets at the paper's size on one core: 1 ms for a window of a
+map and for `describe`, 3 ms for a spectral surface.
+"""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from pytest_benchmark.fixture import BenchmarkFixture
+
+from bench.farm import Spec, create, dispatch, expected, launch, require_rows, template_of
+from bench.farm import write as write_rows
+from bench.references import exact
+from gen import database
+from gen.generation.plan import parameters
+from gen.generation.run import Target, blocks_of
+from gen.generation.sample import surface_of
+from gen.maps.library import PreparedMap, stored_maps, write_maps
+from gen.maps.windows import Tiling, cut, drawn
+from gen.runtime.errors import InputError
+from gen.runtime.farm import World
+from gen.scene import Scene
+from gen.spectral import SelfAffineSpectrum, generate_spectral
+from gen.statistics import describe
+from gen.surface import GENERATORS, generate
+
+SPECS = {"smoke": Spec(32, 33, 1), "paper": Spec(256, 129, 1), "large": Spec(32, 513, 1)}
+RANKS = 3
+
+
+@pytest.mark.parametrize("size", SPECS)
+def test_write_by_one(benchmark: Any, tmp_path: Path, size: str) -> None:
+    """Rows with their pressure fields, to the kernel; creating the file is not timed."""
+    spec, path = SPECS[size], tmp_path / "rows.h5"
+    blocks = list(blocks_of(spec.scene, [(0, spec.rows)], World().workers))
+    template, target = template_of(spec.scene, blocks), Target(path, spec.scene, parallel=False)
+    arguments = (target, blocks, template, World())
+    benchmark.pedantic(lambda: write_rows(*arguments), setup=lambda: create(target), rounds=3)
+    require_rows(path, blocks, template)
+    if benchmark.enabled:
+        benchmark.extra_info["megabytes_per_second"] = spec.megabytes / benchmark.stats["median"]
+
+
+@pytest.mark.parametrize("size", SPECS)
+def test_write_by_all(benchmark: Any, tmp_path: Path, size: str) -> None:
+    """By two workers under mpiexec; a round is the whole program, which writes with both writers.
+
+    The program asserts that all rows arrived; the rates of the extra info are those of the writers.
+    """
+    if not database.parallel_hdf5():
+        pytest.skip("this h5py has no MPI: make parallel")
+    spec = SPECS[size]
+    arguments = (RANKS, "writing", asdict(spec), tmp_path)
+    seconds = benchmark.pedantic(launch, args=arguments, rounds=1)
+    for writer in ("single", "parallel"):
+        (found,) = seconds[writer]
+        benchmark.extra_info[f"{writer}_megabytes_per_second"] = spec.megabytes / found
+
+
+TASKS = {"smoke": 256, "paper": 15_878, "large": 100_000}
+RANKS = 3
+
+
+@pytest.mark.parametrize("size", TASKS)
+def test_dispatch_serially(benchmark: Any, size: str) -> None:
+    tasks = TASKS[size]
+    assert benchmark(dispatch, tasks, World()) == expected(tasks)
+    if benchmark.enabled:
+        benchmark.extra_info["seconds_per_task"] = benchmark.stats["median"] / tasks
+
+
+@pytest.mark.parametrize("size", TASKS)
+def test_dispatch_to_workers(benchmark: Any, size: str, tmp_path: Path) -> None:
+    tasks = TASKS[size]
+    if size != "smoke" and not benchmark.enabled:
+        pytest.skip("the smoke size asserts the same; this one is for times")
+    arguments = (RANKS, "dispatch", {"tasks": tasks}, tmp_path)
+    try:
+        found = benchmark.pedantic(launch, args=arguments, rounds=1)
+    except InputError as error:
+        if "no mpiexec" not in str(error):
+            raise
+        pytest.skip(str(error))
+    assert found["workers"] == RANKS - 1
+    assert found["total"] == expected(tasks)
+    benchmark.extra_info["seconds_per_task"] = found["seconds"] / tasks
+
+
+SIZES = {"smoke": 33, "paper": 129, "large": 513}
+SPACING = 1.0
+
+sizes = pytest.mark.parametrize("nodes", SIZES.values(), ids=SIZES)
+
+
+def stream(surface: int) -> np.random.Generator:
+    return np.random.Generator(np.random.PCG64(np.random.SeedSequence(7, spawn_key=(surface,))))
+
+
+@sizes
+def test_window(benchmark: BenchmarkFixture, nodes: int, tmp_path: Path) -> None:
+    """Out of a map in shared memory: stream of the surface, draw, cut, lowest node to 0."""
+    heights = np.random.default_rng(3).normal(size=(2 * nodes + 9, 2 * nodes + 5))
+    path = tmp_path / "a.maps"
+    spacing = (SPACING, SPACING)
+    write_maps(path, "key", iter([(PreparedMap(heights), spacing)]), replace=False)
+    stored = stored_maps(path, "key", verify=True)
+    assert stored is not None
+    (prepared,) = stored.maps
+    tiling = Tiling((heights.shape,), (nodes, nodes))
+
+    def window() -> np.ndarray:
+        place = drawn(stream(5), tiling, square=True)
+        return cut(prepared.heights, place, tiling.window)
+
+    surface = benchmark(window)
+    assert surface.shape == (nodes, nodes)
+    assert surface.min() == 0.0
+    (x, y) = drawn(stream(5), tiling, square=True).corner
+    own = heights[x : x + nodes, y : y + nodes]
+    assert np.ptp(surface) == np.ptp(own)
+
+
+@sizes
+def test_spectral(benchmark: BenchmarkFixture, nodes: int) -> None:
+    """A period of a self-affine surface."""
+    spectrum = SelfAffineSpectrum(hurst=0.8, roll_off=nodes / 4, cut_off=4 * SPACING)
+
+    def surface() -> np.ndarray:
+        return generate_spectral(
+            (nodes, nodes), nodes * SPACING, spectrum, stream(5), rms_height=1.0
+        )
+
+    assert benchmark(surface).std() == pytest.approx(1.0, rel=1e-12)
+
+
+@sizes
+def test_spectral_window(benchmark: BenchmarkFixture, nodes: int) -> None:
+    """A free patch of a scene, cut from twice its length, with the shortest waves that it holds."""
+    scene = Scene.parse(
+        f"samples = 1\n[surface]\ngenerator = 'spectral'\nnodes = {nodes}\n"
+        f"side = {(nodes - 1) * SPACING}\nroll_off = {nodes / 4}\ncut_off = 2.0\nrms_slope = 0.1",
+        "the benchmark",
+    )
+    plan = parameters(scene, 0, 1)
+    surface = benchmark(lambda: surface_of(scene, plan, 0))
+    assert surface.shape == (nodes, nodes)
+    assert surface.min() == 0.0
+
+
+SIZES = {"smoke": 33, "paper": 129, "large": 513}
+SIDE = 1000.0
+STEP = 1 / 8192  # of heights, so that their exact statistics take seconds [um]
+
+sizes = pytest.mark.parametrize("nodes", SIZES.values(), ids=SIZES)
+
+
+def generated(generator: str, nodes: int) -> NDArray[np.float64]:
+    return generate(generator, nodes, 0.65, 12.0, np.random.default_rng(7))
+
+
+@sizes
+@pytest.mark.parametrize("generator", GENERATORS)
+def test_generate(benchmark: BenchmarkFixture, generator: str, nodes: int) -> None:
+    heights = benchmark(generated, generator, nodes)
+    coarse = generated(generator, 17)
+    shared = heights[:: (nodes - 1) // 16, :: (nodes - 1) // 16]
+    assert heights.shape == (nodes, nodes)
+    assert heights.min() == 0.0
+    assert shared - shared[0, 0] == pytest.approx(coarse - coarse[0, 0], abs=1e-10)
+
+
+@sizes
+def test_describe(benchmark: BenchmarkFixture, nodes: int) -> None:
+    heights = np.round(generated("diamond-square", nodes) / STEP) * STEP
+    spacing = SIDE / (nodes - 1)
+    description = benchmark(describe, heights, spacing)
+    expected = exact.statistics(heights, (spacing, spacing))
+    assert description.reason == ""
+    assert description.values == pytest.approx(expected, rel=1e-10)

@@ -1,0 +1,273 @@
+"""How well a surrogate knows windows of maps: parts that it has not seen, and maps left out.
+
+The twenty made maps of one instrument are read, prepared and cut into windows by a scene as a user
+would write it. Kernel ridge with hybrid features, fitted as `learn fit` does, is judged on every
+row once: a fifth of the tiles at a time, and one map at a time. No node of a map is in training and
+in judgement, and neither are settings, intervals and flags: they come from the other rows.
+
+A row is called wrong if it is further from the prediction than twice as far as its interval
+reaches. Of rows outside their interval, which are a tenth where intervals hold, most miss it by
+little: they are the tenth that was announced. Wrong rows were not, so they have to be flagged, all
+but the few that chance makes: twice the reach of an interval of 90 % is 3.29 standard deviations,
+and of normal errors 0.1 % are larger. More wrong rows than these among those that are not flagged
+would show a kind of surface that the flags do not tell.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.databases import generated
+from bench.files import Row
+from bench.made_maps import KINDS, ONE_INSTRUMENT, write_all
+from bench.picture import COLOURS, new_figure
+from bench.report import Report, remark
+from bench.surrogates.fitting import fit, read, request_for
+from gen.arrays import Values
+from gen.database import Reader
+from gen.runtime.errors import InputError
+from gen.runtime.figure import draw_parity, parity_axes
+from gen.scene import ScanSurface
+from learn.arrays import Indices
+from learn.dataset import Dataset
+from learn.metrics import scores
+from learn.split import FOLDS
+
+LEVEL = 0.9
+"""Of the intervals whose coverage is counted."""
+
+FEWEST = 200
+"""Smallest number of rows: ten of each map."""
+
+WANTED_R2, WANTED_NMAE = 99.5, 4.0
+"""Smallest R2 and largest nMAE of unseen tiles that are asked for [%]."""
+
+MISSED = 2.0
+"""Times that a wrong row's error is half the width of its interval, at least."""
+
+CHANCE = 0.001
+"""Share of the rows that would be wrong by chance, were errors normal and intervals exact."""
+
+SCENE = """samples = {rows}
+[surface]
+generator = "scans"
+files = "../maps"
+nodes = {nodes}
+[surface.preparation]
+despike = 7
+level = "plane"
+fill = true
+[load]
+quantity = "pressure/(E* slope_rms)"
+range = {{ log_uniform = [0.003, 0.08] }}
+"""
+"""Windows of prepared maps, mirrored, under pressures that give areas of about 0.5 to 40 %."""
+
+PARTS = {"unseen tiles": "tile", "maps left out": "map"}
+"""The rows that are left out of the training, and the column that tells them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """All rows of a database, each predicted by a surrogate that has not seen its tile, or map.
+
+    Attributes
+    ----------
+    nodes : int
+        Nodes a side of the windows.
+    left_out : str
+        A key of `PARTS`.
+    maps : ndarray of int, shape (n,)
+        Map of each row.
+    names : tuple of str
+        Names of the maps.
+    truth, prediction : ndarray, shape (n,)
+        Areas [%].
+    low, high : ndarray, shape (n,)
+        Ends of the intervals of 90 % [%].
+    flagged : ndarray of bool, shape (n,)
+        Whether an input is outside the training ranges, or all together are far from the training.
+    """
+
+    nodes: int
+    left_out: str
+    maps: Indices
+    names: tuple[str, ...]
+    truth: Values
+    prediction: Values
+    low: Values
+    high: Values
+    flagged: NDArray[np.bool_]
+
+    @property
+    def covered(self) -> NDArray[np.bool_]:
+        """Whether each interval holds the truth."""
+        return np.asarray((self.low <= self.truth) & (self.truth <= self.high))
+
+    @property
+    def wrong(self) -> NDArray[np.bool_]:
+        """Whether each row is off by more than `MISSED` half widths, of square roots."""
+        root = np.sqrt(self.prediction)
+        reach = np.sqrt(self.high) - root
+        return np.asarray(np.abs(np.sqrt(self.truth) - root) > MISSED * reach)
+
+    def row(self, name: str, chosen: NDArray[np.bool_]) -> Row:
+        """Score some of the rows, as one row of the table."""
+        covered, flagged, wrong = self.covered[chosen], self.flagged[chosen], self.wrong[chosen]
+        width = np.minimum(self.high, 100.0) - self.low
+        judged = scores(self.truth[chosen], self.prediction[chosen])
+        return {
+            "nodes": self.nodes,
+            "left_out": self.left_out,
+            "map": name,
+            "rows": int(chosen.sum()),
+            "area": float(self.truth[chosen].mean()),
+            "r2": judged.r2,
+            "nmae": judged.nmae,
+            "covered": float(covered.mean()),
+            "flagged": float(flagged.mean()),
+            "covered_unflagged": _mean(covered[~flagged]),
+            "width": float(width[chosen].mean()),
+            "outside_flagged": _mean(flagged[~covered]),
+            "wrong": int(wrong.sum()),
+            "wrong_flagged": _mean(flagged[wrong]),
+            "wrong_unflagged": _mean(wrong[~flagged]),
+        }
+
+    def rows(self) -> list[Row]:
+        """Return the rows of the table: all maps together, then each."""
+        every = np.ones(self.maps.size, dtype=bool)
+        each = [self.row(name, self.maps == index) for index, name in enumerate(self.names)]
+        return [self.row("all", every), *each]
+
+
+def scans(folder: Path, rows: int, nodes: Sequence[int], seed: int) -> Report:
+    """Judge surrogates of windows: the arguments are those of `judged_scans`."""
+    found = judged_scans(folder, rows, nodes, seed)
+    table = [row for judged in found for row in judged.rows()]
+    text = "\n".join(_in_words(row) for row in table if row["map"] == "all")
+    return Report(
+        {"scans": table}, pictures={"scans": picture(found)}, text=text, text_name="scans"
+    )
+
+
+def judged_scans(folder: Path, rows: int, nodes: Sequence[int], seed: int = 0) -> list[Judged]:
+    """Judge surrogates of windows with some numbers of nodes a side, on tiles and maps left out.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of maps and databases, which are kept.
+    rows : int
+        Rows of each database.
+    nodes : sequence of int
+        Nodes a side of the windows of each database.
+    seed : int
+        Seed of the fifths of the tiles.
+
+    Raises
+    ------
+    InputError
+        If there are too few rows, or windows larger than the maps.
+    """
+    if rows < FEWEST:
+        raise InputError(f"--rows {rows}: give {FEWEST} or more, ten of each map")
+    if not (folder / "maps").is_dir():  # some formats hold the time at which they were written
+        write_all(folder / "maps", ONE_INSTRUMENT)
+    found = []
+    for size in nodes:
+        text = SCENE.format(rows=rows, nodes=size)
+        path = generated(folder / "databases", f"windows-{size}", text)
+        found += [_judged(path, size, left_out, seed) for left_out in PARTS]
+    return found
+
+
+def _judged(path: Path, nodes: int, left_out: str, seed: int) -> Judged:
+    """Predict all rows of a database, each by a surrogate of the others."""
+    request = request_for(path, "kernel-ridge", "hybrid", None)
+    rows = read(request)
+    with Reader(path) as reader:
+        maps = np.asarray(reader.column("map"), dtype=np.int64)[rows.rows]
+        surface = reader.scene.surface
+    assert isinstance(surface, ScanSurface)
+    names = tuple(Path(each.file).stem for each in surface.known().maps)
+    prediction, low, high = np.empty((3, rows.size))
+    flagged = np.empty(rows.size, dtype=bool)
+    for test in _tests(rows, maps, by_map=PARTS[left_out] == "map", seed=seed):
+        train, folds = _ordered(rows, np.setdiff1d(np.arange(rows.size), test))
+        fitted = fit(request, rows.at(train), None, folds)
+        judged = rows.at(test)
+        low[test], high[test] = fitted.interval(judged, LEVEL)
+        prediction[test] = fitted.predict(judged)
+        flagged[test] = fitted.flags(judged)
+    made = Judged(nodes, left_out, maps, names, rows.target, prediction, low, high, flagged)
+    remark(_in_words(made.rows()[0]))
+    return made
+
+
+def _tests(rows: Dataset, maps: Indices, *, by_map: bool, seed: int = 0) -> Iterator[Indices]:
+    """Yield the rows that are judged together: those of a map, or of a fifth of all tiles."""
+    groups = np.random.default_rng(seed).permutation(np.unique(maps if by_map else rows.groups))
+    for part in np.array_split(groups, groups.size if by_map else FOLDS):
+        yield np.flatnonzero(np.isin(maps if by_map else rows.groups, part))
+
+
+def _ordered(rows: Dataset, kept: Indices) -> tuple[Indices, NDArray[np.int8]]:
+    """Return training rows in random order, tiles together, and their folds."""
+    groups = rows.groups[kept]
+    order = np.random.default_rng(1).permutation(np.unique(groups))
+    place = np.zeros(int(rows.groups.max()) + 1, dtype=np.int64)
+    place[order] = np.arange(order.size)
+    train = kept[np.argsort(place[groups], kind="stable")]
+    fold = place[rows.groups[train]] * FOLDS // order.size
+    return train, fold.astype(np.int8)
+
+
+def _mean(values: NDArray[np.bool_]) -> float:
+    """Return a share, NaN of nothing."""
+    return float(values.mean()) if values.size else float("nan")
+
+
+def _in_words(row: Row) -> str:
+    """Say how all rows of a database were predicted."""
+    asked = ""
+    if PARTS[row["left_out"]] == "tile":
+        met = row["r2"] >= WANTED_R2 and row["nmae"] <= WANTED_NMAE
+        asked = f" (asked: {WANTED_R2:g} % at least, {WANTED_NMAE:g} % at most, "
+        asked += "met)" if met else "not met)"
+    return (
+        f"{row['nodes']} x {row['nodes']} nodes, {row['left_out']}: R2 {row['r2']:.2f} %, nMAE"
+        f" {row['nmae']:.2f} %{asked};"
+        f" {row['covered']:.1%} inside intervals of 90 %, {row['width']:.2f} % of area wide on"
+        f" average; {row['flagged']:.1%} flagged, {row['covered_unflagged']:.1%} of the others"
+        f" inside; {row['wrong']} wrong (off by more than {MISSED:g} times as far as the interval"
+        f" reaches), {_flagged(row)} flagged; of those not flagged {row['wrong_unflagged']:.2%} are"
+        f" wrong ({CHANCE:.2%} would be by chance)"
+    )
+
+
+def _flagged(row: Row) -> str:
+    """Say how many of the wrong rows are flagged."""
+    return f"{round(row['wrong'] * row['wrong_flagged'])} of them" if row["wrong"] else "none"
+
+
+def picture(found: Sequence[Judged]) -> Any:
+    """Draw prediction over truth, a panel for each study, a colour for each kind of surface."""
+    figure = new_figure(5.0 * len(PARTS), 4.4 * (len(found) / len(PARTS)))
+    panels = figure.subplots(-(-len(found) // len(PARTS)), len(PARTS), squeeze=False)
+    for panel, judged in zip(panels.flat, found, strict=True):
+        parity_axes(panel, judged.truth)
+        for kind, colour in zip(KINDS, COLOURS, strict=False):
+            own = [index for index, name in enumerate(judged.names) if name.startswith(kind)]
+            here = np.isin(judged.maps, own)
+            x, y = judged.truth[here], judged.prediction[here]
+            look = {"marker": ".", "ms": 3, "ls": "none", "color": colour}
+            draw_parity(panel, x, y, label=kind, **look)
+        panel.set(xlabel="solved area [%]", ylabel="predicted area [%]")
+        panel.set_title(f"{judged.nodes} x {judged.nodes} nodes, {judged.left_out}", fontsize=10)
+    panels.flat[0].legend(markerscale=3)
+    return figure

@@ -1,0 +1,281 @@
+"""`gen describe`, `contact`, `law`, `scene`: commands about surfaces and maps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
+
+import typer
+
+from gen import options
+from gen.maps.settings import FileReading, Reading
+from gen.runtime.command_line import grouped, typed
+from gen.runtime.errors import InputError
+from gen.runtime.figure import empty_figure
+from gen.runtime.files import Output, check_outputs
+from gen.runtime.numbers import require_share
+from gen.runtime.terminal import echo
+
+if TYPE_CHECKING:
+    from gen.maps.read import Topography
+    from gen.maps.self_affine import SelfAffineFit
+    from gen.runtime.documents import Row
+    from gen.statistics import Description
+
+
+@grouped
+def describe(
+    surface: options.SurfaceFile,
+    *,
+    reading: Reading,
+    facing: options.Against,
+    boundary: options.Boundary = "free",
+    depth: options.Depth = None,
+    table: options.Table = None,
+    spectrum: options.SpectrumTable = None,
+    picture: options.SurfacePicture = None,
+) -> None:
+    """Print the 22 roughness statistics, the parameters of ISO 25178 and the self-affine law."""
+    from gen import statistics
+    from gen.display import surfaces
+    from gen.maps.areal import areal_parameters
+    from gen.maps.bodies import surface_of
+    from gen.maps.doubts import surface_warnings
+    from gen.maps.pictures import draw_surface
+    from gen.maps.self_affine import fit_self_affine, radial_spectrum
+    from gen.runtime.documents import write_csv
+
+    outputs = [Output(table, "--csv"), Output(spectrum, "--spectrum")]
+    check_outputs([*outputs, Output(picture, "--plot", "picture")], facing.with_first(surface))
+    figure = empty_figure(picture, 10.5, 8.6)
+    topography = surface_of(surface, reading, facing.body(reading), boundary)
+    warnings = surface_warnings(topography)
+    surfaces.print_preparation(topography, warnings)
+    description = statistics.describe(topography.heights, topography.spacing)
+    surfaces.print_statistics(topography, description)
+    areal = areal_parameters(topography, depth)
+    surfaces.print_areal(areal)
+    radial = radial_spectrum(topography)
+    fit = fit_self_affine(topography, radial, areal.values["Str"])
+    surfaces.print_self_affine(fit)
+    if spectrum is not None and not radial.wavenumbers.size:
+        raise InputError(f"--spectrum {spectrum}: there is none, {fit}")
+    if table is not None:
+        row = _statistics_row(topography, description, warnings)
+        further = _areal_row(areal, depth, fit)
+        write_csv(table, [{**row, **further, "units": _units_of([*row, *further])}])
+    if spectrum is not None:
+        write_csv(spectrum, radial.rows())
+    if picture is not None:
+        draw_surface(figure, topography, radial, fit, picture)
+
+
+def _statistics_row(
+    topography: Topography, description: Description, warnings: Sequence[str]
+) -> Row:
+    """Return the row of a table of statistics: values, grid, steps of preparation, warnings."""
+    from gen.maps.contacts import boundary_cell
+
+    nx, ny = topography.heights.shape
+    return {
+        **description.values,
+        "nodes_x": nx,
+        "nodes_y": ny,
+        "side_x_um": topography.sides[0],
+        "side_y_um": topography.sides[1],
+        **boundary_cell(topography),
+        "prepared": "; ".join(topography.steps),
+        "warnings": "; ".join(warnings),
+    }
+
+
+def _areal_row(areal: Description, depth: float | None, fit: SelfAffineFit | str) -> Row:
+    """Return the further cells of a table of statistics: ISO 25178, and the self-affine law."""
+    from gen.maps.self_affine import LAW
+
+    row: Row = {**areal.values, **({} if depth is None else {"Smr_depth": depth})}
+    if isinstance(fit, str):
+        return {**row, **dict.fromkeys(LAW, ""), "law": f"none: {fit}"}
+    return {**row, **fit.values, "law": "; ".join(fit.remarks)}
+
+
+def _units_of(names: Iterable[str]) -> str:
+    """Return the units of columns of a table of statistics, as "Sa um; Sk um"."""
+    from gen.maps.areal import PARAMETERS
+    from gen.maps.self_affine import LAW
+    from gen.schema import statistics_columns
+
+    units = {column.name: column.unit for column in statistics_columns()}
+    units |= {name: unit for name, unit, _ in PARAMETERS} | LAW | {"Smr_depth": "um"}
+    return "; ".join(f"{name} {units[name]}" for name in names if name in units)
+
+
+@grouped
+def contact(
+    surface: options.SurfaceFile,
+    *,
+    delta: options.Delta = "",
+    force: options.NormalForce = "",
+    pressure: options.Pressure = "",
+    young: options.Young = None,
+    poisson: options.Poisson = None,
+    e_star: options.EStar = None,
+    hardness: options.Hardness = None,
+    reading: Reading,
+    facing: options.Against,
+    boundary: options.Boundary = "free",
+    kernel: options.Kernel = "uniform-pressure",
+    far_field: options.FarField = "rigid",
+    rtol: options.Tolerance = 2e-7,
+    max_iterations: options.MaxIterations = 1000,
+    spots: options.Spots = False,
+    stiffness: options.Stiffness = False,
+    conductivity: options.Conductivity = None,
+    threads: options.Threads = None,
+    table: options.Table = None,
+    picture: options.Picture = None,
+    flattened: options.Flattened = None,
+) -> None:
+    """Solve contact problems of one surface: area, force, pressure, gap, yielding, residual.
+
+    With --spots, --stiffness and --conductivity also spots, stiffness and conductance.
+
+    Give one of --delta, --force and --pressure: a number, or for a law start:stop:count, with :log
+    for an even ratio, or several numbers with commas.
+    """
+    from bem.workers import cores, default_threads, on_threads
+    from gen.display.surfaces import follow_contacts
+    from gen.maps.bodies import surface_of
+    from gen.maps.contacts import (
+        Wanted,
+        chosen_load,
+        contact_row,
+        require_conductivities,
+        require_yielding,
+        solve_loads,
+        write_flattened,
+    )
+    from gen.maps.doubts import surface_warnings
+    from gen.material import Bodies
+    from gen.runtime.documents import write_csv
+
+    load, values = chosen_load({"delta": delta, "force": force, "pressure": pressure})
+    require_yielding(flattened, hardness)
+    wanted = Wanted(spots, stiffness, require_conductivities(conductivity or []))
+    outputs = [Output(table, "--csv"), Output(picture, "--plot", "picture")]
+    outputs.append(Output(flattened, "--flattened", "heights"))
+    check_outputs(outputs, facing.with_first(surface))
+    figure = empty_figure(picture, 11, 8.2)
+    bodies = Bodies.of_options(young or [], poisson or [], e_star, hardness)
+    topography = surface_of(surface, reading, facing.body(reading), boundary)
+    with on_threads(threads or default_threads(cores())):
+        contacts, warnings = follow_contacts(
+            topography,
+            [*bodies.doubts, *surface_warnings(topography)],
+            solve_loads(
+                topography,
+                load,
+                values,
+                modulus=bodies.e_star,
+                hardness=bodies.hardness,
+                kernel=kernel,
+                far_field=far_field,
+                rtol=rtol,
+                max_iterations=max_iterations,
+            ),
+            len(values),
+            wanted=wanted,
+            material=bodies.known,
+        )
+    if table is not None:
+        rows = [contact_row(topography, each, warnings, wanted) for each in contacts]
+        write_csv(table, rows)
+    if flattened is not None:
+        write_flattened(flattened, contacts, len(values))
+    if picture is not None:
+        from gen.maps.contact_picture import Subject, draw_contacts
+
+        subject = Subject(topography.name, load, bodies.known, warnings, spots=spots)
+        draw_contacts(figure, contacts, subject, picture)
+
+
+@grouped
+def law(
+    context: typer.Context,
+    inputs: options.Surfaces,
+    delta: options.Deltas = "",
+    pressure: options.Pressures = "",
+    young: options.Young = None,
+    poisson: options.Poisson = None,
+    e_star: options.EStar = None,
+    hardness: options.Hardness = None,
+    conductivity: options.Conductivity = None,
+    boundary: options.LawBoundary = "mirror",
+    surfaces: options.Population = 50,
+    band: options.Band = 0.9,
+    output: options.LawFiles = None,
+    trust: options.Trust = False,
+    *,
+    files: options.LawOutputs,
+    reading: Reading,
+    facing: options.Against,
+) -> None:
+    """Tabulate the law of an interface: closure, area, gap, conductance over nominal pressure.
+
+    The solver presses one surface, or a population, whose means and quantiles the tables then hold.
+    The patch is a piece of a larger interface, continued by its mirror images, so that the closure
+    is the interface's alone: what a mesh adds to the bodies' own deformation.
+    """
+    from gen.law import Order, by_solver
+    from gen.law.files import show, write_files
+    from gen.maps.contacts import require_conductivities
+    from gen.material import Bodies
+
+    files = files.filled(output)
+    check_outputs(files.outputs, facing.with_first(*inputs))
+    figure = empty_figure(files.picture, 12.0, 7.0)
+    bodies = Bodies.of_options(young or [], poisson or [], e_star, hardness)
+    order = Order(
+        inputs=tuple(inputs),
+        delta=delta,
+        pressure=pressure,
+        surfaces=surfaces,
+        level=require_share("--band", band),
+        e_star=bodies.e_star if bodies.known or poisson else None,
+        hardness=bodies.hardness,
+        boundary=boundary,
+        conductivities=require_conductivities(conductivity or []),
+        stiffness=True,
+        reading=reading,
+        opposite=facing.body(reading),
+        command=typed(context, "gen"),
+    )
+    made = by_solver(order, lambda line: echo(line, err=True))
+    show(made)
+    for written in write_files(made, files, figure):
+        echo(f"wrote {written}")
+
+
+@grouped
+def scene(
+    context: typer.Context,
+    inputs: options.Maps = None,
+    *,
+    output: options.NewScene,
+    like: options.Like = None,
+    young: options.Young = None,
+    poisson: options.Poisson = None,
+    e_star: options.EStar = None,
+    hardness: options.Hardness = None,
+    reading: FileReading,
+) -> None:
+    """Look at measured maps and write a scene of their windows, or of surfaces like one map.
+
+    Comments in the scene say why it has its values. It runs as it is, and is meant to be edited.
+    """
+    from gen.draft import draft
+    from gen.draft.proposal import Material
+
+    material = Material.of_options(young or [], poisson or [], e_star, hardness)
+    how = Reading.of_options(**vars(reading))
+    draft(inputs or [], like, output, how, material, typed(context, "gen"))

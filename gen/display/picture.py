@@ -1,0 +1,145 @@
+"""The picture of a database: one sample's heights and pressure, all areas, all solve times."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gen.database import Reader
+from gen.generation.plan import parameters
+from gen.generation.sample import load_of, solve_contact, surface_of
+from gen.maps.pictures import DECADES, contact_maps, draw_map, load_text, metric
+from gen.runtime.errors import InputError
+from gen.runtime.figure import log_axis, new_figure, require_picture_name, save
+from gen.runtime.terminal import shortened
+from gen.scene import Scene
+from gen.scene.columns import columns_for, parameter_columns
+from gen.schema import Status
+
+WIDTH = 11.0
+"""Width of the picture [inches]."""
+
+LETTERS = 50
+"""Letters in a line above a map that fills its half of the picture."""
+
+
+def draw_database(file: Path, picture: Path) -> None:
+    """Draw one sample's heights and pressure, all areas, and all solve times.
+
+    The sample is the done row with the median area; its fields are computed again.
+
+    Parameters
+    ----------
+    file : Path
+        Database to read.
+    picture : Path
+        Picture to write; its suffix gives the format (.png, .svg or .pdf).
+
+    Raises
+    ------
+    InputError
+        If the database cannot be read or has no done row, matplotlib is not installed, or the
+        picture cannot be written.
+    """
+    require_picture_name(picture)
+    figure = new_figure(WIDTH, WIDTH, dpi=110)
+    with Reader(file) as reader:
+        done = np.flatnonzero(reader.column("status") == Status.DONE)
+        if not done.size:
+            raise InputError(f"{file} has no finished row to draw; run gen run first")
+        columns = {
+            name: reader.column(name)[done]
+            for name in ("delta", "force", "area_percent", "solve_seconds")
+        }
+        if "hurst" in (column.name for column in reader.columns()):
+            columns["hurst"] = reader.column("hurst")[done]
+        scene, first = reader.scene, reader.rows.start
+    typical = int(np.argsort(columns["area_percent"])[done.size // 2])
+    ratio = scene.sides[1] / scene.sides[0]
+    heights = [min(max(0.4 * WIDTH * ratio, 1.5), 0.6 * WIDTH) + 0.9, 3.8]  # titles and labels too
+    figure.set_size_inches(WIDTH, sum(heights) + 0.4)
+    top, bottom = figure.subfigures(2, 1, height_ratios=heights)
+    figure.suptitle(shortened(str(file)), fontsize=11, parse_math=False)
+    _draw_sample(top.subplots(1, 2), scene, first + int(done[typical]))
+    areas, times = bottom.subplots(1, 2)
+    _draw_areas(bottom, areas, columns, scene)
+    _draw_times(times, columns)
+    save(figure, picture)
+
+
+def _draw_sample(axes: NDArray[Any], scene: Scene, row: int) -> None:
+    """Draw heights and contact pressure of one row side by side."""
+    plan = parameters(scene, row, row + 1)
+    heights, hardness = surface_of(scene, plan, 0), plan.hardness_of(0)
+    boundary = scene.contact.boundary
+    load = load_of(scene, heights, float(plan.load[0]))
+    contact = solve_contact(scene, heights, hardness=hardness, **load)
+    columns = parameter_columns(scene)
+    units = {column.name: column.unit.replace("um", "µm") for column in columns_for(scene)}
+    drawn = ", ".join(
+        f"{name} = {value:.3g}{'' if unit == '1' else f' {unit}'}"
+        for name, value in plan.parameters_of(0).items()
+        for unit in [units[columns[name]]]
+    )
+    surface = f"surface of row {row}{': ' if drawn else ''}{drawn}"
+    bound = "" if hardness is None else f", hardness {metric(1e6 * hardness, 'Pa')}"
+    pressure = (
+        f"contact at {load_text(contact, scene.quantity)},"
+        f" E* = {metric(1e6 * contact.problem.modulus, 'Pa')}{bound}"
+        f"{'' if boundary == 'free' else f', {boundary} boundary'}:"
+        f" {contact.area_percent:.3g} % of {contact.pressure.size} nodes, the median of rows done"
+    )
+    for axis, surface_map in zip(axes, contact_maps(contact, surface, pressure), strict=True):
+        draw_map(axis, surface_map, letters=_letters(scene.sides))
+
+
+def _letters(sides: tuple[float, float]) -> int:
+    """Return the letters that fit into a line above a map; a narrow one is centred in its half."""
+    return int(LETTERS * min(1.0, 0.4 + 0.6 * sides[0] / sides[1]))
+
+
+def _draw_areas(figure: Any, axis: Any, columns: dict[str, NDArray[Any]], scene: Scene) -> None:
+    """Draw the effective contact area of every row over the load that the scene draws."""
+    loads, label = columns["delta"], "far-field displacement Δ [µm]"
+    if scene.quantity.startswith("pressure"):
+        cells = math.prod((*scene.shape, *scene.spacing))
+        loads, label = columns["force"] / cells, "mean pressure [MPa]"
+    elif scene.quantity == "force":
+        loads, label = columns["force"], "normal force [µN]"
+    coloured = {"c": columns["hurst"], "cmap": "cividis"} if "hurst" in columns else {}
+    dots = axis.scatter(loads, columns["area_percent"], s=9, **coloured)
+    if coloured:
+        figure.colorbar(dots, ax=axis, label="Hurst exponent H")
+    axis.set(
+        title=f"{columns['delta'].size} samples",
+        xlabel=label,
+        ylabel="effective contact area [%]",
+    )
+    axis.set_ylim(bottom=0)
+    if loads.min() > 0 and loads.max() > DECADES * loads.min():
+        log_axis(axis.xaxis)
+
+
+def _draw_times(axis: Any, columns: dict[str, NDArray[Any]]) -> None:
+    """Draw the time of every solve over the contact area."""
+    known = np.isfinite(columns["solve_seconds"])
+    milliseconds = 1e3 * columns["solve_seconds"][known]
+    if not known.any():
+        axis.set(title="no solve time is known")
+        return
+    axis.plot(columns["area_percent"][known], milliseconds, ".", color="tab:blue", ms=4)
+    axis.axhline(milliseconds.mean(), color="tab:red", lw=1, label="mean of this run")
+    axis.legend(loc="upper left")
+    axis.set(
+        title="times of the solves",
+        xlabel="effective contact area [%]",
+        ylabel="time of the solve [ms]",
+    )
+    # A single solve that waited for the machine must not flatten the rest of the picture.
+    top = 1.3 * np.quantile(milliseconds, 0.99)
+    axis.set_ylim(0, top)
+    if slower := np.count_nonzero(milliseconds > top):
+        note = f"{slower} above, up to {milliseconds.max():.3g} ms"
+        axis.text(0.98, 0.97, note, ha="right", va="top", transform=axis.transAxes)

@@ -1,0 +1,356 @@
+"""Numbers of a scene that are fixed or drawn: how they are written, and their quantiles.
+
+A number is fixed, `[low, high]` is uniform, and a table names every other distribution:
+`{ log_uniform = [low, high] }`, `{ normal = [mean, deviation] }`, which is truncated, and
+`{ choice = [...] }`. Quantiles turn numbers in [0, 1) into values; their operations are rounded
+alike on every processor, so that a plan is the same everywhere.
+"""
+
+import functools
+import math
+import sys
+from dataclasses import dataclass
+from typing import Annotated, Self, TypeVar
+
+import numpy as np
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    PlainSerializer,
+    PlainValidator,
+    Strict,
+    ValidationError,
+    model_validator,
+)
+from pydantic_core import PydanticCustomError
+
+from gen.arrays import Values
+
+T = TypeVar("T")
+
+LEAST_INSIDE = 1e-9
+"""Smallest share of a normal distribution that its range may hold."""
+
+REACH = 3.0
+"""Deviations from the mean at which a normal distribution ends unless a range is given."""
+
+DIGITS = 53
+"""Binary digits of a random number in [0, 1)."""
+
+KNOTS = 2**16
+"""Intervals of equal probability inside which a normal distribution's quantiles are linear."""
+
+SIGNIFICANT = 9
+"""Decimal digits of the quantiles at the ends of these intervals, on which processors agree."""
+
+
+class Table(BaseModel):
+    """Rules for every table of a scene: no unknown keys, no conversions, no changes afterwards.
+
+    The description of a field completes an error message: it says which values are allowed.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+
+def without_negative_zero(number: float) -> float:
+    """Turn -0.0 into 0.0: the two are equal, and equal scenes must have equal texts."""
+    return number + 0.0
+
+
+def ascending(limits: tuple[T, T]) -> tuple[T, T]:
+    """Refuse a range whose lower limit is above the upper one."""
+    low, high = limits
+    if low > high:  # type: ignore[operator]  # pydantic has made both numbers
+        raise ValueError(f"{low!r} is above {high!r}")
+    return limits
+
+
+Number = Annotated[float, AfterValidator(without_negative_zero)]
+Positive = Annotated[Number, Field(gt=0)]
+# TOML and JSON have arrays where the models have tuples: this conversion alone is allowed.
+Range = Annotated[tuple[T, T], Strict(False), AfterValidator(ascending)]
+
+
+class LogUniform(Table):
+    """Numbers whose logarithm is uniform."""
+
+    log_uniform: Range[Positive] = Field(description="[low, high] with 0 < low <= high")
+
+    @model_validator(mode="after")
+    def _require_ratio(self) -> Self:
+        """Refuse limits whose ratio no number holds."""
+        low, high = self.log_uniform
+        if math.isinf(math.sqrt(high) / math.sqrt(low)):
+            raise ValueError("the range is too wide")
+        return self
+
+
+class Normal(Table):
+    """Normally distributed numbers, truncated at both ends of a range."""
+
+    normal: Annotated[tuple[Number, Positive], Strict(False)] = Field(
+        description="[mean, deviation]"
+    )
+    range: Range[Number] | None = Field(default=None, description="[low, high]")
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Smallest and largest number."""
+        mean, deviation = self.normal
+        return self.range or (mean - REACH * deviation, mean + REACH * deviation)
+
+    @model_validator(mode="after")
+    def _require_numbers_inside(self) -> Self:
+        """Refuse ends between which a normal distribution has no numbers that can be told apart."""
+        mean, deviation = self.normal
+        low, high = ((end - mean) / deviation for end in self.ends)
+        # The tail that is the shorter one keeps its digits.
+        below, above = (-high, -low) if low > 0 else (low, high)
+        inside = 0.5 * (math.erfc(-above / math.sqrt(2)) - math.erfc(-below / math.sqrt(2)))
+        if not LEAST_INSIDE < inside <= 1:
+            raise ValueError(f"less than {LEAST_INSIDE:g} of the distribution is in the range")
+        return self
+
+
+class Choice(Table):
+    """One of several numbers, equally likely unless shares are given."""
+
+    choice: Annotated[tuple[Number, ...], Strict(False), Field(min_length=1, max_length=1000)] = (
+        Field(description="one or more numbers")
+    )
+    shares: Annotated[tuple[Positive, ...], Strict(False)] | None = Field(
+        default=None, description="a share for each number, 1 in all"
+    )
+
+    @model_validator(mode="after")
+    def _require_shares(self) -> Self:
+        """Refuse shares that do not belong to the numbers."""
+        if self.shares is None:
+            return self
+        if len(self.shares) != len(self.choice):
+            raise ValueError(f"{len(self.choice)} numbers have {len(self.shares)} shares")
+        if abs(sum(self.shares) - 1.0) > 1e-9:
+            raise ValueError(f"the shares sum to {sum(self.shares):.10g}")
+        return self
+
+
+Distribution = float | tuple[float, float] | LogUniform | Normal | Choice
+
+TABLES: dict[str, type[LogUniform | Normal | Choice]] = {
+    "log_uniform": LogUniform,
+    "normal": Normal,
+    "choice": Choice,
+}
+"""Distributions that are tables, by the key that names them."""
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """Validator of a number or a distribution whose values are all within limits.
+
+    Attributes
+    ----------
+    low, high : float
+        Smallest and largest allowed value.
+    beyond : bool
+        Whether values have to be above `low`, and not only at least `low`.
+    """
+
+    low: float = -sys.float_info.max
+    high: float = sys.float_info.max
+    beyond: bool = False
+
+    def __call__(self, value: object) -> Distribution:
+        """Read a number, a range or a table of a distribution.
+
+        One function does it all because an error message for a union of types would name its
+        members.
+        """
+        distribution = _parsed(value)
+        smallest, largest = limits(distribution)
+        inside = smallest > self.low if self.beyond else smallest >= self.low
+        if inside and largest <= self.high:
+            return distribution
+        if isinstance(distribution, Normal) and distribution.range is None:
+            raise ValueError(
+                f"without range = [low, high] its values are {smallest:g} to {largest:g}"
+            )
+        raise PydanticCustomError("distribution", "a value is outside the limits")
+
+
+def _written(distribution: Distribution) -> float | tuple[float, float] | dict[str, object]:
+    """Write a distribution as it stands in a scene's text."""
+    if isinstance(distribution, Table):
+        return distribution.model_dump(exclude_none=True)
+    return distribution
+
+
+_TEXT = PlainSerializer(_written)
+AnyNumber = Annotated[Distribution, PlainValidator(Drawn()), _TEXT]
+AtLeastZero = Annotated[Distribution, PlainValidator(Drawn(0.0)), _TEXT]
+AboveZero = Annotated[Distribution, PlainValidator(Drawn(0.0, beyond=True)), _TEXT]
+FromZeroToOne = Annotated[Distribution, PlainValidator(Drawn(0.0, 1.0)), _TEXT]
+
+
+def _parsed(value: object) -> Distribution:
+    """Turn TOML's number, array or table into a distribution."""
+    if isinstance(value, LogUniform | Normal | Choice):
+        return value
+    if isinstance(value, dict):
+        return _table(value)
+    if isinstance(value, list | tuple):
+        if len(value) != 2:
+            raise PydanticCustomError("distribution", "not a range")
+        low, high = (_number(limit) for limit in value)
+        if low > high:
+            raise ValueError(f"{low!r} is above {high!r}")
+        if math.isinf(high - low):
+            raise ValueError("the range is too wide")
+        return low, high
+    return _number(value)
+
+
+def _table(value: dict[str, object]) -> Distribution:
+    """Turn a table into the distribution that one of its keys names."""
+    named = [table for name, table in TABLES.items() if name in value]
+    if len(named) != 1:
+        raise ValueError(f"give one of the keys {', '.join(TABLES)}")
+    try:
+        return named[0].model_validate(value)
+    except ValidationError as error:
+        fault = error.errors(include_url=False)[0]
+        if fault["type"] == "value_error":
+            raise ValueError(str(fault["ctx"]["error"])) from None
+        key = str(fault["loc"][0])
+        field = named[0].model_fields.get(key)
+        if field is None:
+            raise ValueError(
+                f"{key} is unknown beside {next(iter(named[0].model_fields))}"
+            ) from None
+        raise ValueError(f"{key} is {field.description}") from None
+
+
+def _number(value: object) -> float:
+    """Return a finite number as a float."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise PydanticCustomError("distribution", "not a number")
+    if not abs(value) <= sys.float_info.max:
+        raise PydanticCustomError("distribution", "not a finite number")
+    return float(value) + 0.0
+
+
+def limits(distribution: Distribution) -> tuple[float, float]:
+    """Return the smallest and the largest value of a distribution, equal for a fixed number."""
+    match distribution:
+        case LogUniform():
+            return distribution.log_uniform
+        case Normal():
+            return distribution.ends
+        case Choice():
+            return min(distribution.choice), max(distribution.choice)
+        case (low, high):
+            return low, high
+    return distribution, distribution
+
+
+def is_drawn(distribution: Distribution) -> bool:
+    """Tell whether the value is drawn rather than one fixed number."""
+    return not isinstance(distribution, float)
+
+
+def quantiles(distribution: Distribution, uniform: Values) -> Values:
+    """Map numbers in [0, 1) to the values of a distribution.
+
+    Parameters
+    ----------
+    distribution : Distribution
+        A number, a pair, which is uniform, or a table, as a scene has it.
+    uniform : ndarray
+        Numbers in [0, 1).
+
+    Returns
+    -------
+    ndarray, shape of `uniform`
+        Values that are within the distribution's limits.
+    """
+    match distribution:
+        case LogUniform():
+            return log_within(*distribution.log_uniform, uniform)
+        case Normal():
+            return _normal(distribution.normal, distribution.ends, uniform)
+        case Choice():
+            return _chosen(distribution, uniform)
+        case (low, high):
+            return within(low, high, uniform)
+    return np.full(uniform.shape, distribution)
+
+
+def within(low: Values | float, high: Values | float, uniform: Values) -> Values:
+    """Map numbers in [0, 1) linearly to [low, high].
+
+    Rounding cannot exceed the upper end: the largest number, 1 - 2^-53, takes off as much as the
+    rounding of high - low can add.
+    """
+    return low + (high - low) * uniform
+
+
+def log_within(low: float, high: float, uniform: Values) -> Values:
+    """Map numbers in [0, 1) logarithmically to [low, high].
+
+    Each binary digit of a number multiplies by a root of high / low. Roots and products are rounded
+    alike on every processor, which logarithms and exponentials are not: a plan must not differ.
+    """
+    values = np.full(uniform.shape, low)
+    factor = math.sqrt(high) / math.sqrt(low)
+    rest = uniform.copy()
+    for _ in range(DIGITS):
+        rest *= 2.0
+        digit = rest >= 1.0
+        values[digit] *= factor
+        rest -= digit
+        factor = math.sqrt(factor)
+    np.minimum(values, high, out=values)
+    return values
+
+
+def _normal(normal: tuple[float, float], ends: tuple[float, float], uniform: Values) -> Values:
+    """Map numbers in [0, 1) to a truncated normal distribution, linear between its knots."""
+    knots = _normal_knots(*normal, *ends)
+    places = uniform * KNOTS
+    left = places.astype(np.intp)
+    steps = knots[left + 1] - knots[left]
+    steps *= places - left
+    return np.clip(knots[left] + steps, *ends)
+
+
+@functools.lru_cache(maxsize=16)
+def _normal_knots(mean: float, deviation: float, low: float, high: float) -> Values:
+    """Compute quantiles of a truncated normal distribution at equal steps of probability.
+
+    The normal distribution and its inverse are not rounded alike on all processors: the quantiles
+    are rounded to `SIGNIFICANT` digits, beyond which they may differ.
+    """
+    from scipy.special import ndtr, ndtri
+
+    # In the lower tail probabilities keep their digits: a range above the mean is turned over.
+    below, above = (low - mean) / deviation, (high - mean) / deviation
+    turned = below > 0
+    first, last = (-above, -below) if turned else (below, above)
+    shares = np.linspace(ndtr(first), ndtr(last), KNOTS + 1)
+    reduced = ndtri(shares)
+    reduced[0], reduced[-1] = first, last
+    if turned:
+        reduced = -reduced[::-1]
+    rounded = np.array([float(f"{value:.{SIGNIFICANT}g}") for value in reduced.tolist()])
+    return np.clip(mean + deviation * rounded, low, high)
+
+
+def _chosen(distribution: Choice, uniform: Values) -> Values:
+    """Map numbers in [0, 1) to the numbers of a choice."""
+    values = np.array(distribution.choice)
+    shares = distribution.shares or (1.0 / len(values),) * len(values)
+    # The last number takes the rest: rounded shares cannot leave a gap below 1.
+    return np.asarray(values[np.searchsorted(np.cumsum(shares)[:-1], uniform, side="right")])

@@ -1,0 +1,297 @@
+"""What an export says of its dataset: a card in Markdown, and Croissant's JSON-LD for catalogues.
+
+Source: MLCommons, Croissant Format Specification 1.0, https://docs.mlcommons.org/croissant.
+"""
+
+import hashlib
+import json
+import math
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Self
+
+import mlcroissant as mlc
+import pyarrow as pa
+import tomli_w
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from gen.database import Reader
+from gen.export.parquet_files import FIELDS, ROWS, Piece, done_rows, fields, scalars
+from gen.runtime.errors import InputError
+from gen.runtime.terminal import printable
+from gen.schema import REASONS, Status
+
+DOI = re.compile(r"10\.\d{4,9}/\S+")
+"""A digital object identifier without the address of its resolver (ISO 26324)."""
+
+LICENCE = re.compile(r"https?://\S+|[\w.+-]+( (AND|OR|WITH) [\w.+-]+)*", re.ASCII)
+"""An address, or an SPDX expression without brackets (SPDX 2.3, annex D)."""
+
+PREFIXES = ("https://doi.org/", "http://doi.org/", "doi:")
+"""Beginnings that people put in front of an identifier."""
+
+CARD_NAME = "README.md"
+"""Name of the card in the folder of an export."""
+
+SCENE_NAME = "scene.toml"
+"""Name of the scene in the folder of an export."""
+
+TEXTS = {"title", "creator", "licence"}
+"""Keys of a scene with texts of anybody's."""
+
+PATCHES = {
+    "free": "a patch with free edges",
+    "periodic": "a periodic patch",
+    "mirror": "a patch that its mirror images surround",
+}
+"""Words for the boundaries of a patch."""
+
+CROISSANT_NAME = "croissant.json"
+"""Name of the description in the folder of an export."""
+
+PARQUET = "application/x-parquet"
+"""Media type of Parquet files, as Croissant's loader knows it."""
+
+
+@dataclass(frozen=True)
+class About:
+    """Bibliographic data of a dataset; an empty text where nothing was given.
+
+    Attributes
+    ----------
+    title : str
+        Title of the dataset.
+    creator : str
+        Persons or organisation, as they want to be cited.
+    licence : str
+        SPDX identifier as "CC-BY-4.0", or the address of a licence.
+    doi : str
+        Digital object identifier, without the address of its resolver.
+    """
+
+    title: str
+    creator: str = ""
+    licence: str = ""
+    doi: str = ""
+
+    @classmethod
+    def of(cls, reader: Reader, title: str, creator: str, licence: str, doi: str) -> Self:
+        """Complete the options of a command by the entries of the database.
+
+        Parameters
+        ----------
+        reader : Reader
+            Database.
+        title, creator, licence, doi : str
+            Options of the command, empty if not given.
+
+        Returns
+        -------
+        About
+            An option where one was given, else the attribute of the database.
+
+        Raises
+        ------
+        InputError
+            If an identifier is none, or an option has more than one line; letters of the
+            database that cannot be printed become question marks.
+        """
+        scene = reader.scene
+        stored = str(reader.attributes["title"]), scene.creator or "", scene.licence or ""
+        own = [*map(printable, stored)]
+        about = cls(title or own[0], creator or own[1], licence or own[2], _bare(doi))
+        for option, text in (("title", title), ("creator", creator), ("licence", licence)):
+            if not text.isprintable():
+                raise InputError(f"--{option} {text!r}: give a text of one line")
+        if licence and not LICENCE.fullmatch(licence):
+            raise InputError(
+                f"--licence {licence!r}: give an SPDX identifier as CC-BY-4.0, or an address that"
+                " begins with https://"
+            )
+        return about
+
+    @property
+    def address(self) -> str:
+        """Address that the identifier resolves to, or an empty text."""
+        return f"https://doi.org/{self.doi}" if self.doi else ""
+
+    def citation(self, year: str) -> str:
+        """Return how the dataset wants to be cited, or an empty text without a creator."""
+        place = f" {self.address}" if self.address else ""
+        return f"{self.creator} ({year}). {self.title} [Data set].{place}" if self.creator else ""
+
+
+def _bare(doi: str) -> str:
+    """Take the resolver off an identifier; refuse a text that is no identifier."""
+    bare = doi.strip()
+    for prefix in PREFIXES:
+        if bare.lower().startswith(prefix):
+            bare = bare[len(prefix) :]
+    if doi and not DOI.fullmatch(bare):
+        raise InputError(f"--doi {doi}: give an identifier as 10.5281/zenodo.1234567")
+    return bare
+
+
+def words(reader: Reader) -> str:
+    """Describe surfaces, contact and loads of a dataset in a few sentences."""
+    scene = reader.scene
+    (nx, ny), (along, across) = scene.shape, scene.sides
+    bodies = "elastic bodies" if scene.contact.hardness_limits is None else "bodies that yield"
+    return (
+        f"Contact of rough surfaces, solved by the boundary-element method: {bodies} pressed onto"
+        f" {PATCHES[scene.contact.boundary]} of {nx} x {ny} nodes, {along:g} x {across:g} um, with"
+        f" surfaces of the generator '{scene.surface.generator}' and loads given as"
+        f" {scene.quantity} [{scene.load_unit}]. A row is one contact problem: the surface's"
+        " parameters and roughness statistics, the load, the contact area and the force."
+    )
+
+
+def scene_text(reader: Reader) -> str:
+    """Return the scene of a database as TOML."""
+    content = json.loads(reader.scene.text())
+    content |= {name: printable(content[name]) for name in TEXTS & content.keys()}
+    tables_last = dict(sorted(content.items(), key=lambda item: isinstance(item[1], dict)))
+    return tomli_w.dumps(tables_last)
+
+
+def card(reader: Reader, about: About, done: int) -> str:
+    """Write the data card of an export of some done rows, in Markdown."""
+    environment = Environment(
+        loader=PackageLoader("gen.export", "."),
+        autoescape=False,
+        finalize=_plain,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    environment.filters |= {"json": _quoted, "form": _limit}
+    text = environment.get_template("card.md.jinja").render(_values(reader, about, done))
+    return text.replace("\\\n", "")
+
+
+def _values(reader: Reader, about: About, done: int) -> dict[str, object]:
+    """Return the values that the template of the card names."""
+    attributes, scene = reader.attributes, reader.scene
+    counts = reader.counts()
+    versions = json.loads(str(attributes["versions"]))
+    failures = reader.reasons(Status.FAILED)
+    return {
+        "about": about,
+        "words": Markup(words(reader)),
+        "attributes": attributes,
+        "versions": ", ".join(f"{name} {version}" for name, version in versions.items()),
+        "done": done,
+        "failed": counts.failed,
+        "pending": counts.pending,
+        "failures": {REASONS.get(code, str(code)): number for code, number in failures.items()},
+        "rows_file": ROWS,
+        "fields_folder": FIELDS,
+        "fields": fields(reader),
+        "shape": " x ".join(map(str, scene.shape)),
+        "nodes": scene.shape,
+        "first": reader.rows.start + int(done_rows(reader).argmax()),
+        "columns": scalars(reader),
+        "ranges": {**dict.fromkeys(_names(reader), (math.nan, math.nan)), **reader.ranges()},
+        "tiles": "tile" in _names(reader),
+        "yields": scene.contact.hardness_limits is not None,
+        "free": not scene.edgeless,
+        "scene": Markup(scene_text(reader)),
+        "citation": about.citation(str(attributes["created"])[:4]),
+    }
+
+
+def _quoted(text: str) -> Markup:
+    """Write a text in YAML's quotes, which are those of JSON, without the sign that opens HTML."""
+    return Markup(json.dumps(text).replace("<", "\\u003c"))
+
+
+def _plain(value: object) -> object:
+    """Write a text of a database so that Markdown shows its letters, in one line; no markup is."""
+    if not isinstance(value, str) or isinstance(value, Markup):
+        return value
+    return re.sub(r"([\\`*|\[\]])", r"\\\1", printable(value)).replace("<", "&lt;")
+
+
+def _names(reader: Reader) -> list[str]:
+    """Return the names of the columns with one value a row."""
+    return [column.name for column in scalars(reader)]
+
+
+def _limit(value: float) -> str:
+    """Write a smallest or largest value; nothing where no row has one."""
+    return "" if math.isnan(value) else f"{value:.6g}"
+
+
+def describe(
+    reader: Reader, about: About, words: str, folder: Path, pieces: Iterable[Piece]
+) -> str:
+    """Describe the files of an export, which are written, as JSON."""
+    rows, *others = pieces
+    distribution: list[mlc.FileObject | mlc.FileSet] = [_file(folder, rows)]
+    records = [_record_set("rows", rows.schema, file_object=rows.name)]
+    for name in dict.fromkeys(piece.schema.names[-1] for piece in others):
+        schema = next(piece.schema for piece in others if piece.schema.names[-1] == name)
+        pattern = f"{FIELDS}/{name}-*.parquet"
+        distribution.append(
+            mlc.FileSet(id=f"{name}-files", encoding_formats=[PARQUET], includes=[pattern])
+        )
+        records.append(_record_set(name, schema, file_set=f"{name}-files"))
+    created = datetime.fromisoformat(str(reader.attributes["created"]))
+    metadata = mlc.Metadata(
+        name=about.title,
+        description=words,
+        creators=[mlc.Person(name=about.creator)] if about.creator else [],
+        license=[about.licence] if about.licence else None,
+        url=about.address or None,
+        cite_as=about.citation(str(created.year)) or None,
+        date_published=created,
+        version="1.0.0",
+        distribution=distribution,
+        record_sets=records,
+    )
+    return json.dumps(metadata.to_json(), indent=1, ensure_ascii=False) + "\n"
+
+
+def _file(folder: Path, piece: Piece) -> mlc.FileObject:
+    """Describe a single file with its checksum."""
+    path = folder / piece.name
+    with path.open("rb") as file:
+        checksum = hashlib.file_digest(file, "sha256").hexdigest()
+    return mlc.FileObject(
+        id=piece.name,
+        name=piece.name,
+        content_url=piece.name,
+        content_size=f"{path.stat().st_size} B",
+        encoding_formats=[PARQUET],
+        sha256=checksum,
+    )
+
+
+def _record_set(name: str, schema: pa.Schema, **source: str) -> mlc.RecordSet:
+    """Describe the rows of a file, or of several files of the same columns."""
+    key = f"{name}/sample"
+    columns = [_described_column(name, column, source) for column in schema]
+    return mlc.RecordSet(id=name, name=name, key=[key], fields=columns)
+
+
+def _described_column(record_set: str, column: pa.Field, source: dict[str, str]) -> mlc.Field:
+    """Describe a column: its meaning with the unit, its type, and its place."""
+    words = {key.decode(): value.decode() for key, value in column.metadata.items()}
+    unit = "" if words["unit"] in {"1", ""} else f" [{words['unit']}]"
+    shape = tuple(json.loads(words["shape"])) if "shape" in words else ()
+    inner = column.type.value_type if shape else column.type
+    kind = mlc.DataType.INTEGER if pa.types.is_integer(inner) else mlc.DataType.FLOAT
+    array = {"is_array": True, "array_shape": ",".join(map(str, shape))} if shape else {}
+    return mlc.Field(
+        id=f"{record_set}/{column.name}",
+        name=column.name,
+        description=f"{words['long_name']}{unit}",
+        data_types=[kind],
+        source=mlc.Source(**source, extract=mlc.Extract(column=column.name)),
+        **array,
+    )

@@ -1,0 +1,203 @@
+"""Columns of a database as files of Parquet, written whole or not at all, in chunks of rows."""
+
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+from pyarrow import parquet
+
+from gen.database import Reader
+from gen.database.layout import chunks
+from gen.runtime.errors import InputError
+from gen.runtime.files import atomic, kind_of
+from gen.schema import STATUS, Column, Status
+
+Mask = NDArray[np.bool_]
+"""One truth value for each row of a file."""
+
+KEPT_BACK = frozenset(("status", "rank", "host"))
+"""Columns that are not exported: the status, since all exported rows are done, and the machine that
+computed a row, which is private.
+"""
+
+TABLE_ROWS = 50_000
+"""Number of rows that are in memory at once, and in one row group of a file."""
+
+KEY = b"asperity"
+"""Key of a file's metadata under which its origin stands."""
+
+ROWS = "rows.parquet"
+"""File of all columns with one value a row."""
+
+FIELDS = "fields"
+"""Folder of the files of columns with one field a row."""
+
+FILE_BYTES = 2**28
+"""Most bytes of a field's file before compression, so that an interrupted export loses little."""
+
+
+class Piece(NamedTuple):
+    """A file of an export.
+
+    Attributes
+    ----------
+    name : str
+        Name in the folder.
+    schema : pyarrow.Schema
+        Its columns.
+    rows : range
+        Rows of the scene that it may hold; those which are done are in it.
+    """
+
+    name: str
+    schema: pa.Schema
+    rows: range
+
+
+def scalars(reader: Reader) -> list[Column]:
+    """Return the columns with one value a row, in the order of the database."""
+    wanted = [column for column in reader.columns() if column.name not in KEPT_BACK]
+    return [column for column in wanted if not column.shape_of]
+
+
+def fields(reader: Reader) -> list[Column]:
+    """Return the columns with one field of nx x ny nodes a row."""
+    return [column for column in reader.columns() if column.shape_of]
+
+
+def schema_of(reader: Reader, columns: list[Column]) -> pa.Schema:
+    """Return the schema of Arrow for columns beside `sample`, the index of the row in the scene.
+
+    The metadata of every column have the keys `unit` and `long_name`.
+    """
+    sample = pa.field(
+        "sample",
+        pa.int64(),
+        nullable=False,
+        metadata=_metadata("1", "index of the row in the scene"),
+    )
+    return pa.schema([sample, *(_field(reader, column) for column in columns)])
+
+
+def _field(reader: Reader, column: Column) -> pa.Field:
+    """Return type and metadata of a column; a field of nodes is a list of fixed length."""
+    kind = pa.from_numpy_dtype(np.dtype(column.dtype))
+    metadata = _metadata(column.unit, column.long_name)
+    if column.shape_of:
+        shape = reader.scene.shape
+        kind = pa.list_(kind, shape[0] * shape[1])
+        metadata["shape"] = json.dumps(shape)
+    return pa.field(column.name, kind, nullable=False, metadata=metadata)
+
+
+def _metadata(unit: str, long_name: str) -> dict[str, str]:
+    """Return the metadata of a column."""
+    return {"unit": unit, "long_name": long_name}
+
+
+def done_rows(reader: Reader) -> Mask:
+    """Tell which rows of a file are done at this moment, (rows,); a run may go on meanwhile."""
+    return np.asarray(reader.column(STATUS.name) == Status.DONE)
+
+
+def pieces(reader: Reader) -> list[Piece]:
+    """List the files of an export: the table of all rows, and the files of fields."""
+    found = [Piece(ROWS, schema_of(reader, scalars(reader)), reader.rows)]
+    for column in fields(reader):
+        schema = schema_of(reader, [column])
+        step = max(1, FILE_BYTES // column.row_bytes(reader.scene.shape))
+        for first in range(reader.rows.start, reader.rows.stop, step):
+            rows = range(first, min(first + step, reader.rows.stop))
+            found.append(Piece(f"{FIELDS}/{column.name}-{first:010d}.parquet", schema, rows))
+    return found
+
+
+def write(
+    piece: Piece, folder: Path, reader: Reader, done: Mask, advance: Callable[[int], None]
+) -> None:
+    """Write a file of an export with the rows that are done, unless it is there already.
+
+    `done` has a truth value for each row of the database, and `advance` is called with the number
+    of rows after each piece of them.
+    """
+    path, first = folder / piece.name, reader.rows.start
+    chosen = done[piece.rows.start - first : piece.rows.stop - first]
+    origin = {**identity(reader), "rows": [piece.rows.start, piece.rows.stop]}
+    origin["done"] = int(chosen.sum())
+    if origin_of(path) == origin:
+        advance(len(piece.rows))
+        return
+    schema = piece.schema.with_metadata({KEY: json.dumps(origin)})
+    with (
+        atomic(path, "parquet") as file,
+        parquet.ParquetWriter(file, schema, compression="zstd") as writer,
+    ):
+        for table in tables(reader, schema, piece.rows, done):
+            writer.write_table(table)
+            advance(table.num_rows)
+
+
+def tables(reader: Reader, schema: pa.Schema, part: range, done: Mask) -> Iterator[pa.Table]:
+    """Read the done rows of a part, by their indices in the scene, a few megabytes at a time.
+
+    `done` has a truth value for each row of the database.
+    """
+    names = schema.names[1:]
+    row = max(
+        column.row_bytes(reader.scene.shape) for column in reader.columns() if column.name in names
+    )
+    for start, stop in chunks(part.stop, row, part.start):
+        for first in range(start, stop, TABLE_ROWS):
+            last = min(first + TABLE_ROWS, stop)
+            wanted = done[first - reader.rows.start : last - reader.rows.start]
+            yield _table(reader, schema, first, last, wanted)
+
+
+def _table(reader: Reader, schema: pa.Schema, first: int, last: int, done: Mask) -> pa.Table:
+    """Read the done rows from a first row to one before a last."""
+    arrays = [pa.array(first + np.flatnonzero(done), type=pa.int64())]
+    for field in list(schema)[1:]:
+        values = reader.column(field.name, first, last)[done]
+        if values.ndim == 1:
+            arrays.append(pa.array(values, type=field.type))
+        else:
+            flat = pa.array(np.ascontiguousarray(values).reshape(-1))
+            arrays.append(pa.FixedSizeListArray.from_arrays(flat, field.type.list_size))
+    return pa.Table.from_arrays(arrays, schema=schema)
+
+
+def identity(reader: Reader) -> dict[str, object]:
+    """Return the identity of a database: its scene, and the moment of its creation."""
+    attributes = reader.attributes
+    return {name: attributes[name] for name in ("scene_hash", "created", "physics")}
+
+
+def origin_of(path: Path) -> dict[str, object] | None:
+    """Return the origin that a Parquet file states; None if it is no whole file of an export."""
+    try:
+        if not path.is_file() or kind_of(path) != "parquet":
+            return None
+        metadata = parquet.read_schema(path).metadata or {}
+        origin = json.loads(metadata[KEY])
+    except (OSError, KeyError, ValueError, pa.ArrowException):
+        return None
+    return origin if isinstance(origin, dict) else None
+
+
+def require_own_folder(folder: Path, reader: Reader) -> None:
+    """Refuse a folder with other files than those of an export of this database."""
+    if not folder.is_dir():
+        return
+    names = {path.name for path in folder.iterdir() if not path.name.startswith(".asperity")}
+    if not names:
+        return
+    origin = origin_of(folder / ROWS)
+    if origin is None:
+        raise InputError(f"{folder} is not empty and no export: give a new folder")
+    own = identity(reader)
+    if {name: origin.get(name) for name in own} != own:
+        raise InputError(f"{folder} holds the export of another database: give a new folder")

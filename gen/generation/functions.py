@@ -1,0 +1,209 @@
+"""Functions of the user's: outputs of each contact, and what a run records of them in its scene."""
+
+import json
+import math
+from collections.abc import Mapping
+from contextlib import suppress
+from numbers import Real
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import bem
+from gen.runtime.errors import InputError, SourceError
+from gen.runtime.user_code import faults_of, load_function, source_hash, source_of
+from gen.scene import PythonSurface, Scene, Store
+from gen.scene.columns import require_own_names
+
+TRIED_ROWS = 16
+"""Rows of which the first one with a solution shows the outputs of the user's function."""
+
+
+class Output(NamedTuple):
+    """One output of a user's function: its value, and its unit where it gives one."""
+
+    value: float
+    unit: str | None
+
+
+def outputs_of(store: Store, contact: bem.Contact, row: int) -> dict[str, float]:
+    """Call the user's function for a contact.
+
+    Parameters
+    ----------
+    store : Store
+        The scene's table, with the outputs that its database has.
+    contact : bem.Contact
+        The contact; its arrays cannot be changed.
+    row : int
+        Number of its row, for messages.
+
+    Returns
+    -------
+    dict of str to float
+        The outputs by name, in the units of `store.outputs`; perhaps not finite.
+
+    Raises
+    ------
+    SourceError
+        If the function is gone or has changed, raises an exception, or returns anything but these
+        outputs.
+    """
+    expected = store.outputs or {}
+    found = called(store, contact, row)
+    if found.keys() != expected.keys():
+        raise SourceError(
+            f"{store.function}, row {row}: returned {_listed(found)}; the database has"
+            f" {_listed(expected)}"
+        )
+    for name, output in found.items():
+        if output.unit not in {None, expected[name]}:
+            raise SourceError(
+                f"{store.function}, row {row}: {name} is in {output.unit!r}; the database has it in"
+                f" {expected[name]!r}"
+            )
+        least, most = store.bounds(name)
+        if output.value < least or output.value > most:
+            raise SourceError(
+                f"{store.function}, row {row}: {name} is {output.value:g}; the scene's bounds of it"
+                f" are {least:g} and {most:g}"
+            )
+    return {name: output.value for name, output in found.items()}
+
+
+def called(store: Store, contact: bem.Contact, row: int) -> dict[str, Output]:
+    """Call the user's function for a contact, whatever its outputs are.
+
+    Parameters and errors are those of `outputs_of`.
+    """
+    contact.pressure.setflags(write=False)
+    place = f"{store.function}, row {row}"
+    assert store.function is not None
+    if store.source is None:  # only a file that was not made by a run lacks it
+        raise SourceError(f"{store.function}: the scene lacks the hash of its source")
+    with faults_of(place):
+        returned = load_function(store.function, store.source)(contact)
+        if not isinstance(returned, Mapping):
+            raise SourceError(
+                f"{place}: returned a {type(returned).__name__}, not a dictionary of numbers by"
+                " their names"
+            )
+        for name in returned:
+            if not isinstance(name, str):
+                raise SourceError(f"{place}: the name {name!r} is not a text")
+        return {str(name): _output(name, returned[name], place) for name in returned}
+
+
+def _output(name: str, returned: Any, place: str) -> Output:
+    """Read a number, or a pair of a number and its unit."""
+    paired = isinstance(returned, tuple) and len(returned) == 2
+    value, unit = returned if paired else (returned, None)
+    if isinstance(value, np.ndarray | np.generic) and value.ndim == 0:
+        value = value.item()
+    if not isinstance(value, Real) or not isinstance(unit, str | None):
+        raise SourceError(
+            f"{place}: {name} is {str(returned)[:60]!r}, not a number or a pair of a number and its"
+            " unit"
+        )
+    try:
+        return Output(float(value), unit)
+    except OverflowError:  # a whole number of hundreds of digits
+        return Output(math.inf, unit)
+
+
+def _listed(names: Mapping[str, object]) -> str:
+    """List names in words."""
+    return ", ".join(sorted(names)[:12]) + (" ..." if len(names) > 12 else "") or "nothing"
+
+
+def completed(scene: Scene, home: Path | None = None) -> Scene:
+    """Complete a scene by the entries that its database records, and try the user's functions.
+
+    The outputs that a scene does not list are those of its first row that has a solution, which is
+    solved here. The result depends on the scene and the functions' sources only.
+
+    Parameters
+    ----------
+    scene : Scene
+        A scene that has been read from a file.
+    home : Path, optional
+        Folder of the database, for maps that are prepared; a temporary folder if it is left out.
+
+    Returns
+    -------
+    Scene
+        The scene as a database records it; the same one if everything stands in the scene.
+
+    Raises
+    ------
+    InputError
+        If something that the scene names is missing, a function cannot be loaded, or fails for the
+        first row, or names of parameters or outputs are those of other columns.
+    """
+    require_own_names(scene)
+    scene = scene.resolved(home)
+    if isinstance(scene.surface, PythonSurface):
+        load_function(scene.surface.function, str(scene.surface.source))
+    if scene.store.function is None:
+        return scene
+    source = scene.store.source or source_hash(scene.store.function)
+    load_function(scene.store.function, source)
+    scene = _storing(scene, source=source)
+    scene.surface.make_ready(home)
+    if scene.store.outputs is None:
+        scene = _storing(scene, outputs=_first_outputs(scene))
+        require_own_names(scene)
+    return scene
+
+
+def rehearse(scene: Scene) -> None:
+    """Call the functions of a completed scene once, so that one that fails does so beforehand.
+
+    A SourceError says that one fails for the first surface, or for the first contact that has a
+    solution.
+    """
+    if scene.store.function is None and not isinstance(scene.surface, PythonSurface):
+        return
+    from gen.generation.sample import first_contact, first_surface
+
+    if scene.store.function is None:
+        first_surface(scene)
+    elif found := first_contact(scene, TRIED_ROWS):
+        with suppress(ArithmeticError):
+            outputs_of(scene.store, found[1], found[0])
+
+
+def functions(scene: Scene) -> list[str]:
+    """List the functions of the user's that a scene calls, each with the file of its module."""
+    named = {getattr(scene.surface, "function", None), scene.store.function} - {None}
+    return [f"{name} of {source_of(name)}" for name in sorted(map(str, named))]
+
+
+def _storing(scene: Scene, **keys: object) -> Scene:
+    """Return a scene with further keys of the table [store]."""
+    content = json.loads(scene.text())
+    content["store"] |= keys
+    return Scene.from_text(json.dumps(content), f"{scene.store.function}")
+
+
+def _first_outputs(scene: Scene) -> dict[str, str]:
+    """Return the outputs of the first row that has a solution, with their units."""
+    from gen.generation.sample import first_contact
+
+    # Rows beyond the samples are tried too: a larger database has the same outputs.
+    found = first_contact(scene, TRIED_ROWS)
+    if found is None:
+        raise InputError(
+            f"{scene.store.function}: none of the first {TRIED_ROWS} rows has a solution that would"
+            " show its outputs; give store.outputs = { name = 'unit' }"
+        )
+    row, contact = found
+    try:
+        outputs = called(scene.store, contact, row)
+    except ArithmeticError as error:
+        raise InputError(
+            f"{scene.store.function}, row {row}: {type(error).__name__}, so its outputs are"
+            " unknown; give store.outputs = { name = 'unit' }"
+        ) from error
+    return {name: output.unit or "1" for name, output in outputs.items()}

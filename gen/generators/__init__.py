@@ -1,0 +1,39 @@
+"""Generators of rough surfaces: one file each, with its table in a scene, its draws and heights."""
+
+from typing import TYPE_CHECKING, Annotated, Union
+
+from pydantic import Discriminator, Tag
+
+from gen.generators.displaced import DisplacedSurface
+from gen.generators.function import PythonSurface
+from gen.generators.rules import GeneratedSurface
+from gen.generators.scans import ScanSurface
+from gen.generators.spectral import SpectralSurface
+
+__all__ = ["DisplacedSurface", "PythonSurface", "ScanSurface", "SpectralSurface"]
+
+GENERATORS: tuple[type[GeneratedSurface], ...] = (
+    DisplacedSurface,
+    SpectralSurface,
+    ScanSurface,
+    PythonSurface,
+)
+"""Tables of surfaces; a new generator is a file of this folder and a line here. A scene that names
+no generator has the first one, the paper's. Columns of parameters stand in this order."""
+
+TAGS = {f"<{table.names()[0]}>": table for table in GENERATORS}
+"""Tables of surfaces by the tags that locations of errors have."""
+
+
+def tag_of(value: object) -> str:
+    """Return the tag of the rules for a table of surfaces, the paper's if it names no generator."""
+    own = value.get("generator") if isinstance(value, dict) else getattr(value, "generator", None)
+    tags = (tag for tag, table in TAGS.items() if own in table.names())
+    return next(tags, next(iter(TAGS)))
+
+
+if TYPE_CHECKING:
+    Surface = GeneratedSurface
+else:
+    _TAGGED = tuple(Annotated[table, Tag(tag)] for tag, table in TAGS.items())
+    Surface = Annotated[Union[_TAGGED], Discriminator(tag_of)]  # noqa: UP007

@@ -1,0 +1,445 @@
+"""Windows of measured maps: how files are read and prepared, and windows cut out of them.
+
+The maps of a scene are opened once by every process: prepared by the first, found by the others. A
+window's place needs the numbers of the maps' nodes only, which the scene of a database holds.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, PlainValidator, Strict, create_model
+from pydantic_core import PydanticCustomError
+
+from gen.arrays import Heights
+from gen.distribution import Positive, Table
+from gen.generators.rules import (
+    ANOTHER,
+    NODES,
+    SIDE,
+    GeneratedSurface,
+    Grid,
+    Nodes,
+    Side,
+    pair,
+)
+from gen.maps.settings import Reading, keys, kind_of
+from gen.runtime.errors import InputError, SourceError
+
+if TYPE_CHECKING:  # scenes of other surfaces need nothing of maps
+    from gen.maps.library import Library, Wanted
+    from gen.maps.windows import Pairing, Tiling, Window
+
+_OPEN: dict[ScanSurface, Library] = {}
+"""Prepared maps of the scenes of this process."""
+
+MOST_PATTERNS = 1000
+"""Largest number of names in the list of files."""
+
+
+def files(value: object) -> tuple[str, ...]:
+    """Accept a name or a list of names."""
+    names = (value,) if isinstance(value, str) else value
+    if (
+        not isinstance(names, list | tuple)
+        or not 1 <= len(names) <= MOST_PATTERNS
+        or not all(isinstance(name, str) and name.strip() for name in names)
+    ):
+        raise PydanticCustomError("files", "not a name or a list of names")
+    return tuple(names)
+
+
+Files = Annotated[tuple[str, ...], PlainValidator(files)]
+FILES = "a file, a folder or a pattern as 'scans/*.x3p', or a list of these"
+
+LONGEST = 200
+"""Largest length of a text."""
+
+Text = Annotated[str, Field(max_length=LONGEST)]
+
+
+def lengths(value: object) -> str:
+    """Accept scan lengths as a text, a number, or a pair of numbers, and return their text."""
+    if isinstance(value, str) and len(value) <= LONGEST:
+        return value  # checked where the maps are looked for
+    pair = isinstance(value, list | tuple) and len(value) == 2
+    numbers: list[Any] = list(value) if pair else [value]  # type: ignore[call-overload]
+    if not all(type(each) in {int, float} and 0 < each <= sys.float_info.max for each in numbers):
+        raise PydanticCustomError("lengths", "not a length or a pair of lengths")
+    return ",".join(repr(float(each)).removesuffix(".0") for each in numbers)
+
+
+Lengths = Annotated[str, PlainValidator(lengths)]
+
+
+class Keys(Table):
+    """Keys of `gen.maps.settings.Reading` in a table of a scene."""
+
+    def given(self) -> dict[str, Any]:
+        """Return the keys that are given, with their values."""
+        return {name: value for name, value in self if value is not None}
+
+
+def _table(name: str) -> type[Keys]:
+    """Make a table of a scene of the keys of `gen.maps.settings.Reading`.
+
+    Texts, and keys that exclude each other, are checked where the maps are looked for.
+    """
+    rules: dict[Any, Any] = {bool: bool, str: Text, float: Positive}
+    made: dict[str, Any] = {}
+    for key, told in keys(name).items():
+        if key == "side":
+            rule: Any = Lengths
+        elif told.choices:
+            rule = Literal[told.choices]
+        elif told.least is not None:
+            rule = Annotated[int, Field(ge=told.least)]
+        else:
+            rule = rules[kind_of(key)]
+        made[key] = (rule | None, Field(default=None, description=told.allowed))
+    return create_model(f"{name.capitalize()}Table", __base__=Keys, **made)
+
+
+if TYPE_CHECKING:
+    ReadingTable: TypeAlias = Keys
+    PreparationTable: TypeAlias = Keys
+else:
+    ReadingTable, PreparationTable = _table("reading"), _table("preparation")
+
+
+class ScannedMap(Table):
+    """A map as a run has found it.
+
+    Its file does not count in the scene's fingerprint: a map may move.
+    """
+
+    file: str = Field(description="text, the path of the file")
+    sha256: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")] = Field(
+        description="the SHA-256 of the file's content"
+    )
+    nodes: Annotated[tuple[int, int], Strict(False)] = Field(
+        description="nodes along x and y after the preparation"
+    )
+
+
+class Found(Table):
+    """The maps of a scene as a run has found them."""
+
+    spacing: Annotated[tuple[Positive, Positive], Strict(False)] = Field(
+        description="distance of the nodes along x and y [um]"
+    )
+    maps: Annotated[tuple[ScannedMap, ...], Strict(False), Field(min_length=1)] = Field(
+        description="the maps in the order of their indices"
+    )
+
+
+def _another_or_files(value: object) -> str | tuple[str, ...]:
+    """Accept another window of the same maps, or the files of other maps."""
+    return ANOTHER if value == ANOTHER else files(value)
+
+
+AnotherOrFiles = Annotated[str | tuple[str, ...], PlainValidator(_another_or_files)]
+
+
+class ScanSurface(GeneratedSurface):
+    """Windows of measured maps."""
+
+    WINDOWS: ClassVar[bool] = True
+    PLACES: ClassVar[Mapping[str, str]] = {
+        "map": "index of the surface's map",
+        "tile": "index of the tile of all maps, or of paired tiles",
+    }
+
+    generator: Literal["scans"]
+    files: Files = Field(description=FILES)
+    nodes: Nodes = Field(default=128, description=NODES)
+    spacing: Side | None = Field(default=None, description=SIDE)
+    reading: ReadingTable = Field(
+        default=ReadingTable(), description="a table of options as unit = 'nm'"
+    )
+    preparation: PreparationTable = Field(
+        default=PreparationTable(), description="a table of steps as level = 'plane'"
+    )
+    against: AnotherOrFiles | None = Field(
+        default=None,
+        description=f"'another', for a second window of a tile, or maps of another body: {FILES}",
+    )
+    # Written when a run begins, as the hash of a user's function.
+    found: Found | None = Field(default=None, description="the maps that a run has found")
+    against_found: Found | None = Field(
+        default=None, description="the maps of the second body that a run has found"
+    )
+
+    def shape(self, *, edgeless: bool) -> tuple[int, int]:
+        """Return the given nodes along x and y."""
+        return pair(self.nodes)
+
+    def sides(self, *, cells: bool) -> tuple[float, float]:
+        """Return the lengths of a window along x and y [um]; the maps have to be known."""
+        maps, (nx, ny) = self.known(), pair(self.nodes)
+        return maps.spacing[0] * (nx - (not cells)), maps.spacing[1] * (ny - (not cells))
+
+    def has_sides(self) -> bool:
+        """Tell whether a run has found the maps, whose spacing decides."""
+        return self.found is not None
+
+    def known(self) -> Found:
+        """Return the maps that a run has found; unknown before a run."""
+        if self.found is None:
+            raise InputError("the maps of this scene have not been looked for")
+        return self.found
+
+    def alone(self) -> Self:
+        """Return the table of the first body's windows."""
+        return self.model_copy(update={"against": None, "against_found": None})
+
+    def opposite(self) -> Self:
+        """Return the table of the second body's windows; there has to be one."""
+        if self.against == ANOTHER:
+            return self.alone()
+        other = {"files": self.against, "found": self.against_found}
+        return self.alone().model_copy(update=other)
+
+    def relevant(self, content: dict[str, Any]) -> dict[str, Any]:
+        """Leave out where the maps are, once they are known by their contents."""
+        if self.found is None:
+            return content
+        kept = {key: value for key, value in content.items() if key != "files"}
+        kept["found"] = _contents(self.found)
+        if self.against_found is not None:
+            kept["against"] = _contents(self.against_found)
+            del kept["against_found"]
+        return kept
+
+    def anchored(self, folder: Path) -> Self:
+        """Let the files of maps start from the folder of the scene."""
+
+        def moved(names: tuple[str, ...]) -> tuple[str, ...]:
+            return tuple(
+                name if name.startswith("~") else str(folder.absolute() / name) for name in names
+            )
+
+        update: dict[str, object] = {"files": moved(self.files)}
+        if isinstance(self.against, tuple):
+            update["against"] = moved(self.against)
+        return self.model_copy(update=update)
+
+    def resolved(self, home: Path | None) -> Self:
+        """Search for the maps, and prepare them unless that has been done.
+
+        Raises
+        ------
+        InputError
+            If a map is missing, cannot be prepared, is smaller than the window, or has another
+            spacing.
+        """
+        if self.found is not None:
+            self.make_ready(home, sources=True)
+            return self
+        known = self.model_copy(update={"found": self._search(home)})
+        if isinstance(self.against, tuple):
+            other = self.opposite()._search(home)
+            _require_company(known.known(), other)
+            known = known.model_copy(update={"against_found": other})
+        return known
+
+    def _search(self, home: Path | None) -> Found:
+        """Search for the maps of one body, and prepare them unless that has been done."""
+        from gen.maps import library
+        from gen.maps.files import digests, map_files
+
+        paths = map_files(self.files, Path.cwd())
+        sha256s = digests(paths)
+        maps = library.prepared(paths, sha256s, self._wanted(), home)
+        found = Found(
+            spacing=maps.spacing,
+            maps=tuple(
+                ScannedMap(file=str(path), sha256=sha256, nodes=shape)
+                for path, sha256, shape in zip(paths, sha256s, maps.shapes, strict=True)
+            ),
+        )
+        _OPEN[self.alone().model_copy(update={"found": found})] = maps
+        return found
+
+    def make_ready(self, home: Path | None, *, sources: bool = False, verify: bool = True) -> None:
+        """Open the maps of a database in this process; see `GeneratedSurface.make_ready`."""
+        if isinstance(self.against, tuple):
+            self.opposite().make_ready(home, sources=sources, verify=verify)
+        alone = self.alone()
+        if alone in _OPEN and not sources:
+            return
+        try:
+            kept = None if sources else self._kept(home, verify=verify)
+            _OPEN[alone] = _fitting(kept or self._prepared(home), self.known())
+        except SourceError:
+            raise
+        except InputError as error:
+            raise SourceError(str(error)) from None
+
+    def _kept(self, home: Path | None, *, verify: bool) -> Library | None:
+        """Return the maps of a database that have been prepared; None if none are kept."""
+        from gen.maps import library
+
+        sha256s = [each.sha256 for each in self.known().maps]
+        return library.opened(sha256s, self._wanted(), home, verify=verify)
+
+    def _prepared(self, home: Path | None) -> Library:
+        """Find the files of the maps of a database again, and prepare them if need be."""
+        from gen.maps import library
+        from gen.maps.files import located
+
+        maps = self.known().maps
+        paths = [located(Path(each.file), each.sha256, home) for each in maps]
+        return library.prepared(paths, [each.sha256 for each in maps], self._wanted(), home)
+
+    def _wanted(self) -> Wanted:
+        """Return how the files are to be read and prepared."""
+        from gen.maps.library import Wanted
+
+        spacing = None if self.spacing is None else pair(self.spacing)
+        reading = Reading(**self.reading.given(), **self.preparation.given(), asked="key")
+        try:
+            reading.check()
+        except InputError as error:
+            raise InputError(f"surface.preparation: {error}") from None
+        return Wanted(pair(self.nodes), spacing, reading)
+
+    def remarks(self) -> list[str]:
+        """Return lines about the maps for the user of a run: numbers, place and warnings."""
+        from gen.maps.read import in_words
+
+        if isinstance(self.against, tuple):
+            both = enumerate((self.alone(), self.opposite()), start=1)
+            return [_of_body(number, line) for number, body in both for line in body.remarks()]
+        alone = self.alone()
+        maps, step = _OPEN[alone], in_words(self.known().spacing)
+        tiles = self._tiling().total
+        size = f"{len(maps.maps)} maps with a node every {step} um, {tiles} tiles"
+        lines = [f"{size}; they are kept prepared in {maps.file}"]
+        for each, prepared in zip(self.known().maps, maps.maps, strict=True):
+            lines += [f"warning: {Path(each.file).name}: {remark}" for remark in prepared.remarks]
+        return lines
+
+    def places(self, randoms: Iterable[np.random.Generator]) -> dict[str, NDArray[np.int32]]:
+        """Return the maps and tiles of surfaces, from the stream of random numbers of each.
+
+        Tiles of a second body's own maps are paired with those of the first: the tile is that pair.
+        """
+        pairing = self._pairing()
+        windows = [self._window(random) for random in randoms]
+        return {
+            "map": np.array([window.map for window in windows], dtype=np.int32),
+            "tile": np.array([pairing.group(window.tile) for window in windows], dtype=np.int32),
+        }
+
+    def tile_groups(self) -> int:
+        """Return the number of groups of tiles, the values that the column `tile` can have."""
+        return self._pairing().groups
+
+    def heights(
+        self,
+        grid: Grid,
+        surface: int,
+        parameters: Mapping[str, float],
+        random: np.random.Generator,
+    ) -> Heights:
+        """Cut a window out; see `GeneratedSurface.heights`."""
+        return self._cut(self._window(random))
+
+    def opposite_heights(
+        self,
+        grid: Grid,
+        surface: int,
+        parameters: Mapping[str, float],
+        first: np.random.Generator,
+        random: np.random.Generator,
+    ) -> Heights:
+        """Cut the second body's window out of a tile that is paired with the first body's."""
+        from gen.maps.windows import facing
+
+        tiles = self._pairing().partners(self._window(first).tile)
+        other = self.opposite()
+        return other._cut(facing(random, other._tiling(), tiles, square=other._is_square()))
+
+    def _window(self, random: np.random.Generator) -> Window:
+        """Draw the window of the first body."""
+        from gen.maps.windows import drawn
+
+        return drawn(random, self._tiling(), square=self._is_square())
+
+    def _cut(self, window: Window) -> Heights:
+        """Cut a window of the first body's maps out."""
+        from gen.maps.windows import cut
+
+        alone = self.alone()
+        if alone not in _OPEN:
+            alone.make_ready(None)
+        return cut(_OPEN[alone].maps[window.map].heights, window, pair(self.nodes))
+
+    def _pairing(self) -> Pairing:
+        """Return the groups of tiles that windows of both bodies come from."""
+        from gen.maps.windows import Pairing
+
+        first = self._tiling().total
+        return Pairing(first, first if self.against is None else self.opposite()._tiling().total)
+
+    def _tiling(self) -> Tiling:
+        """Return the tiles of the first body's maps."""
+        from gen.maps.windows import Tiling
+
+        return Tiling(tuple(each.nodes for each in self.known().maps), pair(self.nodes))
+
+    def _is_square(self) -> bool:
+        """Tell whether a window has the symmetries of the square."""
+        (nx, ny), (dx, dy) = pair(self.nodes), self.known().spacing
+        return nx == ny and dx == dy
+
+
+def _require_company(first: Found, second: Found) -> None:
+    """Refuse maps of two bodies with other spacings, and maps that both have."""
+    if first.spacing != second.spacing:
+        spacings = " and ".join("{:g} x {:g}".format(*each.spacing) for each in (first, second))
+        raise InputError(
+            f"the maps of both bodies have a node every {spacings} um: give surface.spacing, to"
+            " which all are resampled"
+        )
+    known = {each.sha256 for each in first.maps}
+    for each in second.maps:
+        if each.sha256 in known:
+            raise InputError(
+                f"{each.file}: is one of files and of against: against = 'another' takes a second"
+                " window of the same map, otherwise a surrogate would be tested on nodes that it"
+                " was trained on"
+            )
+
+
+def _fitting(maps: Library, known: Found) -> Library:
+    """Refuse maps that are read otherwise than when the database was made."""
+    shapes = tuple(each.nodes for each in known.maps)
+    if maps.shapes != shapes or maps.spacing != known.spacing:
+        raise SourceError(
+            "the maps are read with other nodes or another spacing than when the database was made:"
+            f" {maps.shapes} every {maps.spacing} um, {shapes} every {known.spacing} um then"
+        )
+    return maps
+
+
+def _of_body(number: int, line: str) -> str:
+    """Say in a remark which of two bodies it is about."""
+    warning = "warning: "
+    rest = line.removeprefix(warning)
+    return f"{line[: len(line) - len(rest)]}body {number}: {rest}"
+
+
+def _contents(found: Found) -> dict[str, Any]:
+    """Return what identifies maps: their spacing, contents and nodes, not their places."""
+    maps = tuple(
+        f"{each.sha256}, {each.nodes[0]} x {each.nodes[1]}"  # short enough for a message
+        for each in found.maps
+    )
+    return {"spacing": found.spacing, "number": len(maps), "maps": maps}

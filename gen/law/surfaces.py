@@ -1,0 +1,391 @@
+"""The surfaces of a contact law: from files and folders, or the population of a scene."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from bem.spacing import Boundary
+from gen.arrays import Values
+from gen.distribution import LogUniform, limits
+from gen.maps.bodies import Opposite, composite
+from gen.maps.doubts import surface_warnings
+from gen.maps.read import Topography
+from gen.maps.settings import Reading
+from gen.material import plane_strain_modulus
+from gen.reading import files_in, is_table, read_surface
+from gen.runtime.errors import InputError
+from gen.scene import Scene, preset_names
+
+Sides = tuple[float, float]
+Load = Literal["delta", "pressure"]
+"""Quantities that a law can be solved at."""
+
+
+@dataclass(frozen=True, eq=False)
+class LawSurface:
+    """A surface of a law.
+
+    Attributes
+    ----------
+    name : str
+        Name of the surface in messages.
+    heights : ndarray, shape (nx, ny)
+        Heights [um].
+    sides : tuple of float
+        Scan lengths along x and y [um].
+    spacing : tuple of float
+        Spacing of the nodes along x and y [um].
+    settings : mapping of str to object
+        Settings of the solver that a scene states: kernel, far_field, rtol, max_iterations.
+    boundary : {"free", "periodic", "mirror"}
+        Boundary of the patch.
+    scene : Scene, optional
+        Scene that the surface was generated from.
+    """
+
+    name: str
+    heights: Values
+    sides: Sides
+    spacing: Sides
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    boundary: Boundary = "free"
+    scene: Scene | None = None
+
+    def loads(self, e_star: float) -> tuple[float, float]:
+        """Return the smallest and largest load of a scene's surface, as Delta [um] or as pressure.
+
+        Parameters
+        ----------
+        e_star : float
+            E* of the law, for pressures that the scene gives relative to its own [MPa].
+        """
+        from gen.generation.sample import load_of
+
+        assert self.scene is not None
+        low, high = (self._load(load_of(self.scene, self.heights, e)) for e in _ends([self.scene]))
+        if self.scene.quantity.startswith("pressure/"):
+            ratio = e_star / _modulus(self.scene)
+            return low * ratio, high * ratio
+        return low, high
+
+    def _load(self, given: Mapping[str, float]) -> float:
+        """Return the value of a load; a force becomes a pressure [MPa]."""
+        ((name, value),) = given.items()
+        return value / self.nominal if name == "force" else value
+
+    @property
+    def nominal(self) -> float:
+        """Area of the cells of all nodes, over which the nominal pressure is a mean [um2]."""
+        return float(self.spacing[0] * self.spacing[1] * self.heights.size)
+
+    @property
+    def gap_at_rest(self) -> float:
+        """Mean gap at first touch, Delta = 0 [um]."""
+        return float(self.heights.max()) - float(self.heights.mean())
+
+    def patch_compliance(self, e_star: float) -> float:
+        """Compute how far the half-space behind the whole patch gives way [um / MPa].
+
+        It is that of a flat punch that fills the patch, per nominal pressure. Delta on a rigid far
+        field includes it, and so does the mesh of a finite-element model. A patch without edges has
+        none, and a compliant far field has taken it out of Delta.
+
+        Parameters
+        ----------
+        e_star : float
+            E* [MPa].
+        """
+        if self.boundary != "free" or self.settings.get("far_field", "rigid") != "rigid":
+            return 0.0
+        from bem.derived.stiffness import patch_stiffness
+        from bem.problem import pose
+
+        spacing = self.settings.get("spacing", self.spacing)
+        kernel = self.settings.get("kernel", "uniform-pressure")
+        problem = pose(
+            self.heights, self.sides, 0.0, spacing=spacing, kernel=kernel, modulus=e_star
+        )
+        return self.nominal / patch_stiffness(problem)
+
+
+@dataclass(frozen=True, eq=False)
+class LawSurfaces:
+    """All surfaces of a law.
+
+    Attributes
+    ----------
+    surfaces : sequence of LawSurface
+        One surface or more.
+    scenes : sequence of Scene
+        Scenes that surfaces were generated from.
+    origins : sequence of str
+        Descriptions of the surfaces, one line for each input.
+    doubts : sequence of str
+        Warnings about the maps of the inputs, each with the name of its input.
+    """
+
+    surfaces: Sequence[LawSurface]
+    scenes: Sequence[Scene]
+    origins: Sequence[str]
+    doubts: Sequence[str] = ()
+
+    @property
+    def only_scenes(self) -> bool:
+        """True if every surface comes from a scene."""
+        return len(self.scenes) == len(self.origins)
+
+    def modulus(self) -> float | None:
+        """Return the E* of all scenes [MPa], or None if a surface comes from a file.
+
+        Raises
+        ------
+        InputError
+            If the scenes have different E*.
+        """
+        moduli = {_modulus(scene) for scene in self.scenes}
+        if not self.only_scenes or not moduli:
+            return None
+        if len(moduli) > 1:
+            said = " and ".join(f"{each:g}" for each in sorted(moduli))
+            raise InputError(f"the scenes have E* = {said} MPa: give one with --e-star")
+        return moduli.pop()
+
+    def hardness_ratio(self) -> float | None:
+        """Return the hardness over E* of all scenes; None for elastic bodies or surfaces of files.
+
+        Raises
+        ------
+        InputError
+            If the scenes have more than one.
+        """
+        ranges = {_hardness_ratios(scene) for scene in self.scenes}
+        if not self.only_scenes or ranges <= {None}:
+            return None
+        ends = {end for each in ranges if each is not None for end in each}
+        if None in ranges or len(ends) > 1:
+            raise InputError("the scenes have more than one hardness: give one with --hardness")
+        return ends.pop()
+
+    def loads(self, number: int, e_star: float) -> tuple[Load, Values] | None:
+        """Return loads over the range of all scenes, or None if a surface comes from a file.
+
+        Loads that a scene gives relative to its surfaces, and forces, become displacements or
+        pressures by the surfaces of this law: from the smallest of all to the largest that none
+        exceeds. They are spaced evenly, or by an even ratio where a scene draws them log-uniformly.
+
+        Parameters
+        ----------
+        number : int
+            Number of loads.
+        e_star : float
+            E* of the law [MPa].
+
+        Returns
+        -------
+        str
+            "delta" or "pressure".
+        ndarray, shape (number,)
+            Ascending loads [um or MPa].
+
+        Raises
+        ------
+        InputError
+            If some scenes give displacements and others pressures or forces.
+        """
+        if not self.only_scenes:
+            return None
+        kinds: set[Load] = {
+            "delta" if scene.quantity.startswith("delta") else "pressure" for scene in self.scenes
+        }
+        if len(kinds) > 1:
+            raise InputError(
+                "some scenes give displacements, others pressures: give --delta or --pressure"
+            )
+        (kind,) = kinds
+        if all(scene.quantity == "delta" for scene in self.scenes):
+            low, high = _ends(self.scenes)
+        else:
+            ranges = [each.loads(e_star) for each in self.surfaces]
+            low, high = min(low for low, _ in ranges), min(high for _, high in ranges)
+        pieces = [piece for scene in self.scenes for piece in scene.pieces]
+        by_ratio = low > 0 and any(isinstance(piece.range, LogUniform) for piece in pieces)
+        return kind, (np.geomspace if by_ratio else np.linspace)(low, high, number)
+
+
+def _ends(scenes: Sequence[Scene]) -> tuple[float, float]:
+    """Return the smallest and the largest load of some scenes, in their quantity."""
+    ranges = [limits(piece.range) for scene in scenes for piece in scene.pieces]
+    return min(low for low, _ in ranges), max(high for _, high in ranges)
+
+
+def read_subjects(
+    inputs: Sequence[str],
+    surfaces: int,
+    reading: Reading,
+    boundary: Boundary,
+    say: Callable[[str], None],
+    *,
+    only_boundary: bool = True,
+    opposite: Opposite | None = None,
+) -> LawSurfaces:
+    """Read or generate all surfaces.
+
+    Parameters
+    ----------
+    inputs : sequence of str
+        Surfaces, folders of them, databases, scenes.
+    surfaces : int
+        Number of surfaces of each scene or database.
+    reading : Reading
+        Options that say how files are read.
+    boundary : {"free", "periodic", "mirror"}
+        Boundary of all patches.
+    say : callable
+        Called with a line for the user about each file.
+    only_boundary : bool
+        Whether scenes of another boundary are refused; otherwise their surfaces take this one.
+    opposite : Opposite, optional
+        Second rough body, or a folder of them, each of which the surfaces from files are pressed
+        against; scenes name their own.
+
+    Raises
+    ------
+    InputError
+        For the first input that cannot be used.
+    """
+    subjects: list[LawSurface] = []
+    scenes: list[Scene] = []
+    origins: list[str] = []
+    doubts: list[str] = []
+    seconds = [] if opposite is None else _seconds(opposite, boundary)
+    facing = "" if opposite is None else f" against {opposite.path}"
+    for text in inputs:
+        if is_scene(text):
+            if opposite is not None:
+                raise InputError(
+                    f"--against: {text} is a scene, which names the second body of its surfaces"
+                    " itself: surface.against"
+                )
+            scenes.append(_scene(text, boundary, only_boundary=only_boundary))
+            subjects += _population(scenes[-1], text, surfaces)
+            origins.append(f"{text}: its first {surfaces} surfaces{_facing(scenes[-1])}")
+            continue
+        origins.append(f"{text}{facing}")
+        for file in files_in([Path(text)])[0]:
+            for topography, warnings in _pressed(file, reading, boundary, opposite, seconds):
+                subjects.append(_subject(topography, warnings, say))
+                doubts += [f"warning: {text}{facing}: {doubt}" for doubt in topography.warnings]
+    return LawSurfaces(subjects, scenes, origins, list(dict.fromkeys(doubts)))
+
+
+def _pressed(
+    file: Path,
+    reading: Reading,
+    boundary: Boundary,
+    opposite: Opposite | None,
+    seconds: Sequence[Topography],
+) -> Iterator[tuple[Topography, list[str]]]:
+    """Yield the surface of a file, or its sums with all second bodies, with warnings about each."""
+    if is_table(file):
+        raise InputError(f"{file}: a law needs surfaces, not their statistics")
+    first, warnings = read_surface(file, reading, boundary)
+    pairs = [(first, warnings)]
+    if opposite is not None:
+        sums = (composite(first, second, opposite.placement) for second in seconds)
+        pairs = [(each, surface_warnings(each)) for each in sums]
+    for topography, warned in pairs:
+        if topography.heights.max() == topography.heights.min():
+            raise InputError(f"{file}: is flat: all of it touches at once, there is no law")
+        yield topography, warned
+
+
+def _seconds(opposite: Opposite, boundary: Boundary) -> list[Topography]:
+    """Read and prepare the second body, or every one of a folder."""
+    return [
+        replace(opposite, path=file).prepared(boundary) for file in files_in([opposite.path])[0]
+    ]
+
+
+def _facing(scene: Scene) -> str:
+    """Say what the surfaces of a scene are pressed against, if that is rough too."""
+    against = scene.surface.against
+    if against is None:
+        return ""
+    named = ", ".join(map(str, against)) if isinstance(against, tuple) else "another of them"
+    return f" against {named}"
+
+
+def _subject(
+    topography: Topography, warnings: Sequence[str], say: Callable[[str], None]
+) -> LawSurface:
+    """Tell the user how a surface was read, and return it."""
+    name, heights = topography.name, topography.heights
+    say(f"{name}: {'; '.join(topography.steps)}")
+    for line in warnings:
+        say(f"  warning: {line}")
+    sides, spacing = topography.sides, topography.spacing
+    return LawSurface(name, heights, sides, spacing, boundary=topography.boundary)
+
+
+def is_scene(text: str) -> bool:
+    """Return whether an input is a scene or a database rather than surfaces."""
+    return text in preset_names() or Path(text).suffix.lower() in {".toml", ".h5"}
+
+
+def scene_of(text: str) -> Scene:
+    """Return the scene of a name, of a file, or of a database."""
+    from gen.scene import load
+
+    if not text.lower().endswith(".h5"):
+        return load(text).resolved()
+    from gen.database import Reader
+
+    with Reader(Path(text)) as reader:
+        reader.scene.surface.make_ready(Path(text).parent)
+        return reader.scene
+
+
+def _scene(text: str, boundary: Boundary, *, only_boundary: bool) -> Scene:
+    """Return the scene of an input, with the law's boundary."""
+    scene = scene_of(text)
+    if scene.contact.boundary == boundary:
+        return scene
+    if only_boundary:
+        raise InputError(
+            f"{text}: has a {scene.contact.boundary} boundary, the law a {boundary} one: a law has"
+            " patches of one boundary, that of its surrogate if there is one"
+        )
+    change = {"boundary": boundary, "kernel": "uniform-pressure", "far_field": "rigid"}
+    return scene.model_copy(update={"contact": scene.contact.model_copy(update=change)})
+
+
+def _modulus(scene: Scene) -> float:
+    """Return the E* of a scene [MPa]."""
+    return plane_strain_modulus(scene.contact.modulus, scene.contact.poisson)
+
+
+def _hardness_ratios(scene: Scene) -> Sides | None:
+    """Return the smallest and largest hardness over E* of a scene; None for elastic bodies."""
+    ends = scene.contact.hardness_limits
+    return None if ends is None else (ends[0] / _modulus(scene), ends[1] / _modulus(scene))
+
+
+def _population(scene: Scene, text: str, number: int) -> Iterator[LawSurface]:
+    """Yield the first surfaces of a scene, with the solver's settings of the scene."""
+    from gen.generation.plan import parameters
+    from gen.generation.sample import surface_of
+
+    contact = scene.contact
+    names = "kernel", "far_field", "rtol", "max_iterations"
+    settings = {"spacing": scene.spacing, **{name: getattr(contact, name) for name in names}}
+    step = scene.samples_per_surface
+    plan = parameters(scene, 0, step * number)
+    for surface in range(number):
+        heights = surface_of(scene, plan, step * surface)
+        name = f"{text}, surface {surface}"
+        yield LawSurface(
+            name, heights, scene.sides, scene.spacing, settings, contact.boundary, scene
+        )

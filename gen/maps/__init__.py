@@ -1,0 +1,1 @@
+"""Measured maps: read, prepared, described, pressed, and cut into windows for scenes."""

@@ -1,0 +1,312 @@
+"""The composite surface of two rough bodies: both maps added on one grid, as they face each other.
+
+The gap between two rough bodies is that between the sum of their heights and a plane, and so is the
+contact, with the E* of both bodies. Heights of both maps point out of their body, and both are seen
+from outside. One body has to be turned over to face the other: one axis of its map then runs
+backwards. The centres of both maps lie on each other unless one is shifted; maps of one
+spacing lie node on node, so that none is smoothed by an interpolation.
+"""
+
+from __future__ import annotations
+
+import math
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+import numpy as np
+
+from gen.arrays import Heights, Values
+from gen.maps.prepare import prepare, require_useful_heights
+from gen.maps.read import Sides, Topography, intervals, read
+from gen.maps.settings import Reading, numbers_in
+from gen.runtime.errors import InputError
+from gen.runtime.numbers import shown
+
+if TYPE_CHECKING:
+    from bem.spacing import Boundary
+
+TURNS = ("x", "y", "none")
+
+SAME = 1e-6
+"""Largest distance of nodes that count as one, in spacings, and relative difference of lengths that
+count as equal: files round their lengths."""
+
+COARSE = 10.0
+"""Ratio of the spacings of two maps above which one of them probably has another unit."""
+
+REACH = 24
+"""Nodes by which a map without edges is continued before it is interpolated: a spline forgets what
+is further away, by a factor of 0.27 a node."""
+
+
+@dataclass(frozen=True)
+class Placement:
+    """How a second body is laid on the first one.
+
+    Attributes
+    ----------
+    turned : {"x", "y", "none"}
+        Axis of its map that runs backwards as it is turned over; none for a map that is seen
+        through its body.
+    shift : tuple of float
+        Distance of its centre from that of the first map, along x and y of that map [um].
+    """
+
+    turned: str = "x"
+    shift: Sides = (0.0, 0.0)
+
+    @classmethod
+    def parse(cls, turned: str, shift: str) -> Placement:
+        """Make a placement of the texts of `--turned` and `--shift`; "" takes the default.
+
+        Raises
+        ------
+        InputError
+            If a text is anything else.
+        """
+        turned = turned or cls.turned
+        if turned not in TURNS:
+            raise InputError(f"--turned {shown(turned)}: give one of {', '.join(TURNS)}")
+        if not shift:
+            return cls(turned)
+        distances = numbers_in(shift)
+        if len(distances) != 2 or not all(map(math.isfinite, distances)):
+            raise InputError(f"--shift {shown(shift)}: give the distances along x and y in um: 5,0")
+        return cls(turned, (distances[0], distances[1]))
+
+
+class _Line(NamedTuple):
+    """Nodes of a grid along one axis that lie on another map, and their places there.
+
+    Attributes
+    ----------
+    nodes : slice
+        Nodes of the grid.
+    places : ndarray, shape (k,)
+        Places in the other map, in spacings from its first node.
+    continued : {"wrap", "symmetric", ""}
+        Mode of `numpy.pad` that continues the other map along this axis; "" where it ends.
+    """
+
+    nodes: slice
+    places: Values
+    continued: Literal["wrap", "symmetric", ""]
+
+    @property
+    def exact(self) -> bool:
+        """Whether every place is a node of the other map."""
+        return bool((self.places == np.rint(self.places)).all())
+
+
+def composite(
+    first: Topography, second: Topography, placement: Placement | None = None
+) -> Topography:
+    """Add the heights of two bodies that face each other, where both have some.
+
+    The sum stands on the finer of the two grids. The other map is interpolated there by cubic
+    splines, and not at all where its nodes lie on those of the grid. Heights of the second body
+    count from its highest node, so that a flat one changes nothing.
+
+    Parameters
+    ----------
+    first, second : Topography
+        Prepared surfaces, without holes, of one boundary.
+    placement : Placement, optional
+        How the second body is turned over and laid on the first one.
+
+    Returns
+    -------
+    Topography
+        Composite surface, with the steps and warnings of both bodies.
+
+    Raises
+    ------
+    InputError
+        If fewer than 2 x 2 nodes lie on both bodies, or heights are too large to be added.
+    """
+    placement = placement or Placement()
+    for body in (first, second):
+        require_useful_heights(body)
+    other = _turned(second, placement.turned)
+    onto_first = math.prod(first.spacing) <= math.prod(other.spacing) * (1 + SAME)
+    grid, added = (first, other) if onto_first else (other, first)
+    sign = 1 if onto_first else -1
+    lines = [_line(grid, added, axis, sign * placement.shift[axis]) for axis in (0, 1)]
+    name = f"{first.name} against {second.name}"
+    if min(line.places.size for line in lines) < 2:
+        raise InputError(
+            f"{name}: fewer than 2 x 2 nodes lie on both maps, of {_size(first.sides)} and"
+            f" {_size(other.sides)} um with their centres {_size(placement.shift)} um apart"
+        )
+    heights = grid.heights[lines[0].nodes, lines[1].nodes] + _at(added.heights, lines)
+    sides = [_side(grid, axis, length) for axis, length in enumerate(heights.shape)]
+    result = replace(grid, name=name, heights=heights, sides=(sides[0], sides[1]))
+    repeats = first.repeats and second.repeats
+    result = replace(result, followed=first.followed & second.followed, repeats=repeats)
+    said = [_laid(second.name, placement), _added(result, first.sides, other.sides)]
+    if not all(line.exact for line in lines):
+        said.append(
+            f"body {2 if onto_first else 1} interpolated by cubic splines from nodes every"
+            f" {_size(added.spacing)} um to those of the other, every {_size(grid.spacing)} um"
+        )
+    bodies = (("body 1", first), ("body 2", second))
+    steps = [f"{body}: {step}" for body, each in bodies for step in each.steps]
+    warnings = [f"{body}: {line}" for body, each in bodies for line in each.warnings]
+    warnings += _spacing_warnings(added.spacing, grid.spacing)
+    return replace(result, steps=(*steps, ", ".join(said)), warnings=tuple(warnings))
+
+
+def _turned(second: Topography, turned: str) -> Topography:
+    """Turn a body over, and count its heights from its highest node."""
+    heights = second.heights - second.heights.max()
+    if turned != "none":
+        heights = np.flip(heights, axis=TURNS.index(turned))
+    return replace(second, heights=heights)
+
+
+def _line(grid: Topography, added: Topography, axis: int, shift: float) -> _Line:
+    """Find the nodes of a grid along one axis that lie on another map."""
+    nodes, others = grid.heights.shape[axis], added.heights.shape[axis]
+    if shift == 0 and math.isclose(grid.spacing[axis], added.spacing[axis], rel_tol=SAME):
+        shift = grid.spacing[axis] * ((nodes - others) % 2) / 2  # nodes on nodes
+    across = (np.arange(nodes) - (nodes - 1) / 2) * grid.spacing[axis] - shift
+    places = across / added.spacing[axis] + (others - 1) / 2
+    places = np.where(np.abs(places - np.rint(places)) < SAME, np.rint(places), places)
+    if math.isclose(grid.sides[axis], added.sides[axis], rel_tol=SAME):
+        if grid.boundary == "periodic":
+            return _Line(slice(0, nodes), places % others, "wrap")
+        if grid.boundary == "mirror" and shift == 0:
+            return _Line(slice(0, nodes), places, "symmetric")
+    inside = np.flatnonzero((places >= 0) & (places <= others - 1))
+    start, stop = (int(inside[0]), int(inside[-1]) + 1) if inside.size else (0, 0)
+    return _Line(slice(start, stop), places[start:stop], "")
+
+
+def _at(heights: Heights, lines: list[_Line]) -> Heights:
+    """Interpolate a map at the places of two lines of nodes, one axis after the other."""
+    from scipy.interpolate import make_interp_spline
+
+    for axis, line in enumerate(lines):
+        if line.exact:
+            heights = np.take(heights, line.places.astype(np.int64), axis=axis)
+            continue
+        width = REACH if line.continued else 0
+        if line.continued:
+            widths = [(width, width) if each == axis else (0, 0) for each in (0, 1)]
+            heights = np.pad(heights, widths, mode=line.continued)
+        nodes = heights.shape[axis]
+        spline = make_interp_spline(np.arange(nodes), heights, k=min(3, nodes - 1), axis=axis)
+        heights = np.asarray(spline(line.places + width))
+    return heights
+
+
+def _side(grid: Topography, axis: int, nodes: int) -> float:
+    """Return the length of some nodes of a grid [um]; that of the grid itself for all of them."""
+    if nodes == grid.heights.shape[axis]:
+        return grid.sides[axis]
+    return intervals(nodes, grid.boundary) * grid.spacing[axis]
+
+
+def _spacing_warnings(coarse: Sides, fine: Sides) -> list[str]:
+    """Warn of a map that lacks the short waves of the other one, or has another unit."""
+    ratio = max(wide / narrow for wide, narrow in zip(coarse, fine, strict=True))
+    if ratio <= COARSE:
+        return []
+    said = f"nodes of one body are {ratio:.3g} times as far apart as those of the other"
+    return [f"{said}: its short waves are not there; check --unit and --side"]
+
+
+def _laid(name: str, placement: Placement) -> str:
+    """Say how the second body lies on the first one."""
+    turn = f"turned over (its {placement.turned} runs backwards)"
+    if placement.turned == "none":
+        turn = "not turned over"
+    said = f"pressed against body 2 ({name}), {turn}"
+    if any(placement.shift):
+        said += ", its centre shifted by {:g} and {:g} um".format(*placement.shift)
+    return said
+
+
+def _added(result: Topography, *given: Sides) -> str:
+    """Say where the heights were added, and which part of the maps that is."""
+    nx, ny = result.heights.shape
+    said = f"heights added on {nx} x {ny} nodes"
+    if all(np.allclose(result.sides, sides, rtol=SAME, atol=0) for sides in given):
+        return said
+    return f"{said}, the {_size(result.sides)} um that {' and '.join(map(_size, given))} um share"
+
+
+def _size(lengths: Sides) -> str:
+    """Write two lengths as "1000 x 500"."""
+    return f"{lengths[0]:.6g} x {lengths[1]:.6g}"
+
+
+@dataclass(frozen=True)
+class Opposite:
+    """The second of two rough bodies.
+
+    Attributes
+    ----------
+    path : Path
+        File of its surface.
+    reading : Reading
+        How it is read and prepared.
+    placement : Placement
+        How it is laid on the first one.
+    shared : bool
+        Whether it is read as the first body: lengths and unit that its own file states then stand.
+    """
+
+    path: Path
+    reading: Reading
+    placement: Placement
+    shared: bool = True
+
+    def measured(self, boundary: Boundary) -> Topography:
+        """Read the surface as a patch of a boundary; raise InputError if it cannot be read."""
+        reading = self.reading
+        try:
+            return read(self.path, reading, boundary)
+        except InputError:
+            if self.shared and not reading.override_scale and (reading.side or reading.unit):
+                with suppress(InputError):
+                    return read(self.path, replace(reading, side="", unit=""), boundary)
+            raise
+
+    def prepared(self, boundary: Boundary) -> Topography:
+        """Read and prepare the surface; raise InputError if that is not possible."""
+        return prepare(self.measured(boundary), self.reading)
+
+
+def surface_of(
+    path: Path, reading: Reading, opposite: Opposite | None, boundary: Boundary
+) -> Topography:
+    """Read and prepare a surface, or the composite surface of two bodies.
+
+    Parameters
+    ----------
+    path : Path
+        File of the first or only body.
+    reading : Reading
+        How it is read and prepared.
+    opposite : Opposite or None
+        Second body; None for a plane.
+    boundary : {"free", "periodic", "mirror"}
+        Boundary of the patch.
+
+    Returns
+    -------
+    Topography
+        Prepared surface.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read or prepared, or the bodies share fewer than 2 x 2 nodes.
+    """
+    surface = prepare(read(path, reading, boundary), reading)
+    if opposite is None:
+        return surface
+    return composite(surface, opposite.prepared(boundary), opposite.placement)

@@ -1,0 +1,313 @@
+"""Filters of heights: polynomials, spikes, the Gaussian filter of ISO 16610-61, and holes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gen.arrays import Heights, Values
+
+if TYPE_CHECKING:
+    from bem.spacing import Boundary
+
+BLOCK = 1 << 15
+"""Nodes that enter the fit at a time, which bounds the memory."""
+
+
+def number_of_terms(degree: int) -> int:
+    """Return the number of coefficients of a polynomial in x and y of a total degree."""
+    return (degree + 1) * (degree + 2) // 2
+
+
+def fitted_polynomial(heights: Heights, degree: int) -> Heights:
+    """Fit a polynomial of a total degree to the measured nodes by least squares.
+
+    Parameters
+    ----------
+    heights : ndarray, shape (nx, ny)
+        Heights with NaN in the holes [um]. There are more nodes than `degree` along each axis.
+    degree : int
+        Largest sum of the exponents of x and y.
+
+    Returns
+    -------
+    ndarray, shape (nx, ny)
+        Polynomial at all nodes [um].
+    """
+    along_x, along_y = (_orthonormal_polynomials(nodes, degree) for nodes in heights.shape)
+    i, j = np.nonzero(np.add.outer(np.arange(degree + 1), np.arange(degree + 1)) <= degree)
+    triangle: Values = np.empty((0, i.size + 1))
+    rows = max(1, BLOCK // heights.shape[1])
+    for first in range(0, len(heights), rows):
+        block = heights[first : first + rows]
+        terms = along_x[first : first + rows, None, i] * along_y[None, :, j]
+        equations = np.concatenate([terms, block[:, :, None]], axis=2)[~np.isnan(block)]
+        triangle = np.asarray(np.linalg.qr(np.concatenate([triangle, equations]), mode="r"))
+    coefficients = np.zeros((degree + 1, degree + 1))
+    coefficients[i, j] = np.linalg.lstsq(triangle[:, :-1], triangle[:, -1], rcond=None)[0]
+    fit: Heights = along_x @ coefficients @ along_y.T
+    return fit
+
+
+def _orthonormal_polynomials(nodes: int, degree: int) -> Values:
+    """Return orthonormal polynomials on equal steps, one of each degree in a column."""
+    powers = np.polynomial.legendre.legvander(np.linspace(-1, 1, nodes), degree)
+    return np.asarray(np.linalg.qr(powers)[0])
+
+
+WINDOW = 5
+"""Nodes along each side of the neighbourhood: its median ignores spikes of up to 3 x 4 nodes."""
+
+ROWS = 64
+"""Rows of nodes whose neighbourhoods are gathered at a time, which bounds the memory."""
+
+ROUNDING = 1e-9
+"""Scatter of the smoothest surfaces, as a share of the span of the heights: less is rounding."""
+
+
+def without_spikes(heights: Heights, threshold: float) -> tuple[Heights, NDArray[np.bool_]]:
+    """Replace nodes that are far from their local median by this median.
+
+    Far is further than `threshold` times the scatter of these distances over the map, which is
+    their median absolute deviation times 1.4826: the standard deviation if they are normal.
+
+    Parameters
+    ----------
+    heights : ndarray, shape (nx, ny)
+        Heights with NaN in the holes, which are neither spikes nor part of a median [um].
+    threshold : float
+        Distance from which a node is a spike, in units of the scatter.
+
+    Returns
+    -------
+    heights : ndarray, shape (nx, ny)
+        Heights without spikes; all other nodes keep every bit [um].
+    spikes : ndarray of bool, shape (nx, ny)
+        Nodes that were replaced.
+    """
+    medians = local_medians(heights)
+    with np.errstate(over="ignore"):  # a bound beyond all numbers leaves no spike
+        spikes = np.abs(heights - medians) > threshold * _scatter(heights, medians)
+    return np.where(spikes, medians, heights), spikes
+
+
+def scaled_distances(heights: Heights) -> Values:
+    """Compute the distance of each node from its local median in units of their scatter.
+
+    Parameters
+    ----------
+    heights : ndarray, shape (nx, ny)
+        Heights with NaN in the holes, not all equal [um].
+
+    Returns
+    -------
+    ndarray, shape (nx, ny)
+        Distances, NaN in the holes; `without_spikes` compares them with its threshold [1].
+    """
+    medians = local_medians(heights)
+    return np.asarray((heights - medians) / _scatter(heights, medians))
+
+
+def _scatter(heights: Heights, medians: Heights) -> float:
+    """Return the scatter of the distances from local medians, at least that of rounding [um]."""
+    distances = heights - medians
+    measured = distances[~np.isnan(distances)]
+    scatter = 1.4826 * float(np.median(np.abs(measured - np.median(measured))))
+    return max(scatter, ROUNDING * float(np.nanmax(heights) - np.nanmin(heights)))
+
+
+def local_medians(heights: Heights) -> Heights:
+    """Compute the median of the measured nodes around each node, itself included, on their slope.
+
+    Beside a hole, a spike or the border, a slope would shift the median. So the plane through the
+    node whose slopes are the medians of those in its neighbourhood is taken out before.
+
+    Parameters
+    ----------
+    heights : ndarray, shape (nx, ny)
+        Heights with NaN in the holes [um].
+
+    Returns
+    -------
+    ndarray, shape (nx, ny)
+        Medians over `WINDOW` x `WINDOW` nodes, NaN where all of these are missing [um].
+    """
+    padded = np.pad(heights, WINDOW // 2, constant_values=np.nan)
+    windows = np.lib.stride_tricks.sliding_window_view(padded, (WINDOW, WINDOW))
+    steps = np.arange(WINDOW) - WINDOW // 2
+    medians = np.empty(heights.shape)
+    for first in range(0, len(heights), ROWS):
+        block = windows[first : first + ROWS].reshape(-1, WINDOW, WINDOW)
+        along_x, along_y = (
+            np.nan_to_num(_medians(np.diff(block, axis=axis)), copy=False)[:, None, None]
+            for axis in (1, 2)
+        )
+        level = block - along_x * steps[:, None] - along_y * steps
+        medians[first : first + ROWS] = _medians(level).reshape(-1, heights.shape[1])
+    return medians
+
+
+def _medians(values: Values) -> Values:
+    """Return the median of the numbers of each entry of the first axis, NaN if it has none."""
+    each = values.reshape(len(values), -1)
+    ordered = np.sort(each, axis=1)  # NaN come last
+    count = np.count_nonzero(~np.isnan(each), axis=1)
+    entries = np.arange(len(each))
+    lower, upper = (
+        ordered[entries, np.maximum(place, 0)] for place in ((count - 1) // 2, count // 2)
+    )
+    return np.asarray(np.where(count % 2 == 1, lower, lower / 2 + upper / 2))
+
+
+ALPHA = math.sqrt(math.log(2) / math.pi)
+"""Constant of the standard's weighting function, for which half of a wave of the cut-off passes."""
+
+REACH = 6.0
+"""Reach of the weights in standard deviations, beyond which they are 1e-8 of the largest."""
+
+FINEST = 4.0
+"""Shortest cut-off in spacings: there the sampled weights let 50.2 % pass, at 3 spacings 56 %."""
+
+
+def long_waves(
+    heights: Heights,
+    spacing: tuple[float, float],
+    cutoff: float,
+    boundary: Boundary = "free",
+) -> Heights:
+    """Smooth a map by the Gaussian weights of ISO 16610-61, normalised at the borders it has.
+
+    Of a wave along any direction exp(-ln 2 (cutoff / wavelength)^2) passes, one half at the
+    cut-off. Near the border of a free patch the weights inside the map are divided by their sum. A
+    patch without edges goes on there, and so do the weights.
+
+    Parameters
+    ----------
+    heights : ndarray, shape (nx, ny)
+        Heights without holes [um].
+    spacing : tuple of float
+        Distance of the nodes along x and y [um].
+    cutoff : float
+        Cut-off wavelength, at least `FINEST` spacings [um].
+    boundary : {"free", "periodic", "mirror"}
+        Boundary of the patch.
+
+    Returns
+    -------
+    ndarray, shape (nx, ny)
+        Waves that are longer than the cut-off [um].
+    """
+    from scipy.ndimage import gaussian_filter1d
+
+    smooth, deviation = heights, ALPHA * cutoff / math.sqrt(2 * math.pi)
+    for axis, (nodes, step) in enumerate(zip(heights.shape, spacing, strict=True)):
+        sigma = deviation / step
+        radius = math.ceil(REACH * sigma)
+        if boundary != "free":
+            mode: Literal["wrap", "reflect"] = "wrap" if boundary == "periodic" else "reflect"
+            smooth = gaussian_filter1d(smooth, sigma, axis=axis, mode=mode, radius=radius)
+            continue
+        weights = {"sigma": sigma, "radius": min(radius, nodes - 1)}
+        inside = gaussian_filter1d(np.ones(nodes), mode="constant", **weights)
+        smooth = gaussian_filter1d(smooth, axis=axis, mode="constant", **weights)
+        smooth = smooth / np.expand_dims(inside, 1 - axis)
+    return smooth
+
+
+def filled_harmonically(
+    heights: Heights, spacing: tuple[float, float], *, periodic: bool = False
+) -> Heights:
+    """Fill holes with the solution of Laplace's equation between the heights of their rims.
+
+    No flux crosses the border of the patch, unless it is periodic.
+
+    Parameters
+    ----------
+    heights : ndarray, shape (nx, ny)
+        Heights with NaN in the holes, at least one of them finite [um].
+    spacing : tuple of float
+        Distance of the nodes along x and y [um].
+    periodic : bool
+        Whether the patch goes on past its border with its opposite side.
+
+    Returns
+    -------
+    ndarray, shape (nx, ny)
+        Heights without NaN; measured heights are kept [um].
+    """
+    from scipy.sparse.linalg import spsolve
+
+    unknown = np.flatnonzero(np.isnan(heights))
+    filled = heights.copy()
+    filled.reshape(-1)[unknown] = spsolve(
+        *_laplace_equations(heights, spacing, unknown, periodic=periodic)
+    )
+    return filled
+
+
+def _laplace_equations(
+    heights: Heights, spacing: tuple[float, float], unknown: NDArray[np.intp], *, periodic: bool
+) -> tuple[Any, Values]:
+    """Assemble the five-point Laplace equation at the unknown nodes: sparse matrix, right side."""
+    from scipy.sparse import coo_matrix
+
+    number = np.full(heights.size, -1)
+    number[unknown] = np.arange(unknown.size)
+    diagonal, right = np.zeros(unknown.size), np.zeros(unknown.size)
+    flat, line = heights.reshape(-1), heights.shape[1]
+    rows: list[NDArray[np.intp]] = [np.arange(unknown.size)]
+    columns: list[NDArray[np.intp]] = [np.arange(unknown.size)]
+    weights: list[Values] = [diagonal]
+    for axis, stride in ((0, line), (1, 1)):
+        position = unknown // line if axis == 0 else unknown % line
+        weight, length = spacing[axis] ** -2, heights.shape[axis]
+        for neighbour in (position - 1, position + 1):
+            here = np.flatnonzero(periodic | ((neighbour >= 0) & (neighbour < length)))
+            there = unknown[here] + (neighbour % length - position)[here] * stride
+            diagonal[here] += weight
+            known = number[there] < 0
+            np.add.at(right, here[known], weight * flat[there[known]])
+            rows.append(here[~known])
+            columns.append(number[there[~known]])
+            weights.append(np.full(int((~known).sum()), -weight))
+    places = np.concatenate(rows), np.concatenate(columns)
+    return coo_matrix((np.concatenate(weights), places)).tocsc(), right
+
+
+def plane(x: Values, y: Values) -> list[Values]:
+    """Return the terms of a plane at some places."""
+    return [np.ones_like(x), x, y]
+
+
+def quadratic(x: Values, y: Values) -> list[Values]:
+    """Return the terms of a quadratic at some places."""
+    return [*plane(x, y), x * x, x * y, y * y]
+
+
+def least_squares(
+    heights: Heights, terms: Callable[[Values, Values], list[Values]]
+) -> tuple[Heights, Values]:
+    """Fit terms to the measured nodes.
+
+    Returns
+    -------
+    fit : ndarray, shape (nx, ny)
+        Fit at all nodes [um].
+    coefficients : ndarray
+        One for each term, with coordinates from -1 to 1 along both axes [um].
+    """
+    x, y = np.meshgrid(*(np.linspace(-1, 1, nodes) for nodes in heights.shape), indexing="ij")
+    columns = terms(x, y)
+    measured = ~np.isnan(heights)
+    matrix = np.stack([column[measured] for column in columns], axis=1)
+    offset = float(np.mean(heights[measured]))
+    coefficients = np.linalg.lstsq(matrix, heights[measured] - offset, rcond=None)[0]
+    fit: Heights = sum(
+        (c * column for c, column in zip(coefficients, columns, strict=True)),
+        np.full_like(heights, offset),
+    )
+    return fit, np.asarray(coefficients)

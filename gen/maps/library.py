@@ -1,0 +1,385 @@
+"""The maps of a scene, prepared once and shared by all processes of a machine.
+
+Prepared maps lie in a file that the ranks of a machine map into their memory. It begins with a
+fixed line and the place, length and SHA-256 of its table, a JSON text at the end that holds the
+key of what was prepared, and place, shape and SHA-256 of each map. Heights are 64-bit numbers in
+the machine's order of bytes. A file that is damaged in any way is made anew.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import stat
+import sys
+import tempfile
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from gen.arrays import Heights
+from gen.maps.prepare import is_same, prepare, resampled
+from gen.maps.read import Sides, Topography, in_words, read
+from gen.maps.settings import Reading
+from gen.maps.windows import Shape
+from gen.runtime.errors import InputError
+from gen.runtime.files import MAPS, atomic, kind_of
+from gen.runtime.installation import versions
+
+READER = 2
+"""Number of this way to read and prepare: raised whenever the code gives other heights."""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """How the files of a scene are to be read and prepared.
+
+    Attributes
+    ----------
+    window : tuple of int
+        Nodes of a window along x and y, which every map has to hold.
+    spacing : tuple of float, optional
+        Sides along x and y to resample the maps to [um]; None takes that of the first map, which
+        the others have to share.
+    reading : Reading
+        How the files are read and prepared.
+    """
+
+    window: Shape
+    spacing: Sides | None = None
+    reading: Reading = field(default_factory=Reading)
+
+    def key(self, sha256s: Sequence[str]) -> str:
+        """Return the name of the library that files of these contents make: a SHA-256.
+
+        The versions of the libraries that read and prepare count, the window does not.
+        """
+        content = {
+            "reader": READER,
+            "versions": versions(("asperity", "numpy", "scipy", "SurfaceTopography")),
+            "maps": list(sha256s),
+            "spacing": self.spacing,
+            **{table: self.reading.of(table) for table in ("preparation", "reading")},
+        }
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+@dataclass(frozen=True, eq=False)
+class Library:
+    """Prepared maps in shared memory.
+
+    Attributes
+    ----------
+    maps : tuple of PreparedMap
+        The maps in the order of their files.
+    spacing : tuple of float
+        Distance of the nodes along x and y [um].
+    file : Path
+        File that holds them.
+    """
+
+    maps: tuple[PreparedMap, ...]
+    spacing: Sides
+    file: Path
+
+    @property
+    def shapes(self) -> tuple[Shape, ...]:
+        """Nodes of each map along x and y."""
+        return tuple((each.heights.shape[0], each.heights.shape[1]) for each in self.maps)
+
+
+def prepared(
+    paths: Sequence[Path],
+    sha256s: Sequence[str],
+    wanted: Wanted,
+    folder: Path | None,
+) -> Library:
+    """Return the prepared maps of files; prepare them unless a file beside the database has them.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        The files.
+    sha256s : sequence of str
+        SHA-256 of their contents.
+    wanted : Wanted
+        What is to be made of them.
+    folder : Path, optional
+        Folder for the prepared maps, that of the database. If there is none, or it cannot be
+        written to, they go to the user's part of the temporary folder.
+
+    Returns
+    -------
+    Library
+        The maps; those that had been prepared before are as their SHA-256 says.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read or prepared, a map is smaller than the window, or spacings differ.
+    """
+    library = opened(sha256s, wanted, folder, verify=True)
+    if library is None:
+        home = folder if folder and _is_writable(folder) else _temporary_folder(make=True)
+        if home is None:
+            raise InputError(
+                f"there is no folder for prepared maps: {folder or tempfile.gettempdir()} cannot be"
+                " written to; set TMPDIR to a folder of yours"
+            )
+        key = wanted.key(sha256s)
+        path = _file(home, key)
+        damaged = path.exists()
+        if damaged and not (path.is_file() and kind_of(path) in {"maps", ""}):
+            raise InputError(f"{path}: is no file of prepared maps; move it away")
+        write_maps(path, key, _each(paths, wanted), replace=damaged)
+        library = opened(sha256s, wanted, home, verify=False)
+        if library is None:
+            raise InputError(f"{path}: was damaged while it was written; delete it and try again")
+    for path, shape in zip(paths, library.shapes, strict=True):
+        _require_window(path, shape, wanted.window)
+    return library
+
+
+def opened(
+    sha256s: Sequence[str], wanted: Wanted, folder: Path | None, *, verify: bool
+) -> Library | None:
+    """Return prepared maps from the file that holds them, without looking at the maps' own files.
+
+    Parameters
+    ----------
+    sha256s : sequence of str
+        SHA-256 of the contents of the maps' files.
+    wanted : Wanted
+        What was made of them.
+    folder : Path, optional
+        Folder of the database.
+    verify : bool
+        Whether to read the prepared maps to the end and compare them with their SHA-256.
+
+    Returns
+    -------
+    Library or None
+        The maps; None if no file there or in the temporary folder holds them.
+    """
+    key = wanted.key(sha256s)
+    for place in (folder, _temporary_folder(make=False)):
+        if place is not None:
+            file = _file(place, key)
+            stored = stored_maps(file, key, verify=verify)
+            if stored is not None:
+                return Library(stored.maps, stored.spacing, file)
+    return None
+
+
+def _file(folder: Path, key: str) -> Path:
+    """Return the file of prepared maps with a key, in a folder."""
+    return folder / f"asperity-{key[:16]}.maps"
+
+
+def _each(paths: Sequence[Path], wanted: Wanted) -> Iterator[tuple[PreparedMap, Sides]]:
+    """Read and prepare one map after the other; all have the spacing of the first."""
+    spacing, first = wanted.spacing, None
+    for path in paths:
+        topography = _read(path, wanted)
+        if wanted.spacing is not None:
+            topography = resampled(topography, wanted.spacing)
+        elif spacing is None or first is None:
+            spacing, first = _square(topography.spacing), path
+        elif not all(map(is_same, topography.spacing, spacing)):
+            raise InputError(
+                f"{path} has a node every {in_words(topography.spacing)} um, {first} every"
+                f" {in_words(spacing)} um: give spacing, to which all are resampled, or downsample"
+            )
+        _require_window(path, topography.heights.shape, wanted.window)
+        yield PreparedMap(topography.heights, topography.warnings), _square(spacing or (1.0, 1.0))
+
+
+def _read(path: Path, wanted: Wanted) -> Topography:
+    """Read and prepare one map."""
+    try:
+        return prepare(read(path, wanted.reading), wanted.reading)
+    except InputError as error:
+        text = str(error)
+        raise InputError(text if str(path) in text else f"{path}: {text}") from None
+
+
+def _square(spacing: Sides) -> Sides:
+    """Round two spacings to 12 digits, and make them equal if they nearly are."""
+    x, y = (float(f"{step:.12g}") for step in spacing)
+    return (x, x) if is_same(x, y) else (x, y)
+
+
+def _require_window(path: Path, shape: tuple[int, ...], window: Shape) -> None:
+    """Refuse a map that is smaller than the window."""
+    (nx, ny), (wx, wy) = shape, window
+    if nx < wx or ny < wy:
+        raise InputError(
+            f"{path}: has {nx} x {ny} nodes after its preparation, less than the window of"
+            f" {wx} x {wy}: give fewer nodes, or leave the map out"
+        )
+
+
+def _is_writable(folder: Path) -> bool:
+    """Tell whether files can be made in a folder."""
+    with suppress(OSError), tempfile.TemporaryFile(dir=folder):
+        return True
+    return False
+
+
+def _temporary_folder(*, make: bool) -> Path | None:
+    """Return this user's folder for prepared maps among the temporary files.
+
+    Returns
+    -------
+    Path or None
+        A folder that belongs to this user and that nobody else may write to; None if there is none.
+    """
+    folder = Path(tempfile.gettempdir()) / f"asperity-{os.getuid()}"
+    with suppress(OSError):
+        if make:
+            folder.mkdir(mode=0o700, exist_ok=True)
+        found = folder.lstat()
+        if stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid():
+            return None if found.st_mode & 0o022 else folder
+    return None
+
+
+PAGE = 4096
+"""Alignment of the maps in the file, that of pages in memory [bytes]."""
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedMap:
+    """One prepared map.
+
+    Attributes
+    ----------
+    heights : ndarray, shape (nx, ny)
+        Heights without holes, read-only [um].
+    remarks : tuple of str
+        One line for each reason to distrust the heights.
+    """
+
+    heights: Heights
+    remarks: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Stored:
+    """Content of a file of prepared maps.
+
+    Attributes
+    ----------
+    maps : tuple of PreparedMap
+        The maps, mapped into memory.
+    spacing : tuple of float
+        Distance of their nodes along x and y [um].
+    """
+
+    maps: tuple[PreparedMap, ...]
+    spacing: tuple[float, float]
+
+
+def write_maps(
+    path: Path, key: str, maps: Iterable[tuple[PreparedMap, tuple[float, float]]], *, replace: bool
+) -> None:
+    """Write prepared maps one by one, so that only one of them is in memory at a time.
+
+    Parameters
+    ----------
+    path : Path
+        File to make.
+    key : str
+        Name of what was prepared, and how.
+    maps : iterable of (PreparedMap, (float, float))
+        Maps with their common spacing along x and y [um].
+    replace : bool
+        Whether to replace a file of that name, one that is damaged.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written, or is there and of another kind.
+    """
+    table: dict[str, Any] = {"key": key, "byteorder": sys.byteorder, "maps": []}
+    with atomic(path, "maps", replace=replace) as file:
+        file.write(bytes(PAGE))
+        for prepared, spacing in maps:
+            table["spacing"] = spacing
+            content = np.ascontiguousarray(prepared.heights, dtype=np.float64).reshape(-1).data
+            table["maps"].append(
+                {
+                    "place": file.tell(),
+                    "shape": prepared.heights.shape,
+                    "sha256": hashlib.sha256(content).hexdigest(),
+                    "remarks": prepared.remarks,
+                }
+            )
+            file.write(content)
+            file.write(bytes(-file.tell() % PAGE))
+        _finish(file, json.dumps(table).encode())
+
+
+def _finish(file: IO[bytes], table: bytes) -> None:
+    """Write the table to the end of the file, and its place to the beginning."""
+    place = file.tell()
+    file.write(table)
+    file.seek(0)
+    file.write(MAPS + f"{place} {len(table)} {hashlib.sha256(table).hexdigest()}\n".encode())
+
+
+def stored_maps(path: Path, key: str, *, verify: bool) -> Stored | None:
+    """Map a file of prepared maps into memory.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    key : str
+        Name of what it has to hold.
+    verify : bool
+        Whether to compare the heights with their SHA-256, which reads the whole file. One process
+        of a run does so, the others follow it.
+
+    Returns
+    -------
+    Stored or None
+        The maps; None if there is no such file, or it is damaged or holds something else.
+    """
+    with suppress(OSError, ValueError, KeyError, TypeError):
+        table = _table(path)
+        if table["key"] == key and table["byteorder"] == sys.byteorder:
+            maps = tuple(_mapped(path, entry, verify=verify) for entry in table["maps"])
+            dx, dy = table["spacing"]
+            return Stored(maps, (dx, dy))
+    return None
+
+
+def _table(path: Path) -> dict[str, Any]:
+    """Read the table of a file; raise ValueError if it is damaged."""
+    if not path.is_file():  # a pipe would never answer
+        raise ValueError("no file")
+    with path.open("rb") as file:
+        if file.read(len(MAPS)) != MAPS:
+            raise ValueError("no file of prepared maps")
+        place, length, sha256 = file.readline(200).decode().split()
+        file.seek(int(place))
+        text = file.read(int(length) + 1)
+    if len(text) != int(length) or hashlib.sha256(text).hexdigest() != sha256:
+        raise ValueError("damaged table")
+    table: dict[str, Any] = json.loads(text)
+    return table
+
+
+def _mapped(path: Path, entry: dict[str, Any], *, verify: bool) -> PreparedMap:
+    """Map one map into memory; raise ValueError if it is damaged."""
+    nx, ny = entry["shape"]
+    heights = np.memmap(path, dtype=np.float64, mode="r", offset=entry["place"], shape=(nx, ny))
+    if verify and hashlib.sha256(heights.reshape(-1).data).hexdigest() != entry["sha256"]:
+        raise ValueError("damaged map")
+    return PreparedMap(heights, tuple(entry["remarks"]))

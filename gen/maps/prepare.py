@@ -1,0 +1,332 @@
+"""Prepare a measured topography for contact: only the steps that the user asks for, recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from gen.arrays import Heights
+from gen.maps import filters
+from gen.maps.doubts import advised, tilt, with_level_warning, with_tilt_warning
+from gen.maps.filters import filled_harmonically, least_squares, plane, quadratic, without_spikes
+from gen.maps.read import Topography, in_words, intervals
+from gen.maps.settings import Reading, keys, numbers_in
+from gen.runtime.errors import InputError
+from gen.runtime.numbers import MAGNITUDES
+
+ROUNDING = 1e-9
+"""Relative difference of lengths that are taken for the same."""
+
+MANY_SPIKES = 0.01
+"""Share of nodes above which those taken out as spikes are probably part of the surface."""
+
+MANY_HOLES = 0.1
+"""Share of missing heights above which filling them deserves a warning."""
+
+MOST_HOLES = 0.5
+"""Share of missing heights above which filling them is refused unless the user insists."""
+
+
+def prepare(topography: Topography, settings: Reading) -> Topography:
+    """Crop, invert, mask, despike, level, fill, filter and downsample a map, in this order.
+
+    Heights out of range are no part of any median, so the mask comes
+    before the spikes. Spikes would bend a fit, and stand at the rims of holes, which are filled
+    from there. The level or form is fitted to measured nodes only. A filter needs all nodes, and
+    no slope that its weights would cut off at the borders. Means come last, when the S-filter has
+    taken out the waves that they would fold back.
+
+    Parameters
+    ----------
+    topography : Topography
+        Surface as it was measured.
+    settings : Reading
+        Steps to take. A surface of which more than `MANY_HOLES` is filled gets a warning.
+
+    Returns
+    -------
+    Topography
+        Surface without holes, with the steps that were taken. One that is still tilted gets a
+        warning.
+
+    Raises
+    ------
+    InputError
+        If a setting is not allowed or does not suit the map, holes are left, there are more holes
+        than heights, or heights are too large to compute with.
+    """
+    settings.check()
+    followed = topography.followed | settings.followed
+    topography = replace(topography, followed=followed, asked=settings.asked)
+    if settings.despike or settings.form or settings.filter or settings.downsample:
+        require_useful_heights(topography)
+    for key in keys("preparation"):
+        if key == "filter" and topography.missing:  # from here on every node is needed
+            fault = f"{topography.missing} of {topography.heights.size} heights are missing (NaN)"
+            remedies = ("fill", "closes holes"), ("crop", "leaves them out")
+            raise InputError(f"{topography.name}: {advised(topography, fault, *remedies)}")
+        if getattr(settings, key):
+            topography = STEPS[key](topography, settings)
+    return with_tilt_warning(topography)
+
+
+STEPS: Mapping[str, Callable[[Topography, Any], Topography]] = {
+    "crop": lambda given, how: cropped(given, how.crop),
+    "invert": lambda given, _: changed(given, -given.heights, "turned upside down"),
+    "mask": lambda given, how: masked(given, how.kept_heights()),
+    "despike": lambda given, how: despiked(given, how.despike),
+    "level": lambda given, how: with_level_warning(given, levelled(given, how.level)),
+    "form": lambda given, how: with_level_warning(given, without_form(given, how.form)),
+    "fill": lambda given, how: filled(given, insisted=how.fill_most),
+    "fill_most": lambda given, how: filled(given, insisted=how.fill_most),
+    "filter": lambda given, how: filtered(given, *how.cutoffs()),
+    "downsample": lambda given, how: downsampled(given, how.downsample),
+}
+"""What each key of the preparation does, if it is given."""
+
+
+def changed(topography: Topography, heights: Heights, step: str) -> Topography:
+    """Return the topography with new heights and one more recorded step."""
+    return replace(topography, heights=heights, steps=(*topography.steps, step))
+
+
+def require_useful_heights(topography: Topography) -> None:
+    """Refuse heights whose sums and products overflow."""
+    largest = float(np.nanmax(np.abs(topography.heights)))
+    if largest > MAGNITUDES[1]:
+        raise InputError(f"{topography.name}: heights of {largest:.3g} um; check their unit")
+
+
+def cropped(topography: Topography, text: str) -> Topography:
+    """Cut out the nodes within "x0:x1,y0:y1" [um]."""
+    named = topography.said("crop")
+    limits = [numbers_in(part, ":") for part in text.split(",")]
+    if len(limits) != 2 or any(len(ends) != 2 for ends in limits):
+        raise InputError(f"{named} {text!r}: give x0:x1,y0:y1 in um, as 100:900,0:500")
+    parts, sides = [], []
+    for (low, high), spacing, nodes in zip(
+        limits, topography.spacing, topography.heights.shape, strict=True
+    ):
+        positions = np.arange(nodes) * spacing
+        rounding = 1e-9 * spacing
+        within = np.flatnonzero((positions >= low - rounding) & (positions <= high + rounding))
+        if within.size < 2:
+            whole = " x ".join(f"{side:.6g}" for side in topography.sides)
+            raise InputError(f"{named} {text!r}: holds fewer than 2 x 2 nodes of {whole} um")
+        parts.append(slice(int(within[0]), int(within[-1]) + 1))
+        sides.append(intervals(within.size, topography.boundary) * spacing)
+    heights = np.ascontiguousarray(topography.heights[tuple(parts)])
+    if np.isnan(heights).all():
+        raise InputError(f"{named} {text!r}: all heights are missing there")
+    step = f"cropped to {heights.shape[0]} x {heights.shape[1]} nodes, {text} um"
+    part = replace(topography, sides=(sides[0], sides[1]), repeats=False)
+    return changed(part, heights, step)
+
+
+def masked(topography: Topography, kept: tuple[float, float]) -> Topography:
+    """Make holes of the heights that are outside two ends [um]."""
+    heights, (below, above) = topography.heights, kept
+    outside = (heights < below) | (heights > above)
+    masked_heights = np.where(outside, np.nan, heights)
+    if np.isnan(masked_heights).all():
+        span = f"{np.nanmin(heights):.6g} to {np.nanmax(heights):.6g} um"
+        raise InputError(
+            f"{topography.name}: {topography.said('mask')} {below:g}:{above:g} leaves no height,"
+            f" they are {span}"
+        )
+    count = int(np.count_nonzero(outside))
+    step = f"masked {_share(count, heights.size)} outside {below:g} to {above:g} um"
+    return changed(topography, masked_heights, step)
+
+
+def despiked(topography: Topography, threshold: float) -> Topography:
+    """Replace spikes by their local median; warn if there are too many to be spikes."""
+    heights, spikes = without_spikes(topography.heights, threshold)
+    count = int(np.count_nonzero(spikes))
+    taken = _share(count, heights.size)
+    step = f"despiked: {taken} further than {threshold:g} times the scatter from their local median"
+    clean = changed(topography, heights, step)
+    if count <= MANY_SPIKES * heights.size:
+        return clean
+    named = topography.said("despike")
+    warning = f"{taken} were taken out as spikes: probably a part of the surface; raise {named}"
+    return replace(clean, warnings=(*clean.warnings, warning))
+
+
+def without_form(topography: Topography, degree: int) -> Topography:
+    """Subtract the least-squares polynomial of a total degree from the measured nodes."""
+    heights, terms = topography.heights, filters.number_of_terms(degree)
+    nx, ny = heights.shape
+    measured = heights.size - topography.missing
+    if degree >= min(nx, ny) or measured <= terms:
+        raise InputError(
+            f"{topography.name}: {topography.said('form')} {degree} has {terms} coefficients,"
+            f" too many for {measured} heights on {nx} x {ny} nodes"
+        )
+    fit = filters.fitted_polynomial(heights, degree)
+    span = f"{np.ptp(fit[~np.isnan(heights)]):.4g} um"
+    step = f"form taken out: a polynomial of degree {degree}, which spans {span}"
+    return changed(topography, heights - fit, step)
+
+
+def levelled(topography: Topography, level: str) -> Topography:
+    """Subtract a least-squares fit of the measured nodes."""
+    heights = topography.heights
+    if level == "mean":
+        mean = float(np.nanmean(heights))
+        return changed(topography, heights - mean, f"levelled by the mean, {mean:.6g} um")
+    slopes = tilt(topography)
+    fit, _ = least_squares(heights, plane if level == "plane" else quadratic)
+    was = f"tilt was {slopes[0]:.4g} along x, {slopes[1]:.4g} along y"
+    return changed(topography, heights - fit, f"levelled by a {level} ({was})")
+
+
+def filled(topography: Topography, *, insisted: bool) -> Topography:
+    """Fill holes, if any; warn of many, and refuse more than heights unless the user insists."""
+    missing, size = topography.missing, topography.heights.size
+    if not missing:
+        return topography
+    share = f"{100 * missing / size:.3g} %"
+    if missing > MOST_HOLES * size and not insisted:
+        raise InputError(
+            f"{topography.name}: {missing} of {size} heights are missing ({share}):"
+            f" {topography.said('fill')} would make up more than was measured; crop, measure again,"
+            f" or insist by {topography.said('fill_most')}"
+        )
+    periodic = topography.boundary == "periodic"
+    heights = filled_harmonically(topography.heights, topography.spacing, periodic=periodic)
+    whole = changed(topography, heights, f"filled {missing} nodes ({share}) harmonically")
+    if missing <= MANY_HOLES * size:
+        return whole
+    warning = f"{share} of the heights were missing and are filled: filled parts are too smooth"
+    return replace(whole, warnings=(*whole.warnings, warning))
+
+
+def filtered(topography: Topography, short: float | None, long: float | None) -> Topography:
+    """Take out waves shorter than the S-filter's cut-off and longer than the L-filter's [um]."""
+    heights, spacing = topography.heights, topography.spacing
+    finest, side = filters.FINEST * max(spacing), min(topography.sides)
+    names = []
+    for name, cutoff in (("S-filter", short), ("L-filter", long)):
+        if cutoff is None:
+            continue
+        if not finest * (1 - ROUNDING) <= cutoff <= side * (1 + ROUNDING):
+            raise InputError(
+                f"{topography.name}: {topography.said('filter')}: the {name}'s cut-off,"
+                f" {cutoff:g} um, is outside {finest:.6g} to {side:.6g} um, four spacings to the"
+                " shorter side"
+            )
+        names.append(f"{name} {cutoff:g} um")
+    if short is not None:
+        heights = filters.long_waves(heights, spacing, short, topography.boundary)
+    if long is not None:
+        long_waves = filters.long_waves(heights, spacing, long, topography.boundary)
+        heights = heights - long_waves
+    beyond = {"periodic": ", on past the borders", "mirror": ", mirrored at the borders"}
+    said = ", ".join(names) + beyond.get(topography.boundary, "")
+    step = f"filtered after ISO 16610-61 (Gaussian): {said}"
+    return changed(topography, heights, step)
+
+
+def downsampled(topography: Topography, nodes: int) -> Topography:
+    """Replace square blocks of nodes by their means; nodes beyond the last block are left out."""
+    heights = topography.heights
+    blocks = [length // nodes for length in heights.shape]
+    shape = " x ".join(str(length) for length in heights.shape)
+    if min(blocks) < 2:
+        raise InputError(
+            f"{topography.name}: {topography.said('downsample')} {nodes} leaves fewer than 2 x 2 of"
+            f" {shape} nodes"
+        )
+    (nx, ny), whole = blocks, heights[: blocks[0] * nodes, : blocks[1] * nodes]
+    means = whole.reshape(nx, nodes, ny, nodes).mean(axis=(1, 3))
+    left = tuple(length % nodes for length in heights.shape)
+    rest = f", the last {left[0]} and {left[1]} lines left out" if any(left) else ""
+    spacing = [nodes * step for step in topography.spacing]
+    sides = [intervals(n, topography.boundary) * d for n, d in zip(blocks, spacing, strict=True)]
+    step = f"downsampled to {nx} x {ny} means of {nodes} x {nodes} nodes{rest}"
+    return changed(replace(topography, sides=(sides[0], sides[1])), means, step)
+
+
+def _share(count: int, size: int) -> str:
+    """Say a number of nodes, and which share of all nodes they are."""
+    return f"{count} node{'' if count == 1 else 's'} ({100 * count / size:.3g} %)"
+
+
+SAME = 1e-3
+"""Relative difference of two spacings that are the same but for an instrument's rounding."""
+
+
+def is_same(one: float, other: float) -> bool:
+    """Tell whether two spacings differ by no more than an instrument's rounding [um]."""
+    return abs(one - other) <= SAME * max(one, other)
+
+
+def resampled(topography: Topography, spacing: tuple[float, float]) -> Topography:
+    """Give a map another spacing, axis by axis.
+
+    Cubic splines through the nodes are evaluated where the new nodes are closer. Where they are
+    further apart, the splines are averaged over the new cells: values at the new nodes would fold
+    short waves back into long ones. An axis keeps its nodes if the two spacings are the same but
+    for rounding, see `SAME`.
+
+    Parameters
+    ----------
+    topography : Topography
+        Surface without holes.
+    spacing : tuple of float
+        Distance of the new nodes along x and y [um].
+
+    Returns
+    -------
+    Topography
+        Surface with exactly these spacings; the step is recorded if nodes changed.
+
+    Raises
+    ------
+    InputError
+        If fewer than 2 x 2 nodes are left, or the map has fewer than four along such an axis.
+    """
+    heights = topography.heights
+    for axis in (0, 1):
+        heights = _along(topography, heights, axis, spacing[axis])
+    nx, ny = heights.shape
+    if min(nx, ny) < 2:
+        raise InputError(
+            f"{topography.name}: a spacing of {in_words(spacing)} um leaves {nx} x {ny} nodes,"
+            " give one that leaves 2 x 2 or more"
+        )
+    sides = tuple(
+        intervals(nodes, topography.boundary) * step
+        for nodes, step in zip(heights.shape, spacing, strict=True)
+    )
+    steps = topography.steps
+    if heights is not topography.heights:
+        steps = (
+            *steps,
+            f"resampled to {nx} x {ny} nodes every {in_words(spacing)} um by cubic splines",
+        )
+    return replace(topography, heights=heights, sides=(sides[0], sides[1]), steps=steps)
+
+
+def _along(topography: Topography, heights: Heights, axis: int, new: float) -> Heights:
+    """Resample heights along one axis to a spacing [um]."""
+    from scipy.interpolate import make_interp_spline
+
+    old, nodes = topography.spacing[axis], heights.shape[axis]
+    if is_same(old, new):
+        return heights
+    if nodes < 4:
+        raise InputError(f"{topography.name}: {nodes} nodes along an axis, resampling needs 4")
+    length = (nodes - 1) * old / new * (1 + 1e-12)
+    spline: Any = make_interp_spline(old * np.arange(nodes), heights, k=3, axis=axis)
+    if new < old:
+        places = new * np.arange(int(length) + 1)
+        values = spline(np.minimum(places, (nodes - 1) * old))
+    else:
+        edges = np.minimum(new * np.arange(int(length) + 1), (nodes - 1) * old)
+        values = np.diff(spline.antiderivative()(edges), axis=axis) / new
+    return np.ascontiguousarray(values)

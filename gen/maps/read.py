@@ -1,0 +1,380 @@
+"""Read measured topographies: heights and lengths of an instrument's file, converted to um.
+
+`gen.maps.text` reads .npy files and text, `gen.maps.instruments` all further formats.
+`gen.maps.scan` tells whether the numbers are heights.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gen.arrays import Heights
+from gen.maps import instruments, text
+from gen.maps.scan import Channel, Scan, arranged, choice_in_words, choose_channel
+from gen.maps.settings import Asked, Reading, numbers_in, said
+from gen.runtime.errors import InputError
+from gen.runtime.numbers import magnitude
+
+if TYPE_CHECKING:  # surfaces are described without the solver
+    from bem.spacing import Boundary
+
+Sides = tuple[float, float]
+
+AS_THE_FILE_SAYS = Reading()
+"""Nothing but the file says how it is read."""
+
+METRIC = {"m": 1e6, "cm": 1e4, "mm": 1e3, "um": 1.0, "µm": 1.0, "μm": 1.0, "nm": 1e-3, "pm": 1e-6}
+UNITS = METRIC | {"A": 1e-4, "Å": 1e-4, "inch": 25.4e3}
+"""Length of each unit [um]."""
+WORDS = {"micron": "um", "angstrom": "A", "ångström": "A", "in": "inch", '"': "inch"}
+"""Units by other names in the singular; those in metres are read by their prefix."""
+NEAREST, WIDEST = 1e-6, 1e4
+"""Spacings of the nodes of a measured map, at least and at most [um]: 1 pm and 1 cm."""
+OWN_SUFFIXES = {".npy", ".txt", ".dat", ".csv", ".asc", ""}
+"""Suffixes of files that need no SurfaceTopography."""
+
+
+@dataclass(frozen=True, eq=False)
+class Topography:
+    """A surface from a file.
+
+    Attributes
+    ----------
+    name : str
+        Name of the file.
+    heights : ndarray, shape (nx, ny)
+        Heights, NaN at holes [um].
+    sides : tuple of float
+        Lengths of the patch along x and y [um].
+    boundary : {"free", "periodic", "mirror"}
+        Boundary of the patch: the outer nodes of a free one lie on its border, and a patch without
+        edges is made of cells.
+    steps : tuple of str
+        One line for each step from the file to these heights.
+    warnings : tuple of str
+        One line for each reason to distrust the heights.
+    unit : str
+        Unit of the heights in the file, "" if it names none and they are taken as um.
+    followed : frozenset of str
+        Steps of the preparation, which no warning advises again: "crop", "level plane".
+    repeats : bool
+        Whether the file says that its map is periodic; the boundary is what the user says.
+    asked : {"option", "key", "keyword"}
+        Who asks, for the words of messages.
+    """
+
+    name: str
+    heights: Heights
+    sides: Sides
+    steps: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+    boundary: Boundary = "free"
+    unit: str = ""
+    followed: frozenset[str] = frozenset()
+    repeats: bool = False
+    asked: Asked = "keyword"
+
+    def said(self, phrase: str) -> str:
+        """Write a key, alone or with its value, in the words of who asks."""
+        return said(phrase, self.asked)
+
+    @property
+    def spacing(self) -> Sides:
+        """Distance of the nodes along x and y [um]."""
+        nx, ny = (intervals(nodes, self.boundary) for nodes in self.heights.shape)
+        return self.sides[0] / nx, self.sides[1] / ny
+
+    @property
+    def missing(self) -> int:
+        """Number of nodes without a height."""
+        return int(np.count_nonzero(np.isnan(self.heights)))
+
+
+def intervals(nodes: int, boundary: Boundary) -> int:
+    """Return the length of a patch in spacings of its nodes, along one axis.
+
+    The rule is that of `bem.spacing.node_spacing`, without loading the solver.
+    """
+    return nodes - 1 if boundary == "free" else nodes
+
+
+def in_words(spacing: Sides, digits: int = 6) -> str:
+    """Write two spacings to some digits, once if they are the same."""
+    x, y = (f"{step:.{digits}g}" for step in spacing)
+    return x if x == y else f"{x} x {y}"
+
+
+def read(
+    path: Path, reading: Reading = AS_THE_FILE_SAYS, boundary: Boundary = "free"
+) -> Topography:
+    """Read a surface from a file.
+
+    Lengths and unit are to be given if the file lacks them; otherwise they are refused.
+
+    Parameters
+    ----------
+    path : Path
+        File: .npy, text, or a format that SurfaceTopography reads (x3p, sur, al3d, opd, plu, gwy
+        and more).
+    reading : Reading
+        How the file is read.
+    boundary : {"free", "periodic", "mirror"}
+        Boundary of the patch: without edges a scan length is that of all pixels, and free patches
+        end at the outer nodes. The size of a pixel that the file states is kept in either case.
+
+    Returns
+    -------
+    Topography
+        Surface in um, with holes if the file has any.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or holds no map of heights, its channel is unknown, or a length
+        or unit is missing, wrong, or given although the file has it.
+    """
+    overrule, side, unit = map(reading.said, ("override_scale", "side", "unit"))
+    if reading.override_scale and not (reading.side or reading.unit):
+        raise InputError(f"{overrule}: give {side}, {unit} or both, to overrule the file's")
+    matrices, reason = _matrices(path)
+    if matrices:
+        scan = _own_scan(path, matrices, reading)
+    else:
+        scan = instruments.read(path, reading, reason)
+        scan = arranged(path, replace(scan, heights=text.checked(scan.heights, path)))
+    overruled: list[str] = []
+    allowed = overruled if reading.override_scale else None
+    heights_unit = _agreed_unit(path, scan, reading, allowed)
+    sides = _agreed_sides(path, scan, heights_unit, reading, boundary, allowed)
+    with np.errstate(over="ignore"):
+        heights = scan.heights * _factor(heights_unit or "um", unit)
+    if np.isnan(heights).all():
+        raise InputError(f"{path}: all of its {heights.size} heights are missing; measure again")
+    if np.isinf(heights).any() or not all(0 < length < np.inf for length in sides):
+        raise InputError(
+            f"{path}: its heights or lengths are beyond what numbers hold; give others"
+        )
+    steps = [_first_step(scan, heights, heights_unit)]
+    steps += [f"OVERRULED by {overrule}: {change}" for change in overruled]
+    distrust = [f"the file's own scale is overruled: {change}" for change in overruled]
+    distrust += [
+        f"the file says {remark!r}, which is not read: check {side} and {unit} against it"
+        for remark in scan.remarks
+    ]
+    topography = Topography(
+        name=str(path),
+        heights=heights,
+        sides=sides,
+        steps=tuple(steps),
+        boundary=boundary,
+        unit=heights_unit or "",
+        asked=reading.asked,
+        repeats=scan.repeats,
+    )
+    return replace(topography, warnings=(*distrust, *_absurd(topography)))
+
+
+def _absurd(topography: Topography) -> list[str]:
+    """Warn of a scale that no instrument has; say which number it is."""
+    span = float(np.nanmax(topography.heights)) - float(np.nanmin(topography.heights))
+    numbers = {step: f"its nodes are {step:.3g} um apart" for step in topography.spacing}
+    numbers[span] = f"its heights span {span:.3g} um"
+    return [
+        f"{absurd}, which no instrument measures; compare with the instrument's own display, and"
+        f" overrule the file by {topography.said('side')} or {topography.said('unit')} with"
+        f" {topography.said('override_scale')}"
+        for number, absurd in numbers.items()
+        if number and not NEAREST <= number <= WIDEST
+    ]
+
+
+def _first_step(scan: Scan, heights: Heights, unit: str | None) -> str:
+    """Describe the map that was read in one line: nodes, channel, units, holes."""
+    nx, ny = heights.shape
+    units = f"heights in {unit}" if unit else "heights taken as um"
+    if scan.widths is not None:
+        units = f"lengths in {unit}"
+        if scan.length_unit not in {None, unit}:
+            units = f"lengths in {scan.length_unit}, heights in {unit}"
+    holes = int(np.count_nonzero(np.isnan(heights)))
+    share = f"{holes} missing ({100 * holes / heights.size:.3g} %)"
+    return f"read {nx} x {ny} nodes{scan.origin}, {units}, {share}"
+
+
+def sides_from(text: str, asked: Asked = "option") -> Sides:
+    """Return the scan lengths along x and y [um] from "1000" or "1000,500".
+
+    Parameters
+    ----------
+    text : str
+        The lengths [um].
+    asked : {"option", "key", "keyword"}
+        Who gives them, for messages.
+
+    Raises
+    ------
+    InputError
+        If the text is anything else, or a length is not above 0.
+    """
+    lengths = numbers_in(text)
+    if len(lengths) not in {1, 2} or not all(map(magnitude, lengths)):
+        raise InputError(
+            f"{said('side', asked)} {text!r}: give the scan length in um, a number above 0, or two"
+            " as 1000,500"
+        )
+    return lengths[0], lengths[-1]
+
+
+def _factor(unit: str, name: str, advice: str = "give") -> float:
+    """Return the length of a unit [um]; with an unknown unit, give this advice."""
+    if _unit(unit) not in UNITS:
+        raise InputError(f"{name} {unit!r}: {advice} one of {', '.join(UNITS)}")
+    return UNITS[_unit(unit)]
+
+
+def _unit(name: str) -> str:
+    """Return the key of `UNITS` for a unit by one of its names; other names as they are."""
+    word = name.lower().removesuffix("s").removesuffix("e")
+    metres = re.fullmatch("(p|n|m|c|)(?:ico|ano|illi|enti|)(micro|)met(?:er|r)", word)
+    if metres:
+        return ("u" if metres[2] else metres[1]) + "m"
+    known = word in UNITS and len(word) > 1  # M and a are no units of length
+    return name if name in UNITS else WORDS.get(word, word if known else name)
+
+
+def _agreed_unit(
+    path: Path, scan: Scan, reading: Reading, overruled: list[str] | None
+) -> str | None:
+    """Return the unit of the heights, from the file or the user; None if it is um by default.
+
+    If the user's unit overrules the file's, that is appended to `overruled`; None forbids it.
+    """
+    own, given, named = scan.unit, reading.unit, reading.said("unit")
+    factor = _factor(given, named) if given else None
+    if not own:
+        if not given and (scan.widths is not None or own is None):
+            raise InputError(f"{path}: names no unit; give {named}, one of {', '.join(UNITS)}")
+        return given or None
+    if not given or factor == UNITS.get(_unit(own)):
+        _factor(own, f"{path}: unit")
+        return given or own
+    if overruled is None:
+        raise InputError(
+            f"{path}: its {'lengths' if scan.length_unit is None else 'heights'} are in {own},"
+            f" {named} says {given}; leave that out, or overrule the file by"
+            f" {reading.said('override_scale')}"
+        )
+    overruled.append(f"unit {own}, taken as {given}")
+    return given
+
+
+def _agreed_sides(
+    path: Path,
+    scan: Scan,
+    unit: str | None,
+    reading: Reading,
+    boundary: Boundary,
+    overruled: list[str] | None,
+) -> Sides:
+    """Return the lengths of the patch [um], from the file or the user.
+
+    If the user's lengths overrule the file's, that is appended to `overruled`; None forbids it.
+    """
+    side, named = reading.side, reading.said("side")
+    overrule = reading.said("override_scale")
+    if scan.widths is None:
+        if not side:
+            hint = "".join(f" (it says {remark!r})" for remark in scan.remarks[:1])
+            raise InputError(f"{path}: holds no lengths; give {named}, the scan length in um{hint}")
+        return _sides_of(path, scan.heights.shape, reading, boundary)
+    length_unit = scan.length_unit or unit or "um"
+    own_scale = f"lengths in {length_unit}"
+    if not side or overruled is None or _unit(length_unit) in UNITS:
+        advice = f"give {named} with {overrule}, or lengths in"
+        factor = _factor(length_unit, f"{path}: unit of lengths", advice)
+        (nx, ny), (width, length) = scan.heights.shape, scan.widths
+        width, length = width * intervals(nx, boundary) / nx, length * intervals(ny, boundary) / ny
+        own = width * factor, length * factor
+        if not side or np.allclose(sides_from(side, reading.asked), own, rtol=1e-3):
+            return own
+        own_scale = f"{own[0]:.6g} x {own[1]:.6g} um"
+    if overruled is None:
+        raise InputError(
+            f"{path}: is {own_scale}, {named} says {side}; leave that out, or overrule the file by"
+            f" {overrule}"
+        )
+    given = _sides_of(path, scan.heights.shape, reading, boundary)
+    overruled.append(f"{own_scale}, taken as {given[0]:g} x {given[1]:g} um")
+    return given
+
+
+def _sides_of(path: Path, shape: tuple[int, ...], reading: Reading, boundary: Boundary) -> Sides:
+    """Return the lengths that were given [um]; require both for a map that is not square."""
+    lengths = sides_from(reading.side, reading.asked)
+    nx, ny = shape
+    if nx != ny and "," not in reading.side:
+        square = lengths[0] / intervals(nx, boundary) * intervals(ny, boundary)
+        raise InputError(
+            f"{path}: has {nx} x {ny} nodes; give {reading.said('side')} two lengths,"
+            f" {lengths[0]:g},{square:g} for square cells or {lengths[0]:g},{lengths[0]:g} for a"
+            " square patch"
+        )
+    return lengths
+
+
+def _matrices(path: Path) -> tuple[list[text.Matrix], str]:
+    """Read the matrices of a .npy or text file, whatever its suffix; or none, and the reason.
+
+    Files of instruments may be text, too, that only SurfaceTopography understands.
+    """
+    own = path.suffix.lower() in OWN_SUFFIXES
+    try:
+        matrices = text.read(path)
+        if matrices and not own:
+            text.checked(matrices[0].numbers, path)
+    except InputError as error:
+        if own:
+            raise
+        return [], str(error)
+    if own and not matrices and path.suffix.lower() != ".dat":
+        raise InputError(f"{path}: is neither .npy nor text; give one of them")
+    return matrices, ""
+
+
+def _own_scan(path: Path, matrices: Sequence[text.Matrix], reading: Reading) -> Scan:
+    """Choose the map of a .npy or text file; if it is overruled, its unit need not be a length."""
+    overruled = reading.override_scale and bool(reading.unit)
+    units = [matrix.value_unit for matrix in matrices]
+    channels = [
+        Channel(
+            index=place,
+            name=matrix.entries.get("channel") or f"matrix {place}",
+            heights=not unit or overruled or _unit(unit) in UNITS,
+            unit=unit,
+        )
+        for place, (matrix, (_, unit)) in enumerate(zip(matrices, units, strict=True))
+    ]
+    taken = choose_channel(path, channels, reading).index
+    matrix, (factor, unit) = matrices[taken], units[taken]
+    heights, widths = text.checked(matrix.numbers, path), None
+    x_unit, y_unit = (matrix.entries.get(f"{axis} unit", "") for axis in "xy")
+    origin = choice_in_words(channels, taken)
+    if matrix.widths is not None:
+        (width, x_unit), (length, y_unit) = matrix.widths
+        if _unit(y_unit) != _unit(x_unit):
+            length *= _factor(y_unit, f"{path}: unit") / _factor(x_unit, f"{path}: unit")
+        widths, heights = (width, length), np.ascontiguousarray(heights.T)
+        origin += " under a header, x along its lines"
+    elif y_unit and _unit(y_unit) != _unit(x_unit):
+        raise InputError(f"{path}: has x in {x_unit} and y in {y_unit}; give both in one unit")
+    scan = Scan(heights, widths, unit, x_unit or None, origin, matrix.remarks)
+    scan = arranged(path, scan, matrix.names)
+    # An overflow is refused by `read`; a signalling NaN is a hole like every NaN.
+    with np.errstate(over="ignore", invalid="ignore"):
+        return replace(scan, heights=factor * scan.heights)

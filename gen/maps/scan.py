@@ -1,0 +1,319 @@
+"""The numbers of a file as a map: its channels, and whether the numbers are heights or points.
+
+`arranged` turns heights, heights between coordinates, and lists of points into a map, whatever file
+they come from. Lists of points on a grid become a map with holes at the nodes that no point lies
+on; other lists are refused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gen.arrays import Heights, Values
+from gen.maps.settings import Reading
+from gen.runtime.errors import InputError
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """The map of a channel in the file's own units.
+
+    Attributes
+    ----------
+    heights : ndarray, shape (nx, ny)
+        Heights, NaN at holes [unit].
+    widths : tuple of float, optional
+        Lengths along x and y, which count whole pixels [length_unit]; None if the file has none.
+    unit : str, optional
+        Unit of the heights; if the file names none, "" for one in um by default, else None.
+    length_unit : str, optional
+        Unit of the lengths, None for that of the heights.
+    origin : str
+        What was read, in words.
+    remarks : tuple of str
+        Comments of the file that we do not understand and that name a unit of length.
+    repeats : bool
+        Whether the file calls the map one period of a periodic surface.
+    """
+
+    heights: Heights
+    widths: tuple[float, float] | None = None
+    unit: str | None = None
+    length_unit: str | None = None
+    origin: str = ""
+    remarks: tuple[str, ...] = ()
+    repeats: bool = False
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One map of a file.
+
+    Attributes
+    ----------
+    index : int
+        Index of the map in the file.
+    name : str
+        Name of the map.
+    heights : bool
+        Whether the map holds heights.
+    unit : str
+        Unit of its values, "" if unknown.
+    """
+
+    index: int
+    name: str
+    heights: bool
+    unit: str
+
+    @property
+    def label(self) -> str:
+        """Index and name, followed by the unit if the map holds no heights."""
+        values = "" if self.heights else f" (in {self.unit or 'no length'}, no heights)"
+        return f"{self.index} {self.name!r}{values}"
+
+
+def choose_channel(path: Path, channels: Sequence[Channel], reading: Reading) -> Channel:
+    """Return the channel with a name or index; by default the first one with heights.
+
+    Parameters
+    ----------
+    path : Path
+        File, for messages.
+    channels : sequence of Channel
+        All channels of the file.
+    reading : Reading
+        How the file is read, with the name or index of a channel.
+
+    Raises
+    ------
+    InputError
+        If there is no such channel, it holds no heights, or several have the name.
+    """
+    wanted, named = reading.channel, reading.said("channel")
+    first = next((channel for channel in channels if channel.heights), None)
+    if not wanted and first is not None:
+        return first
+    labels = ", ".join(channel.label for channel in channels)
+    if not wanted:
+        raise InputError(f"{path}: holds no heights; its channels are {labels}")
+    matches = [channel for channel in channels if channel.name == wanted]
+    matches = matches or [channel for channel in channels if str(channel.index) == wanted]
+    if len(matches) != 1:
+        why = "several channels have this name; give an index" if matches else "no such channel"
+        raise InputError(f"{named} {wanted!r}: {why}; {path} holds {labels}")
+    if not matches[0].heights:
+        raise InputError(f"{named} {wanted!r}: holds no heights; {path} holds {labels}")
+    return matches[0]
+
+
+def choice_in_words(channels: Sequence[Channel], index: int) -> str:
+    """Say which channel was read and which were not; "" for a file with only one.
+
+    Parameters
+    ----------
+    channels : sequence of Channel
+        All channels of the file.
+    index : int
+        Index of the channel that was read.
+    """
+    if len(channels) == 1:
+        return ""
+    name = next(channel.name for channel in channels if channel.index == index)
+    rest = ", ".join(channel.label for channel in channels if channel.index != index)
+    return f" of channel {index} {name!r} (not {rest})"
+
+
+MOST_COLUMNS = 6
+"""Columns of a list of points, at most: the three coordinates with three more numbers."""
+STRIP, SLENDER = 50, 12
+"""Rows, and rows for each column, from which a table of up to four columns is a list of points."""
+UNLIKE = 8
+"""Ratio of the scatter of two columns from which a table of five or six holds not only heights."""
+CHANCE = 8
+"""Numbers that hardly ever rise, fall or lie on a grid throughout, unless they are coordinates."""
+EVEN = 0.02
+"""Largest distance of points or coordinates from an even grid [spacing]."""
+ALIKE = 0.25
+"""Largest difference between the steps in a row of heights and those in the next rows [1]."""
+COVERED = 0.5
+"""Smallest share of the nodes of a grid that points of a map lie on."""
+ADVICE = "give the heights as a grid, one row of them a line, or x, y and z of points on a grid"
+
+
+def arranged(path: Path, scan: Scan, names: Sequence[str] = ()) -> Scan:
+    """Turn a table of numbers into a map of heights.
+
+    Parameters
+    ----------
+    path : Path
+        File, for messages.
+    scan : Scan
+        Numbers as the file holds them; those with widths are a map already.
+    names : sequence of str
+        "x", "y", "z" or "" for each column; empty if the file does not name them.
+
+    Returns
+    -------
+    Scan
+        The map, with widths if there are coordinates.
+
+    Raises
+    ------
+    InputError
+        If the numbers look like coordinates but not like a map: a profile, points on no grid.
+    """
+    numbers = scan.heights
+    if scan.widths is not None:
+        return scan
+    if len(names) == numbers.shape[1]:
+        columns = numbers[:, [names.index(axis) for axis in "xyz"]]
+        return _from_points(path, scan, columns, "columns")
+    for columns, direction in ((numbers, "columns"), (numbers.T, "rows")):
+        if _is_list(columns):
+            return _from_points(path, scan, columns, direction)
+    return _between_coordinates(path, scan)
+
+
+def _is_list(columns: Values) -> bool:
+    """Tell whether rows of two to six numbers are points rather than a narrow map of heights."""
+    points, width = columns.shape
+    if not 2 <= width <= MOST_COLUMNS or points < 3:
+        return False
+    if points >= max(STRIP, SLENDER * width):
+        with np.errstate(over="ignore", invalid="ignore"):
+            scatter = np.ma.masked_invalid(columns).std(axis=0).compressed()
+        return width <= 4 or bool((scatter > UNLIKE * scatter[:, None]).any())
+    if points <= width:
+        return False
+    if width <= 3 and _is_axis(columns[:, 0], even=points < CHANCE):
+        return True
+    grids = [_grid(*columns[:, first : first + 2].T) for first in range(min(width - 2, 2))]
+    least = COVERED if points > CHANCE else 1.0 if width == 3 else np.inf
+    return any(each.covered >= least and 10 * each.repeated <= points for each in grids if each)
+
+
+def _from_points(path: Path, scan: Scan, columns: Values, direction: str) -> Scan:
+    """Lay points on their grid; refuse points on no grid, and columns that are not told."""
+    points, width = columns.shape
+    if width == 4 and (columns[:, 0] == columns[0, 0] + np.arange(points)).all():
+        columns = columns[:, 1:]  # the numbers of the points
+    looks = {2: "a profile, x and z", 3: "a list of points, x, y and z, "}.get(
+        columns.shape[1],
+        f"a list of points with {width} numbers each (leave all but x, y and z out, or name the"
+        " columns in a first line, as x,y,z,quality)",
+    )
+    if columns.shape[1] == 3:
+        grid = _grid(columns[:, 0], columns[:, 1])
+        if grid is None:
+            looks += f"on no regular grid within {100 * EVEN:g} % of its spacing"
+        elif grid.repeated:
+            looks += f"{grid.repeated} of which lie where others do"
+        elif grid.covered < COVERED:
+            nodes = " x ".join(map(str, grid.shape))
+            looks += f"on {100 * grid.covered:.3g} % of the nodes of a grid of {nodes}"
+        else:
+            heights = np.full(grid.shape, np.nan)
+            heights[grid.nodes] = columns[:, 2]
+            return _with_spacing(scan, heights, grid.spacing, f" of {points} points on a grid")
+    raise InputError(
+        f"{path}: holds {points} x {width} numbers in {direction}: looks like {looks}, not a map of"
+        f" heights; {ADVICE}"
+    )
+
+
+def _with_spacing(scan: Scan, heights: Heights, spacing: tuple[float, float], said: str) -> Scan:
+    """Return a scan with these heights, their spacing, and more words on its origin."""
+    widths = spacing[0] * heights.shape[0], spacing[1] * heights.shape[1]
+    return replace(scan, heights=heights, widths=widths, origin=scan.origin + said)
+
+
+def _between_coordinates(path: Path, scan: Scan) -> Scan:
+    """Take coordinates off the first row, x, and column, y; refuse one without the other."""
+    numbers, kinds = scan.heights, ("", "")
+    if min(numbers.shape) >= 4:
+        kinds = _first_row(numbers), _first_row(numbers.T)
+    x, y = numbers[0, 1:], numbers[1:, 0]
+    if kinds == ("even", "even") and min(numbers.shape) > CHANCE / 2:
+        (dx, dy), heights = (float(np.diff(axis).mean()) for axis in (x, y)), numbers[1:, 1:].T
+        heights = np.ascontiguousarray(heights[:: 1 if dx > 0 else -1, :: 1 if dy > 0 else -1])
+        inside = "in its first row and column, x along its lines"
+        if np.allclose((dx, dy), 1, rtol=1e-9) and {x[0], y[0]} <= {0, 1}:
+            said = f"{scan.origin} without the row and column numbers {inside}"
+            return replace(scan, heights=heights, origin=said)
+        return _with_spacing(scan, heights, (abs(dx), abs(dy)), f" between coordinates {inside}")
+    pairs = zip(kinds, (x, y), strict=True)
+    alone = any(kind and (axis.size >= CHANCE or np.isnan(numbers[0, 0])) for kind, axis in pairs)
+    if alone and (all(kinds) or "even" in kinds):
+        row, column = (f"{kind}ly spaced" if kind else "no" for kind in kinds)
+        raise InputError(
+            f"{path}: its first row holds {row} coordinates, its first column {column} coordinates;"
+            " leave both out, or give both in even steps"
+        )
+    return scan
+
+
+def _first_row(numbers: Values) -> str:
+    """Tell whether the first row, unlike the second, holds coordinates: "even", "uneven" or ""."""
+    first, second, third = numbers[:3, 1:]
+    if _is_axis(first, even=True):
+        # Rows of tilted maps are even, too, but continue those below them.
+        steps = np.diff(first)
+        off = np.abs(steps - np.diff(2 * second - third)) / np.abs(steps)
+        return "" if np.count_nonzero(off <= ALIKE) > first.size / 2 else "even"
+    rising = first.size >= 2 * CHANCE and _is_axis(first, even=False)
+    return "uneven" if rising and not _is_axis(second, even=False) else ""
+
+
+def _is_axis(values: Values, *, even: bool) -> bool:
+    """Tell whether numbers rise or fall throughout, in even steps if `even`."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        steps = np.diff(values)
+        off = np.abs(steps - steps.mean()) > EVEN * abs(steps.mean())
+    return bool((steps > 0).all() or (steps < 0).all()) and not (even and off.any())
+
+
+class _Grid(NamedTuple):
+    """A grid with the node of each point on it, its numbers of nodes, and how points cover them."""
+
+    nodes: tuple[NDArray[np.intp], NDArray[np.intp]]
+    shape: tuple[int, int]
+    spacing: tuple[float, float]
+    repeated: int
+    covered: float
+
+
+def _grid(x: Values, y: Values) -> _Grid | None:
+    """Return the grid that points lie on with the share of nodes covered; None if there is none."""
+    along_x, along_y = _nodes(x), _nodes(y)
+    if along_x is None or along_y is None:
+        return None
+    (i, dx), (j, dy) = along_x, along_y
+    nx, ny = int(i.max()) + 1, int(j.max()) + 1
+    covered = int(np.unique(i * ny + j).size)
+    return _Grid((i, j), (nx, ny), (dx, dy), i.size - covered, covered / (nx * ny))
+
+
+def _nodes(values: Values) -> tuple[NDArray[np.intp], float] | None:
+    """Return the even places of coordinates and their spacing; None if they are uneven."""
+    places = np.unique(values)
+    with np.errstate(over="ignore", invalid="ignore"):
+        gaps = np.diff(places)
+        if not gaps.size or not np.isfinite(gaps).all():
+            return None
+        # Coordinates of one place differ by rounding, much less than by the gap at missing places.
+        places = places[np.append(True, gaps > EVEN / 10 * gaps.max())]
+        gaps = np.diff(places)
+        numbers = np.append(0, np.cumsum(np.rint(gaps / np.median(gaps))))
+        if not 1 <= numbers[-1] < values.size:
+            return None
+        spacing = float((places[-1] - places[0]) / numbers[-1])
+        node = numbers[np.searchsorted(places, values, side="right") - 1].astype(np.intp)
+        even = bool((np.abs((values - places[0]) / spacing - node) <= EVEN).all())
+    return (node, spacing) if even else None

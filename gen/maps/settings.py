@@ -1,0 +1,409 @@
+"""How a map is read and prepared: each key once, with all that is said of it.
+
+The options of commands, the tables of scenes, the words of messages and the table of the manual are
+made of the fields of `Reading`, each of which carries its `Key`. Nothing here needs pydantic, which
+would delay the help of every command: the tables of scenes are made where scenes are.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, fields
+from functools import cache
+from types import NoneType
+from typing import Annotated, Any, Literal, NamedTuple, Self, get_args, get_type_hints
+
+from gen.runtime.errors import InputError
+from gen.runtime.numbers import shown
+
+Asked = Literal["option", "key", "keyword"]
+"""Who asks: a command line, a scene, or Python."""
+
+SPIKE = 7.0
+"""Height of the highest node above the median of its neighbours from which it is called a spike, in
+robust standard deviations of this quantity over all nodes; self-affine surfaces stay below 5."""
+
+HIGHEST_DEGREE = 20
+"""Largest total degree of a form: higher ones follow the waviness, which is for an L-filter."""
+
+LEVELS = ("mean", "plane", "quadratic")
+
+
+ORDER = (
+    *("crop", "invert", "mask", "despike", "level", "form", "fill", "fill_most", "filter"),
+    "downsample",
+)
+"""Keys of the preparation in the order in which their steps are taken, which is a metrologist's;
+that of the fields of `Reading` is the order of the options."""
+
+
+def said(phrase: str, asked: Asked) -> str:
+    """Write a key, alone or with its value, in the words of who asks.
+
+    Parameters
+    ----------
+    phrase : str
+        Name of a key, as "fill_most", or with a value behind it, as "level plane".
+    asked : {"option", "key", "keyword"}
+        Who asks.
+    """
+    name, blank, value = phrase.partition(" ")
+    return f"--{name.replace('_', '-')}{blank}{value}" if asked == "option" else phrase
+
+
+def numbers_in(text: str, separator: str = ",") -> list[float]:
+    """Return the numbers of a text; none if one of its parts is no number."""
+    try:
+        return [float(part) for part in text.split(separator)]
+    except ValueError:
+        return []
+
+
+class Key(NamedTuple):
+    """What is said of a key of `Reading`.
+
+    Attributes
+    ----------
+    help : str
+        Help of the option.
+    metavar : str
+        Value of the option in its help; "" for a flag.
+    table : {"reading", "preparation", ""}
+        Table of `[surface]` in a scene that has the key; "" for one that no scene has.
+    allowed : str
+        What a scene may say.
+    least : int, optional
+        Least whole number.
+    choices : tuple of str
+        Allowed words; () for any text.
+    example, meaning : str
+        The option's value, and what it does, in the table of the manual; "" for no line there.
+    """
+
+    help: str
+    metavar: str = ""
+    table: str = ""
+    allowed: str = ""
+    least: int | None = None
+    choices: tuple[str, ...] = ()
+    example: str = ""
+    meaning: str = ""
+
+
+def _read(help_: str, metavar: str, allowed: str) -> Key:
+    """Return a key of the table `reading`."""
+    return Key(help_, metavar, "reading", allowed)
+
+
+def _step(help_: str, metavar: str, allowed: str, example: str, meaning: str, **more: Any) -> Key:
+    """Return a key of the table `preparation`."""
+    return Key(help_, metavar, "preparation", allowed, example=example, meaning=meaning, **more)
+
+
+@dataclass(frozen=True)
+class FileReading:
+    """How the file of a map is read where it does not say it itself; by default, as it says.
+
+    Attributes
+    ----------
+    side : str
+        Scan length, or two with a comma, for a file without lengths [um].
+    unit : str
+        Unit of the heights, and of the lengths of the file, for a file that names none; .npy and
+        text are in um by default.
+    channel : str
+        Name or index of the channel; the first one with heights by default.
+    asked : {"option", "key", "keyword"}
+        Who asks, for messages.
+    """
+
+    side: Annotated[
+        str,
+        _read(
+            "Scan length in um for a file without lengths; two for an oblong patch: 1000,500.",
+            "UM",
+            "the scan length in um, or two as [1000, 500] or '1000,500'",
+        ),
+    ] = ""
+    unit: Annotated[
+        str,
+        _read(
+            "Unit of a file that names none, as um, nm or inch.",
+            "UNIT",
+            "text, the unit of the heights, as 'nm'",
+        ),
+    ] = ""
+    channel: Annotated[
+        str,
+        _read(
+            "Name or index of a channel of the file.",
+            "NAME",
+            "text, a channel's name or its index",
+        ),
+    ] = ""
+    asked: Asked = field(default="keyword", kw_only=True)
+
+    @classmethod
+    def of_options(cls, **given: Any) -> Self:
+        """Return the settings that options of a command line give."""
+        return cls(**{**given, "asked": "option"})
+
+    def said(self, phrase: str) -> str:
+        """Write a key, alone or with its value, in the words of who asks."""
+        return said(phrase, self.asked)
+
+
+@dataclass(frozen=True)
+class Reading(FileReading):
+    """How a map is read, and what is done to it before it is used; by default nothing.
+
+    Attributes
+    ----------
+    override_scale : bool
+        True to let `side` and `unit` overrule the file, with a warning.
+    crop : str
+        Part to keep, "x0:x1,y0:y1" from the first node on [um].
+    invert : bool
+        True to turn the surface upside down, for files whose heights point into the material.
+    mask : str
+        Heights to keep, "below:above" [um]; all others become holes. Either end may be empty.
+    despike : float, optional
+        Distance from the local median from which a node is a spike, in units of the scatter of
+        these distances.
+    level : {"", "mean", "plane", "quadratic"}
+        Least-squares fit of the measured nodes to subtract.
+    form : int, optional
+        Total degree of the least-squares polynomial to subtract instead of a level.
+    fill : bool
+        True to close holes harmonically: no filled node is above or below the rim of its hole.
+    fill_most : bool
+        True to fill even if more than half of the heights are missing.
+    filter : str
+        Cut-off wavelengths of the S-filter and the L-filter, "short:long" [um]. Either may be
+        empty, which leaves its filter out.
+    downsample : int, optional
+        Nodes along each side of the blocks whose means become the nodes.
+    """
+
+    override_scale: Annotated[bool, Key("Let --side and --unit overrule the file's own.")] = False
+    fill: Annotated[
+        bool,
+        _step(
+            "Close holes by Laplace's equation.",
+            "",
+            "true or false",
+            "",
+            "Fill holes by Laplace's equation between the heights of their rims. Holes at the"
+            " border of a periodic map are filled across the border.",
+        ),
+    ] = False
+    fill_most: Annotated[
+        bool,
+        _step("Fill even if more than half is missing.", "", "true or false", "", ""),
+    ] = False
+    level: Annotated[
+        str,
+        _step(
+            "Subtract the mean, plane or quadratic fit.",
+            "HOW",
+            "'mean', 'plane' or 'quadratic'",
+            "mean`, `plane` or `quadratic",
+            "Subtract this least-squares fit over the measured nodes.",
+            choices=LEVELS,
+        ),
+    ] = ""
+    crop: Annotated[
+        str,
+        _step(
+            "Keep only this part, in um from the first node.",
+            "X0:X1,Y0:Y1",
+            "text, 'x0:x1,y0:y1' [um]",
+            "100:900,0:500",
+            "Keep only this part of the map, in um.",
+        ),
+    ] = ""
+    invert: Annotated[
+        bool,
+        _step(
+            "Turn upside down: heights point into the material.",
+            "",
+            "true or false",
+            "",
+            "Turn the map upside down, for heights that point into the material.",
+        ),
+    ] = False
+    mask: Annotated[
+        str,
+        _step(
+            "Heights outside these, in um, become holes.",
+            "BELOW:ABOVE",
+            "text, 'below:above' [um]",
+            "-5:3",
+            "Turn nodes with heights outside this range [um] into holes.",
+        ),
+    ] = ""
+    despike: Annotated[
+        float | None,
+        _step(
+            "Replace nodes further from the local median than this times the scatter, as 7.",
+            "THRESHOLD",
+            "a number above 0, as 7",
+            "7",
+            "Replace spikes by their local median. A spike is further from its local median than 7"
+            " times the robust scatter of these distances. A slope is no spike.",
+        ),
+    ] = None
+    form: Annotated[
+        int | None,
+        _step(
+            f"Subtract the fitted polynomial of total degree N, 1 to {HIGHEST_DEGREE}.",
+            "N",
+            "the degree of a polynomial, a whole number from 1 on",
+            "N",
+            "Subtract a fitted polynomial of degree N; give it instead of `--level`.",
+            least=1,
+        ),
+    ] = None
+    filter: Annotated[
+        str,
+        _step(
+            "Gaussian filter (ISO 16610-61): cut-offs of the S- and L-filter in um; one may be left"
+            " out.",
+            "S:L",
+            "text, 'short:long' [um]",
+            "2.5:80",
+            "Apply the Gaussian S-filter and L-filter of ISO 16610-61 with these cut-offs in um."
+            " Either cut-off may be left out.",
+        ),
+    ] = ""
+    downsample: Annotated[
+        int | None,
+        _step(
+            "Take the means of N x N nodes as nodes.",
+            "N",
+            "a whole number of 2 or more",
+            "N",
+            "Replace each N x N nodes by their mean.",
+            least=2,
+        ),
+    ] = None
+
+    def check(self) -> None:
+        """Refuse settings that suit no map, by their names.
+
+        Raises
+        ------
+        InputError
+            If a setting is out of its range, or a level and a form are asked for together.
+        """
+        if self.mask:
+            self.kept_heights()
+        if self.filter:
+            self.cutoffs()
+        if self.despike is not None and not 0 < self.despike < math.inf:
+            raise InputError(
+                f"{self.said('despike')} {self.despike:g}: give a number above 0, as 7"
+            )
+        if self.level and self.level not in LEVELS:
+            allowed = ", ".join(LEVELS)
+            raise InputError(f"{self.said('level')} {self.level!r}: give one of {allowed}")
+        if self.form is not None and not 1 <= self.form <= HIGHEST_DEGREE:
+            named = self.said(f"form {self.form}")
+            raise InputError(f"{named}: give a degree from 1 to {HIGHEST_DEGREE}")
+        if self.level and self.form is not None:
+            both = f"{self.said(f'level {self.level}')} and {self.said(f'form {self.form}')}"
+            raise InputError(
+                f"{both} given: give one, a form of degree 1 is a plane and one of degree 2 a"
+                " quadratic"
+            )
+        if self.downsample is not None and self.downsample < 2:
+            named = self.said(f"downsample {self.downsample}")
+            raise InputError(f"{named}: give a whole number of 2 or more")
+
+    @property
+    def followed(self) -> frozenset[str]:
+        """Steps that are taken, in the words of advice: "crop", "level plane"; a threshold of
+        spikes counts as the one that is advised if it takes out as many.
+        """
+        taken = {name for name in keys("preparation") if getattr(self, name)}
+        taken -= {"level", "despike"}
+        if self.level:
+            taken.add(f"level {self.level}")
+        if self.despike is not None and self.despike <= SPIKE:
+            taken.add(f"despike {SPIKE:g}")
+        return frozenset(taken)
+
+    def kept_heights(self) -> tuple[float, float] | None:
+        """Return the lowest and the highest height to keep [um]; None without a mask."""
+        advice = "give the lowest and the highest height to keep in um, as -5:3, :3 or -5:"
+        ends = self._ends("mask", advice)
+        if ends is None:
+            return None
+        below, above = (-math.inf if ends[0] is None else ends[0]), ends[1]
+        return below, math.inf if above is None else above
+
+    def cutoffs(self) -> tuple[float | None, float | None]:
+        """Return the cut-off wavelengths of the S-filter and the L-filter, None for no filter."""
+        advice = "give the cut-offs of the S-filter and the L-filter in um, as 2.5:80, 2.5: or :80"
+        ends = self._ends("filter", advice)
+        if ends is None:
+            return None, None
+        if any(cutoff is not None and cutoff <= 0 for cutoff in ends):
+            named = f"{self.said('filter')} {shown(self.filter)}"
+            raise InputError(f"{named}: cut-offs are above 0; {advice}")
+        return ends
+
+    def _ends(self, key: str, advice: str) -> tuple[float | None, float | None] | None:
+        """Parse two rising numbers with a colon between them, one of which may be left out."""
+        text = getattr(self, key)
+        if not text:
+            return None
+        parts = [part.strip() for part in text.split(":")]
+        given = numbers_in(":".join(filter(None, parts)), ":")
+        if len(parts) != 2 or not given or not all(map(math.isfinite, given)):
+            raise InputError(f"{self.said(key)} {shown(text)}: {advice}")
+        if len(given) == 2 and given[0] >= given[1]:
+            named = f"{self.said(key)} {shown(text)}"
+            raise InputError(f"{named}: the first number is below the second; {advice}")
+        low, high = (float(part) if part else None for part in parts)
+        return low, high
+
+    def of(self, table: str) -> dict[str, Any]:
+        """Return the values of the keys of a table of scenes."""
+        return {name: getattr(self, name) for name in keys(table)}
+
+
+def keys(table: str) -> dict[str, Key]:
+    """Return the keys of a table of scenes, in the order in which they are followed.
+
+    Parameters
+    ----------
+    table : {"reading", "preparation"}
+        Name of the table.
+    """
+    found = {name: kind.__metadata__[0] for name, kind in _annotations().items()}
+    names = ORDER if table == "preparation" else found
+    return {name: found[name] for name in names if found[name].table == table}
+
+
+@cache
+def _annotations() -> dict[str, Any]:
+    """Return the types of the keys with what is said of them."""
+    kinds = get_type_hints(Reading, include_extras=True)
+    return {each.name: kinds[each.name] for each in fields(Reading) if each.name != "asked"}
+
+
+def kind_of(name: str) -> Any:
+    """Return the type of a key's value: bool, str, int or float."""
+    kind = _annotations()[name].__origin__
+    return next((each for each in get_args(kind) if each is not NoneType), kind)
+
+
+def markdown_table() -> str:
+    """Write the steps of the preparation as a table in Markdown."""
+    lines = ["| option | what it does |", "|---|---|"]
+    for name, key in keys("preparation").items():
+        if key.meaning:
+            option = f"{said(name, 'option')} {key.example}".rstrip()
+            lines.append(f"| `{option}` | {key.meaning} |")
+    return "\n".join(lines)

@@ -1,0 +1,408 @@
+"""Read numbers from text, with the headers that microscopes' programs write above them.
+
+Headers of Gwyddion's ASCII export (in all its languages), of SPIP, Attocube, Nova and WSxM are
+understood. In all of these, x runs along the lines. `gen.maps.scan` tells whether the numbers
+are heights or coordinates.
+"""
+
+from __future__ import annotations
+
+import codecs
+import math
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from io import BytesIO
+from pathlib import Path
+from types import MappingProxyType
+from typing import NoReturn
+
+import numpy as np
+
+from gen.arrays import Heights, Values
+from gen.runtime.errors import InputError
+from gen.runtime.files import require_file
+
+LABELS: Mapping[str, str] = MappingProxyType(
+    {
+        "channel": "channel|channel name|display|kanál|kanal|canal|canale|チャネル|채널|канал",
+        "width": "width|x-length|x amplitude|šířka|breite|anchura|largeur|larghezza|largura"
+        "|幅|폭|ширина",
+        "height": "height|y-length|y amplitude|výška|höhe|altura|hauteur|altezza|高さ|높이|высота",
+        "value unit": "value units|z-unit|unit data|jednotky hodnot|einheiten|unités|unità valore"
+        "|unidades de valor|値の単位|값 단위|единицы измерения",
+        "x unit": "x-unit|unit x|lateral units",
+        "y unit": "y-unit|unit y",
+        "columns": "x-pixels|nx",
+        "lines": "y-pixels|ny",
+        "x spacing": "scale x",
+        "y spacing": "scale y",
+        "nm per value": "bit2nm",
+        "to be scaled": "datascaleneeded",
+        "format": "file format",
+    }
+)
+"""Labels of a header, in lower case, for each quantity that we read from it."""
+MEANINGS = {word: meaning for meaning, words in LABELS.items() for word in words.split("|")}
+"""Quantity of each label."""
+
+ENTRY = re.compile(r"(?P<label>[^:=：]{1,40}?)\s*[:=：]\s*(?P<value>.*)")
+QUANTITY = re.compile(r"(?P<number>[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?)\s*(?P<unit>.*)")
+NAME = re.compile(r"\W*(?P<name>[^\W\d_]+)[^\[(/]*?(?:(?:[\[(/]|\bin )\s*(?P<unit>[^\])]*)\W*)?")
+"""Name of a column with its unit: `x`, `X [mm]`, `Z_(microns)`, `y/um`, `x in nm`."""
+HEIGHT = {"z", "h", "height", "heights"}
+"""Names of columns of heights."""
+BEGINS = re.compile(r"\W*(\d|(nan|inf)\b)", re.IGNORECASE)
+"""Beginning of a field that is a number, or meant to be one."""
+CONTROL_CHARACTERS = re.compile("[\0-\x08\x0e-\x1f]")
+"""Control characters, none of which stands in a text file."""
+WITH_COMMA = re.compile(r"[-+]?\d+(,\d+)?([eE][-+]?\d+)?")
+"""Number with a decimal comma."""
+WHOLE, DECIMALS = re.compile(r"[-+]?(0|[1-9]\d*)"), re.compile(r"\d+([eE][-+]?\d+)?")
+"""Both parts of such a number, split at its comma."""
+BARE = re.compile(r"\s*(File Format\s*=|WSxM file)", re.IGNORECASE)
+"""First line of files whose header has no `#` in front."""
+SAYS_LENGTHS = re.compile(r"\b(mm|um|µm|μm|nm|microns?|micromet\w+|nanomet\w+|\d\s*m)\b|Å")
+"""Unit of length in a comment that we do not understand; the user is warned of it."""
+
+
+@dataclass(eq=False)
+class Matrix:
+    """Numbers of a text file with the entries of the header above them.
+
+    Attributes
+    ----------
+    numbers : ndarray, shape (lines, columns)
+        Numbers as the file holds them [unit of the header].
+    entries : dict of str
+        Entries of the header by their quantity, a key of `LABELS`.
+    remarks : tuple of str
+        Comments that we do not understand and that name a unit of length.
+    """
+
+    numbers: Values
+    entries: dict[str, str] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def value_unit(self) -> tuple[float, str]:
+        """Factor and unit of the numbers; the unit is "" if the header has none."""
+        if "value unit" not in self.entries and "nm per value" in self.entries:
+            return _quantity(self.entries["nm per value"])[0] or 1.0, "nm"
+        return 1.0, _unit(self.entries["value unit"]) if "value unit" in self.entries else ""
+
+    @property
+    def names(self) -> list[str]:
+        """Coordinate in each column, "" for another quantity; empty if no line names them."""
+        return self.entries["columns"].split(",") if "columns" in self.entries else []
+
+    @property
+    def widths(self) -> tuple[tuple[float, str], tuple[float, str]] | None:
+        """Lengths along the lines and across them with their units ("" if unknown).
+
+        The lengths count whole pixels; None if the header lacks one of them.
+        """
+        if not self.entries:
+            return None
+        lines, columns = self.numbers.shape
+        spaced = "x spacing" in self.entries
+        names = ("x spacing", "y spacing") if spaced else ("width", "height")
+        (width, x_unit), (height, y_unit) = (
+            _quantity(self.entries.get(name, "")) for name in names
+        )
+        if not (0 < width < math.inf and 0 < height < math.inf):
+            return None
+        if spaced:
+            width, height = width * columns, height * lines
+        usual = "nm" if "format" in self.entries else ""  # SPIP states no unit of lengths
+        x_unit = x_unit or _unit(self.entries.get("x unit", "")) or usual
+        y_unit = y_unit or _unit(self.entries.get("y unit", "")) or x_unit
+        return (width, x_unit), (height, y_unit)
+
+
+def decoded(content: bytes) -> str | None:
+    """Decode text in UTF-8 or UTF-16; of other encodings, foreign letters are lost.
+
+    Parameters
+    ----------
+    content : bytes
+        Content of a file.
+
+    Returns
+    -------
+    str or None
+        The text; None for content that is not text.
+    """
+    encoding = "utf-8-sig"
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        encoding = "utf-16"
+    elif b"\0" in content[:2]:
+        encoding = "utf-16-be" if content[:1] == b"\0" else "utf-16-le"
+    # The first letters are enough to tell the binary files of instruments, which may be large.
+    for part in (content[:4096], content):
+        decoded = part.decode(encoding, errors="replace")
+        if CONTROL_CHARACTERS.search(decoded):
+            return None
+    return decoded
+
+
+def matrices(content: str, path: Path) -> list[Matrix]:
+    """Read the numbers of a text file: one matrix, or one for each header that names a channel.
+
+    Parameters
+    ----------
+    content : str
+        Content of the file.
+    path : Path
+        Name of the file, for messages.
+
+    Returns
+    -------
+    list of Matrix
+        Matrices in the order of the file.
+
+    Raises
+    ------
+    InputError
+        If there are words among the numbers, rows of unequal length, fewer rows than a header
+        states, or names of the columns of a profile.
+    """
+    read: list[Matrix] = []
+    rows: list[list[float]] = []
+    entries: dict[str, str] = {}
+    remarks: list[str] = []
+    for number, comment, fields in _lines(content, path):
+        stated = _entry(comment)
+        if stated and rows and stated[0] in {"channel", "width"}:
+            read.append(_matrix(path, rows, entries, remarks))
+            rows, entries, remarks = [], {}, []
+        named = {} if rows or fields or stated else _columns(comment)
+        if stated or named:
+            entries = dict([stated] if stated else named.items()) | entries
+        elif SAYS_LENGTHS.search(comment):
+            remarks.append(" ".join(comment.split())[:60])
+        if fields:
+            rows.append(_row(fields, path, number, rows))
+    if rows or not read:  # a header at the end of a file has no numbers
+        read.append(_matrix(path, rows, entries, remarks))
+    return read
+
+
+def _columns(line: str, place: str = "") -> dict[str, str]:
+    """Return the names and units of columns x, y and z as entries of a header.
+
+    Other lines have none. Two or three names with x, but not with y and z, are refused at a place.
+    """
+    words = _fields(re.sub(r"\s+(?=[\[(])", "", line))  # units set off by a blank
+    matches = [NAME.fullmatch(word.strip()) for word in words]
+    stated = [(match["name"].lower(), match["unit"]) if match else ("", "") for match in matches]
+    axes = ["z" if name in HEIGHT else name if name in {"x", "y"} else "" for name, _ in stated]
+    if sorted(filter(None, axes)) == ["x", "y", "z"]:
+        keys = {"x": "x unit", "y": "y unit", "z": "value unit", "": "other unit"}
+        units = {keys[axis]: unit for axis, (_, unit) in zip(axes, stated, strict=True) if unit}
+        return units | {"columns": ",".join(axes)}
+    if place and "x" in axes and 2 <= len(axes) <= 3:
+        raise InputError(
+            f"{place}: {', '.join(words)[:40]}: looks like the columns of a profile or of a list of"
+            " points; give a map of heights, or points in columns x, y and z"
+        )
+    return {}
+
+
+def _lines(content: str, path: Path) -> Iterator[tuple[int, str, list[str]]]:
+    """Yield number, comment and fields of every line that has a comment or fields.
+
+    Lines of words above the first numbers are comments, unless they state a value.
+    """
+    lines = content.splitlines()
+    first = next((line for line in lines if line.strip()), "")
+    bare, begun, titles = BARE.match(first) is not None, False, 0
+    for number, line in enumerate(lines, start=1):
+        text, _, comment = line.partition("#")
+        fields = _fields(text.strip())
+        if bare and not all(map(_is_number, fields)):
+            comment, fields = line, []
+        elif fields and not (
+            begun or ENTRY.fullmatch(text.strip()) or any(map(BEGINS.match, fields))
+        ):
+            _columns(text, f"{path}, line {number}")
+            comment, fields, titles = text, [], titles or number
+        if "," in text and _are_split(fields):
+            raise InputError(
+                f"{path}, line {number}: {text.strip()[:20]!r}: its commas look like decimal commas"
+                " as well as separators; separate the numbers by ';', tabs or blanks"
+            )
+        begun = begun or bool(fields)
+        if fields or comment.strip():
+            yield number, comment.strip(), fields
+    if titles and not begun:  # words alone
+        _complain(lines[titles - 1].split()[0], path, titles)
+
+
+def _matrix(
+    path: Path, rows: list[list[float]], entries: dict[str, str], remarks: list[str]
+) -> Matrix:
+    """Return the numbers under a header; refuse more or fewer of them than it states."""
+    matrix = Matrix(np.array(rows, dtype=np.float64), entries)
+    if not rows:
+        return matrix
+    if matrix.widths is None:  # for example, one of the two lengths is missing
+        halves = [f"{name}: {entries[name]}" for name in ("width", "height") if name in entries]
+        remarks = halves + remarks
+    shape_read = matrix.numbers.shape
+    stated = tuple(_quantity(entries.get(name, ""))[0] or None for name in ("lines", "columns"))
+    # Without lengths the header may be somebody's own, with x down the columns, as in our files.
+    allowed = [shape_read] if matrix.widths else [shape_read, shape_read[::-1]]
+    if not any(
+        all(a in {None, b} for a, b in zip(stated, shape, strict=True)) for shape in allowed
+    ):
+        lines, columns = ("?" if length is None else f"{length:g}" for length in stated)
+        raise InputError(
+            f"{path}: its header states {lines} lines of {columns} numbers, it holds"
+            f" {' of '.join(str(length) for length in shape_read)}; give the whole file"
+        )
+    if entries.get("to be scaled", "").lower() in {"yes", "1", "true"}:
+        raise InputError(
+            f"{path}: its header says that its numbers are to be scaled (DataScaleNeeded), which is"
+            " not read; give heights in units of length"
+        )
+    return replace(matrix, remarks=tuple(remarks[:3]))
+
+
+def _entry(comment: str) -> tuple[str, str] | None:
+    """Return quantity and value of a line of a header, None if we do not read it."""
+    match = ENTRY.fullmatch(comment)
+    if match is None or match["label"].lower() not in MEANINGS:
+        return None
+    return MEANINGS[match["label"].lower()], match["value"].strip()
+
+
+def _quantity(text: str) -> tuple[float, str]:
+    """Return number and unit of a value in a header, (0, "") if it holds no number."""
+    match = QUANTITY.fullmatch(text)
+    if match is None:
+        return 0.0, ""
+    return float(match["number"].replace(",", ".")), _unit(match["unit"])
+
+
+def _unit(text: str) -> str:
+    """Strip brackets from a unit, and mend a micro sign in a foreign encoding."""
+    return text.strip(" []()").replace("\ufffdm", "µm")
+
+
+def _row(fields: list[str], path: Path, line: int, above: list[list[float]]) -> list[float]:
+    """Return the numbers of one line; refuse another number of them than in the lines above.
+
+    The first line may have a word or a blank in front: the corner of a map with coordinates.
+    """
+    if not above and len(fields) > 3 and all(map(_is_number, fields[1:])):
+        fields = [fields[0] if _is_number(fields[0]) else "nan", *fields[1:]]
+    try:
+        row = [float(field) for field in fields]
+    except ValueError:
+        _complain(next(field for field in fields if not _is_number(field)), path, line)
+    if above and len(row) != len(above[0]):
+        raise InputError(
+            f"{path}, line {line}: {len(row)} numbers where the first row has {len(above[0])};"
+            " give rows of equal length"
+        )
+    return row
+
+
+def _fields(line: str) -> list[str]:
+    """Split a line into fields; a separator may end the line, and commas may be decimal."""
+    words = line.removesuffix(";").split(";") if ";" in line else line.split()
+    if "," not in line:
+        return words
+    decimal = all(WITH_COMMA.fullmatch(each.strip()) or _is_number(each) for each in words)
+    if ";" not in line and not (decimal and len(words) > 1):
+        return line.removesuffix(",").split(",")
+    return [each.replace(",", ".") for each in words] if decimal else words
+
+
+def _are_split(fields: list[str]) -> bool:
+    """Tell whether fields are numbers split at their decimal commas, as `0,05,-0,5` is."""
+    wholes, decimals = fields[::2], fields[1::2]
+    return (
+        len(wholes) == len(decimals)
+        and all(map(WHOLE.fullmatch, wholes))
+        and all(map(DECIMALS.fullmatch, decimals))
+        and ("-0" in wholes or any(re.match(r"0\d|\d+[eE]", part) for part in decimals))
+    )
+
+
+def _is_number(field: str) -> bool:
+    try:
+        float(field)
+    except ValueError:
+        return False
+    return True
+
+
+def _complain(field: str, path: Path, line: int) -> NoReturn:
+    """Raise the error for a field that is not a number."""
+    shown = repr(field.strip())[:40]
+    raise InputError(
+        f"{path}, line {line}: {shown} is not a number; give numbers separated by whitespace,"
+        " commas or ';', and nan for a missing height"
+    )
+
+
+def read(path: Path) -> list[Matrix]:
+    """Read the matrices of a .npy or text file; text with headers may have more than one.
+
+    Parameters
+    ----------
+    path : Path
+        A .npy file, or text with one row of numbers on each line. Numbers are separated by `;`,
+        else by whitespace around decimal commas, else by commas, else by whitespace; `#` begins a
+        comment. This includes MIRCO's topologies (.dat, a `;` after each number).
+
+    Returns
+    -------
+    list of Matrix
+        Matrices in the order of the file; none if it is neither .npy nor text.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read.
+    """
+    require_file(path)
+    try:
+        content = path.read_bytes()
+    except (OSError, ValueError) as error:
+        fault = error.strerror if isinstance(error, OSError) else str(error)
+        raise InputError(f"{path}: cannot be read ({fault}); give a .npy or text file") from error
+    if path.suffix.lower() == ".npy" or content.startswith(np.lib.format.MAGIC_PREFIX):
+        return [Matrix(_from_npy(content, path))]
+    words = decoded(content)
+    return [] if words is None else matrices(words, path)
+
+
+def checked(heights: Heights, path: Path) -> Heights:
+    """Refuse heights that are not 2-D, 2 x 2 or more, and finite or NaN."""
+    if heights.ndim != 2 or min(heights.shape) < 2:
+        shape = " x ".join(str(length) for length in heights.shape) or "a single number"
+        content = shape if heights.size else "no heights"
+        raise InputError(f"{path}: holds {content}; give 2-D heights, 2 x 2 or more")
+    refused = int(np.count_nonzero(np.isinf(heights)))
+    if refused:
+        raise InputError(
+            f"{path}: {refused} of {heights.size} heights are infinite; give finite heights"
+        )
+    return heights
+
+
+def _from_npy(content: bytes, path: Path) -> Heights:
+    """Read real numbers of any shape from the bytes of a .npy file; never unpickle objects."""
+    try:
+        with np.errstate(all="ignore"):  # of the numbers of nodes in a broken header
+            array = np.lib.format.read_array(BytesIO(content), allow_pickle=False)
+    except Exception as error:  # a broken header makes numpy raise nearly anything
+        fault = " ".join(str(error).split())[:120]
+        raise InputError(f"{path}: not a whole .npy file ({fault}); save real numbers") from error
+    if array.dtype.kind not in "iuf":
+        raise InputError(f"{path}: holds {array.dtype} values; save real numbers (float64)")
+    with np.errstate(over="ignore"):  # wider floats become infinite, and `checked` counts them
+        return np.asarray(array, dtype=np.float64, order="C")

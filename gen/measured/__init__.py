@@ -1,1 +1,0 @@
-"""Measured surfaces: reading instruments' files, preparing heights, contacts of one surface."""

@@ -1,0 +1,485 @@
+"""Files that users name: read if regular, refused as outputs before any work, written whole.
+
+One rule holds for every output of every command: it is never an input, never another output, and it
+replaces only a file of its own kind. One writer, `atomic`, keeps the old file until the new one is
+on the disk. Databases, which runs continue and extend, have further rules in `gen.database`.
+"""
+
+import os
+import secrets
+import stat
+import zipfile
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, nullcontext, suppress
+from pathlib import Path
+from typing import IO, Literal, NamedTuple
+
+from gen.runtime.errors import InputError
+
+Kind = Literal["text", "picture", "surrogate", "heights", "arrays", "maps", "parquet"]
+"""Kinds of output besides databases; `arrays` are NumPy's zip archives, `maps` prepared maps."""
+
+Present = Literal["replace", "keep", "refuse"]
+"""What a new file does to one that has its name."""
+
+_LONGEST_HEADER = 100_000
+"""Number of characters within which the header of a table ends."""
+
+WORDS: dict[str, str] = {
+    "text": "text",
+    "picture": "a picture",
+    "surrogate": "a surrogate",
+    "heights": "an array",
+    "arrays": "an archive of arrays",
+    "maps": "prepared maps",
+    "parquet": "Parquet",
+    "database": "HDF5",
+    "binary": "something binary",
+}
+"""Name of each kind of content in messages."""
+
+BEGINNING = 4096
+"""Bytes at the beginning of a file that decide its kind."""
+
+TEXT = bytes({7, 8, 9, 10, 12, 13, 27} | set(range(32, 256)))
+"""Bytes of texts; the beginnings of nearly all binary files have further ones."""
+
+SURROGATE = b"asperity surrogate\n"
+"""First bytes of a surrogate; before format 3 surrogates were zip archives."""
+
+NOT_TEXT = {
+    *(".xlsx", ".xlsm", ".xlsb", ".xls", ".ods", ".docx", ".doc", ".odt", ".pdf", ".zip", ".gz"),
+    *(".png", ".jpg", ".jpeg", ".tif", ".tiff", ".npy", ".npz", ".mat", ".parquet", ".feather"),
+    *(".h5", ".hdf5", ".nc", ".surrogate", ".pickle", ".pkl"),
+}
+"""Suffixes that promise something other than text, so that programs fail to open text there."""
+
+MAPS = b"asperity prepared maps\n"
+"""First bytes of a file of prepared maps."""
+
+SIGNATURES = {
+    b"\x89PNG\r\n": "picture",
+    b"%PDF-": "picture",
+    b"\x89HDF\r\n": "database",
+    SURROGATE: "surrogate",
+    MAPS: "maps",
+    b"\x93NUMPY": "heights",
+    b"PAR1": "parquet",
+}
+"""Kind of the files that begin with these bytes."""
+
+STREAMS = {
+    stat.S_IFIFO: "a pipe",
+    stat.S_IFSOCK: "a socket",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+}
+"""Kinds of paths that are neither files nor folders."""
+
+
+def require_file(path: Path) -> Path:
+    """Refuse pipes, sockets and devices, which could block their reader for ever.
+
+    Every reader of a file that a user names calls this before opening it. Folders and missing
+    files pass, since the reader's own message says more.
+
+    Parameters
+    ----------
+    path : Path
+        File, or a link to it.
+
+    Returns
+    -------
+    Path
+        The same path.
+
+    Raises
+    ------
+    InputError
+        If the path is neither a file nor a folder.
+    """
+    try:
+        kind = STREAMS.get(stat.S_IFMT(path.stat().st_mode))
+    except (OSError, ValueError):  # a null character in the path
+        return path
+    if kind:
+        raise InputError(f"{path} is {kind}; give a file on a disk, as pipes cannot be read twice")
+    return path
+
+
+class Output(NamedTuple):
+    """A file that a command is going to write.
+
+    Attributes
+    ----------
+    path : Path, optional
+        The file; None if the user named none.
+    option : str
+        Option with which the user named it, for messages.
+    kind : {"text", "picture", "surrogate", "heights", "arrays", "maps", "parquet"}
+        Kind of its content.
+    """
+
+    path: Path | None
+    option: str
+    kind: Kind = "text"
+
+
+def check_outputs(outputs: Iterable[Output], inputs: Iterable[Path | str] = ()) -> None:
+    """Refuse outputs before any work is done for them, without changing existing files.
+
+    Parameters
+    ----------
+    outputs : iterable of Output
+        All files that the command will write.
+    inputs : iterable of Path or str
+        Files that it reads, and folders of which it reads all files except tables of results.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be written, is an input or another output, also by another name, or holds
+        another kind of content.
+    """
+    wanted = [(output.path, output.option, output.kind) for output in outputs if output.path]
+    read = list(_files_of(inputs))
+    for number, (path, option, kind) in enumerate(wanted):
+        if any(_is_same(path, file) for file in read):
+            raise InputError(f"{option} {path}: is an input: not replaced")
+        for other, name, _ in wanted[:number]:
+            if _is_same(path, other):
+                raise InputError(f"{option} {path}: is what {name} writes too; give another name")
+        try:
+            _try(path, kind)
+        except InputError as error:
+            raise InputError(f"{option} {error}") from None
+
+
+def check_folder(folder: Path, *names: str) -> None:
+    """Refuse an output folder before any work is done for it.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder, which may have to be made.
+    *names : str
+        Names of the files that the command will write there: pictures (.png) and texts.
+
+    Raises
+    ------
+    InputError
+        If the path is no folder, files cannot be written there, or one cannot be replaced.
+    """
+    if folder.is_dir():
+        with _in_words(folder, "cannot be written to"):
+            _try_beside(folder / "any")
+        for name in names:
+            _try(folder / name, "picture" if name.endswith(".png") else "text")
+        return
+    real = _followed(folder)
+    if real.exists():
+        raise InputError(f"{folder} is a file: give a folder")
+    with _in_words(folder, "cannot be written to"):
+        existing = next(above for above in real.parents if above.exists())
+        _try_beside(existing / "any")
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder, or the one that a link leads to, and those above it, unless they exist.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be made.
+    """
+    real = _followed(folder)
+    if real.exists() and not real.is_dir():
+        raise InputError(f"{folder} is a file: give a folder")
+    with _in_words(folder, "cannot be written to"):
+        real.mkdir(parents=True, exist_ok=True)
+
+
+def write(path: Path, content: str | bytes, kind: Kind = "text") -> None:
+    """Write a file whole or not at all.
+
+    Parameters
+    ----------
+    path : Path
+        File to write.
+    content : str or bytes
+        Its content; letters that UTF-8 cannot hold, as in some names of files, become question
+        marks.
+    kind : {"text", "picture", "surrogate", "heights", "arrays", "maps", "parquet"}
+        Kind of the content; a file of another kind is not replaced.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written; an existing file is unchanged then.
+    """
+    with atomic(path, kind) as file:
+        file.write(content.encode(errors="replace") if isinstance(content, str) else content)
+
+
+@contextmanager
+def atomic(path: Path, kind: Kind = "text", *, replace: bool = True) -> Iterator[IO[bytes]]:
+    """Open a temporary file that is renamed to its final name once the block has succeeded.
+
+    A link stays a link. A replaced file passes on its mode and, if the system allows it, its owner
+    and group.
+
+    Parameters
+    ----------
+    path : Path
+        File to write.
+    kind : {"text", "picture", "surrogate", "heights", "arrays", "maps", "parquet"}
+        Kind of the content; a file of another kind is not replaced.
+    replace : bool
+        Whether the file takes the place of one that another process may have made meanwhile; if
+        not, that one stays, as others may be reading it.
+
+    Yields
+    ------
+    file object
+        The temporary file, open for writing bytes.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written; an existing file is unchanged then.
+    """
+    real = _place(path, kind)
+    with _in_words(path, "cannot be written"):
+        present: Present = "replace" if replace else "keep"
+        with unfinished(real, present) as temporary, temporary.open("wb") as file:
+            yield file
+
+
+@contextmanager
+def unfinished(real: Path, present: Present = "replace", end: str = "") -> Iterator[Path]:
+    """Make an empty file beside a target, and give it the target's name once the block succeeds.
+
+    This is the one way in which files, databases among them, come into being: what stands at the
+    target stays whole until the new file is on the disk. A replaced file passes on its mode and, if
+    the system allows it, its owner and group.
+
+    Parameters
+    ----------
+    real : Path
+        Target, without links; see `place_of`.
+    present : {"replace", "keep", "refuse"}
+        What happens to a file at the target: it is replaced, it stays as others may be reading it,
+        or it stays and an error is raised.
+    end : str
+        End of the temporary name, for files whose remains after a kill are looked for; it is hidden
+        if there is none.
+
+    Yields
+    ------
+    Path
+        The temporary file.
+
+    Raises
+    ------
+    OSError
+        If it cannot be made, written to the disk or renamed; FileExistsError for "refuse".
+    """
+    own = secrets.token_hex(8)
+    temporary = real.with_name(f"{real.name}.{own}{end}" if end else f".asperity-{own}")
+    old = real.stat() if real.exists() else None
+    mode = 0o666 if old is None else 0o600
+    descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, mode)
+    try:
+        if old is not None:
+            hand_on(old, descriptor)
+        yield temporary
+        os.fsync(descriptor)
+        if present == "replace":
+            temporary.replace(real)
+        else:
+            with suppress(FileExistsError) if present == "keep" else nullcontext():
+                _name_unless_taken(temporary, real)
+    finally:
+        os.close(descriptor)
+        temporary.unlink(missing_ok=True)
+
+
+def _name_unless_taken(temporary: Path, real: Path) -> None:
+    """Give a file its name, or raise FileExistsError if a file has that name."""
+    try:
+        real.hardlink_to(temporary)
+    except FileExistsError:
+        raise
+    except OSError:  # no links on this file system
+        temporary.replace(real)
+
+
+def place_of(path: Path) -> Path:
+    """Follow all links to the place of a file, which need not exist yet.
+
+    Parameters
+    ----------
+    path : Path
+        Path of a file, perhaps through links to scratch folders.
+
+    Returns
+    -------
+    Path
+        Absolute path without links.
+
+    Raises
+    ------
+    InputError
+        If the path cannot be a file's: a loop of links, a folder, the root.
+    """
+    real = _followed(path)
+    with _in_words(path, "cannot be written"):
+        if not real.name or real.is_dir():
+            raise InputError(f"{path}: is a folder; give a file in a folder that exists")
+        if not real.parent.is_dir():
+            missing = real.parent if path.is_symlink() else path.parent
+            raise InputError(
+                f"{path}: there is no folder {missing}; give a file in a folder that exists"
+            )
+    return real
+
+
+def _followed(path: Path) -> Path:
+    """Follow all links to the place of a file or a folder, which need not exist yet."""
+    try:
+        real = path.resolve()
+        if real.is_symlink():
+            raise InputError(f"{path}: its links lead nowhere")
+    except (OSError, RuntimeError) as error:  # RuntimeError: a loop of links
+        raise InputError(f"{path}: {getattr(error, 'strerror', None) or error}") from None
+    return real
+
+
+def require_writable(path: Path) -> None:
+    """Refuse an existing file that may not be written; its mode counts for the superuser too.
+
+    Raises
+    ------
+    InputError
+        If its mode lets nobody write, or the system does not let this user write.
+    """
+    if not path.stat().st_mode & (stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH):
+        raise InputError(f"{path} is read-only; give another name, or chmod u+w it")
+    with _in_words(path, "cannot be written"):
+        os.close(os.open(path, os.O_WRONLY | os.O_NONBLOCK | os.O_CLOEXEC))
+
+
+def hand_on(old: os.stat_result, descriptor: int) -> None:
+    """Give a new file the mode of the one it replaces and, if allowed, its owner and group.
+
+    Parameters
+    ----------
+    old : os.stat_result
+        Status of the file that will be replaced.
+    descriptor : int
+        Descriptor of the new file, open for writing.
+    """
+    for owner, group in ((old.st_uid, -1), (-1, old.st_gid)):
+        with suppress(PermissionError):
+            os.fchown(descriptor, owner, group)
+    os.fchmod(descriptor, stat.S_IMODE(old.st_mode))
+
+
+def _try(path: Path, kind: Kind) -> None:
+    """Refuse a file that cannot be written, without changing an existing one."""
+    real = _place(path, kind)
+    with _in_words(path, "cannot be written"):
+        _try_beside(real)
+
+
+def _place(path: Path, kind: Kind) -> Path:
+    """Return the place of a file; refuse a suffix of another kind, and what cannot be replaced."""
+    real = place_of(path)
+    if real.exists():
+        _require_replaceable(path, kind)
+    if kind == "text" and path.suffix.lower() in NOT_TEXT:
+        raise InputError(
+            f"{path}: holds text, which {path.suffix} does not promise: give .csv, .txt"
+        )
+    return real
+
+
+def _require_replaceable(path: Path, kind: Kind) -> None:
+    """Refuse to replace a path that is no regular file, of another kind, or not writable."""
+    if not path.is_file():
+        raise InputError(f"{path}: is no regular file: not replaced")
+    require_writable(path)
+    with _in_words(path, "cannot be read"):
+        present = kind_of(path)
+    if present not in {kind, ""}:
+        raise InputError(f"{path}: holds {WORDS[present]}, not {WORDS[kind]}: not replaced")
+
+
+def kind_of(path: Path) -> str:
+    """Return the kind of a file's content, judged by its beginning.
+
+    Returns
+    -------
+    str
+        A key of `WORDS`, or "" for an empty file.
+    """
+    with path.open("rb") as file:
+        start = file.read(BEGINNING)
+    for signature, kind in SIGNATURES.items():
+        if start.startswith(signature):
+            return kind
+    if b"<svg" in start:
+        return "picture"
+    if start.startswith(b"PK"):
+        with suppress(OSError, zipfile.BadZipFile), zipfile.ZipFile(path) as archive:
+            names = archive.namelist()
+            if "schema.json" in names:
+                return "surrogate"
+            if all(name.endswith(".npy") for name in names):
+                return "arrays"
+    if start.translate(None, TEXT):
+        return "binary"
+    return "text" if start else ""
+
+
+def _try_beside(path: Path) -> None:
+    """Make and remove a trial file in the folder of a file."""
+    trial = path.with_name(f".asperity-{secrets.token_hex(8)}")
+    os.close(os.open(trial, os.O_WRONLY | os.O_CREAT | os.O_EXCL))
+    trial.unlink()
+
+
+def _files_of(inputs: Iterable[Path | str]) -> Iterator[Path]:
+    """Yield the files among the inputs, and the files in folders among them."""
+    for path in map(Path, inputs):
+        with suppress(OSError):
+            if path.is_dir():
+                yield from (file for file in path.iterdir() if not _is_table(file))
+            else:
+                yield path
+
+
+def _is_table(file: Path) -> bool:
+    """Tell a table of results, whose first line holds names, from heights in a .csv."""
+    if file.suffix.lower() != ".csv" or not file.is_file():
+        return False
+    with suppress(OSError), file.open(encoding="utf-8-sig", errors="replace") as opened:
+        names = opened.readline(_LONGEST_HEADER).split(",")
+        return all(name.strip().isidentifier() and name.strip().lower() != "nan" for name in names)
+    return False
+
+
+def _is_same(one: Path, other: Path) -> bool:
+    """Tell whether two paths lead, or would lead, to the same file through links of either kind."""
+    with suppress(OSError, RuntimeError):  # one path does not exist yet, or is a loop of links
+        return one.samefile(other) if one.exists() else one.resolve() == other.resolve()
+    return False
+
+
+@contextmanager
+def _in_words(path: Path, trouble: str) -> Iterator[None]:
+    """Turn an error of the system into one line for the user."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(f"{path} {trouble}: {error.strerror or error}") from None

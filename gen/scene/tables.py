@@ -1,0 +1,306 @@
+"""The tables of a scene beside its surfaces: contact, loads, and optional columns."""
+
+import math
+import sys
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import (
+    AfterValidator,
+    Field,
+    SerializerFunctionWrapHandler,
+    Strict,
+    model_serializer,
+    model_validator,
+)
+from pydantic_core import PydanticCustomError
+
+from gen.distribution import (
+    AboveZero,
+    AtLeastZero,
+    Distribution,
+    Number,
+    Positive,
+    Table,
+    is_drawn,
+    limits,
+)
+from gen.generators.function import FUNCTION_WORDS, Function, Hash, named
+from gen.material import Bodies, plane_strain_modulus
+
+Quantity = Literal["delta", "delta/height_rms", "pressure", "pressure/(E* slope_rms)", "force"]
+
+UNITS: dict[Quantity, str] = {
+    "delta": "um",
+    "delta/height_rms": "1",
+    "pressure": "MPa",
+    "pressure/(E* slope_rms)": "1",
+    "force": "uN",
+}
+"""Units of the quantities that a scene can give as its load."""
+
+QUANTITIES = ", ".join(f"'{name}'" for name in UNITS)
+PIECES = "one or more { share = ..., range = [low, high] }, their shares sum to 1"
+
+LONGEST_UNIT = 20
+"""Most letters of a unit."""
+
+MOST_OUTPUTS = 1000
+"""Most outputs of a function."""
+
+
+class Contact(Table):
+    """The half-space's material, the discretisation of its contact and the solver's accuracy."""
+
+    kernel: Literal["uniform-pressure", "concentrated-force"] = Field(
+        default="uniform-pressure", description="'uniform-pressure' or 'concentrated-force'"
+    )
+    far_field: Literal["rigid", "compliant"] = Field(
+        default="rigid", description="'rigid' or 'compliant'"
+    )
+    # A free patch is never written: scenes without the key keep their texts and fingerprints.
+    boundary: Literal["free", "periodic", "mirror"] = Field(
+        default="free", description="'free', 'periodic' or 'mirror'"
+    )
+    spacing: Literal["side/(n-1)", "side/n"] = Field(
+        default="side/(n-1)", description="'side/(n-1)' or 'side/n'"
+    )
+    modulus: Positive = Field(
+        default=1.0, description="Young's modulus, a finite number above 0 [MPa]"
+    )
+    poisson: Annotated[Number, Field(gt=-1, le=0.5)] = Field(
+        default=0.0, description="Poisson's ratio, a number above -1, at most 0.5"
+    )
+    rtol: Annotated[Number, Field(gt=1e-14, lt=1)] = Field(
+        default=2e-7, description="a number between 1e-14 and 1"
+    )
+    max_iterations: Annotated[int, Field(ge=1, le=1_000_000)] = Field(
+        default=1000, description="a whole number from 1 to 1000000"
+    )
+    # None stands for elastic bodies and is never written: scenes without a hardness keep their
+    # texts and fingerprints.
+    hardness: AboveZero | None = Field(
+        default=None,
+        description="a finite number above 0, or [low, high] with 0 < low <= high [MPa], or"
+        " a distribution",
+    )
+    hardness_ratio: AboveZero | None = Field(
+        default=None,
+        description="a finite number above 0, or [low, high] with 0 < low <= high [E*], or"
+        " a distribution",
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _follow_boundary(cls, content: Any) -> Any:
+        """Let the spacing of a patch without edges be that of its cells unless it is given."""
+        if isinstance(content, dict) and content.get("boundary", "free") != "free":
+            return {"spacing": "side/n", **content}
+        return content
+
+    @model_validator(mode="after")
+    def _require_free_patch(self) -> Self:
+        """Refuse settings that a patch without edges does not have."""
+        if self.boundary == "free":
+            return self
+        for name, allowed in (
+            ("spacing", "side/n"),
+            ("far_field", "rigid"),
+            ("kernel", "uniform-pressure"),
+        ):
+            if (given := getattr(self, name)) != allowed:
+                raise PydanticCustomError(
+                    "conflict",
+                    f"boundary = '{self.boundary}' needs {name} = '{allowed}', not '{given}'",
+                )
+        return self
+
+    @model_serializer(mode="wrap")
+    def _without_free_boundary(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave out the boundary of a free patch."""
+        content: dict[str, Any] = handler(self)
+        if self.boundary == "free":
+            del content["boundary"]
+        return content
+
+    @model_validator(mode="after")
+    def _require_one_hardness(self) -> Self:
+        """Refuse two hardnesses, and a hardness that the model or the numbers cannot have."""
+        if self.hardness is not None and self.hardness_ratio is not None:
+            raise PydanticCustomError(
+                "conflict", "hardness [MPa] and hardness_ratio [E*] are both given: give one"
+            )
+        if (limits := self.hardness_limits) is None:
+            return self
+        if self.far_field == "compliant":
+            raise PydanticCustomError(
+                "conflict", "a hardness needs far_field = 'rigid', not 'compliant'"
+            )
+        if not all(sys.float_info.min <= limit <= sys.float_info.max for limit in limits):
+            raise PydanticCustomError("conflict", "the hardness is beyond what numbers hold [MPa]")
+        return self
+
+    def intervals(self, nodes: int) -> int:
+        """Return how many times the spacing of some nodes along a side is in that side."""
+        return nodes - (self.boundary == "free" and self.spacing == "side/(n-1)")
+
+    @property
+    def hardness_unit(self) -> float:
+        """Unit of the hardness as it is given: E* for a ratio, otherwise 1 [MPa]."""
+        if self.hardness_ratio is None:
+            return 1.0
+        return plane_strain_modulus(self.modulus, self.poisson)
+
+    @property
+    def hardness_distribution(self) -> Distribution | None:
+        """Distribution of the hardness in its unit; None for elastic bodies."""
+        return self.hardness if self.hardness_ratio is None else self.hardness_ratio
+
+    @property
+    def hardness_limits(self) -> tuple[float, float] | None:
+        """Smallest and largest hardness [MPa], equal for a fixed one; None for elastic bodies."""
+        if (given := self.hardness_distribution) is None:
+            return None
+        low, high = limits(given)
+        return low * self.hardness_unit, high * self.hardness_unit
+
+    @property
+    def doubts(self) -> list[str]:
+        """What no solid has; hardnesses in shares of E* are taken as they are."""
+        ends = (None,) if self.hardness is None else limits(self.hardness)
+        e_star = plane_strain_modulus(self.modulus, self.poisson)
+        known = "modulus" in self.model_fields_set
+        return [line for end in ends for line in Bodies(e_star, end, known).doubts][:1]
+
+    @property
+    def draws_hardness(self) -> bool:
+        """Whether every sample has a hardness of its own."""
+        given = self.hardness_distribution
+        return given is not None and is_drawn(given)
+
+
+class Piece(Table):
+    """One piece of a distribution of loads, by default uniform over its range."""
+
+    share: Annotated[Positive, Field(le=1)] = Field(
+        description="the share of the samples in this range, a number above 0, at most 1"
+    )
+    range: AtLeastZero = Field(
+        description="two finite numbers [low, high] with 0 <= low <= high, one number, or a"
+        " distribution"
+    )
+
+
+def _whole(pieces: tuple[Piece, ...]) -> tuple[Piece, ...]:
+    """Refuse pieces whose shares do not sum to 1."""
+    total = sum(piece.share for piece in pieces)
+    if abs(total - 1.0) > 1e-9:
+        raise ValueError(f"the shares sum to {total:.10g}")
+    return pieces
+
+
+Pieces = Annotated[tuple[Piece, ...], Strict(False), AfterValidator(_whole)]
+
+
+class Delta(Table):
+    """Distribution of the far-field displacement: the paper's controlled sampling (section 3.2)."""
+
+    pieces: Pieces = Field(
+        default=(Piece(share=0.75, range=(5.0, 25.0)), Piece(share=0.25, range=(25.0, 45.0))),
+        description=PIECES,
+    )
+
+
+class Load(Table):
+    """Distribution of the loads in one of several quantities; [delta] gives displacements alone.
+
+    Relative displacements count in rms heights of their surface, relative pressures in E* times its
+    rms slope.
+    """
+
+    quantity: Quantity = Field(description=f"one of {QUANTITIES}")
+    pieces: Pieces = Field(description=f"range = [low, high], or pieces: {PIECES}")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_one_range(cls, content: Any) -> Any:
+        """Read a range as one piece."""
+        if isinstance(content, dict) and "range" in content:
+            if "pieces" in content:
+                raise PydanticCustomError("conflict", "range and pieces are both given: give one")
+            rest = {name: value for name, value in content.items() if name != "range"}
+            return rest | {"pieces": [{"share": 1.0, "range": content["range"]}]}
+        return content
+
+
+def is_unit(unit: object) -> bool:
+    """Tell whether something can be the unit of a column: a short text, "1" for pure numbers."""
+    return isinstance(unit, str) and 0 < len(unit) <= LONGEST_UNIT and unit.isprintable()
+
+
+def _units(outputs: dict[str, str]) -> dict[str, str]:
+    """Refuse units that cannot stand in a table, and more outputs than a file should have."""
+    for name, unit in outputs.items():
+        if not is_unit(unit):
+            raise ValueError(f"{name}: a unit is a text of 1 to {LONGEST_UNIT} letters")
+    if not 1 <= len(outputs) <= MOST_OUTPUTS:
+        raise ValueError(f"{len(outputs)} outputs: give 1 to {MOST_OUTPUTS}")
+    return outputs
+
+
+def flags() -> tuple[str, ...]:
+    """Return the names of the optional columns that are asked for by true."""
+    fields = Store.model_fields.items()
+    return tuple(name for name, field in fields if field.annotation in {bool, bool | None})
+
+
+# A later flag: absent where it is off, so that it changes no scene that does not set it.
+Flag = Annotated[bool | None, AfterValidator(lambda wanted: wanted or None)]
+
+
+class Store(Table):
+    """Optional columns, stored besides the area, the force and the statistics."""
+
+    mean_gap: bool = Field(default=False, description="true or false")
+    largest_pressure: bool = Field(default=False, description="true or false")
+    perimeter: bool = Field(default=False, description="true or false")
+    heights: bool = Field(default=False, description="true or false")
+    pressure: bool = Field(default=False, description="true or false")
+    stiffness: Flag = Field(default=None, description="true or false")
+    interface_stiffness: Flag = Field(default=None, description="true or false")
+    contact_spots: Flag = Field(default=None, description="true or false")
+    largest_spot_percent: Flag = Field(default=None, description="true or false")
+    contact_connects: Flag = Field(default=None, description="true or false")
+    gap_connects: Flag = Field(default=None, description="true or false")
+    corrected_area_percent: Flag = Field(default=None, description="true or false")
+    function: Function | None = Field(
+        default=None, description=f"{FUNCTION_WORDS}, whose outputs of each contact become columns"
+    )
+    # Without it the first contact's outputs count; every database records them.
+    outputs: Annotated[dict[str, str], AfterValidator(named), AfterValidator(_units)] | None = (
+        Field(default=None, description="a table of the function's outputs, { name = 'unit' }")
+    )
+    least: dict[str, float] | None = Field(
+        default=None, description="a table of bounds of outputs, { name = least value }"
+    )
+    most: dict[str, float] | None = Field(
+        default=None, description="a table of bounds of outputs, { name = largest value }"
+    )
+    # Written when a run begins: the SHA-256 of the module's source.
+    source: Hash | None = Field(default=None, description="the SHA-256 of the module's source")
+
+    @model_validator(mode="after")
+    def _require_function(self) -> Self:
+        """Refuse outputs of no function."""
+        for name in ("outputs", "source", "least", "most"):
+            if self.function is None and getattr(self, name) is not None:
+                raise PydanticCustomError("conflict", f"{name} needs function, which gives them")
+        for name in self.least or ():
+            least, most = self.bounds(name)
+            if not least < most:
+                said = f"least.{name} = {least:g} is not below most.{name} = {most:g}"
+                raise PydanticCustomError("conflict", said)
+        return self
+
+    def bounds(self, name: str) -> tuple[float, float]:
+        """Return the least and the largest value of an output, infinite where none is stated."""
+        return (self.least or {}).get(name, -math.inf), (self.most or {}).get(name, math.inf)

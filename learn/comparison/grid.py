@@ -1,0 +1,258 @@
+"""A grid of candidates: those that differ, those that one fit serves, and what each fit costs.
+
+A candidate's canonical settings leave out settings that its kernel or solver ignores, and give one
+name to values that lead to the same computation. The reduction is exact:
+`tests/learn/comparison/test_search.py` compares scores with scikit-learn's own grid search.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise, product
+from math import inf, log2, prod, sqrt
+from typing import Any
+
+from learn.comparison.spaces import Space
+from learn.models import MODELS, Model
+
+Settings = dict[str, Any]
+"""Values by setting."""
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A grid of candidates, and those of them that differ.
+
+    Attributes
+    ----------
+    candidates : tuple of dict
+        All points, in the order of scikit-learn's ParameterGrid.
+    canonical : tuple of int
+        Number of the canonical settings of each candidate.
+    differing : tuple of dict
+        The canonical settings, in the order of their first candidate.
+    families : tuple of tuple of int
+        Numbers of the canonical settings that one fit serves.
+    """
+
+    candidates: tuple[Settings, ...]
+    canonical: tuple[int, ...]
+    differing: tuple[Settings, ...]
+    families: tuple[tuple[int, ...], ...]
+
+    @property
+    def nominal(self) -> int:
+        """Number of points of the grid."""
+        return len(self.candidates)
+
+    @cached_property
+    def family_of(self) -> dict[int, int]:
+        """The family of every differing candidate, by its number."""
+        return {number: place for place, family in enumerate(self.families) for number in family}
+
+    def served_by(self, family: int) -> tuple[Settings, ...]:
+        """Return the canonical settings that one fit of a family serves."""
+        return tuple(self.differing[number] for number in sorted(self.families[family]))
+
+    def number_of(self, settings: Settings) -> int | None:
+        """Return the number of canonical settings, None if the grid lacks them."""
+        names = [key(each) for each in self.differing]
+        return names.index(key(settings)) if key(settings) in names else None
+
+    def first(self, number: int) -> Settings:
+        """Return the first candidate with these canonical settings."""
+        return self.candidates[self.canonical.index(number)]
+
+
+@dataclass(frozen=True)
+class Task:
+    """One fit: the candidates that it serves, and the fold that it leaves out.
+
+    Attributes
+    ----------
+    model : str
+        Name of the model.
+    candidates : tuple of dict
+        Canonical settings, which differ only in the setting whose values one fit serves.
+    fold : int
+        The fold that is left out of the training, and predicted.
+    rows : int
+        Number of training rows at most.
+    baseline : bool
+        True for the one candidate that is the baseline, which lacks the settings that the grid's
+        candidates share.
+    until : float
+        Time of `time.time` at which the fit is stopped [s].
+    longest : float
+        Time after which the fit is stopped [s].
+    """
+
+    model: str
+    candidates: tuple[Settings, ...]
+    fold: int
+    rows: int
+    baseline: bool = False
+    until: float = inf
+    longest: float = inf
+
+    @property
+    def names(self) -> list[str]:
+        """The name of each candidate in its trials."""
+        return [baseline_key(c) if self.baseline else key(c) for c in self.candidates]
+
+
+def points(space: Space) -> list[Settings]:
+    """List all points of a space in the order of scikit-learn's ParameterGrid."""
+    names = sorted(space)
+    values = product(*(space[name] for name in names))
+    return [dict(zip(names, each, strict=True)) for each in values]
+
+
+def size(space: Space) -> int:
+    """Return the number of points of a space."""
+    return prod(map(len, space.values()))
+
+
+def grid(model: Model, space: Space, inputs: int) -> Grid:
+    """Find the candidates of a grid that differ.
+
+    Boosting whose first trees are no model of their own (DART, linear, stopped early) must not be
+    among them: one fit serves all numbers of trees.
+
+    Parameters
+    ----------
+    model : Model
+        The model.
+    space : dict
+        Values to try, by setting.
+    inputs : int
+        Number of inputs of the data: it decides which of `max_features` are the same. The square
+        root of 23 and its logarithm are both 4.
+    """
+    candidates = points(space)
+    numbers: dict[str, int] = {}
+    differing: list[Settings] = []
+    canonical = []
+    shared: dict[str, list[int]] = {}
+    for candidate in candidates:
+        settings = canonical_settings(model, candidate, inputs)
+        name = key(settings)
+        if name not in numbers:
+            numbers[name] = len(differing)
+            family = {k: v for k, v in settings.items() if k != shared_fit(model)}
+            shared.setdefault(key(family), []).append(len(differing))
+            differing.append(settings)
+        canonical.append(numbers[name])
+    families = tuple(tuple(family) for family in shared.values())
+    return Grid(tuple(candidates), tuple(canonical), tuple(differing), families)
+
+
+def shared_fit(model: Model) -> str:
+    """Return the name of the setting whose values share one fit, "" if there is none."""
+    return "alpha" if model.name == "kernel-ridge" else model.staged
+
+
+def canonical_settings(model: Model, candidate: Mapping[str, Any], inputs: int) -> Settings:
+    """Reduce a candidate to the settings that make a difference, for data of some inputs."""
+    reduce = RULES.get(model.name)
+    return reduce(dict(candidate), inputs) if reduce else dict(candidate)
+
+
+def key(settings: Mapping[str, Any]) -> str:
+    """Write settings as one line of text, the same for the same settings."""
+    return ", ".join(f"{name}={settings[name]!r}" for name in sorted(settings))
+
+
+def baseline_key(settings: Mapping[str, Any]) -> str:
+    """Write the settings of the baseline as one line of text, which no candidate of a grid has."""
+    return f"baseline: {key(settings)}" if settings else "baseline"
+
+
+def _trees(settings: Settings, inputs: int) -> Settings:
+    """Reduce the settings of decision trees and forests."""
+    settings = _counted_inputs(settings, inputs)
+    leaf, split = settings.get("min_samples_leaf", 1), settings.get("min_samples_split", 2)
+    if isinstance(leaf, int) and isinstance(split, int):
+        # A node that is split needs the samples of two leaves: scikit-learn raises the limit.
+        settings["min_samples_split"] = max(split, 2 * leaf)
+    if settings.get("criterion") == "friedman_mse":  # the same for a single target
+        settings["criterion"] = "squared_error"
+    return settings
+
+
+def _gradient_boost(settings: Settings, inputs: int) -> Settings:
+    settings.pop("criterion", None)  # has no effect any more
+    return _counted_inputs(settings, inputs)
+
+
+def _counted_inputs(settings: Settings, inputs: int) -> Settings:
+    """Give `max_features` as the number of inputs that scikit-learn makes of it."""
+    if "max_features" in settings:
+        wanted = settings["max_features"]
+        named = {None: inputs, "sqrt": int(sqrt(inputs)), "log2": int(log2(inputs))}
+        share = int(wanted * inputs) if isinstance(wanted, float) else wanted
+        settings["max_features"] = max(1, named.get(wanted, share))
+    return settings
+
+
+def _support_vectors(settings: Settings, inputs: int) -> Settings:
+    settings.pop("cache_size", None)  # memory, not mathematics
+    kernel = settings.get("kernel", "rbf")
+    if kernel != "poly":
+        settings.pop("degree", None)
+    if kernel == "linear":
+        settings.pop("gamma", None)
+    return settings
+
+
+def _kernel_ridge(settings: Settings, inputs: int) -> Settings:
+    if settings.get("kernel", "linear") == "linear":
+        settings.pop("gamma", None)
+    return settings
+
+
+def _perceptron(settings: Settings, inputs: int) -> Settings:
+    """Reduce the settings of perceptrons, and name the length of the training."""
+    settings = {**MODELS["mlp"].tuned, **settings}
+    if settings.get("solver", "adam") != "sgd":
+        settings.pop("learning_rate", None)
+    return settings
+
+
+RULES: dict[str, Callable[[Settings, int], Settings]] = {
+    "decision-tree": _trees,
+    "random-forest": _trees,
+    "gradient-boost": _gradient_boost,
+    "svm": _support_vectors,
+    "kernel-ridge": _kernel_ridge,
+    "mlp": _perceptron,
+}
+"""Reductions by model; AdaBoost, XGBoost and the Gaussian process ignore no setting."""
+
+
+def expected_work(task: Task) -> float:
+    """Guess the relative cost of a task of one model, for the order of tasks and the time left."""
+    most = {
+        name: max((c[name] for c in task.candidates), key=_magnitude) for name in task.candidates[0]
+    }
+    work = float(task.rows)
+    for name in ("n_estimators", "max_features", "C"):
+        work *= _magnitude(most.get(name, 1.0)) ** (0.5 if name == "C" else 1.0)
+    depth = most.get("max_depth", most.get("estimator__max_depth"))
+    if depth is not None:
+        work *= min(depth, 20)
+    if most.get("criterion") == "absolute_error":
+        work *= 5
+    if most.get("loss") == "huber":  # gradient boosting evaluates it leaf by leaf
+        work *= 15
+    if "hidden_layer_sizes" in most:
+        sizes = most["hidden_layer_sizes"]
+        work *= sum(a * b for a, b in pairwise(sizes)) + 23 * sizes[0]
+        work *= 20 if most.get("solver") == "lbfgs" else 1  # others end by themselves long before
+    if task.model == "kernel-ridge":
+        work *= len(task.candidates) if most.get("kernel") == "rbf" else 0.01
+    return work
+
+
+def _magnitude(value: Any) -> float:
+    return abs(float(value)) if isinstance(value, int | float) else 1.0

@@ -1,0 +1,208 @@
+"""A search within a given time: successive halving on the number of training rows.
+
+All candidates are fitted to few rows and scored on two folds, the best third on three times as
+many, and so on. These rungs only choose who is judged: the winner is the best over five folds of
+all rows, as in a search of the whole grid. Three kinds of candidates reach that decision whatever
+their scores on few rows are:
+
+- the baseline, whose five fits on all rows are the first of the search: without them there is no
+  result. A candidate that is not better than the baseline does not win;
+- the paper's optimum, where the grid has it (for other grids, the settings that are built in);
+- candidates of which a fit collapsed (`learn.comparison.fits.collapsed`): on few rows a likelihood
+  may be largest at an end of its range, where with more rows the same candidate is the best.
+
+The first rung draws its candidates with odds inverse to their expected work: it spends as much of
+its time on cheap ones as on expensive ones, and sees more of them. Where it shows that the whole
+grid fits into the time, the whole grid is searched instead. scikit-learn's own halving knows rows,
+not hours, shares no fits, and can be neither spread over machines nor resumed.
+"""
+
+import time
+
+import numpy as np
+
+from learn.comparison.grid import Task, expected_work
+from learn.comparison.search import GridScores, GridSearch, SearchResult
+from learn.comparison.spaces import WHOLE
+from learn.models import Model
+from learn.split import FOLDS
+
+RUNG_FOLDS = 2
+"""Folds on which a rung ranks its candidates."""
+
+RUNGS_SHARE = 0.4
+"""Share of the time after which all rungs have ended, in equal parts."""
+
+DECISION_SHARE = 0.75
+"""Share of the time after which the decision has ended; the winner's fit to all rows gets the rest.
+
+A fit of the decision is stopped once a fit to all rows would need more than that.
+"""
+
+ALWAYS = 5.0
+"""Seconds that a fit may take in any case: the first one of a process loads its library."""
+
+FACTOR = 3
+"""Of three candidates one goes on, with three times the rows."""
+
+LEAST_ROWS = 300
+"""Training rows of the first step at least."""
+
+GROWTH = {"gaussian-process": 3.0, "kernel-ridge": 3.0, "svm": 2.5}
+"""Exponents with which a fit's time grows with the rows, on the safe side."""
+
+USUAL_GROWTH = 1.5
+"""The exponent of the other models."""
+
+
+def steps(total: int, least: int | None = None) -> list[int]:
+    """Return the number of training rows of each step, ascending; the last has all rows.
+
+    Parameters
+    ----------
+    total : int
+        Number of all training rows.
+    least : int, optional
+        Smallest number of rows of the first step, `LEAST_ROWS` if left out.
+    """
+    sizes = [total]
+    while sizes[0] // FACTOR >= (least or LEAST_ROWS):
+        sizes.insert(0, sizes[0] // FACTOR)
+    return sizes
+
+
+def growth(model: Model, factor: float) -> float:
+    """Return the factor by which a fit takes longer on `factor` times the rows, at most."""
+    return float(factor ** GROWTH.get(model.name, USUAL_GROWTH))
+
+
+def drawn_order(search: GridSearch, rows: int) -> list[int]:
+    """Draw all families one after the other, with odds inverse to their expected work.
+
+    Parameters
+    ----------
+    search : GridSearch
+        The grid, and the seed of the draw.
+    rows : int
+        Number of training rows of a fit.
+
+    Returns
+    -------
+    list of int
+        Numbers of the families, the first drawn first.
+    """
+    grid, name = search.grid, search.model.name
+    families = range(len(grid.families))
+    work = [expected_work(Task(name, grid.served_by(family), 0, rows)) for family in families]
+    waiting = np.random.default_rng(search.training.seed).exponential(work)
+    return [int(family) for family in np.argsort(waiting, kind="stable")]
+
+
+def within(search: GridSearch, until: float) -> SearchResult | None:
+    """Search a grid within a time.
+
+    Parameters
+    ----------
+    search : GridSearch
+        The grid to search.
+    until : float
+        Time of `time.time` at which the winner is to be fitted to all rows too; infinite for no
+        limit [s].
+
+    Returns
+    -------
+    SearchResult or None
+        None if the time sufficed neither for the baseline nor, without one, for a candidate.
+    """
+    total, began = search.training.rows, time.time()
+    decided = began + DECISION_SHARE * (until - began)
+    last = (1 - DECISION_SHARE) * (until - began)
+    longest = max(last / growth(search.model, FOLDS / (FOLDS - 1)), ALWAYS)
+    _fit(search, [], total, FOLDS, decided, longest)  # the baseline alone
+    if search.baseline_tasks(total):
+        return None
+    numbers, told = _rungs(search, began, until, decided)
+    _fit(search, numbers, total, FOLDS, decided, longest)
+    scores = search.scores(total)
+    spent = sum(trial.seconds for trial in search.trials.finished.values())
+    if scores.winner >= 0 and scores.fits == search.fits:
+        return SearchResult(scores, WHOLE, spent)
+    if not scores.decided and not scores.failures:
+        return None
+    left = sum(1 for number in numbers if not scores.of(number))
+    beside = "" if search.baseline is None else " and the baseline"
+    told.append(f"{_counted(len(numbers) - left)}{beside} on {total} rows, {FOLDS} folds")
+    undone = [f"{left} more not finished"] if left else []
+    return SearchResult(scores, f"successive halving: {', '.join([*told, *undone])}", spent)
+
+
+def _rungs(
+    search: GridSearch, began: float, until: float, decided: float
+) -> tuple[list[int], list[str]]:
+    """Climb the rungs; return the candidates to judge on all rows, and the rungs in words."""
+    sizes = steps(search.training.rows)
+    families = drawn_order(search, sizes[0])
+    numbers = [number for family in families for number in search.grid.families[family]]
+    if len(sizes) == 1 and search.optimum is not None:
+        numbers.sort(key=lambda number: number != search.optimum)
+    told: list[str] = []
+    spared: set[int] = set()
+    for place, rows in enumerate(sizes[:-1], start=1):
+        end = began + RUNGS_SHARE * place / (len(sizes) - 1) * (until - began)
+        _fit(search, numbers, rows, RUNG_FOLDS, end)
+        scores = search.scores(rows, RUNG_FOLDS)
+        scored = [number for number in numbers if not np.isnan(scores.means[number])]
+        if told and search.tasks(numbers[:1], rows, RUNG_FOLDS):
+            break  # the best candidate so far is not finished: this rung does not count
+        if scored:
+            told.append(f"{_counted(len(scored))} on {rows} rows, {RUNG_FOLDS} folds")
+        spared = (spared - set(scored)) | (set(scored) & scores.collapsed)
+        numbers = _promoted(search, scored, scores, spared)
+        if len(scored) == len(scores.means) and _whole_fits(search, scores, rows, decided):
+            return [*numbers, *sorted(set(scored).difference(numbers))], told
+    return numbers, told
+
+
+def _promoted(
+    search: GridSearch, scored: list[int], scores: GridScores, spared: set[int]
+) -> list[int]:
+    """List the candidates of the next step in the order of their fits.
+
+    Those of which a fit has collapsed, `spared`, come after the others.
+    """
+    ranked = [number for number in scored if number not in spared]
+    ranked.sort(key=lambda number: (-scores.means[number], number))
+    best = ranked[: -(-len(scored) // FACTOR)]
+    if search.optimum is not None and search.optimum not in best:
+        best.insert(1, search.optimum)
+    return [*best, *sorted(spared.difference(best))]
+
+
+def _whole_fits(search: GridSearch, scores: GridScores, rows: int, until: float) -> bool:
+    """Whether the time left suffices for the whole grid, after a rung with all candidates."""
+    total = search.training.rows
+    longer = growth(search.model, total / rows) * FOLDS / RUNG_FOLDS
+    lacking = scores.seconds * longer - search.scores(total).seconds
+    return lacking / search.executor.workers < until - time.time()
+
+
+def _fit(
+    search: GridSearch,
+    numbers: list[int],
+    rows: int,
+    folds: int,
+    until: float,
+    longest: float = np.inf,
+) -> None:
+    """Do the fits of one step until a time, the baseline's first."""
+    own = search.baseline_tasks(rows, folds)
+    tasks = [*own, *search.tasks(numbers, rows, folds)]
+    if tasks:
+        named = [_counted(len(numbers)) if numbers else "", "the baseline" if own else ""]
+        who = " and ".join(filter(None, named))
+        title = f"{search.model.title}: {who} on {rows} rows, {folds} folds"
+        search.run(tasks, title, until=until, longest=longest)
+
+
+def _counted(number: int) -> str:
+    return f"{number} candidate{'' if number == 1 else 's'}"

@@ -1,0 +1,212 @@
+"""What a growth tells in the end: one screen of words and numbers, and one picture.
+
+The screen says how it ended, errors, learning curve, and when the surrogate pays; the picture has
+the learning curve, predictions over the truth, and the coverage of the intervals.
+"""
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from gen.runtime.figure import draw_parity, log_axis, parity_axes
+from gen.runtime.terminal import echo, print_table, printable
+from learn.grow.accuracy import LEVEL, RISK, Appraisal
+from learn.grow.curve import Curve
+from learn.grow.rounds import Ending, Growth, asked_for
+from learn.grow.rows import stock
+from learn.request import Request
+from learn.surrogate.break_even import Payback, answer_seconds
+
+TABLE_WIDTH = 110
+"""Width of the tables without a terminal [characters]."""
+
+WIDTH, HEIGHT = 13.0, 4.3
+"""Size of the picture [inches]."""
+
+QUARTERS = 4
+"""Parts of the test rows, by their solved value, whose coverage is drawn."""
+
+COLOUR, MARK = "tab:blue", "tab:red"
+
+WORDS: dict[Ending | None, str] = {
+    "met": "The mark is met",
+    "budget": "The budget is used up before the mark is met",
+    "rows": "The allowed rows are used up before the mark is met",
+    "hopeless": "The mark is out of reach of this model with these features",
+    "interrupted": "Interrupted",
+}
+"""Why a growth has ended."""
+
+
+def show(request: Request, grown: Growth, found: Appraisal, most: int) -> None:
+    """Print the end of a growth with its last surrogate, within `most` allowed rows."""
+    card = found.surrogate.card
+    rows = card["rows"]
+    by = rows.get("split_by", "surface")
+    about = (
+        f"{request.output}: {card['title']}, {card['features']} features; {found.rows} rows of"
+        f" {request.database}: {rows['train']} train, {rows['calibration']} calibrate,"
+        f" {rows['test']} held out by {by}, {sum(rows['left_out'].values())} left out"
+    )
+    for line in (about, *_verdict(grown, found, most)):
+        echo(line)
+    print_table(_errors(found), TABLE_WIDTH)
+    if grown.curve is not None:
+        floor, scale, exponent = grown.curve.fit
+        points = ", ".join(
+            f"{error:.3g} % of {size:.0f}"
+            for size, error in zip(grown.curve.rows, grown.curve.nmae, strict=True)
+        )
+        said = f"learning curve of {grown.curve.target}: nMAE {points} rows;"
+        said += f" {floor:.2g} + {scale:.3g} n^-{exponent:.2g} %"
+        echo(said)
+    echo(payback(request, grown, found).in_words())
+
+
+def _verdict(grown: Growth, found: Appraisal, most: int) -> Iterator[str]:
+    """Say how the growth has ended, and what can be done."""
+    bound = found.bound(found.worst)
+    worst = f"nMAE of {found.worst} {found.judged[found.worst].accuracy.nmae:.2f} %"
+    if found.met:
+        yield (
+            f"{WORDS['met']}: {worst}, at most {bound:.2f} %, asked: {found.mark:g} %. However"
+            f" often a growth looks, it accepts too large an error with a probability of {RISK:.0%}"
+            " at most."
+        )
+        return
+    yield f"{WORDS[grown.ending]}: {worst}, at most {bound:.2f} %, asked: {found.mark:g} %."
+    advice = grown.advice
+    if grown.ending == "hopeless":
+        yield (
+            f"Within {most} rows, the most that are allowed, the learning curve does not come to"
+            " it: ask for less, allow more --rows, or try other --features."
+        )
+    elif advice is not None:
+        said = asked_for(found, advice)
+        yield f"{said[0].upper()}{said[1:]}. The same command goes on."
+
+
+def _errors(found: Appraisal) -> object:
+    """Return a table of errors, bounds and intervals of each target."""
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False)
+    table.add_column("target")
+    for name in ("nMAE %", "its SE", "at most", "R2 %", f"in {LEVEL:.0%} interval", "mean width"):
+        table.add_column(name, justify="right")
+    for name, judged in found.judged.items():
+        about = found.surrogate.card["targets"][name]
+        inside = judged.inside
+        width = float(np.mean(judged.high - judged.low))
+        table.add_row(
+            printable(name),
+            f"{judged.accuracy.nmae:.2f}",
+            f"{judged.accuracy.error:.2f}",
+            f"{found.bound(name):.2f}",
+            f"{about['scores']['r2']:.2f}",
+            f"{100 * inside.mean():.1f} %",
+            f"{width:.3g} {printable(about['unit'])}",
+        )
+    return table
+
+
+def payback(request: Request, grown: Growth, found: Appraisal) -> Payback:
+    """Return the times of the surrogate's making, of one of its answers and of a solve."""
+    from gen.scene import Scene
+
+    test = found.sets[0].at(found.parts.test)
+    scene = Scene.from_text(test.source["scene"])
+    query = answer_seconds(found.surrogate, scene, test.rows, test.described[:, 0])
+    there = stock(request.database)
+    again = 0.0 if math.isnan(query) else there.rows * query
+    return Payback(there.seconds + again + grown.fitting, there.solving, query)
+
+
+def draw(figure: Any, found: Appraisal, curve: Curve | None) -> None:
+    """Draw a surrogate and its learning curve into an empty figure.
+
+    The figure is of `WIDTH` x `HEIGHT`; the worst target is drawn, with its curve if there is one.
+    """
+    learning, parity, coverage = figure.subplots(1, 3)
+    _draw_learning(learning, found, curve)
+    _draw_parity(parity, found)
+    _draw_coverage(coverage, found)
+
+
+def _quantity(found: Appraisal) -> str:
+    """Return the worst target with its unit."""
+    unit = found.surrogate.learnt[found.worst].unit
+    return found.worst if unit == "1" else f"{found.worst} [{unit}]"
+
+
+def _draw_learning(axis: Any, found: Appraisal, curve: Curve | None) -> None:
+    """Draw errors over rows, the curve with its band, and the mark."""
+    judged = found.judged[found.worst].accuracy
+    if curve is not None:
+        spread = curve.nmae - curve.lowest, curve.highest - curve.nmae
+        axis.errorbar(curve.rows, curve.nmae, spread, fmt="o", color="0.4", ms=4, label="parts")
+        rows = np.geomspace(curve.rows[0], 8 * curve.rows[-1], 100)
+        fit, low, high = curve.at(rows)
+        axis.plot(rows, fit, color=COLOUR, label="a + b n$^{-c}$, 80 % of its draws")
+        axis.fill_between(rows, low, high, color=COLOUR, alpha=0.2, lw=0)
+    bound = found.bound(found.worst) - judged.nmae
+    axis.errorbar(
+        [found.rows],
+        [judged.nmae],
+        [[0.0], [bound if np.isfinite(bound) else 0.0]],
+        fmt="s",
+        color="black",
+        capsize=4,
+        label="all rows, with their bound",
+    )
+    axis.axhline(found.mark, color=MARK, ls="--", label=f"asked for, {found.mark:g} %")
+    axis.set(xlabel="rows of the database", ylabel="nMAE [%]")
+    axis.set_title(f"Learning curve, {found.worst}")
+    log_axis(axis.xaxis)
+    log_axis(axis.yaxis)
+    axis.grid(visible=True, which="major", color="0.9")
+    axis.legend(fontsize=8)
+
+
+def _draw_parity(axis: Any, found: Appraisal) -> None:
+    """Draw predictions with their intervals over the truth."""
+    judged = found.judged[found.worst]
+    inside = judged.inside
+    parity_axes(axis, judged.truth)
+    for chosen, colour, name in (
+        (inside, COLOUR, "inside its interval"),
+        (~inside, MARK, "outside"),
+    ):
+        ends = np.clip([judged.low[chosen], judged.high[chosen]], *axis.get_ylim())
+        axis.vlines(judged.truth[chosen], ends[0], ends[1], color=colour, alpha=0.25, lw=1)
+        label, look = f"{name} ({int(chosen.sum())})", {"marker": ".", "ms": 4, "ls": "none"}
+        draw_parity(
+            axis, judged.truth[chosen], judged.prediction[chosen], label=label, color=colour, **look
+        )
+    axis.set(xlabel=f"solved {_quantity(found)}", ylabel="predicted")
+    axis.set_title(f"{judged.truth.size} rows held out for tests")
+    axis.legend(fontsize=8, loc="upper left")
+
+
+def _draw_coverage(axis: Any, found: Appraisal) -> None:
+    """Draw the share of the rows inside their interval, in all and by quarters of the truth."""
+    judged = found.judged[found.worst]
+    inside = judged.inside
+    order = np.argsort(judged.truth, kind="stable")
+    parts = [order, *np.array_split(order, min(QUARTERS, max(1, order.size // 10)))]
+    ends = ((judged.truth[part].min(), judged.truth[part].max()) for part in parts[1:])
+    names = ["all", *(f"{low:.3g}\nto {high:.3g}" for low, high in ends)]
+    shares = np.array([100 * inside[part].mean() for part in parts])
+    sizes = np.array([part.size for part in parts])
+    deviations = 100 * np.sqrt(LEVEL * (1 - LEVEL) / sizes)
+    places = np.arange(len(parts))
+    axis.errorbar(places, shares, deviations, fmt="o", color=COLOUR, capsize=4)
+    axis.axhline(100 * LEVEL, color=MARK, ls="--", label=f"wanted, {LEVEL:.0%}")
+    axis.set_xticks(places, names, fontsize=8)
+    axis.set(ylabel="rows inside their interval [%]", xlabel=f"by solved {_quantity(found)}")
+    axis.set_ylim(min(70.0, float(np.min(shares - deviations)) - 3), 102)
+    axis.set_title("Coverage, with standard errors")
+    axis.grid(visible=True, axis="y", color="0.9")
+    axis.legend(fontsize=8, loc="lower right")

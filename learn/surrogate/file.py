@@ -1,0 +1,322 @@
+"""The file of a surrogate: a card, and models in the format of skops, under a checksum.
+
+    asperity surrogate
+    format 8
+    sha256 of all that follows, in hexadecimal digits
+    length of the card, 8 bytes, little endian
+    card: JSON with the card and the training ranges of the features
+    models: a zip archive of skops, with pipelines of scikit-learn, arrays and numbers
+
+The checksum detects damage. A file names types; those that are neither scikit-learn's estimators
+nor `REVIEWED` are refused before anything is imported or made, so that no code of a stranger runs.
+It is no protection against a file that was forged with a right checksum: compiled code of
+scikit-learn and XGBoost trusts the numbers of trees and vectors, and such a file may end the
+process or give any number.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import shlex
+import warnings
+from collections.abc import Mapping
+from copy import copy
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from zipfile import ZIP_DEFLATED
+
+import numpy as np
+
+from gen.runtime.errors import InputError
+from gen.runtime.files import SURROGATE, atomic, require_file
+from gen.runtime.terminal import printable, to_type
+from learn.arrays import Values
+from learn.models import MODELS, STEP, Scaling
+from learn.surrogate.flag import Distance
+from learn.surrogate.interval import Calibration, ErrorScale, Growth
+from learn.surrogate.learnt import Learnt
+
+if TYPE_CHECKING:
+    from learn.surrogate.model import Surrogate
+
+FORMAT = 8
+"""Number of the layout. It is raised whenever an older version would misread a file."""
+
+OLDER = range(3, FORMAT)
+"""Formats with a card in JSON and models in arrays of our own, of 1.0.0rc1 and before."""
+
+HEAD = re.compile(SURROGATE + rb"format (\d{1,9})\nsha256 ([0-9a-f]{64})\n")
+
+REVIEWED = (
+    "sklearn.gaussian_process.kernels.ConstantKernel",
+    "sklearn.gaussian_process.kernels.Product",
+    "sklearn.gaussian_process.kernels.RBF",
+    "sklearn.gaussian_process.kernels.Sum",
+    "sklearn.gaussian_process.kernels.WhiteKernel",
+    "sklearn.neural_network._stochastic_optimizers.AdamOptimizer",
+    "sklearn.neural_network._stochastic_optimizers.SGDOptimizer",
+    "sklearn.tree._tree.Tree",
+    "xgboost.core.Booster",
+    "xgboost.sklearn.XGBRegressor",
+)
+"""Types besides those that skops knows as safe, of which models are made."""
+
+
+def save(path: Path, surrogate: Surrogate) -> None:
+    """Write a surrogate, whole or not at all.
+
+    Parameters
+    ----------
+    path : Path
+        File to write; an older one is replaced only by a whole one.
+    surrogate : Surrogate
+        The surrogate.
+
+    Raises
+    ------
+    InputError
+        If it cannot be written.
+    ValueError
+        If a model is made of types that are not reviewed.
+    """
+    from skops import io
+
+    distance = surrogate.distance
+    models = {
+        "distance": vars(distance),
+        "targets": {name: _packed(each, distance) for name, each in surrogate.learnt.items()},
+    }
+    archive = io.dumps(models, compression=ZIP_DEFLATED, compresslevel=1)
+    if strangers := set(io.get_untrusted_types(data=archive)) - set(REVIEWED):
+        raise ValueError(f"models of {', '.join(sorted(strangers))} are not kept")
+    ranges = {"low": surrogate.low.tolist(), "high": surrogate.high.tolist()}
+    card = json.dumps({"card": surrogate.card} | ranges).encode()
+    body = len(card).to_bytes(8, "little") + card + archive
+    digest = hashlib.sha256(body).hexdigest()
+    with atomic(path, "surrogate") as written:
+        written.write(SURROGATE + f"format {FORMAT}\nsha256 {digest}\n".encode())
+        written.write(body)
+
+
+def _packed(learnt: Learnt, distance: Distance) -> dict[str, Any]:
+    """Return the model of a target as a pipeline of the libraries' types, arrays and numbers."""
+    intervals, growth = learnt.calibration, learnt.calibration.growth
+    if growth is not None and not np.array_equal(growth.distance.centres, distance.centres):
+        raise ValueError("errors grow with other distances than those of the surrogate")
+    estimator, trees = _without_trees(_portable(learnt.pipeline.named_steps[STEP]))
+    pipeline = copy(learnt.pipeline)
+    pipeline.steps = [pipeline.steps[0], (STEP, estimator)]
+    return {
+        "column": learnt.column,
+        "unit": learnt.unit,
+        "pipeline": pipeline,
+        "trees": trees,
+        "scaling": vars(learnt.scaling),
+        "clip": learnt.clip,
+        "bounds": learnt.bounds,
+        "borders": intervals.borders,
+        "scores": list(intervals.scores),
+        "root": intervals.root,
+        "scheme": intervals.scheme,
+        "usual": None if intervals.usual is None else vars(intervals.usual),
+        "growth": None if growth is None else growth.rate,
+    }
+
+
+def _portable(estimator: Any) -> Any:
+    """Return an estimator for a file: of its library's type, without what can be computed again."""
+    from sklearn.kernel_ridge import KernelRidge
+
+    if hasattr(estimator, "L_"):  # the factor of a Gaussian process, as large as its rows squared
+        estimator = copy(estimator)
+        estimator.L_ = None
+    if isinstance(estimator, KernelRidge):
+        plain = KernelRidge()
+        vars(plain).update(vars(estimator))
+        return plain
+    return estimator
+
+
+def _without_trees(estimator: Any) -> tuple[Any, dict[str, Values] | None]:
+    """Return an ensemble of scikit-learn with its first tree only, and all trees in two arrays.
+
+    Each of some thousand trees would take ten small files in the archive, and a millisecond.
+    """
+    if not hasattr(estimator, "estimators_"):
+        return estimator, None
+    members = np.ravel(np.array(estimator.estimators_, dtype=object)).tolist()
+    states = [each.tree_.__getstate__() for each in members]
+    trees = {
+        "counts": np.array([each["node_count"] for each in states]),
+        "depths": np.array([each["max_depth"] for each in states]),
+        "nodes": np.concatenate([each["nodes"] for each in states]),
+        "values": np.concatenate([each["values"] for each in states]),
+    }
+    alone = copy(estimator)
+    alone.estimators_ = estimator.estimators_[:1]
+    return alone, trees
+
+
+def _with_trees(estimator: Any, trees: dict[str, Values]) -> None:
+    """Put all trees into an ensemble that `_without_trees` has left its first one."""
+    first = np.ravel(np.array(estimator.estimators_, dtype=object))[0]
+    kind, sizes, _ = first.tree_.__reduce__()
+    members, start = [], 0
+    for count, depth in zip(trees["counts"].tolist(), trees["depths"].tolist(), strict=True):
+        inside = slice(start, start + count)
+        own = {"nodes": trees["nodes"][inside], "values": trees["values"][inside]}
+        member = copy(first)
+        member.tree_ = kind(*sizes)
+        member.tree_.__setstate__({"max_depth": depth, "node_count": count, **own})
+        members.append(member)
+        start += count
+    if isinstance(estimator.estimators_, np.ndarray):  # of gradient boosting, a column
+        estimator.estimators_ = np.array(members, dtype=object).reshape(-1, 1)
+    else:
+        estimator.estimators_ = members
+
+
+def load(path: Path) -> dict[str, Any]:
+    """Read the fields of a `Surrogate`.
+
+    Raises
+    ------
+    InputError
+        If the file is no surrogate, of another format, damaged, or names types that no surrogate
+        has; or if the libraries installed here cannot use its models.
+    """
+    card, low, high, archive = _content(path)
+    try:
+        from skops import io
+
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")  # models of another version of their library
+            models = io.loads(archive, trusted=list(REVIEWED))
+            distance = Distance(**models["distance"])
+            learnt = {
+                name: _unpacked(models["targets"][name], distance, card, low)
+                for name in card["targets"]
+            }
+    except Exception as error:  # what a library says of content that it does not know
+        fault = printable(" ".join(str(error).split())[:100])
+        raise InputError(
+            f"{path}: its models cannot be used here ({fault}); it was made with"
+            f" {_libraries(card)}: {_anew(path, card)}"
+        ) from None
+    return {"card": card, "learnt": learnt, "low": low, "high": high, "distance": distance}
+
+
+def _unpacked(
+    part: dict[str, Any], distance: Distance, card: Mapping[str, Any], low: Values
+) -> Learnt:
+    """Return the model of a target, after a trial if another scikit-learn has made it."""
+    import sklearn
+
+    usual, growth = part["usual"], part["growth"]
+    intervals = Calibration(
+        part["borders"],
+        tuple(part["scores"]),
+        part["root"],
+        part["scheme"],
+        None if usual is None else ErrorScale(**usual),
+        None if growth is None else Growth(distance, growth),
+    )
+    learnt = Learnt(
+        part["column"],
+        part["unit"],
+        part["pipeline"],
+        Scaling(**part["scaling"]),
+        intervals,
+        part["clip"],
+        part["bounds"],
+    )
+    estimator = learnt.pipeline.named_steps[STEP]
+    if part["trees"] is not None:
+        _with_trees(estimator, part["trees"])
+    if not isinstance(MODELS[card["model"]].estimator(0), type(estimator)):
+        raise TypeError(f"its model is no {card['model']}")
+    if sklearn.__version__ != card["versions"].get("scikit-learn"):
+        learnt.ends(low[None], learnt.raw(low[None]), 0.5)
+    return learnt
+
+
+def read_card(path: Path) -> tuple[dict[str, Any], Values, Values]:
+    """Read the card of a surrogate and the training ranges of its features; no model is loaded.
+
+    Raises
+    ------
+    InputError
+        If the file is no surrogate, of another format, or damaged.
+    """
+    return _content(path)[:3]
+
+
+def _content(path: Path) -> tuple[dict[str, Any], Values, Values, bytes]:
+    """Return card, training ranges and archive of a file, after a check of its checksum."""
+    try:
+        data = require_file(path).read_bytes()
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror or error}") from None
+    head = HEAD.match(data)
+    if head is None or int(head[1]) not in (*OLDER, FORMAT):
+        raise InputError(f"{path}: {_stranger(path, head)}")
+    body = memoryview(data)[head.end() :]
+    if hashlib.sha256(body).hexdigest() != head[2].decode():
+        raise InputError(
+            f"{path}: is damaged: its checksum is not that of its content; restore it from a copy"
+            " or fit it anew"
+        )
+    try:
+        length = 8 + int.from_bytes(body[:8], "little")
+        content = json.loads(bytes(body[8:length]))
+        card = content["card"]
+        older = _anew(path, card) if int(head[1]) in OLDER else ""
+        low, high = (np.array(content.get(end, ()), dtype=np.float64) for end in ("low", "high"))
+    except (ValueError, TypeError, KeyError, RecursionError, MemoryError) as error:
+        fault = printable(f"{type(error).__name__}: {error}"[:100])
+        raise InputError(f"{path}: is no surrogate that could be read ({fault})") from None
+    if older:
+        raise InputError(f"{path}: has format {int(head[1])}, this version reads {FORMAT}: {older}")
+    return card, low, high, bytes(body[length:])
+
+
+def _stranger(path: Path, head: re.Match[bytes] | None) -> str:
+    """Describe a file that is no surrogate of a known format."""
+    from gen.database import is_database
+
+    command = to_type("learn fit")
+    if head is not None:
+        return f"has format {int(head[1])}, this version reads {FORMAT}: fit it anew with {command}"
+    if is_database(path):
+        return f"is no surrogate; it is a database: {command} makes a surrogate of it"
+    return f"is no surrogate: make one with {command}"
+
+
+def _libraries(card: Mapping[str, Any]) -> str:
+    """Name the libraries that made the models of a card."""
+    versions = {name: str(number) for name, number in card["versions"].items() if number}
+    return printable(", ".join(f"{name} {number}" for name, number in versions.items()))
+
+
+def _anew(path: Path, card: Mapping[str, Any]) -> str:
+    """Say by which command a surrogate is fitted anew, as far as its card tells."""
+    from learn.features import SETS
+
+    databases = [each["database"] for each in card.get("databases", [card])]
+    words = [*databases, "--model", card["model"], "--features", card["features"]]
+    words += ["--target", ",".join(card["targets"]), "--seed", f"{card['seed']}"]
+    if card.get("blocks"):
+        words += ["--blocks", f"{card['blocks']}"]
+    if card.get("area_max") is not None:
+        words += ["--area-max", f"{card['area_max']:g}"]
+    if card["normalisation"] != SETS[card["features"]].normalisation:
+        words += ["--normalise", card["normalisation"]]
+    if database := card.get("calibration", {}).get("database"):
+        words += ["--calibrate-on", database]
+    first = next(iter(card["targets"].values()))
+    if origin := re.search(r"(?:tuned in|, by) (.*)", first["settings_from"]):
+        words += ["--from", str(Path(origin[1]).parent)]
+    command = " ".join(shlex.quote(str(word)) for word in [*words, "-o", path])
+    return f"fit it anew: {to_type(printable(f'learn fit {command}'))}"

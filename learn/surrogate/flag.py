@@ -1,0 +1,281 @@
+"""The flag of rows that are unlike the training: their features, distance, grid or hardness.
+
+Each feature may lie within its range and all of them together may still be unlike any surface of
+the training. The distance is Mahalanobis's, over the root of the number of features. Its limit is
+the largest distance that intervals vouch for: each group is left out in turn, and a new row of a
+group like these lies beyond the limit with a probability of 10 % at most. Where there are too few
+groups to tell what others are like, it is the distance that 99 % of the training rows keep, each
+measured from other rows: features depend on each other, and those of surfaces of another generator
+do so in other ways.
+
+A few databases are a few clouds of features with nothing between them: elastic bodies of one kind
+of surface, bodies that yield of another. Distances are then measured from the nearest of them. Its
+covariance is drawn towards the mean of all, as a database may have fewer rows than features (J. H.
+Friedman (1989), J. Am. Stat. Assoc. 84, 165, regularised discriminant analysis).
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from bem.spacing import BOUNDARIES, Boundary, node_spacing
+from learn.arrays import Indices, Values
+from learn.features import FeatureSet
+from learn.surrogate.interval import CONSTANT, quantile_over_groups
+
+SHARE = 0.9
+"""Share of the rows of a new group that lie within the limit, or more."""
+
+INSIDE = 0.99
+"""Share of the training rows that lie within the limit where groups do not decide it."""
+
+RIDGE = 0.01
+"""Added to the variances of features of deviation 1: features that repeat others, such as roots,
+leave directions without any."""
+
+ROUNDING = 1e-6
+"""Relative distance from the training's hardness within which a hardness counts as equal."""
+
+
+@dataclass(frozen=True, eq=False)
+class Distance:
+    """Distances from the training, with their limit.
+
+    Attributes
+    ----------
+    centres : ndarray, shape (k, d)
+        Mean features of the training, or of each of its databases or maps.
+    whitenings : ndarray, shape (k, d, d)
+        For each, the matrix after which differences from the mean are uncorrelated.
+    limit : float
+        Largest distance that is not flagged.
+    """
+
+    centres: Values
+    whitenings: Values
+    limit: float
+
+    def of(self, inputs: Values) -> Values:
+        """Return the distance of each row, (n,), from the nearest mean, by its features, (n, d)."""
+        nearest = np.full(len(inputs), np.inf)
+        with np.errstate(over="ignore", invalid="ignore"):
+            for centre, whitening in zip(self.centres, self.whitenings, strict=True):
+                scaled = (inputs - centre) @ whitening
+                nearest = np.minimum(nearest, np.sqrt(np.mean(scaled**2, axis=1)))
+        return nearest
+
+
+def from_training(inputs: Values, groups: Indices) -> Distance:
+    """Measure distances from training rows, (n, d); their groups, (n,), give the limit.
+
+    Each group is left out in turn.
+    """
+    found = np.empty(len(inputs))
+    for group in np.unique(groups):
+        own = groups == group
+        found[own] = _unlimited(inputs[~own]).of(inputs[own])
+    return _limited(inputs, found, groups)
+
+
+def from_others(inputs: Values, others: Values, groups: Indices) -> Distance:
+    """Measure distances from training rows, (n, d); other rows, (m, d), by group give the limit."""
+    return _limited(inputs, _unlimited(inputs).of(others), groups)
+
+
+def from_rows(inputs: Values) -> Distance:
+    """Measure distances from training rows; the limit comes from each row's from the others.
+
+    With n rows the square of the distance from the others is (n - 1) a / (n - d a), where a is the
+    square of the distance from all of them and d the number of features (Sherman and Morrison).
+
+    Parameters
+    ----------
+    inputs : ndarray, shape (n, d)
+        Features of two training rows or more.
+    """
+    whole, (rows, features) = _unlimited(inputs), inputs.shape
+    squares = np.minimum(features * np.square(whole.of(inputs)), 0.999 * rows)
+    others = np.sqrt((rows - 1) * squares / (rows - squares) / features)
+    limit = float(np.quantile(others, INSIDE, method="higher"))
+    return replace(whole, limit=limit)
+
+
+def from_groups(inputs: Values, labels: Indices, parts: Indices) -> Distance:
+    """Measure distances from the nearest group of the training rows, or from all if it is one.
+
+    The limit comes from the distances of the rows of each part from the other parts.
+
+    Parameters
+    ----------
+    inputs : ndarray, shape (n, d)
+        Features of the training rows.
+    labels, parts : ndarray of int, shape (n,)
+        Group and part of each row.
+    """
+    found = np.full(len(inputs), np.nan)
+    for part in np.unique(parts):
+        own = parts == part
+        known = own & np.isin(labels, labels[~own])  # from groups that lie in several parts
+        found[known] = _unlimited(inputs[~own], labels[~own]).of(inputs[known])
+    if np.unique(labels).size < 2 or np.isnan(found).all():
+        return from_rows(inputs)
+    limit = float(np.nanquantile(found, INSIDE, method="higher"))
+    return replace(_unlimited(inputs, labels), limit=limit)
+
+
+def squares_from(inputs: Values, labels: Indices, unseen: Indices, mine: Indices) -> Values:
+    """Return squared distances of the rows `mine` from those that a model has seen.
+
+    It has not seen the rows `unseen` of the training rows, (n, d), whose groups are `labels`, (n,).
+    """
+    seen = _unlimited(np.delete(inputs, unseen, axis=0), np.delete(labels, unseen))
+    return np.square(seen.of(inputs[mine]))
+
+
+def _limited(inputs: Values, found: Values, groups: Indices) -> Distance:
+    """Return distances with the limit that a new group keeps, by the distances of known ones."""
+    scores = tuple(np.sort(found[groups == each]) for each in np.unique(groups))
+    return replace(_unlimited(inputs), limit=quantile_over_groups(scores, SHARE))
+
+
+def _unlimited(inputs: Values, labels: Indices | None = None) -> Distance:
+    """Return the distances from some rows, or from the nearest of their groups, without a limit."""
+    labels = np.zeros(len(inputs), dtype=np.int64) if labels is None else labels
+    features, deviation = inputs.shape[1], inputs.std(axis=0)
+    groups = [inputs[labels == label] for label in np.unique(labels)]
+    # A new value of a feature that is constant, in every group, is flagged by its range.
+    least = CONSTANT * np.abs(inputs).max(axis=0)
+    varying = np.any([own.std(axis=0) > least for own in groups], axis=0)
+    scale = np.where(varying, deviation, np.inf)
+    means = [own.mean(axis=0) for own in groups]
+    units = [(own - mean) / scale for own, mean in zip(groups, means, strict=True)]
+    squares = [unit.T @ unit for unit in units]
+    shared = np.sum(squares, axis=0) / len(inputs)
+    whitenings = []
+    for own, products in zip(groups, squares, strict=True):
+        covariance = (products + features * shared) / (len(own) + features)
+        inverse = np.linalg.inv(covariance + RIDGE * np.eye(features))
+        whitenings.append(np.linalg.cholesky(inverse) / scale[:, None])
+    return Distance(np.array(means), np.array(whitenings), np.inf)
+
+
+def joined(*reasons: str) -> str:
+    """Write reasons, of which some may be empty, one after the other."""
+    return "; ".join(filter(None, reasons))
+
+
+def reasons_of(
+    inputs: Values,
+    notes: Sequence[str],
+    features: FeatureSet,
+    ranges: tuple[Values, Values],
+    distance: Distance,
+) -> tuple[str, ...]:
+    """Return why each row is outside the training; "" if it is inside.
+
+    Parameters
+    ----------
+    inputs : ndarray, shape (n, d)
+        Features.
+    notes : sequence of str
+        Reasons that are known of the n rows, which stand first; "" if there is none.
+    features : FeatureSet
+        The feature set.
+    ranges : tuple of ndarray, each of shape (d,)
+        Ends of the training ranges of the features.
+    distance : Distance
+        Distances from the training.
+    """
+    (low, high), far = ranges, distance.of(inputs)
+    outside = (inputs < low) | (inputs > high)
+    found = list(notes)
+    for row in np.flatnonzero(outside.any(axis=1) | (far > distance.limit)).tolist():
+        beyond = [
+            f"{features.columns[place]} {inputs[row, place]:.4g} outside {low[place]:.4g} to"
+            f" {high[place]:.4g}"
+            for place in np.flatnonzero(outside[row])
+        ]
+        if far[row] > distance.limit:
+            text = f"distance from the training {far[row]:.4g} outside 0 to {distance.limit:.4g}"
+            beyond.insert(0, text)
+        found[row] = joined(notes[row], *beyond)
+    return tuple(found)
+
+
+def grid_note(
+    card: Mapping[str, Any],
+    features: FeatureSet,
+    shape: tuple[int, int],
+    sides: tuple[float, float],
+) -> str:
+    """Return how a grid differs from the training's; "" if it does not.
+
+    Parameters
+    ----------
+    card : mapping of str to object
+        Card of the surrogate.
+    features : FeatureSet
+        Feature set; one with units binds the surrogate to its side and spacing.
+    shape : tuple of int
+        Nodes along both axes.
+    sides : tuple of float
+        Scan lengths [um].
+    """
+    said = []
+    grids = list(dict.fromkeys(pair(each, "nodes") for each in card.get("databases", [card])))
+    if shape not in grids and not features.needs_nodes:
+        trained = ", ".join(f"{nodes[0]:g} x {nodes[1]:g}" for nodes in grids)
+        said.append(f"{shape[0]} x {shape[1]} nodes, trained on {trained}")
+    own = pair(card, "side")
+    if not np.isclose(sides[0] * own[1], sides[1] * own[0], rtol=1e-3):
+        trained = "square patches" if own[0] == own[1] else f"{own[0]:.6g} x {own[1]:.6g} um"
+        said.append(f"{sides[0]:.6g} x {sides[1]:.6g} um, trained on {trained}")
+    elif not features.scaled and not np.isclose(sides[0], own[0], rtol=1e-3):
+        said.append(f"side {sides[0]:.6g} um, trained on {own[0]:.6g} um")
+    if features.scaled or features.needs_nodes:  # whose nodes are in their range or not
+        return joined(*said)
+    boundary = boundary_of(card)
+    for nodes, side, usual in zip(shape, sides, pair(card, "spacing"), strict=True):
+        spacing = node_spacing(max(nodes, 2), side, boundary)
+        if not np.isclose(spacing, usual, rtol=0.02):
+            said.append(f"spacing {spacing:.4g} um, trained on {usual:.4g} um")
+            break
+    return joined(*said)
+
+
+def pair(card: Mapping[str, Any], name: str) -> tuple[float, float]:
+    """Return an entry of a card along x and y: "nodes" [1], "side" or "spacing" [um]."""
+    first, second = card[name]
+    return float(first), float(second)
+
+
+def boundary_of(card: Mapping[str, Any]) -> Boundary:
+    """Return the boundary of the training's patches; the card of free patches has no such entry."""
+    (boundary,) = (each for each in BOUNDARIES if each == card.get("boundary", "free"))
+    return boundary
+
+
+def between(limits: tuple[float, float]) -> str:
+    """Describe a range of the hardness over E*: "0.003 to 0.1", or "0.01" for a fixed one."""
+    low, high = limits
+    return f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
+
+
+def hardness_note(
+    limits: tuple[float, float] | None, hardness_ratio: float | None, *, elastic: bool = False
+) -> str:
+    """Return how a hardness over E* lies outside the limits of the training; "" if it does not.
+
+    Where elastic bodies are in the training, they are the end of the harder ones.
+    """
+    if limits is None or hardness_ratio is None:
+        return ""
+    low, high = limits
+    least, most = low * (1 - ROUNDING), np.inf if elastic else high * (1 + ROUNDING)
+    if least <= hardness_ratio <= most:
+        return ""
+    return (
+        f"hardness/E* {hardness_ratio:.4g} outside {low:.4g} to {np.inf if elastic else high:.4g}"
+    )

@@ -1,0 +1,486 @@
+"""Contact laws that a surrogate predicts, or the solver with its material and range.
+
+A law is area, force, mean gap and closure against Delta and nominal pressure: that of one surface,
+or the mean and quantiles over the surfaces of a population, with the numbers and writers of
+`gen.law`.
+
+Where no surrogate was trained on the mean gap, it follows from the force: it is (z_max - mean z) -
+Delta plus the mean displacement. The latter is linear in the pressures and, for a given patch,
+nearly F / (E* L) times a number that depends on the place of the load, and that comes from the
+coarse contact solve.
+
+The surrogate predicts at given Delta. At a given pressure p, Delta is the point at which the curve
+of the pressure reaches p; area and mean gap are the values of their curves at that Delta. The
+interval follows by inversion of the ends of the pressure's interval: Delta is at least the point at
+which the upper end reaches p, and at most the point at which the lower end does. Area and mean gap
+lie between the ends of their own intervals at these two Deltas. This holds whenever both intervals
+do; it is wider than an interval made for given pressures, because the errors of area and force are
+correlated. For a population the curves of each surface are inverted, and the band is that of the
+results.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bem.derived.stiffness import without_patch
+from bem.spacing import Boundary
+from gen.law import Law, contact_law
+from gen.law.contact_law import STEPS, law_of, solved_law, usual_loads
+from gen.law.curves import STIFFNESS, Curves, Points, continued, monotone, slopes, tabulated
+from gen.law.surfaces import LawSurface, LawSurfaces, is_scene, read_subjects, scene_of
+from gen.material import Bodies
+from gen.runtime.errors import InputError
+from gen.runtime.terminal import RunProgress
+from learn.arrays import Values
+from learn.features import SurfaceFeatures, Undefined
+from learn.surrogate.model import OnSurface, Surrogate
+
+BEYOND = (1.15, 1.4, 2.0, 3.0)
+"""Further Deltas to predict, over the last one: some surfaces reach a pressure late."""
+
+ESTIMATED_GAP = (
+    "warning: the mean gap of bodies that yield is a coarse estimate: fit one with --target"
+    " area,force,mean_gap"
+)
+
+STIFFNESSES = {"stiffness", "interface_stiffness"}
+"""Targets that give the stiffness of the interface."""
+
+YIELDING_STIFFNESS = (
+    "the conductance of bodies that yield follows from their stiffness of unloading, which is no"
+    " slope of the force: fit a surrogate with --target area,force,stiffness, or solve the law"
+)
+
+CORRECTED = 0.01
+"""Correction for monotone curves, over the largest value, above which there is a warning."""
+
+FINE = 20
+"""Steps into which an interval of Delta is divided to invert the cubic in it."""
+
+ROUNDING = 1e-12
+"""Relative distance beyond the last pressure within which a pressure counts as the last one."""
+
+
+@dataclass(frozen=True)
+class Order(contact_law.Order):
+    """A request for a law of a surrogate.
+
+    Attributes
+    ----------
+    solver : bool
+        True to solve instead of predicting.
+
+    E*, hardness, boundary and range of Delta are those of the training where they are not given.
+    """
+
+    solver: bool = False
+
+
+def make(surrogate: Surrogate | None, order: Order, say: Callable[[str], None]) -> Law:
+    """Make a law; `say` is called with a line for the user about each file.
+
+    Where contacts are solved the surrogate may be None; otherwise its E*, hardness, boundary and
+    range of Delta stand in for those that are not given.
+
+    Raises
+    ------
+    InputError
+        For input that cannot be used, or a pressure that the law does not reach.
+    """
+    if not order.solver:
+        _check_surrogate(surrogate)
+    deltas, pressures = order.loads()
+    boundary = _boundary(surrogate, order)
+    subjects = read_subjects(order.inputs, order.surfaces, order.reading, boundary, say)
+    left_out: list[str] = []
+    if surrogate is not None and not order.solver:
+        kept, left_out = _defined(surrogate, subjects.surfaces)
+        subjects = replace(subjects, surfaces=kept)
+    bodies = _bodies(surrogate, order, subjects)
+    if deltas is None and (pressures is None or not order.solver):
+        if surrogate is None:
+            deltas, pressures = usual_loads(subjects, bodies.e_star)
+        else:
+            low, high = surrogate.card["delta"]
+            deltas = np.unique(np.linspace(float(low), float(high), STEPS))
+    if order.solver:
+        return solved_law(order, subjects, bodies, (deltas, pressures))
+    assert surrogate is not None
+    assert deltas is not None
+    stiffness = order.stiffness or order.conductivities is not None
+    tables = _tables(
+        surrogate, subjects.surfaces, deltas, pressures, order.level, bodies, stiffness=stiffness
+    )
+    tables = (*tables[:2], [*left_out, *tables[2]])
+    said = f"predicted by {surrogate.card['title']}", f"{100 * order.level:g} % conformal interval"
+    return law_of(order, subjects, bodies, tables, said)
+
+
+def _check_surrogate(surrogate: Surrogate | None) -> None:
+    if surrogate is None:
+        raise InputError("a law needs a surrogate, or --solver, which needs none")
+    if not {"area", "force"} <= set(surrogate.learnt):
+        raise InputError("a law needs a surrogate of both area and force: fit --target both")
+
+
+def _boundary(surrogate: Surrogate | None, order: Order) -> Boundary:
+    """Return the boundary of the options, the surrogate or the first scene; else mirror."""
+    if surrogate is not None and order.boundary in {None, surrogate.boundary}:
+        return surrogate.boundary
+    if surrogate is not None and not order.solver:
+        raise InputError(
+            f"--boundary {order.boundary}: the surrogate was trained on patches with a"
+            f" {surrogate.boundary} one: leave that out, or fit one to a database of this boundary"
+        )
+    if order.boundary is not None:
+        return order.boundary
+    scenes = [text for text in order.inputs if is_scene(text)]
+    return scene_of(scenes[0]).contact.boundary if scenes else "mirror"
+
+
+def _bodies(surrogate: Surrogate | None, order: Order, subjects: LawSurfaces) -> Bodies:
+    """Return E* and hardness of the options, the surrogate's training or the scenes; else 1 MPa."""
+    e_star, hardness = order.e_star, order.hardness
+    if e_star is None:
+        e_star = (subjects.modulus() or 1.0) if surrogate is None else surrogate.modulus
+    if hardness is None and (ratio := subjects.hardness_ratio()) is not None:
+        hardness = ratio * e_star
+    if surrogate is not None and not (order.solver and hardness is not None):
+        ratio = surrogate.hardness_ratio(hardness, e_star)
+        hardness = None if ratio is None else ratio * e_star
+    return Bodies(e_star, hardness, known=order.e_star is not None)
+
+
+def _defined(
+    surrogate: Surrogate, surfaces: Sequence[LawSurface]
+) -> tuple[Sequence[LawSurface], list[str]]:
+    """Return the surfaces whose statistics the surrogate needs, and a line if any were left out.
+
+    InputError is raised if no surface is left.
+    """
+    kept, faults = [], []
+    for surface in surfaces:
+        try:
+            _features(surface).require_statistics(surrogate.features)
+        except Undefined as fault:
+            faults.append(fault)
+        else:
+            kept.append(surface)
+    if not kept:
+        raise faults[0]
+    if not faults:
+        return surfaces, []
+    many = f"{len(faults)} of {len(surfaces)} surfaces were left out"
+    return kept, [f"warning: {many}, the first: {faults[0]}"]
+
+
+def _tables(
+    surrogate: Surrogate,
+    surfaces: Sequence[LawSurface],
+    deltas: Values,
+    pressures: Values | None,
+    level: float,
+    bodies: Bodies,
+    *,
+    stiffness: bool = False,
+) -> tuple[Curves, Curves, list[str]]:
+    """Predict all surfaces; tabulate against Delta and against pressure.
+
+    Parameters
+    ----------
+    surrogate : Surrogate
+        Surrogate of area and force.
+    surfaces : sequence of LawSurface
+        One surface or more.
+    deltas : ndarray, shape (k,)
+        Ascending displacements above 0 [um].
+    pressures : ndarray, shape (m,) or None
+        Ascending pressures of 0 or more; None for those at the displacements [MPa].
+    level : float
+        Coverage of the band.
+    bodies : Bodies
+        E* and hardness.
+    stiffness : bool
+        Whether the stiffness is asked for. If the surrogate has not learnt it, it is the slope of
+        the force of elastic bodies.
+
+    Returns
+    -------
+    over_delta, over_pressure : Curves
+        Tables against Delta and against pressure.
+    warnings : list of str
+        Warnings, one line each.
+
+    Raises
+    ------
+    InputError
+        For a pressure that the law does not reach, and for the stiffness of bodies that yield if
+        the surrogate has not learnt it.
+    """
+    learnt = STIFFNESSES & surrogate.learnt.keys()
+    if stiffness and bodies.hardness is not None and not learnt:
+        raise InputError(YIELDING_STIFFNESS)
+    parts, whole, corrections = [], [], []
+    with RunProgress(len(surfaces), "surfaces") as progress:
+        for surface in surfaces:
+            on_surface = OnSurface(surrogate, _features(surface))
+            raw = predicted_points(on_surface, surface, deltas, level, bodies)
+            raw = raw.from_rest(surface.gap_at_rest)
+            smooth, correction = monotone(raw)
+            extended = _extended(smooth, on_surface, surface, level, bodies)
+            if stiffness and not learnt:
+                smooth, extended = (_with_stiffness(p, surface, bodies) for p in (smooth, extended))
+            parts.append(smooth)
+            whole.append(extended)
+            corrections.append(correction)
+            progress.advance(1, 0)
+    rest = float(np.mean([surface.gap_at_rest for surface in surfaces]))
+    over_delta = tabulated("delta_um", np.append(0.0, deltas), parts, level, rest)
+    notes = [*_unknown(over_delta), *_corrected(over_delta, corrections)]
+    if bodies.hardness is not None and "mean_gap" not in surrogate.learnt:
+        notes.append(ESTIMATED_GAP)
+    chosen, late = _pressures(over_delta, whole, pressures)
+    inverted = [at_pressures(each, chosen) for each in whole]
+    return over_delta, tabulated("pressure_MPa", chosen, inverted, level, rest), [*notes, *late]
+
+
+def predicted_points(
+    on_surface: OnSurface, subject: LawSurface, deltas: Values, level: float, bodies: Bodies
+) -> Points:
+    """Predict the law of one surface at ascending displacements above 0, (k,) [um].
+
+    InputError is raised if a prediction is not finite.
+    """
+    e_star, hardness = bodies.e_star, bodies.hardness
+    answer = on_surface.predict(deltas, e_star=e_star, hardness=hardness, level=level)
+    for name, predictions in answer.values.items():
+        if not np.isfinite(predictions).all():
+            place = int(np.argmin(np.isfinite(predictions)))
+            raise InputError(
+                f"{subject.name}: the surrogate has no finite {name} at Delta ="
+                f" {deltas[place]:.4g} um: no law can be made of it"
+            )
+    parts: list[dict[str, Values]] = []
+    for ends in (answer.values, answer.low, answer.high):
+        gap = ends.get("mean_gap")
+        if gap is None:  # which rises with the force
+            gap = _mean_gap(on_surface, deltas, ends["force"] / e_star, bodies)
+        learnt = STIFFNESSES & ends.keys()
+        found = {STIFFNESS: _learnt_stiffness(ends, subject, bodies)} if learnt else {}
+        parts.append(
+            {
+                **found,
+                "area_percent": ends["area"],
+                "force_uN": ends["force"],
+                "mean_gap_um": gap,
+                "pressure_MPa": ends["force"] / subject.nominal,
+            }
+        )
+    values, low, high = parts
+    behind = subject.patch_compliance(e_star)
+    closure = np.maximum(deltas - behind * values["pressure_MPa"], 0.0)
+    return Points({"delta_um": deltas, **values, "closure_um": closure}, low, high, answer.reasons)
+
+
+def _mean_gap(on_surface: OnSurface, deltas: Values, force: Values, bodies: Bodies) -> Values:
+    """Return the mean gap from forces over E*, (k,) [um]."""
+    surface = on_surface.surface
+    heights = surface.heights
+    rest = float(heights.max()) - float(heights.mean())
+    coarse = [surface.coarse_means(float(delta), bodies.hardness_ratio) for delta in deltas]
+    compliance, yielded = np.array(coarse).reshape(-1, 2).T
+    free = surface.boundary == "free"
+    mean = compliance * force / surface.length if free else 0.0  # displacement
+    return np.asarray(np.maximum(rest - deltas + mean + yielded, 0.0))
+
+
+def _features(subject: LawSurface) -> SurfaceFeatures:
+    """Return a surface as one whose features can be computed."""
+    heights, sides, spacing = subject.heights, subject.sides, subject.spacing
+    return SurfaceFeatures(heights, sides, spacing, subject.name, subject.boundary)
+
+
+def _learnt_stiffness(ends: dict[str, Values], subject: LawSurface, bodies: Bodies) -> Values:
+    """Return the stiffness of the interface per nominal area from what was learnt [MPa / um]."""
+    if "interface_stiffness" in ends:
+        return ends["interface_stiffness"] / subject.nominal
+    return _of_interface(ends["stiffness"] / subject.nominal, subject, bodies)
+
+
+def _with_stiffness(points: Points, subject: LawSurface, bodies: Bodies) -> Points:
+    """Add the stiffness of the interface, the slope of the pressure of elastic bodies.
+
+    The compliance of the half-space behind a free patch is taken out of it.
+    """
+    rising = slopes(points.values["delta_um"], points.values["pressure_MPa"], 0.0)
+    found = _of_interface(rising, subject, bodies)
+    return replace(points, values={**points.values, STIFFNESS: found})
+
+
+def _of_interface(stiffness: Values, subject: LawSurface, bodies: Bodies) -> Values:
+    """Take the patch's compliance out of stiffnesses per nominal area, (k,) [MPa / um]."""
+    behind = subject.patch_compliance(bodies.e_star)
+    patch = 1 / behind if behind else np.inf
+    return np.array([without_patch(each, patch) for each in stiffness])
+
+
+def _extended(
+    points: Points, on_surface: OnSurface, surface: LawSurface, level: float, bodies: Bodies
+) -> Points:
+    """Extend the law to larger displacements, where they can be predicted."""
+    further = points.values["delta_um"][-1] * np.array(BEYOND)
+    try:
+        return continued(points, predicted_points(on_surface, surface, further, level, bodies))
+    except InputError:
+        return points
+
+
+def _unknown(over_delta: Curves) -> list[str]:
+    """Warn of displacements outside the training."""
+    beyond = sum(share > 0 for share in over_delta.outside)
+    if not beyond:
+        return []
+    many = f"{beyond} of {over_delta.at.size - 1} displacements"
+    line = f"warning: {many} are outside the training ranges for one surface or more"
+    if over_delta.flagged.any():
+        line += "; outside, neither closure nor stiffness is given (-)"
+    return [line]
+
+
+def _corrected(over_delta: Curves, corrections: Sequence[Points]) -> list[str]:
+    """Warn of curves that were far from monotone."""
+    lines = []
+    for name in set(over_delta.names) & corrections[0].values.keys():  # slopes are not corrected
+        change = np.mean([each.values[name] for each in corrections], axis=0)
+        largest = np.nanmax(np.abs(over_delta.curves[name].value)) or 1.0
+        if np.abs(change).max() > CORRECTED * largest:
+            fell, rising = ("rose", "falling") if name == "mean_gap_um" else ("fell", "rising")
+            lines.append(
+                f"warning: the surrogate's curve of {name} {fell} with the load; shown is the"
+                f" nearest {rising} one"
+            )
+    return sorted(lines)
+
+
+def _pressures(
+    over_delta: Curves, whole: Sequence[Points], asked: Values | None
+) -> tuple[Values, list[str]]:
+    """Return the pressures to tabulate [MPa], and a note where the default ones end early."""
+    mean = over_delta.curves["pressure_MPa"].value
+    last = f"Delta = {over_delta.at[-1]:.4g} um"
+    if not mean[-1] > 0:
+        raise InputError("the law has no force at all: nothing to tabulate against pressure")
+    reach = min(float(each.values["pressure_MPa"].max()) for each in whole)
+    if asked is None:
+        usual = np.unique(mean)  # as close as Delta's where it is small
+        if usual[-1] <= reach:
+            return usual, []
+        kept = np.append(usual[usual < reach], reach)
+        text = f"the table against pressure ends at {reach:.4g} MPa: not all surfaces reach more"
+        return kept, [text]
+    if asked[-1] > mean[-1]:
+        raise InputError(
+            f"--pressure {asked[-1]:.6g}: the law ends at {mean[-1]:.6g} MPa, {last}: give a larger"
+            " --delta"
+        )
+    if asked[-1] > reach:
+        raise InputError(
+            f"--pressure {asked[-1]:.6g}: a surface reaches {reach:.6g} MPa only near {last}: give"
+            " a larger --delta, or smaller pressures"
+        )
+    return asked, []
+
+
+def at_pressures(points: Points, pressures: Values) -> Points:
+    """Evaluate the law of one surface at ascending pressures that it reaches, (m,) [MPa].
+
+    The points are monotone, from first touch on. Where an end of an interval lies beyond the law or
+    outside the training, the interval is NaN and the reason says so.
+    """
+    deltas = points.values["delta_um"]
+    at = _inverse(deltas, points.values["pressure_MPa"], pressures, first=True)
+    values = {
+        "delta_um": at,
+        "area_percent": _cubic(deltas, points.values["area_percent"])(at),
+        "mean_gap_um": _cubic(deltas, points.values["mean_gap_um"])(at),
+        "closure_um": _cubic(deltas, points.values["closure_um"])(at),
+    }
+    if STIFFNESS in points.values:
+        values[STIFFNESS] = _read(deltas, points.values[STIFFNESS], at)
+    reasons = _reasons(points, at)
+    if not points.low:
+        return Points(values, reasons=reasons)
+    least, most = _ends_of_delta(points, pressures, at)
+    low, high = {"delta_um": least}, {"delta_um": most}
+    for name, (one, other) in {"area_percent": (least, most), "mean_gap_um": (most, least)}.items():
+        low[name] = _read(deltas, points.low[name], one)
+        high[name] = _read(deltas, points.high[name], other)
+    if STIFFNESS in points.low:
+        low[STIFFNESS] = _read(deltas, points.low[STIFFNESS], least)
+        high[STIFFNESS] = _read(deltas, points.high[STIFFNESS], most)
+    unknown = np.isnan(least) | np.isnan(most)
+    said = []
+    ends = zip(_reasons(points, least), _reasons(points, most), unknown, strict=True)
+    for lower, upper, nowhere in ends:
+        end = "beyond the last displacement" if nowhere else lower or upper
+        said.append(f"its interval ends {end if nowhere else f'where {end}'}" if end else "")
+    return Points(values, low, high, reasons, tuple(said))
+
+
+def _ends_of_delta(points: Points, pressures: Values, at: Values) -> tuple[Values, Values]:
+    """Return the least and most Delta at given pressures, each (m,); NaN beyond the law [um]."""
+    deltas = points.values["delta_um"]
+    low, high = points.low["pressure_MPa"], points.high["pressure_MPa"]
+    nowhere = np.full_like(at, np.nan)
+    least, most = nowhere, nowhere
+    if np.isfinite(high).all():
+        least = np.minimum(_inverse(deltas, high, pressures, first=True), at)
+    if np.isfinite(low).all():
+        most = np.maximum(_inverse(deltas, low, pressures, first=False), at)
+    return least, most
+
+
+def _inverse(deltas: Values, reach: Values, pressures: Values, *, first: bool) -> Values:
+    """Return the Delta at which a rising pressure reaches given ones, (m,); NaN beyond its end.
+
+    The curve is given by pressures `reach` at `deltas`, each (k,) [MPa, um]. Of a level stretch it
+    is the beginning if `first`, else the end. No pressure is at first touch.
+    """
+    shares = np.arange(FINE) / FINE
+    fine = np.append((deltas[:-1, None] + np.diff(deltas)[:, None] * shares).ravel(), deltas[-1])
+    curve = np.maximum.accumulate(_cubic(deltas, reach)(fine))
+    rises = np.diff(curve) > 0
+    kept = np.concatenate([[True], rises] if first else [rises, [True]])
+    end = curve[-1]
+    asked = np.where(pressures <= end * (1 + ROUNDING), np.minimum(pressures, end), pressures)
+    deltas_at = np.interp(asked, curve[kept], fine[kept], right=np.nan)
+    return np.where(pressures > 0, deltas_at, 0.0)
+
+
+def _read(deltas: Values, values: Values, at: Values) -> Values:
+    """Interpolate between points, (m,); NaN at NaN, and next to an interval without an end."""
+    if np.isfinite(values).all():
+        return _cubic(deltas, values)(at)
+    with np.errstate(invalid="ignore"):
+        return np.interp(at, deltas, values)
+
+
+def _cubic(arguments: Values, values: Values) -> Callable[[Values], Values]:
+    """Return the monotone cubic through the points."""
+    from scipy.interpolate import PchipInterpolator
+
+    interpolation: Callable[[Values], Values] = PchipInterpolator(arguments, values)
+    return interpolation
+
+
+def _reasons(points: Points, at: Values) -> tuple[str, ...]:
+    """Return why Deltas between points lie outside the training: because a neighbour does."""
+    deltas = points.values["delta_um"]
+    above = np.searchsorted(deltas, at).clip(0, deltas.size - 1)
+    below = np.where(deltas[above] == at, above, (above - 1).clip(0))
+    return tuple(
+        points.reasons[one] or points.reasons[other]
+        for one, other in zip(below, above, strict=True)
+    )

@@ -1,0 +1,89 @@
+"""Tests of the study of windows of maps: each row is judged once, by surrogates of the others."""
+
+import numpy as np
+import pytest
+
+from bench import __main__ as bench
+from bench.contents import Figure, Table, Words, contents_of
+from bench.made_maps import MAPS
+from bench.surrogates import scans as study
+from bench.surrogates.scans import Judged, judged_scans, scans
+from gen.database import Reader
+from gen.runtime.errors import InputError
+
+pytestmark = pytest.mark.long
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A folder with the study of few small windows, and what it found."""
+    folder = tmp_path_factory.mktemp("scans")
+    with pytest.MonkeyPatch.context() as few:
+        few.setattr(study, "ONE_INSTRUMENT", [each for each in MAPS if each.number == 0])
+        return folder, judged_scans(folder, 200, [32])
+
+
+def test_every_row_is_judged_once_by_surrogates_of_the_others(made):
+    folder, (tiles, maps) = made
+    assert (tiles.left_out, maps.left_out) == ("unseen tiles", "maps left out")
+    with Reader(folder / "databases" / "windows-32.h5") as reader:
+        area, tile, index = (reader.column(name) for name in ("area_percent", "tile", "map"))
+    assert np.array_equal(tiles.truth, maps.truth)
+    assert set(tiles.truth) <= set(area)
+    request = study.request_for(folder / "databases/windows-32.h5", "kernel-ridge", "hybrid", None)
+    rows = study.read(request)
+    for by_map in (False, True):
+        tested = list(study._tests(rows, index[rows.rows], by_map=by_map))
+        assert np.array_equal(np.sort(np.concatenate(tested)), np.arange(rows.size))
+        for test in tested:
+            kept = np.setdiff1d(np.arange(rows.size), test)
+            train, folds = study._ordered(rows, kept)
+            places = [set(tile[rows.rows[part]]) for part in (test, train)]
+            assert not places[0] & places[1]
+            assert np.array_equal(np.sort(train), kept)
+            for tiled in np.unique(rows.groups[train]):
+                assert np.unique(folds[rows.groups[train] == tiled]).size == 1
+            assert set(folds) == set(range(study.FOLDS))
+            if by_map:
+                assert np.unique(index[rows.rows[test]]).size == 1
+
+
+def test_the_report_has_a_row_for_each_map(made, monkeypatch, tmp_path):
+    _, found = made
+    monkeypatch.setattr(study, "judged_scans", lambda *_: found)
+    assert bench.main(["scans", "-o", str(tmp_path)]) == 0
+    kinds = [type(each) for each in contents_of("scans", tmp_path)]
+    assert kinds == [Figure, Words, Table]
+    written = scans(tmp_path, 200, [32], 0)
+    rows = list(written.tables["scans"])
+    assert len(rows) == 2 * 6
+    every, *each = rows[:6]
+    assert every["rows"] == sum(row["rows"] for row in each) == found[0].truth.size
+    assert {row["map"] for row in each} == set(found[0].names)
+    assert every["r2"] > 90
+    assert written.text.count("R2") == 2
+    assert written.text.count("asked: 99.5 % at least, 4 % at most") == 1
+
+
+def test_scores_are_those_of_the_rows():
+    truth = np.array([1.0, 4.0, 9.0, 16.0])
+    root = np.array([1.1, 2.1, 3.15, 4.25])  # off by 1, 1, 1.5 and 2.5 half widths
+    low, high = (root - 0.1) ** 2, (root + 0.1) ** 2
+    low[:2] -= 1e-9
+    flagged = np.array([1, 0, 1, 0], dtype=bool)
+    maps = np.array([0, 0, 1, 1])
+    judged = Judged(9, "maps left out", maps, ("a", "b"), truth, root**2, low, high, flagged)
+    row, first, second = judged.rows()
+    assert row["nmae"] == pytest.approx(100 * np.abs(root**2 - truth).mean() / truth.mean())
+    assert (row["covered"], row["flagged"], row["covered_unflagged"]) == (0.5, 0.5, 0.5)
+    assert row["width"] == pytest.approx(0.4 * root.mean())
+    assert row["outside_flagged"] == 0.5
+    assert (row["wrong"], row["wrong_flagged"]) == (1, 0.0)
+    assert np.isnan(first["wrong_flagged"]), "nothing is wrong"
+    assert second["covered"] == 0.0
+
+
+def test_few_rows_are_refused(tmp_path):
+    with pytest.raises(InputError, match="--rows 50: give 200 or more, ten of each map"):
+        judged_scans(tmp_path, 50, [32])
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,74 @@
+"""The lines at the top of the page: answers are computed from the tables, or are not there."""
+
+from pathlib import Path
+
+from bench.answers import comparison, hertz, lines, peers
+from bench.record import Inputs, read
+from bench.report import PARTS
+
+RESULTS = Path(__file__).resolve().parents[2] / "bench" / "results"
+
+
+def test_all_questions_are_answered_by_what_is_published():
+    inputs = Inputs(RESULTS, None, None, full=True)
+    found = lines(PARTS, inputs)
+    assert len(found) == 11
+    assert all(line.answer.endswith(".") and len(line.answer) < 280 for line in found)
+    parts = {part.name: part for part in PARTS}
+    for line in found:
+        record = read(inputs.making(parts[line.part]).path)
+        assert record is not None
+        assert inputs.command(parts[line.part], record.command) == line.commands[0]
+        assert str(RESULTS) not in line.commands[0]
+    (tuned,) = (line for line in found if line.part == "comparison")
+    assert [command.split()[3] for command in tuned.commands] == ["compare", "tune"]
+
+
+def test_what_is_not_there_is_not_listed(tmp_path):
+    (tmp_path / "grow").mkdir()
+    (tmp_path / "grow" / "grow.csv").write_text("asked,seed\n3,1\n")  # lacks what is asked
+    assert lines(PARTS, Inputs(tmp_path, None, None, full=False)) == []
+
+
+def test_a_comparison_that_was_given_has_an_answer_and_no_command_that_nobody_ran(tmp_path):
+    given = tmp_path / "given" / "area"
+    given.mkdir(parents=True)
+    (given / "scores.csv").write_text("model,r2,paper_r2\nmlp,99.77,\nsvm,,\n")
+    (line,) = lines(PARTS, Inputs(tmp_path / "page", None, given.parent, full=False))
+    assert line.answer.endswith("the best of nine models (mlp) reaches R2 99.77 % of the area.")
+    assert line.commands == ()
+
+
+def test_models_that_failed_are_no_answer():
+    assert comparison([{"model": "svm", "r2": "", "paper_r2": ""}]) == ""
+
+
+def test_the_error_is_that_of_the_finest_grid_at_the_largest_displacement():
+    table = [
+        ("hertz", "", "0.5", "4"),
+        ("hertz", "", "1.0", "10"),
+        ("uniform-pressure", "64.0", "1.0", "12"),
+        ("uniform-pressure", "128.0", "1.0", "10.1"),
+        ("uniform-pressure", "128.0", "0.5", "9"),
+    ]
+    names = ("solution", "nodes", "delta_um", "force_uN")
+    assert "within 1 % of Hertz's, 128 nodes" in hertz(
+        [dict(zip(names, row, strict=True)) for row in table]
+    )
+
+
+def test_the_fastest_other_solver_is_chosen_case_by_case():
+    table = [
+        ("1", "bem", "1"),
+        ("1", "A", "5"),
+        ("1", "B", "9"),
+        ("2", "A", "8"),
+        ("2", "B", "7"),
+        ("2", "paper's NNLS", "2"),
+        ("2", "C", ""),  # did not get there
+    ]
+    rows = [
+        {"nodes": "9", "hurst": "1", "delta_um": delta, "solver": solver, "times_ours": times}
+        for delta, solver, times in table
+    ]
+    assert "takes 5 to 7 times" in peers(rows)

@@ -1,0 +1,109 @@
+"""Tests of the made maps: their kinds have the properties that they claim, and files keep them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bench.made_maps import (
+    KINDS,
+    MAPS,
+    ONE_INSTRUMENT,
+    SPIKE,
+    Faults,
+    MadeMap,
+    measured,
+    surface,
+    write,
+    write_all,
+)
+from gen.maps.prepare import prepare
+from gen.maps.settings import Reading
+from tests.maps import read
+
+by_map = pytest.mark.parametrize("made", MAPS, ids=lambda made: made.name)
+
+
+def skewness(heights):
+    return float(np.mean((heights - heights.mean()) ** 3) / heights.std() ** 3)
+
+
+def slopes(made, heights):
+    return [float(np.diff(heights, axis=k).std() / made.spacing[k]) for k in (0, 1)]
+
+
+def test_the_maps_are_many_and_differ():
+    assert len(ONE_INSTRUMENT) == 20
+    assert {made.kind for made in ONE_INSTRUMENT} == set(KINDS)
+    assert {made.format for made in MAPS} == {"x3p", "nc", "gwy"}
+    assert len({made.name for made in MAPS}) == len(MAPS)
+    assert all(300 <= nodes <= 520 for made in MAPS for nodes in made.shape)
+    assert any(made.shape[0] != made.shape[1] for made in MAPS)
+    for fault in ("spikes", "holes", "step", "tilt"):
+        flawed = [made for made in MAPS if getattr(made.faults, fault) != getattr(Faults(), fault)]
+        assert 2 <= len(flawed) < len(MAPS) / 2
+
+
+@by_map
+def test_a_surface_is_that_of_its_entry(made):
+    heights = surface(made)
+    assert heights.shape == made.shape
+    assert heights.std() == pytest.approx(made.rms, rel=1e-12)
+    assert np.array_equal(heights, surface(made))
+    assert not np.array_equal(heights, surface(replace(made, number=made.number + 100)))
+    assert np.hypot(*slopes(made, heights)) < 0.7  # small enough for a half-space
+
+
+@by_map
+def test_a_kind_has_its_lay_and_its_skewness(made):
+    heights = surface(made)
+    across, along = slopes(made, heights)
+    if made.kind in {"turned", "ground"}:
+        assert across > 2 * along, "the lay runs along y"
+    if made.kind in {"sandblasted", "fractal"}:
+        assert across == pytest.approx(along, rel=0.1), "no lay"
+    bounds = {
+        "turned": (0.3, 0.8),
+        "ground": (-0.5, 0.5),
+        "sandblasted": (-1.2, -0.3),
+        "honed": (-5.0, -1.2),
+        "fractal": (-0.3, 0.3),
+    }
+    low, high = bounds[made.kind]
+    assert low < skewness(heights) < high
+
+
+@by_map
+def test_faults_are_those_asked_for(made):
+    clean, heights = surface(made), measured(made)
+    faults = made.faults
+    x = made.spacing[0] * np.arange(made.shape[0])[:, None]
+    y = made.spacing[1] * np.arange(made.shape[1])[None, :]
+    rest = heights - clean - faults.tilt[0] * x - faults.tilt[1] * y
+    assert np.isnan(rest).any() == bool(faults.holes)
+    assert np.isnan(rest).mean() < 0.03
+    spikes = rest > faults.step + 0.9 * SPIKE * made.rms
+    assert faults.spikes - faults.holes <= np.count_nonzero(spikes) <= faults.spikes
+    levels = np.where(spikes | np.isnan(rest), np.nan, rest)
+    jumps = np.diff(np.nanmedian(levels, axis=0))
+    assert jumps.max() == pytest.approx(faults.step, abs=1e-9)
+    assert np.count_nonzero(jumps > 1e-9) == bool(faults.step)
+    assert np.array_equal(heights, measured(made), equal_nan=True)
+
+
+@pytest.mark.parametrize("suffix", ["x3p", "nc", "gwy"])
+def test_files_are_read_as_they_were_written(tmp_path, suffix):
+    faults = Faults(spikes=3, holes=4, step=0.2, tilt=(0.01, 0.0))
+    made = MadeMap("honed", 7, (40, 30), 0.5, 10.0, (0.5, 0.8), faults, suffix)
+    topography = read(write(made, tmp_path))
+    assert topography.spacing == pytest.approx(made.spacing, rel=1e-12)
+    assert topography.heights == pytest.approx(measured(made), rel=1e-9, abs=1e-12, nan_ok=True)
+
+
+def test_maps_with_faults_can_be_prepared(tmp_path):
+    chosen = [made for made in MAPS if made.faults.spikes or made.faults.holes][:3]
+    for made, path in zip(chosen, write_all(tmp_path / "maps", chosen), strict=True):
+        asked = Reading.of_options(despike=7.0, level="plane", fill=True)
+        prepared = prepare(read(path), asked)
+        assert prepared.heights.shape == made.shape
+        assert prepared.heights.max() < 6 * made.rms, "spikes are gone"

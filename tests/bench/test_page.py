@@ -1,0 +1,141 @@
+"""The page shows what the parts hold, as it is, and stands alone."""
+
+import re
+from pathlib import Path
+
+import pytest
+from page_parts import WRITE, inputs, makes, part, written
+
+from bench.circumstances import code_state
+from bench.contents import Absent, Content, Figure, Table, Words
+from bench.page import states, write_page
+from bench.picture import new_figure, save
+from bench.record import Machine, Record
+from bench.report import Part
+
+
+def without_file(folder: Path) -> list[Content]:
+    return [Table(folder / "none.csv", "Nothing.")]
+
+
+def test_a_part_without_a_record_is_shown_and_says_so(tmp_path: Path) -> None:
+    one = part("one", "-m bench hertz -o {folder}")
+    (tmp_path / "one").mkdir()
+    (tmp_path / "one" / "made.txt").write_text("by hand")
+    text = write_page([one], inputs(tmp_path)).read_text(encoding="utf-8")
+    assert "<p>by hand</p>" in text
+    assert "No record says when, where and by which command this was made" in text
+    assert "bench hertz" not in text
+    assert "The state of the code is unknown of all parts." in text
+
+
+def test_a_part_that_cannot_be_shown_does_not_hide_the_others(tmp_path: Path) -> None:
+    one = Part("one", "First", "No table", WRITE, WRITE, without_file)
+    two = part("two", WRITE)
+    makes(tmp_path, [one, two])
+    text = write_page([one, two], inputs(tmp_path)).read_text(encoding="utf-8")
+    assert "none.csv: cannot be read as a table" in text
+    assert "<p>x</p>" in text
+
+
+def test_page_says_which_parts_are_of_another_state(tmp_path: Path) -> None:
+    def of(state: str) -> Record:
+        return Record(
+            command="",
+            inputs={},
+            created="",
+            commit="",
+            machine=Machine(processor=""),
+            versions={},
+            state=state,
+        )
+
+    assert states([]) == ""
+    assert states([of("a" * 64), of("a" * 64)]) == (
+        "All parts are of one state of the code, aaaaaaaaaa."
+    )
+    assert states([None, of("")]) == "The state of the code is unknown of all parts."
+    assert states([None, of("b"), of("a"), of("a")]) == (
+        "2 of 4 parts are of the state a of the code, 1 of the state b, 1 of an unknown one."
+    )
+    one = part("one", WRITE)
+    makes(tmp_path, [one])
+    text = write_page([one], inputs(tmp_path)).read_text(encoding="utf-8")
+    assert f"All parts are of one state of the code, {code_state()[:10]}." in text
+
+
+def contents(folder: Path) -> list[Content]:
+    """One of each kind, wide and long."""
+    figure = new_figure(16, 4)
+    figure.subplots().plot([0, 1], [1, 0])
+    data = written("data.csv", [["delta_um", "r2"], [0.1 + 0.2, 1]], folder)
+    wide: list[list[object]] = [[f"column_{i}" for i in range(30)], [1.5 * i for i in range(30)]]
+    cases: list[list[object]] = [
+        ["case", "error", "verdict"],
+        ["<b>bold</b> & plain", "1e-15", "passed"],
+        ["bad one", "nan", "failed: too far"],
+    ]
+    return [
+        Figure(save(figure, folder / "wide.png"), "A line that falls.", data=(data,)),
+        Table(data, "Two numbers."),
+        Table(written("wide.csv", wide, folder), "Very wide.", "python -m bench " + "x" * 300),
+        Table(written("cases.csv", cases, folder), "Cases.", verdict="verdict"),
+        Words("First line,\n  then " + "x" * 500, typed=True),
+        Words("y" * 500),
+        Absent("Peers", "pip install them"),
+    ]
+
+
+@pytest.fixture
+def shown(tmp_path: Path) -> Path:
+    """A page with everything on it."""
+    one = Part("one", "First", "All kinds", WRITE, WRITE, contents)
+    two = Part("two", "Second", "Not made", "", WRITE, without_file)
+    makes(tmp_path, [one])
+    return write_page([one, two], inputs(tmp_path))
+
+
+def test_page_stands_alone(shown: Path) -> None:
+    text = shown.read_text(encoding="utf-8")
+    addresses = re.findall(r'(?:src|href)="([^"]*)"', text)
+    assert addresses
+    assert all(address.startswith(("data:", "#")) for address in addresses)
+    assert not re.search(r"@import|<script|url\(", text)
+
+
+def test_page_shows_what_there_is_and_says_what_is_not(shown: Path) -> None:
+    text = shown.read_text(encoding="utf-8")
+    assert "&lt;b&gt;bold&lt;/b&gt; &amp; plain" in text
+    assert text.count('<tr class="failed">') == 1
+    assert re.search(r'Rows with a verdict:\s+2 in <a href="#one">All kinds</a>;\s', text)
+    assert "1 failed" in text
+    assert "Left out: Peers. pip install them" in text
+    assert text.index("All kinds") < text.index("1 more reports are not here")
+    assert "<li><code>two</code>: Not made</li>" in text
+    assert "(not here)" not in text
+    assert 'alt="A line that falls."' in text
+    assert "delta [µm]" in text
+    assert ">0.3<" in text
+
+
+def test_page_links_hold_all_digits(shown: Path) -> None:
+    import base64
+
+    text = shown.read_text(encoding="utf-8")
+    (source,) = set(re.findall(r'download="data.csv" href="data:text/csv;base64,([^"]*)"', text))
+    assert base64.b64decode(source) == (shown.parent / "one" / "data.csv").read_bytes()
+    assert b"0.30000000000000004" in base64.b64decode(source)
+
+
+@pytest.mark.parametrize("width", [360, 1440])
+def test_browser_shows_the_page_without_error_or_overflow(shown: Path, width: int) -> None:
+    from browser import look
+
+    seen = look(shown, width)
+    assert seen.complaints == []
+    assert seen.content_width <= width
+    assert seen.broken_pictures == 0
+    assert seen.shown_pictures == 1
+    # Of 150 dots an inch: letters of ten points have ten pixels on a phone, nine on a desk.
+    assert seen.smallest_scale >= (0.499 if width < 640 else 0.45)
+    assert seen.clipped_code == 0

@@ -1,0 +1,132 @@
+"""What a run has made goes into the results whole, of one state of the code, and not too large."""
+
+import json
+import lzma
+from pathlib import Path
+
+import pytest
+from page_parts import WRITE, inputs, makes, part, written
+
+from bench import publish as publishing
+from bench.__main__ import main
+from bench.contents import Content, Figure, Table
+from bench.picture import new_figure, save
+from bench.publish import publish
+from bench.report import Part
+from gen.runtime.errors import InputError
+from gen.runtime.lock import lock_folder
+
+
+def pictured(folder: Path) -> list[Content]:
+    """Files of each kind: shown and not, large, inside of a folder that stays behind."""
+    written("small.csv", [["x"], [1]], folder)
+    written("large.csv", [["x"], *([n] for n in range(60_000))], folder)
+    written("inside.csv", [["x"], [1]], folder / "databases")
+    (folder / "data.h5").write_bytes(b"\x89HDF")
+    (folder / "trials.jsonl").write_text("{}\n")
+    save(new_figure(1, 1), folder / "other.png")
+    picture = save(new_figure(1, 1), folder / "shown.png")
+    return [
+        Figure(picture, "Nothing.", data=(folder / "small.csv",)),
+        Table(folder / "small.csv", ""),
+    ]
+
+
+@pytest.fixture
+def made(tmp_path: Path) -> Path:
+    makes(tmp_path / "report", [part("one", WRITE), PICTURED])
+    return tmp_path / "report"
+
+
+ONE = part("one", WRITE)
+PICTURED = Part("two", "Chapter", "Two", WRITE, WRITE, pictured)
+
+
+def published(made: Path, parts: list[Part], *, mixed: bool = False) -> list[str]:
+    target = made.parent / "results"
+    paths = publish(parts, inputs(made, full=True), target, mixed=mixed)
+    return [path.relative_to(target).as_posix() for path in paths]
+
+
+def test_what_is_shown_and_behind_it_is_published(made: Path) -> None:
+    assert published(made, [ONE, PICTURED]) == [
+        *("one/made.txt", "one/one.part.json", "two/large.csv.xz", "two/made.txt"),
+        *("two/shown.png", "two/small.csv", "two/trials.jsonl.xz", "two/two.part.json"),
+    ]
+    large = made.parent / "results" / "two" / "large.csv.xz"
+    assert lzma.decompress(large.read_bytes()) == (made / "two" / "large.csv").read_bytes()
+
+
+def test_a_folder_made_anew_loses_what_it_held_and_others_do_not(made: Path) -> None:
+    results = made.parent / "results"
+    stale = written("stale.csv", [["x"], [1]], results / "one")
+    other = written("other.csv", [["x"], [1]], results / "three")
+    for _ in range(2):  # the second time all of it is there
+        published(made, [ONE, PICTURED])
+    assert not stale.exists()
+    assert other.exists()
+    stale = written("stale.csv", [["x"], [1]], results / "one")
+    beside = Part("beside", "Chapter", "Beside", WRITE, WRITE, pictured, folder="one")
+    published(made, [ONE, beside, PICTURED])
+    assert stale.exists(), "another part of this folder was not made"
+
+
+def test_several_states_of_the_code_are_refused_unless_they_are_asked_for(made: Path) -> None:
+    record = made / "one" / "one.part.json"
+    found = json.loads(record.read_text())
+    for state in ("a" * 64, ""):
+        record.write_text(json.dumps(found | {"state": state}))
+        with pytest.raises(InputError, match=f"{state[:10] or 'unknown'}: one"):
+            published(made, [ONE, PICTURED])
+        assert not (made.parent / "results").exists()
+    assert len(published(made, [ONE, PICTURED], mixed=True)) == 8
+    record.write_text(json.dumps(found))
+    published(made, [ONE, PICTURED])  # all of one state again
+
+
+def test_too_much_is_refused_before_anything_is_written(
+    made: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(publishing, "LARGEST", 2000)
+    with pytest.raises(InputError, match=r"at most 0 are allowed; the largest: .*large.csv.xz"):
+        published(made, [ONE, PICTURED])
+    assert not (made.parent / "results").exists()
+
+
+@pytest.mark.parametrize("target", [".", "one", "..", "link"])
+def test_what_is_read_is_not_written_over(made: Path, target: str) -> None:
+    (made / "link").symlink_to(made)
+    before = {path: path.read_bytes() for path in made.parent.rglob("*") if path.is_file()}
+    with pytest.raises(InputError, match="is read, give a folder apart from it"):
+        publish([ONE, PICTURED], inputs(made, full=True), made / target, mixed=False)
+    after = {path: path.read_bytes() for path in made.parent.rglob("*") if path.is_file()}
+    assert after == before
+
+
+def test_one_process_at_a_time_writes(made: Path) -> None:
+    results = made.parent / "results"
+    with lock_folder(results), pytest.raises(InputError, match="is being written by host"):
+        published(made, [ONE])
+    assert not results.exists()
+    assert published(made, [ONE]) == ["one/made.txt", "one/one.part.json"]
+    assert sorted(path.name for path in results.iterdir()) == ["one"]
+
+
+def test_what_was_not_finished_is_refused(made: Path) -> None:
+    makes(made, [part("failing", "-m bench cost")])
+    with pytest.raises(InputError, match="failing was not finished"):
+        published(made, [ONE, part("failing", "-m bench cost")])
+
+
+def test_command_publishes_or_says_what_is_missing(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["publish", "report", "results"]) == 2
+    assert "holds no finished part" in capfd.readouterr().err
+    assert main(["run", "hertz", "-o", "report"]) == 0
+    capfd.readouterr()
+    assert main(["publish", "report", "results"]) == 0
+    assert sorted(capfd.readouterr().out.split()) == [
+        f"results/hertz/{name}" for name in ("hertz.csv", "hertz.part.json", "hertz.png")
+    ]

@@ -1,0 +1,316 @@
+"""Parts are made once, each by its command; failures and signals end what they should."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from page_parts import WRITE, inputs, makes, part, record, shows_made, written
+
+from bench import run as running
+from bench.__main__ import main
+from bench.circumstances import circumstances, code_state
+from bench.page import write_page
+from bench.report import PARTS, Part
+from bench.run import Outcome, seconds
+from gen.runtime.errors import InputError
+from gen.runtime.lock import lock_folder
+
+
+def test_parts_are_made_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    parts = [part("one", WRITE), part("two", WRITE)]
+    assert makes(tmp_path, parts) == Outcome()
+    capsys.readouterr()
+    assert makes(tmp_path, parts) == Outcome()
+    assert (tmp_path / "one" / "made.txt").read_text() == "x"
+    said = capsys.readouterr().err.splitlines()
+    assert said == ["[1/2] one: is there", "[2/2] two: is there"]
+
+
+def test_a_part_that_fails_is_named_and_does_not_stop_the_others(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    failing = part("one", "-m bench cost")  # no folder: code 2 and one line
+    outcome = makes(tmp_path, [failing, part("two", WRITE)])
+    assert outcome == Outcome(failed=("one",))
+    assert (tmp_path / "two" / "made.txt").exists()
+    found = record(failing, tmp_path)
+    assert found.code == 2
+    assert "Missing option" in found.told[-1]
+    assert "Missing option" in capsys.readouterr().err
+    page = write_page([failing], inputs(tmp_path)).read_text(encoding="utf-8")
+    assert "Missing option" in page
+    assert makes(tmp_path, [failing]).failed == ("one",)  # tried again, not taken as made
+
+
+def failing_check(name: str, *, judges: bool, crashes: bool = False) -> Part:
+    said = "Traceback" if crashes else "bad"
+    command = (
+        f"-c s=__import__('sys');open('{{folder}}/made.txt','a').write('x');"
+        f"s.stderr.write('{said}');s.exit(1)"
+    )
+    return Part(name, "Chapter", name, command, command, shows_made, judges=judges)
+
+
+def test_a_failed_check_is_shown_and_stays_failed(tmp_path: Path) -> None:
+    checks = failing_check("checks", judges=True)
+    for _ in range(2):  # made, and then there
+        assert makes(tmp_path, [checks]).failed == ("checks",)
+    assert (tmp_path / "checks" / "made.txt").read_text() == "x"
+    assert "<p>x</p>" in write_page([checks], inputs(tmp_path)).read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(("judges", "crashes"), [(False, False), (True, True)])
+def test_a_crash_is_no_failed_check(tmp_path: Path, *, judges: bool, crashes: bool) -> None:
+    crashed = failing_check("crashed", judges=judges, crashes=crashes)
+    for _ in range(2):  # it is tried again
+        assert makes(tmp_path, [crashed]).failed == ("crashed",)
+    assert (tmp_path / "crashed" / "made.txt").read_text() == "xx"
+    assert "code 1" in write_page([crashed], inputs(tmp_path)).read_text(encoding="utf-8")
+
+
+def test_what_was_made_while_the_code_changed_is_made_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    states = iter(["before", "after"])
+    monkeypatch.setattr(running, "code_state", lambda: next(states))
+    one = part("one", WRITE)
+    makes(tmp_path, [one])
+    monkeypatch.undo()
+    assert "the code changed meanwhile" in record(one, tmp_path).told[-1]
+    assert makes(tmp_path, [one]) == Outcome()
+    assert (tmp_path / "one" / "made.txt").read_text() == "xx"
+
+
+def test_a_short_run_leaves_a_full_one_alone(tmp_path: Path) -> None:
+    both = part("both", WRITE.replace("'x'", "'short'"), full=WRITE.replace("'x'", "'full'"))
+    makes(tmp_path, [both], full=True)
+    makes(tmp_path, [both])
+    assert (tmp_path / "both" / "made.txt").read_text() == "full"
+
+
+def test_a_signal_ends_the_part_and_the_same_call_goes_on(tmp_path: Path) -> None:
+    (tmp_path / "slow.py").write_text("import time\ntime.sleep(60)\n")
+    code = (
+        "import pathlib, sys\n"
+        "from bench.report import Part\n"
+        "from bench.record import Inputs\n"
+        "from bench.run import make\n"
+        f"here = pathlib.Path({str(tmp_path)!r})\n"
+        f"slow = Part('slow', '', '', {str(tmp_path / 'slow.py')!r}, '', lambda folder: [])\n"
+        "outcome = make([slow], Inputs(here, here, here, False), lambda: None)\n"
+        "sys.exit(128 + outcome.signal)\n"
+    )
+    process = subprocess.Popen([sys.executable, "-c", code])
+    try:
+        began = time.monotonic()
+        while not (tmp_path / "slow" / "slow.printed.txt").exists():
+            assert time.monotonic() < began + 60
+            time.sleep(0.05)
+        time.sleep(0.5)
+        os.kill(process.pid, signal.SIGTERM)
+        assert process.wait(timeout=60) == 128 + signal.SIGTERM
+    finally:
+        process.kill()
+        process.wait()
+    assert not (tmp_path / "slow" / "slow.part.json").exists()
+
+
+def test_a_part_that_does_not_heed_a_signal_is_killed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    deaf = tmp_path / "deaf.py"
+    deaf.write_text(
+        "import os, signal, time\n"
+        "signal.signal(signal.SIGINT, signal.SIG_IGN)\n"
+        "os.kill(os.getppid(), signal.SIGINT)\n"
+        "time.sleep(60)\n"
+    )
+    monkeypatch.setattr(running, "PATIENCE", 0.5)
+    began = time.monotonic()
+    parts = [part("deaf", str(deaf)), part("two", WRITE), part("three", WRITE)]
+    outcome = makes(tmp_path, parts)
+    assert outcome.signal == signal.SIGINT
+    assert time.monotonic() < began + 30
+    assert not (tmp_path / "three").exists()
+
+
+def test_commands_make_and_rewrite_a_page(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    report = tmp_path / "new" / "report"
+    arguments = ["run", "hertz", "-o", str(report)]
+    assert main(arguments) == 0
+    assert capfd.readouterr().out.split() == [str(report / "index.html")]
+    assert (report / "hertz" / "hertz.csv").exists()
+    (report / "index.html").unlink()
+    assert main(["page", str(report)]) == 0
+    text = (report / "index.html").read_text(encoding="utf-8")
+    assert text.count("<img ") == 1
+    assert f"python -m bench hertz -o {report / 'hertz'}" in text
+    assert main(arguments) == 0
+    assert "hertz: is there" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["run", "nothing", "-o", "here"], "nothing: give one of solver, peers"),
+        (["run", "speedup", "-o", "here"], "speedup: takes long, and needs --full"),
+        (["run", "scale", "-o", "here"], "scale: left with commit d9d1fb3"),
+        (["run", "-o", "here", "--comparison", "nowhere"], "--comparison nowhere: give a folder"),
+        (["run", "-o", "file"], "file is a file: give a folder"),
+        (["run", "cost", "-o", "here", "--database", "none.h5"], "none.h5"),
+        (["page", "nowhere"], "nowhere is not a folder"),
+    ],
+)
+def test_bad_input_is_one_line(
+    arguments: list[str],
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("file").touch()
+    assert main(arguments) == 2
+    said = capfd.readouterr().err
+    assert message in said
+    assert len(said.splitlines()) == 1
+    assert "Traceback" not in said
+
+
+def test_a_folder_that_another_run_writes_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    output = tmp_path / "report"
+    with lock_folder(output):
+        assert main(["run", "hertz", "-o", str(output)]) == 2
+        said = capsys.readouterr().err.splitlines()
+        assert len(said) == 1
+        assert "report is being written by host" in said[0]
+    assert not output.exists()
+
+
+def test_what_is_not_there_is_left_out_of_a_command(tmp_path: Path) -> None:
+    wishing = part("wishing", "-m bench paper [--cost {cost}] [--comparison {comparison}]")
+    assert inputs(tmp_path).arguments(wishing) == ["-m", "bench", "paper"]
+    written("cost.csv", [["solve"], [1]], tmp_path / "cost")
+    assert inputs(tmp_path).arguments(wishing)[3:] == ["--cost", str(tmp_path / "cost")]
+
+
+def test_a_command_that_was_run_elsewhere_names_no_folder_of_that_machine(tmp_path: Path) -> None:
+    one = part("one", "-m bench one -o {folder}")
+    here = inputs(tmp_path)
+    there = "python -m bench one --database '/a b/all/databases/paper.h5' -o '/a b/all/one'"
+    assert here.command(one, there) == (
+        "python -m bench one --database report/databases/paper.h5 -o report/one"
+    )
+    own = f"python -m bench one -o {tmp_path / 'one'}"
+    assert here.command(one, own) == own
+    assert here.command(one, "python -m bench other /data/one.csv") == (
+        "python -m bench other /data/one.csv"
+    )
+    assert here.command(one, "") == ""
+
+
+def test_another_command_or_state_of_the_code_makes_a_part_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    makes(tmp_path, [part("one", WRITE)])
+    makes(tmp_path, [part("one", WRITE.replace("'x'", "'y'"))])
+    assert (tmp_path / "one" / "made.txt").read_text() == "xy"
+    other = circumstances() | {"state": "another"}
+    monkeypatch.setattr("bench.record.circumstances", lambda: other)
+    makes(tmp_path, [part("one", WRITE.replace("'x'", "'y'"))])
+    assert (tmp_path / "one" / "made.txt").read_text() == "xyy"
+
+
+def test_documents_and_results_are_no_code(tmp_path: Path) -> None:
+    for name in ("bem/solve.py", "bench/page.toml", "bench/results/a.toml", "docs/conf.py"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text("a")
+    before = code_state(tmp_path)
+    for name, same in {
+        "docs/conf.py": True,
+        "bench/results/a.toml": True,
+        "bench/results/b.csv": True,
+        "gen/read.md": True,
+        "bench/page.toml": False,
+        "learn/new.py": False,
+    }.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text("b")
+        assert (code_state(tmp_path) == before) is same, name
+        before = code_state(tmp_path)
+    (tmp_path / "bem" / "solve.py").rename(tmp_path / "bem" / "solved.py")
+    assert code_state(tmp_path) != before
+
+
+def test_other_inputs_make_a_part_anew(tmp_path: Path) -> None:
+    reading = part("reading", WRITE + "#{database}")
+    (tmp_path / "paper.h5").write_text("a")
+    makes(tmp_path, [reading])
+    makes(tmp_path, [reading])
+    assert (tmp_path / "reading" / "made.txt").read_text() == "x"
+    os.utime(tmp_path / "paper.h5", ns=(0, 10**18))
+    makes(tmp_path, [reading])
+    assert (tmp_path / "reading" / "made.txt").read_text() == "xx"
+
+
+def test_record_says_where_and_with_what(tmp_path: Path) -> None:
+    makes(tmp_path, [part("one", WRITE)])
+    path = inputs(tmp_path).making(part("one", WRITE)).path
+    found = json.loads(path.read_text())
+    assert found["command"].startswith("python -c ")
+    assert {"code", "seconds", "created", "commit", "state", "machine", "versions"} <= found.keys()
+    path.write_text("{")
+    with pytest.raises(InputError, match="cannot be read"):
+        makes(tmp_path, [part("one", WRITE)])
+
+
+def test_times_are_those_of_the_same_command_here_else_of_what_is_published(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one, report = part("one", WRITE), tmp_path / "report"
+    monkeypatch.setattr(running, "RESULTS", tmp_path / "results")
+    full, short = inputs(report, full=True), inputs(report)
+    assert seconds(one, full) is None
+    makes(report, [one])
+    found = json.loads(record(one, report).model_dump_json())
+    folder = tmp_path / "results" / "one"
+    folder.mkdir(parents=True)
+    (folder / "one.part.json").write_text(json.dumps(found | {"command": "", "seconds": 600.0}))
+    path = short.making(one).path
+    path.write_text(json.dumps(found | {"seconds": 30.0}))
+    assert seconds(one, short) == 30
+    path.unlink()
+    assert seconds(one, short) is None
+    assert seconds(one, full) == 600
+
+
+def test_the_times_of_all_parts_of_a_short_run_are_known(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    short = {part.name for part in PARTS if part.quick}
+    assert {part.name for part in PARTS if part.seconds is not None} == short
+    assert main(["run", "-o", str(tmp_path / "report"), "--plan"]) == 0
+    said = capfd.readouterr().out
+    assert "known" not in said
+    assert f"{len(short)} parts to make: " in said
+
+
+def test_parts_run_together_unless_they_measure_times_or_need_each_other(tmp_path: Path) -> None:
+    one, two, three = (part(name, WRITE) for name in ("one", "two", "three"))
+    timed = replace(part("timed", WRITE), alone=True)
+    reading = part("reading", WRITE + "#{cost}")
+    cost = part("cost", WRITE)
+    together = running._batches([one, two, three, timed, cost, reading], inputs(tmp_path))
+    assert [[each.name for each in batch] for batch in together] == [
+        *(["one", "two"], ["three"], ["timed"], ["cost"], ["reading"])
+    ]

@@ -1,0 +1,96 @@
+"""The picture of a database: the sample with the median area, and its titles."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gen import cli
+from gen.database import Reader
+
+pytest.importorskip("matplotlib", reason="needs the extra plot")
+
+from gen.display import picture
+
+
+@pytest.mark.parametrize("hardness", ["", "hardness = [0.01, 0.05]", "hardness_ratio = 0.03"])
+def test_a_database_shows_its_median_area(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, hardness: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("small.toml").write_text(f"samples = 15\n[surface]\nnodes = 17\n[contact]\n{hardness}")
+    assert cli.main(["run", "small.toml", "-o", "small.h5"]) == 0
+    figures = []
+    monkeypatch.setattr(picture, "save", lambda figure, _: figures.append(figure))
+    assert cli.main(["plot", "small.h5", "-o", "small.png"]) == 0
+    with Reader(Path("small.h5")) as reader:
+        areas = reader.column("area_percent")
+    (figure,) = figures
+    assert figure.get_suptitle() == "small.h5"
+    titles = [" ".join(axis.get_title(loc="left").split()) for axis in figure.axes]
+    (title,) = (title for title in titles if title.startswith("contact at"))
+    assert f"{np.median(areas):.3g} % of 289 nodes, the median of rows done" in title
+    assert ("hardness" in title) == ("% yielded (cyan)" in title) == bool(hardness)
+
+
+@pytest.mark.parametrize(
+    ("load", "quantity", "label"),
+    [
+        ('quantity = "pressure"\nrange = [0.01, 0.05]', "pressure", "mean pressure [MPa]"),
+        ('quantity = "force"\nrange = [1.0, 2000.0]', "force", "normal force [µN]"),
+        ('quantity = "delta"\nrange = [1.0, 5.0]', "delta", "far-field displacement Δ [µm]"),
+    ],
+)
+def test_areas_stand_over_the_load_that_was_drawn(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, load: str, quantity: str, label: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("small.toml").write_text(
+        f"samples = 6\n[surface]\nnodes = 17\n[load]\n{load}\n"
+        "[contact]\nmodulus = 2e5\nhardness = 2000.0"
+    )
+    assert cli.main(["run", "small.toml", "-o", "small.h5"]) == 0
+    figures = []
+    monkeypatch.setattr(picture, "save", lambda figure, _: figures.append(figure))
+    assert cli.main(["plot", "small.h5", "-o", "small.png"]) == 0
+    (figure,) = figures
+    areas = next(axis for axis in figure.axes if axis.get_title() == "6 samples")
+    assert areas.get_xlabel() == label
+    loads = areas.collections[0].get_offsets()[:, 0]
+    with Reader(Path("small.h5")) as reader:
+        forces, deltas = reader.column("force"), reader.column("delta")
+    patch = (17 * 1000.0 / 16) ** 2
+    expected = {"pressure": forces / patch, "force": forces, "delta": deltas}[quantity]
+    np.testing.assert_allclose(loads, expected)
+    titles = [" ".join(axis.get_title(loc="left").split()) for axis in figure.axes]
+    (title,) = (title for title in titles if title.startswith("contact at"))
+    said = {"pressure": "Pa mean pressure, E*", "force": "N, E*", "delta": "m, E*"}[quantity]
+    assert said in title
+    assert "E* = 200 GPa, hardness 2 GPa" in title
+
+
+def test_surfaces_of_the_spectral_generator_are_named_with_their_units(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("small.toml").write_text(
+        "samples = 3\n[surface]\ngenerator = 'spectral'\nnodes = 16\nhurst = 0.8\n"
+        "roll_off = 500.0\ncut_off = 150.0\nrms_height = 2.0\n"
+        "[delta]\npieces = [{share = 1.0, range = [1.0, 3.0]}]"
+    )
+    assert cli.main(["run", "small.toml", "-o", "small.h5"]) == 0
+    figures = []
+    monkeypatch.setattr(picture, "save", lambda figure, _: figures.append(figure))
+    assert cli.main(["plot", "small.h5", "-o", "small.png"]) == 0
+    titles = [" ".join(axis.get_title(loc="left").split()) for axis in figures[0].axes]
+    assert any("rms_height = 2 µm" in title for title in titles)
+
+
+def test_times_beyond_the_picture_are_counted() -> None:
+    axis = picture.new_figure(4, 3, dpi=50).subplots()
+    seconds = np.append(np.full(300, 0.01), [0.5, 0.7, np.nan])
+    columns = {"solve_seconds": seconds, "area_percent": np.linspace(0, 9, seconds.size)}
+    picture._draw_times(axis, columns)
+    (note,) = axis.texts
+    assert note.get_text() == "2 above, up to 700 ms"
+    assert axis.get_ylim()[1] < 500

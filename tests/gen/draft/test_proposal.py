@@ -1,0 +1,113 @@
+"""The spacing and the windows that are proposed for maps of several sizes."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import bem
+from gen.draft.proposal import (
+    FEWEST_NODES,
+    SIZES,
+    WIDER,
+    Material,
+    choose_loads,
+    common_spacing,
+    window_nodes,
+)
+from gen.runtime.errors import InputError
+from gen.spectral import SelfAffineSpectrum, generate_spectral
+from gen.statistics import rms_slope
+
+SHAPES = st.lists(st.tuples(st.integers(4, 2000), st.integers(4, 2000)), min_size=1, max_size=30)
+
+
+@pytest.mark.parametrize(
+    ("spacings", "chosen"),
+    [
+        ([1.0, 1.0, 1.0004], None),
+        ([0.5, 1.0], 1.0),
+        ([1.0] * 20 + [2.0], 1.0),  # one of many maps does not coarsen all others
+        ([1.0] * 3 + [2.0], 2.0),
+        ([1.0, 1.0, 30.0], 1.0),  # another instrument altogether
+        ([0.3, 0.4, 0.5, 0.6], 0.6),
+    ],
+)
+def test_the_common_spacing(spacings, chosen):
+    assert common_spacing([(each, each) for each in spacings]) == chosen
+
+
+def test_oblong_cells_are_kept_if_all_maps_have_them():
+    assert common_spacing([(0.8, 1.0)] * 3) is None
+    assert common_spacing([(0.8, 1.0), (1.0, 1.0)]) == 1.0
+
+
+@given(SHAPES, st.floats(1.0, 1000.0) | st.just(math.nan))
+def test_most_maps_hold_the_windows_and_twice_if_any_size_fits_twice(shapes, length):
+    nodes = window_nodes(shapes, length)
+    sides = [min(shape) for shape in shapes if min(shape) >= SIZES[-1]]
+    twice = sum(side >= 2 * SIZES[-1] for side in sides) >= 0.75 * len(sides)
+    assert (nodes is None) == (not sides)
+    if nodes is None:
+        return
+    assert nodes in (*SIZES, *WIDER)
+    assert sum(side >= (1 + twice) * nodes for side in sides) >= 0.75 * len(sides)
+
+
+def test_long_waves_ask_for_wider_windows():
+    assert window_nodes([(1000, 1000)], 10.0) == 128
+    assert window_nodes([(1000, 1000)], 35.0) == 192
+    assert window_nodes([(1000, 1000)], 200.0) == 256
+    assert window_nodes([(400, 400)], 200.0) == 192
+    assert window_nodes([(300, 300)], 200.0) == 128
+
+
+STEEL = Material(210e3, 0.3, 2000.0, known=True)
+NODES = 64
+
+
+@pytest.fixture(scope="module")
+def surface():
+    spectrum = SelfAffineSpectrum(0.8, 20.0, 4.0)
+    return generate_spectral(
+        (NODES, NODES), 64.0, spectrum, np.random.default_rng(1), rms_slope=0.15
+    )
+
+
+@pytest.mark.parametrize("material", [STEEL, Material(210e3, 0.3, None, known=True), Material()])
+def test_areas_are_those_of_the_solver_within_a_half(surface, material):
+    slope = rms_slope(surface, (1.0, 1.0))
+    loads = choose_loads(material, [slope], surface.size)
+    unit = 1.0 if loads.quantity == "pressure" else material.e_star * slope
+    for load, expected in zip((loads.low, loads.high), loads.areas, strict=True):
+        contact = bem.solve(
+            surface,
+            side=64.0,
+            pressure=load * unit,
+            modulus=material.young,
+            poisson=material.poisson,
+            hardness=material.hardness,
+            boundary="periodic",
+        )
+        assert 0.5 * expected < contact.area_percent < 1.5 * expected
+    assert loads.areas[0] == pytest.approx(100 * FEWEST_NODES / surface.size, rel=0.05)
+
+
+@pytest.mark.parametrize("hardness", [1.0, 500.0, 2000.0, 1e5, 1e9])
+def test_pressures_stay_below_the_hardness(hardness):
+    loads = choose_loads(Material(210e3, 0.3, hardness, known=True), [0.01, 0.2, 0.5], 128**2)
+    assert loads.quantity == "pressure"
+    assert 0 < loads.low < loads.high <= 0.5 * hardness
+    assert loads.slopes == (0.01, 0.2, 0.5)
+
+
+def test_a_material_from_options():
+    assert Material.of_options([], [], None, None) == Material()
+    assert Material.of_options([210e3], [], None, None) == Material(210e3, 0.0, None, known=True)
+    two = Material.of_options([210e3, 70e3], [0.3, 0.33], None, 900.0)
+    assert two.e_star == pytest.approx(1 / ((1 - 0.09) / 210e3 + (1 - 0.33**2) / 70e3))
+    assert (two.hardness, two.known) == (900.0, True)
+    with pytest.raises(InputError, match="--hardness 900: give the modulus"):
+        Material.of_options([], [], None, 900.0)

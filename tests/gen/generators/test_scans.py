@@ -1,0 +1,547 @@
+"""Tests of windows of maps as a scene's surfaces, from the files to the rows of a database."""
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bench.made_maps import Faults, MadeMap, write_all
+from gen import cli
+from gen.database import Reader
+from gen.generation.plan import parameters, surface_random
+from gen.generation.sample import compute_rows, surface_of
+from gen.generators import scans
+from gen.generators.scans import Found, ScannedMap
+from gen.maps.prepare import prepare
+from gen.maps.read import sides_from
+from gen.maps.settings import Reading
+from gen.maps.windows import Tiling, drawn, turned
+from gen.runtime.errors import InputError, SourceError
+from gen.scene import ScanSurface, Scene, differences, load
+from gen.schema import Reason
+from tests.maps import read
+
+MAPS = (
+    MadeMap("honed", 0, (60, 41), 0.5, 15.0, faults=Faults(spikes=2, holes=2)),
+    MadeMap("turned", 0, (36, 64), 1.0, 20.0, format="nc", faults=Faults(tilt=(0.02, 0.0))),
+    MadeMap("fractal", 0, (40, 40), 0.5, 15.0, format="gwy"),
+)
+SCENE = """samples = {samples}
+samples_per_surface = 2
+[surface]
+generator = "scans"
+files = "maps"
+nodes = {nodes}
+{keys}
+[surface.preparation]
+despike = 7
+level = "plane"
+fill = true
+[load]
+quantity = "pressure/(E* slope_rms)"
+range = [0.005, 0.05]
+"""
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A folder with a scene, its maps in another one, and prepared maps of no other test."""
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setenv("TMPDIR", str(tmp_path / "temporary"))
+    monkeypatch.setattr("tempfile.tempdir", None)
+    monkeypatch.setattr(scans, "_OPEN", {})
+    write_all(tmp_path / "maps", MAPS)
+    write_scene(tmp_path)
+    return tmp_path
+
+
+def write_scene(folder, samples=30, nodes="16", keys="", name="s.toml"):
+    (folder / name).write_text(SCENE.format(samples=samples, nodes=nodes, keys=keys))
+
+
+def scene_of(folder, name="s.toml"):
+    return load(str(folder / name)).resolved(folder)
+
+
+def run(folder, *arguments):
+    return cli.main([str(each) for each in arguments])
+
+
+@pytest.mark.parametrize(("nodes", "symmetries"), [("16", 8), ("[16, 12]", 4)])
+def test_a_surface_is_a_window_of_a_prepared_map(folder, nodes, symmetries):
+    write_scene(folder, nodes=nodes, samples=120)
+    scene = scene_of(folder)
+    plan = parameters(scene, 0, scene.samples)
+    asked = Reading.of_options(despike=7.0, level="plane", fill=True)
+    files = sorted((folder / "maps").iterdir())
+    maps = [prepare(read(path), asked).heights for path in files]
+    assert scene.spacing == pytest.approx((1.0, 1.0), rel=1e-12)
+    tiling = Tiling(tuple(each.shape for each in maps), scene.shape)
+    seen = set()
+    for row in range(0, scene.samples, 2):
+        window = drawn(surface_random(scene, row // 2), tiling, square=symmetries == 8)
+        assert (plan.places["map"][row], plan.places["tile"][row]) == (window.map, window.tile)
+        (x, y), (nx, ny) = window.corner, scene.shape
+        own = turned(maps[window.map][x : x + nx, y : y + ny], window.symmetry)
+        assert np.array_equal(surface_of(scene, plan, row), own - own.min())
+        seen.add(window.symmetry)
+    assert seen == set(range(symmetries))
+
+
+def with_tables(folder, tables):
+    """Write the scene with other tables of loads, of the contact and of columns."""
+    text = SCENE.format(samples=8, nodes="16", keys="").partition("[load]")[0]
+    (folder / "s.toml").write_text(text + tables)
+
+
+CORRECTED = "[load]\nquantity = 'pressure'\nrange = 0.01\n[store]\ncorrected_area_percent = true\n"
+
+
+@pytest.mark.parametrize(
+    ("tables", "message"),
+    [
+        (CORRECTED, "needs square cells, not 0.5 x 0.8 um"),
+        (
+            "[load]\nquantity = 'force'\nrange = 1e9\n[contact]\nhardness = 1.0\n",
+            "load: every force is 1e\\+09 uN or more",
+        ),
+    ],
+)
+def test_rules_that_need_the_spacing_hold_before_there_is_a_database(
+    folder, capsys, tables, message
+):
+    shutil.rmtree(folder / "maps")
+    write_all(folder / "maps", [MadeMap("fractal", 0, (60, 60), 0.5, 15.0, (0.5, 0.8))])
+    with_tables(folder, tables)
+    with pytest.raises(InputError, match=message):
+        scene_of(folder)
+    assert run(folder, "run", folder / "s.toml", "-o", folder / "a.h5") == 2
+    assert capsys.readouterr().err.count("\n") == 1
+    assert not (folder / "a.h5").exists()
+
+
+def test_rows_know_their_maps_and_tiles_without_the_files(folder):
+    scene = scene_of(folder)
+    before = scene.surface.places(surface_random(scene, n) for n in range(50))
+    shutil.rmtree(folder / "maps")
+    scans._OPEN.clear()
+    after = scene.surface.places(surface_random(scene, n) for n in range(50))
+    for name in ("map", "tile"):
+        assert np.array_equal(before[name], after[name])
+    assert set(before["map"]) == {0, 1, 2}
+
+
+def test_an_extended_scene_keeps_its_rows(folder):
+    write_scene(folder, samples=500, name="more.toml")
+    few, many = scene_of(folder), scene_of(folder, "more.toml")
+    assert few.fingerprint() == many.fingerprint()
+    one, other = compute_rows(few, 4, 8), compute_rows(many, 4, 8)
+    for name in ("map", "tile", "area_percent", "delta", "height_rms"):
+        assert one[name].tobytes() == other[name].tobytes()
+    assert (one["reason"] != Reason.ARITHMETIC).all()
+
+
+def test_a_run_is_checked_extended_and_resumed(folder, capsys):
+    assert run(folder, "run", folder / "s.toml", "-o", folder / "a.h5") == 0
+    said = capsys.readouterr()
+    assert "3 maps with a node every 1 um, 12 tiles; they are kept prepared in" in said.err
+    assert run(folder, "check", folder / "a.h5", "--recompute", 6) == 0
+    write_scene(folder, samples=44)
+    assert run(folder, "run", folder / "s.toml", "-o", folder / "a.h5") == 0
+    assert len(list(folder.glob("*.maps"))) == 1
+    assert run(folder, "check", folder / "a.h5", "--recompute", 44) == 0
+    with Reader(folder / "a.h5") as reader:
+        assert reader.counts().done == 44
+        assert reader.scene.contact.boundary == "mirror"
+    assert run(folder, "info", folder / "a.h5") == 0
+    assert "map 2: 36 x 64 nodes, SHA-256" in capsys.readouterr().out
+
+
+def test_a_check_needs_the_maps_themselves(folder, capsys):
+    run(folder, "run", folder / "s.toml", "-o", folder / "a.h5")
+    path = folder / "maps" / "turned-0.nc"
+    content = path.read_bytes()
+    path.unlink()
+    capsys.readouterr()
+    assert run(folder, "check", folder / "a.h5", "--recompute", 3) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"{path}: the map is gone that the database was made of" in line
+    path.write_bytes(content + b"\0")
+    assert run(folder, "check", folder / "a.h5", "--recompute", 3) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "is not the map that the database was made of" in line
+    path.unlink()
+    (folder / "turned-0.nc").write_bytes(content)  # beside the database
+    assert run(folder, "check", folder / "a.h5", "--recompute", 3) == 0
+    assert run(folder, "check", folder / "a.h5") == 0
+
+
+def test_a_changed_or_added_map_is_another_scene(folder, capsys):
+    run(folder, "run", folder / "s.toml", "-o", folder / "a.h5")
+    before = (folder / "a.h5").read_bytes()
+    capsys.readouterr()
+    write_all(folder / "maps", [MadeMap("fractal", 9, (40, 40), 0.5, 15.0)])
+    assert run(folder, "run", folder / "s.toml", "-o", folder / "a.h5") == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "another scene (surface.found.number: 3 in the file, 4 asked for" in line
+    assert (folder / "a.h5").read_bytes() == before
+
+
+def test_moved_maps_go_on_with_a_database(folder):
+    run(folder, "run", folder / "s.toml", "-o", folder / "a.h5")
+    (folder / "maps").rename(folder / "moved")
+    text = SCENE.format(samples=40, nodes=16, keys="").replace('"maps"', '"moved"')
+    (folder / "s.toml").write_text(text)
+    assert run(folder, "run", folder / "s.toml", "-o", folder / "a.h5") == 0
+    with Reader(folder / "a.h5") as reader:
+        assert reader.counts().done == 40
+
+
+def test_prepared_maps_are_enough_for_a_process_that_goes_on(folder):
+    scene = scene_of(folder)
+    expected = surface_of(scene, parameters(scene, 0, 2), 0)
+    shutil.rmtree(folder / "maps")
+    scans._OPEN.clear()
+    scene.surface.make_ready(folder)
+    assert np.array_equal(surface_of(scene, parameters(scene, 0, 2), 0), expected)
+    with pytest.raises(SourceError, match="the map is gone"):
+        scene.surface.make_ready(folder, sources=True)
+    for path in folder.glob("*.maps"):
+        path.unlink()
+    scans._OPEN.clear()
+    with pytest.raises(SourceError, match="the map is gone"):
+        surface_of(scene, parameters(scene, 0, 2), 0)
+
+
+def test_a_database_of_a_surface_that_is_read_otherwise_is_refused(folder):
+    scene = scene_of(folder)
+    found = scene.surface.found.model_copy(update={"spacing": (2.0, 2.0)})
+    other = scene.model_copy(update={"surface": scene.surface.model_copy(update={"found": found})})
+    with pytest.raises(SourceError, match="with other nodes or another spacing than when"):
+        other.surface.make_ready(folder)
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ("spacing = 9.0", "needs 4|less than the window"),
+        ("nodes = 41", ""),
+    ],
+)
+def test_maps_that_do_not_fit_are_refused(folder, keys, message):
+    nodes = keys.removeprefix("nodes = ") if keys.startswith("nodes") else "16"
+    write_scene(folder, nodes=nodes, keys="" if keys.startswith("nodes") else keys)
+    with pytest.raises(InputError, match=message or "36 x 64 nodes .* window of 41 x 41|40 x 40"):
+        scene_of(folder)
+
+
+def test_steps_that_make_no_sense_are_refused(folder):
+    text = (folder / "s.toml").read_text()
+    (folder / "s.toml").write_text(text.replace("fill = true", 'mask = "3:1"'))
+    with pytest.raises(InputError, match=r"surface.preparation: mask '3:1': the first number is"):
+        scene_of(folder)
+
+
+def test_a_dry_run_writes_nothing_beside_the_scene(folder, capsys):
+    before = {path.name for path in folder.iterdir()}
+    command = ["run", folder / "s.toml", "-o", folder / "a.h5", "--dry-run"]
+    assert run(folder, *command) == 0
+    assert {path.name for path in folder.iterdir()} == before
+
+
+def test_warnings_of_the_maps_are_said(folder):
+    write_all(folder / "maps", [MadeMap("honed", 5, (40, 30), 0.5, 10.0, faults=Faults(holes=6))])
+    lines = scene_of(folder).surface.remarks()
+    assert lines[0].startswith("4 maps")
+    assert any("honed-5.x3p" in line and "were missing" in line for line in lines)
+
+
+SECOND = (
+    MadeMap("ground", 3, (50, 50), 0.5, 15.0),
+    MadeMap("sandblasted", 4, (70, 34), 0.5, 15.0, format="gwy"),
+)
+"""Maps of a second body: 4 + 4 tiles of 16 x 16 nodes or more; those of the first have 12."""
+
+
+@pytest.fixture
+def second(folder):
+    write_all(folder / "second", SECOND)
+    return folder
+
+
+def nodes_of(window, shape):
+    """The nodes (map, x, y) of a window."""
+    (x, y), (nx, ny) = window.corner, shape
+    return {(window.map, i, j) for i in range(x, x + nx) for j in range(y, y + ny)}
+
+
+@pytest.mark.parametrize("against", ['"another"', '"second"', '["second/*.x3p", "second/*.gwy"]'])
+def test_a_second_body_is_a_window_of_its_group_of_tiles(second, monkeypatch, against):
+    write_scene(second, samples=400, keys=f"against = {against}")
+    scene = scene_of(second)
+    first = scene.model_copy(update={"surface": scene.surface.alone()})
+    windows = []
+    cut_out = ScanSurface._cut
+
+    def watched(made, window):
+        windows.append(window)
+        return cut_out(made, window)
+
+    monkeypatch.setattr(ScanSurface, "_cut", watched)
+    plan = parameters(scene, 0, scene.samples)
+    groups: dict[tuple, int] = {}
+    for row in range(0, scene.samples, 2):
+        windows.clear()
+        whole = surface_of(scene, plan, row)
+        assert whole.shape == (16, 16)
+        assert whole.min() == 0
+        one, other = windows
+        assert plan.places["map"][row] == one.map
+        bodies = (0, 0) if "another" in against else (0, 1)
+        for body, window in zip(bodies, (one, other), strict=True):
+            for node in nodes_of(window, (16, 16)):
+                group = groups.setdefault((body, *node), plan.places["tile"][row])
+                assert group == plan.places["tile"][row], "parts of a split share a node"
+        alone = surface_of(first, parameters(first, row, row + 1), 0)
+        opposite = cut_out(scene.surface.opposite(), other)
+        np.testing.assert_allclose(whole, alone + opposite - (alone + opposite).min(), atol=1e-12)
+    tiles = 12 if "another" in against else min(12, scene.surface.opposite()._tiling().total)
+    assert set(plan.places["tile"]) == set(range(tiles))
+
+
+def test_a_run_with_two_sets_of_maps_is_checked_and_told(second, capsys):
+    write_scene(second, keys='against = "second"')
+    assert run(second, "run", second / "s.toml", "-o", second / "a.h5") == 0
+    said = capsys.readouterr().err
+    assert "body 1: 3 maps with a node every 1 um, 12 tiles" in said
+    assert "body 2: 2 maps with a node every 1 um" in said
+    assert len(list(second.glob("*.maps"))) == 2
+    assert run(second, "check", second / "a.h5", "--recompute", 30) == 0
+    assert run(second, "info", second / "a.h5") == 0
+    assert "the second body's map 1: 70 x 34 nodes, SHA-256" in capsys.readouterr().out
+    scans._OPEN.clear()
+    (second / "second").rename(second / "moved")
+    write_scene(second, samples=40, keys='against = "moved"')
+    assert run(second, "run", second / "s.toml", "-o", second / "a.h5") == 0
+    with Reader(second / "a.h5") as reader:
+        assert reader.counts().done == 40
+    write_scene(second, samples=40)
+    capsys.readouterr()
+    assert run(second, "run", second / "s.toml", "-o", second / "a.h5") == 2
+    assert "surface.against" in capsys.readouterr().err
+    (second / "moved" / "ground-3.x3p").unlink()
+    assert run(second, "check", second / "a.h5", "--recompute", 3) == 2
+    assert "ground-3.x3p: the map is gone" in capsys.readouterr().err
+
+
+def test_maps_of_two_bodies_that_do_not_go_together_are_refused(second):
+    write_scene(second, keys='against = ["second", "maps/turned-0.nc"]')
+    with pytest.raises(InputError, match="is one of files and of against"):
+        scene_of(second)
+    write_all(second / "coarse", [MadeMap("honed", 7, (40, 40), 0.5, 15.0, (2.0, 2.0))])
+    write_scene(second, keys='against = "coarse"')
+    with pytest.raises(InputError, match="every 1 x 1 and 2 x 2 um: give"):
+        scene_of(second)
+    write_scene(second, keys='against = "coarse"\nspacing = 1.5')
+    assert scene_of(second).surface.against_found.spacing == (1.5, 1.5)
+    write_scene(second, keys='against = "none"')
+    with pytest.raises(InputError, match="none"):
+        scene_of(second)
+
+
+def test_other_scenes_have_nothing_to_open(tmp_path):
+    scene = load("quick")
+    assert scene.resolved(tmp_path) is scene
+    scene.surface.make_ready(Path("none"))
+    assert scene.surface.remarks() == []
+    assert scene.surface.places([]) == {}
+    assert parameters(scene, 0, 3).places == {}
+
+
+SCANS = """samples = 10
+[surface]
+generator = "scans"
+files = {files}
+nodes = {nodes}
+[surface.preparation]
+level = "plane"
+[load]
+quantity = "pressure/(E* slope_rms)"
+range = [0.01, 0.02]
+"""
+
+
+def parsed(files='"maps"', nodes="[20, 30]", more=""):
+    return Scene.parse(SCANS.format(files=files, nodes=nodes) + more, "a.toml")
+
+
+def with_maps(made, *, folder="/here", spacing=(0.5, 0.5), sha256s=("a" * 64, "b" * 64)):
+    maps = tuple(
+        ScannedMap(file=f"{folder}/{n}", sha256=each, nodes=(90, 80 + n))
+        for n, each in enumerate(sha256s)
+    )
+    found = Found(spacing=spacing, maps=maps)
+    return made.model_copy(update={"surface": made.surface.model_copy(update={"found": found})})
+
+
+def test_windows_are_mirrored_unless_the_scene_says_otherwise():
+    assert parsed().contact.boundary == "mirror"
+    assert parsed(more="[contact]\nmodulus = 7.0\n").contact.boundary == "mirror"
+    for boundary in ("free", "periodic", "mirror"):
+        given = parsed(more=f"[contact]\nboundary = '{boundary}'\n")
+        assert given.contact.boundary == boundary
+        again = Scene.from_text(given.text())
+        assert again == given
+        assert again.fingerprint() == given.fingerprint()
+    assert Scene.parse("samples = 1", "a").contact.boundary == "free"
+
+
+def test_a_scene_with_its_maps_is_written_and_read():
+    made = with_maps(parsed())
+    again = Scene.from_text(made.text())
+    assert again == made
+    assert isinstance(again.surface, ScanSurface)
+    assert again.optional_columns >= {"map", "tile"}
+    assert not again.drawn_parameters
+
+
+@pytest.mark.parametrize(
+    ("boundary", "sides"),
+    [("mirror", (10.0, 24.0)), ("free", (9.5, 23.2)), ("periodic", (10.0, 24.0))],
+)
+def test_the_spacing_is_that_of_the_maps(boundary, sides):
+    made = with_maps(parsed(more=f"[contact]\nboundary = '{boundary}'\n"), spacing=(0.5, 0.8))
+    assert made.shape == (20, 30)
+    assert made.sides == pytest.approx(sides, rel=1e-12)
+    assert made.spacing == pytest.approx((0.5, 0.8), rel=1e-12)
+
+
+def test_nobody_knows_the_sides_before_the_maps_are_found():
+    with pytest.raises(InputError, match="the maps of this scene have not been looked for"):
+        _ = parsed().sides
+
+
+def test_moved_maps_are_the_same_scene_and_changed_ones_another():
+    made = with_maps(parsed())
+    assert with_maps(parsed('"elsewhere"'), folder="/there").fingerprint() == made.fingerprint()
+    changed = with_maps(parsed(), sha256s=("a" * 64, "c" * 64))
+    (difference,) = differences(made, changed)
+    old, new = f"'{'b' * 64}, 90 x 81'", f"'{'c' * 64}, 90 x 81'"
+    assert difference == f"surface.found.maps[1]: {old} in the file, {new} asked for"
+    (fewer, *_) = differences(made, with_maps(parsed(), sha256s=("a" * 64,)))
+    assert fewer == "surface.found.number: 2 in the file, 1 asked for"
+    coarser = with_maps(parsed(), spacing=(1.0, 1.0))
+    assert coarser.fingerprint() != made.fingerprint()
+
+
+def test_files_start_from_the_folder_of_the_scene(tmp_path):
+    path = tmp_path / "folder" / "a.toml"
+    path.parent.mkdir()
+    path.write_text(SCANS.format(files='["maps", "/abs/*.x3p", "~/b.nc"]', nodes="9"))
+    assert load(str(path)).surface.files == (f"{path.parent}/maps", "/abs/*.x3p", "~/b.nc")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('files = "maps"', "files = []", "surface.files = []; allowed: a file, a folder"),
+        ('files = "maps"', "files = ['']", "surface.files = ['']; allowed: a file"),
+        ('files = "maps"', "files = 3", "surface.files = 3; allowed: a file"),
+        ('files = "maps"\n', "", "surface.files is missing; allowed: a file"),
+        ("nodes = [20, 30]", "nodes = [20, 1]", "surface.nodes = [20, 1]; allowed: a whole"),
+        ("nodes", "spacing = 0\nnodes", "surface.spacing = 0; allowed: a finite number above 0"),
+        ("nodes", "hurst = 0.8\nnodes", "surface.hurst = 0.8 of this generator; it is one of"),
+        ("nodes", "against = true\nnodes", "'another', for a second window of a tile, or maps"),
+        ("nodes", "against = []\nnodes", "surface.against"),
+        ('"plane"', '"flat"', "surface.preparation.level = 'flat'; allowed: 'mean', 'plane'"),
+        ("level", "despike = 0\nlevel", "surface.preparation.despike = 0; allowed: a number above"),
+        ("level", "form = 1.5\nlevel", "surface.preparation.form = 1.5; allowed: the degree"),
+        ("level", "downsample = 1\nlevel", "surface.preparation.downsample = 1; allowed: a whole"),
+        ("level", "despik = 7\nlevel", "key surface.preparation.despik = 7; the closest known"),
+        (
+            "[load]",
+            "[surface.reading]\nunits = 'nm'\n[load]",
+            "the closest known key is surface.re",
+        ),
+        ("[load]", "[surface.reading]\nside = [9, true]\n[load]", "side = [9, True]; allowed: the"),
+        ("[load]", "[surface.reading]\nside = 0\n[load]", "side = 0; allowed: the scan length"),
+        ("[load]", "[contact]\nfar_field = 'compliant'\n[load]", "needs far_field = 'rigid'"),
+    ],
+)
+def test_faults_are_one_line(old, new, message):
+    text = SCANS.format(files='"maps"', nodes="[20, 30]")
+    assert old in text
+    with pytest.raises(InputError) as refusal:
+        Scene.parse(text.replace(old, new, 1), "a.toml")
+    assert message in str(refusal.value)
+    assert len(str(refusal.value).splitlines()) == 1
+
+
+def test_scans_need_loads():
+    text = SCANS[: SCANS.index("[load]")].format(files='"maps"', nodes="9")
+    with pytest.raises(InputError, match=r"a.toml: surfaces of scans need loads: give \[load\]"):
+        Scene.parse(text, "a.toml")
+
+
+@pytest.mark.parametrize(
+    ("given", "text"),
+    [("99.0", "99"), ("99.25", "99.25"), ("[99, 48.5]", "99,48.5"), ("'99,48.5'", "99,48.5")],
+)
+def test_lengths_of_maps_are_numbers_pairs_or_texts(given, text):
+    table = f"[surface.reading]\nside = {given}\n[load]"
+    written = SCANS.format(files='"maps"', nodes="9").replace("[load]", table, 1)
+    own = Scene.parse(written, "a.toml")
+    assert own.surface.reading.given() == {"side": text}
+    assert Scene.from_text(own.text()) == own
+    assert sides_from(text)[0] in {99.0, 99.25}
+
+
+def test_keys_that_are_not_given_stay_out_of_the_text():
+    surface = json.loads(parsed().text())["surface"]
+    assert surface == {
+        "generator": "scans",
+        "files": ["maps"],
+        "nodes": [20, 30],
+        "preparation": {"level": "plane"},
+        "reading": {},
+    }
+
+
+KEYS = (
+    *("files", "nodes", "spacing", "reading", "preparation", "found", "against", "generator"),
+    *("reading.side", "reading.unit", "reading.channel", "reading.other"),
+    *("preparation.crop", "preparation.invert", "preparation.mask", "preparation.despike"),
+    *("preparation.level", "preparation.form", "preparation.fill", "preparation.filter"),
+    *("preparation.downsample", "found.maps", "found.spacing"),
+)
+junk = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=20),
+    lambda inner: (
+        st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=2)
+    ),
+    max_leaves=5,
+)
+
+
+@settings(max_examples=200)
+@given(st.sampled_from(KEYS), junk)
+def test_any_value_of_any_key_is_taken_or_refused_in_one_line(key, value):
+    content = json.loads(with_maps(parsed()).text())
+    table = content["surface"]
+    *above, last = key.split(".")
+    for name in above:
+        table = table[name]
+    table[last] = value
+    said = ""
+    try:
+        taken = Scene.from_text(json.dumps(content), "a.toml")
+    except InputError as refusal:
+        said = str(refusal)
+    else:
+        assert Scene.from_text(taken.text()) == taken
+    assert said == "" or (said.startswith("a.toml: ") and len(said) < 1000)
+    assert len(said.splitlines()) <= 1

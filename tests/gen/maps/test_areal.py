@@ -1,0 +1,294 @@
+"""Areal parameters: closed forms, SurfaceTopography's values, surfaces that define none."""
+
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import array_shapes, arrays
+from scipy import stats
+
+from gen import cli
+from gen.maps.areal import PARAMETERS, areal_parameters, autocorrelation
+from gen.maps.read import Topography
+from gen.maps.self_affine import LAW, radial_spectrum
+from gen.spectral import SelfAffineSpectrum, generate_spectral
+
+NAMES = [parameter.name for parameter in PARAMETERS if parameter.name != "Smr"]
+
+
+def values_of(heights, spacing=(1.0, 1.0), boundary="periodic", depth=None):
+    cells = [n - (boundary == "free") for n in heights.shape]
+    sides = (cells[0] * spacing[0], cells[1] * spacing[1])
+    return areal_parameters(Topography("made", heights, sides, boundary=boundary), depth)
+
+
+def rough(shape=(96, 96), spacing=1.0, seed=1, stretch=1.0):
+    sides = (shape[0] * spacing, shape[1] * spacing)
+    spectrum = SelfAffineSpectrum(0.8, 16 * spacing, 5 * spacing, stretch)
+    random = np.random.default_rng(seed)
+    return generate_spectral(shape, sides, spectrum, random, rms_height=0.5)
+
+
+def test_a_sine_has_its_closed_forms():
+    wavelength, amplitude, nodes = 64.0, 2.0, 256
+    wave = amplitude * np.sin(2 * math.pi * np.arange(nodes) / wavelength)
+    found = values_of(7.0 + np.repeat(wave[:, None], 32, axis=1))
+    slope = 2 * math.pi * amplitude / wavelength
+    expected = {
+        "Sa": 2 * amplitude / math.pi,
+        "Sq": amplitude / math.sqrt(2),
+        "Sp": amplitude,
+        "Sv": amplitude,
+        "Sz": 2 * amplitude,
+        "Sku": 1.5,
+        "Sdq": slope / math.sqrt(2),
+        "Sal": wavelength * math.acos(0.2) / (2 * math.pi),
+    }
+    for name, value in expected.items():
+        assert found.values[name] == pytest.approx(value, rel=2e-3), name
+    assert found.values["Ssk"] == pytest.approx(0.0, abs=1e-12)
+    places = (np.arange(100000) + 0.5) / 100000
+    mean = np.mean(np.sqrt(1 + (slope * np.cos(2 * math.pi * places)) ** 2))
+    assert found.values["Sdr"] == pytest.approx(100 * (mean - 1), rel=2e-3)
+    assert math.isnan(found.values["Str"])  # never falls along the crests
+    assert "along all directions" in found.reason
+
+
+@pytest.mark.parametrize("spacing", [(1.0, 1.0), (2.0, 5.0)])
+def test_a_plane_has_its_closed_forms(spacing):
+    x, y = spacing[0] * np.arange(21)[:, None], spacing[1] * np.arange(31)
+    found = values_of(0.3 * x - 0.4 * y, spacing, "free").values
+    assert found["Sdq"] == pytest.approx(0.5, rel=1e-12)
+    assert found["Sdr"] == pytest.approx(100 * (math.sqrt(1.25) - 1), rel=1e-12)
+    assert found["Ssk"] == pytest.approx(0.0, abs=1e-12)
+    assert found["Sp"] == pytest.approx(found["Sv"], rel=1e-12)
+    assert found["Sz"] == pytest.approx(0.3 * 20 * spacing[0] + 0.4 * 30 * spacing[1], rel=1e-12)
+
+
+def test_a_shallow_plane_keeps_the_digits_of_its_area():
+    heights = 1e-9 * np.arange(20.0)[:, None] + np.zeros(20)
+    assert values_of(heights, boundary="free").values["Sdr"] == pytest.approx(5e-17, rel=1e-6)
+
+
+def test_a_step_has_its_closed_forms():
+    share, height = 0.25, 8.0
+    heights = np.zeros((40, 30))
+    heights[:10] = height
+    found = values_of(heights, boundary="free").values
+    deviation = height * math.sqrt(share * (1 - share))
+    expected = {
+        "Sa": 2 * height * share * (1 - share),
+        "Sq": deviation,
+        "Sz": height,
+        "Sp": height * (1 - share),
+        "Sv": height * share,
+        "Ssk": (1 - 2 * share) * height / deviation,
+        "Sku": 1 + ((1 - 2 * share) * height / deviation) ** 2,
+        "Sdr": 100 * (math.hypot(1, height) - 1) / 39,
+    }
+    for name, value in expected.items():
+        assert found[name] == pytest.approx(value, rel=1e-12), name
+
+
+@pytest.mark.parametrize(("boundary", "tolerance"), [("periodic", 1e-12), ("free", 0.01)])
+def test_surface_topography_agrees(boundary, tolerance):
+    """Periodic patches agree to rounding; of free ones it leaves out a line of differences."""
+    library = pytest.importorskip("SurfaceTopography", reason="needs the extra instruments")
+    heights = rough((90, 120), 2.0)
+    sides = (180.0, 240.0)
+    theirs = library.Topography(heights, sides, periodic=boundary == "periodic")
+    ours = values_of(heights, (2.0, 2.0), boundary).values
+    assert ours["Sq"] == pytest.approx(theirs.Sq(), rel=1e-12)
+    assert ours["Sdq"] == pytest.approx(theirs.rms_gradient(), rel=tolerance)
+
+
+@pytest.mark.parametrize("boundary", ["periodic", "free"])
+def test_the_autocorrelation_is_its_definition(boundary):
+    heights = np.random.default_rng(5).normal(size=(7, 10))
+    heights -= heights.mean()
+    found = autocorrelation(heights, periodic=boundary == "periodic")
+    assert found.shape == (4, 11)
+    for i, j in ((0, 0), (2, 3), (3, -5), (1, -1)):
+        if boundary == "periodic":
+            mean = np.mean(heights * np.roll(heights, (-i, -j), axis=(0, 1)))
+        else:
+            pairs = (
+                heights[x, y] * heights[x + i, y + j]
+                for x in range(7 - i)
+                for y in range(max(-j, 0), min(10 - j, 10))
+            )
+            mean = sum(pairs) / ((7 - i) * (10 - abs(j)))
+        assert found[i, j + 5] == pytest.approx(mean / np.mean(heights**2), abs=1e-12)
+
+
+def test_texture_tells_directions_apart():
+    even, lay = (values_of(rough(shape=(256, 256), stretch=s)).values for s in (1.0, 4.0))
+    assert even["Str"] > 0.8
+    assert lay["Str"] == pytest.approx(0.25, abs=0.06)
+    assert lay["Sal"] == pytest.approx(even["Sal"], rel=0.15)
+
+
+def test_turning_and_scaling_change_what_they_should():
+    heights = rough(stretch=2.0)
+    before, turned = values_of(heights).values, values_of(heights.T).values
+    doubled = values_of(heights, (2.0, 2.0)).values
+    for name in NAMES:
+        assert turned[name] == pytest.approx(before[name], rel=1e-9), name
+    assert doubled["Sal"] == pytest.approx(2 * before["Sal"], rel=1e-12)
+    assert doubled["Sdq"] == pytest.approx(before["Sdq"] / 2, rel=1e-12)
+    upside_down = values_of(-heights).values
+    assert upside_down["Ssk"] == pytest.approx(-before["Ssk"], abs=1e-12)
+    assert upside_down["Sp"] == pytest.approx(before["Sv"], rel=1e-12)
+    assert upside_down["Svk"] == pytest.approx(before["Spk"], rel=1e-9)
+    assert upside_down["Smr2"] == pytest.approx(100 - before["Smr1"], rel=1e-9)
+    higher = values_of(9.0 + 2.0 * heights).values
+    for name in ("Sk", "Spk", "Svk"):
+        assert higher[name] == pytest.approx(2 * before[name], rel=1e-9)
+
+
+def test_the_material_ratio_curve_of_a_ramp_is_its_core():
+    found = values_of(np.linspace(0, 3, 600).reshape(20, 30), boundary="free", depth=0.75).values
+    assert found["Sk"] == pytest.approx(3.0, rel=1e-9)
+    assert (found["Spk"], found["Svk"]) == pytest.approx((0.0, 0.0), abs=1e-9)
+    assert (found["Smr1"], found["Smr2"]) == (pytest.approx(0, abs=1e-9), pytest.approx(100))
+    assert found["Smr"] == pytest.approx(25.0, rel=1e-9)
+
+
+@pytest.mark.parametrize("name", ["norm", "expon", "logistic"])
+def test_the_material_ratio_curve_of_a_distribution_has_its_closed_forms(name):
+    """From the quantiles: the core of `expon` is at its end, that of the others in the middle."""
+    distribution = getattr(stats, name)
+    ratios = (np.arange(250_000) + 0.5) / 250_000
+    heights = distribution.isf(ratios)
+    start = 0.6 if name == "expon" else 0.3
+    part = np.linspace(start, start + 0.4, 20001)
+    slope, top = np.polyfit(part, distribution.isf(part), 1)
+    above, below = distribution.sf(top), distribution.cdf(top + slope)
+    expected = {"Sk": -slope, "Smr1": 100 * above, "Smr2": 100 * (1 - below)}
+    for key, level, share, sign in (("Spk", top, above, 1), ("Svk", top + slope, below, -1)):
+        over = np.maximum(sign * (heights - level), 0).mean()
+        expected[key] = 2 * over / share if share else 0.0
+    found = values_of(heights.reshape(500, 500), depth=4.0).values
+    for key, value in expected.items():
+        assert found[key] == pytest.approx(value, rel=2e-3, abs=1e-9), key
+    assert found["Smr"] == pytest.approx(100 * distribution.sf(heights[0] - 4.0), rel=0.03)
+
+
+OF_SURFALIZE = {
+    "normal": (2.62203, 0.95356, 0.93786, 9.13373, 90.63665),
+    "exponential": (1.26847, 1.94605, 0.0, 28.66794, 100.0),
+}
+"""Sk, Spk, Svk, Smr1 and Smr2 that surfalize 0.19.2 gives for the heights below."""
+
+
+@pytest.mark.parametrize("name", OF_SURFALIZE)
+def test_another_program_finds_the_same_core(name):
+    """It takes 10,000 points of the curve: its numbers are within 0.2 %, and 1e-3 of 100 %."""
+    random = np.random.default_rng(1)
+    normal = random.normal(size=(100, 100))
+    random.normal(size=(100, 100))
+    heights = {"normal": normal, "exponential": random.exponential(size=(100, 100))}[name]
+    found = values_of(heights).values
+    expected = dict(zip(("Sk", "Spk", "Svk", "Smr1", "Smr2"), OF_SURFALIZE[name], strict=True))
+    for key, value in expected.items():
+        assert found[key] == pytest.approx(value, rel=2e-3, abs=1e-9), key
+
+
+CURVE = {"Sk", "Spk", "Svk", "Smr1", "Smr2"}
+UNDEFINED = {
+    "flat": (np.full((20, 30), 3.0), {"Ssk", "Sku", "Sal", "Str"} | CURVE),
+    "lost": (
+        1e9 + 1e-6 * np.random.default_rng(0).normal(size=(20, 20)),
+        {"Ssk", "Sku", "Sdq", "Sdr", "Sal", "Str"} | CURVE,
+    ),
+    "along x": (np.sin(np.arange(60.0))[:, None] + np.zeros(40), {"Str"}),
+    "huge": (1e300 * rough(), set()),
+    "tiny": (1e-300 * rough(), set()),
+    "two nodes": (np.array([[0.0, 1.0], [1.0, 3.0]]), set()),
+}
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("case", UNDEFINED)
+def test_what_a_surface_does_not_define_is_nan_with_a_reason(case):
+    heights, undefined = UNDEFINED[case]
+    found = values_of(heights, boundary="free")
+    assert list(found.values) == NAMES
+    assert {name for name, value in found.values.items() if math.isnan(value)} == undefined
+    assert bool(found.reason) == bool(undefined)
+
+
+def test_describe_prints_and_writes_them_after_the_statistics(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    np.save("rough.npy", rough())
+    ask = ["describe", "rough.npy", "--side", "95", "--depth", "0.5", "--csv", "row.csv"]
+    assert cli.main([*ask, "--spectrum", "spectrum.csv"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    expected = values_of(rough(), boundary="free", depth=0.5).values
+    for name, unit, meaning in PARAMETERS:
+        line = next(line for line in lines if line.startswith(f"{name} "))
+        assert line.split()[2] == unit
+        assert meaning in line
+        assert float(line.split()[1]) == pytest.approx(expected[name], rel=1e-5)
+    table = pd.read_csv("row.csv")
+    further = ["Smr", "Smr_depth", *LAW, "law", "units"]
+    start = list(table.columns).index("warnings") + 1
+    assert list(table.columns[start:]) == [*NAMES, *further]
+    row = table.iloc[0]
+    assert row.Sal == pytest.approx(expected["Sal"])
+    assert row.Smr == pytest.approx(expected["Smr"])
+    units = dict(each.rsplit(" ", 1) for each in row.units.split("; "))
+    told = {"nodes_x", "nodes_y", "side_x_um", "side_y_um", "prepared", "warnings", "law", "units"}
+    assert set(units) == set(table.columns) - told
+    assert (units["Smr1"], units["height_rms"], units["roll_off"]) == ("%", "um", "um")
+    assert row.law.startswith("none: a power law would hold over 0.")
+    spectrum = pd.read_csv("spectrum.csv")
+    made = radial_spectrum(Topography("made", rough(), (95.0, 95.0)))
+    np.testing.assert_allclose(spectrum.density_um4, made.density, rtol=1e-12)
+    np.testing.assert_allclose(spectrum.wavelength_um * spectrum.wavenumber_per_um, 2 * math.pi)
+
+
+def test_the_law_is_in_the_table_and_what_cannot_be_is_one_line(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    law = SelfAffineSpectrum(0.7, 250.0, 16.5)
+    random = np.random.default_rng(1)
+    np.save("wide.npy", generate_spectral((129, 129), 1000.0, law, random, rms_height=2.0))
+    np.save("few.npy", np.random.default_rng(0).normal(size=(4, 4)))
+    ask = ["describe", "wide.npy", "--side", "1000", "--boundary", "periodic", "--csv", "row.csv"]
+    assert cli.main(ask) == 0
+    row = pd.read_csv("row.csv").iloc[0]
+    assert row.hurst == pytest.approx(0.7, abs=0.05)
+    assert row.law_decades == pytest.approx(math.log10(row.roll_off / row.cut_off))
+    said = capsys.readouterr().out
+    assert f"over {row.law_decades:.2g} decades, from {row.roll_off:.4g} to" in said
+    for options, told in (
+        (["wide.npy", "--depth", "-1"], "--depth"),
+        (["few.npy", "--spectrum", "s.csv"], "--spectrum s.csv: there is none, too few nodes"),
+        (["wide.npy", "--spectrum", "wide.npy"], "is an input: not replaced"),
+    ):
+        assert cli.main(["describe", *options, "--side", "1000"]) == 2
+        assert told in capsys.readouterr().err.splitlines()[-1]
+
+
+SMALL = arrays(
+    float,
+    array_shapes(min_dims=2, max_dims=2, min_side=2, max_side=9),
+    elements=st.integers(-5, 5).map(float),
+)
+
+
+@settings(max_examples=25, deadline=None)
+@given(SMALL, st.sampled_from([0.0, 1.0, 1e9]))
+def test_the_core_is_within_the_heights_whatever_they_are(heights, depth):
+    """Ties, plateaus and two heights included: shares are ordered and no height is negative."""
+    found = areal_parameters(Topography("made", heights, (1.0, 1.0)), depth).values
+    if heights.min() == heights.max():
+        assert math.isnan(found["Sk"])
+        return
+    assert min(found["Sk"], found["Spk"], found["Svk"]) >= -1e-9
+    assert -1e-9 <= found["Smr1"] <= found["Smr2"] + 1e-9 <= 100 + 2e-9
+    assert 0 <= found["Smr"] <= 100
+    assert depth < 1e9 or found["Smr"] == 100

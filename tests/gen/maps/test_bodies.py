@@ -1,0 +1,321 @@
+"""Two rough bodies: their heights added as they face each other, on one grid, where both are."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+import bem
+from gen import cli
+from gen.maps.bodies import Placement, composite
+from gen.maps.read import Topography, intervals
+from gen.material import combined_modulus
+from gen.runtime.errors import InputError
+
+BOUNDARIES = ("free", "periodic", "mirror")
+
+
+def surface(heights, side=(8.0, 8.0), boundary="free", name="map"):
+    return Topography(name, np.asarray(heights, dtype=float), side, boundary=boundary)
+
+
+def rough(shape, seed=0):
+    return np.random.default_rng(seed).normal(size=shape)
+
+
+def grid(nodes, side, boundary):
+    """Coordinates of nodes from the centre of a patch [um]."""
+    return (np.arange(nodes) - (nodes - 1) / 2) * side / intervals(nodes, boundary)
+
+
+@pytest.mark.parametrize("boundary", BOUNDARIES)
+@pytest.mark.parametrize("turned", ["x", "y", "none"])
+def test_a_flat_second_body_changes_no_byte(boundary, turned):
+    first = surface(rough((16, 15)), boundary=boundary)
+    flat = surface(np.full((16, 15), 1e3 + 0.1), boundary=boundary)
+    made = composite(first, flat, Placement(turned))
+    assert made.heights.tobytes() == first.heights.tobytes()
+    assert (made.sides, made.spacing) == (first.sides, first.spacing)
+    own, pair = (bem.solve(each.heights, each.sides, 0.4) for each in (first, made))
+    assert pair.pressure.tobytes() == own.pressure.tobytes()
+
+
+def test_a_body_faces_the_other_one_with_one_axis_turned():
+    first, second = rough((6, 5)), rough((6, 5), 1)
+    below = second - second.max()
+    for turned, facing in (("x", below[::-1]), ("y", below[:, ::-1]), ("none", below)):
+        made = composite(surface(first), surface(second), Placement(turned))
+        np.testing.assert_array_equal(made.heights, first + facing)
+    default = composite(surface(first), surface(second))
+    np.testing.assert_array_equal(default.heights, first + below[::-1])
+
+
+@pytest.mark.parametrize("nodes", [(65, 65), (65, 48)])  # of the two bodies
+def test_a_sphere_on_a_sphere_is_hertz_with_the_composite_radius(nodes):
+    radii, side, delta = (80.0, 120.0), 4.0, 0.004
+    bodies = []
+    for radius, count in zip(radii, nodes, strict=True):
+        x = grid(count, side, "free")
+        bodies.append(surface(-(x[:, None] ** 2 + x**2) / (2 * radius), (side, side)))
+    made = composite(*bodies)
+    modulus = combined_modulus([210e3, 70e3], [0.3, 0.33])
+    radius = 1 / (1 / radii[0] + 1 / radii[1])
+    x = grid(65, side, "free")
+    one = -(x[:, None] ** 2 + x**2) / (2 * radius)
+    np.testing.assert_allclose(made.heights - made.heights.max(), one - one.max(), atol=1e-12)
+    force = bem.solve(made.heights, made.sides, delta, modulus=modulus).force
+    assert force == pytest.approx(4 / 3 * modulus * np.sqrt(radius * delta**3), rel=0.02)
+
+
+@pytest.mark.parametrize("boundary", BOUNDARIES)
+def test_the_map_with_the_wider_spacing_is_interpolated(boundary):
+    def wave(nodes):
+        x, y = (grid(count, 8.0, boundary) for count in nodes)
+        return np.cos(2 * np.pi * x / 8)[:, None] + np.sin(2 * np.pi * y / 8) ** 2
+
+    fine, coarse = (72, 80), (40, 36)
+    whole = wave(fine)
+    for shapes in ((fine, coarse), (coarse, fine)):
+        made = composite(*(surface(wave(shape), boundary=boundary) for shape in shapes))
+        assert made.heights.shape == fine
+        assert made.sides == (8.0, 8.0)
+        error = made.heights - made.heights.max() - 2 * (whole - whole.max())
+        assert np.abs(error - error.mean()).max() < 3e-4
+        number = 2 if shapes[0] == fine else 1
+        assert f"body {number} interpolated by cubic splines from nodes every" in made.steps[-1]
+
+
+@pytest.mark.parametrize("nodes", [2, 3])
+def test_maps_of_two_and_three_lines_are_interpolated(nodes):
+    line = surface(np.outer(np.linspace(0, 1, nodes), np.ones(nodes)))
+    made = composite(surface(np.zeros((9, 9))), line, Placement("none"))
+    np.testing.assert_allclose(made.heights[:, 4], np.linspace(-1, 0, 9), atol=1e-14)
+
+
+def test_spacings_that_differ_much_are_warned_of():
+    first, second = surface(rough((9, 9))), surface(rough((9, 9), 1), (85.0, 85.0))
+    for pair in ((first, second), (second, first)):
+        (warning,) = composite(*pair).warnings
+        assert "10.6 times as far apart" in warning
+    assert composite(first, surface(rough((9, 9), 1), (75.0, 75.0))).warnings == ()
+
+
+def test_a_shift_by_nodes_takes_the_part_that_both_have():
+    first, second = rough((9, 9)), rough((9, 9), 1)
+    below = second - second.max()
+    made = composite(surface(first), surface(second), Placement("none", (2.0, -1.0)))
+    np.testing.assert_array_equal(made.heights, first[2:, :-1] + below[:-2, 1:])
+    assert made.sides == pytest.approx((6.0, 7.0))
+    assert "centre shifted by 2 and -1 um" in made.steps[-1]
+    assert "the 6 x 7 um that 8 x 8 and 8 x 8 um share" in made.steps[-1]
+
+
+def test_a_periodic_body_is_shifted_round():
+    first, second = (surface(rough((8, 8), seed), boundary="periodic") for seed in (0, 1))
+    made = composite(first, second, Placement("none", (3.0, -21.0)))
+    below = second.heights - second.heights.max()
+    np.testing.assert_array_equal(made.heights, first.heights + np.roll(below, (3, -21), (0, 1)))
+    assert made.sides == (8.0, 8.0)
+
+
+@pytest.mark.parametrize("nodes", [(9, 6), (6, 9), (8, 5)])
+def test_maps_of_one_spacing_are_never_interpolated(nodes):
+    first, second = (rough((count, count), seed) for seed, count in enumerate(nodes))
+    sides = [(count - 1.0, count - 1.0) for count in nodes]
+    bodies = (surface(each, side) for each, side in zip((first, second), sides, strict=True))
+    made = composite(*bodies, Placement("none"))
+    assert made.heights.shape == (min(nodes),) * 2
+    below = second - second.max()
+    few = min(nodes)
+    sums = [
+        (first[i : i + few, i : i + few] + below[j : j + few, j : j + few])
+        for i in range(nodes[0] - few + 1)
+        for j in range(nodes[1] - few + 1)
+    ]
+    middle = [np.array_equal(made.heights, each) for each in sums]
+    assert sum(middle) == 1
+    assert middle.index(True) in {(len(sums) - 1) // 2, len(sums) // 2}
+
+
+sizes = st.integers(5, 14)
+lengths = st.floats(3.0, 9.0)
+
+
+@given(
+    shapes=st.tuples(sizes, sizes, sizes, sizes),
+    sides=st.tuples(lengths, lengths, lengths, lengths),
+    shift=st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0)),
+    boundary=st.sampled_from(BOUNDARIES),
+)
+def test_who_is_pressed_against_whom_does_not_matter(shapes, sides, shift, boundary):
+    first = surface(rough(shapes[:2]), sides[:2], boundary)
+    second = surface(rough(shapes[2:], 1), sides[2:], boundary)
+    cells = [np.prod(each.spacing) for each in (first, second)]
+    assume(not np.isclose(*cells, rtol=1e-5))  # else the first one's grid is taken
+    assume(max(first.spacing + second.spacing) < 0.9)  # two nodes of either lie on both
+    made = composite(first, second, Placement("x", shift))
+    again = composite(second, first, Placement("x", (shift[0], -shift[1])))
+    assert again.sides == pytest.approx(made.sides)
+    difference = again.heights[::-1] - made.heights
+    assert np.ptp(difference) < 1e-9 * (1 + np.abs(made.heights).max())
+
+
+def test_bodies_that_do_not_meet_are_refused():
+    first, second = surface(rough((9, 9)), name="a"), surface(rough((9, 9)), name="b")
+    with pytest.raises(InputError, match="a against b: fewer than 2 x 2 nodes lie on both maps"):
+        composite(first, second, Placement("x", (0.0, 8.0)))
+
+
+def test_heights_that_are_too_large_to_be_added_are_refused():
+    huge = surface(1e300 * rough((9, 9)), name="huge")
+    for pair in ((huge, surface(rough((9, 9)))), (surface(rough((9, 9))), huge)):
+        with pytest.raises(InputError, match="huge: heights of"):
+            composite(*pair)
+
+
+def test_steps_and_warnings_name_their_body():
+    first = Topography("a", rough((4, 4)), (3.0, 3.0), ("read",), ("odd",))
+    second = Topography("b", rough((4, 4)), (3.0, 3.0), ("read", "filled"), ())
+    made = composite(first, second)
+    assert made.name == "a against b"
+    assert made.steps[:3] == ("body 1: read", "body 2: read", "body 2: filled")
+    assert made.steps[3].startswith(
+        "pressed against body 2 (b), turned over (its x runs backwards)"
+    )
+    assert made.warnings == ("body 1: odd",)
+
+
+@pytest.mark.parametrize(
+    ("turned", "shift", "word"),
+    [
+        *(("z", "", "--turned 'z'"), ("X", "", "--turned"), ("", "5", "--shift '5'")),
+        *(("", "a,b", "--shift"), ("", "1,2,3", "--shift"), ("", "inf,0", "--shift")),
+    ],
+)
+def test_placements_that_are_none_are_refused(turned, shift, word):
+    with pytest.raises(InputError, match=word):
+        Placement.parse(turned, shift)
+    assert Placement.parse("", "") == Placement()
+    assert Placement.parse("y", "1,-2.5") == Placement("y", (1.0, -2.5))
+
+
+@pytest.fixture(autouse=True)
+def work(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for seed, name in enumerate(("a", "b")):
+        np.save(f"{name}.npy", np.random.default_rng(seed).normal(size=(17, 17)))
+
+
+def solved(*arguments, command="contact"):
+    load = ["--delta", "1"] if command == "contact" else []
+    given = [command, *map(str, arguments), *load, "--csv", "out.csv"]
+    assert cli.main(given) == 0
+    with Path("out.csv").open(newline="") as file:
+        (row,) = csv.DictReader(file)
+    return row
+
+
+def with_header(name, heights, width):
+    """Write a map as Gwyddion does, with its own lengths and unit."""
+    lines = [f"# Width: {width} nm", f"# Height: {width} nm", "# Value units: nm"]
+    lines += ["\t".join(map(str, row)) for row in heights]
+    Path(name).write_text("\n".join(lines) + "\n")
+
+
+def test_the_contact_of_two_bodies_is_that_of_their_sum(capsys):
+    pair = solved("a.npy", "--side", 16, "--against", "b.npy", "--young", 10, "--young", 20)
+    assert (
+        "pressed against body 2 (b.npy), turned over (its x runs backwards)"
+        in capsys.readouterr().out
+    )
+    np.save("sum.npy", np.load("a.npy") + np.load("b.npy")[::-1])
+    one = solved("sum.npy", "--side", 16, "--young", 10, "--young", 20)
+    assert float(pair["force_uN"]) == pytest.approx(float(one["force_uN"]), rel=1e-9)
+    assert float(pair["modulus_MPa"]) == pytest.approx(1 / (1 / 10 + 1 / 20))
+    assert "body 2: read 17 x 17 nodes" in pair["prepared"]
+
+
+def test_both_bodies_are_prepared_alike_unless_the_second_has_options_of_its_own():
+    options = ["a.npy", "--side", 16, "--level", "plane", "--against", "b.npy"]
+    alike = solved(*options, command="describe")["prepared"]
+    assert "body 1: levelled by a plane" in alike
+    assert "body 2: levelled by a plane" in alike
+    own = solved(
+        *options, "--against-options", "--side 8 --invert --downsample 2", command="describe"
+    )
+    assert "body 1: levelled by a plane" in own["prepared"]
+    assert "body 2: levelled" not in own["prepared"]
+    assert "body 2: turned upside down" in own["prepared"]
+    assert "body 2: downsampled to 8 x 8" in own["prepared"]
+    assert "um share" in own["prepared"]
+
+
+def test_lengths_and_unit_of_the_second_file_stand():
+    with_header("own.txt", np.random.default_rng(3).normal(size=(17, 17)), 17_000)
+    row = solved("a.npy", "--side", 16, "--unit", "um", "--against", "own.txt", command="describe")
+    assert float(row["side_x_um"]) == pytest.approx(16)
+    assert "body 2: read 17 x 17 nodes under a header" in row["prepared"]
+    assert "lengths in nm" in row["prepared"]
+
+
+def test_neither_body_is_overwritten(capsys):
+    before = Path("b.npy").read_bytes()
+    arguments = ["contact", "a.npy", "--side", "16", "--delta", "1", "--against", "b.npy"]
+    arguments += ["--hardness", "1", "--young", "10", "--flattened", "b.npy"]
+    assert cli.main(arguments) == 2
+    assert "b.npy" in capsys.readouterr().err
+    assert Path("b.npy").read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("options", "word"),
+    [
+        ("--side", "requires an argument"),
+        ("--side '", "quotation"),
+        ("--help", "--help"),
+        ("--nope", "--nope"),
+        ("more", "more"),
+        ("--side 16 --boundary mirror", "--boundary"),
+        ("--side 16 --csv x.csv", "--csv"),
+        ("--side 16 --form two", "--form"),
+        ("", "after '--against-options' is empty"),
+    ],
+)
+def test_bad_options_of_the_second_body_are_one_line(capsys, options, word):
+    arguments = ["describe", "a.npy", "--side", "16", "--against", "b.npy"]
+    assert cli.main([*arguments, "--against-options", options]) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.count("\n") == 1
+    assert word in said.err
+
+
+@pytest.mark.filterwarnings("ignore:Cannot close a netcdf_file:RuntimeWarning")
+@pytest.mark.parametrize("periodic", [True, False])
+def test_a_file_that_calls_itself_periodic_is_told_how_it_is_taken(
+    periodic, tmp_path, monkeypatch, capsys
+):
+    library = pytest.importorskip("SurfaceTopography", reason="needs the extra instruments")
+    monkeypatch.chdir(tmp_path)
+    wave = np.cos(2 * np.pi * np.arange(24) / 24)[:, None] * np.cos(np.pi * np.arange(20) / 5)
+    made = library.Topography(0.1 * wave, (24.0, 20.0), unit="um", periodic=periodic)
+    made.to_netcdf("map.nc")
+    commands = (["contact", "map.nc", "--delta", "0.05"], ["describe", "map.nc"])
+    law = ["law", "map.nc", "--delta", "0.05"]
+    for options, told in (
+        ([], periodic),
+        (["--boundary", "mirror"], periodic),
+        (["--boundary", "periodic"], False),
+        (["--crop", "0:12,0:12"], False),
+    ):
+        for command in (*commands, law):
+            assert cli.main([*command, *options]) == 0
+            said = capsys.readouterr().err
+            taken = "mirror" if options[1:] == ["mirror"] or command is law else "free"
+            line = f"says that its map is periodic, and it is taken as a {taken} patch: --boundary"
+            assert (
+                f"{line} periodic of gen describe, contact and law follows the file" in said
+            ) == told

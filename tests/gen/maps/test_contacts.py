@@ -1,0 +1,363 @@
+"""Contacts of one surface on the command line: bodies that yield, the warning of those that do not,
+and patches without edges.
+"""
+
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import bem
+from gen import cli
+from gen.display.surfaces import print_contact
+from gen.maps import contacts
+from gen.maps.contacts import NOTHING, Wanted, answers
+from gen.surface import generate
+
+ROUGH = generate("diamond-square", 17, 0.7, 5.0, np.random.default_rng(4))
+STEEL = ["--young", "210e3", "--poisson", "0.3"]
+E_STAR = 210e3 / (1 - 0.3**2)
+
+
+@pytest.fixture
+def surface(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    monkeypatch.chdir(tmp_path)
+    np.save("rough.npy", ROUGH)
+    return "rough.npy"
+
+
+def contact(surface: str, *arguments: str) -> int:
+    return cli.main(["contact", surface, "--side", "200", *arguments])
+
+
+def test_a_contact_of_a_body_that_yields_is_printed_and_written(surface, capsys) -> None:
+    load = ["--pressure", "100", *STEEL, "--hardness", "2000"]
+    assert contact(surface, *load, "--csv", "one.csv") == 0
+    told = capsys.readouterr()
+    assert "warning" not in told.err
+    (expected,) = bem.ladder(ROUGH, 200.0, pressures=[100.0], modulus=E_STAR, hardness=2000.0)
+    depth = expected.yielded_depth.max()
+    assert 0 < expected.yielded_percent < 100
+    lines = {line[:24].strip(): line[24:].split() for line in told.out.splitlines()}
+    assert lines["hardness"] == ["2000", "MPa"]
+    assert lines["yielded nodes"][0] == f"{expected.yielded_percent:.6g}"
+    assert lines["largest yielded depth"] == [f"{depth:.6g}", "um"]
+    row = pd.read_csv("one.csv").iloc[0]
+    assert row.hardness_MPa == row.largest_pressure_MPa == 2000
+    assert row.yielded_percent == expected.yielded_percent
+    assert row.largest_yielded_depth_um == pytest.approx(depth, rel=1e-12)
+    assert row.area_percent >= 100 * 100 / 2000, "the mean contact pressure is at most the hardness"
+
+
+def test_loading_the_flattened_surface_again_is_elastic_up_to_the_load(surface, capsys) -> None:
+    """Shakedown: the surface that 100 MPa leave bears them without yielding any further."""
+    load = ["--pressure", "100", *STEEL, "--hardness", "2000"]
+    assert contact(surface, *load, "--csv", "first.csv", "--flattened", "flat.npy") == 0
+    flat, first = np.load("flat.npy"), pd.read_csv("first.csv").iloc[0]
+    assert (flat <= ROUGH).all()
+    assert (ROUGH - flat).max() == pytest.approx(first.largest_yielded_depth_um, rel=1e-9)
+    assert contact("flat.npy", "--pressure", "100", *STEEL, "--csv", "again.csv") == 0
+    again = pd.read_csv("again.csv").iloc[0]
+    assert again.largest_pressure_MPa == pytest.approx(2000, rel=1e-3)
+    assert again.area_percent == pytest.approx(first.area_percent, rel=0.02)
+    capsys.readouterr()
+    assert contact(surface, "--delta", "1", *STEEL, "--flattened", "flat2.npy") == 2
+    assert "--flattened needs --hardness" in capsys.readouterr().err
+    assert contact(surface, *load, "--flattened", "flat.txt") == 2
+    assert "ends in .npy" in capsys.readouterr().err
+    assert contact(surface, *load, "--flattened", "rough.npy") == 2
+    assert "is an input: not replaced" in capsys.readouterr().err
+
+
+def test_an_elastic_contact_says_which_option_lets_it_yield(surface, capsys) -> None:
+    assert contact(surface, "--pressure", "100", *STEEL, "--csv", "elastic.csv") == 0
+    told = capsys.readouterr()
+    (warning,) = told.err.splitlines()
+    assert "above E*/100 = 2308 MPa: real metals and polymers would have yielded" in warning
+    assert warning.endswith("give --hardness")
+    assert "yielded" not in told.out
+    assert not {"hardness_MPa", "yielded_percent"} & set(pd.read_csv("elastic.csv").columns)
+    assert contact(surface, "--delta", "3") == 0
+    assert not capsys.readouterr().err, "without a modulus pressures mean nothing"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([*STEEL, "--hardness", "0"], "--hardness 0: the hardness must be above 0 MPa"),
+        ([*STEEL, "--hardness", "-5"], "--hardness -5: the hardness must be above 0 MPa"),
+        ([*STEEL, "--hardness", "inf"], "--hardness inf: the hardness must be above 0 MPa"),
+        ([*STEEL, "--hardness", "nan"], "--hardness nan: the hardness must be above 0 MPa"),
+        (["--hardness", "2000"], "--hardness 2000: give the modulus too (--young or --e-star)"),
+        ([*STEEL, "--hardness", "2000", "--far-field", "compliant"], "compliant"),
+        ([*STEEL, "--hardness", "100"], "hardness"),
+        ([*STEEL, "--hardness", "99"], "hardness"),
+    ],
+)
+def test_an_impossible_hardness_is_one_line(surface, capsys, arguments, message) -> None:
+    assert contact(surface, "--pressure", "100", *arguments) == 2
+    told = capsys.readouterr()
+    (line,) = told.err.splitlines()
+    assert message in line
+    assert not told.out
+
+
+WIDE = generate("diamond-square", 33, 0.7, 5.0, np.random.default_rng(6))[:, :30]
+SIDES = ["--side", "330,300"]
+
+
+def solved(capsys, *arguments: str) -> tuple[dict[str, list[str]], str, pd.Series]:
+    """What a command prints, line by line, what it says on standard error, and its table."""
+    assert cli.main(["contact", "wide.npy", *SIDES, *arguments, "--csv", "out.csv"]) == 0
+    told = capsys.readouterr()
+    lines = {line[:24].strip(): line[24:].split() for line in told.out.splitlines()}
+    return lines, told.err, pd.read_csv("out.csv").iloc[-1]
+
+
+@pytest.fixture
+def wide(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    np.save("wide.npy", WIDE)
+    return tmp_path
+
+
+@pytest.mark.parametrize("boundary", ["periodic", "mirror"])
+@pytest.mark.parametrize(
+    ("load", "given", "hardness"),
+    [
+        (["--delta", "2"], {"deltas": [2.0]}, None),
+        (["--force", "3e7"], {"forces": [3e7]}, None),
+        (["--pressure", "50,100"], {"pressures": [50.0, 100.0]}, None),
+        (["--pressure", "100"], {"pressures": [100.0]}, 2000.0),
+    ],
+)
+def test_a_patch_without_edges_is_made_of_its_pixels(
+    wide, capsys, boundary, load, given, hardness
+) -> None:
+    yielding = [] if hardness is None else ["--hardness", f"{hardness:g}"]
+    options = [*load, *STEEL, *yielding, "--boundary", boundary, "--plot", "picture.png"]
+    lines, _, row = solved(capsys, *options)
+    settings = {"modulus": E_STAR, "hardness": hardness, "boundary": boundary}
+    *_, expected = bem.ladder(WIDE, (330.0, 300.0), **given, **settings)
+    assert expected.problem.spacing == (10.0, 10.0)
+    assert row.boundary == boundary
+    assert row.force_uN == pytest.approx(expected.force, rel=1e-12)
+    assert row.area_percent == expected.area_percent
+    assert row.pressure_MPa == pytest.approx(expected.force / (330 * 300), rel=1e-12)
+    if "," not in load[1]:
+        assert lines["boundary"] == [boundary]
+        assert lines["spacing"] == ["10", "x", "10", "um"]
+    assert not any("--boundary" in line for line in lines)
+
+
+def test_a_free_patch_says_what_its_borders_carry_and_which_option_has_none(wide, capsys) -> None:
+    assert cli.main(["contact", "wide.npy", *SIDES, "--delta", "2", "--csv", "out.csv"]) == 0
+    last = capsys.readouterr().out.splitlines()[-1]
+    pressure = bem.solve(WIDE, (330.0, 300.0), 2.0).pressure
+    share = 1 - pressure[1:-1, 1:-1].sum() / pressure.sum()
+    assert last == (
+        f"wide.npy: the outer 5 % on each side (12 % of the nodes) carry {100 * share:.3g} % of the"
+        " force: if this is a piece of a larger surface, --boundary mirror leaves no edges"
+    )
+    assert "boundary" not in pd.read_csv("out.csv").columns
+    assert cli.main(["contact", "wide.npy", *SIDES, "--delta", "0"]) == 0
+    assert "--boundary" not in capsys.readouterr().out
+
+
+def test_a_map_that_is_not_periodic_is_warned_of(wide, capsys) -> None:
+    *_, row = solved(capsys, "--delta", "1", "--boundary", "mirror")
+    assert not isinstance(row.warnings, str)
+    np.save("wide.npy", WIDE + 20 * np.linspace(0, 1, 33)[:, None] ** 8)
+    _, said, row = solved(capsys, "--delta", "1", "--boundary", "periodic")
+    (line,) = said.splitlines()
+    assert line.startswith("warning: opposite borders differ by ")
+    assert line.endswith("the map is not periodic: --boundary mirror takes it as it is")
+    assert row.warnings in line
+    x, y = (2 * np.pi * np.arange(nodes) / nodes for nodes in WIDE.shape)
+    np.save("wide.npy", np.cos(x)[:, None] * np.cos(y))
+    _, said, _ = solved(capsys, "--delta", "0.1", "--boundary", "periodic")
+    assert not said
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--boundary", "open"], "'open' is not one of 'free', 'periodic', 'mirror'"),
+        (["--boundary", "mirror", "--far-field", "compliant"], "far_field"),
+        (["--boundary", "periodic", "--kernel", "concentrated-force"], "kernel"),
+        (["--boundary", "mirror", "--delta", "50"], "wide.npy: delta = 50 um"),
+    ],
+)
+def test_an_impossible_boundary_is_one_line(wide, capsys, arguments, message) -> None:
+    load = [] if "--delta" in arguments else ["--delta", "1"]
+    assert cli.main(["contact", "wide.npy", *SIDES, *load, *arguments]) == 2
+    told = capsys.readouterr()
+    (line,) = told.err.splitlines()
+    assert message in line
+    assert not told.out
+
+
+@pytest.mark.parametrize(
+    ("loads", "refusal"),
+    [
+        (["--delta", "1,100", "--boundary", "mirror"], "delta = 100 um has no equilibrium"),
+        (["--pressure", "1,3000", *STEEL, "--hardness", "2000"], "pressure = 3000 MPa has no"),
+    ],
+)
+def test_a_load_without_equilibrium_is_refused_before_any_is_solved(
+    surface, capsys, monkeypatch: pytest.MonkeyPatch, loads: list[str], refusal: str
+) -> None:
+    def never(*_: object, **__: object) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr(bem, "ladder", never)
+    assert contact(surface, *loads) == 2
+    assert refusal in capsys.readouterr().err
+
+
+def test_a_load_that_is_not_solved_is_named_and_costs_no_others(surface, capsys) -> None:
+    ask = ["--pressure", "1:30000:6:log", *STEEL, "--max-iterations", "4"]
+    assert contact(surface, *ask, "--csv", "few.csv") == 0
+    warned = [line for line in capsys.readouterr().err.splitlines() if "not solved" in line]
+    table = pd.read_csv("few.csv")
+    assert 0 < len(warned) == 6 - len(table) < 6
+    lost = [
+        each for each in np.geomspace(1, 30000, 6) if not np.isclose(each, table.pressure_MPa).any()
+    ]
+    for each, line in zip(lost, warned, strict=True):
+        assert line.startswith(f"warning: not solved, left out: {each:.6g} MPa: residual")
+    assert table.warnings.str.contains("not solved, left out").all()
+    alone = ",".join(map(repr, table.pressure_MPa.tolist()))
+    assert contact(surface, "--pressure", alone, *STEEL, "--csv", "alone.csv") == 0
+    np.testing.assert_allclose(table.delta_um, pd.read_csv("alone.csv").delta_um, rtol=1e-4)
+    ask[1] = "1000,2000"
+    assert contact(surface, *ask[:-1], "1") == 2
+    assert "rough.npy: 2000 MPa: residual" in capsys.readouterr().err
+    ask = ["--pressure", "1,30000", *STEEL, "--hardness", "9e4", "--max-iterations", "4"]
+    assert contact(surface, *ask, "--csv", "few.csv", "--flattened", "flat.npy") == 2
+    assert "flat.npy: not written, as not every load was solved" in capsys.readouterr().err
+    assert not Path("flat.npy").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["--pressure", "20", "--young", "210", "--hardness", "2000"], "is the modulus in GPa?"),
+        (["--pressure", "20"], "E* is 1 MPa, as no modulus is given (--young or --e-star)"),
+        (["--pressure", "0.5"], "E* is 1 MPa, as no modulus is given (--young or --e-star)"),
+        (["--force", "8e5"], "E* is 1 MPa, as no modulus is given (--young or --e-star)"),
+        (["--pressure", "200", "--young", "210"], "check E*: no solid bears"),
+        (["--pressure", "20", "--young", "210e9"], "is the modulus in Pa?"),
+        (["--delta", "3"], ""),
+        (["--pressure", "0.001"], ""),
+        (["--pressure", "0.001", "--e-star", "1", "--hardness", "0.01"], ""),
+        (["--pressure", "20", *STEEL, "--hardness", "2000"], ""),
+    ],
+)
+def test_units_that_slipped_are_told_and_normalised_use_is_quiet(
+    surface, capsys, arguments, told
+) -> None:
+    """Of a contact on the terminal, in its table and on its picture; and of a law."""
+    assert contact(surface, *arguments, "--csv", "out.csv") == 0
+    said = capsys.readouterr().err
+    assert (told in said) if told else not said
+    warnings = pd.read_csv("out.csv", keep_default_na=False).warnings[0]
+    assert (told in warnings) if told else not warnings
+    if "--force" not in arguments:
+        code = cli.main(["law", surface, "--side", "200", *arguments])  # 2: only full contact
+        law = capsys.readouterr()
+        told = told if code == 0 or not told else "; E* is "
+        assert (told in law.out + law.err) if told else "warning" not in law.out + law.err
+
+
+LOAD = {"pressure": 100.0, "modulus": 210e3, "poisson": 0.3}
+
+
+def answered(surface, *arguments):
+    return cli.main(["contact", surface, "--side", "200", *STEEL, *arguments])
+
+
+def test_answers_are_printed_and_written(surface, capsys):
+    asked = ["--spots", "--stiffness", "--conductivity", "50", "--conductivity", "20"]
+    assert answered(surface, "--pressure", "100", *asked, "--csv", "one.csv") == 0
+    parts = (re.split(r"  +", line, maxsplit=1) for line in capsys.readouterr().out.splitlines())
+    lines = {part[0]: part[1].split() for part in parts if len(part) == 2}
+    expected = bem.solve(ROUGH, 200.0, **LOAD)
+    row = pd.read_csv("one.csv").iloc[0]
+    assert row.spots == expected.spots.number == int(lines["spots of contact"][0])
+    assert row.largest_spot_um2 == expected.spots.areas[0]
+    assert row.largest_spot_percent == 100 * expected.spots.largest_share
+    assert row.corrected_area_percent == expected.corrected_area_percent < row.area_percent
+    assert row.stiffness_N_per_m == pytest.approx(expected.stiffness)
+    assert row.interface_stiffness_N_per_m == pytest.approx(expected.interface_stiffness)
+    assert row.conductance_W_per_K == pytest.approx(1e-6 * expected.conductance(50, 20))
+    nominal = 17**2 * (200 / 16 * 1e-6) ** 2
+    alone = 1e-6 * expected.interface_conductance(50, 20)
+    assert row.interface_conductance_W_per_m2_K == pytest.approx(alone / nominal)
+    assert "loading_stiffness_N_per_m" not in row
+    assert lines["interface's stiffness"][1:4] == ["N/m,", "without", "the"]
+
+
+def test_a_law_has_a_column_for_each(surface, capsys):
+    asked = ["--hardness", "4000", "--stiffness", "--boundary", "mirror"]
+    assert answered(surface, "--pressure", "10:100:3", *asked, "--csv", "law.csv") == 0
+    assert "loading_stiffness_N_per_m" in capsys.readouterr().out
+    table = pd.read_csv("law.csv")
+    assert (np.diff(table.stiffness_N_per_m) > 0).all()
+    assert (table.loading_stiffness_N_per_m <= table.stiffness_N_per_m).all()
+    assert table.loading_stiffness_N_per_m.iloc[-1] < table.stiffness_N_per_m.iloc[-1]
+    assert (table.interface_stiffness_N_per_m == table.stiffness_N_per_m).all()
+
+
+def test_full_contact_is_said_to_leave_no_interface(surface, capsys):
+    assert answered(surface, "--pressure", "1e7", "--stiffness") == 0
+    (line,) = [each for each in capsys.readouterr().out.splitlines() if "interface" in each]
+    assert "inf" in line
+    assert "full contact" in line
+
+
+def test_nothing_is_computed_that_is_not_asked_for(surface, monkeypatch):
+    solved = bem.solve(ROUGH, 200.0, **LOAD)
+    assert answers(solved, NOTHING) == []
+    assert not {"spots", "punch"} & vars(solved).keys()
+    answers(solved, Wanted(spots=True))
+    assert "punch" not in vars(solved)
+    assert answered(surface, "--pressure", "100", "--csv", "one.csv") == 0
+    columns = pd.read_csv("one.csv").columns
+    assert not any("stiffness" in name or "spot" in name for name in columns)
+
+
+def test_oblong_cells_have_no_corrected_area(surface, capsys):
+    arguments = ["contact", surface, "--side", "200,100", *STEEL, "--pressure", "100"]
+    assert cli.main([*arguments, "--spots", "--csv", "one.csv"]) == 0
+    assert math.isnan(pd.read_csv("one.csv").corrected_area_percent[0])
+    assert "needs square cells" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("given", [["0"], ["-1"], ["inf"], ["nan"], ["1", "2", "3"]])
+def test_impossible_conductivities_are_one_line(surface, capsys, given):
+    options = [word for each in given for word in ("--conductivity", each)]
+    assert answered(surface, "--pressure", "1", *options) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "--conductivity" in line
+
+
+def test_a_solve_that_fails_is_one_line(surface, capsys, monkeypatch):
+    def fail(*_):
+        raise ArithmeticError("stiffness of 3 nodes in contact: residual 1.0e+00")
+
+    monkeypatch.setattr(contacts, "_stiffness", fail)
+    assert answered(surface, "--pressure", "1", "--stiffness") == 2
+    assert "stiffness of 3 nodes" in capsys.readouterr().err
+
+
+def test_the_far_field_has_a_line_where_it_is_another_number_than_delta(surface, capsys):
+    assert answered(surface, "--pressure", "100") == 0
+    assert "far-field displacement" not in capsys.readouterr().out
+    given = bem.solve(ROUGH, 200.0, delta=1.0, far_field="compliant", kernel="concentrated-force")
+    print_contact(given, 0.0, NOTHING)
+    line = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("far-f"))
+    assert float(line.split()[2]) == pytest.approx(given.approach) != given.delta

@@ -1,0 +1,194 @@
+"""A polynomial is taken out to rounding, whatever is missing; the rest is the least-squares one."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.special import erf
+
+from gen.maps.filters import (
+    ALPHA,
+    WINDOW,
+    fitted_polynomial,
+    local_medians,
+    long_waves,
+    without_spikes,
+)
+from gen.surface import generate
+
+SHAPES = [(30, 41), (41, 30), (21, 21), (100, 22)]
+
+
+def polynomial(shape: tuple[int, int], degree: int, random: np.random.Generator) -> np.ndarray:
+    """A random polynomial of a total degree on a map, with coefficients of any sign."""
+    x, y = np.meshgrid(*(np.linspace(-1, 2, nodes) for nodes in shape), indexing="ij")
+    heights = np.zeros(shape)
+    for i in range(degree + 1):
+        for j in range(degree + 1 - i):
+            heights += random.normal() * x**i * y**j
+    return heights
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("degree", [1, 2, 3, 6, 10, 20])
+@pytest.mark.parametrize("holes", [False, True])
+def test_a_polynomial_is_its_own_fit(shape: tuple[int, int], degree: int, holes: bool) -> None:
+    random = np.random.default_rng(degree)
+    heights = polynomial(shape, degree, random)
+    measured = ~(holes & (random.random(shape) < 0.1))
+    fit = fitted_polynomial(np.where(measured, heights, np.nan), degree)
+    np.testing.assert_allclose(fit[measured], heights[measured], atol=1e-12 * np.ptp(heights))
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 5))
+def test_what_is_left_is_orthogonal_to_polynomials(seed: int, degree: int) -> None:
+    random = np.random.default_rng(seed)
+    heights = np.where(random.random((14, 17)) < 0.2, np.nan, random.normal(size=(14, 17)))
+    measured = ~np.isnan(heights)
+    rest = (heights - fitted_polynomial(heights, degree))[measured]
+    other = polynomial((14, 17), degree, random)[measured]
+    assert abs(rest @ other) < 1e-11 * np.linalg.norm(rest) * np.linalg.norm(other)
+    above = polynomial((14, 17), degree + 1, random)
+    assert np.abs(above - fitted_polynomial(above, degree)).max() > 1e-6
+
+
+def planted_nodes(shape: tuple[int, int], random: np.random.Generator) -> np.ndarray:
+    """Some nodes, alone in their neighbourhoods as dust is; borders and corners too."""
+    nodes = np.zeros(shape, dtype=bool)
+    for x in range(0, shape[0], WINDOW):
+        for y in range(0, shape[1], WINDOW):
+            nodes[x, y] = random.random() < 0.3
+    return nodes
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(16, 40), st.integers(16, 41))
+def test_planted_spikes_are_found_and_only_they(seed: int, nx: int, ny: int) -> None:
+    random = np.random.default_rng(seed)
+    x, y = np.meshgrid(np.arange(nx), np.arange(ny), indexing="ij")
+    clean = random.normal(size=(nx, ny)) + random.normal() * 20 * x + random.normal() * 20 * y
+    planted = planted_nodes((nx, ny), random)
+    signs = random.choice([-1, 1], size=(nx, ny))
+    heights = np.where(planted, clean + signs * 3000, clean)
+    despiked, spikes = without_spikes(heights, 25)
+    assert np.array_equal(spikes, planted)
+    assert np.array_equal(despiked[~planted], clean[~planted])
+    assert np.abs(despiked - clean)[planted].max(initial=0) < 300
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_holes_are_neither_spikes_nor_neighbours(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    heights = random.normal(size=(23, 30))
+    heights[4:14, 6:20] = np.nan
+    heights[random.random(heights.shape) < 0.2] = np.nan
+    heights[3, 8] = 1000.0
+    despiked, spikes = without_spikes(heights, 20)
+    assert np.argwhere(spikes).tolist() == [[3, 8]]
+    assert np.array_equal(np.isnan(despiked), np.isnan(heights))
+
+
+@pytest.mark.parametrize("shape", [(9, 12), (12, 9), (7, 7), (2, 3)])
+def test_medians_are_those_of_numpy_on_the_local_slope(shape: tuple[int, int]) -> None:
+    random = np.random.default_rng(3)
+    heights = np.where(random.random(shape) < 0.3, np.nan, random.normal(size=shape))
+    heights[0, 0] = 1.0
+    padded = np.pad(heights, 2, constant_values=np.nan)
+    windows = np.lib.stride_tricks.sliding_window_view(padded, (WINDOW, WINDOW))
+    steps = np.arange(-2, 3)
+    for (x, y), median in np.ndenumerate(local_medians(heights)):
+        window = windows[x, y]
+        slopes = [np.diff(window, axis=axis) for axis in (0, 1)]
+        along_x, along_y = (0.0 if np.isnan(each).all() else np.nanmedian(each) for each in slopes)
+        expected = np.nanmedian(window - along_x * steps[:, None] - along_y * steps)
+        assert median == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_slope_with_holes_has_no_spikes() -> None:
+    random = np.random.default_rng(0)
+    x, y = np.meshgrid(np.linspace(-80, 80, 61), np.linspace(-60, 60, 52), indexing="ij")
+    heights = -(x**2 + y**2) / 10_000 + 0.01 * x + random.normal(0, 2e-4, x.shape)
+    heights[random.random(x.shape) < 0.1] = np.nan
+    heights[10:22, 30:41] = np.nan
+    assert not without_spikes(heights, 15)[1].any()
+
+
+def test_planes_and_flat_maps_have_no_spikes_but_what_stands_out_of_them() -> None:
+    for slope in (0.0, 0.3):
+        plane = 1e3 + slope * np.add.outer(np.arange(11.0), 2 * np.arange(8.0))
+        assert not without_spikes(plane, 7)[1].any()
+        plane[5, 4] += 0.5
+        despiked, spikes = without_spikes(plane, 7)
+        assert np.argwhere(spikes).tolist() == [[5, 4]]
+        assert despiked[5, 4] == pytest.approx(plane[5, 4] - 0.5)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_fractal_surfaces_have_no_spikes(seed: int) -> None:
+    rough = generate("diamond-square", 65, 0.65, 12.5, np.random.default_rng(seed))
+    assert not without_spikes(rough, 7)[1].any()
+
+
+SPACING = (0.5, 0.8)  # um
+
+
+def wave(shape: tuple[int, int], wavelength: float, angle: float) -> np.ndarray:
+    """A cosine of unit amplitude along a direction, with a crest at node (0, 0)."""
+    x, y = np.meshgrid(
+        *(step * np.arange(nodes) for nodes, step in zip(shape, SPACING, strict=True)),
+        indexing="ij",
+    )
+    return np.cos(2 * np.pi / wavelength * (x * np.cos(angle) + y * np.sin(angle)))
+
+
+@pytest.mark.parametrize("shape", [(200, 141), (161, 180), (181, 181)])
+@pytest.mark.parametrize("angle", [0, 0.7, np.pi / 2])
+@pytest.mark.parametrize("ratio", [0.5, 1, 2, 4])
+def test_waves_pass_as_the_standard_says(
+    shape: tuple[int, int], angle: float, ratio: float
+) -> None:
+    cutoff = 12.0
+    waves = wave(shape, cutoff / ratio, angle)
+    smooth = long_waves(waves, SPACING, cutoff)
+    inner = slice(40, -40), slice(40, -40)
+    np.testing.assert_allclose(smooth[inner], 0.5 ** (ratio**2) * waves[inner], atol=1e-5)
+
+
+@pytest.mark.parametrize("cutoff", [3.2, 11.0, 40.0])  # the longest reaches round the map
+def test_a_periodic_map_is_filtered_as_one_that_is_repeated(cutoff: float) -> None:
+    heights = np.random.default_rng(2).normal(size=(81, 50))
+    smooth = long_waves(heights, SPACING, cutoff, "periodic")
+    repeated = long_waves(np.tile(heights, (5, 5)), SPACING, cutoff)
+    np.testing.assert_allclose(smooth, repeated[162:243, 100:150], atol=1e-7)
+    shifted = long_waves(np.roll(heights, (7, -11), (0, 1)), SPACING, cutoff, "periodic")
+    np.testing.assert_allclose(shifted, np.roll(smooth, (7, -11), (0, 1)), atol=1e-12)
+
+
+@pytest.mark.parametrize("cutoff", [3.2, 11.0, 40.0])
+def test_a_mirrored_map_is_filtered_as_the_periodic_one_of_its_images(cutoff: float) -> None:
+    heights = np.random.default_rng(3).normal(size=(41, 50))
+    images = np.block([[heights, heights[:, ::-1]], [heights[::-1], heights[::-1, ::-1]]])
+    smooth = long_waves(heights, SPACING, cutoff, "mirror")
+    whole = long_waves(images, SPACING, cutoff, "periodic")
+    np.testing.assert_allclose(smooth, whole[:41, :50], atol=1e-12)
+
+
+def test_a_step_is_the_standards_error_function() -> None:
+    x = SPACING[0] * (np.arange(200) - 99.5)
+    heights = np.repeat(np.sign(x)[:, None], 9, axis=1)
+    smooth = long_waves(heights, SPACING, 20.0)
+    expected = erf(np.sqrt(np.pi) * x / (ALPHA * 20.0))
+    inner = slice(50, -50)
+    np.testing.assert_allclose(smooth[inner, 4], expected[inner], atol=5e-4)
+
+
+def test_weights_at_a_border_are_the_normalised_ones() -> None:
+    random = np.random.default_rng(1)
+    heights = random.normal(size=(17, 12))
+    cutoff = 4.0
+    smooth = np.empty_like(heights)
+    axes = [step * np.arange(nodes) for nodes, step in zip(heights.shape, SPACING, strict=True)]
+    for (i, j), _ in np.ndenumerate(heights):
+        squares = np.add.outer((axes[0] - axes[0][i]) ** 2, (axes[1] - axes[1][j]) ** 2)
+        weights = np.exp(-np.pi * squares / (ALPHA * cutoff) ** 2)
+        smooth[i, j] = (weights * heights).sum() / weights.sum()
+    np.testing.assert_allclose(long_waves(heights, SPACING, cutoff), smooth, atol=1e-7)

@@ -1,0 +1,292 @@
+"""Tests of the library of maps: prepared once, shared, and refused where they do not fit."""
+
+import json
+import os
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bench.made_maps import Faults, MadeMap, write_all
+from gen.maps import library
+from gen.maps.files import digests
+from gen.maps.library import PAGE, PreparedMap, Wanted, opened, prepared, stored_maps, write_maps
+from gen.maps.prepare import prepare
+from gen.maps.settings import Reading
+from gen.runtime.errors import InputError
+from tests.maps import read
+
+CLEAN = Reading(asked="key", despike=7.0, level="plane", fill=True)
+SMALL = (
+    MadeMap("honed", 0, (40, 30), 0.5, 10.0, faults=Faults(spikes=2, holes=2)),
+    MadeMap("ground", 0, (36, 44), 0.5, 10.0, format="nc", faults=Faults(tilt=(0.1, 0.0))),
+    MadeMap("fractal", 0, (33, 33), 0.5, 10.0, format="gwy"),
+)
+
+
+@pytest.fixture
+def paths(tmp_path):
+    return write_all(tmp_path / "scans", SMALL)
+
+
+@pytest.fixture
+def home(tmp_path, monkeypatch):
+    monkeypatch.setenv("TMPDIR", str(tmp_path / "temporary"))
+    monkeypatch.setattr("tempfile.tempdir", None)
+    for name in ("temporary", "home"):
+        (tmp_path / name).mkdir()
+    return tmp_path / "home"
+
+
+CLEANED = Wanted((9, 9), None, CLEAN)
+
+
+def made(paths, home, wanted=CLEANED):
+    return prepared(paths, digests(paths), wanted, home)
+
+
+def forbid_reading(monkeypatch):
+    def fail(*arguments, **options):
+        raise AssertionError("a map is read again")
+
+    monkeypatch.setattr(library, "read", fail)
+
+
+def test_maps_are_those_of_the_readers_and_steps_of_gen_contact(paths, home):
+    found = made(paths, home)
+    assert found.spacing == (1.0, 1.0)
+    assert found.shapes == ((40, 30), (36, 44), (33, 33))
+    for path, each in zip(paths, found.maps, strict=True):
+        assert np.array_equal(each.heights, prepare(read(path), CLEAN).heights)
+
+
+def test_maps_are_prepared_once(paths, home, monkeypatch):
+    first = made(paths, home)
+    (file,) = home.iterdir()
+    forbid_reading(monkeypatch)
+    for again in (made(paths, home), opened(digests(paths), CLEANED, home, verify=False)):
+        for one, other in zip(first.maps, again.maps, strict=True):
+            assert np.array_equal(one.heights, other.heights)
+    assert list(home.iterdir()) == [file]
+    assert made(paths, home, Wanted((30, 30), None, CLEAN)).shapes == first.shapes
+
+
+@pytest.mark.parametrize(
+    "wanted",
+    [
+        Wanted((9, 9), None, Reading(asked="key", fill=True)),
+        Wanted((9, 9), (1.5, 1.5), CLEAN),
+        Wanted((9, 9), None, replace(CLEAN, channel="0")),
+    ],
+)
+def test_other_settings_are_other_maps(paths, home, wanted):
+    made(paths, home)
+    made(paths, home, wanted)
+    assert len(list(home.iterdir())) == 2
+
+
+def test_another_content_or_version_is_another_key(monkeypatch):
+    wanted = Wanted((9, 9))
+    key = wanted.key(["a", "b"])
+    assert key == Wanted((5, 5)).key(["a", "b"])
+    assert key != wanted.key(["b", "a"])
+    monkeypatch.setattr(library, "READER", library.READER + 1)
+    assert key != wanted.key(["a", "b"])
+
+
+def test_a_damaged_file_is_made_anew(paths, home):
+    whole = made(paths, home).maps[0].heights.copy()
+    (file,) = home.iterdir()
+    content = bytearray(file.read_bytes())
+    content[5000] ^= 1
+    file.write_bytes(content)
+    assert np.array_equal(made(paths, home).maps[0].heights, whole)
+    assert file.read_bytes() != bytes(content)
+
+
+@pytest.mark.parametrize("make", [os.mkfifo, os.mkdir])
+def test_a_pipe_or_a_folder_in_the_place_of_prepared_maps_is_refused(paths, home, make):
+    made(paths, home)
+    (file,) = home.iterdir()
+    file.unlink()
+    make(file)
+    with pytest.raises(InputError, match=r"\.maps: is no file of prepared maps; move it away"):
+        made(paths, home)
+    assert file.exists()
+
+
+def test_a_folder_that_cannot_be_written_to_sends_maps_to_the_temporary_one(
+    paths, home, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(library, "_is_writable", lambda folder: False)
+    found = made(paths, home)
+    kept = tmp_path / "temporary" / f"asperity-{os.getuid()}"
+    assert found.file.parent == kept
+    assert kept.stat().st_mode & 0o777 == 0o700
+    assert not list(home.iterdir())
+    forbid_reading(monkeypatch)
+    assert made(paths, home).file == found.file
+
+
+def test_a_temporary_folder_of_somebody_else_is_not_used(paths, home, tmp_path, monkeypatch):
+    monkeypatch.setattr(library, "_is_writable", lambda folder: False)
+    folder = tmp_path / "temporary" / f"asperity-{os.getuid()}"
+    folder.mkdir()
+    folder.chmod(0o777)
+    with pytest.raises(InputError, match=r"there is no folder for prepared maps: .* TMPDIR"):
+        made(paths, home)
+
+
+def test_processes_share_one_copy(paths, home):
+    """The heights of two processes lie in the same file, which both have mapped and not read."""
+    made(paths, home)
+    script = f"""
+import json, pathlib
+from gen.maps.files import digests
+from gen.maps.library import Wanted, opened
+from gen.maps.settings import Reading
+paths = [pathlib.Path(p) for p in json.loads({json.dumps(json.dumps([str(p) for p in paths]))})]
+wanted = Wanted((9, 9), None, Reading(asked="key", despike=7.0, level="plane", fill=True))
+found = opened(digests(paths), wanted, pathlib.Path({str(home)!r}), verify=False)
+maps = open("/proc/self/maps").read()
+print(maps.count(".maps"), all(m.heights.base is not None for m in found.maps))
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=60
+    )
+    count, mapped = done.stdout.split()
+    assert int(count) >= len(paths)
+    assert mapped == "True"
+
+
+def test_spacings_have_to_agree(tmp_path, home):
+    other = MadeMap("fractal", 1, (60, 60), 0.5, 20.0, (0.5, 0.5))
+    paths = write_all(tmp_path / "scans", (SMALL[2], other))
+    with pytest.raises(InputError) as refusal:
+        made(paths, home)
+    assert str(refusal.value) == (
+        f"{paths[1]} has a node every 0.5 um, {paths[0]} every 1 um: give spacing, to which all"
+        " are resampled, or downsample"
+    )
+    assert not list(home.iterdir())
+    found = made(paths, home, Wanted((9, 9), (1.0, 1.0), CLEAN))
+    assert found.shapes == ((33, 33), (29, 29))
+
+
+def test_spacings_may_differ_by_rounding(tmp_path, home):
+    other = MadeMap("fractal", 1, (40, 40), 0.5, 20.0, (1.0004, 0.9997))
+    paths = write_all(tmp_path / "scans", (other, SMALL[2]))
+    found = made(paths, home)
+    assert found.spacing == (1.0004, 1.0004)
+
+
+def test_a_map_smaller_than_the_window_is_refused(paths, home):
+    message = "honed-0.x3p: has 40 x 30 nodes after its preparation, less than the window of 33 x"
+    for wanted in (Wanted((33, 33), None, CLEAN), Wanted((9, 9), None, CLEAN)):
+        if wanted.window == (33, 33):
+            with pytest.raises(InputError, match=message):
+                made(paths, home, wanted)
+        else:
+            made(paths, home, wanted)
+    with pytest.raises(InputError, match=message):  # also where the maps are prepared already
+        made(paths, home, Wanted((33, 33), None, CLEAN))
+
+
+def test_faults_of_maps_are_said_in_the_words_of_scenes(paths, home):
+    with pytest.raises(InputError, match=r"honed-0.x3p: .* are missing \(NaN\): fill closes holes"):
+        made(paths, home, Wanted((9, 9)))
+
+
+def test_warnings_come_with_the_maps(tmp_path, home):
+    pierced = MadeMap("honed", 0, (40, 30), 0.5, 10.0, faults=Faults(holes=6))
+    for _ in range(2):  # as they are prepared, and from the file
+        (found,) = made(write_all(tmp_path / "scans", [pierced]), home).maps
+        assert any("of the heights were missing and are filled" in line for line in found.remarks)
+
+
+MAPS = [
+    (PreparedMap(np.random.default_rng(1).normal(size=(30, 41)), ("a remark",)), (0.5, 0.5)),
+    (PreparedMap(np.asfortranarray(np.arange(12.0).reshape(3, 4))), (0.5, 0.5)),
+]
+
+
+@pytest.fixture
+def path(tmp_path):
+    path = tmp_path / "a.maps"
+    write_maps(path, "key", iter(MAPS), replace=False)
+    return path
+
+
+def test_maps_come_back_bit_for_bit(path):
+    stored = stored_maps(path, "key", verify=True)
+    assert stored.spacing == (0.5, 0.5)
+    assert [each.remarks for each in stored.maps] == [("a remark",), ()]
+    for each, (made, _) in zip(stored.maps, MAPS, strict=True):
+        assert np.array_equal(each.heights, made.heights)
+        assert isinstance(each.heights, np.memmap)
+        assert not each.heights.flags.writeable
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
+def test_damaged_first_lines_are_noticed(path, share):
+    content = bytearray(path.read_bytes())
+    lines = content.index(b"\n", content.index(b"\n") + 1)
+    content[int(share * lines)] ^= 4
+    path.write_bytes(content)
+    assert stored_maps(path, "key", verify=True) is None
+
+
+@pytest.mark.parametrize("share", [0.0, 0.2, 0.5, 0.9, 0.999])
+def test_a_shortened_file_is_noticed(path, share):
+    content = path.read_bytes()
+    path.write_bytes(content[: int(share * len(content))])
+    assert stored_maps(path, "key", verify=False) is None
+
+
+@pytest.mark.parametrize("place", [PAGE, PAGE + 30 * 41 * 8 - 1, -1, -40])
+def test_damaged_heights_and_tables_are_noticed(path, place):
+    content = bytearray(path.read_bytes())
+    content[place] ^= 1
+    path.write_bytes(content)
+    assert stored_maps(path, "key", verify=True) is None
+
+
+def test_a_table_that_says_nonsense_is_noticed(path):
+    import hashlib
+
+    content = path.read_bytes()
+    for table in ([], {"key": "key"}, {"key": "key", "byteorder": "little", "maps": 3}):
+        text = json.dumps(table).encode()
+        line = f"{PAGE} {len(text)} {hashlib.sha256(text).hexdigest()}\n".encode()
+        start = content[: content.index(b"\n") + 1] + line
+        path.write_bytes(start + bytes(PAGE - len(start)) + text)
+        assert stored_maps(path, "key", verify=True) is None
+
+
+def test_nothing_is_left_of_a_file_whose_maps_fail(tmp_path):
+    def failing():
+        yield MAPS[0]
+        raise InputError("no map")
+
+    with pytest.raises(InputError, match="no map"):
+        write_maps(tmp_path / "a.maps", "key", failing(), replace=False)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_file_that_another_process_made_meanwhile_stays(path):
+    before = path.stat().st_ino
+    write_maps(path, "key", iter(MAPS), replace=False)
+    assert path.stat().st_ino == before, "others may have it in their memory"
+    write_maps(path, "key", iter(MAPS), replace=True)
+    assert path.stat().st_ino != before
+    assert [each.name for each in path.parent.iterdir()] == [path.name]
+
+
+def test_a_file_of_the_users_is_not_replaced(tmp_path):
+    path = tmp_path / "a.maps"
+    path.write_text("notes")
+    with pytest.raises(InputError, match="holds text, not prepared maps: not replaced"):
+        write_maps(path, "key", iter(MAPS), replace=True)
+    assert path.read_text() == "notes"

@@ -1,0 +1,209 @@
+"""Instruments' files: the same heights back, lengths in um, one line where something is missing."""
+
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from bem.spacing import BOUNDARIES, node_spacing
+from gen import cli
+from gen.maps import instruments
+from gen.maps.read import intervals
+from gen.runtime.errors import InputError
+from gen.runtime.installation import command_for
+from tests.maps import read
+
+SurfaceTopography = pytest.importorskip("SurfaceTopography", reason="needs the extra instruments")
+
+HEIGHTS = np.random.default_rng(5).normal(size=(7, 5))  # um; oblong, odd and even
+HOLES = np.zeros(HEIGHTS.shape, dtype=bool)
+HOLES[2, 3] = HOLES[5, 0] = True
+HIGHEST = float(HEIGHTS[~HOLES].max())
+PIXEL = 2.0, 0.5  # um
+
+
+def written(path: Path, unit: str | None, per_um: float) -> Path:
+    """HEIGHTS with HOLES as SurfaceTopography's own writers put them into a file."""
+    sizes = tuple(nodes * pixel * per_um for nodes, pixel in zip(HEIGHTS.shape, PIXEL, strict=True))
+    masked = np.ma.array(HEIGHTS * per_um, mask=HOLES)
+    topography = SurfaceTopography.Topography(masked, sizes, unit=unit)
+    write = {".x3p": topography.to_x3p, ".gwy": topography.to_gwy, ".nc": topography.to_netcdf}
+    write[path.suffix](str(path))
+    return path
+
+
+@pytest.mark.parametrize("suffix", [".x3p", ".gwy", ".nc"])
+@pytest.mark.parametrize(("unit", "per_um"), [("nm", 1e3), ("um", 1.0), ("m", 1e-6)])
+@pytest.mark.filterwarnings("ignore:Cannot close a netcdf_file:RuntimeWarning")
+def test_files_give_back_heights_and_lengths_in_um(
+    tmp_path: Path, suffix: str, unit: str, per_um: float
+) -> None:
+    topography = read(written(tmp_path / f"scan{suffix}", unit, per_um))
+    assert topography.sides == pytest.approx((6 * 2.0, 4 * 0.5), rel=1e-6)
+    assert topography.spacing == pytest.approx(PIXEL, rel=1e-6)
+    assert topography.missing == 2
+    expected = np.where(HOLES, np.nan, HEIGHTS)
+    np.testing.assert_allclose(topography.heights, expected, rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize("boundary", BOUNDARIES)
+def test_the_size_of_a_pixel_is_that_of_the_file_whatever_the_boundary(tmp_path, boundary) -> None:
+    topography = read(written(tmp_path / "scan.nc", "nm", 1e3), boundary=boundary)
+    assert topography.spacing == pytest.approx(PIXEL, rel=1e-6)
+    np.save(tmp_path / "bare.npy", HEIGHTS)
+    bare = read(tmp_path / "bare.npy", "14,2.5", boundary=boundary)
+    for found in (topography, bare):
+        assert found.boundary == boundary
+        for axis, nodes in enumerate(HEIGHTS.shape):
+            assert found.spacing[axis] == node_spacing(nodes, found.sides[axis], boundary)
+            between = intervals(nodes, boundary)
+            assert between == pytest.approx(found.sides[axis] / found.spacing[axis])
+
+
+def test_a_unit_is_asked_for_where_the_file_names_none(tmp_path: Path) -> None:
+    scan = written(tmp_path / "scan.nc", None, 1e3)
+    with pytest.raises(InputError, match="names no unit; give --unit"):
+        read(scan)
+    assert read(scan, unit="nm").sides == pytest.approx((12.0, 2.0))
+    with pytest.raises(InputError, match="--unit 'ft': give one of m, cm, mm"):
+        read(scan, unit="ft")
+
+
+def test_lengths_of_the_file_are_not_overruled(tmp_path: Path) -> None:
+    scan = written(tmp_path / "scan.nc", "nm", 1e3)
+    with pytest.raises(InputError, match="its lengths are in nm, --unit says um"):
+        read(scan, unit="um")
+    with pytest.raises(InputError, match="is 12 x 2 um, --side says 13"):
+        read(scan, "13")
+    assert read(scan, "12,2", "nm").sides == pytest.approx((12.0, 2.0))
+
+
+@pytest.mark.parametrize("suffix", [".npy", ".txt", ".dat", ".csv"])
+def test_own_formats_keep_holes_and_take_a_unit(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"scan{suffix}"
+    heights = np.where(HOLES, np.nan, HEIGHTS)
+    if suffix == ".npy":
+        np.save(path, heights)
+    else:
+        np.savetxt(path, heights, delimiter={".dat": ";", ".csv": ",", ".txt": " "}[suffix])
+    topography = read(path, "12,2", "nm")
+    np.testing.assert_allclose(topography.heights, heights / 1e3, rtol=1e-12)
+    assert topography.sides == (12.0, 2.0)
+    with pytest.raises(InputError, match="holds no lengths; give --side"):
+        read(path)
+
+
+@pytest.mark.parametrize(
+    ("heights", "message"),
+    [
+        (np.full((4, 4), np.nan), "all of its 16 heights are missing"),
+        (np.ones((1, 9)), "give 2-D heights, 2 x 2 or more"),
+        (np.array([[1.0, np.inf], [0.0, 1.0]]), "1 of 4 heights are infinite"),
+    ],
+)
+def test_what_is_no_surface_is_refused(tmp_path: Path, heights: np.ndarray, message: str) -> None:
+    np.save(tmp_path / "scan.npy", heights)
+    with pytest.raises(InputError, match=message):
+        read(tmp_path / "scan.npy", "9")
+
+
+def test_broken_and_missing_files_are_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "broken.x3p").write_bytes(b"PK not a zip" * 99)
+    for name in ("broken.x3p", "missing.sur"):
+        assert cli.main(["describe", str(tmp_path / name)]) == 2
+        captured = capsys.readouterr()
+        assert captured.out == ""
+        assert captured.err.count("\n") == 1
+        assert name in captured.err
+
+
+def test_without_the_extra_the_message_names_it(tmp_path: Path) -> None:
+    program = (
+        "import sys; sys.modules['SurfaceTopography'] = None\n"
+        "from gen.cli import main; sys.exit(main(['describe', 'scan.x3p']))"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert run.returncode == 2
+    assert run.stderr.strip().endswith(f"without SurfaceTopography: {command_for('instruments')}")
+
+
+def test_a_line_scan_is_refused_by_name(tmp_path: Path) -> None:
+    path = tmp_path / "line.nc"
+    SurfaceTopography.UniformLineScan(np.arange(9.0), 8.0, unit="um").to_netcdf(str(path))
+    with pytest.raises(InputError, match=r"line\.nc: it holds line scans only"):
+        read(path)
+
+
+def test_channels_are_chosen_and_named(tmp_path: Path) -> None:
+    scan = tmp_path / "two.mat"
+    savemat(scan, {"front": HEIGHTS, "back": -HEIGHTS})
+    assert "channel 0 'front' (not 1 'back')" in read(scan, "12,2", "um").steps[0]
+    for wanted in ("back", "1"):
+        topography = read(scan, "12,2", "um", channel=wanted)
+        np.testing.assert_array_equal(topography.heights, -HEIGHTS)
+        assert "channel 1 'back' (not 0 'front')" in topography.steps[0]
+    with pytest.raises(InputError, match=r"'side': no such channel; .* holds 0 'front', 1 'back'"):
+        read(scan, "12,2", "um", channel="side")
+
+
+def test_a_scale_can_be_overruled(tmp_path: Path) -> None:
+    scan = written(tmp_path / "scan.nc", "m", 1.0)  # um written as m: a spacing of 2 and 0.5 m
+    side = read(scan, "1000,200", override_scale=True)
+    assert (side.sides, np.nanmax(side.heights)) == ((1000, 200), pytest.approx(1e6 * HIGHEST))
+    assert "OVERRULED by --override-scale: 1.2e+07 x 2e+06 um, taken as 1000 x 200 um" in side.steps
+    unit = read(scan, unit="um", override_scale=True)
+    assert unit.sides == pytest.approx((12, 2))
+    assert np.nanmax(unit.heights) == pytest.approx(HIGHEST)
+    assert unit.warnings == ("the file's own scale is overruled: unit m, taken as um",)
+    assert not any(
+        "overruled:" in each for each in read(scan, unit="m", override_scale=True).warnings
+    )
+
+
+def test_channels_without_heights_are_passed_over(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = SurfaceTopography.open_topography(str(written(tmp_path / "scan.x3p", "um", 1.0)))
+    kinds = [("Phase", "deg"), ("Height", "um"), ("Error", "V"), ("Height", "um")]
+    channels = [
+        SimpleNamespace(
+            index=index,
+            name=name,
+            dim=2,
+            data_unit=unit,
+            nb_grid_pts=(7, 5),
+            is_height_channel=name == "Height",
+            physical_sizes=whole.channels[0].physical_sizes,
+        )
+        for index, (name, unit) in enumerate(kinds)
+    ]
+    scan = SimpleNamespace(
+        channels=channels,
+        format=lambda: "x3p",
+        topography=lambda channel_index: whole.topography(channel_index=0),
+    )
+    monkeypatch.setattr(instruments, "_opened", lambda *_: (scan, ""))
+    said = read(tmp_path / "scan.x3p").steps[0]
+    assert "channel 1 'Height' (not 0 'Phase' (in deg, no heights), 2 'Error' (in V, no" in said
+    for wanted, why in (("Phase", "holds no heights"), ("Height", "several channels have this")):
+        with pytest.raises(InputError, match=f"'{wanted}': {why}"):
+            read(tmp_path / "scan.x3p", channel=wanted)
+    assert "channel 3" in read(tmp_path / "scan.x3p", channel="3").steps[0]
+    del channels[3], channels[1]
+    with pytest.raises(InputError, match="holds no heights; its channels are 0 'Phase'"):
+        read(tmp_path / "scan.x3p")
+
+
+@pytest.mark.filterwarnings("error")
+def test_heights_at_the_end_of_numbers_are_read_with_a_warning(tmp_path: Path) -> None:
+    np.save(tmp_path / "scan.npy", np.where(HOLES, -1.5e308, 1.5e308))
+    [said] = read(tmp_path / "scan.npy", "12,2").warnings
+    assert said.startswith("its heights span inf um, which no instrument measures")

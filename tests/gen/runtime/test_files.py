@@ -1,0 +1,297 @@
+"""Files that commands write: never over an input, an output or another kind, and always whole."""
+
+import os
+import resource
+import shutil
+import signal
+import socket
+import stat
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bench.__main__ import main as bench
+from gen import cli
+from gen.runtime import files
+from gen.runtime.errors import InputError
+from gen.runtime.figure import new_figure, save
+from gen.runtime.files import Output, check_outputs, require_file
+from gen.surface import generate
+from learn import cli as learn
+
+CONTACT = ["contact", "h.npy", "--side", "9", "--delta", "1"]
+LAW = ["law", "model.surrogate", "h.npy"]
+
+REPLACED = {
+    "h.npy": b"\x93NUMPY\x01\x00v\x00",
+    "rows.h5": b"\x89HDF\r\n\x1a\n\x02",
+    "old.png": b"\x89PNG\r\n\x1a\n",
+    "table.csv": b"a,b\n1,2\n",
+}
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A surface, files of several kinds, links to them, and what no command may write to."""
+    monkeypatch.chdir(tmp_path)
+    for name, content in REPLACED.items():
+        (tmp_path / name).write_bytes(content)
+    np.save("h.npy", np.arange(81.0).reshape(9, 9))
+    (tmp_path / "heights.txt").write_text("0 1\n1 0\n")
+    os.link("heights.txt", "hard.txt")
+    (tmp_path / "soft.txt").symlink_to("heights.txt")
+    (tmp_path / "same.csv").symlink_to("table.csv")
+    (tmp_path / "loop.csv").symlink_to("loop.csv")
+    os.mkfifo("fifo.csv")
+    (tmp_path / "locked.csv").write_text("a\n")
+    (tmp_path / "locked.csv").chmod(0o444)
+    (tmp_path / "locked.png").write_bytes(REPLACED["old.png"])
+    (tmp_path / "locked.png").chmod(0o400)
+    return tmp_path
+
+
+@pytest.mark.parametrize("suffix", [".xlsx", ".ODS"])
+@pytest.mark.parametrize(
+    ("program", "words"),
+    [
+        (cli, ["describe", "h.npy", "--side", "9", "--csv"]),
+        (cli, ["law", "h.npy", "--side", "9", "--pressure", "1", "--header"]),
+        (learn, ["predict", "model.surrogate", "h.npy", "--delta", "1", "-o"]),
+    ],
+)
+def test_text_is_not_written_under_a_name_that_promises_something_else(
+    folder, capsys, program, words, suffix
+):
+    before = contents(folder)
+    assert program.main([*words, f"table{suffix}"]) == 2
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert f"table{suffix}: holds text, which {suffix} does not promise" in said
+    assert contents(folder) == before
+    with pytest.raises(InputError, match="holds text"):
+        files.write(folder / f"table{suffix}", "a,b")
+
+
+def contents(folder):
+    return {
+        (each.name, each.lstat().st_mtime_ns): each.read_bytes() if each.is_file() else b""
+        for each in folder.iterdir()
+    }
+
+
+REFUSED = [
+    (cli, [*CONTACT, "--csv", "h.npy"], "is an input"),
+    (cli, ["describe", "heights.txt", "--side", "9", "--csv", "hard.txt"], "is an input"),
+    (cli, ["describe", "heights.txt", "--side", "9", "--csv", "soft.txt"], "is an input"),
+    (cli, ["plot", "rows.h5", "-o", "rows.h5"], "is an input"),
+    (cli, [*CONTACT, "--csv", "rows.h5"], "holds HDF5, not text"),
+    (cli, [*CONTACT, "--plot", "table.csv"], "holds text, not a picture"),
+    (cli, [*CONTACT, "--csv", "new.svg", "--plot", "new.svg"], "is what --csv writes too"),
+    (cli, [*CONTACT, "--csv", "locked.csv"], "is read-only"),
+    (cli, [*CONTACT, "--csv", "fifo.csv"], "is no regular file"),
+    (cli, [*CONTACT, "--csv", "loop.csv"], "loop"),
+    (cli, [*CONTACT, "--csv", "nowhere/law.csv"], "folder that exists"),
+    (cli, [*CONTACT, "--csv", "/proc/law.csv"], "cannot be written"),
+    (cli, [*CONTACT, "--csv", "n" * 300], "name too long"),
+    (learn, [*LAW, "--csv", "same.csv", "--header", "table.csv"], "is what --csv writes too"),
+    (learn, ["fit", "rows.h5", "-o", "rows.h5"], "is an input"),
+    (learn, ["fit", "other.h5", "-o", "rows.h5"], "holds HDF5, not a surrogate"),
+    (learn, ["compare", "rows.h5", "-o", "table.csv"], "is a file: give a folder"),
+]
+
+
+@pytest.mark.parametrize(("program", "arguments", "word"), REFUSED)
+def test_refused_before_any_work(folder, capsys, monkeypatch, program, arguments, word):
+    def work(*_arguments, **_settings):
+        raise AssertionError("worked before the refusal")
+
+    monkeypatch.setattr("gen.maps.read.read", work)
+    before = contents(folder)
+    assert program.main(arguments) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert word.lower() in line.lower()
+    assert contents(folder) == before
+
+
+@pytest.mark.parametrize(
+    ("command", "names"), [("hertz", ["hertz.csv", "hertz.png"]), ("growth", ["growth.csv"])]
+)
+def test_reports_find_out_before_they_measure(folder, capsys, command, names):
+    for name in names:
+        report = folder / f"{command}-{name}"
+        report.mkdir()
+        (report / name).write_bytes(REPLACED["rows.h5"])
+        before = contents(report)
+        assert bench([command, "-o", str(report)]) == 2
+        assert "holds HDF5" in capsys.readouterr().err.splitlines()[-1]
+        assert contents(report) == before
+
+
+def test_a_picture_replaces_a_picture_and_keeps_link_and_mode(folder, capsys):
+    (folder / "old.png").chmod(0o640)
+    (folder / "link.png").symlink_to("old.png")
+    assert cli.main([*CONTACT, "--csv", "same.csv", "--plot", "link.png"]) == 0
+    assert (folder / "link.png").is_symlink()
+    assert (folder / "same.csv").is_symlink()
+    assert stat.S_IMODE((folder / "old.png").stat().st_mode) == 0o640
+    assert (folder / "old.png").stat().st_size > 1000
+    assert (folder / "table.csv").read_text().startswith("delta_um,")
+    assert not list(folder.glob(".asperity-*"))
+
+
+def test_a_full_disk_keeps_the_old_picture(folder):
+    figure = new_figure(4, 3)
+    before = contents(folder)
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))
+    try:
+        with pytest.raises(InputError, match=r"old.png cannot be written: File too large"):
+            save(figure, folder / "old.png")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        signal.signal(signal.SIGXFSZ, handler)
+    assert contents(folder) == before
+
+
+def test_an_error_midway_leaves_what_was_there(folder):
+    before = contents(folder)
+
+    def fail():
+        with files.atomic(folder / "table.csv") as file:
+            file.write(b"half a table")
+            raise KeyError
+
+    with pytest.raises(KeyError):
+        fail()
+    assert contents(folder) == before
+
+
+@pytest.mark.parametrize(
+    ("present", "left"), [("replace", "ours"), ("keep", "theirs"), ("refuse", "theirs")]
+)
+def test_a_file_that_appears_meanwhile_is_replaced_only_if_it_may_be(tmp_path, present, left):
+    target = tmp_path / "rows.h5"
+
+    def make():
+        with files.unfinished(target, present, ".part") as made:
+            assert made.parent == tmp_path
+            made.write_text("ours")
+            target.write_text("theirs")
+
+    if present == "refuse":
+        with pytest.raises(FileExistsError):
+            make()
+    else:
+        make()
+    assert target.read_text() == left
+    assert [each.name for each in tmp_path.iterdir()] == ["rows.h5"]
+
+
+def test_files_in_an_input_folder_are_inputs(folder):
+    check_outputs([Output(folder / "table.csv", "-o")], [folder])  # results of earlier runs
+    (folder / "heights.csv").write_text("0,1\n1,0\n")
+    (folder / "holes.csv").write_text("nan,nan\n1,0\n")
+    for name in ("heights.txt", "hard.txt", "heights.csv", "holes.csv"):
+        with pytest.raises(InputError, match="is an input"):
+            check_outputs([Output(folder / name, "-o")], [folder])
+
+
+def test_an_empty_file_and_the_same_kind_are_replaced(folder):
+    (folder / "empty").touch()
+    kinds = ("text", "picture", "surrogate", "heights", "arrays")
+    for kind in kinds:
+        check_outputs([Output(folder / "empty", "-o", kind)])
+    np.savez(folder / "kept.npz", a=np.ones(2))
+    check_outputs([Output(folder / "kept.npz", "-o", "arrays")])
+    with pytest.raises(InputError, match="holds an archive of arrays, not a surrogate"):
+        check_outputs([Output(folder / "kept.npz", "-o", "surrogate")])
+    np.save(folder / "kept.npy", np.ones((2, 2)))
+    check_outputs([Output(folder / "kept.npy", "-o", "heights")])
+    with pytest.raises(InputError, match="holds an array, not text"):
+        check_outputs([Output(folder / "kept.npy", "-o")])
+
+
+SURFACE = ["h.npy", "--side", "9"]
+WRITERS = {
+    "run": (cli, ["run", "small.toml", "-o", "link.h5"]),
+    "export": (cli, ["export", "small.h5", "-o", "link"]),
+    "scene": (cli, ["scene", "--like", "map.npy", "--side", "9", "-o", "link.toml"]),
+    "table": (cli, ["describe", *SURFACE, "--csv", "link.csv"]),
+    "picture": (cli, ["describe", *SURFACE, "--plot", "link.png"]),
+    "fit": (learn, ["fit", "small.h5", "--features", "paper", "-o", "link.surrogate"]),
+}
+"""A command for each way in which files are written."""
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory):
+    """A scene, its database of 30 rows and a surface."""
+    folder = tmp_path_factory.mktemp("small")
+    (folder / "small.toml").write_text("samples = 30\n[surface]\nnodes = 9\n")
+    assert cli.main(["run", str(folder / "small.toml"), "-o", str(folder / "small.h5")]) == 0
+    np.save(folder / "map.npy", generate("midpoint", 129, 0.8, 1.0, np.random.default_rng(0)))
+    np.save(folder / "h.npy", np.arange(81.0).reshape(9, 9))
+    return folder
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_a_link_to_what_does_not_exist_yet_is_followed(small, tmp_path, monkeypatch, name):
+    """As on clusters, where results stand on a scratch disk."""
+    program, line = WRITERS[name]
+    work, scratch = tmp_path / "work", tmp_path / "scratch"
+    shutil.copytree(small, work)
+    scratch.mkdir()
+    link = work / line[-1]
+    link.symlink_to(scratch / "new")
+    monkeypatch.chdir(work)
+    assert program.main(line) == 0
+    assert link.is_symlink()
+    assert [each.name for each in scratch.iterdir()] == ["new"]
+    assert link.is_dir() or (scratch / "new").stat().st_size > 0
+
+
+@pytest.mark.parametrize("name", ["run", "scene", "table", "export"])
+def test_a_link_onto_an_input_or_itself_is_refused(small, tmp_path, monkeypatch, capsys, name):
+    program, line = WRITERS[name]
+    shutil.copytree(small, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    link = tmp_path / line[-1]
+    onto = {"scene": "map.npy", "table": "h.npy", "run": "small.toml"}
+    for target in (onto.get(name, "small.h5"), link.name):
+        link.symlink_to(target)
+        content = (tmp_path / onto.get(name, "small.h5")).read_bytes()
+        assert program.main(line) == 2
+        assert capsys.readouterr().err.count("\n") == 1
+        assert (tmp_path / onto.get(name, "small.h5")).read_bytes() == content
+        link.unlink()
+
+
+def test_two_links_to_one_new_file_are_one_output(folder, capsys):
+    for name in ("one.csv", "two.png"):
+        (folder / name).symlink_to("new")
+    assert cli.main(["describe", *SURFACE, "--csv", "one.csv", "--plot", "two.png"]) == 2
+    assert "is what --csv writes too" in capsys.readouterr().err
+    assert not (folder / "new").exists()
+
+
+@pytest.fixture
+def kinds(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # names of sockets are short
+    os.mkfifo("pipe")
+    Path("link").symlink_to("pipe")
+    with socket.socket(socket.AF_UNIX) as listening:
+        listening.bind("socket")
+        yield {"pipe": "a pipe", "link": "a pipe", "socket": "a socket", "/dev/zero": "a device"}
+
+
+def test_pipes_sockets_and_devices_are_refused(kinds):
+    for name, word in kinds.items():
+        with pytest.raises(InputError, match=f"{name} is {word}"):
+            require_file(Path(name))
+
+
+def test_files_and_what_has_errors_of_its_own_pass(tmp_path):
+    (tmp_path / "file").touch()
+    for path in (tmp_path / "file", tmp_path, tmp_path / "none", Path("a\0b")):
+        assert require_file(path) is path

@@ -1,0 +1,152 @@
+"""The commit of the checkout, versions, and the command that adds an extra."""
+
+import ast
+import importlib.metadata
+import json
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from gen.runtime import command_line, installation
+
+ROOT = Path(__file__).resolve().parents[3]
+REQUIREMENTS = [
+    "numpy>=2.0",
+    'mpi4py>=4.0; extra == "mpi"',
+    'scikit-learn>=1.5; extra == "learn"',
+    f'xgboost-cpu>=2.1; sys_platform == "{sys.platform}" and extra == "learn"',
+    f'xgboost>=2.1; sys_platform != "{sys.platform}" and extra == "learn"',
+]
+
+
+class Installed:
+    """An installed distribution: what pip has written down of its origin, and its requirements."""
+
+    requires = REQUIREMENTS
+
+    def __init__(self, origin: dict[str, object] | None):
+        self.origin = origin
+
+    def read_text(self, name: str) -> str | None:
+        assert name == "direct_url.json"
+        return None if self.origin is None else json.dumps(self.origin)
+
+
+@pytest.fixture
+def advised(monkeypatch, tmp_path):
+    """What is advised for an extra where the packages stand alone in a folder."""
+    monkeypatch.setattr(installation, "REPOSITORY", tmp_path)
+    monkeypatch.setattr(shutil, "which", lambda _: str(Path(sys.executable).with_name("pip")))
+
+    def advise(origin: dict[str, object] | None, extra: str = "learn") -> list[str]:
+        monkeypatch.setattr(importlib.metadata, "distribution", lambda _: Installed(origin))
+        return shlex.split(installation.command_for(extra))
+
+    return advise
+
+
+def test_a_clone_is_named_by_its_path():
+    assert f"pip install -e '{ROOT}[plot]'" in installation.command_for("plot").replace(
+        f"{sys.executable} -m ", ""
+    )
+
+
+def test_the_file_of_a_wheel_is_named_while_it_is_there(advised, tmp_path):
+    wheel = tmp_path / "my wheels" / "asperity-1.0-py3-none-any.whl"
+    wheel.parent.mkdir()
+    wheel.write_bytes(b"")
+    origin = {"url": wheel.as_uri(), "archive_info": {}}
+    assert advised(origin) == ["pip", "install", f"{wheel}[learn]"]
+    wheel.unlink()
+    assert advised(origin) == ["pip", "install", "scikit-learn>=1.5", "xgboost-cpu>=2.1"]
+
+
+def test_an_address_is_named_with_its_commit(advised):
+    vcs = {"vcs": "git", "commit_id": "0123abc"}
+    origin = {"url": "https://example.org/asperity.git", "vcs_info": vcs}
+    wanted = "asperity[learn] @ git+https://example.org/asperity.git@0123abc"
+    assert advised(origin) == ["pip", "install", wanted]
+    plain = {"url": "https://example.org/asperity.whl", "archive_info": {}}
+    assert advised(plain)[-1] == "asperity[learn] @ https://example.org/asperity.whl"
+
+
+def test_of_an_unknown_origin_only_libraries_are_named(advised):
+    """Whoever asks an index for `asperity` may get somebody else's."""
+    assert advised(None) == ["pip", "install", "scikit-learn>=1.5", "xgboost-cpu>=2.1"]
+    assert advised(None, "mpi") == ["pip", "install", "mpi4py>=4.0"]
+
+
+def test_another_pip_is_not_taken(advised, monkeypatch):
+    monkeypatch.setattr(shutil, "which", lambda _: "/elsewhere/pip")
+    assert advised(None, "mpi") == [sys.executable, "-m", "pip", "install", "mpi4py>=4.0"]
+
+
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+EXTRAS = PROJECT["optional-dependencies"]
+PACKAGES = ("asperity", "bem", "gen", "learn", "bench")
+
+
+def test_messages_name_extras_that_there_are():
+    sources = [path for name in ("gen", "learn", "bench") for path in (ROOT / name).rglob("*.py")]
+    texts = "".join(path.read_text(encoding="utf-8") for path in sources)
+    named = set(re.findall(r"""command_for\(['"](\w+)""", texts)) | {*command_line.EXTRAS.values()}
+    assert {"mpi", "mpich", "plot", "learn", "instruments", "bench"} <= named <= EXTRAS.keys()
+
+
+@pytest.mark.parametrize("module", command_line.EXTRAS)
+def test_the_extra_of_a_module_brings_it(module):
+    names = {"sklearn": "scikit-learn", "tomli_w": "tomli-w", "xgboost": "xgboost-cpu"}
+    wanted = names.get(module, module).lower()
+    libraries = EXTRAS[command_line.EXTRAS[module]]
+    assert wanted in {re.split(r"[<>=;\s]", each)[0].lower() for each in libraries}
+
+
+def test_every_library_is_always_there_or_of_an_extra():
+    """Without it a command says what to install; mpi4py has words of its own."""
+    needed = [re.split(r"[<>=]", each)[0] for each in PROJECT["dependencies"]]
+    beside = {"PIL", "cycler", "pydantic_core", "markupsafe"}  # come with those that need them
+    known = {*needed, *command_line.EXTRAS, *beside, "mpi4py", *PACKAGES}
+    for package in PACKAGES:
+        for path in (ROOT / package).rglob("*.py"):
+            if path.parent.name == "suites":  # run by pytest, with the extra that brings it
+                continue
+            strangers = set(imports(path)) - known - set(sys.stdlib_module_names)
+            assert not strangers, f"{path}: {strangers}"
+
+
+def imports(path: Path) -> Iterator[str]:
+    """Packages that a file imports, also inside its functions."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+        names += [str(node.module)] if isinstance(node, ast.ImportFrom) else []
+        yield from (name.partition(".")[0] for name in names)
+
+
+def test_no_message_names_a_distribution_that_no_index_has():
+    """`pip install` is followed by a path, by an expression, or by a name that is listed here."""
+    known = {"tamaas", "ContactMechanics", "aspher,", "them"}
+    for package in PACKAGES:
+        for path in (ROOT / package).rglob("*.py"):
+            text = path.read_text(encoding="utf-8")
+            named = set(re.findall(r"pip install[\"' ]+([^\s\"']+)", text))
+            assert named <= known, f"{path}: {named - known}"
+
+
+@pytest.mark.skipif(not (ROOT / ".git").exists(), reason="no checkout of git")
+def test_the_commit_is_that_of_the_checkout() -> None:
+    asked = subprocess.run(
+        ["git", "rev-parse", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert installation.git_commit() == asked.stdout.strip()
+
+
+def test_missing_packages_are_left_out() -> None:
+    found = installation.versions(("numpy", "a-package-that-nobody-has"))
+    assert found.keys() == {"python", "numpy"}

@@ -1,0 +1,202 @@
+"""Signals ask a run to stop, and end it when repeated; an alarm leaves late samples pending."""
+
+import signal
+import subprocess
+import sys
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+from databases import deterministic_bytes, status
+from launch import launch, mpiexec
+
+import bem
+import gen.generation.sample
+from gen import cli
+from gen.generation.plan import parameters
+from gen.generation.sample import compute_rows, finished_parts
+from gen.runtime.signals import Interruption, Overtime, at_most
+from gen.scene import load
+from gen.schema import Status
+
+TIMEOUT = 60
+
+HEARING = """
+import os, signal, time
+from gen.runtime.signals import Interruption
+
+signal.signal(signal.SIGINT, signal.default_int_handler)
+with Interruption(listening=True) as interruption:
+    os.kill(os.getpid(), signal.SIGINT)
+    time.sleep(0.01)
+    assert interruption.signal == signal.SIGINT
+    try:
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(5)
+    except KeyboardInterrupt:
+        print("as ever")
+assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+"""
+
+DEAF = """
+import hashlib
+from gen.runtime.signals import Interruption
+
+with Interruption(listening=True):
+    print("begun", flush=True)
+    hashlib.pbkdf2_hmac("sha256", b"", b"", 2**31 - 1)  # compiled, without Python's lock: hours
+"""
+
+
+def _open_files() -> int:
+    return sum(1 for _ in Path("/dev/fd").iterdir())
+
+
+def test_the_first_signal_is_noted_and_the_second_is_as_ever() -> None:
+    command = [sys.executable, "-c", HEARING]
+    done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=TIMEOUT)
+    assert (done.returncode, done.stdout) == (0, "as ever\n"), done.stderr
+
+
+def test_the_wakeup_is_given_back_and_nothing_is_left_open() -> None:
+    before = _open_files()
+    for _ in range(20):
+        with Interruption(listening=True), Interruption(listening=False):
+            pass
+    deadline = time.monotonic() + TIMEOUT
+    while _open_files() > before and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert _open_files() <= before
+    assert signal.set_wakeup_fd(-1) == -1
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_compiled_code_is_ended_by_the_second_signal(number: int) -> None:
+    with subprocess.Popen(
+        [sys.executable, "-c", DEAF], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        assert process.stdout.readline() == "begun\n"
+        time.sleep(0.5)
+        process.send_signal(number)
+        assert (
+            process.stderr.readline() == "stopping after the step under way; again, to stop now\n"
+        )
+        time.sleep(0.5)
+        assert process.poll() is None
+        process.send_signal(number)
+        assert process.wait(TIMEOUT) == 128 + number
+
+
+SCENE = "samples = 20\nsamples_per_surface = 2\n[surface]\nnodes = 17\n"
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scene.toml").write_text(SCENE)
+    return tmp_path
+
+
+def test_a_block_that_takes_too_long_ends_and_leaves_nothing_behind():
+    before = signal.getsignal(signal.SIGALRM)
+    began = time.monotonic()
+    with pytest.raises(Overtime), at_most(0.05):
+        time.sleep(30.0)
+    assert time.monotonic() - began < 15.0
+    assert signal.getsignal(signal.SIGALRM) is before
+    assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
+
+
+def test_an_alarm_that_is_swallowed_rings_again():
+    def swallow():
+        with suppress(Overtime):
+            time.sleep(30.0)
+        time.sleep(30.0)
+
+    with pytest.raises(Overtime), at_most(0.05):
+        swallow()
+
+
+def slow(rows, monkeypatch):
+    """Make some rows of the folder's scene take half a minute."""
+    healthy = gen.generation.sample.solve_contact
+    scene = load("scene.toml")
+    late = {float(parameters(scene, row, row + 1).delta[0]) for row in rows}
+
+    def solve_contact(scene, heights, delta, hardness=None):
+        if delta in late:
+            time.sleep(30.0)
+        return healthy(scene, heights, delta, hardness)
+
+    monkeypatch.setattr(gen.generation.sample, "solve_contact", solve_contact)
+
+
+def test_late_samples_stay_pending_and_the_next_run_does_them(folder, monkeypatch, capsys):
+    assert cli.main(["run", "scene.toml", "-o", "whole.h5"]) == 0
+    with monkeypatch.context() as patched:
+        slow([3, 8, 9], patched)
+        limited = ["run", "scene.toml", "-o", "rows.h5", "--sample-limit", "2"]
+        assert cli.main(limited) == 0
+    assert "warning: 3 rows took longer than --sample-limit" in capsys.readouterr().out
+    np.testing.assert_array_equal(np.flatnonzero(status(folder / "rows.h5") == 0), [3, 8, 9])
+    assert cli.main(["run", "scene.toml", "-o", "rows.h5", "--sample-limit", "60"]) == 0
+    assert deterministic_bytes(folder / "rows.h5") == deterministic_bytes(folder / "whole.h5")
+
+
+def test_a_late_surface_leaves_all_its_samples_pending(folder, monkeypatch):
+    monkeypatch.setattr(gen.generation.sample, "describe", lambda *_: time.sleep(30.0))
+    rows = compute_rows(load("scene.toml"), 0, 4, limit=0.05)
+    assert set(rows["status"]) == {Status.PENDING}
+    assert not list(finished_parts(0, rows))
+
+
+def test_the_parts_are_all_finished_rows(folder):
+    rows = compute_rows(load("scene.toml"), 4, 12)
+    rows["status"][[0, 3, 4, 7]] = Status.PENDING
+    parts = {(start, stop): part["delta"].tolist() for start, stop, part in finished_parts(4, rows)}
+    assert parts == {
+        (5, 7): rows["delta"][1:3].tolist(),
+        (9, 11): rows["delta"][5:7].tolist(),
+    }
+
+
+@pytest.mark.mpi
+@pytest.mark.skipif(mpiexec() is None, reason="no mpiexec: install the extra 'mpich'")
+def test_workers_heed_the_limit(folder):
+    late = launch(
+        3, "run", "scene.toml", "-o", "rows.h5", "--sample-limit", "0.000001", folder=folder
+    )
+    assert late.returncode == 0, late.stderr
+    assert "warning: 20 rows took longer" in late.stdout
+    assert not status(folder / "rows.h5").any()
+
+
+@pytest.mark.parametrize("limit", ["0", "-1", "nan", "inf", "1e10"])
+def test_a_limit_that_is_none_is_refused(folder, limit, capsys):
+    assert cli.main(["run", "scene.toml", "-o", "rows.h5", "--sample-limit", limit]) == 2
+    assert "--sample-limit" in capsys.readouterr().err
+    assert not (folder / "rows.h5").exists()
+
+
+def test_an_interrupted_solve_leaves_nothing_in_the_next():
+    """The filters are kept between solves: what an interruption leaves in them would spoil them."""
+    random = np.random.default_rng(1)
+    heights = random.normal(size=(65, 65)).cumsum(0).cumsum(1)
+    delta = 0.5 * np.ptp(heights)
+    expected = bem.solve(heights, 1000.0, delta).pressure
+    began = time.perf_counter()
+    bem.solve(heights, 1000.0, delta)
+    duration = time.perf_counter() - began
+    interrupted = 0
+    for _ in range(60):
+        try:
+            with at_most(float(random.uniform(0.05, 0.95)) * duration):
+                bem.solve(heights, 1000.0, delta)
+        except Overtime:
+            interrupted += 1
+            np.testing.assert_array_equal(bem.solve(heights, 1000.0, delta).pressure, expected)
+    assert interrupted

@@ -1,0 +1,281 @@
+"""A database as Parquet, card and Croissant: other programs read what the database holds."""
+
+import json
+import shutil
+import tracemalloc
+
+import h5py
+import mlcroissant as mlc
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from markdown_it import MarkdownIt
+from small_databases import block, filled, small
+
+from gen import cli, schema
+from gen.database import Reader, Writer
+from gen.export import description, parquet_files
+from gen.export.description import About
+from gen.runtime.lock import lock_folder
+from gen.runtime.terminal import printable
+from gen.scene import Scene
+from gen.schema import Status
+
+SCENE = """samples = 40
+samples_per_surface = 4
+title = "A trial: with a colon"
+creator = "A. Founder"
+licence = "CC-BY-4.0"
+[surface]
+nodes = 9
+[store]
+heights = true
+pressure = true
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder with a scene, its database and the database's export."""
+    folder = tmp_path_factory.mktemp("export")
+    (folder / "scene.toml").write_text(SCENE)
+    assert cli.main(["run", str(folder / "scene.toml"), "-o", str(folder / "a.h5")]) == 0
+    line = ["export", str(folder / "a.h5"), "-o", str(folder / "out"), "--doi"]
+    assert cli.main([*line, "doi:10.5281/zenodo.12"]) == 0
+    return folder
+
+
+def contents(folder):
+    return {path.name: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_every_value_and_unit_is_in_the_parquet_files(folder):
+    table = pq.read_table(folder / "out" / "rows.parquet")
+    with Reader(folder / "a.h5") as reader:
+        assert table["sample"].to_pylist() == list(range(40))
+        for column in parquet_files.scalars(reader):
+            assert np.array_equal(table[column.name].to_numpy(), reader.column(column.name))
+            metadata = table.schema.field(column.name).metadata
+            assert metadata[b"unit"].decode() == column.unit
+            assert metadata[b"long_name"].decode() == column.long_name
+        for name in ("heights", "pressure"):
+            (file,) = (folder / "out" / "fields").glob(f"{name}-*.parquet")
+            values = np.array(pq.read_table(file)[name].to_pylist()).reshape(40, 9, 9)
+            assert np.array_equal(values, reader.column(name))
+        assert not {"host", "rank", "status"} & set(table.column_names)
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of the validator's own libraries
+def test_croissant_is_valid_and_its_loader_reads_the_rows(folder):
+    dataset = mlc.Dataset(str(folder / "out" / "croissant.json"))
+    assert not dataset.metadata.ctx.issues.errors
+    assert not dataset.metadata.ctx.issues.warnings
+    assert dataset.metadata.name == "A trial: with a colon"
+    rows = list(dataset.records("rows"))
+    with Reader(folder / "a.h5") as reader:
+        assert [row["rows/area_percent"] for row in rows] == list(reader.column("area_percent"))
+        fields = list(dataset.records("pressure"))
+        assert np.array_equal(
+            [row["pressure/pressure"] for row in fields], reader.column("pressure").reshape(40, 81)
+        )
+
+
+def test_the_scene_of_an_export_makes_the_same_rows(folder, tmp_path):
+    scene = str(folder / "out" / "scene.toml")
+    assert cli.main(["run", scene, "-o", str(tmp_path / "b.h5")]) == 0
+    with Reader(folder / "a.h5") as one, Reader(tmp_path / "b.h5") as other:
+        assert np.array_equal(one.column("force"), other.column("force"))
+        assert one.scene == other.scene
+
+
+def test_the_card_names_creator_columns_ranges_and_files(folder):
+    text = (folder / "out" / "README.md").read_text()
+    for words in ("A. Founder", "CC-BY-4.0", "https://doi.org/10.5281/zenodo.12", "40 exported"):
+        assert words in text
+    for column in ("`area_percent` | % | effective contact area |", "fields/heights-*.parquet"):
+        assert column in text
+    assert not [line for line in text.splitlines() if line.endswith("\\")]
+
+
+def test_the_attributes_of_the_file_name_creator_and_licence(folder):
+    with h5py.File(folder / "a.h5") as file:
+        assert file.attrs["creator_name"] == b"A. Founder"
+        assert file.attrs["license"] == b"CC-BY-4.0"
+        assert file.attrs["title"] == b"A trial: with a colon"
+
+
+def test_creator_and_licence_change_no_scene():
+    plain, named = Scene(samples=3), Scene(samples=3, creator="A", licence="MIT")
+    assert plain.fingerprint() == named.fingerprint()
+    assert "creator" not in json.loads(plain.text())
+    assert Scene.from_text(named.text()) == named
+
+
+def test_only_done_rows_are_exported_and_the_others_counted(tmp_path, capsys):
+    scene = small(12)
+    runs = (0, 3, Status.DONE), (3, 5, Status.FAILED), (8, 10, Status.DONE)
+    path = filled(tmp_path / "a.h5", scene, *runs)
+    assert cli.main(["export", str(path), "-o", str(tmp_path / "out")]) == 0
+    assert "5 rows; 7 failed or pending" in capsys.readouterr().out
+    table = pq.read_table(tmp_path / "out" / "rows.parquet")
+    assert table["sample"].to_pylist() == [0, 1, 2, 8, 9]
+    text = (tmp_path / "out" / "README.md").read_text()
+    assert "2 failed and left out, 5 not computed yet" in text
+    assert f"2: {schema.REASONS[schema.Reason.NOT_CONVERGED]}" in text
+
+
+def test_an_interrupted_export_goes_on_and_keeps_whole_files(folder, tmp_path, monkeypatch):
+    monkeypatch.setattr(parquet_files, "FILE_BYTES", 9 * 9 * 8 * 10)
+    path, out = folder / "a.h5", tmp_path / "out"
+    write, calls = parquet_files.write, []
+
+    def interrupted(piece, *arguments):
+        calls.append(piece.name)
+        if len(calls) == 4:
+            raise KeyboardInterrupt
+        write(piece, *arguments)
+
+    monkeypatch.setattr(parquet_files, "write", interrupted)
+    assert cli.main(["export", str(path), "-o", str(out)]) == 130
+    kept = {name: (out / name).stat().st_ino for name in calls[:3]}
+    assert not (out / "croissant.json").exists()
+    monkeypatch.setattr(parquet_files, "write", write)
+    assert cli.main(["export", str(path), "-o", str(out)]) == 0
+    assert {name: (out / name).stat().st_ino for name in kept} == kept
+    assert cli.main(["export", str(path), "-o", str(tmp_path / "whole")]) == 0
+    assert contents(out) == contents(tmp_path / "whole")
+    assert len(list((out / "fields").iterdir())) == 8
+
+
+def test_an_export_of_a_database_that_has_grown_is_renewed(tmp_path):
+    scene = small(12)
+    path = filled(tmp_path / "a.h5", scene, (0, 3, Status.DONE))
+    line = ["export", str(path), "-o", str(tmp_path / "out")]
+    assert cli.main(line) == 0
+    with Writer(path, scene) as writer:
+        writer.write_block(3, 9, block(scene, 3, 9))
+    assert cli.main(line) == 0
+    assert pq.read_table(tmp_path / "out" / "rows.parquet").num_rows == 9
+
+
+def test_folders_with_something_else_are_left_alone(folder, tmp_path, capsys):
+    other = filled(tmp_path / "b.h5", small(4), (0, 4, Status.DONE))
+    shutil.copytree(folder / "out", tmp_path / "out")
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "README.md").write_text("mine")
+    for place, words in (("out", "another database"), ("full", "not empty and no export")):
+        before = contents(tmp_path / place)
+        assert cli.main(["export", str(other), "-o", str(tmp_path / place)]) == 2
+        assert words in capsys.readouterr().err
+        assert contents(tmp_path / place) == before
+
+
+def test_a_database_without_done_rows_is_refused(tmp_path, capsys):
+    path = filled(tmp_path / "a.h5", small(4))
+    assert cli.main(["export", str(path), "-o", str(tmp_path / "out")]) == 2
+    assert "no done rows" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_large_exports_take_little_memory(tmp_path):
+    """Four times as many rows as are read at once: the peak is that of one piece, and the mask."""
+    rows = 4 * parquet_files.TABLE_ROWS
+    path = filled(tmp_path / "a.h5", small(rows))
+    with h5py.File(path, "r+") as file:
+        file["status"][:] = Status.DONE
+    with Reader(path) as reader:
+        columns = parquet_files.schema_of(reader, parquet_files.scalars(reader))
+        done = parquet_files.done_rows(reader)
+        tracemalloc.start()
+        counted = sum(t.num_rows for t in parquet_files.tables(reader, columns, reader.rows, done))
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+    assert counted == rows
+    assert peak < 3 * parquet_files.TABLE_ROWS * sum(8 for _ in columns)
+
+
+def test_the_card_says_what_kind_of_bodies_and_patch(tmp_path):
+    scene = small(4, contact={"boundary": "mirror", "hardness": 0.1})
+    with Reader(filled(tmp_path / "a.h5", scene, (0, 4, Status.DONE))) as reader:
+        assert "bodies that yield pressed onto a patch that its mirror images" in description.words(
+            reader
+        )
+        text = description.card(reader, About("T"), 4)
+    assert "elastic" not in text
+    assert "free edges" not in text
+
+
+@pytest.mark.parametrize("licence", ["my own", "CC-BY-4.0,", "MIT or Apache-2.0", "ftp://a.b"])
+def test_licences_that_nobody_can_look_up_are_refused(folder, tmp_path, capsys, licence):
+    line = ["export", str(folder / "a.h5"), "-o", str(tmp_path / "out"), "--licence", licence]
+    assert cli.main(line) == 2
+    assert capsys.readouterr().err.startswith(f"gen: --licence {licence!r}: give an SPDX ident")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("licence", ["MIT OR Apache-2.0", "https://example.org/licence"])
+def test_licences_that_can_be_looked_up_are_kept(folder, licence):
+    with Reader(folder / "a.h5") as reader:
+        assert About.of(reader, "", "", licence, "").licence == licence
+
+
+@pytest.mark.parametrize("doi", ["zenodo.12", "10.1/x y", "https://example.org/10.1"])
+def test_identifiers_that_are_none_are_refused(folder, tmp_path, capsys, doi):
+    line = ["export", str(folder / "a.h5"), "-o", str(tmp_path / "out"), "--doi", doi]
+    assert cli.main(line) == 2
+    assert "10.5281/zenodo.1234567" in capsys.readouterr().err
+
+
+def test_two_databases_are_not_exported_into_one_folder_at_once(folder, tmp_path, capsys):
+    new = tmp_path / "new"
+    with lock_folder(new):
+        assert cli.main(["export", str(folder / "a.h5"), "-o", str(new)]) == 2
+    assert "is being written by host" in capsys.readouterr().err
+    assert not new.exists()
+    assert cli.main(["export", str(folder / "a.h5"), "-o", str(new)]) == 0
+    assert not list(new.glob(".*"))
+
+
+HOSTILE = "T\n# x | <script>alert(1)</script> \x1b[31m ` *b* [y](javascript:z) \u202e \\"
+
+
+def tokens(text):
+    """The tokens of a text in Markdown with tables and raw HTML, those inside of others too."""
+    for token in MarkdownIt("commonmark", {"html": True}).enable("table").parse(text):
+        yield from (token, *(token.children or ()))
+
+
+@pytest.mark.parametrize("title", ["", "My \\ title | <b>"])
+def test_texts_of_a_database_are_shown_in_a_card_and_mark_nothing_up(tmp_path, title):
+    """Also texts that the command would refuse as options."""
+    scene = Scene.parse("samples = 3\n[surface]\nnodes = 9\n", "test")
+    texts = dict.fromkeys(("title", "creator", "licence"), HOSTILE)
+    filled(tmp_path / "a.h5", scene.model_copy(update=texts), (0, 3, Status.DONE))
+    line = ["export", str(tmp_path / "a.h5"), "-o", str(tmp_path / "out")]
+    assert cli.main([*line, "--title", title] if title else line) == 0
+    text = (tmp_path / "out" / "README.md").read_text()
+    assert all(letter.isprintable() for letter in text.replace("\n", ""))
+    front, _, body = text.removeprefix("---\n").partition("\n---\n")
+    shown, heading = printable(HOSTILE), title or printable(HOSTILE)
+    assert f"pretty_name: {json.dumps(heading)}".replace("<", "\\u003c") in front
+    assert len(front.splitlines()) == 2
+    found = list(tokens(body))
+    assert not {"html_block", "html_inline", "link_open", "em_open"} & {each.type for each in found}
+    said = ["".join(part.content for part in each.children) for each in found if each.children]
+    assert said[0] == heading
+    assert said[said.index("creator") + 1] == said[said.index("licence") + 1] == shown
+    assert said[-1].startswith(f"{shown} (20")
+    json.loads((tmp_path / "out" / "croissant.json").read_text())
+
+
+def test_letters_that_utf_8_cannot_hold_become_question_marks(tmp_path):
+    """As a stranger's database may have them, of any writer's."""
+    scene = Scene.parse("samples = 3\n[surface]\nnodes = 9\n", "test")
+    filled(tmp_path / "a.h5", scene, (0, 3, Status.DONE))
+    with h5py.File(tmp_path / "a.h5", "r+") as file:
+        content = json.loads(file.attrs["scene"]) | {"creator": "a \udcff b", "title": "\ud800"}
+        text = json.dumps(content).encode()
+        file.attrs.create("scene", text, dtype=h5py.string_dtype("utf-8", len(text)))
+    assert cli.main(["export", str(tmp_path / "a.h5"), "-o", str(tmp_path / "out")]) == 0
+    assert "| creator | a ? b |" in (tmp_path / "out" / "README.md").read_text()
+    assert "a ? b" in (tmp_path / "out" / "scene.toml").read_text()

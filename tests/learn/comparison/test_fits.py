@@ -1,0 +1,70 @@
+"""One fit for all numbers of trees; fits that fail, warn or are refused by the memory."""
+
+import numpy as np
+import pytest
+
+from gen.runtime.errors import InputError
+from learn import memory
+from learn.comparison.fits import shared_predictions
+from learn.comparison.trials import Trials
+from learn.models import MODELS, pipeline
+
+KINDS = [
+    ("random-forest", {"max_features": 0.3}),
+    ("random-forest", {"criterion": "poisson", "min_samples_leaf": 5}),
+    ("adaboost", {"loss": "square", "learning_rate": 1.0}),
+    ("adaboost", {"estimator__max_depth": 18}),
+    ("gradient-boost", {"loss": "huber", "max_features": "sqrt"}),
+    ("xgboost", {"learning_rate": 1.0, "gamma": 0.1}),
+    ("xgboost", {"subsample": 0.5, "booster": "gbtree"}),
+]
+
+
+@pytest.mark.parametrize(("model", "settings"), KINDS)
+def test_first_trees_predict_what_a_fit_of_so_many_trees_predicts(model, settings, samples):
+    inputs, target = samples
+    data = inputs[:60], target[:60], inputs[60:]
+    numbers = [3, 11, 40]
+    unfitted = pipeline(MODELS[model], settings, seed=4, tuned=True)
+    together = shared_predictions(MODELS[model], unfitted, data, "n_estimators", numbers)
+    for number, found in zip(numbers, together, strict=True):
+        alone = pipeline(MODELS[model], {**settings, "n_estimators": number}, seed=4, tuned=True)
+        expected = alone.fit(*data[:2]).predict(data[2])
+        np.testing.assert_array_equal(found, expected)
+
+
+def test_a_staged_fit_that_fails_late_keeps_its_good_beginnings(searching, monkeypatch):
+    from sklearn.ensemble import GradientBoostingRegressor
+
+    whole = GradientBoostingRegressor.fit
+
+    def limited(self, *arguments, **named):
+        if self.n_estimators > 5:
+            raise ValueError("diverged")
+        return whole(self, *arguments, **named)
+
+    monkeypatch.setattr(GradientBoostingRegressor, "fit", limited)
+    search = searching("gradient-boost", {"n_estimators": [2, 5, 9]})
+    scores = search.exhaustive().scores
+    assert np.isfinite(scores.means[:2]).all()
+    assert np.isnan(scores.means[2])
+    assert scores.failures == {"diverged": 5}
+    assert search.grid.first(scores.winner)["n_estimators"] == 5
+
+
+@pytest.mark.filterwarnings("ignore:overflow encountered:RuntimeWarning")
+def test_a_fit_that_diverges_is_a_failure_that_the_next_run_can_read(searching, trials):
+    """Steps of 50 times the gradient: 49 times the residual after each, with other signs."""
+    space = {"learning_rate": [0.1, 50.0], "n_estimators": [2, 60]}
+    scores = searching("gradient-boost", space).exhaustive().scores
+    assert scores.failures == {"prediction diverged": 5}
+    assert np.isnan(scores.means).sum() == 1
+    trials.__exit__(None, None, None)
+    with Trials(trials.path, {}) as again:
+        assert again.finished == trials.finished
+
+
+def test_a_machine_without_the_memory_for_a_fit_ends_the_search(searching, monkeypatch):
+    monkeypatch.setattr(memory, "available", lambda: memory.PROCESS)
+    with pytest.raises(InputError, match="svm: too little memory is free for a fit"):
+        searching("svm", {"C": [1.0]}).exhaustive()

@@ -1,0 +1,68 @@
+"""Intervals of the scores in tables, files and pictures, drawn by surface; what the nMSE is."""
+
+import shutil
+
+import numpy as np
+import pytest
+from comparisons import run, table
+
+from gen import cli as gen_cli
+from gen.runtime.errors import InputError
+from learn.comparison import paper, tables
+from learn.comparison.folder import Folder
+
+SCENE = "samples = 60\nsamples_per_surface = 3\n[surface]\nnodes = 9\n"
+TREE = ["--model", "decision-tree"]
+
+
+@pytest.fixture(scope="module")
+def thrice(tmp_path_factory):
+    """A comparison of rows that are three of each surface."""
+    folder = tmp_path_factory.mktemp("thrice")
+    (folder / "scene.toml").write_text(SCENE)
+    assert gen_cli.main(["run", str(folder / "scene.toml"), "-o", str(folder / "rows.h5")]) == 0
+    assert run("compare", folder / "rows.h5", "-o", folder / "found", *TREE) == 0
+    return folder / "found"
+
+
+def test_surfaces_are_drawn_not_rows(thrice):
+    found = tables.intervals(Folder(thrice / "area"))
+    rows = len(table(thrice / "area/baseline/decision-tree.csv"))
+    assert found.drawn == f"{rows // 3} surfaces"
+    groups = [row["group"] for row in table(thrice / "area/rows.csv")]
+    assert {groups.count(each) for each in groups} == {3}
+
+
+def test_files_and_tables_state_the_intervals_their_level_and_their_draws(thrice, capsys):
+    assert run("show", thrice) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    (row,) = table(thrice / "area/scores.csv")
+    surfaces = row["drawn"].removesuffix(" surfaces")
+    assert "90 % intervals of the scores on the test rows [%]: bootstrap, 1,000 resamples" in said
+    assert f"of {surfaces} surfaces; nMaxE has none" in said
+    assert (row["level"], row["resamples"]) == ("0.9", "1000")
+    for name in ("nmse", "nmae", "r2"):
+        low, value, high = (float(row[key]) for key in (f"{name}_low", name, f"{name}_high"))
+        assert low <= value <= high
+        assert f"{low:.2f} to {high:.2f}" in said
+    assert "nmaxe_low" not in row
+
+
+def test_what_the_nmse_is_stands_beside_the_table_with_the_factor_of_the_data(thrice, capsys):
+    truth, _ = Folder(thrice / "area").prediction("baseline", "decision-tree")
+    factor = float(np.var(truth) / np.mean(truth))
+    assert run("show", thrice, "--no-pictures") == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert f"over their mean, {factor:.2g} % of area here and 2.4 % in the paper" in said
+    assert f"{factor / paper.SPREAD:.2g} times the paper's" in said
+    (row,) = table(thrice / "area/scores.csv")
+    assert float(row["variance_over_mean"]) == pytest.approx(factor, rel=1e-12)
+    assert float(row["nmse"]) == pytest.approx((100 - float(row["r2"])) * factor, rel=1e-9)
+
+
+def test_rows_that_do_not_belong_to_the_predictions_are_refused(thrice, tmp_path):
+    shutil.copytree(thrice, tmp_path, dirs_exist_ok=True)
+    rows = (thrice / "area/rows.csv").read_text().splitlines(keepends=True)
+    (tmp_path / "area/rows.csv").write_text("".join(rows[:-1]))
+    with pytest.raises(InputError, match=r"decision-tree.csv has 12 rows, rows.csv has 11"):
+        tables.intervals(Folder(tmp_path / "area"))

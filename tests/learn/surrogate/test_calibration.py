@@ -1,0 +1,231 @@
+"""Intervals that are calibrated by groups: maps, or databases."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gen import cli as gen_cli
+from gen.runtime.errors import InputError
+from learn import Surrogate, cli, dataset, split
+from learn.executor import Executor
+from learn.pooling import Population
+from learn.request import Request
+from learn.surrogate import calibration, fitting
+from learn.surrogate.card import show
+from learn.surrogate.fitting import fit_target
+from learn.surrogate.flag import from_rows
+from learn.surrogate.interval import Growth
+from learn.surrogate.settings import Settings
+
+
+def of_maps(rows, number):
+    """The same rows as if each surface were of one of some maps."""
+    maps = tuple(Population("maps.h5", "scans", f"m{each}") for each in range(number))
+    return replace(rows, population=rows.groups % number, populations=maps)
+
+
+@pytest.fixture(scope="module")
+def rows(solved):
+    return dataset.read(solved, "area", features="dimensionless", roots=True)
+
+
+def request_of(path, model="kernel-ridge"):
+    return Request(
+        database=path,
+        output=path,
+        models=(model,),
+        features="dimensionless",
+        normalisation="standard",
+        roots=True,
+    )
+
+
+def test_scheme_and_kind_follow_the_number_of_maps(rows):
+    assert calibration.groups_of(rows) is None
+    few, many = (calibration.groups_of(of_maps(rows, number)) for number in (4, 9))
+    assert (few.number, few.kind, few.scheme) == (4, "map", "each")
+    assert (many.number, many.kind, many.scheme) == (9, "map", "others")
+    two = (Population("a.h5", "rmd"), Population("b.h5", "rmd"))
+    pooled = replace(rows, population=rows.rows % 2, populations=two)
+    assert calibration.groups_of(pooled).kind == "database"
+    again = tuple(Population(f"{file}.h5", "scans", "m") for file in "ab")
+    assert calibration.groups_of(replace(pooled, populations=again)) is None, "the same map"
+
+
+@pytest.mark.parametrize(("model", "values"), [("kernel-ridge", {}), ("decision-tree", {})])
+@pytest.mark.parametrize("number", [4, 10])
+def test_no_row_is_predicted_by_a_model_that_has_seen_its_map(rows, solved, model, values, number):
+    train = of_maps(rows, number)
+    values = {"kernel": "rbf", "gamma": 0.01, "alpha": 1e-3} if model == "kernel-ridge" else values
+    given = Settings(values, False, "given")
+    folds = np.zeros(train.size, dtype=np.int8)
+    fit = fit_target(request_of(solved, model), train, None, folds, settings=given)
+    groups = calibration.groups_of(train)
+    part, unseen = next(calibration.holdouts(train, groups.left_out(train)))
+    if number == 10:
+        assert np.unique(groups.labels[part]).size == 1
+    # Other targets in the part change nothing about its own predictions, but for the scaling.
+    spoilt = train.target.copy()
+    spoilt[unseen] = np.roll(spoilt[unseen], 1)
+    again = fit_target(
+        request_of(solved, model), replace(train, target=spoilt), None, folds, settings=given
+    )
+    np.testing.assert_allclose(again.crossed[part], fit.crossed[part], rtol=1e-6)
+    others = np.setdiff1d(np.arange(train.size), part)
+    assert not np.allclose(again.crossed[others], fit.crossed[others], rtol=1e-3)
+
+
+def test_databases_of_the_same_surfaces_are_not_left_out_whole(rows):
+    made = of_maps(rows, 9)
+    maps = tuple(Population(f"{each}.h5", "rmd") for each in range(9))
+    related = replace(made, groups=rows.groups // 30, populations=maps)
+    assert calibration.groups_of(related).scheme == "each"
+    alone = replace(related, groups=np.zeros_like(rows.groups))
+    assert calibration.groups_of(alone) is None, "all rows share surfaces"
+
+
+def test_small_groups_are_joined_where_intervals_hold_for_each():
+    labels = np.repeat([0, 1, 2, 3], [60, 7, 9, 50])
+    values, sizes = np.unique(calibration._large(labels), return_counts=True)
+    assert sizes.min() >= calibration.SMALLEST
+    assert sizes.sum() == labels.size
+    assert values.size == 2
+
+
+def fitted(solved, number, target="area"):
+    request = replace(request_of(solved), targets=(target,))
+    sets = [of_maps(rows, number) for rows in fitting.read(request, None)]
+    said = []
+    return fitting.fit_parts(request, sets, split.draw(sets[0]), said.append), said
+
+
+def test_files_keep_intervals_by_maps(solved, tmp_path):
+    surrogate, said = fitted(solved, 10)
+    assert any("each predicted without it" in line for line in said)
+    surrogate.save(tmp_path / "a.surrogate")
+    again = Surrogate.load(tmp_path / "a.surrogate")
+    assert again.card["calibration"]["groups"] == 10
+    assert again.card["rows"]["calibration"] == again.card["rows"]["train"] == 72
+    inputs = surrogate.low + 0.4 * (surrogate.high - surrogate.low)[None, :] * np.ones((3, 1))
+    inputs[2] = surrogate.high
+    intervals, loaded = (each.learnt["area"].calibration for each in (surrogate, again))
+    raw = np.array([1.0, 4.0, 9.0])
+    np.testing.assert_array_equal(intervals.ends(raw, 0.9, inputs), loaded.ends(raw, 0.9, inputs))
+    np.testing.assert_array_equal(surrogate.distance.of(inputs), again.distance.of(inputs))
+    again.require_level(0.9)
+    with pytest.raises(InputError, match=r"0.95: intervals of area are calibrated by 10 maps, wh"):
+        again.require_level(0.95)
+
+
+def test_the_card_says_by_what_intervals_are_calibrated(solved, capsys):
+    for number, words in {
+        10: "intervals calibrated by whole maps (10 of them, each predicted without it): hold for"
+        " other maps like these, up to 90.9 %",
+        4: "intervals calibrated on each of 4 maps: hold for further surfaces of these maps",
+    }.items():
+        surrogate, _ = fitted(solved, number)
+        show(surrogate.card, surrogate.low, surrogate.high)
+        assert words in capsys.readouterr().out
+    assert np.isfinite(surrogate.distance.limit)
+
+
+def test_rows_of_a_surface_are_of_one_cluster(solved, monkeypatch):
+    rows = dataset.read(solved, "area", features="dimensionless", roots=True)
+    assert np.unique(rows.groups).size < calibration.FEWEST_SURFACES
+    assert calibration.clusters_of(rows) is None
+    monkeypatch.setattr(calibration, "FEWEST_SURFACES", 20)
+    twice = replace(rows, groups=rows.groups // 2)
+    found = calibration.clusters_of(twice)
+    assert np.unique(found).size == calibration.CLUSTERS
+    for group in np.unique(twice.groups):
+        assert np.unique(found[twice.groups == group]).size == 1
+
+
+@pytest.mark.parametrize("model", ["kernel-ridge", "decision-tree"])
+def test_intervals_of_a_file_widen_as_those_that_were_fitted(solved, tmp_path, model, monkeypatch):
+    monkeypatch.setattr(calibration, "FEWEST_SURFACES", 20)
+    request = Request(
+        solved, solved, ("area",), (model,), None, "standard", "dimensionless", roots=True
+    )
+    found = fitting.fit(request, Executor(), lambda line: None)
+    growth = Growth(found.distance, 0.3)
+    area = found.learnt["area"]
+    wide = replace(area, calibration=replace(area.calibration, growth=growth))
+    found = replace(found, learnt={"area": wide})
+    found.save(tmp_path / "x.surrogate")
+    read = Surrogate.load(tmp_path / "x.surrogate")
+    rows = dataset.read(solved, "area", features="dimensionless", roots=True)
+    raw = wide.raw(rows.inputs)
+    ends = wide.ends(rows.inputs, raw, 0.9)
+    np.testing.assert_array_equal(read.learnt["area"].ends(rows.inputs, raw, 0.9), ends)
+    plain = replace(area, calibration=replace(area.calibration, growth=None))
+    near = found.distance.of(rows.inputs) < 1
+    widths, before = (high - low for low, high in (ends, plain.ends(rows.inputs, raw, 0.9)))
+    assert (widths[near] <= before[near]).all()
+    assert (widths[~near] >= before[~near]).all()
+    with pytest.raises(ValueError, match="other distances"):
+        replace(found, distance=from_rows(rows.inputs)).save(tmp_path / "y.surrogate")
+
+
+def test_calibration_rows_train_nothing(solved):
+    rows = dataset.read(solved, "area", features="dimensionless")
+    parts = split.draw(rows)
+    train, held = calibration.without_calibration(rows, parts.train)
+    assert held.size == 14
+    everything = np.concatenate([train, held, parts.test])
+    np.testing.assert_array_equal(np.sort(everything), np.arange(90))
+    assert not set(rows.groups[train]) & set(rows.groups[held])
+
+
+def run(*arguments):
+    return cli.main([str(argument) for argument in arguments])
+
+
+@pytest.fixture(scope="module")
+def other(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("other")
+    (folder / "scene.toml").write_text("samples = 40\nseed = 5\n[surface]\nnodes = 33\n")
+    arguments = ["run", str(folder / "scene.toml"), "-o", str(folder / "other.h5")]
+    assert gen_cli.main(arguments) == 0
+    return folder / "other.h5"
+
+
+def test_rows_of_another_database_calibrate(solved, other, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert run("fit", solved, "--calibrate-on", other, "-o", "a.surrogate") == 0
+    assert "72 rows train, 40 calibrate, 18 test" in capsys.readouterr().err
+    card = Surrogate.load("a.surrogate").card
+    assert card["calibration"]["database"] == str(other)
+    assert card["database"] == str(solved)
+    assert card["nodes"] == [33, 33]
+    assert "databases" not in card
+    assert run("card", "a.surrogate") == 0
+    assert f"calibrated by 40 rows of {other}" in capsys.readouterr().out
+    assert run("predict", "a.surrogate", "x.npy", "--delta", "3", "--interval", "0.98") == 2
+    assert "calibrated by 40 rows, which reach 0.975 at most" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ((), "has another grid or hardness than the training"),
+        (("--features", "paper"), "contact.hardness"),
+    ],
+)
+def test_another_kind_of_database_is_refused(
+    solved, yielding, tmp_path, monkeypatch, capsys, options, words
+):
+    monkeypatch.chdir(tmp_path)
+    assert run("fit", solved, "--calibrate-on", yielding, "-o", "a.surrogate", *options) == 2
+    said = capsys.readouterr().err.strip()
+    assert words in said
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_same_rows_are_no_calibration(solved, mirrored, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    for path, words in ((solved, str(solved)), (mirrored, "boundary")):
+        assert run("fit", solved, "--calibrate-on", path, "-o", "a.surrogate") == 2
+        (said,) = capsys.readouterr().err.strip().splitlines()
+        assert words in said

@@ -1,0 +1,136 @@
+"""Rows that no feature's range flags, and that are unusual all the same."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from learn.features import SETS
+from learn.surrogate.flag import (
+    INSIDE,
+    RIDGE,
+    from_groups,
+    from_rows,
+    from_training,
+    reasons_of,
+)
+
+
+def correlated(rows, seed, size=3):
+    """Rows of features of which the last is nearly the sum of the others."""
+    random = np.random.default_rng(seed)
+    free = random.normal(size=(rows, size - 1)) * 10.0 ** np.arange(size - 1)
+    return np.column_stack([free, free.sum(axis=1) + 0.1 * random.normal(size=rows)])
+
+
+def test_rows_against_the_correlation_are_outside_though_in_every_range():
+    inputs = correlated(2000, 0)
+    distance = from_rows(inputs)
+    odd = np.array([[1.0, 5.0, -6.0]])
+    assert ((inputs.min(axis=0) < odd) & (odd < inputs.max(axis=0))).all()
+    assert distance.of(odd)[0] > 2 * distance.limit
+    fresh = distance.of(correlated(4000, 1)) <= distance.limit
+    assert fresh.mean() == pytest.approx(INSIDE, abs=0.01)
+
+
+@settings(deadline=None)
+@given(st.integers(8, 40), st.integers(0, 99))
+def test_the_limit_is_a_distance_of_each_row_from_the_others(rows, seed):
+    inputs = correlated(rows, seed)
+    centre, deviation = inputs.mean(axis=0), inputs.std(axis=0)
+    scaled = (inputs - centre) / deviation
+    found = []
+    for row in range(rows):
+        # The other rows about the mean of all: the closed form leaves out the shift of the mean.
+        others = np.delete(scaled, row, axis=0)
+        ridge = RIDGE * rows / (rows - 1)
+        covariance = others.T @ others / (rows - 1) + ridge * np.eye(inputs.shape[1])
+        found.append(np.sqrt(scaled[row] @ np.linalg.solve(covariance, scaled[row]) / 3))
+    wanted = np.quantile(found, INSIDE, method="higher")
+    assert from_rows(inputs).limit == pytest.approx(wanted, rel=1e-6)
+
+
+@given(st.floats(1e-6, 1e6), st.floats(-1e3, 1e3))
+def test_units_and_zeros_of_features_make_no_difference(factor, shift):
+    inputs, fresh = correlated(100, 2), correlated(50, 3)
+    one, other = from_rows(inputs), from_rows(inputs * factor + shift * factor)
+    assert other.limit == pytest.approx(one.limit, rel=1e-4)
+    np.testing.assert_allclose(
+        other.of(fresh * factor + shift * factor), one.of(fresh), rtol=1e-4, atol=1e-6
+    )
+
+
+def test_features_that_do_not_vary_say_nothing():
+    inputs = np.column_stack([correlated(100, 4), np.full(100, 7.0)])
+    moved = inputs.copy()
+    moved[:, -1] = 8.0
+    distance = from_rows(inputs)
+    np.testing.assert_array_equal(distance.of(moved), distance.of(inputs))
+
+
+def clouds(rows, seed):
+    """Rows of two kinds with nothing between them, of which the second has few, and their kinds."""
+    random = np.random.default_rng(seed)
+    kinds = (np.arange(rows) % 10 == 0).astype(np.int64)
+    inputs = random.normal(size=(rows, 3)) * np.array([0.1, 1.0, 1.0]) + 5.0 * kinds[:, None]
+    return np.column_stack([inputs, 7.0 + kinds]), kinds
+
+
+def test_rows_between_two_databases_are_far_from_both():
+    inputs, kinds = clouds(1000, 0)
+    between = (inputs[kinds == 0].mean(axis=0) + inputs[kinds == 1].mean(axis=0))[None] / 2
+    parts = np.random.default_rng(1).integers(0, 5, 1000)
+    nearest = from_groups(inputs, kinds, parts)
+    assert nearest.of(between)[0] > 2 * nearest.limit
+    assert from_rows(inputs).of(between)[0] < from_rows(inputs).limit
+    fresh, _ = clouds(4000, 2)
+    assert (nearest.of(fresh) <= nearest.limit).mean() == pytest.approx(INSIDE, abs=0.01)
+
+
+def test_a_feature_that_is_constant_in_each_database_is_left_to_its_range():
+    inputs, kinds = clouds(200, 3)
+    nearest = from_groups(inputs, kinds, np.arange(200) % 5)
+    moved = inputs.copy()
+    moved[:, -1] = 7.5
+    np.testing.assert_array_equal(nearest.of(moved), nearest.of(inputs))
+
+
+def test_a_single_group_is_measured_as_rows_are():
+    inputs = correlated(100, 5)
+    one = from_groups(inputs, np.zeros(100, dtype=np.int64), np.arange(100) % 5)
+    whole = from_rows(inputs)
+    assert one.limit == whole.limit
+    np.testing.assert_array_equal(one.of(inputs), whole.of(inputs))
+    apart = from_groups(inputs, np.arange(100), np.arange(100))
+    assert apart.limit == whole.limit, "no group lies in two parts"
+
+
+def test_a_database_with_fewer_rows_than_features_has_distances():
+    random = np.random.default_rng(6)
+    inputs = random.normal(size=(320, 40))
+    kinds = (np.arange(320) >= 300).astype(np.int64)
+    inputs[kinds == 1] += 3.0
+    nearest = from_groups(inputs, kinds, np.arange(320) % 5)
+    fresh = random.normal(size=(200, 40)) + 3.0
+    assert (nearest.of(fresh) <= nearest.limit).mean() > 0.8
+
+
+def test_rows_of_another_kind_are_far_away():
+    random = np.random.default_rng(2)
+    groups = np.repeat(np.arange(20), 30)
+    along = random.normal(size=600)
+    inputs = np.column_stack([along, along + 0.05 * random.normal(size=600), np.zeros(600)])
+    inputs += 0.1 * random.normal(size=(20, 3))[groups] * [1, 1, 0]
+    found = from_training(inputs, groups)
+    assert np.mean(found.of(inputs) > found.limit) < 0.1
+    odd = np.array([[1.5, -1.5, 0.0]])
+    assert (np.abs(odd) < np.abs(inputs).max(axis=0) + 1e-12).all(), "in the range of each feature"
+    named = replace(SETS["paper"], columns=("a", "b", "c"))
+    ranges = np.full(3, -9.0), np.full(3, 9.0)
+    both = np.concatenate([odd, np.zeros((1, 3)), np.full((1, 3), 10.0)])
+    first, inside, beyond = reasons_of(both, ["a note", "", ""], named, ranges, found)
+    assert first.startswith("a note; distance from the training")
+    assert inside == ""
+    assert beyond.endswith("; a 10 outside -9 to 9; b 10 outside -9 to 9; c 10 outside -9 to 9")

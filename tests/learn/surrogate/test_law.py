@@ -1,0 +1,496 @@
+"""Laws at the given loads, their bands, and no band outside the training."""
+
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from laws import LOADS, STEEL, column, rows_of, run
+from scipy.interpolate import PchipInterpolator
+from strict import json_of
+
+import bem
+from gen import cli as gen_cli
+from gen.generation.plan import parameters
+from gen.generation.sample import solve_contact, surface_of
+from gen.law.curves import Points, monotone, tabulated
+from gen.scene import Scene
+from learn import Surrogate
+from learn.surrogate.law import _corrected, at_pressures
+
+COLUMNS = ("delta_um", "area_percent", "mean_gap_um")
+FREE = ["--boundary", "free"]
+
+
+def solved_by_gen(surface, *load):
+    arguments = ["contact", surface, "--side", "1000", *load, *STEEL, "--csv", "gen.csv"]
+    assert gen_cli.main(arguments) == 0
+    return rows_of("gen.csv")
+
+
+def test_surfaces_without_asperities_are_left_out_of_a_population(work, capsys):
+    ask = ["hybrid.surrogate", "--side", "1000", "--delta", "5:10:3", "--csv", "law.csv"]
+    Path("some").mkdir()
+    np.save("some/ramp.npy", np.outer(np.arange(33.0), np.ones(33)))
+    run("law", *ask, "some", ends=2)
+    assert "ramp.npy: statistics undefined" in capsys.readouterr().err
+    for seed in range(3):
+        np.save(f"some/s{seed}.npy", np.load(f"many/s{seed}.npy"))
+    run("law", *ask, "some")
+    said = " ".join(capsys.readouterr().out.split())
+    assert "warning: 1 of 4 surfaces were left out, the first: some/ramp.npy: statistics" in said
+    assert "quantiles of 3 surfaces" in said
+    mixed = Path("law.csv").read_text()
+    run("law", *ask, "many")
+    assert Path("law.csv").read_text() == mixed
+
+
+def test_the_solver_solves_at_the_pressures_asked_for(work, capsys):
+    """Not on a grid of Delta, between which it would interpolate; a surrogate is not needed."""
+    contacts = solved_by_gen("many/s0.npy", *LOADS)
+    ask = ["many/s0.npy", "--side", "1000", "--solver", *LOADS, *STEEL, "--csv", "law.csv", *FREE]
+    for before in ([], ["hybrid.surrogate"], ["dimensionless.surrogate"]):
+        capsys.readouterr()
+        run("law", *before, *ask)
+        said = " ".join(capsys.readouterr().out.split())
+        assert "solved contact by contact" in said
+        assert "band: none, one surface was solved" in said
+        found = rows_of("law.csv", "pressure_MPa")
+        assert column(found, "pressure_MPa").tolist() == [100 + i * 1900 / 3 for i in range(4)]
+        for name in COLUMNS:
+            np.testing.assert_allclose(column(found, name), column(contacts, name), rtol=1e-6)
+            assert not {f"{name}_low", f"{name}_high", "reason"} & found[0].keys()
+        over_delta = rows_of("law.csv", "delta_um")[1:]
+        np.testing.assert_allclose(
+            column(over_delta, "force_uN"), column(contacts, "force_uN"), rtol=1e-6
+        )
+        assert f"{float(found[1]['delta_um']):.4g}" in said, "the pressures asked for are printed"
+        assert "warning: from Delta" in said
+        assert "real metals and polymers would have yielded" in said
+
+
+SCENE = """
+samples = 9
+[surface]
+nodes = 17
+[contact]
+kernel = "concentrated-force"
+far_field = "compliant"
+spacing = "side/n"
+modulus = 100.0
+poisson = 0.3
+"""
+
+
+def test_a_scene_is_solved_as_it_says(work, capsys):
+    """Its kernel, far field, spacing and modulus; and over its range of Delta unless told."""
+    Path("mirco.toml").write_text(SCENE)
+    scene = Scene.parse(SCENE, "mirco.toml")
+    run("law", "mirco.toml", "--solver", "--surfaces", "2", "--delta", "2,5", "--csv", "law.csv")
+    assert f"E* = {100 / 0.91:g} MPa" in capsys.readouterr().out
+    found = rows_of("law.csv", "delta_um")[1:]
+    plan = parameters(scene, 0, 2)
+    for row in found:
+        contacts = [
+            solve_contact(scene, surface_of(scene, plan, surface), float(row["delta_um"]))
+            for surface in range(2)
+        ]
+        assert float(row["force_uN"]) == pytest.approx(np.mean([each.force for each in contacts]))
+        pressure = np.mean([each.force for each in contacts]) / (17 * scene.spacing[0]) ** 2
+        assert float(row["pressure_MPa"]) == pytest.approx(pressure)
+    run(
+        "law", "hybrid.surrogate", "mirco.toml", "--surfaces", "2", "--delta", "5", "--csv", "p.csv"
+    )
+    (predicted,) = rows_of("p.csv", "delta_um")[1:]
+    cells = float(predicted["force_uN"]) / float(predicted["pressure_MPa"])
+    assert cells == pytest.approx((17 * scene.spacing[0]) ** 2)
+    Path("rigid.toml").write_text(SCENE.replace('far_field = "compliant"', ""))
+    run("law", "rigid.toml", "--solver", "--surfaces", "2", "--csv", "law.csv")
+    deltas = column(rows_of("law.csv", "delta_um"), "delta_um")
+    np.testing.assert_allclose(deltas, [0, *np.linspace(5, 45, 40)])
+
+
+def test_a_predicted_population_has_bands_at_given_pressure(work):
+    ask = ["--side", "1000", "--delta", "4:40:13", "--pressure", "0.002:0.02:4", "--csv"]
+    run("law", "hybrid.surrogate", "many", *ask, "predicted.csv")
+    run("law", "hybrid.surrogate", "many", *ask, "solved.csv", "--solver")
+    for against in ("delta_um", "pressure_MPa"):
+        predicted, solved = (rows_of(f"{name}.csv", against) for name in ("predicted", "solved"))
+        predicted, solved = zip(
+            *[
+                (one, other)
+                for one, other in zip(predicted, solved, strict=True)
+                if one["area_percent_low"] and float(one[against])
+            ],
+            strict=True,
+        )
+        assert len(predicted) >= 3
+        names = set(COLUMNS) - {against}
+        for name in names:
+            # Mean gaps follow from forces, and are small differences at the largest.
+            off = 0.2 if name == "mean_gap_um" else 0.1
+            low, high = (column(predicted, f"{name}_{end}") for end in ("low", "high"))
+            assert (low < column(predicted, name)).all()
+            assert (column(predicted, name) < high).all()
+            for end in ("", "_low", "_high"):
+                np.testing.assert_allclose(
+                    column(predicted, f"{name}{end}"), column(solved, f"{name}{end}"), rtol=off
+                )
+
+
+CELLS = """
+samples = 9
+[surface]
+nodes = 17
+[contact]
+boundary = "mirror"
+[delta]
+pieces = [{ share = 1.0, range = [0.5, 3.0] }]
+"""
+
+
+def test_a_population_without_edges_has_a_law(work, mirrored):
+    Path("cells.toml").write_text(CELLS)
+    ask = ["cells.toml", "--surfaces", "3"]
+    run("law", *ask, "--solver", "--pressure", "0.001,0.01,1", "--csv", "law.csv")
+    found = rows_of("law.csv", "pressure_MPa")
+    assert column(found, "pressure_MPa").tolist() == [0.001, 0.01], "full contact at 1 MPa"
+    deltas = column(rows_of("law.csv", "delta_um"), "delta_um")
+    assert 2 <= len(deltas) <= 3, "none at which a surface would be beyond full contact"
+    run("fit", mirrored, "-o", "cells.surrogate", "--model", "kernel-ridge")
+    run("law", "cells.surrogate", *ask, "--delta", "1:3:3", "--csv", "law.csv")
+    predicted = rows_of("law.csv", "delta_um")
+    gaps = column(predicted, "mean_gap_um")
+    np.testing.assert_allclose(gaps + column(predicted, "delta_um"), gaps[0], rtol=1e-9)
+
+
+ONE = ["hybrid.surrogate", "many/s0.npy", "--side", "1000"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (["many/s0.npy", "--side", "1000"], "give a surrogate and then surfaces, or surfaces and"),
+        (["many/s0.npy", "many/s1.npy", "--side", "1000"], "many/s0.npy: is no surrogate"),
+        (["hybrid.surrogate", "--solver"], "give a surrogate and then surfaces, or surfaces and"),
+        (["many/s0.npy", "--side", "1000", "--solver"], "give --delta or --pressure"),
+        (["many/s0.npy", "--solver", "--delta", "1"], "--side"),
+        (["a.toml", "b.toml", "--solver", "--surfaces", "2"], "E* = 1 and 2 MPa: give one with"),
+        (
+            [*ONE, "--solver", "--pressure", "0"],
+            "--pressure '0': give pressures from 0 to 1e+60 MPa",
+        ),
+        ([], "Missing argument '[SURROGATE] INPUT...'"),
+        ([*ONE, "--delta", "5,9", "--pressure", "9"], "give a larger --delta"),
+        ([*ONE, "--delta", "5", "--boundary", "mirror"], "--boundary mirror: the surrogate was"),
+        ([*ONE, "--delta", "5", "--boundary", "open"], "'open' is not one of"),
+        (["cells.toml", "quick", "--solver"], "quick: has a free boundary, the law a mirror one"),
+        (["hybrid.surrogate", "cells.toml"], "cells.toml: has a mirror boundary, the law a free"),
+    ],
+)
+def test_a_law_that_cannot_be_is_refused(work, capsys, arguments, word):
+    for name, modulus in (("a", 1.0), ("b", 2.0)):
+        text = f"samples = 2\n[surface]\nnodes = 9\n[contact]\nmodulus = {modulus}\n"
+        Path(f"{name}.toml").write_text(text)
+    Path("cells.toml").write_text(CELLS)
+    run("law", *arguments, ends=2)
+    assert word in capsys.readouterr().err.splitlines()[-1]
+
+
+def test_no_interval_is_given_on_unknown_ground(work, capsys, monkeypatch):
+    """Neither in print nor in the CSV; the number stays, dim, with its reason."""
+    monkeypatch.setenv("COLUMNS", "160")
+    ask = ["many/s0.npy", "--side", "1000", "--delta", "0.5,20"]
+    for command, option in (("predict", "-o"), ("law", "--csv")):
+        monkeypatch.delenv("FORCE_COLOR", raising=False)
+        run(command, "hybrid.surrogate", *ask, option, "out.csv")
+        plain = capsys.readouterr().out
+        monkeypatch.setenv("FORCE_COLOR", "1")
+        run(command, "hybrid.surrogate", *ask, option, "out.csv")
+        coloured = capsys.readouterr().out
+        rows = [row for row in rows_of("out.csv") if row.get("against") != "pressure_MPa"]
+        unknown, known = rows[-2:]
+        for name in ("area_percent", "force_uN"):
+            assert unknown[f"{name}_low"] == unknown[f"{name}_high"] == ""
+            assert float(known[f"{name}_low"]) < float(known[f"{name}_high"])
+            value = f"{float(unknown[name]):.4g} (-)"
+            assert value in plain
+            (line,) = [each for each in coloured.splitlines() if value in each]
+            assert "\x1b[2m" in line
+            assert f"{float(known[name]):.4g} ({float(known[f'{name}_low']):.4g} to" in plain
+        assert unknown["reason"].startswith("delta/h")
+        assert known["reason"] == ""
+        assert "delta/h" in plain
+
+
+def test_a_file_name_is_no_markup(work, capsys):
+    shutil.copy("many/s0.npy", "a[red]b.npy")
+    run("predict", "hybrid.surrogate", "a[red]b.npy", "--side", "1000", "--delta", "20")
+    assert "a[red]b.npy" in capsys.readouterr().out
+
+
+def test_the_surrogates_own_answers_keep_their_intervals(made):
+    """What is withheld is what is shown; in Python, `reasons` tells where they do not hold."""
+    surrogate = Surrogate.load(made / "hybrid.surrogate")
+    answer = surrogate.predict(np.load(made / "many/s0.npy"), 1000.0, [0.5])
+    assert answer.reasons[0]
+    assert answer.low["area"].shape == (1,)
+
+
+@pytest.mark.parametrize("how", [["--solver"], []])
+@pytest.mark.parametrize("inputs", [["many/s0.npy", "--side", 1000], ["many", "--side", 1000]])
+def test_a_law_is_monotone_and_consistent(work, how, inputs):
+    ask = ["law", "hybrid.surrogate", *inputs, "--delta", "2:40:12", "--csv", "law.csv", *how]
+    run(*ask, "--header", "law.h", "--young", "210e3", "--poisson", "0.3")
+    rows = rows_of("law.csv")
+    by_delta = [row for row in rows if row["against"] == "delta_um"]
+    by_pressure = [row for row in rows if row["against"] == "pressure_MPa"]
+    assert len(by_delta) == 13
+    delta = column(by_delta, "delta_um")
+    for name, sign in (("area_percent", 1), ("force_uN", 1), ("mean_gap_um", -1)):
+        value = column(by_delta, name)
+        assert (sign * np.diff(value) >= 0).all()
+        assert (sign * column(by_delta, f"{name}_slope") >= 0).all()
+        banded = [row for row in by_delta if row.get(f"{name}_low")]
+        value = column(banded, name)
+        assert (column(banded, f"{name}_low") <= value).all()
+        assert (value <= column(banded, f"{name}_high")).all()
+        alone = "--solver" in how and inputs[0] != "many"
+        inside = sum(not alone and not row.get("reason") for row in by_delta)
+        assert inside <= len(banded) <= (0 if alone else 13)
+        assert all(row.get("reason") for row in by_delta if row not in banded) or alone
+    pressure = column(by_delta, "pressure_MPa")
+    cells = (1000 / 32 * 33) ** 2
+    np.testing.assert_allclose(pressure, column(by_delta, "force_uN") / cells, rtol=1e-9)
+    back = np.interp(delta, column(by_pressure, "delta_um"), column(by_pressure, "pressure_MPa"))
+    np.testing.assert_allclose(back, pressure, atol=0.02 * pressure[-1])
+    assert (np.diff(column(by_pressure, "area_percent")) >= 0).all()
+    assert (np.diff(column(by_pressure, "mean_gap_um")) <= 0).all()
+
+
+def test_a_solved_law_is_the_solvers_and_the_predicted_one_near_it(work):
+    ask = ["law", "hybrid.surrogate", "many/s1.npy", "--side", 1000, "--delta", "5:40:8", "--csv"]
+    run(*ask, "solved.csv", "--solver")
+    run(*ask, "predicted.csv")
+    heights = np.load("many/s1.npy")
+    solved, predicted = (
+        [row for row in rows_of(name) if row["against"] == "delta_um"][1:]
+        for name in ("solved.csv", "predicted.csv")
+    )
+    for one, two in zip(solved, predicted, strict=True):
+        contact = bem.solve(heights, 1000.0, float(one["delta_um"]))
+        for name, value in (
+            ("area_percent", contact.area_percent),
+            ("force_uN", contact.force),
+            ("mean_gap_um", contact.mean_gap),
+        ):
+            assert float(one[name]) == pytest.approx(value, rel=1e-5)
+        assert float(two["force_uN"]) == pytest.approx(contact.force, rel=0.2)
+        assert float(two["mean_gap_um"]) == pytest.approx(contact.mean_gap, abs=0.5)
+
+
+def test_a_law_says_where_it_is_outside(work):
+    ask = ["law", "hybrid.surrogate", "many", "--side", 1000, "--delta", "10,400", "--csv"]
+    run(*ask, "law.csv")
+    rows = [row for row in rows_of("law.csv") if row["against"] == "delta_um"]
+    own = Surrogate.load("hybrid.surrogate")
+    surfaces = [np.load(f"many/s{seed}.npy") for seed in range(3)]
+    inside = [own.for_surface(each, 1000.0).predict([10.0, 400.0]).inside for each in surfaces]
+    expected = [0.0, *(1 - np.mean(inside, axis=0))]
+    np.testing.assert_allclose([float(row["outside"]) for row in rows], expected)
+    assert expected[2] == 1
+    assert [bool(row["reason"]) for row in rows] == [share > 0 for share in expected]
+    others = [row for row in rows_of("law.csv") if row["against"] != "delta_um"]
+    assert float(others[0]["outside"]) == 0
+    assert float(others[-1]["outside"]) == 1
+
+
+def test_laws_of_scenes_databases_and_given_pressures(work, capsys):
+    for text in ("database.h5", "scene.toml"):
+        (work / "scene.toml").write_text("samples = 9\n[surface]\nnodes = 33\n")
+        ask = ["law", "hybrid.surrogate", text, "--surfaces", 3, "--delta", "5:40:5"]
+        run(*ask, "--pressure", "0:0.005:6", "--csv", f"{text}.csv")
+        assert "quantiles of 3 surfaces" in " ".join(capsys.readouterr().out.split())
+    assert (work / "database.h5.csv").read_text() == (work / "scene.toml.csv").read_text()
+    rows = [row for row in rows_of("scene.toml.csv") if row["against"] == "pressure_MPa"]
+    np.testing.assert_allclose(column(rows, "pressure_MPa"), np.linspace(0, 0.005, 6))
+    run(*ask, "--pressure", "9", ends=2)
+    assert "give a larger --delta" in capsys.readouterr().err
+
+
+def test_a_predicted_law_of_bodies_that_yield_is_near_the_solved_one(yielding, work, capsys):
+    run("fit", yielding, "--features", "hybrid", "-o", "plastic.surrogate")
+    ask = ["many/s0.npy", "--side", "1000", "--delta", "5:25:5"]
+    run("law", "plastic.surrogate", *ask, ends=2)
+    assert "give --hardness" in capsys.readouterr().err
+    run("law", "hybrid.surrogate", *ask, "--hardness", "0.01", ends=2)
+    assert "trained on elastic bodies" in capsys.readouterr().err
+    ask += ["--hardness", "0.01", "--csv"]
+    run("law", "plastic.surrogate", *ask, "predicted.csv", "--header", "law.h")
+    assert "the mean gap of bodies that yield is a coarse estimate" in capsys.readouterr().out
+    assert "hardness 0.01" in Path("law.h").read_text()
+    run("law", "plastic.surrogate", *ask, "solved.csv", "--solver")
+    predicted, solved = (rows_of(name, "delta_um")[1:] for name in ("predicted.csv", "solved.csv"))
+    for name in ("area_percent", "force_uN"):
+        true = column(solved, name)
+        assert np.abs(column(predicted, name) - true).max() < 0.15 * true.max()
+
+
+def test_a_law_of_a_scene_takes_its_hardness(work, capsys):
+    for name, text in (("one", "0.01"), ("range", "[0.01, 0.1]")):
+        Path(f"{name}.toml").write_text(
+            f"samples = 4\n[surface]\nnodes = 17\n[contact]\nhardness_ratio = {text}\n"
+        )
+    ask = ["--solver", "--surfaces", "2", "--delta", "5,20"]
+    run("law", "one.toml", *ask, "--csv", "law.csv")
+    assert set(column(rows_of("law.csv"), "hardness_MPa")) == {0.01}
+    run("law", "one.toml", *ask, "--e-star", "200e3", "--csv", "law.csv")
+    assert set(column(rows_of("law.csv"), "hardness_MPa")) == {2000.0}
+    capsys.readouterr()
+    run("law", "range.toml", *ask, ends=2)
+    assert "give one with --hardness" in capsys.readouterr().err
+    run("law", "range.toml", *ask, "--hardness", "0.02", "--csv", "law.csv")
+    assert set(column(rows_of("law.csv"), "hardness_MPa")) == {0.02}
+
+
+CONDUCTING = """
+samples = 160
+[surface]
+nodes = 17
+[contact]
+boundary = "mirror"
+hardness_ratio = 0.02
+[delta]
+pieces = [{ share = 1.0, range = [2.0, 6.0] }]
+[store]
+stiffness = true
+"""
+
+
+def inside(predicted, solved):
+    """Rows of two laws against Delta, behind the first, where closures are predicted."""
+    pairs = zip(*(rows_of(name, "delta_um")[1:] for name in (predicted, solved)), strict=True)
+    return zip(*((one, other) for one, other in pairs if one["closure_um"]), strict=True)
+
+
+def test_what_follows_from_predictions_is_withheld_outside_the_training(work, capsys):
+    """In print and in every file; where no row is left, nothing is written."""
+    ask = ["law", "hybrid.surrogate", "many/s1.npy", "--side", "1000", "--conductivity", "50"]
+    run(*ask, "--delta", "0.02:40:21", "-o", "law", "--plot", "law.png")
+    said = capsys.readouterr().out
+    assert "; outside, neither closure nor stiffness is given (-)" in said
+    rows = rows_of("law.csv", "pressure_MPa")
+    flagged = [row for row in rows if float(row["outside"]) == 1]
+    assert 0 < len(flagged) < len(rows) - 1
+    for name in ("closure_um", "stiffness_MPa_per_um", "conductance_W_per_mm2_K"):
+        assert all((row[name] == "") == (row in flagged) for row in rows)
+    (curves,) = [
+        t["curves"]
+        for t in json_of("law.json")["tables"]
+        if "closure_um" in t["curves"] and "delta_um" in t["curves"]
+    ]
+    assert [each is None for each in curves["closure_um"]["value"]] == [
+        row in flagged for row in rows
+    ]
+    kept = {f"{float(row['pressure_MPa']):.10g}" for row in rows if row not in flagged}
+    behaviour, _, _ = Path("law-abaqus.inp").read_text().partition("*GAP")
+    lines = [line.split(",")[0] for line in behaviour.splitlines() if not line.startswith("*")]
+    assert set(lines) - {"0"} <= kept
+    assert re.search(
+        rf"define ASPERITY_LAW_PRESSURES {len(kept | {'0'})}\b", Path("law.h").read_text()
+    )
+    for path in Path().glob("law*"):
+        path.unlink()
+    capsys.readouterr()
+    run(*ask, "--delta", "0.02,0.03", "-o", "law", ends=2)
+    assert "no load lies inside the surrogate's training; --solver" in capsys.readouterr().err
+    assert not list(Path().glob("law*"))
+
+
+def test_a_curve_that_turned_back_is_told_in_a_sentence():
+    deltas = np.array([0.0, 1.0, 2.0, 3.0])
+    raw = {"force_uN": [0, 5, 2, 6], "area_percent": [0, 1, 2, 3], "mean_gap_um": [3, 1, 2, 0]}
+    columns = {name: np.array(each, dtype=float) for name, each in raw.items()}
+    smooth, changes = monotone(Points({"delta_um": deltas, **columns}, reasons=("",) * 4))
+    warned = _corrected(tabulated("delta_um", deltas, [smooth], 0.9, 3.0), [changes])
+    curve = "warning: the surrogate's curve of "
+    assert warned == [
+        f"{curve}force_uN fell with the load; shown is the nearest rising one",
+        f"{curve}mean_gap_um rose with the load; shown is the nearest falling one",
+    ]
+
+
+def test_the_conductance_of_elastic_bodies_is_the_slope_of_their_force(work):
+    """Of a surrogate of area and force; in files for finite elements too."""
+    ask = ["hybrid.surrogate", "many/s1.npy", "--side", "1000", *STEEL, "--delta", "4:40:13"]
+    ask += ["--conductivity", "50"]
+    run("law", *ask, "--csv", "predicted.csv", "--calculix", "law.inp", "--json", "law.json")
+    run("law", *ask, "--csv", "solved.csv", "--solver")
+    predicted, solved = inside("predicted.csv", "solved.csv")
+    assert len(predicted) > 6
+    for name in ("stiffness_MPa_per_um", "conductance_W_per_mm2_K"):
+        near = column(predicted, name)[2:-2] / column(solved, name)[2:-2]
+        assert np.abs(np.median(near) - 1) < 0.3
+    assert "*GAP CONDUCTANCE" in Path("law.inp").read_text()
+    closures = column(predicted, "closure_um") / column(solved, "closure_um")
+    assert np.abs(np.median(closures) - 1) < 0.2
+
+
+def test_the_conductance_of_bodies_that_yield_is_learnt_from_their_stiffness(work, capsys):
+    Path("yielding.toml").write_text(CONDUCTING)
+    assert gen_cli.main(["run", "yielding.toml", "-o", "yielding.h5"]) == 0
+    fit = ["fit", "yielding.h5", "--model", "kernel-ridge", "--features", "hybrid"]
+    run(*fit, "--target", "area,force,stiffness", "-o", "stiff.surrogate")
+    run(*fit, "-o", "both.surrogate")
+    ask = ["yielding.toml", "--surfaces", "8", "--delta", "3:6:4", "--conductivity", "50"]
+    run("law", "stiff.surrogate", *ask, "--csv", "predicted.csv")
+    run("law", *ask, "--solver", "--csv", "solved.csv")
+    predicted, solved = inside("predicted.csv", "solved.csv")
+    assert predicted
+    ratio = column(predicted, "conductance_W_per_mm2_K") / column(solved, "conductance_W_per_mm2_K")
+    np.testing.assert_allclose(ratio, 1, atol=0.4)
+    capsys.readouterr()
+    run("law", "both.surrogate", *ask, ends=2)
+    assert "fit a surrogate with --target area,force,stiffness" in capsys.readouterr().err
+
+
+def test_an_interval_at_given_pressure_is_that_of_the_force_read_the_other_way(work):
+    ask = ["law", "hybrid.surrogate", "many/s1.npy", "--side", "1000", "--delta", "6:40:35"]
+    run(*ask, "--pressure", "0.002:0.017:6", "--csv", "law.csv")
+    over = [row for row in rows_of("law.csv", "delta_um") if row["pressure_MPa_low"]]
+    at = rows_of("law.csv", "pressure_MPa")
+    assert all(row["delta_um_low"] for row in at)
+    delta, pressure = column(over, "delta_um"), column(at, "pressure_MPa")
+    for end, other in (("low", "high"), ("high", "low")):
+        ends = column(at, f"delta_um_{end}")
+        reached = PchipInterpolator(delta, column(over, f"pressure_MPa_{other}"))(ends)
+        np.testing.assert_allclose(reached, pressure, rtol=2e-3)
+        area = PchipInterpolator(delta, column(over, f"area_percent_{end}"))(ends)
+        np.testing.assert_allclose(column(at, f"area_percent_{end}"), area, rtol=2e-3)
+        gap = PchipInterpolator(delta, column(over, f"mean_gap_um_{other}"))(ends)
+        np.testing.assert_allclose(column(at, f"mean_gap_um_{other}"), gap, rtol=2e-3)
+
+
+def test_the_inverse_of_a_law_knows_its_level_stretches():
+    """A force predicted as 0 up to some Delta: a small pressure is reached behind that."""
+    delta = np.array([0.0, 1.0, 2.0, 3.0, 4.0])
+    values = {
+        "delta_um": delta,
+        "area_percent": delta,
+        "mean_gap_um": 4 - delta,
+        "closure_um": delta,
+    }
+    values["pressure_MPa"] = np.array([0.0, 1.0, 2.0, 3.0, 4.0])
+    low = {**values, "pressure_MPa": np.array([0.0, 0.0, 0.0, 1.0, 2.0])}
+    high = {**values, "pressure_MPa": values["pressure_MPa"] + [0, 1, 1, 1, 1]}
+    points = Points(values, low, high, ("",) * 5)
+    found = at_pressures(points, np.array([0.0, 1e-9, 2.0, 3.0]))
+    np.testing.assert_allclose(found.values["delta_um"], [0, 0, 2, 3], atol=1e-6)
+    np.testing.assert_allclose(found.low["delta_um"], [0, 0, 1, 2], atol=1e-6)
+    np.testing.assert_allclose(found.high["delta_um"], [0, 2, 4, np.nan], atol=1e-2)
+    assert found.endless == ("", "", "", "its interval ends beyond the last displacement")
+    unknown = Points(values, low, high, ("", "", "", "", "far"))
+    found = at_pressures(unknown, np.array([0.5, 2.0, 3.5]))
+    assert found.reasons == ("", "", "far")
+    assert found.endless[:2] == ("", "its interval ends where far")

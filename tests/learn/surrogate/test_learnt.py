@@ -1,0 +1,89 @@
+"""The model of one target: kernel ridge is scikit-learn's, and moments keep to their ranges.
+
+Moments beyond those of the training are taken for the nearest ones; other features are not.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from learn import Surrogate
+from learn.executor import Executor
+from learn.request import Request
+from learn.surrogate import fitting
+from learn.surrogate.model import Rows
+
+
+def fitted(path, features):
+    scaling = "l2" if features == "paper" else "standard"
+    request = Request(path, path, ("area",), ("kernel-ridge",), None, scaling, features)
+    return fitting.fit(request, Executor(), lambda line: None)
+
+
+def rows_of(surrogate, inputs):
+    ones = np.ones(len(inputs))
+    return Rows(inputs, np.ones((len(inputs), 22)), ones, 1000.0, ())
+
+
+@pytest.fixture(scope="module")
+def surrogate(solved):
+    return fitted(solved, "hybrid")
+
+
+@pytest.fixture
+def middle(surrogate):
+    return (surrogate.low + surrogate.high) / 2
+
+
+@pytest.mark.parametrize("name", ["peak_kurtosis_pearson", "asperity_curvature_skewness"])
+@pytest.mark.parametrize("times", [0.1, 40.0])
+def test_a_moment_beyond_the_training_is_that_at_the_end_of_its_range(
+    surrogate, middle, name, times
+):
+    place = surrogate.features.columns.index(name)
+    end, beyond, further = middle.copy(), middle.copy(), middle.copy()
+    span = surrogate.high[place] - surrogate.low[place]
+    end[place] = surrogate.high[place]
+    beyond[place] = surrogate.high[place] + times * span
+    further[place] = surrogate.low[place] - times * span
+    asked = surrogate.predict_rows(rows_of(surrogate, np.array([end, beyond, further, middle])))
+    assert asked.area[0] == asked.area[1]
+    assert asked.area[2] != asked.area[3], "the other end is another place"
+    assert [name in reason for reason in asked.reasons] == [False, True, True, False]
+
+
+def test_other_features_are_left_as_they_are(surrogate, middle):
+    place = surrogate.features.columns.index("coarse_area_percent")
+    end, beyond = middle.copy(), middle.copy()
+    end[place] = surrogate.high[place]
+    beyond[place] = 1.5 * surrogate.high[place]
+    asked = surrogate.predict_rows(rows_of(surrogate, np.array([end, beyond])))
+    assert asked.area[0] != asked.area[1]
+
+
+def test_a_file_holds_the_same_moments(surrogate, middle, tmp_path):
+    surrogate.save(tmp_path / "x.surrogate")
+    read = Surrogate.load(tmp_path / "x.surrogate")
+    asked = rows_of(surrogate, np.array([middle, surrogate.high + 3.0]))
+    np.testing.assert_array_equal(read.predict_rows(asked).area, surrogate.predict_rows(asked).area)
+    for one, other in zip(read.learnt["area"].clip, surrogate.learnt["area"].clip, strict=True):
+        np.testing.assert_array_equal(one, other)
+        assert np.isfinite(one).sum() == 8
+
+
+def test_the_paper_s_features_are_as_they_were(solved):
+    assert fitted(solved, "paper").learnt["area"].clip is None
+
+
+@pytest.mark.parametrize("features", ["paper", "dimensionless"])
+def test_kernel_ridge_is_scikit_learns(solved, features):
+    learnt = replace(fitted(solved, features).learnt["area"], clip=None)
+    ridge = learnt.pipeline.named_steps["model"]
+    inputs = learnt.pipeline.steps[0][1].transform(
+        np.abs(np.random.default_rng(0).normal(size=(5000, 23)))
+    )
+    assert learnt._expansion is not None
+    learnt.pipeline.steps[0] = ("scaling", "passthrough")
+    theirs = learnt.scaling.restored(ridge.predict(inputs))
+    np.testing.assert_allclose(learnt.raw(inputs), theirs, rtol=1e-6, atol=1e-9)

@@ -1,0 +1,110 @@
+"""Work in a process of its own: its results, its end at a time, what it leaves behind."""
+
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gen.runtime.errors import InputError
+from learn import bounded
+
+
+def count(shared, task):
+    return sum(range(task)) + shared, os.getpid()
+
+
+def spin(shared, task):
+    """Run for ever, as some fits seem to."""
+    while True:
+        np.linalg.svd(np.ones((100, 100)))
+
+
+def refuse(shared, task):
+    raise InputError("no")
+
+
+def leave(shared, task):
+    os._exit(3)
+
+
+def soon(seconds=60.0):
+    return time.time() + seconds
+
+
+@pytest.mark.parametrize(("text", "expected"), [("90s", 90), ("2h", 7200), ("1.5min", 90)])
+def test_budgets_are_read(text, expected):
+    assert bounded.seconds(text) == expected
+
+
+@pytest.mark.parametrize("text", ["", "2", "-1h", "0s", "nan", "inf", "2 weeks", "h", "1e18s"])
+def test_budgets_that_are_none_are_refused(text):
+    if text == "2":
+        assert bounded.seconds(text) == 2
+        return
+    with pytest.raises(InputError, match="--budget"):
+        bounded.seconds(text)
+
+
+def test_without_a_limit_the_work_is_done_here():
+    assert bounded.call(count, 1, 3, math.inf) == (4, os.getpid())
+
+
+def test_one_process_does_task_after_task_and_is_replaced_once_one_takes_too_long():
+    first, second = (bounded.call(count, 1, 3, soon()) for _ in range(2))
+    assert first == second
+    assert first[0] == 4
+    assert first[1] != os.getpid()
+    began = time.time()
+    assert bounded.call(spin, 1, 3, soon(0.5)) is None
+    assert time.time() - began < 2.0
+    with pytest.raises(ProcessLookupError):
+        os.kill(first[1], 0)
+    assert bounded.call(count, 2, 3, soon())[0] == 5
+    assert bounded.call(count, 2, 3, time.time()) is None, "its time is over: it is not begun"
+
+
+def test_refusals_come_back_and_the_end_of_the_process_is_one():
+    with pytest.raises(InputError, match=r"^no$"):
+        bounded.call(refuse, 1, 3, soon())
+    with pytest.raises(InputError, match="has ended by itself"):
+        bounded.call(leave, 1, 3, soon())
+    assert bounded.call(count, 1, 3, soon())[0] == 4
+
+
+def is_running(number):
+    try:
+        return " Z " not in Path(f"/proc/{number}/stat").read_text()
+    except OSError:
+        return False
+
+
+KILLED = """
+import sys, time
+from learn import bounded
+import test_bounded
+print(bounded.call(test_bounded.count, 0, 3, time.time() + 60)[1], flush=True)
+bounded.call(test_bounded.spin, 0, 3, time.time() + 60)
+"""
+
+
+def test_a_killed_process_leaves_none_behind():
+    path = os.pathsep.join([str(Path(__file__).parent), *sys.path])
+    parent = subprocess.Popen(
+        [sys.executable, "-c", KILLED],
+        stdout=subprocess.PIPE,
+        env={**os.environ, "PYTHONPATH": path},
+        text=True,
+    )
+    child = int(parent.stdout.readline())
+    parent.send_signal(signal.SIGKILL)
+    parent.communicate()
+    limit = time.time() + 60
+    while is_running(child):
+        assert time.time() < limit
+        time.sleep(0.1)
