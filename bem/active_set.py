@@ -41,9 +41,8 @@ from bem.sections import on_one_blas_thread
 REDUCTION, TIGHTENING = 0.4, 0.5
 
 # Share of the preconditioned residual that is added when pressures are brought back between the
-# bounds: a whole step would put too many nodes into contact. Bodies that yield change a second set
-# with it.
-ADVANCE, ADVANCE_YIELDING = 0.5, 0.5
+# bounds: a whole step would put too many nodes into contact.
+ADVANCE = 0.5
 
 # Shares of the tolerance that solves aim at, and that conjugate gradients reach.
 AIM, REACHED = 0.9, 0.8
@@ -264,7 +263,7 @@ class ActiveSet(Iterate):
             if self._soft:
                 self._hold_back(before, residual)
         solved = before if dense else self.pressure
-        ahead = self._between_bounds(yielded, 0.0 if dense else 1.0)
+        ahead = self._between_bounds(yielded, onwards=not dense)
         changed = ahead is not None
         if not (changed or dense):
             return False
@@ -427,11 +426,10 @@ class ActiveSet(Iterate):
         self.effort += Effort(iterations=1)
         return True
 
-    def _between_bounds(self, yielded: Mask | None, share: float) -> Field | None:
+    def _between_bounds(self, yielded: Mask | None, *, onwards: bool) -> Field | None:
         """Cut off tension, cap pressures at the hardness, and step ahead on the next set.
 
-        Returns the pressure, or None where none is out of bounds. The share is that of a step
-        ahead.
+        Returns the pressure, or None where none is out of bounds.
         """
         patch, pressure = self.patch, self.pressure
         tension = pressure < 0
@@ -447,10 +445,9 @@ class ActiveSet(Iterate):
         if self._yields:
             following &= ahead < self.hardness
         patch.take_contact(following)
-        if share:
-            share *= ADVANCE_YIELDING if self._yields else ADVANCE
+        if onwards:
             residual = patch.in_contact(self.residual)
-            patch.add_to(ahead, np.float32(share) * patch.correct(residual))
+            patch.add_to(ahead, np.float32(ADVANCE) * patch.correct(residual))
             np.maximum(ahead, 0, out=ahead)
         if self._yields:
             np.minimum(ahead, np.maximum(pressure, BELOW_HARDNESS * self.hardness), out=ahead)

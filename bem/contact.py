@@ -52,7 +52,7 @@ class Contact:
         Steps of conjugate gradients, and contact sets tried by dense algebra.
     convolutions : int
         Applications of the influence matrix. Those on a coarser grid count by its share of the
-        nodes; those spent on guessing the displacement do not count.
+        nodes.
     """
 
     problem: Problem = field(repr=False)

@@ -36,7 +36,7 @@ APPROACH = 0.55
 # splitting is taken to be there.
 CLOSE = 1e-9
 
-# Share of a load that is lost to rounding.
+# Share of a load, or of the hardness, below which a difference counts as rounding.
 LOST = 1e-11
 
 
@@ -78,7 +78,7 @@ class Violation(NamedTuple):
 
     @property
     def largest(self) -> float:
-        """The largest of them."""
+        """The largest of the three departures."""
         return max(self)
 
 

@@ -139,13 +139,12 @@ def solve(
     rtol : float
         Largest absolute gap in contact, or penetration outside, that is accepted, over Delta
         [1]. The default is the loosest of a ladder that counts the contact nodes of 99.9 % of the
-        paper preset's samples exactly (`python -m bench solver --default-tolerance`).
+        paper preset's samples exactly.
     max_iterations : int
         Bound on the steps of conjugate gradients and contact sets of dense algebra. Where contact
         sets cycle on a patch without edges, four times as many cheaper passes may follow.
     near : ndarray, shape (nx, ny), optional
-        Pressure near the solution to start from, as `ladder` does [MPa]. A compliant far field
-        and a given force do not use it.
+        Pressure near the solution to start from, as `ladder` does [MPa].
     threads : int, optional
         Threads that share the work of grids with some 500 nodes a side or more; smaller ones take
         one. The results are the same to the last bit on any number. By default as many as the

@@ -12,7 +12,8 @@ on a set A is the minimum of v^T C^-1 v over all fields v that equal the residua
 choice of zero outside A overestimates this minimum, the more so the more fragmented A is, and the
 condition number then grows like the number of nodes a side. Here v continues the residual by
 weighted means of its values nearby, block by block. With this extension E, the condition number of
-M = E^T C^-1 E stays near 4 on rough surfaces of any size (`tests/bem/test_patch.py` measures it).
+M = E^T C^-1 E stays near 4 on rough surfaces of any size
+(`tests/bem/operators/test_patch.py` measures it).
 """
 
 import math
@@ -217,9 +218,7 @@ class Patch:
         return self._corrected
 
     def unbalanced(self, displacement: Field) -> Field:
-        """Compute the pressure of zero mean that displaces a patch without edges so but for a
-        mean.
-        """
+        """Compute the zero-mean pressure whose displacement equals the given one but for a mean."""
         inverse = edgeless_filter(self.shape, self.boundary, self._grid[2], inverse=True)
         pressure: Field = filtered(inverse, displacement).copy()
         return pressure
