@@ -29,7 +29,9 @@ def table(name: str) -> list[dict[str, str]]:
 
 
 def test_every_table_stands_on_a_page_and_every_page_shows_tables_that_there_are() -> None:
-    assert sorted(re.findall(r"```{result} (\w+)", TEXT)) == sorted([*TABLES, "columns"])
+    assert sorted(re.findall(r"```{result} (\w+)", TEXT)) == sorted(
+        [*TABLES, "columns", "preparation"]
+    )
     reports = re.findall(r"```{report} (\S+)", TEXT)
     assert sorted(reports) == sorted(part.name for part in PARTS)
 

@@ -378,7 +378,7 @@ def _picture(costs: Costs) -> Any:
         log_axis(axis.xaxis)
         log_axis(axis.yaxis)
         axis.grid(visible=True, which="major", color="0.9")
-        axis.legend()
+        axis.legend(loc="upper right")
     samples.set(title="Learning curves", xlabel="training samples")
     seconds.set(title="... against what they cost", xlabel="t_d + t_h + t_f [s]")
     return figure
