@@ -20,7 +20,7 @@ from functools import partial
 import numpy as np
 
 from bem.arrays import Field, Mask, Nodes, Real
-from bem.dense import MOST_SETS, ContactFactor
+from bem.dense import MOST_SETS, ContactFactor, softer
 from bem.iterate import (
     BELOW_HARDNESS,
     CERTAIN,
@@ -127,10 +127,7 @@ class ActiveSet(Iterate):
 
     def _entries(self, nodes: Nodes, dtype: str) -> Real:
         """Return the lower triangle of the matrix of some nodes, in Fortran's order."""
-        entries = self.patch.entries(nodes, dtype)
-        if self._give:
-            entries = np.asfortranarray(np.tril(entries) - entries.dtype.type(self._give))
-        return entries
+        return softer(self.patch.entries(nodes, dtype), self._give)
 
     def _settle(self, nodes: Nodes) -> bool:
         """Solve on the candidate set, then check all nodes.

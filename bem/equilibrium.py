@@ -15,7 +15,7 @@ import numpy as np
 
 from bem.active_set import ActiveSet
 from bem.arrays import Field
-from bem.dense import MOST_SETS, ContactFactor
+from bem.dense import MOST_SETS, ContactFactor, softer
 from bem.influence import InfluenceMatrix, Kernel
 from bem.iterate import Effort, cut_to_load
 from bem.operators.patch import Patch
@@ -233,11 +233,9 @@ def _solve_densely(problem: Problem, touching: Overlap, delta: float) -> Equilib
     interference = below + shift
     sets = min(MOST_SETS, problem.max_iterations)
     nodes = touching.nodes[np.argsort(-below[touching.nodes], kind="stable")]
-    try:
+    try:  # elastic bodies first, to the last bit
         with np.errstate(over="raise"):
-            factor = ContactFactor(
-                lambda some: matrix.among(some) - give, nodes
-            )  # elastic bodies, to the last bit
+            factor = ContactFactor(lambda some: softer(matrix.among(some), give), nodes)
             solution = factor.solve(interference, load, sets)
             if float(solution.pressure.max()) > hardness:
                 factor = ContactFactor(matrix.among, nodes, hardness)

@@ -449,6 +449,8 @@ class Iterate:
                 self.pressure = self.pressure + scale * change
             else:
                 scale = inner(interference, pressure) / stiffness
+                if not scale > 0:
+                    return
                 if capped.any():
                     scale = 1.0 if step == FIRST_STEPS - 1 else min(max(scale, 0.8), 1.0)
                 self.residual = interference - np.float32(scale) * image

@@ -37,7 +37,7 @@ def test_a_ladder_gives_what_single_solves_give(deltas: list[float], kernel: Ker
 def test_a_ladder_on_a_compliant_far_field() -> None:
     for contact in bem.ladder(ROUGH, 1000.0, [5.0, 10.0, 15.0], far_field="compliant"):
         alone = bem.solve(ROUGH, 1000.0, contact.delta, far_field="compliant")
-        assert contact.force == alone.force
+        assert contact.force == pytest.approx(alone.force, rel=1e-7)
 
 
 def test_a_ladder_stops_at_the_delta_that_is_to_blame() -> None:
