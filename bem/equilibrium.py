@@ -286,10 +286,10 @@ def _at_displacement(problem: Problem, near: Start | None) -> Equilibrium:
     with np.errstate(over="ignore", invalid="ignore"):
         if near is not None:
             solve.begin(*_reduced(problem, near, touching, delta))
-            near = None  # its memory is free again
-        elif whole and problem.hardness is None:
-            _begin_nearly_full(solve, below)
-    if solve.worthless(FARTHEST):
+            poor, near = solve.worthless(FARTHEST), None  # whose memory is free again
+        else:
+            poor = not whole or not _begun_nearly_full(solve, below)
+    if poor:
         solve = _new(problem, patch, below, delta, shift=1.0)
     if whole and problem.hardness is not None:
         solve.expect_yielding()  # elastic contacts may be full before this displacement
@@ -301,15 +301,15 @@ def _at_displacement(problem: Problem, near: Start | None) -> Equilibrium:
     return _result(problem, solve, touching, delta)
 
 
-def _begin_nearly_full(solve: ActiveSet, below: Field) -> None:
+def _begun_nearly_full(solve: ActiveSet, below: Field) -> bool:
     """Begin from the pressure of full contact plus a constant, cut off below zero.
 
     The mean gap falls nearly exponentially with the load (Persson 2007); trials tell how fast.
-    Nothing is done for elastic contacts without edges that are too far from full contact.
+    Returns whether that is a start, which it is not too far from full contact.
     """
     depth = -float(below.mean())
     if depth < 1 or 1 / depth < NEARLY_FULL:
-        return
+        return False
     full = solve.patch.unbalanced(below)
     scale = float(full.std()) / 2
     for _ in range(CONSTANTS):
@@ -319,8 +319,9 @@ def _begin_nearly_full(solve: ActiveSet, below: Field) -> None:
         left = float(solve.residual.mean(where=pressure > 0))
         gap = 1 - (1 - left) / depth
         if left > 0 or not 0 < gap < 1:
-            return
+            break
         scale = constant / -math.log(gap)
+    return not solve.worthless(math.inf)
 
 
 def _reduced(
