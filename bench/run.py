@@ -12,7 +12,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -79,7 +79,10 @@ def make(parts: Iterable[Part], inputs: Inputs, after: Callable[[], object]) -> 
                     time = told(seconds(part, inputs))
                     remark(f"{heading} ({time}): {inputs.making(part).command}")
                     missing.append(part)
-            made = list(pool.map(lambda part: _run(part, inputs, interruption), missing))
+            running = [pool.submit(_run, part, inputs, interruption) for part in missing]
+            while wait(running, timeout=0.2).not_done:
+                pass  # a thread that waits for a lock would not hear signals that others received
+            made = [each.result() for each in running]
             if interruption.requested():
                 break
             codes |= {part.name: code for part, code in zip(missing, made, strict=True)}
