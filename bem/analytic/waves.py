@@ -49,19 +49,67 @@ class WavySurface:
         refuse_flat(self.amplitude, self.wavelength)
 
     def heights(self, x: Field) -> Field:
-        """Return the height at these distances from a peak [um]."""
+        """Return the height at these distances from a peak [um].
+
+        Parameters
+        ----------
+        x : ndarray
+            Distance from a peak [um].
+
+        Returns
+        -------
+        ndarray, shape of x
+            Height [um].
+        """
         return np.asanyarray(self.amplitude * np.cos(2 * np.pi * x / self.wavelength))
 
     def full_contact_pressure(self, modulus: float = 1.0) -> float:
-        """Return p* = pi E* amplitude / wavelength, the load that closes all gaps [MPa]."""
+        """Return p* = pi E* amplitude / wavelength, the load that closes all gaps [MPa].
+
+        Parameters
+        ----------
+        modulus : float
+            E* [MPa].
+
+        Returns
+        -------
+        float
+            Mean pressure p* [MPa].
+        """
         return np.pi * modulus * self.amplitude / self.wavelength
 
     def contact_width(self, mean_pressure: float, modulus: float = 1.0) -> float:
-        """Return the width 2 a of each strip of contact, sin^2(pi a / wavelength) = p / p* [um]."""
+        """Return the width 2 a of each strip of contact, sin^2(pi a / wavelength) = p / p* [um].
+
+        Parameters
+        ----------
+        mean_pressure : float
+            Mean pressure p on the whole surface [MPa].
+        modulus : float
+            E* [MPa].
+
+        Returns
+        -------
+        float
+            Width, from 0 to the wavelength [um].
+        """
         return self.area_share(mean_pressure, modulus) * self.wavelength
 
     def area_share(self, mean_pressure: float, modulus: float = 1.0) -> float:
-        """Return the contact area as a share of the whole, 2 / pi arcsin sqrt(p / p*) [1]."""
+        """Return the contact area as a share of the whole, 2 / pi arcsin sqrt(p / p*) [1].
+
+        Parameters
+        ----------
+        mean_pressure : float
+            Mean pressure p on the whole surface [MPa].
+        modulus : float
+            E* [MPa].
+
+        Returns
+        -------
+        float
+            Contact area as a share of the whole, from 0 to 1 [1].
+        """
         return 2 / np.pi * math.asin(math.sqrt(self._load(mean_pressure, modulus)))
 
     def pressure(self, x: Field, mean_pressure: float, modulus: float = 1.0) -> Field:
@@ -69,6 +117,20 @@ class WavySurface:
 
         2 p* cos(psi) sqrt(p / p* - sin^2(psi)) with psi = pi x / wavelength, up to full contact;
         p + p* cos(2 psi) beyond.
+
+        Parameters
+        ----------
+        x : ndarray
+            Distance from a peak [um].
+        mean_pressure : float
+            Mean pressure p on the whole surface [MPa].
+        modulus : float
+            E* [MPa].
+
+        Returns
+        -------
+        ndarray, shape of x
+            Pressure, zero outside contact [MPa].
         """
         full = self.full_contact_pressure(modulus)
         angle = np.pi * x / self.wavelength
@@ -81,6 +143,20 @@ class WavySurface:
         """Compute the gap between the surface and the half-space.
 
         amplitude s (sinh(2 t) - 2 t), s = p / p*, where sqrt(s) cosh(t) = |sin(pi x / wavelength)|.
+
+        Parameters
+        ----------
+        x : ndarray
+            Distance from a peak [um].
+        mean_pressure : float
+            Mean pressure p on the whole surface [MPa].
+        modulus : float
+            E* [MPa].
+
+        Returns
+        -------
+        ndarray, shape of x
+            Gap, zero inside contact [um].
         """
         load = self._load(mean_pressure, modulus)
         sine = np.abs(np.sin(np.pi * x / self.wavelength))
@@ -94,12 +170,37 @@ class WavySurface:
 
         It is the integral of dDelta/dp = wavelength / (pi E*) ln(p* / p), the compliance of
         periodic flat punches on the strips of contact.
+
+        Parameters
+        ----------
+        mean_pressure : float
+            Mean pressure p on the whole surface [MPa].
+        modulus : float
+            E* [MPa].
+
+        Returns
+        -------
+        float
+            Approach Delta [um].
         """
         load = self._load(mean_pressure, modulus)
         return self.amplitude * load * (1 - math.log(load)) if load else 0.0
 
     def mean_gap(self, mean_pressure: float, modulus: float = 1.0) -> float:
-        """Return the mean gap, amplitude - Delta [um]."""
+        """Return the mean gap, amplitude - Delta [um].
+
+        Parameters
+        ----------
+        mean_pressure : float
+            Mean pressure p on the whole surface [MPa].
+        modulus : float
+            E* [MPa].
+
+        Returns
+        -------
+        float
+            Mean gap, zero in full contact [um].
+        """
         return self.amplitude - self.approach(mean_pressure, modulus)
 
     def mean_pressure(self, approach: float, modulus: float = 1.0) -> float:
@@ -133,7 +234,20 @@ class WavySurface:
         return self.full_contact_pressure(modulus) * math.exp(1 + branch.real)
 
     def stiffness(self, mean_pressure: float, modulus: float = 1.0) -> float:
-        """Return dp/dDelta = pi E* / (wavelength ln(p* / p)), infinite at full contact [MPa/um]."""
+        """Return dp/dDelta = pi E* / (wavelength ln(p* / p)), infinite at full contact [MPa/um].
+
+        Parameters
+        ----------
+        mean_pressure : float
+            Mean pressure p on the whole surface [MPa].
+        modulus : float
+            E* [MPa].
+
+        Returns
+        -------
+        float
+            Stiffness per area, zero without load [MPa/um].
+        """
         load = self._load(mean_pressure, modulus)
         if not load:
             return 0.0
@@ -185,12 +299,34 @@ class Sine:
     phase: float = 0.0
 
     def heights(self, x: Field, y: Field) -> Field:
-        """Return the height at these places [um]."""
+        """Return the height at these places [um].
+
+        Parameters
+        ----------
+        x, y : ndarray
+            Places, of shapes that broadcast together [um].
+
+        Returns
+        -------
+        ndarray, common shape of x and y
+            Height [um].
+        """
         qx, qy = self.wavevector
         return np.asanyarray(self.amplitude * np.cos(qx * x + qy * y + self.phase))
 
     def stiffness(self, modulus: float = 1.0) -> float:
-        """Return E* q / 2, the pressure that holds one unit of displacement [MPa/um]."""
+        """Return E* q / 2, the pressure that holds one unit of displacement [MPa/um].
+
+        Parameters
+        ----------
+        modulus : float
+            E* [MPa].
+
+        Returns
+        -------
+        float
+            Pressure over displacement [MPa/um].
+        """
         return modulus * math.hypot(*self.wavevector) / 2
 
 
@@ -207,11 +343,37 @@ class SumOfSines:
     sines: tuple[Sine, ...]
 
     def heights(self, x: Field, y: Field) -> Field:
-        """Return the height at these places, zero in the mean over all places [um]."""
+        """Return the height at these places, zero in the mean over all places [um].
+
+        Parameters
+        ----------
+        x, y : ndarray
+            Places, of shapes that broadcast together [um].
+
+        Returns
+        -------
+        ndarray, common shape of x and y
+            Height [um].
+        """
         return np.asanyarray(sum(sine.heights(x, y) for sine in self.sines))
 
     def pressure(self, x: Field, y: Field, mean_pressure: float, modulus: float = 1.0) -> Field:
-        """Compute the pressure of full contact, the mean + all E* q / 2 times height [MPa]."""
+        """Compute the pressure of full contact, the mean + the sum of E* q / 2 times each height.
+
+        Parameters
+        ----------
+        x, y : ndarray
+            Places, of shapes that broadcast together [um].
+        mean_pressure : float
+            Mean pressure on the whole surface [MPa].
+        modulus : float
+            E* [MPa].
+
+        Returns
+        -------
+        ndarray, common shape of x and y
+            Pressure; where it is negative anywhere contact is not full [MPa].
+        """
         waves = [sine.stiffness(modulus) * sine.heights(x, y) for sine in self.sines]
         return np.asanyarray(mean_pressure + sum(waves))
 
@@ -220,6 +382,18 @@ class SumOfSines:
 
         On the nodes of a grid that resolves the waves it is exact for the grid's contact problem,
         and a lower bound of that of the whole surface.
+
+        Parameters
+        ----------
+        x, y : ndarray
+            Places that are to be in contact, of shapes that broadcast together [um].
+        modulus : float
+            E* [MPa].
+
+        Returns
+        -------
+        float
+            Mean pressure on the whole surface [MPa].
         """
         return -float(self.pressure(x, y, 0.0, modulus).min())
 
@@ -252,18 +426,52 @@ class DoublySinusoidal:
         refuse_flat(self.amplitude, self.wavelength)
 
     def heights(self, x: Field, y: Field) -> Field:
-        """Return the height at these distances from a peak along both axes [um]."""
+        """Return the height at these distances from a peak along both axes [um].
+
+        Parameters
+        ----------
+        x, y : ndarray
+            Distances from a peak along both axes, of shapes that broadcast together [um].
+
+        Returns
+        -------
+        ndarray, common shape of x and y
+            Height [um].
+        """
         q = 2 * np.pi / self.wavelength
         return np.asanyarray(self.amplitude * np.cos(q * x) * np.cos(q * y))
 
     def full_contact_pressure(self, modulus: float = 1.0) -> float:
-        """Return p* = sqrt(2) pi E* amplitude / wavelength [MPa]."""
+        """Return p* = sqrt(2) pi E* amplitude / wavelength [MPa].
+
+        Parameters
+        ----------
+        modulus : float
+            E* [MPa].
+
+        Returns
+        -------
+        float
+            Mean pressure p* that closes all gaps [MPa].
+        """
         return math.sqrt(2) * np.pi * modulus * self.amplitude / self.wavelength
 
     def area_share_at_light_load(self, mean_pressure: float, modulus: float = 1.0) -> float:
         """Return pi (3 / (8 pi) p / p*)^(2/3), by Hertz at each peak on its own [1].
 
         The leading term for p / p* -> 0.
+
+        Parameters
+        ----------
+        mean_pressure : float
+            Mean pressure p on the whole surface [MPa].
+        modulus : float
+            E* [MPa].
+
+        Returns
+        -------
+        float
+            Contact area as a share of the whole [1].
         """
         load = mean_pressure / self.full_contact_pressure(modulus)
         return float(np.pi * (3 / (8 * np.pi) * load) ** (2 / 3))
@@ -273,6 +481,18 @@ class DoublySinusoidal:
 
         Hertz's a^2 / R at each peak of radius R, and what the forces on all other peaks displace
         it, as point forces on a square lattice with zero mean displacement.
+
+        Parameters
+        ----------
+        mean_pressure : float
+            Mean pressure p on the whole surface [MPa].
+        modulus : float
+            E* [MPa].
+
+        Returns
+        -------
+        float
+            Approach Delta [um].
         """
         spacing = self.wavelength / math.sqrt(2)
         curvature = self.amplitude * (2 * np.pi / self.wavelength) ** 2
@@ -284,6 +504,18 @@ class DoublySinusoidal:
         """Return 1 - 3 / (2 pi) (1 - p / p*), with a circular gap in each valley [1].
 
         The leading term for p / p* -> 1: the gaps are penny-shaped cracks without a singularity.
+
+        Parameters
+        ----------
+        mean_pressure : float
+            Mean pressure p on the whole surface [MPa].
+        modulus : float
+            E* [MPa].
+
+        Returns
+        -------
+        float
+            Contact area as a share of the whole [1].
         """
         load = mean_pressure / self.full_contact_pressure(modulus)
         return 1 - 3 / (2 * np.pi) * (1 - load)
@@ -293,6 +525,18 @@ class DoublySinusoidal:
 
         The gap in a valley is 16 k / (9 pi E*) (b^2 - r^2)^(3/2) where the pressure of full contact
         is k r^2 above its least value and b is the radius of the gap.
+
+        Parameters
+        ----------
+        mean_pressure : float
+            Mean pressure p on the whole surface [MPa].
+        modulus : float
+            E* [MPa].
+
+        Returns
+        -------
+        float
+            Mean gap [um].
         """
         full = self.full_contact_pressure(modulus)
         rise = 2 * (np.pi / self.wavelength) ** 2 * full

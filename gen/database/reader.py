@@ -210,7 +210,13 @@ class OpenDatabase:
         return columns_for(self.scene)
 
     def counts(self) -> Counts:
-        """Count the pending, done and failed rows of the file."""
+        """Count the pending, done and failed rows of the file.
+
+        Returns
+        -------
+        Counts
+            Numbers of pending, done and failed rows.
+        """
         return counts(self._file[STATUS.path])
 
 

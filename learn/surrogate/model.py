@@ -125,16 +125,38 @@ class Surrogate:
     def load(cls, path: Path | str) -> Self:
         """Read a surrogate's file; no code that it names is imported or runs.
 
-        InputError is raised if the file, that `learn fit` or `save` wrote, is damaged or of another
-        format, or does not fit the libraries installed here.
+        Parameters
+        ----------
+        path : Path or str
+            File that `learn fit` or `save` wrote.
+
+        Returns
+        -------
+        Surrogate
+            The surrogate in the file.
+
+        Raises
+        ------
+        InputError
+            If the file is no surrogate, is damaged or of another format, or does not fit the
+            libraries installed here.
         """
         return cls(**file.load(Path(path)))
 
     def save(self, path: Path | str) -> None:
         """Write the file that `load` reads, whole or not at all.
 
-        InputError is raised if it cannot be written, ValueError if a model has settings that
-        `learn fit` never gives.
+        Parameters
+        ----------
+        path : Path or str
+            File to write.
+
+        Raises
+        ------
+        InputError
+            If it cannot be written.
+        ValueError
+            If a model has settings that `learn fit` never gives.
         """
         file.save(Path(path), self)
 
@@ -158,11 +180,25 @@ class Surrogate:
         return None if limits is None else (float(limits[0]), float(limits[1]))
 
     def hardness_ratio(self, hardness: float | None, e_star: float | None = None) -> float | None:
-        """Return the hardness over E* of a prediction; None for elastic bodies.
+        """Return the hardness over E* of a prediction, after a check that the surrogate has one.
 
-        A hardness that is left out [MPa] stands for elastic bodies if the training has some,
-        otherwise for the only hardness of the training. E* is by default that of the training
-        [MPa]. InputError is raised if the training has no hardness, or several and none is given.
+        Parameters
+        ----------
+        hardness : float or None
+            Hardness of the softer body [MPa]; None for elastic bodies if the training has some,
+            otherwise for the only hardness of the training.
+        e_star : float, optional
+            E* of the prediction; that of the training by default [MPa].
+
+        Returns
+        -------
+        float or None
+            Hardness over E*; None for elastic bodies.
+
+        Raises
+        ------
+        InputError
+            If the training has no hardness, or several and none is given.
         """
         limits = self.hardness_limits
         if limits is None:
@@ -191,9 +227,19 @@ class Surrogate:
         return flag.boundary_of(self.card)
 
     def require_boundary(self, boundary: str, name: str) -> None:
-        """Refuse a surface or table, by its name, of another boundary than that of the training.
+        """Refuse a surface or statistics of another boundary than that of the training.
 
-        InputError says what to fit instead.
+        Parameters
+        ----------
+        boundary : str
+            Boundary of the surface or statistics: "free", "periodic" or "mirror".
+        name : str
+            Name of the surface or table in the message.
+
+        Raises
+        ------
+        InputError
+            If the boundary is not that of the training.
         """
         if boundary != self.boundary:
             raise InputError(
@@ -209,7 +255,15 @@ class Surrogate:
     def require_level(self, level: float) -> None:
         """Refuse a level of intervals that has too few groups or rows to be calibrated.
 
-        InputError names the largest level; it is raised for one outside 0 to 1 too.
+        Parameters
+        ----------
+        level : float
+            Level of the intervals, between 0 and 1 [1].
+
+        Raises
+        ------
+        InputError
+            If it is not between 0 and 1, or above the largest level, which it names.
         """
         checked_level(level)
         for name, each in self.learnt.items():
@@ -283,6 +337,11 @@ class Surrogate:
         name : str
             Name of the surface in messages.
 
+        Returns
+        -------
+        OnSurface
+            The surrogate with the features of this surface.
+
         Raises
         ------
         InputError
@@ -315,10 +374,21 @@ class Surrogate:
         ----------
         statistics : ndarray, shape (n, 22)
             Statistics in the order and units of Table 1.
-        delta, length, notes, hardness_ratio
-            See `Rows`.
+        delta : ndarray, shape (n,)
+            Far-field displacement [um].
+        length : ndarray or float
+            Scan length L; one for all rows, or shape (n,) [um].
+        notes : tuple of str
+            Notes on grids that differ from the training's: one for all rows, or n.
+        hardness_ratio : float, optional
+            Hardness over E*, from `hardness_ratio`.
         nodes : ndarray, shape (n,), optional
             Nodes along a side, the geometric mean of both axes, if the features need them.
+
+        Returns
+        -------
+        Rows
+            Features of n rows, shape (n, d), with their statistics and displacements.
 
         Raises
         ------
@@ -357,19 +427,29 @@ class Surrogate:
         std: bool = False,
         reasons: bool = True,
     ) -> Prediction:
-        """Predict rows of features, from `of_statistics` or `OnSurface.rows`.
+        """Predict rows of features.
 
         Parameters
         ----------
         rows : Rows
-            The rows.
+            Rows from `of_statistics` or `OnSurface.rows`.
         e_star, level : float, optional
-            See `predict`; InputError is raised if E* is not above 0.
+            See `predict`.
         std : bool
             True to add the standard deviations of Gaussian processes.
         reasons : bool
             False to skip the check of training ranges; a prediction that is not finite still has
             a reason.
+
+        Returns
+        -------
+        Prediction
+            Predictions of all targets, one for each row.
+
+        Raises
+        ------
+        InputError
+            If `e_star` is not above 0.
         """
         if e_star is not None and not 0 < e_star < np.inf:
             raise InputError(f"E* {e_star:g}: give a modulus above 0 MPa")
@@ -398,7 +478,18 @@ class Surrogate:
         return replace(prediction, reasons=tuple(said))
 
     def reasons(self, rows: Rows) -> tuple[str, ...]:
-        """Return for each row why it is outside the training; "" if it is inside."""
+        """Return for each row the features outside their training ranges; "" if there is none.
+
+        Parameters
+        ----------
+        rows : Rows
+            Rows from `of_statistics` or `OnSurface.rows`.
+
+        Returns
+        -------
+        tuple of str
+            One text for each row.
+        """
         elastic = bool(self.card.get("elastic"))
         note = flag.hardness_note(self.hardness_limits, rows.hardness_ratio, elastic=elastic)
         given = rows.notes or ("",)
@@ -411,7 +502,17 @@ class Surrogate:
     def note(self, shape: tuple[int, int], sides: tuple[float, float]) -> str:
         """Return how a grid differs from the training's; "" if it does not.
 
-        The grid is given by its nodes and lengths [um] along x and y.
+        Parameters
+        ----------
+        shape : tuple of int
+            Nodes along x and y.
+        sides : tuple of float
+            Lengths of the patch along x and y [um].
+
+        Returns
+        -------
+        str
+            One text for the grid.
         """
         return flag.grid_note(self.card, self.features, shape, sides)
 
@@ -438,11 +539,25 @@ class OnSurface:
     surface: SurfaceFeatures
 
     def rows(self, delta: ArrayLike, hardness_ratio: float | None = None) -> Rows:
-        """Compute the features at displacements above 0, one or n of them [um].
+        """Compute the features at one or more displacements.
 
-        The hardness over E* comes from `Surrogate.hardness_ratio`. InputError is raised if a
-        displacement is not above 0, or the features need statistics that the surface does not
-        define.
+        Parameters
+        ----------
+        delta : ArrayLike
+            One displacement above 0, or n of them [um].
+        hardness_ratio : float, optional
+            Hardness over E*, from `Surrogate.hardness_ratio`; None for elastic bodies.
+
+        Returns
+        -------
+        Rows
+            Features, shape (n, d), with the surface's statistics and the displacements.
+
+        Raises
+        ------
+        InputError
+            If a displacement is not above 0, or the features need statistics that the surface does
+            not define.
         """
         surface, surrogate = self.surface, self.surrogate
         deltas = np.atleast_1d(_own("Delta", delta))
