@@ -1,6 +1,6 @@
 """Memory: the need of a fit, and the supply of this machine.
 
-The needs were measured (`python -m bench memory`): bytes per pair of rows for the kernel methods,
+The needs were measured (`bench memory`, at commit 10684ff): bytes per pair of rows for the kernel methods,
 per row for the others, on top of a process with its libraries and data.
 """
 
