@@ -1,7 +1,7 @@
 """Memory: the need of a fit, and the supply of this machine.
 
-The needs were measured (`bench memory`, at commit 10684ff): bytes per pair of rows for the kernel methods,
-per row for the others, on top of a process with its libraries and data.
+The needs were measured (`bench memory`, at commit 10684ff): bytes per pair of rows for the kernel
+methods, per row for the others, on top of a process with its libraries and data.
 """
 
 from gen.runtime.errors import InputError
