@@ -6,7 +6,7 @@ Arrays come in and arrays go out: no files, no MPI, nothing printed.
 from bem.contact import Contact
 from bem.problem import NoSolution, OutOfRange, Problem
 from bem.solving import NotConverged, ladder, solve
-from bem.workers import keep_freed_memory
+from bem.threads import keep_freed_memory
 
 keep_freed_memory()
 

@@ -32,7 +32,7 @@ from bem.iterate import (
     inner,
 )
 from bem.operators.filters import filtered
-from bem.sections import on_one_blas_thread
+from bem.threads import on_one_blas_thread
 
 # Factor by which conjugate gradients reduce the residual before the sets are checked, and the
 # factor on it whenever new sets have raised the energy: the last ones were then left too early.

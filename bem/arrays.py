@@ -1,4 +1,4 @@
-"""Types of the arrays that this package hands around, and what callers may not give."""
+"""Types of the arrays that this package hands around."""
 
 from typing import Any
 
@@ -19,10 +19,3 @@ Real = NDArray[Any]
 
 # One decision for every node of a list, of shape (m,).
 Mask = NDArray[np.bool_]
-
-
-def refuse_masked(name: str, given: Any) -> None:
-    """Refuse an array, or rows of arrays, of which some entries are masked."""
-    rows = given if isinstance(given, list | tuple) else [given]
-    if any(np.ma.is_masked(row) for row in rows):
-        raise ValueError(f"{name} are masked in places: fill or crop them")

@@ -13,7 +13,7 @@ from bem.derived.stiffness import Punch, patch_stiffness, punch_of, without_patc
 from bem.operators.filters import filtered
 from bem.operators.patch import displacement_filter
 from bem.problem import Problem
-from bem.sections import computed_once
+from bem.threads import computed_once
 
 # Relative difference of its sides up to which a cell is square.
 SQUARE = 1e-9

@@ -20,7 +20,7 @@ from bem.influence import InfluenceMatrix, Kernel
 from bem.iterate import Effort, cut_to_load
 from bem.operators.patch import Patch
 from bem.problem import NoSolution, Overlap, Problem, overlap, whole_grid
-from bem.sections import on_one_blas_thread
+from bem.threads import on_one_blas_thread
 
 # Largest number of nodes that may touch for which dense algebra alone is faster than convolutions
 # (`pytest bench -k few_candidates`).

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bem.arrays import Field, Nodes, Real, Values
-from bem.workers import workers
+from bem.threads import share
 
 Kernel = Literal["uniform-pressure", "concentrated-force"]
 KERNELS: tuple[Kernel, ...] = get_args(Kernel)
@@ -95,11 +95,11 @@ def _table(shape: tuple[int, int], kernel: Kernel, aspect: float) -> Field:
     if kernel == "uniform-pressure":
         table = np.empty(shape)
 
-        def tabulate(some: slice) -> None:
+        def tabulate(_: int, some: slice) -> None:
             table[some] = _uniform_pressure(rows[some], columns, aspect)
 
         slices = [slice(first, first + ROWS) for first in range(0, shape[0], ROWS)]
-        workers().share(tabulate, slices)
+        share(tabulate, slices)
     elif kernel == "concentrated-force":
         table = _concentrated_force(rows, columns, aspect)
     else:

@@ -7,10 +7,11 @@ from typing import Any, Literal, NamedTuple, TypeVar, cast, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bem.arrays import Field, Mask, Nodes, refuse_masked
+from bem.arrays import Field, Mask, Nodes
 from bem.influence import KERNELS, Kernel
-from bem.spacing import BOUNDARIES, Boundary, node_spacing
 
+Boundary = Literal["free", "periodic", "mirror"]
+BOUNDARIES: tuple[Boundary, ...] = get_args(Boundary)
 FarField = Literal["rigid", "compliant"]
 FAR_FIELDS: tuple[FarField, ...] = get_args(FarField)
 Name = TypeVar("Name", bound=str)
@@ -117,6 +118,31 @@ class Problem:
         return self.hardness / self.modulus * self.spacing[0] / length
 
 
+def node_spacing(nodes: int, side: float, boundary: Boundary = "free") -> float:
+    """Return the distance between neighbouring nodes along one axis of a patch [um].
+
+    The outer nodes of a free patch lie on its border. A patch without edges is made of cells, whose
+    centres are the nodes: the last cell is followed by the first one, or by its own mirror image.
+
+    Parameters
+    ----------
+    nodes : int
+        Nodes along the axis, at least two for a free patch.
+    side : float
+        Length of the patch along the axis [um].
+    boundary : str
+        "free", "periodic" or "mirror", see `bem.solve`.
+    """
+    return side / (nodes - 1) if boundary == "free" else side / nodes
+
+
+def refuse_masked(name: str, given: Any) -> None:
+    """Refuse an array, or rows of arrays, of which some entries are masked."""
+    rows = given if isinstance(given, list | tuple) else [given]
+    if any(np.ma.is_masked(row) for row in rows):
+        raise ValueError(f"{name} are masked in places: fill or crop them")
+
+
 class NoSolution(ValueError):
     """A load that no equilibrium carries."""
 
@@ -168,7 +194,7 @@ def pose(
         far_field=_checked_choice("far_field", far_field, FAR_FIELDS),
         hardness=_checked_hardness(hardness),
         rtol=_checked("rtol", rtol, 1e-15, 1, "between 1e-15 and 1, both excluded"),
-        max_iterations=_checked_count("max_iterations", max_iterations),
+        max_iterations=checked_count("max_iterations", max_iterations),
         boundary=boundary,
     )
     _check_range(problem)
@@ -394,7 +420,7 @@ def _checked_poisson(poisson: Any) -> float:
     return _checked("poisson", poisson, -1, math.nextafter(0.5, 1), allowed)
 
 
-def _checked_count(name: str, value: Any) -> int:
+def checked_count(name: str, value: Any) -> int:
     """Return a whole number of one or more, or refuse the value."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
         raise ValueError(f"{name} = {value!r}: must be a whole number of at least 1")

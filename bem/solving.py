@@ -11,21 +11,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bem.arrays import Field, refuse_masked
+from bem.arrays import Field
 from bem.contact import Contact
 from bem.equilibrium import Equilibrium, Start, equilibrium_of
 from bem.influence import Kernel
 from bem.problem import (
     MAX_ITERATIONS,
     RTOL,
+    Boundary,
     FarField,
     Problem,
+    checked_count,
     checked_heights,
     checked_start,
     pose,
+    refuse_masked,
 )
-from bem.spacing import Boundary
-from bem.workers import checked_threads, on_threads
+from bem.threads import on_threads
 
 # Sides of a cell, the longer over the shorter, up to which patches without edges were tested: all
 # of 3,000 random problems are solved (`pytest -m "long or not long" tests/bem/test_edgeless.py`).
@@ -185,7 +187,7 @@ def solve(
         max_iterations=max_iterations,
     )
     start = None if near is None else Start(checked_start(near, problem) / problem.modulus)
-    with on_threads(checked_threads(threads)):
+    with on_threads(None if threads is None else checked_count("threads", threads)):
         return contact_of(problem, equilibrium_of(problem, start))
 
 
@@ -308,7 +310,9 @@ def ladder(
     """
     name, loads = _chosen(delta=deltas, force=forces, pressure=pressures)
     side, settings = deepcopy((side, settings))  # arrays that the caller may fill anew
-    return _Ladder(checked_heights(heights), side, name, loads, checked_threads(threads), settings)
+    if threads is not None:
+        threads = checked_count("threads", threads)
+    return _Ladder(checked_heights(heights), side, name, loads, threads, settings)
 
 
 class _Ladder(Iterator[Contact]):

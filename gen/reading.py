@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bem.spacing import Boundary
+from bem.problem import Boundary
 from gen.maps.doubts import surface_warnings
 from gen.maps.prepare import prepare
 from gen.maps.read import OWN_SUFFIXES, Topography, read

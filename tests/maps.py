@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from bem.spacing import Boundary
+from bem.problem import Boundary
 from gen.maps.read import Topography
 from gen.maps.read import read as read_map
 from gen.maps.settings import Reading

@@ -26,7 +26,7 @@ ONE_HOME = {
     "mpi4py": {"gen/runtime/farm.py"},
     "h5py": {"gen/database"},
     "pyfftw": {"bem/operators/filters.py"},
-    "threadpoolctl": {"bem/sections.py"},
+    "threadpoolctl": {"bem/threads.py"},
     "tomllib": {"gen/scene/scene.py", "bench/files.py"},
     "SurfaceTopography": {"gen/maps/instruments.py", "bench/made_maps.py"},
     "matplotlib": {"gen/runtime/figure.py", "bench"},
@@ -47,10 +47,7 @@ ROOMS = {
         *("bem.active_set", "bem.arrays", "bem.equilibrium", "bem.influence", "bem.iterate"),
         *("bem.operators", "bem.problem"),
     },
-    "bem.operators": {
-        *("bem.arrays", "bem.influence", "bem.problem", "bem.sections", "bem.spacing"),
-        "bem.workers",
-    },
+    "bem.operators": {"bem.arrays", "bem.influence", "bem.problem", "bem.threads"},
     "gen.runtime": set(),
     "gen.scene": {
         *("gen.distribution", "gen.generators", "gen.material", "gen.runtime", "gen.schema"),
@@ -138,7 +135,6 @@ TESTED_TOGETHER = {
     "tests/bem/test_indenters.py": "a property of all solves: pressed indenters",
     "tests/bem/test_invariances.py": "a property of all solves: symmetries and scalings",
     "tests/bem/test_ladder.py": "ladders of loads, in bem/solving.py",
-    "tests/bem/test_memory.py": "memory that stays with the process, in bem/workers.py",
     "tests/bem/test_load_control.py": "a property of all solves: given loads",
     "tests/bem/test_properties.py": "a property of all solves: complementarity, uniqueness ...",
     "tests/bem/test_recomputation.py": "a contact's numbers, computed again without bem",

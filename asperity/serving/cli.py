@@ -63,7 +63,7 @@ def serve(
     from asperity.serving.models import model_of
     from asperity.serving.protocol import SLOW, Server
     from asperity.serving.workers import Workers
-    from bem.workers import cores
+    from bem.threads import cores
 
     if not host.strip():
         raise InputError(f"--host {host!r}: give an address; 0.0.0.0 lets other machines ask")

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import erf, exp1
 
-from bem.arrays import Values, refuse_masked
+from bem.arrays import Values
 
 BUSH_GIBSON_THOMAS = math.sqrt(2 * math.pi)
 """Slope of the area share over the reduced pressure at no load: paraboloids at all summits."""
@@ -84,8 +84,10 @@ class PerssonInterface:
     def __post_init__(self) -> None:
         """Keep copies of the spectrum, which the caller may change."""
         for name in ("wavenumbers", "spectrum"):
-            refuse_masked(name, getattr(self, name))
-            object.__setattr__(self, name, np.array(getattr(self, name), dtype=np.float64))
+            given = getattr(self, name)
+            if np.ma.is_masked(given):
+                raise ValueError(f"{name} are masked in places: fill or crop them")
+            object.__setattr__(self, name, np.array(given, dtype=np.float64))
 
     def rms_height(self) -> float:
         """Return the rms height of these waves [um].

@@ -6,7 +6,7 @@ by timing, so that two processes could differ in the last bits of a result.
 
 import math
 import threading
-from collections import OrderedDict, deque
+from collections import OrderedDict
 from collections.abc import Callable
 from copy import copy
 from typing import Any, ClassVar, Protocol, TypeVar, cast
@@ -17,8 +17,7 @@ import pyfftw
 from scipy import fft
 
 from bem.arrays import Field, Real
-from bem.sections import unforked
-from bem.workers import workers
+from bem.threads import share, threads_here, unforked
 
 # Entries of a padded field from which on threads share its transforms, and rows are padded a few at
 # a time: below, whole fields fit into the caches (1.06 to 1.22 times faster at 129 nodes a side).
@@ -213,28 +212,18 @@ class LargeFilter:
 
     def transform(self) -> None:
         """Filter the field in place."""
-        team = workers()
-        if team.threads > len(self._lanes):
+        if threads_here() > len(self._lanes):
             with unforked():
-                self._lanes += [_Lane(self) for _ in range(team.threads - len(self._lanes))]
+                self._lanes += [_Lane(self) for _ in range(threads_here() - len(self._lanes))]
         rows, columns = self.waves.shape
         self._share(_Lane.transform_rows, rows, ROWS)
         self._share(_Lane.filter_columns, columns, self._lanes[0].columns)
         self._share(_Lane.transform_back, rows, ROWS)
 
     def _share(self, work: Callable[["_Lane", slice], None], size: int, length: int) -> None:
-        """Do some work on all slices of a length, which lanes draw until none is left."""
-        left = deque(slice(first, min(first + length, size)) for first in range(0, size, length))
-
-        def draw(lane: _Lane) -> None:
-            while left:
-                try:
-                    some = left.popleft()
-                except IndexError:  # another thread was faster
-                    return
-                work(lane, some)
-
-        workers().share(draw, self._lanes)
+        """Do some work on all slices of a length, each thread in its own lane."""
+        slices = [slice(first, min(first + length, size)) for first in range(0, size, length)]
+        share(lambda thread, some: work(self._lanes[thread], some), slices)
 
 
 class _Lane:
@@ -330,7 +319,7 @@ class CosineFilter:
     def transform(self) -> None:
         """Filter the field in place."""
         with unforked():
-            many = workers().threads if self.field.size >= LARGE else 1
+            many = threads_here() if self.field.size >= LARGE else 1
             waves: Any = fft.dctn(self.field, type=2, overwrite_x=True, workers=many)
             waves *= self._factors
             here: Any = fft.idctn(waves, type=2, overwrite_x=True, workers=many)

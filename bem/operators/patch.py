@@ -32,9 +32,8 @@ from bem.operators.filters import (
     kept_filter,
     spectral_filter,
 )
-from bem.problem import Problem
-from bem.spacing import Boundary
-from bem.workers import workers
+from bem.problem import Boundary, Problem
+from bem.threads import share
 
 # The following four were chosen by the iterations of conjugate gradients on the paper's surfaces,
 # k = 7 to 9, at 1, 10 and 50 % contact; none of them matters much.
@@ -315,14 +314,14 @@ def _make_free(shape: tuple[int, int], kernel: Kernel, aspect: float, dtype: str
     rows = np.empty((shape[0], periods[1] // 2 + 1), np.complex128)
     spectrum = np.empty((rows.shape[1], periods[0]))
 
-    def transform_rows(some: slice) -> None:
+    def transform_rows(_: int, some: slice) -> None:
         rows[some] = fft.rfft(table[some, across])
 
-    def transform_columns(some: slice) -> None:
+    def transform_columns(_: int, some: slice) -> None:
         spectrum[some] = fft.fft(rows[:, some].T[:, along]).real
 
-    workers().share(transform_rows, _slices(len(rows), TABULATED_ROWS))
-    workers().share(transform_columns, _slices(len(spectrum), TABULATED_COLUMNS))
+    share(transform_rows, _slices(len(rows), TABULATED_ROWS))
+    share(transform_columns, _slices(len(spectrum), TABULATED_COLUMNS))
     return spectral_filter(shape, spectrum.T, dtype, periods[1])
 
 

@@ -13,7 +13,7 @@ import bem
 from bem.influence import Kernel
 from bem.operators.filters import filtered
 from bem.operators.patch import displacement_filter
-from bem.spacing import node_spacing
+from bem.problem import node_spacing
 from bench.references import half_space
 from bench.references.dense import influence_matrix
 from bench.references.half_space import Field

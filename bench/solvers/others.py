@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 from scipy import fft
 
-from bem.spacing import Boundary
+from bem.problem import Boundary
 from bench.solvers.case import Case
 from bench.solvers.solver import MAX_ITERATIONS, Answer, Control, Failure, Press, Solver
 

@@ -26,8 +26,7 @@ from bem.influence import KERNELS, Kernel
 from bem.operators import patch
 from bem.operators.filters import filtered
 from bem.operators.patch import Patch, displacement_filter
-from bem.problem import RTOL
-from bem.spacing import BOUNDARIES, Boundary
+from bem.problem import BOUNDARIES, RTOL, Boundary
 from bench.references import half_space as references
 from bench.work_precision import paper_case
 

@@ -143,7 +143,7 @@ def contact(
     Give one of --delta, --force and --pressure: a number, or for a law start:stop:count, with :log
     for an even ratio, or several numbers with commas.
     """
-    from bem.workers import cores, default_threads, on_threads
+    from bem.threads import cores, default_threads, on_threads
     from gen.display.surfaces import follow_contacts
     from gen.maps.bodies import surface_of
     from gen.maps.contacts import (

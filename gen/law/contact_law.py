@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from bem.spacing import Boundary
+from bem.problem import Boundary
 from gen.arrays import Values
 from gen.law import solved
 from gen.law.curves import Curves, with_conductance

@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from bem.spacing import Boundary
+from bem.problem import Boundary
 from gen.arrays import Values
 from gen.distribution import LogUniform, limits
 from gen.maps.bodies import Opposite, composite

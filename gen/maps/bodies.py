@@ -25,7 +25,7 @@ from gen.runtime.errors import InputError
 from gen.runtime.numbers import shown
 
 if TYPE_CHECKING:
-    from bem.spacing import Boundary
+    from bem.problem import Boundary
 
 TURNS = ("x", "y", "none")
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gen.arrays import Heights, Values
 
 if TYPE_CHECKING:
-    from bem.spacing import Boundary
+    from bem.problem import Boundary
 
 BLOCK = 1 << 15
 """Nodes that enter the fit at a time, which bounds the memory."""

@@ -22,7 +22,7 @@ from gen.runtime.errors import InputError
 from gen.runtime.numbers import magnitude
 
 if TYPE_CHECKING:  # surfaces are described without the solver
-    from bem.spacing import Boundary
+    from bem.problem import Boundary
 
 Sides = tuple[float, float]
 
@@ -99,7 +99,7 @@ class Topography:
 def intervals(nodes: int, boundary: Boundary) -> int:
     """Return the length of a patch in spacings of its nodes, along one axis.
 
-    The rule is that of `bem.spacing.node_spacing`, without loading the solver.
+    The rule is that of `bem.problem.node_spacing`, without loading the solver.
     """
     return nodes - 1 if boundary == "free" else nodes
 

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import bem
-from bem.spacing import Boundary, node_spacing
+from bem.problem import Boundary, node_spacing
 from gen.runtime.errors import InputError
 from gen.statistics import Description, describe
 from learn.arrays import Values

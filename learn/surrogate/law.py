@@ -25,7 +25,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bem.derived.stiffness import without_patch
-from bem.spacing import Boundary
+from bem.problem import Boundary
 from gen.law import Law, contact_law
 from gen.law.contact_law import STEPS, law_of, solved_law, usual_loads
 from gen.law.curves import STIFFNESS, Curves, Points, continued, monotone, slopes, tabulated

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bem.spacing import Boundary
+from bem.problem import Boundary
 from gen.arrays import refuse_masked
 from gen.runtime.errors import InputError
 from learn.arrays import Values

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 import bem
-from bem.spacing import BOUNDARIES, Boundary
+from bem.problem import BOUNDARIES, Boundary
 from bench.references.surfaces import SURFACES
 
 EDGELESS = [boundary for boundary in BOUNDARIES if boundary != "free"]

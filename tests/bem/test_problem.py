@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 import bem
-from bem.spacing import BOUNDARIES
+from bem.problem import BOUNDARIES, Boundary, node_spacing
 from gen.surface import generate
 
 NAN, INF = math.nan, math.inf
@@ -266,3 +266,13 @@ def test_sums_over_many_nodes_do_not_overflow() -> None:
     heights = 1e303 * np.random.default_rng(0).uniform(0, 1, (300, 300))
     with pytest.raises(bem.OutOfRange, match="height range times nodes"):
         bem.solve(heights, 1e300, 1e302, boundary="mirror", spacing=1.0)
+
+
+@pytest.mark.parametrize(
+    ("nodes", "boundary", "spacing"),
+    [(5, "free", 2.0), (4, "periodic", 2.0), (4, "mirror", 2.0), (1, "mirror", 8.0)],
+)
+def test_outer_nodes_lie_on_the_border_or_half_a_cell_inside(
+    nodes: int, boundary: Boundary, spacing: float
+) -> None:
+    assert node_spacing(nodes, 8.0, boundary) == spacing

@@ -15,7 +15,7 @@ from bem import equilibrium
 from bem.active_set import ActiveSet
 from bem.analytic import PowerLaw
 from bem.operators import patch as patches
-from bem.spacing import BOUNDARIES, Boundary
+from bem.problem import BOUNDARIES, Boundary
 from bench.references.surfaces import SURFACES
 
 SIDE = 100.0

@@ -16,8 +16,7 @@ import tomli_w
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from bem.problem import MAX_ITERATIONS, RTOL
-from bem.spacing import BOUNDARIES, Boundary, node_spacing
+from bem.problem import BOUNDARIES, MAX_ITERATIONS, RTOL, Boundary, node_spacing
 from gen import cli
 from gen.generation.forecast import planned_loads
 from gen.generation.functions import completed

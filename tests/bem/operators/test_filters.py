@@ -10,7 +10,7 @@ import pytest
 from bem.operators import filters
 from bem.operators.filters import CosineFilter, Filter, LargeFilter, filtered, spectral_filter
 from bem.operators.patch import displacement_filter, fast_period
-from bem.workers import on_threads
+from bem.threads import on_threads
 
 SHAPES = [(64, 40), (100, 30), (129, 64), (40, 90), (33, 33), (1, 17), (31, 1)]
 FREE = "free", "uniform-pressure", 1.0

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 import bem
 from bem.influence import KERNELS, Kernel, influence_coefficients
 from bem.operators.patch import Patch, fast_period, wave_numbers
-from bem.spacing import BOUNDARIES, Boundary
+from bem.problem import BOUNDARIES, Boundary
 from bench.references import dense
 from gen.surface import generate
 

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bem.spacing import Boundary
+from bem.problem import Boundary
 from gen import cli
 from gen.maps.doubts import surface_warnings, tilt
 from gen.maps.filters import filled_harmonically

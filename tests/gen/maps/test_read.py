@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from bem.spacing import BOUNDARIES, node_spacing
+from bem.problem import BOUNDARIES, node_spacing
 from gen import cli
 from gen.maps import instruments
 from gen.maps.read import intervals

@@ -1,7 +1,8 @@
-"""Sections of compiled code: BLAS has one thread in them and its own number after; forks wait."""
+"""Threads that share passes, sections of compiled code, and memory that stays with a process."""
 
 import hashlib
 import os
+import platform
 import subprocess
 import sys
 import threading
@@ -18,12 +19,19 @@ import pytest
 from threadpoolctl import ThreadpoolController, threadpool_limits
 
 import bem
-from bem import dense, sections
+from bem import dense, threads
+from bem.operators import filters
 from gen.runtime.signals import Overtime, at_most
 from gen.surface import generate
 
 ROUGH = generate("diamond-square", 65, 0.7, 12.0, np.random.default_rng(0))
 ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture
+def four_cores(monkeypatch: pytest.MonkeyPatch) -> None:
+    """More threads than there are processors are never begun."""
+    monkeypatch.setattr(threads, "cores", lambda: 4)
 
 
 def blas_threads() -> set[int]:
@@ -57,12 +65,12 @@ def test_the_first_in_limits_and_the_last_out_restores() -> None:
         inside, leave = threading.Event(), threading.Event()
 
         def other() -> None:
-            with sections.on_one_blas_thread():
+            with threads.on_one_blas_thread():
                 inside.set()
                 leave.wait(10)
 
         thread = threading.Thread(target=other)
-        with sections.on_one_blas_thread():
+        with threads.on_one_blas_thread():
             thread.start()
             assert inside.wait(10)
         assert blas_threads() == {1}
@@ -122,7 +130,7 @@ def test_a_fork_waits_for_other_threads_to_leave() -> None:
     inside, left = threading.Event(), []
 
     def other() -> None:
-        with sections.unforked():
+        with threads.unforked():
             inside.set()
             time.sleep(0.2)
             left.append(True)
@@ -146,8 +154,8 @@ def test_children_forked_beside_solving_threads_solve_too() -> None:
             nodes = nodes + 1 if nodes < 60 else first
             bem.solve(ROUGH[:nodes, : nodes + 1], 1.0, 8.0, spacing=5.0)
 
-    threads = [threading.Thread(target=solve_on, args=(first,)) for first in (20, 33)]
-    for thread in threads:
+    others = [threading.Thread(target=solve_on, args=(first,)) for first in (20, 33)]
+    for thread in others:
         thread.start()
     try:
         codes = [
@@ -156,7 +164,7 @@ def test_children_forked_beside_solving_threads_solve_too() -> None:
         ]
     finally:
         stop.set()
-        for thread in threads:
+        for thread in others:
             thread.join()
     assert codes == [0] * 24
 
@@ -194,8 +202,8 @@ def test_what_is_computed_once_is_the_same_for_all_threads() -> None:
         start.wait(10)
         return contact.gap
 
-    with ThreadPoolExecutor(8) as threads:
-        seen = [future.result() for future in [threads.submit(gap) for _ in range(8)]]
+    with ThreadPoolExecutor(8) as pool:
+        seen = [future.result() for future in [pool.submit(gap) for _ in range(8)]]
     assert all(field is contact.gap for field in seen)
 
 
@@ -203,27 +211,28 @@ def test_an_interrupt_on_the_way_into_a_section_leaves_no_thread_inside(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Else forks of other threads would wait for this one forever."""
-    known = sections._SECTIONS
-    entered = known.enter
+    known = threads._SECTIONS
+    put = known.put
 
-    def interrupted() -> None:
-        entered()
-        raise KeyboardInterrupt
+    def interrupted(depth: int) -> None:
+        put(depth)
+        if depth == 2:
+            raise KeyboardInterrupt
 
-    with sections.unforked():
-        monkeypatch.setattr(known, "enter", interrupted)
-        with pytest.raises(KeyboardInterrupt), sections.unforked():
+    with threads.unforked():
+        monkeypatch.setattr(known, "put", interrupted)
+        with pytest.raises(KeyboardInterrupt), threads.unforked():
             pass
-        assert known.depth() == 1
-    assert known.depth() == 0
+        assert threads._depth(known.inside) == 1
+    assert not known.inside
 
 
-@pytest.mark.parametrize("section", [sections.unforked, sections.on_one_blas_thread])
+@pytest.mark.parametrize("section", [threads.unforked, threads.on_one_blas_thread])
 def test_alarms_between_any_two_steps_leave_no_lock_and_no_thread_behind(
     section: Callable[[], AbstractContextManager[None]],
 ) -> None:
     """Else other threads, their forks or later sections would wait for this one forever."""
-    known, other = sections._SECTIONS, ThreadPoolExecutor(1)
+    known, other = threads._SECTIONS, ThreadPoolExecutor(1)
     random, free = np.random.default_rng(0), []
 
     def is_free() -> bool:
@@ -242,7 +251,7 @@ def test_alarms_between_any_two_steps_leave_no_lock_and_no_thread_behind(
             if not free[-1]:
                 known.lock.release()
     assert all(free)
-    assert (known.depth(), known.dense_depth()) == (0, 0)
+    assert not {**known.inside, **known.dense}
 
 
 @pytest.mark.parametrize("point", ["before", "after"])
@@ -250,21 +259,179 @@ def test_an_interrupt_on_the_way_into_a_dense_section_limits_nothing_for_good(
     monkeypatch: pytest.MonkeyPatch, point: str
 ) -> None:
     """Else no later section would have one BLAS thread, and the rest of the process no other."""
-    known = sections._SECTIONS
-    limited = known.limit
+    known = threads._SECTIONS
+    put = known.put_dense
 
-    def interrupted() -> None:
-        if point == "after":
-            limited()
-        raise KeyboardInterrupt
+    def interrupted(depth: int) -> None:
+        if point == "after" or not depth:
+            put(depth)
+        if depth:
+            raise KeyboardInterrupt
 
     with threadpool_limits(limits=2, user_api="blas"):
         before = blas_threads()
         with monkeypatch.context() as patched:
-            patched.setattr(known, "limit", interrupted)
-            with pytest.raises(KeyboardInterrupt), sections.on_one_blas_thread():
+            patched.setattr(known, "put_dense", interrupted)
+            with pytest.raises(KeyboardInterrupt), threads.on_one_blas_thread():
                 pass
         assert blas_threads() == before
-        with sections.on_one_blas_thread(), sections.on_one_blas_thread():
+        with threads.on_one_blas_thread(), threads.on_one_blas_thread():
             assert blas_threads() == {1}
         assert blas_threads() == before
+
+
+@pytest.mark.usefixtures("four_cores")
+def test_no_more_threads_are_begun_than_there_are_processors(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    class Counted(ThreadPoolExecutor):
+        def __init__(self, many: int, name: str) -> None:
+            begun.append(many)
+            super().__init__(min(many, 3), name)
+
+    begun: list[int] = []
+    monkeypatch.setattr(threads, "ThreadPoolExecutor", Counted)
+    monkeypatch.setenv("OMP_NUM_THREADS", str(10**9))
+    heights = np.random.default_rng(0).normal(size=(9, 9))
+    for many in (10**9, None):
+        assert bem.solve(heights, 1.0, 0.5, threads=many).contact_nodes > 0
+    assert begun == [3, 3]
+
+
+@pytest.mark.usefixtures("four_cores")
+@pytest.mark.parametrize("many", [1, 2, 3])
+def test_every_piece_is_worked_on_once(many: int) -> None:
+    done: list[tuple[int, int]] = []
+    with threads.on_threads(many):
+        threads.share(lambda *thread_and_piece: done.append(thread_and_piece), range(50))
+    assert sorted(piece for _, piece in done) == list(range(50))
+    assert {thread for thread, _ in done} <= set(range(many))
+
+
+@pytest.mark.usefixtures("four_cores")
+def test_helpers_work_and_share_the_settings_of_the_calling_thread() -> None:
+    meet, seen = threading.Barrier(3, timeout=30), set()
+
+    def work(*_: int) -> None:
+        meet.wait()
+        seen.add((threading.get_ident(), np.geterr()["over"]))
+
+    with threads.on_threads(3), np.errstate(over="ignore"):
+        threads.share(work, range(3))
+    assert len(seen) == 3
+    assert {setting for _, setting in seen} == {"ignore"}
+
+
+@pytest.mark.usefixtures("four_cores")
+def test_an_error_of_any_piece_is_raised_when_nobody_works_any_more() -> None:
+    working = []
+
+    def work(_: int, piece: int) -> None:
+        working.append(piece)
+        time.sleep(0.01)
+        working.remove(piece)
+        raise ArithmeticError(str(piece))
+
+    with threads.on_threads(3), pytest.raises(ArithmeticError):
+        threads.share(work, range(20))
+    assert not working
+
+
+@pytest.mark.usefixtures("four_cores")
+def test_blocks_of_threads_nest() -> None:
+    with threads.on_threads(2):
+        with threads.on_threads(None):
+            assert threads.threads_here() == 2
+        with threads.on_threads(1):
+            assert threads.threads_here() == 1
+        assert threads.threads_here() == 2
+    assert threads.threads_here() == 1
+
+
+@pytest.mark.usefixtures("four_cores")
+@pytest.mark.parametrize(
+    ("said", "many"), [("4", 4), ("3,1", 3), (" 2 ", 2), ("", 7), ("0", 7), ("all", 7)]
+)
+def test_the_environment_says_how_many(
+    monkeypatch: pytest.MonkeyPatch, said: str, many: int
+) -> None:
+    monkeypatch.setenv("OMP_NUM_THREADS", said)
+    assert threads.default_threads(7) == many
+    with threads.on_threads(None):
+        assert threads.threads_here() == (many if many != 7 else 1)
+
+
+@pytest.mark.usefixtures("four_cores")
+@pytest.mark.parametrize("many", [0, 1.5, True, "2"])
+def test_other_numbers_of_threads_are_refused(many: Any) -> None:
+    refused = r"threads = .*: must be a whole number of at least 1"
+    with pytest.raises(ValueError, match=refused):
+        bem.solve(np.eye(3), 1.0, 0.5, threads=many)
+    with pytest.raises(ValueError, match=refused):
+        bem.ladder(np.eye(3), 1.0, [0.5], threads=many)
+
+
+@pytest.mark.usefixtures("four_cores")
+@pytest.mark.parametrize(
+    ("load", "settings"),
+    [
+        ({"delta": 15.0}, {}),
+        ({"pressure": 2e-3}, {}),
+        ({"pressure": 2e-3}, {"hardness": 0.05}),
+        ({"pressure": 2e-3}, {"boundary": "periodic"}),
+        ({"pressure": 2e-3}, {"boundary": "mirror"}),
+    ],
+)
+def test_contacts_are_the_same_bits_on_any_number_of_threads(
+    load: dict[str, float], settings: dict[str, object]
+) -> None:
+    edgeless = "boundary" in settings
+    heights = generate("diamond-square", 513, 0.7, 12.5, np.random.default_rng(5))
+    surface = heights[:512, :512] if edgeless else heights
+    one, *others = (
+        bem.solve(surface, 1000.0, threads=many, **load, **settings)  # type: ignore[arg-type]
+        for many in (1, 2, 3)
+    )
+    for other in others:
+        np.testing.assert_array_equal(other.pressure, one.pressure)
+        assert (other.delta, other.residual) == (one.delta, one.residual)
+        assert (other.iterations, other.convolutions) == (one.iterations, one.convolutions)
+
+
+@pytest.mark.usefixtures("four_cores")
+def test_ladders_have_threads_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(filters, "LARGE", 0)
+    share, teams = filters.share, set()
+
+    def watched(*work: Any) -> None:
+        teams.add(threads.threads_here())
+        share(*work)
+
+    monkeypatch.setattr(filters, "share", watched)
+    heights = generate("diamond-square", 129, 0.7, 12.5, np.random.default_rng(5))
+    one, two = (
+        [contact.force for contact in bem.ladder(heights, 1000.0, (5.0, 8.0, 11.0), threads=many)]
+        for many in (1, 2)
+    )
+    assert one == two
+    assert teams == {1, 2}
+    assert threads.threads_here() == 1
+
+
+SOLVES = """
+import numpy as np, resource, bem
+heights = np.random.default_rng(1).standard_normal((256, 256))
+faults = []
+for _ in range(6):
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+    bem.solve(heights, 1.0, pressure=20.0, boundary="periodic", rtol=1e-2)
+    faults.append(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
+print(min(faults))
+"""
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="about glibc's heap")
+def test_a_solve_finds_the_memory_of_the_one_before() -> None:
+    """It would wait for hundreds of pages otherwise, of 4 KB each."""
+    run = subprocess.run([sys.executable, "-c", SOLVES], capture_output=True, text=True, check=True)
+    assert int(run.stdout) < 20
