@@ -2,7 +2,7 @@
 
 Baselines are the libraries' defaults with the paper's kernels: the Gaussian process has a radial
 basis function of length 1 that is not fitted (Appendix A), kernel ridge a linear kernel. Features
-without units need another length: see `learn.comparison.spaces.baseline`.
+without units need another length: see `learn.comparison.grid.baseline`.
 """
 
 from __future__ import annotations

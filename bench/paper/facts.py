@@ -1,9 +1,8 @@
 """The paper's numbers that nothing else here needs, captions, and why ours differ.
 
-Its ranges (Table 1) stand in `gen.columns`, its search spaces and optima (Table 2) in
-`learn.comparison.spaces`, its times and scores (Tables 3 and 4) in
-`learn.comparison.paper`, its costs (section 4.4) in `bench.surrogates.cost`, its paraboloid
-(section 2.4) in `bench.theory`: modules here take them from there.
+Its ranges (Table 1) stand in `gen.columns`, its search spaces, optima, times and scores (Tables 2
+to 4) in `learn.comparison.paper`, its costs (section 4.4) in `bench.surrogates.cost`, its
+paraboloid (section 2.4) in `bench.theory`: modules here take them from there.
 """
 
 import math

@@ -14,8 +14,8 @@ from gen.runtime.errors import InputError
 from gen.runtime.figure import draw_parity, parity_axes
 from learn.comparison import paper, tables
 from learn.comparison.folder import Folder
+from learn.comparison.paper import OPTIMA, SPACES
 from learn.comparison.pictures import DOTS
-from learn.comparison.spaces import OPTIMA, SPACES
 from learn.metrics import Scores
 from learn.models import MODELS
 

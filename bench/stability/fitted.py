@@ -16,7 +16,7 @@ from gen.generation.sample import surface_of
 from gen.scene import Scene, load
 from gen.statistics import describe
 from learn.columns import short_name
-from learn.comparison.spaces import baseline, untuned
+from learn.comparison.grid import baseline, untuned
 from learn.dataset import Dataset, remarks
 from learn.features import chosen
 from learn.features.sets import build, target_scale

@@ -18,8 +18,8 @@ from gen.runtime.errors import InputError
 from gen.surface import generate
 from learn import memory
 from learn.comparison import grid as grids
+from learn.comparison.paper import Space
 from learn.comparison.search import GridSearch
-from learn.comparison.spaces import Space
 from learn.comparison.training import Training
 from learn.comparison.trials import Trials
 from learn.executor import Executor

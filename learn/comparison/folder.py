@@ -26,7 +26,8 @@ from gen.runtime import documents, files
 from gen.runtime.documents import cell
 from gen.runtime.errors import InputError
 from learn.arrays import Values
-from learn.comparison import records, spaces
+from learn.comparison import grid as grids
+from learn.comparison import records
 from learn.dataset import Dataset
 from learn.features import chosen
 from learn.models import MODELS
@@ -199,10 +200,10 @@ class Folder:
         path = self.path / "tuned" / f"{model}.json"
         features = self.record()["conditions"]["features"]
         if result["search"].get("winner") == "baseline":
-            if settings != spaces.baseline(model, features):
+            if settings != grids.baseline(model, features):
                 raise InputError(f"{path}: settings = {settings!r} are not those of the baseline")
             return Winner(settings, of_grid=False)
-        grid, space = spaces.of(model, features)
+        grid, space = grids.space_of(model, features)
         for name, value in settings.items():
             if value not in space.get(name, []):
                 raise InputError(f"{path}: {name} = {value!r} is not in the grid {grid!r}")

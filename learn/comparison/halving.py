@@ -21,9 +21,8 @@ import time
 
 import numpy as np
 
-from learn.comparison.grid import Task, expected_work
+from learn.comparison.grid import WHOLE, Task, expected_work
 from learn.comparison.search import GridScores, GridSearch, SearchResult
-from learn.comparison.spaces import WHOLE
 from learn.models import Model
 from learn.split import FOLDS
 

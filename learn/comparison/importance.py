@@ -17,8 +17,8 @@ from gen.runtime.figure import new_figure
 from learn import features, memory
 from learn.comparison import timing
 from learn.comparison.folder import Folder
+from learn.comparison.grid import untuned
 from learn.comparison.pictures import save
-from learn.comparison.spaces import untuned
 from learn.comparison.training import open_folder, read_single
 from learn.dataset import Dataset
 from learn.metrics import Scores, scores

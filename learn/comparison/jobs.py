@@ -16,7 +16,7 @@ from gen.runtime.terminal import RunProgress
 from learn import dataset
 from learn.comparison import estimate as costs
 from learn.comparison import grid as grids
-from learn.comparison import halving, results, spaces, timing
+from learn.comparison import halving, results, timing
 from learn.comparison.folder import Folder
 from learn.comparison.search import GridSearch
 from learn.comparison.timing import FitResult, TimedFit
@@ -45,14 +45,14 @@ class _Target:
     def searching(self, model: Model) -> Iterator[GridSearch]:
         """Open the finished fits of a model's grid."""
         features, columns = self.request.features, self.training.columns
-        source, space = spaces.of(model.name, features)
+        source, space = grids.space_of(model.name, features)
         grid = grids.grid(model, space, columns)
-        _, known = spaces.untuned(model.name, features)
+        _, known = grids.untuned(model.name, features)
         path = self.folder.path / "trials" / f"{model.name}.jsonl"
         with Trials(path, self.folder.record()["conditions"]) as trials:
             yield GridSearch(
                 *(model, grid, self.training, trials, self.executor, self.stopping, source),
-                baseline=spaces.baseline(model.name, features),
+                baseline=grids.baseline(model.name, features),
                 optimum=grid.number_of(grids.canonical_settings(model, known, columns)),
             )
 
@@ -74,7 +74,7 @@ def compare(request: Request, executor: Executor) -> int:
 
 
 def _fit_baseline(target: _Target, model: Model, say: Callable[[str], None]) -> None:
-    task = TimedFit(model.name, spaces.baseline(model.name, target.request.features))
+    task = TimedFit(model.name, grids.baseline(model.name, target.request.features))
     result = target.timed(task)
     assert result is not None  # there is no limit
     results.write_fit(target.folder, task, target.training, result)

@@ -19,8 +19,16 @@ from gen.runtime.terminal import RunProgress
 from learn import bounded
 from learn.arrays import Values
 from learn.comparison.fits import fit
-from learn.comparison.grid import Grid, Settings, Task, baseline_key, expected_work, key
-from learn.comparison.spaces import TABLE_2, WHOLE
+from learn.comparison.grid import (
+    TABLE_2,
+    WHOLE,
+    Grid,
+    Settings,
+    Task,
+    baseline_key,
+    expected_work,
+    key,
+)
 from learn.comparison.training import Training
 from learn.comparison.trials import Trial, Trials
 from learn.executor import Executor

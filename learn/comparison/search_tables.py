@@ -7,7 +7,7 @@ from rich.table import Table
 
 from learn.comparison import paper
 from learn.comparison.folder import Folder
-from learn.comparison.spaces import TABLE_2, WHOLE
+from learn.comparison.grid import TABLE_2, WHOLE
 from learn.models import MODELS
 
 EXTENT = ["rows", "candidates", "candidates_differing", "candidates_scored", "fits_nominal", "fits"]

@@ -15,7 +15,7 @@ from gen.runtime.errors import InputError
 from gen.runtime.terminal import to_type
 from learn.arrays import Values
 from learn.comparison.folder import Folder
-from learn.comparison.spaces import OPTIMA
+from learn.comparison.paper import OPTIMA
 from learn.models import MODELS, NORMALISATIONS, STEP, pipeline, remarks
 from learn.request import Request
 

@@ -12,7 +12,7 @@ from target_kinds import KIND_SCENES, KINDS
 from gen import cli as gen
 from gen.runtime.errors import InputError
 from learn import Surrogate, cli, dataset, split
-from learn.comparison.spaces import OPTIMA
+from learn.comparison.paper import OPTIMA
 from learn.executor import Executor
 from learn.models import (
     AT_BOUND,

@@ -8,7 +8,7 @@ from gen.generation.run import Request, generate_database
 from gen.runtime.farm import World
 from gen.scene.columns import row_bytes
 from learn.comparison import grid as grids
-from learn.comparison import jobs, spaces
+from learn.comparison import jobs
 from learn.comparison.folder import Folder
 from learn.executor import Executor
 from learn.models import MODELS
@@ -81,7 +81,7 @@ def grid_counts() -> dict[Key, int]:
     """Count candidates and fits of the whole grid of every model, without fitting any."""
     counts = {}
     for model in MODELS.values():
-        _, space = spaces.of(model.name, "paper")
+        _, space = grids.space_of(model.name, "paper")
         grid = grids.grid(model, space, INPUTS)
         item = f"grid of Table 2, {model.name}"
         counts[Key(item, "candidates")] = grid.nominal

@@ -23,10 +23,10 @@ def table(path):
 
 
 def test_a_tuned_winner_is_taken_with_what_it_rests_on(work, capsys, monkeypatch):
-    from learn.comparison import spaces
+    from learn.comparison import grid
 
     space = {"alpha": [1e-5, 1e-3], "gamma": [0.001], "kernel": ["rbf"]}
-    monkeypatch.setitem(spaces.SCALED, "kernel-ridge", space)
+    monkeypatch.setitem(grid.SCALED, "kernel-ridge", space)
     tune = ["tune", "database.h5", "-o", "out", "--model", "kernel-ridge", "--seed", "3"]
     assert run(*tune, "--features", "dimensionless", "--target", "area") == 0
     assert "for features without" in capsys.readouterr().out

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from learn.comparison import grid as grids
-from learn.comparison import spaces
 from learn.comparison.estimate import cost, drawn
 from learn.comparison.grid import Task, expected_work
 from learn.comparison.trials import Trial
@@ -17,7 +16,7 @@ ROWS = 10_000
 
 
 def grid_of(model):
-    return grids.grid(MODELS[model], spaces.of(model, "paper")[1], 23)
+    return grids.grid(MODELS[model], grids.space_of(model, "paper")[1], 23)
 
 
 def fits(model, grid, places, rate):

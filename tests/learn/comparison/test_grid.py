@@ -1,40 +1,73 @@
-"""Grids after pruning: the order of their points, and the candidates that differ."""
+"""Grids: those of the paper's Table 2 and of features without units, and what pruning leaves."""
 
+import numpy as np
 import pytest
 
 from learn.comparison import grid as grids
-from learn.comparison.spaces import SPACES
-from learn.models import MODELS
+from learn.comparison import paper
+from learn.comparison.paper import OPTIMA, SPACES
+from learn.models import MODELS, pipeline
+
+LEFT = {
+    "decision-tree": (600, 110, 550),
+    "random-forest": (19008, 5346, 2430),
+    "adaboost": (2079, 2079, 945),
+    "xgboost": (4480, 4480, 1600),
+    "gradient-boost": (15360, 5120, 2560),
+    "svm": (1728, 132, 660),
+    "gaussian-process": (110, 110, 550),
+    "kernel-ridge": (160, 88, 55),
+    "mlp": (756, 420, 2100),
+}
+"""Candidates as the paper counts them, those that differ, and fits."""
+
+
+def test_there_are_nine_models_and_the_paper_has_numbers_for_each():
+    assert len(MODELS) == 9
+    assert MODELS.keys() == SPACES.keys() == OPTIMA.keys() == paper.TUNING_SECONDS.keys()
+    for table in (paper.TEST, paper.TIMES):
+        assert table["baseline"].keys() == table["tuned"].keys() == MODELS.keys()
+    for model, space in SPACES.items():
+        assert all(OPTIMA[model][name] in values for name, values in space.items())
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_the_order_is_scikit_learns(model):
+def test_grids_are_those_of_scikit_learn_without_what_cannot_matter(model):
     from sklearn.model_selection import ParameterGrid
 
-    assert grids.points(SPACES[model]) == list(ParameterGrid(SPACES[model]))
-    assert grids.size(SPACES[model]) == len(ParameterGrid(SPACES[model]))
-
-
-@pytest.mark.parametrize(
-    ("model", "nominal", "differing", "fits"),
-    [
-        ("decision-tree", 600, 110, 550),
-        ("random-forest", 19008, 5346, 2430),
-        ("adaboost", 2079, 2079, 945),
-        ("xgboost", 4480, 4480, 1600),
-        ("gradient-boost", 15360, 5120, 2560),
-        ("svm", 1728, 132, 660),
-        ("gaussian-process", 110, 110, 550),
-        ("kernel-ridge", 160, 88, 55),
-        ("mlp", 756, 420, 2100),
-    ],
-)
-def test_what_is_left_of_the_full_grids(model, nominal, differing, fits):
     grid = grids.grid(MODELS[model], SPACES[model], inputs=23)
-    assert grid.nominal == nominal
-    assert len(grid.differing) == differing
-    assert 5 * len(grid.families) == fits
-    if model in {"random-forest", "adaboost", "gradient-boost", "xgboost", "svm"}:
-        assert 5 * nominal >= 10 * fits
-    assert sorted(number for family in grid.families for number in family) == [*range(differing)]
+    assert list(grid.candidates) == list(ParameterGrid(SPACES[model]))
+    assert (grid.nominal, len(grid.differing), 5 * len(grid.families)) == LEFT[model]
+    served = sorted(number for family in grid.families for number in family)
+    assert served == [*range(len(grid.differing))]
     assert grid.first(grid.canonical[-1]) in grid.candidates
+
+
+@pytest.mark.parametrize("features", ["paper", "hybrid"])
+@pytest.mark.parametrize("model", MODELS)
+def test_kernels_have_grids_of_their_own_for_features_without_units(model, features):
+    source, space = grids.space_of(model, features)
+    origin, settings = grids.untuned(model, features)
+    if features == "paper" or model not in {"kernel-ridge", "svm", "gaussian-process"}:
+        assert (source, space) == ("Table 2", SPACES[model])
+        assert (origin, settings) == ("the paper's optimum", OPTIMA[model])
+        assert grids.baseline(model, features) == {}
+        return
+    assert (source, origin) == ("for features without units", "built in")
+    assert space is not SPACES[model]
+    accepted = pipeline(MODELS[model], tuned=True).named_steps["model"].get_params()
+    for name, values in space.items():
+        assert name in accepted
+        assert settings[name] in values
+    assert len(grids.grid(MODELS[model], space, inputs=23).differing) <= 80
+
+
+def test_the_baseline_process_has_ridges_default_length():
+    from sklearn.kernel_ridge import KernelRidge
+
+    inputs = np.random.default_rng(0).normal(size=(9, 30))
+    settings = grids.baseline("gaussian-process", "hybrid")
+    process = pipeline(MODELS["gaussian-process"], settings).named_steps["model"]
+    expected = KernelRidge(kernel="rbf")._get_kernel(inputs)
+    np.testing.assert_allclose(process.kernel(inputs), expected, rtol=1e-3)
+    assert process.kernel.hyperparameters[0].fixed

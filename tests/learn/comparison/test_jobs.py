@@ -14,7 +14,7 @@ from launch import TIMEOUT, command, environment, mpiexec
 from walk import walk
 
 from learn.columns import INPUTS
-from learn.comparison import folder, spaces, tables
+from learn.comparison import folder, paper, tables
 
 
 def test_compare_tune_and_show(work, capsys):
@@ -144,7 +144,7 @@ def test_all_nine_models_survive_odd_data(work, change, words, capsys, monkeypat
 
 
 def test_a_search_in_which_every_fit_fails_says_why(work, capsys, monkeypatch):
-    monkeypatch.setitem(spaces.SPACES, "svm", {"C": [-1.0, -2.0]})
+    monkeypatch.setitem(paper.SPACES, "svm", {"C": [-1.0, -2.0]})
     assert run("tune", "database.h5", "-o", "out", "--model", "svm") == 0
     assert "'C' parameter" in capsys.readouterr().err
     assert run("show", "out") == 0
@@ -203,8 +203,8 @@ def test_a_search_that_was_stopped_goes_on_and_ends_with_the_same_tables(
 def test_a_budget_is_the_time_of_the_call_however_long_fits_are(work, verb, monkeypatch):
     """Perceptrons of which one takes minutes, beside models that share the time."""
     slow = {"hidden_layer_sizes": [(400, 400)], "solver": ["lbfgs"], "tol": [0.0]}
-    monkeypatch.setitem(spaces.SPACES, "mlp", slow)
-    monkeypatch.setitem(spaces.SPACES, "decision-tree", {"max_depth": [2, 4, 8]})
+    monkeypatch.setitem(paper.SPACES, "mlp", slow)
+    monkeypatch.setitem(paper.SPACES, "decision-tree", {"max_depth": [2, 4, 8]})
     models = ["--model", "mlp", "--model", "decision-tree", "--model", "kernel-ridge"]
     began = time.monotonic()
     code = run(verb, "database.h5", "-o", "out", *models, "--budget", "20s")

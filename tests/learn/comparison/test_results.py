@@ -6,7 +6,7 @@ import pytest
 from comparisons import run, table
 
 from learn import Surrogate, bounded
-from learn.comparison import halving, spaces, timing
+from learn.comparison import halving, paper, timing
 from learn.comparison.folder import Folder
 from learn.comparison.search import GridSearch
 
@@ -19,13 +19,13 @@ STUMPS = {"max_depth": [1, 2], "min_samples_leaf": [30]}
 def few(monkeypatch):
     """Twelve trees in place of Table 2's."""
     space = {"max_depth": [2, 4, 8, 16], "min_samples_leaf": [1, 3, 6]}
-    monkeypatch.setitem(spaces.SPACES, "decision-tree", space)
+    monkeypatch.setitem(paper.SPACES, "decision-tree", space)
 
 
 @pytest.fixture
 def stumps(monkeypatch):
     """A grid of trees that the baseline outdoes, in place of Table 2's."""
-    monkeypatch.setitem(spaces.SPACES, "decision-tree", STUMPS)
+    monkeypatch.setitem(paper.SPACES, "decision-tree", STUMPS)
 
 
 @pytest.mark.usefixtures("stumps")
@@ -130,7 +130,7 @@ def test_perceptrons_are_scored_as_they_are_fitted_in_the_end(work, monkeypatch)
     monkeypatch.setattr(MLPRegressor, "fit", watched)
     monkeypatch.setattr(timing, "FITS", (1, 1))
     space = {"hidden_layer_sizes": [(5,)], "solver": ["lbfgs"], "tol": [1e-2]}
-    monkeypatch.setitem(spaces.SPACES, "mlp", space)
+    monkeypatch.setitem(paper.SPACES, "mlp", space)
     assert run("tune", "database.h5", "-o", "out", "--model", "mlp", "--seed", "3") == 0
     (found,) = table("out/area/tuning.csv")
     assert found["winner"] == "grid"

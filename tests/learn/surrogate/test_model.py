@@ -12,7 +12,7 @@ from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
 from gen.surface import generate
 from learn import Surrogate, split
-from learn.comparison.spaces import OPTIMA
+from learn.comparison.paper import OPTIMA
 from learn.executor import Executor
 from learn.features.sets import BLOCK_COUNTS, ROOTED_LOCAL
 from learn.models import MODELS
