@@ -8,19 +8,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from bem.arrays import Field, Mask
+from bem.derived.border import continuum_nodes
 from bem.derived.spots import Spots, spots_of
 from bem.derived.stiffness import Punch, patch_stiffness, punch_of, without_patch
 from bem.operators.filters import filtered
 from bem.operators.patch import displacement_filter
 from bem.problem import Problem
 from bem.threads import computed_once
-
-# Relative difference of its sides up to which a cell is square.
-SQUARE = 1e-9
-
-# Share of perimeter times spacing by which counting nodes overrates the area of contact (Yastrebov,
-# Anciaux and Molinari 2017, Tribology International 114).
-PERIMETER_SHARE = (math.pi - 1 + math.log(2)) / 24
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,25 +145,19 @@ class Contact:
         )
         return float(sum(edges))
 
-    @property
-    def corrected_area_percent(self) -> float:
-        """Contact area less the share of it that cells along the perimeter add [%].
+    @computed_once
+    def continuum_area_percent(self) -> float:
+        """Area of contact in the continuum, as a share of the area of all cells [%].
 
-        A_e counts whole cells, of which those at the edges of spots touch in part (Yastrebov,
-        Anciaux and Molinari 2017).
-
-        Raises
-        ------
-        ValueError
-            If the cells are not square.
+        A_e counts nodes, and a count of nodes reaches beyond the border of contact: it is too large
+        by some 0.1 of its perimeter times the spacing. Pressures and gaps beside the border tell
+        its place between the nodes (`bem.derived.border`). Where waves have 8 nodes and more this
+        area is right within 1 % from 1 % of contact on; where roughness goes on down to the grid
+        there is no such area: see `grid_error`. Nothing and all of the patch stay 0 and 100 %.
         """
-        along, across = self.problem.spacing
-        if not math.isclose(along, across, rel_tol=SQUARE):
-            raise ValueError(
-                f"the area is corrected for square cells, the spacing is {along:g} x {across:g} um"
-            )
-        added = PERIMETER_SHARE * self.perimeter / (across * self.pressure.size)
-        return self.area_percent - 100.0 * added
+        depth = None if self.problem.hardness is None else self.yielded_depth
+        cells = continuum_nodes(self.problem, self.pressure, self.gap, depth)
+        return 100.0 * cells / self.pressure.size
 
     @computed_once
     def spots(self) -> Spots:

@@ -1,0 +1,211 @@
+"""The area of contact in the continuum: the count of nodes, less what the grid adds along borders.
+
+A node touches as soon as its own height does, so that a count of nodes reaches beyond the border of
+contact. How far follows from one local problem: a straight border, whose pressure rises like the
+root of the distance and whose gap rises like its power 3/2, on a grid of the spacing h. For the
+nodes' compliance K(q) at the wave vector q (2 / |q| in the continuum, E* = 1), factorising it along
+the normal n (Wiener and Hopf) gives the mean distance over all places of the border in a cell,
+
+    offset / h = 1 / (2 pi) * integral over q of ln(K(q n) |q| / 2) / q^2,
+
+0.190 along the grid, 0.114 to 0.13 at most angles and 0.134 along the diagonal for spectral
+compliance; 0.175, 0.101 to 0.12 and 0.121 for uniform pressure on cells. That is
+`MEAN_OFFSET` of every cell's edge between contact and gap, averaged over all directions.
+
+The nodes next to the border tell more. The same factors give its place between a node in contact,
+with the pressure p, and the next one, with the gap g: both are known multiples of their distances
+to it, so that the share f = g / (g + kappa p h / E*) tells the place, with kappa the geometric mean
+of K along the axis. Each edge of a cell hence counts by weights for one, for f, and for the ratios
+p / (p + p2) and g / (g + g2) with the nodes behind, which take off what curved borders and narrow
+spots do to f. All lengths are in spacings across the edge, so that oblong cells need nothing else.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bem.arrays import Field, Mask, Nodes, Values
+from bem.problem import Boundary, Problem
+
+# Weights of an edge for one, f, p / (p + p2) and g / (g + g2), by how many of the two edges beside
+# it lie in line with it: least squares over 3,290 regular waves, Westergaard's at all angles and
+# crossed ones, from 3 to 64 nodes long and 1 to 97 % in contact (`python -m bench.border_weights`).
+WEIGHTS = np.array(
+    [
+        [-0.083, 0.396, -0.081, 0.132],
+        [-0.130, 0.509, -0.068, 0.161],
+        [-0.221, 0.795, -0.129, 0.281],
+    ]
+)
+
+# What uniform pressure on cells takes off the first weight: the difference of the two offsets above
+# over the edges of borders along the diagonal, between, and along the grid.
+UNIFORM_PRESSURE = np.array([0.0095, 0.0105, 0.0152])
+
+# Geometric mean of a grid's compliance along an axis [spacing / E*].
+COMPLIANCE = {"spectral": 2 * math.e / math.pi, "uniform-pressure": 1.7240}
+
+# The offset over all directions, per edge.
+MEAN_OFFSET = {"spectral": 0.1014, "uniform-pressure": 0.0886}
+
+# Means of the two ratios along straight borders: they stand in for nodes beyond a free patch.
+USUAL_RATIOS = 0.278, 0.200
+
+# How many times the compliance of a yielded node weighs against its depth. A yielded border is
+# where two surfaces cut each other, and an elastic one where p goes to zero: the edge of a yielded
+# node counts as both in the ratio of its depth and its pressure.
+YIELDED = 4.0
+
+# A force at each node's centre, whose own displacement lacks a factor pi / 2, is a cell under
+# uniform pressure and a layer of this compliance below it [spacing / E*]: the sum of the
+# differences of all coefficients. Its offset is layer / 8 times the logarithm of the size of spots.
+LAYER = -0.47629
+
+# The offset of such forces for a spot of one spacing in radius, from Hertz's circle.
+CONCENTRATED_FORCE = -0.115
+
+# Radius of a circle over the ratio of its area to its perimeter along cells, 8 radii.
+CIRCLE = 8 / math.pi
+
+
+class _Edges(NamedTuple):
+    """Cell edges between contact and gap that face one way, with the nodes on a line across them.
+
+    Attributes
+    ----------
+    aligned : ndarray of int, shape (e,)
+        How many of the two edges beside it lie in line with an edge.
+    pressure, behind : ndarray, shape (e,)
+        Pressure of the node in contact, and of the one behind it [MPa].
+    gap, beyond : ndarray, shape (e,)
+        Gap of the node out of contact, and of the one beyond it [um].
+    depth : ndarray, shape (e,)
+        Yielded depth of the node in contact [um].
+    inside, outside : ndarray of bool, shape (e,)
+        Whether the node behind, and the one beyond, lie on the patch.
+    """
+
+    aligned: NDArray[np.intp]
+    pressure: Values
+    behind: Values
+    gap: Values
+    beyond: Values
+    depth: Values
+    inside: Mask
+    outside: Mask
+
+
+def continuum_nodes(problem: Problem, pressure: Field, gap: Field, depth: Field | None) -> float:
+    """Return the area of contact in the continuum, in cells.
+
+    Parameters
+    ----------
+    problem : Problem
+        Boundary, kernel, spacing and modulus.
+    pressure : ndarray, shape (nx, ny)
+        Contact pressure [MPa].
+    gap : ndarray, shape (nx, ny)
+        Distance between the surfaces [um].
+    depth : ndarray, shape (nx, ny), or None
+        Depth by which nodes have yielded, None without a hardness [um].
+
+    Returns
+    -------
+    float
+        From 0 to nx ny [cells].
+    """
+    touching = pressure > 0
+    count = int(np.count_nonzero(touching))
+    if count in (0, touching.size):
+        return float(count)
+    kernel = "spectral" if problem.boundary != "free" else problem.kernel
+    sides = [
+        (_edges(problem.boundary, axis, step, touching, pressure, gap, depth), axis)
+        for axis in (0, 1)
+        for step in (1, -1)
+    ]
+    if kernel == "concentrated-force":
+        return _of_concentrated_forces(count, sum(len(edges.gap) for edges, _ in sides))
+    weights = WEIGHTS.copy()
+    if kernel == "uniform-pressure":
+        weights[:, 0] -= UNIFORM_PRESSURE
+    compliance = [COMPLIANCE[kernel] * spacing / problem.modulus for spacing in problem.spacing]
+    excess = sum(
+        float(_offsets(edges, weights, compliance[axis]).sum()) for edges, axis in sides
+    )
+    return min(max(count - excess, 0.0), float(touching.size))
+
+
+def _edges(
+    boundary: Boundary,
+    axis: int,
+    step: int,
+    touching: Mask,
+    pressure: Field,
+    gap: Field,
+    depth: Field | None,
+) -> _Edges:
+    """Find the edges whose node in contact comes `step` after the other along an axis."""
+
+    def turned(field: NDArray[Any]) -> NDArray[Any]:
+        return np.moveaxis(field, axis, 0)[::step]
+
+    contact, pressures, gaps = turned(touching), turned(pressure), turned(gap)
+    rows, columns = contact.shape
+    edge = contact & ~contact[_places(np.arange(rows) - 1, rows, boundary)]
+    here, across = np.nonzero(edge)
+
+    def at(field: NDArray[Any], offset: int) -> NDArray[Any]:
+        return field[_places(here + offset, rows, boundary), across]
+
+    sides = (edge[here, _places(across + way, columns, boundary)] for way in (1, -1))
+    free = boundary == "free"
+    return _Edges(
+        aligned=np.add(*(side.astype(np.intp) for side in sides)),
+        pressure=at(pressures, 0),
+        behind=at(pressures, 1),
+        gap=at(gaps, -1),
+        beyond=at(gaps, -2),
+        depth=np.zeros(len(here)) if depth is None else at(turned(depth), 0),
+        inside=(here + 1 < rows) | (not free),
+        outside=(here > 1) | (not free),
+    )
+
+
+def _places(indices: Nodes, number: int, boundary: Boundary) -> Nodes:
+    """Return which of a number of nodes stand at indices that may lie up to two beyond the ends."""
+    if boundary == "periodic":
+        return indices % number
+    if boundary == "mirror":
+        indices = np.where(indices < 0, -1 - indices, indices)
+        indices = np.where(indices >= number, 2 * number - 1 - indices, indices)
+    return np.clip(indices, 0, number - 1)
+
+
+def _offsets(edges: _Edges, weights: Field, compliance: float) -> Values:
+    """Return the distance from each edge back to the border, (e,) [spacing across the edge]."""
+    elastic = compliance * edges.pressure
+    share = edges.gap / (edges.gap + elastic + edges.depth)
+    behind = np.full(len(share), USUAL_RATIOS[0])
+    beyond = np.full(len(share), USUAL_RATIOS[1])
+    np.divide(edges.pressure, edges.pressure + edges.behind, out=behind, where=edges.inside)
+    known = edges.outside & (edges.gap + edges.beyond > 0)
+    np.divide(edges.gap, edges.gap + edges.beyond, out=beyond, where=known)
+    one, of_share, of_behind, of_beyond = weights[edges.aligned].T
+    offsets: Values = one + of_share * share + of_behind * behind + of_beyond * beyond
+    if edges.depth.any():
+        cut = edges.depth / (edges.depth + YIELDED * elastic)
+        offsets = (1 - cut) * offsets + cut * (share - 0.5)
+    return offsets
+
+
+def _of_concentrated_forces(count: int, edges: int) -> float:
+    """Return the area under forces at the nodes, whose offset depends on the size of spots."""
+    area = float(count)
+    for _ in range(5):
+        radius = CIRCLE * area / edges
+        offset = CONCENTRATED_FORCE + LAYER / 8 * math.log(radius)
+        area = max(count - offset * edges, 0.5)
+    return area
