@@ -94,14 +94,14 @@ def random_surface(spectrum: SelfAffineSpectrum, nodes: int, seed: int) -> Heigh
 
 
 def press(heights: Heights) -> Values:
-    """Return area [%], corrected area [%], mean gap [um] and compliance, (4, loads).
+    """Return area [%], area in the continuum [%], mean gap [um] and compliance, (4, loads).
 
     Each load is the middle of two: values are their means, the compliance -d(mean gap)/dp [um/MPa]
     their difference.
     """
     loads = RMS_SLOPE * np.outer(PRESSURES, [STEP**-0.5, STEP**0.5])
     contacts = bem.ladder(heights, SIDE, pressures=loads.ravel(), boundary="periodic")
-    values = [(each.area_percent, each.corrected_area_percent, each.mean_gap) for each in contacts]
+    values = [(each.area_percent, each.continuum_area_percent, each.mean_gap) for each in contacts]
     pairs = np.array(values).reshape(len(loads), 2, 3)
     compliance = -np.diff(pairs[:, :, 2]) / np.diff(loads)
     return np.concatenate([pairs.mean(axis=1), compliance], axis=1).T

@@ -25,7 +25,7 @@ for seed in range(4):
     random = np.random.default_rng(seed)
     heights = generate_spectral((nodes, nodes), side, spectrum, random, rms_slope=slope)
     ladder = bem.ladder(heights, side, pressures=slope * reduced, boundary="periodic")
-    areas.append([contact.corrected_area_percent for contact in ladder])
+    areas.append([contact.continuum_area_percent for contact in ladder])
 mean = np.mean(areas, axis=0) / 100
 
 # %%

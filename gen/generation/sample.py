@@ -36,7 +36,7 @@ ANSWERS = ("area_percent", "force", "contact_nodes")
 OPTIONAL_ANSWERS = frozenset(
     (
         *("yielded_percent", "mean_gap", "largest_pressure", "perimeter", "pressure"),
-        *("stiffness", "interface_stiffness", "corrected_area_percent"),
+        *("stiffness", "interface_stiffness", "continuum_area_percent"),
     )
 )
 """Optional columns that are results of `bem.solve` under the same name."""

@@ -41,7 +41,7 @@ class Wanted:
     Attributes
     ----------
     spots : bool
-        Whether spots are counted, and the area is corrected for their perimeter.
+        Whether spots are counted, and the area in the continuum is given.
     stiffness : bool
         Whether the stiffness is solved for.
     conductivities : tuple of float, optional
@@ -147,22 +147,14 @@ def _spots(contact: Contact) -> list[Answer]:
         Answer("contact_connects", _directions(spots.contact_connects), "contact connects sides",
                "along x, y"),
         Answer("gap_connects", _directions(spots.gap_connects), "gap connects sides", "along x, y"),
-        _corrected_area(contact),
+        Answer("continuum_area_percent", contact.continuum_area_percent, "area in the continuum",
+               "%, edges counted in part"),
     ]  # fmt: skip
 
 
 def _directions(connects: Connects) -> str:
     """Say along which axes opposite sides of the patch are connected."""
     return DIRECTIONS[connects]
-
-
-def _corrected_area(contact: Contact) -> Answer:
-    """Return the corrected area; none for oblong cells."""
-    column, label = "corrected_area_percent", "area in the continuum"
-    try:
-        return Answer(column, contact.corrected_area_percent, label, "%, edges counted in part")
-    except ValueError:
-        return Answer(column, "", label, "needs square cells")
 
 
 def _stiffness(contact: Contact) -> list[Answer]:

@@ -109,12 +109,6 @@ class Scene(Table):
             return self
         if fault := self.surface.fault_on(self.grid):
             raise PydanticCustomError("conflict", f"surface: {fault}")
-        along, across = self.spacing
-        if self.store.corrected_area_percent and not math.isclose(along, across, rel_tol=1e-9):
-            raise PydanticCustomError(
-                "conflict",
-                f"store.corrected_area_percent needs square cells, not {along:g} x {across:g} um",
-            )
         hardness = self.contact.hardness_limits
         if hardness is None or self.quantity not in {"pressure", "force"}:
             return self

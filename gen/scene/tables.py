@@ -271,7 +271,7 @@ class Store(Table):
     largest_spot_percent: Flag = Field(default=None, description="true or false")
     contact_connects: Flag = Field(default=None, description="true or false")
     gap_connects: Flag = Field(default=None, description="true or false")
-    corrected_area_percent: Flag = Field(default=None, description="true or false")
+    continuum_area_percent: Flag = Field(default=None, description="true or false")
     function: Function | None = Field(
         default=None, description=f"{FUNCTION_WORDS}, whose outputs of each contact become columns"
     )

@@ -480,7 +480,7 @@ OTHER_VALUES = {
     "store.largest_spot_percent": True,
     "store.contact_connects": True,
     "store.gap_connects": True,
-    "store.corrected_area_percent": True,
+    "store.continuum_area_percent": True,
 }
 
 

@@ -14,7 +14,7 @@ STORED = (
         "interface_stiffness",
         "contact_spots",
     ),
-    *("largest_spot_percent", "contact_connects", "gap_connects", "corrected_area_percent"),
+    *("largest_spot_percent", "contact_connects", "gap_connects", "continuum_area_percent"),
     *("heights", "pressure"),
 )
 PLACES = ("map", "tile")

@@ -107,31 +107,9 @@ def test_crossing_without_end_is_crossing_many_patches(touching):
     assert spots_of(touching, 1.0, periodic=True).contact_connects == crosses
 
 
-def test_contacts_know_their_spots_and_their_corrected_area():
+def test_contacts_know_their_spots():
     x = np.linspace(-1, 1, 65) * 50
     contact = bem.solve(-(x[:, np.newaxis] ** 2 + x**2) / 1000, 100.0, 1.5)
-    area = contact.area_percent
     assert contact.spots.number == 1
-    assert contact.spots.areas[0] == pytest.approx(area / 100 * 65**2 * (100 / 64) ** 2)
-    correction = (np.pi - 1 + np.log(2)) / 24 * contact.perimeter / (100 / 64 * 65**2) * 100
-    assert contact.corrected_area_percent == pytest.approx(area - correction, rel=1e-14)
-
-
-def test_the_corrected_area_of_a_circle_is_nearer_to_it():
-    """The paraboloid's contact, a circle of radius sqrt(R Delta), at many places on the grid."""
-    x = np.linspace(-1, 1, 65) * 50
-    radius, plain, corrected = 500.0, [], []
-    for shift in np.linspace(0, 0.9, 10):
-        heights = -((x[:, np.newaxis] - shift) ** 2 + (x - shift / 2) ** 2) / (2 * radius)
-        for delta in (0.3, 0.5, 0.8):
-            contact = bem.solve(heights, 100.0, delta)
-            share = 100 * np.pi * radius * delta / (65 * 100 / 64) ** 2
-            plain.append(contact.area_percent / share - 1)
-            corrected.append(contact.corrected_area_percent / share - 1)
-    assert abs(np.mean(corrected)) < abs(np.mean(plain)) / 2
-
-
-def test_cells_that_are_not_square_have_no_corrected_area():
-    contact = bem.solve(np.random.default_rng(1).normal(size=(9, 9)), (10.0, 20.0), 1.0)
-    with pytest.raises(ValueError, match="square cells"):
-        _ = contact.corrected_area_percent
+    area = contact.area_percent / 100 * 65**2 * (100 / 64) ** 2
+    assert contact.spots.areas[0] == pytest.approx(area)

@@ -9,7 +9,6 @@ import gen.runtime.signals
 from bem.operators import patch
 from gen.generation.plan import parameters
 from gen.generation.sample import compute_rows, solve_contact, surface_of
-from gen.runtime.errors import InputError
 from gen.scene import Scene
 from gen.scene.columns import columns_for
 from gen.schema import Reason, Status
@@ -273,7 +272,7 @@ def test_a_limit_that_no_timer_takes_is_no_failed_row():
 
 DECIDED = (
     "{stiffness=true, interface_stiffness=true, contact_spots=true, largest_spot_percent=true,"
-    " contact_connects=true, gap_connects=true, corrected_area_percent=true}"
+    " contact_connects=true, gap_connects=true, continuum_area_percent=true}"
 )
 
 
@@ -285,7 +284,7 @@ def test_what_contact_decides_is_what_the_contact_says(boundary):
     plan = parameters(made, 0, 4)
     for row in range(4):
         contact = solve_contact(made, surface_of(made, plan, row), plan.delta[row], 0.02)
-        for name in ("stiffness", "interface_stiffness", "corrected_area_percent"):
+        for name in ("stiffness", "interface_stiffness", "continuum_area_percent"):
             assert rows[name][row] == getattr(contact, name)
         spots = contact.spots
         assert rows["contact_spots"][row] == spots.number
@@ -310,14 +309,6 @@ def test_absent_and_false_keys_are_one_scene():
     off = scene("store = {stiffness=false, mean_gap=false}")
     assert off.fingerprint() == scene().fingerprint()
     assert "stiffness" not in off.text()
-
-
-def test_corrected_areas_need_square_cells():
-    oblong = "store = {corrected_area_percent=true}\n[surface]\ngenerator = 'spectral'\n"
-    size = "nodes = [16, 8]\nside = [100.0, 100.0]\nhurst = 0.8\nrms_height = 1.0\n"
-    size += "roll_off = 50.0\ncut_off = 30.0\n"
-    with pytest.raises(InputError, match="needs square cells"):
-        Scene.parse(f"samples = 1\n{oblong}{size}", "test")
 
 
 LOADED = """samples = 6

@@ -98,13 +98,9 @@ def with_tables(folder, tables):
     (folder / "s.toml").write_text(text + tables)
 
 
-CORRECTED = "[load]\nquantity = 'pressure'\nrange = 0.01\n[store]\ncorrected_area_percent = true\n"
-
-
 @pytest.mark.parametrize(
     ("tables", "message"),
     [
-        (CORRECTED, "needs square cells, not 0.5 x 0.8 um"),
         (
             "[load]\nquantity = 'force'\nrange = 1e9\n[contact]\nhardness = 1.0\n",
             "load: every force is 1e\\+09 uN or more",

@@ -2,7 +2,6 @@
 and patches without edges.
 """
 
-import math
 import re
 from pathlib import Path
 
@@ -290,7 +289,7 @@ def test_answers_are_printed_and_written(surface, capsys):
     assert row.spots == expected.spots.number == int(lines["spots of contact"][0])
     assert row.largest_spot_um2 == expected.spots.areas[0]
     assert row.largest_spot_percent == 100 * expected.spots.largest_share
-    assert row.corrected_area_percent == expected.corrected_area_percent < row.area_percent
+    assert row.continuum_area_percent == expected.continuum_area_percent < row.area_percent
     assert row.stiffness_N_per_m == pytest.approx(expected.stiffness)
     assert row.interface_stiffness_N_per_m == pytest.approx(expected.interface_stiffness)
     assert row.conductance_W_per_K == pytest.approx(1e-6 * expected.conductance(50, 20))
@@ -328,13 +327,6 @@ def test_nothing_is_computed_that_is_not_asked_for(surface, monkeypatch):
     assert answered(surface, "--pressure", "100", "--csv", "one.csv") == 0
     columns = pd.read_csv("one.csv").columns
     assert not any("stiffness" in name or "spot" in name for name in columns)
-
-
-def test_oblong_cells_have_no_corrected_area(surface, capsys):
-    arguments = ["contact", surface, "--side", "200,100", *STEEL, "--pressure", "100"]
-    assert cli.main([*arguments, "--spots", "--csv", "one.csv"]) == 0
-    assert math.isnan(pd.read_csv("one.csv").corrected_area_percent[0])
-    assert "needs square cells" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("given", [["0"], ["-1"], ["inf"], ["nan"], ["1", "2", "3"]])
