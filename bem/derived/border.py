@@ -9,8 +9,8 @@ the normal n (Wiener and Hopf) gives the mean distance over all places of the bo
     offset / h = 1 / (2 pi) * integral over q of ln(K(q n) |q| / 2) / q^2,
 
 0.190 along the grid, 0.114 to 0.13 at most angles and 0.134 along the diagonal for spectral
-compliance; 0.175, 0.101 to 0.12 and 0.121 for uniform pressure on cells. Over all directions that is
-0.1014 and 0.0904 for each cell's edge between contact and gap.
+compliance; 0.175, 0.101 to 0.12 and 0.121 for uniform pressure on cells. Over all directions that
+is 0.1014 and 0.0904 for each cell's edge between contact and gap.
 
 The nodes next to the border tell more. The same factors give its place between a node in contact,
 with the pressure p, and the next one, with the gap g: both are known multiples of their distances
