@@ -53,7 +53,7 @@ TESTED_TOGETHER = {
     "tests/bem/test_properties.py": "a property of all solves: complementarity, uniqueness ...",
     "tests/bem/test_recomputation.py": "a contact's numbers, computed again without bem",
     "tests/bem/test_yielding.py": "a property of all solves: bodies that yield",
-    "tests/gen/test_bad_input.py": "bad input of every command",
+    "tests/gen/test_bad_input.py": "bad scenes and surfaces, in every command that reads them",
     "tests/gen/test_parts.py": "parts of databases, in every command that reads or writes them",
     "tests/learn/test_crafted_databases.py": "crafted files, for every command that reads them",
 }

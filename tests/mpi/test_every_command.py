@@ -34,9 +34,9 @@ def test_every_command_has_bad_command_lines():
 def test_every_command_refuses_bad_input_on_all_ranks_in_one_line(tmp_path):
     command_lines.prepare(tmp_path)
     walked = command_lines.COMMANDS if LEARNING else ["gen"]
-    cases = [(program, case) for program in walked for case in command_lines.cases(program)]
+    cases = [(program, *case) for program in walked for case in command_lines.cases(program)]
     benches = [["bench", name, "--nonsense"] for name in command_lines.commands("bench")]
-    lines = [[program, *case.arguments] for program, case in cases]
+    lines = [[program, *arguments] for program, arguments, _ in cases]
     good = GOOD if LEARNING else GOOD[:1]
     ended = iter(walk(3, [*good, *benches, *lines], tmp_path))
     for _, ends in zip(good, ended, strict=False):
@@ -46,12 +46,12 @@ def test_every_command_refuses_bad_input_on_all_ranks_in_one_line(tmp_path):
         refusal = "bench: started as 3 processes; start it as one\n"
         assert [end.errors for end in ends] == [refusal, "", ""]
     wrong = []
-    for (program, case), ends in zip(cases, ended, strict=True):
+    for (program, arguments, word), ends in zip(cases, ended, strict=True):
         (code, said), *others = [(end.code, end.errors) for end in ends]
-        right = case.word in said or (not LEARNING and " needs " in said)
+        right = word in said or (not LEARNING and " needs " in said)
         line = said.startswith(f"{program}: ") and said.count("\n") == 1 and right
         if code != 2 or others != [(2, ""), (2, "")] or not line:
-            wrong.append(f"{program} {' '.join(case.arguments)[:150]}: {ends}")
+            wrong.append(f"{program} {' '.join(arguments)[:150]}: {ends}")
     assert not wrong, "\n".join([f"{len(wrong)} of {len(cases)}", *wrong])
     left = {path.name for path in tmp_path.iterdir()}
     assert not left & {"new", "new.h5", "new.png", "new.h", "new-folder"}
