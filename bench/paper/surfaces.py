@@ -18,7 +18,7 @@ from gen.distribution import limits
 from gen.scene import DisplacedSurface, load
 from gen.statistics import describe
 from gen.surface import GENERATORS, generate
-from learn.comparison import appendix
+from learn.comparison import studies
 from learn.request import Request
 
 SEED = 3
@@ -179,6 +179,6 @@ def equal_kernels(folder: Path, database: Path) -> list[Content]:
     (folder / "appendix" / "area" / "comparison.json").unlink(missing_ok=True)
     output, rows = folder / "appendix", APPENDIX_ROWS
     asked = Request(database, output, area_max=AREA_MAX, train_rows=rows, again=True)
-    table, picture = appendix.write_report(asked, said.append)
+    table, picture = studies.appendix(asked, said.append)
     words = caption("appendix", said="; ".join(said), rows=rows)
     return [Figure(picture, words, data=(table,))]

@@ -18,10 +18,9 @@ from gen.runtime.errors import InputError
 from gen.surface import generate
 from learn import memory
 from learn.comparison import grid as grids
+from learn.comparison.fits import Training, Trials
 from learn.comparison.paper import Space
 from learn.comparison.search import GridSearch
-from learn.comparison.training import Training
-from learn.comparison.trials import Trials
 from learn.executor import Executor
 from learn.features import SETS, SurfaceFeatures, chosen
 from learn.features.sets import HYBRID

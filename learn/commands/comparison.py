@@ -1,4 +1,4 @@
-"""`learn compare`, `tune`, `estimate` and `show`: compare the nine models.
+"""`learn compare`, `tune` and `show`: compare the nine models.
 
 `learn importance` and `appendix` report on the inputs and on two kernel methods.
 """
@@ -96,36 +96,6 @@ def tune(
     return lead(job, farm.this_world())
 
 
-@grouped
-def estimate(
-    file: Database,
-    output: Output,
-    model: Models = None,
-    budget: Annotated[
-        str, typer.Option(metavar="TIME", help="Time of this call, as 1h or 90min.")
-    ] = "1h",
-    target: Target = "area",
-    *,
-    selection: Selection,
-) -> int:
-    """Estimate what tuning over whole grids takes, from fits drawn at random and done here.
-
-    The times are those of one thread: divide by the workers. What is fitted is kept, and need not
-    be done again by `tune` on the same folder.
-    """
-    from learn.bounded import seconds
-    from learn.comparison import jobs
-    from learn.executor import lead
-
-    def job(executor: Executor) -> int:
-        limit = seconds(budget)
-        request = requested(file, output, model, target, selection, limit=limit)
-        with lock_folder(request.output):
-            return _show(request, jobs.estimate(request, executor))
-
-    return lead(job, farm.this_world())
-
-
 def show(
     folder: Comparison,
     pictures: Annotated[bool, typer.Option(help="Draw the pictures too.")] = True,
@@ -146,11 +116,8 @@ def show(
 def _show(request: Request, signal: int, *, tuned: bool = False) -> int:
     """Print the tables after a job, or that a signal stopped it; return the exit code.
 
-    Raises
-    ------
-    InputError
-        If a constant does as well as a tuned model. Of baselines the tables say so: they are what
-        the libraries' settings give, whatever that is.
+    InputError is raised if a constant does as well as a tuned model. Of baselines the tables say
+    so: they are what the libraries' settings give, whatever that is.
     """
     from learn.comparison import tables
     from learn.comparison.folder import targets
@@ -200,10 +167,10 @@ def importance(
     optimum: DIR/TARGET/importance.csv, selection.csv and importance.png.
     """
     request = requested(file, output, [model], target, selection)
-    from learn.comparison.importance import write_report
+    from learn.comparison.studies import importance
 
     with lock_folder(request.output):
-        for path in write_report(request, echo):
+        for path in importance(request, echo):
             echo(f"wrote {path}")
 
 
@@ -219,8 +186,8 @@ def appendix(
     DIR/area/appendix.csv and appendix.png.
     """
     request = requested(file, output, None, "area", selection)
-    from learn.comparison.appendix import write_report
+    from learn.comparison.studies import appendix
 
     with lock_folder(request.output):
-        for path in write_report(request, echo):
+        for path in appendix(request, echo):
             echo(f"wrote {path}")

@@ -1,77 +1,183 @@
-"""One fit of a search, which serves many candidates: fit, predict the fold left out, score.
+"""Fits of a search: their data, one fit that serves many candidates, and finished fits on disk.
 
 A fit with the largest number of estimators contains all smaller ones: its first k trees are the
 model with k trees, to the last bit (`tests/learn/comparison/test_fits.py`). One kernel matrix
 serves every alpha of kernel ridge.
+
+No fit is done twice, whatever interrupts a search: each model and target has one file of lines
+(JSON), to which the master appends a line when a fit has come back.
 """
 
+import json
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import Annotated, Any, Self
 
 import numpy as np
+from pydantic import ConfigDict, Field
 from sklearn.metrics import r2_score
 
+from gen.runtime import documents, files
 from gen.runtime.errors import InputError
 from learn import kernel_ridge, memory
-from learn.arrays import Values
+from learn.arrays import Folds, Values
+from learn.comparison.folder import Count, Seconds, require_same
 from learn.comparison.grid import Task, shared_fit
-from learn.comparison.training import Training
-from learn.comparison.trials import LEAST_SCORE, Trial
-from learn.models import MODELS, REMARK_LENGTH, STEP, Model, pipeline, remarks
+from learn.models import MODELS, REMARK_LENGTH, STEP, UNSCALED, Model, Scaling, pipeline, remarks
+from learn.split import FOLDS
 
-ALIKE = 1e-3
-"""Predictions are alike if their deviation is below this share of the truth's."""
+LEAST_SCORE = -1e20
+"""R2 below which a fit has diverged: a score like this would spoil means and tables."""
 
 
 @dataclass(frozen=True, eq=False)
-class Fitted:
-    """The predictions of a fit.
+class Training:
+    """Training and test rows of one target, with the choices that all fits have in common.
 
     Attributes
     ----------
-    prediction : ndarray, shape (m,)
-        Predictions of the rows that were left out, empty if there are none.
-    failure : str
-        The reason why there are none.
-    at_bound : bool
-        Whether the likelihood that chose the kernel is largest at an end of the kernel's range.
+    inputs, target : ndarray, shape (n, d) and (n,)
+        Training rows; the target as the models see it, divided by `scaling`.
+    folds : ndarray, shape (n,)
+        Fold of each training row.
+    test_inputs, test_target : ndarray, shape (m, d) and (m,)
+        Test rows, which no search sees; the target is not scaled.
+    normalisation : str
+        One of `learn.models.NORMALISATIONS`.
+    seed : int
+        Seed of the models' random draws.
+    scaling : Scaling
+        Scaling of the target.
     """
 
-    prediction: Values
+    inputs: Values
+    target: Values
+    folds: Folds
+    test_inputs: Values
+    test_target: Values
+    normalisation: str = "l2"
+    seed: int = 0
+    scaling: Scaling = UNSCALED
+
+    @property
+    def rows(self) -> int:
+        """Number of training rows."""
+        return self.target.size
+
+    @property
+    def columns(self) -> int:
+        """Number of inputs."""
+        return int(self.inputs.shape[1])
+
+
+class Trial(documents.Document):
+    """The score of one candidate on one fold, a line of the file.
+
+    Attributes
+    ----------
+    candidate : str
+        Its canonical settings, as `learn.comparison.grid.key` writes them.
+    fold, rows : int
+        The fold that was left out of the training, and the number of training rows at most.
+    r2 : float or None
+        Coefficient of determination on the fold, None if the fit failed or diverged.
+    failure, remark : str
+        The reason why there is no score, and the warnings of the fit.
+    seconds : float
+        Time of the fit and the scoring, shared evenly by the candidates of one fit [s].
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    candidate: str
+    fold: Annotated[int, Field(ge=0, lt=FOLDS)]
+    rows: Count
+    r2: Annotated[float, Field(ge=LEAST_SCORE, le=1)] | None
     failure: str = ""
-    at_bound: bool = False
+    remark: str = ""
+    seconds: Seconds = 0.0
+
+    @property
+    def place(self) -> tuple[str, int, int]:
+        """Candidate, fold and number of rows, which identify the trial."""
+        return self.candidate, self.fold, self.rows
 
 
-def fit(training: Training, task: Task) -> list[Trial]:
-    """Fit the candidates of a task and score them on the fold that was left out.
-
-    A fit that fails is a result too: its trials have no score, but the reason.
+class Trials:
+    """The finished trials of one model and target, in a file that is held open.
 
     Parameters
     ----------
-    training : Training
-        The data of the search.
-    task : Task
-        The candidates and the fold.
-
-    Returns
-    -------
-    list of Trial
-        One trial for each candidate.
+    path : Path
+        The file, made with its folder if missing.
+    conditions : dict
+        Data, split, versions and seeds, which all trials have in common.
 
     Raises
     ------
     InputError
-        If this machine lacks the memory.
+        If the file holds trials of other conditions, is damaged or cannot be written.
+    """
+
+    def __init__(self, path: Path, conditions: dict[str, object]) -> None:
+        self.path = path
+        self.finished: dict[tuple[str, int, int], Trial] = {}
+        files.make_folder(path.parent)
+        try:
+            content = documents.read_bytes(path) if path.exists() else b""
+            whole = content[: content.rfind(b"\n") + 1]  # a kill may have cut the last line short
+            self._read(whole, conditions)
+            self._file = path.open("r+b" if content else "wb")
+        except OSError as error:
+            raise InputError(f"{path} cannot be written: {error.strerror}") from None
+        self._file.truncate(len(whole))
+        self._file.seek(len(whole))
+        if not whole:
+            self._file.write(json.dumps(conditions, sort_keys=True).encode() + b"\n")
+
+    def __enter__(self) -> Self:
+        """Return the open trials."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def add(self, trials: list[Trial]) -> None:
+        """Write the trials of one fit to the disk; InputError is raised if that is full."""
+        lines = [json.dumps(trial.model_dump(), allow_nan=False) for trial in trials]
+        try:
+            self._file.write("".join(f"{line}\n" for line in lines).encode())
+            self._file.flush()
+        except OSError as error:
+            raise InputError(f"{self.path} cannot be written: {error.strerror}") from None
+        self.finished.update((trial.place, trial) for trial in trials)
+
+    def _read(self, content: bytes, conditions: dict[str, object]) -> None:
+        """Take the trials of a file, and refuse those that were made under other conditions."""
+        first, *lines = content.split(b"\n")[:-1] or [b""]
+        if not first:
+            return
+        stored = documents.checked(self.path, first, documents.Document)
+        require_same(self.path, stored, json.loads(json.dumps(conditions)))
+        for number, line in enumerate(lines, start=2):
+            trial = Trial(**documents.checked(f"{self.path}, line {number}", line, Trial))
+            self.finished[trial.place] = trial
+
+
+def fit(training: Training, task: Task) -> list[Trial]:
+    """Fit the candidates of a task and score each on the fold that was left out.
+
+    A fit that fails is a result too: its trials have no score, but the reason. InputError is raised
+    if this machine lacks the memory.
     """
     inside = np.flatnonzero(training.folds != task.fold)[: task.rows]
     outside = training.folds == task.fold
     data = training.inputs[inside], training.target[inside], training.inputs[outside]
-    truth = training.target[outside]
     if memory.needed(task.model, inside.size) > memory.available():
         raise InputError(
             f"{task.model}: too little memory is free for a fit: give fewer workers, or"
@@ -79,10 +185,9 @@ def fit(training: Training, task: Task) -> list[Trial]:
         )
     with remarks() as said:
         began = perf_counter()
-        fitted = _predictions(training, task, data)
-        scores = [_score(truth, each) for each in fitted]
+        found = _predictions(training, task, data)
+        scores = [_score(training.target[outside], each) for each in found]
         seconds = (perf_counter() - began) / len(task.candidates)
-    remark = "; ".join(said)
     return [
         Trial(
             candidate=name,
@@ -90,33 +195,16 @@ def fit(training: Training, task: Task) -> list[Trial]:
             rows=task.rows,
             r2=None if isinstance(score, str) else score,
             failure=score if isinstance(score, str) else "",
-            remark=remark,
+            remark="; ".join(said),
             seconds=seconds,
-            collapsed=not isinstance(score, str) and collapsed(truth, each),
         )
-        for name, each, score in zip(task.names, fitted, scores, strict=True)
+        for name, score in zip(task.names, scores, strict=True)
     ]
-
-
-def collapsed(truth: Values, fitted: Fitted) -> bool:
-    """Tell whether a fit found nothing in its rows.
-
-    The likelihood that chose its kernel is largest at an end of the kernel's range, or all its
-    predictions are alike. Both come of too few rows: with more of them the same candidate may win.
-
-    Parameters
-    ----------
-    truth : ndarray, shape (m,)
-        Target of the rows that were left out.
-    fitted : Fitted
-        Predictions of these rows, all finite.
-    """
-    return fitted.at_bound or float(np.std(fitted.prediction)) < ALIKE * float(np.std(truth))
 
 
 def _predictions(
     training: Training, task: Task, data: tuple[Values, Values, Values]
-) -> list[Fitted]:
+) -> list[Values | str]:
     """Return the predictions of each candidate, or the reason why there are none."""
     model, candidates = MODELS[task.model], task.candidates
     name = "" if task.baseline else shared_fit(model)
@@ -126,34 +214,29 @@ def _predictions(
         unfitted = build(model, common, tuned=not task.baseline)
         if name and name in candidates[0]:
             values = [candidate[name] for candidate in candidates]
-            return [*map(Fitted, shared_predictions(model, unfitted, data, name, values))]
-        fitted = unfitted.fit(data[0], data[1])
-        return [Fitted(fitted.predict(data[2]), at_bound=_at_bound(fitted.named_steps[STEP]))]
+            return [*shared_predictions(model, unfitted, data, name, values)]
+        return [unfitted.fit(data[0], data[1]).predict(data[2])]
     except Exception as error:  # whatever a library raises: the candidate has no score
         if len(candidates) == 1:
-            said = " ".join(str(error).split())[:REMARK_LENGTH]
-            return [Fitted(np.empty(0), said or type(error).__name__)]
+            return [reason(error)]
     # A shared fit may fail late, after candidates that are fine: fit them one by one.
     alone = (replace(task, candidates=(candidate,)) for candidate in candidates)
     return [_predictions(training, each, data)[0] for each in alone]
 
 
-def _at_bound(estimator: Any) -> bool:
-    """Whether the likelihood that chose a kernel is largest at an end of the kernel's range."""
-    kernel = getattr(estimator, "kernel_", None)
-    if kernel is None or estimator.optimizer is None:
-        return False
-    return bool(np.isclose(kernel.bounds, kernel.theta[:, np.newaxis]).any())
+def reason(error: Exception) -> str:
+    """Say in one line why a fit has failed."""
+    return " ".join(str(error).split())[:REMARK_LENGTH] or type(error).__name__
 
 
-def _score(truth: Values, fitted: Fitted) -> float | str:
+def _score(truth: Values, predicted: Values | str) -> float | str:
     """Return R2, or the reason why there is none."""
-    if fitted.failure:
-        return fitted.failure
-    if not np.isfinite(fitted.prediction).all():
+    if isinstance(predicted, str):
+        return predicted
+    if not np.isfinite(predicted).all():
         return "prediction not finite"
     with np.errstate(over="ignore"):  # squares of diverged predictions
-        score = float(r2_score(truth, fitted.prediction))
+        score = float(r2_score(truth, predicted))
     if not math.isfinite(score):
         return "score not finite"
     return score if score >= LEAST_SCORE else "prediction diverged"
@@ -176,10 +259,8 @@ def shared_predictions(
         Unfitted, with all other settings.
     data : tuple of ndarray
         Training inputs (n, d) and target (n,), test inputs (m, d).
-    name : str
-        The setting that one fit serves.
-    values : sequence
-        Its values.
+    name, values : str, sequence
+        The setting that one fit serves, and its values.
 
     Returns
     -------

@@ -2,32 +2,32 @@
 
     area/comparison.json        conditions of all results: data, scene, options, seeds, versions
     area/rows.csv               row of the database, part, fold, group that is kept together
-    area/trials/MODEL.jsonl     finished fits of a search (`learn.comparison.trials`)
+    area/trials/MODEL.jsonl     finished fits of a search (`learn.comparison.fits`)
     area/baseline/MODEL.json    settings, scores, times; MODEL.csv has the test rows' predictions
     area/tuned/MODEL.json       the same for a search's winner, and how it was searched
     area/tuned/MODEL-grid.csv   every candidate of the grid with its scores
-    area/whole-grid/MODEL.json  estimated time of the model's whole grid
     area/*.csv, *.png           the tables and pictures that `learn show` makes of them
 
-Each target has a folder (here area). Files are written beside their place and then renamed.
+Each target has a folder (here area). Files are written beside their place and then renamed. They
+may have been edited, or come from strangers: each is checked whenever it is read.
 """
 
 import csv
 import io
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
+from pydantic import ConfigDict, Field, model_validator
 
 from gen.runtime import documents, files
-from gen.runtime.documents import cell
+from gen.runtime.documents import Document, cell
 from gen.runtime.errors import InputError
 from learn.arrays import Values
 from learn.comparison import grid as grids
-from learn.comparison import records
 from learn.dataset import Dataset
 from learn.features import chosen
 from learn.models import MODELS
@@ -41,6 +41,124 @@ KINDS = ("baseline", "tuned")
 
 LARGEST = 1e30
 """Bound of the targets' values: the axes of a picture take no larger ones."""
+
+Count = Annotated[int, Field(ge=0, le=2**53)]
+Seconds = Annotated[float, Field(ge=0, le=1e15)]
+Score = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
+Setting = bool | int | float | str | list[int] | None
+
+
+class Conditions(Document):
+    """The conditions of results: see `conditions`."""
+
+    database_sha256: str
+    target: str
+    features: str
+    inputs: list[str]
+    normalisation: str
+    target_scaling: str
+    seed: Annotated[int, Field(ge=0, lt=2**32)]
+    folds: Count
+    train_rows: Count
+    test_rows: Count
+    versions: dict[str, str]
+    area_max: Annotated[float, Field(gt=0, le=100)] | None
+
+
+class Comparison(Document):
+    """The file comparison.json."""
+
+    conditions: Conditions
+    unit: str
+    threads: Count
+
+
+class Scored(Document):
+    """The four scores [%]; see `learn.metrics.Scores`."""
+
+    nmse: Score
+    nmae: Score
+    nmaxe: Score
+    r2: Score
+
+
+class Times(Document):
+    """Times of a fit and of its predictions [s]; null (once NaN) where the fit has failed."""
+
+    model_config = ConfigDict(allow_inf_nan=True)
+
+    fit: float | None
+    fits: Count
+    test: float | None
+    row: float | None
+    search: Seconds
+
+
+class Search(Document):
+    """The description of a search in the result of its winner; R2 of folds in percent."""
+
+    how: str
+    grid: str = grids.TABLE_2
+    rows: Count
+    candidates: Count
+    candidates_differing: Count
+    candidates_scored: Count
+    fits_nominal: Count
+    fits: Count
+    r2_folds: list[Score]
+    winner: Literal["grid", "optimum", "baseline"] | None = None
+    grid_r2_folds: list[Score] = Field(default_factory=list)
+    optimum_r2_folds: list[Score] = Field(default_factory=list)
+    baseline_r2_folds: list[Score] = Field(default_factory=list)
+    baseline_fits: Count = 0
+    failures: dict[str, Count]
+    remarks: dict[str, Count]
+
+
+class NoSearch(Document):
+    """The empty object that a baseline has in place of a search."""
+
+    model_config = ConfigDict(extra="forbid")
+
+
+class Result(Document):
+    """The files baseline/MODEL.json and tuned/MODEL.json."""
+
+    model: str
+    settings: dict[str, Setting]
+    settings_key: str
+    fitted: dict[str, str]
+    test: Scored | None
+    train: Scored | None
+    failure: str
+    remarks: list[str]
+    search: Search | NoSearch
+    times: Times
+
+    @model_validator(mode="after")
+    def _times_belong_to_scores(self) -> "Result":
+        times = self.times.fit, self.times.test, self.times.row
+        sound = all(each is not None and 0 <= each <= 1e15 for each in times)
+        if self.test is not None and not sound:
+            raise ValueError("there are scores without times of fit and predictions")
+        return self
+
+
+class Failure(Document):
+    """The file tuned/MODEL.json where no candidate could be fitted."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    model: str
+    failure: str
+    remarks: list[str]
+
+
+DOCUMENTS: dict[str, tuple[type[Document], ...]] = {
+    "baseline": (Result,),
+    "tuned": (Result, Failure),
+}
+"""The documents that each folder of results may hold."""
 
 
 def versions() -> dict[str, str]:
@@ -59,19 +177,9 @@ def _version(library: str) -> str:
 
 
 def conditions(
-    dataset: Dataset, split: Split, normalisation: str, options: dict[str, Any]
+    dataset: Dataset, split: Split, normalisation: str, area_max: float | None
 ) -> dict[str, Any]:
-    """Describe the conditions of results: two results can be compared if these are equal.
-
-    Parameters
-    ----------
-    dataset, split : Dataset, Split
-        The rows.
-    normalisation : str
-        One of `learn.models.NORMALISATIONS`.
-    options : dict
-        Further choices of the user that decide the rows.
-    """
+    """Describe the conditions of results: two results can be compared if these are equal."""
     return {
         "database_sha256": dataset.source["database_sha256"],
         "target": dataset.target_name,
@@ -84,8 +192,18 @@ def conditions(
         "train_rows": int(split.train.size),
         "test_rows": int(split.test.size),
         "versions": versions(),
-        **options,
+        "area_max": area_max,
     }
+
+
+def require_same(path: Path, stored: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
+    """Refuse a file that was made under other conditions, naming the first that differs."""
+    for name in sorted(wanted.keys() | stored.keys()):
+        if stored.get(name) != wanted.get(name):
+            raise InputError(
+                f"{path} was made with {name} {stored.get(name)!r}, not {wanted.get(name)!r}: give"
+                " another folder, or the same database, options and versions"
+            )
 
 
 class Winner(NamedTuple):
@@ -96,28 +214,21 @@ class Winner(NamedTuple):
 
 
 class Folder:
-    """One target's part of a comparison folder, at a path."""
+    """One target's part of a comparison folder, at a path; InputError is raised if it is damaged.
+
+    Attributes
+    ----------
+    path : Path
+        The folder of the target.
+    """
 
     def __init__(self, path: Path) -> None:
         self.path = path
 
     def begin(self, dataset: Dataset, split: Split, agreed: dict[str, Any]) -> None:
-        """Make the folder, or check that it belongs to the same data and choices.
-
-        Parameters
-        ----------
-        dataset, split : Dataset, Split
-            The rows.
-        agreed : dict
-            Conditions of all results, from `conditions`.
-
-        Raises
-        ------
-        InputError
-            If the folder belongs to another comparison, or cannot be written.
-        """
+        """Make the folder, or refuse it if it belongs to other data and choices than agreed."""
         if (self.path / "comparison.json").exists():
-            self._check(agreed)
+            require_same(self.path, self.record()["conditions"], agreed)
             return
         self.write_table("rows.csv", ("row", "part", "fold", "group"), _rows(dataset, split))
         self.write_json(
@@ -137,39 +248,16 @@ class Folder:
             },
         )
 
-    def _check(self, agreed: dict[str, Any]) -> None:
-        """Refuse a folder that was made under other conditions, naming the first that differs."""
-        stored = self.record()["conditions"]
-        for name in sorted(agreed.keys() | stored.keys()):
-            if stored.get(name) != agreed.get(name):
-                raise InputError(
-                    f"{self.path} was made with {name} {stored.get(name)!r}, not"
-                    f" {agreed.get(name)!r}: give another folder, or the same database, options"
-                    " and versions"
-                )
-
     def record(self) -> dict[str, Any]:
-        """Read the folder's description: the conditions of its results.
-
-        Raises
-        ------
-        InputError
-            If there is none, or it is damaged.
-        """
-        record = documents.read(self.path / "comparison.json", records.Comparison)
+        """Read the folder's description: the conditions of its results."""
+        record = documents.read(self.path / "comparison.json", Comparison)
         if record is None:
             raise InputError(f"{self.path} is no comparison: run learn compare or learn tune first")
         return record
 
     def result(self, kind: str, model: str) -> dict[str, Any] | None:
-        """Read the "baseline", "tuned" or "whole-grid" result of a model, None if there is none.
-
-        Raises
-        ------
-        InputError
-            If the file is damaged.
-        """
-        return documents.read(self.path / kind / f"{model}.json", *records.KINDS[kind])
+        """Read the "baseline" or "tuned" result of a model, None if there is none."""
+        return documents.read(self.path / kind / f"{model}.json", *DOCUMENTS[kind])
 
     def results(self) -> Iterator[tuple[str, str, dict[str, Any]]]:
         """Yield model, kind and result of each result, in the order of the paper's Table 4."""
@@ -182,13 +270,8 @@ class Folder:
     def winner(self, model: str) -> Winner | None:
         """Read the winner of a model's search, None if the folder has none.
 
-        Somebody may have edited the file, and with settings outside the grid a library may use up
-        all memory or never end.
-
-        Raises
-        ------
-        InputError
-            If the settings are not of the grid.
+        Somebody may have edited the file, and with settings outside the grid, which are refused, a
+        library may use up all memory or never end.
         """
         result = self.result("tuned", model)
         if result is None or "settings" not in result:
@@ -210,13 +293,7 @@ class Folder:
         return Winner(settings, of_grid=True)
 
     def prediction(self, kind: str, model: str) -> tuple[Values, Values]:
-        """Read truth and prediction of the test rows, each of shape (m,), in the target's unit.
-
-        Raises
-        ------
-        InputError
-            If the file is missing or damaged.
-        """
+        """Read truth and prediction of the test rows, each of shape (m,), in the target's unit."""
         path = self.path / kind / f"{model}.csv"
         try:
             lines = documents.read_bytes(path).decode().splitlines()[1:]
@@ -232,11 +309,6 @@ class Folder:
         """Read the group of each test row, in the order of the predictions; shape (m,).
 
         Rows of one surface, or of one tile of a map, are of one group.
-
-        Raises
-        ------
-        InputError
-            If the file is missing or damaged.
         """
         path = self.path / "rows.csv"
         try:
@@ -255,17 +327,7 @@ class Folder:
     def write_table(
         self, name: str, header: Sequence[str], rows: Iterable[Sequence[object]]
     ) -> Path:
-        """Write a table of the folder (CSV), and return its path.
-
-        Parameters
-        ----------
-        name : str
-            Path of the file inside the folder.
-        header : sequence of str
-            Names of the columns.
-        rows : iterable of sequence
-            The lines.
-        """
+        """Write a table of the folder (CSV) with a header, and return its path."""
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(header)
@@ -280,13 +342,7 @@ class Folder:
 
 
 def targets(path: Path) -> list[Folder]:
-    """List the targets of a comparison folder.
-
-    Raises
-    ------
-    InputError
-        If it has none.
-    """
+    """List the targets of a comparison folder; InputError is raised if it has none."""
     folders = [Folder(record.parent) for record in sorted(path.glob("*/comparison.json"))]
     if not folders:
         raise InputError(f"{path} holds no comparison: run learn compare or learn tune first")

@@ -8,8 +8,8 @@ their scores on few rows are:
 - the baseline, whose five fits on all rows are the first of the search: without them there is no
   result. A candidate that is not better than the baseline does not win;
 - the paper's optimum, where the grid has it (for other grids, the settings that are built in);
-- candidates of which a fit collapsed (`learn.comparison.fits.collapsed`): on few rows a likelihood
-  may be largest at an end of its range, where with more rows the same candidate is the best.
+- candidates whose likelihood was largest at an end of its range: on few rows it takes a function
+  for noise, where with more rows the same candidate may be the best.
 
 The first rung draws its candidates with odds inverse to their expected work: it spends as much of
 its time on cheap ones as on expensive ones, and sees more of them. Where it shows that the whole
@@ -18,6 +18,7 @@ not hours, shares no fits, and can be neither spread over machines nor resumed.
 """
 
 import time
+from math import inf
 
 import numpy as np
 
@@ -48,70 +49,26 @@ LEAST_ROWS = 300
 """Training rows of the first step at least."""
 
 GROWTH = {"gaussian-process": 3.0, "kernel-ridge": 3.0, "svm": 2.5}
-"""Exponents with which a fit's time grows with the rows, on the safe side."""
-
-USUAL_GROWTH = 1.5
-"""The exponent of the other models."""
+"""Exponents with which a fit's time grows with the rows, on the safe side; 1.5 of other models."""
 
 
-def steps(total: int, least: int | None = None) -> list[int]:
-    """Return the number of training rows of each step, ascending; the last has all rows.
-
-    Parameters
-    ----------
-    total : int
-        Number of all training rows.
-    least : int, optional
-        Smallest number of rows of the first step, `LEAST_ROWS` if left out.
-    """
+def steps(total: int) -> list[int]:
+    """Return the number of training rows of each step, ascending; the last has all rows."""
     sizes = [total]
-    while sizes[0] // FACTOR >= (least or LEAST_ROWS):
+    while sizes[0] // FACTOR >= LEAST_ROWS:
         sizes.insert(0, sizes[0] // FACTOR)
     return sizes
 
 
 def growth(model: Model, factor: float) -> float:
     """Return the factor by which a fit takes longer on `factor` times the rows, at most."""
-    return float(factor ** GROWTH.get(model.name, USUAL_GROWTH))
-
-
-def drawn_order(search: GridSearch, rows: int) -> list[int]:
-    """Draw all families one after the other, with odds inverse to their expected work.
-
-    Parameters
-    ----------
-    search : GridSearch
-        The grid, and the seed of the draw.
-    rows : int
-        Number of training rows of a fit.
-
-    Returns
-    -------
-    list of int
-        Numbers of the families, the first drawn first.
-    """
-    grid, name = search.grid, search.model.name
-    families = range(len(grid.families))
-    work = [expected_work(Task(name, grid.served_by(family), 0, rows)) for family in families]
-    waiting = np.random.default_rng(search.training.seed).exponential(work)
-    return [int(family) for family in np.argsort(waiting, kind="stable")]
+    return float(factor ** GROWTH.get(model.name, 1.5))
 
 
 def within(search: GridSearch, until: float) -> SearchResult | None:
-    """Search a grid within a time.
+    """Search a grid until a time of `time.time`, at which the winner is fitted to all rows too [s].
 
-    Parameters
-    ----------
-    search : GridSearch
-        The grid to search.
-    until : float
-        Time of `time.time` at which the winner is to be fitted to all rows too; infinite for no
-        limit [s].
-
-    Returns
-    -------
-    SearchResult or None
-        None if the time sufficed neither for the baseline nor, without one, for a candidate.
+    None is returned if the time sufficed neither for the baseline nor for a candidate.
     """
     total, began = search.training.rows, time.time()
     decided = began + DECISION_SHARE * (until - began)
@@ -140,8 +97,7 @@ def _rungs(
 ) -> tuple[list[int], list[str]]:
     """Climb the rungs; return the candidates to judge on all rows, and the rungs in words."""
     sizes = steps(search.training.rows)
-    families = drawn_order(search, sizes[0])
-    numbers = [number for family in families for number in search.grid.families[family]]
+    numbers = _drawn_order(search, sizes[0])
     if len(sizes) == 1 and search.optimum is not None:
         numbers.sort(key=lambda number: number != search.optimum)
     told: list[str] = []
@@ -162,13 +118,20 @@ def _rungs(
     return numbers, told
 
 
+def _drawn_order(search: GridSearch, rows: int) -> list[int]:
+    """Draw all candidates by their families, with odds inverse to the work of a family's fit."""
+    grid, name = search.grid, search.model.name
+    families = range(len(grid.families))
+    work = [expected_work(Task(name, grid.served_by(family), 0, rows)) for family in families]
+    waiting = np.random.default_rng(search.training.seed).exponential(work)
+    order = np.argsort(waiting, kind="stable")
+    return [number for family in order for number in grid.families[family]]
+
+
 def _promoted(
     search: GridSearch, scored: list[int], scores: GridScores, spared: set[int]
 ) -> list[int]:
-    """List the candidates of the next step in the order of their fits.
-
-    Those of which a fit has collapsed, `spared`, come after the others.
-    """
+    """List the candidates of the next step in the order of their fits, those spared at the end."""
     ranked = [number for number in scored if number not in spared]
     ranked.sort(key=lambda number: (-scores.means[number], number))
     best = ranked[: -(-len(scored) // FACTOR)]
@@ -191,7 +154,7 @@ def _fit(
     rows: int,
     folds: int,
     until: float,
-    longest: float = np.inf,
+    longest: float = inf,
 ) -> None:
     """Do the fits of one step until a time, the baseline's first."""
     own = search.baseline_tasks(rows, folds)

@@ -1,4 +1,4 @@
-"""The jobs: fit the models' baselines, tune the models over their grids, estimate the grids' times.
+"""The jobs: fit the models' baselines, and tune the models over their grids.
 
 A job runs on the master. It reads as if there were one process: the executor (`learn.executor`)
 does its fits on the workers. The time that a job is given is wall-clock time of its call; what is
@@ -8,23 +8,23 @@ left of it is shared evenly among the searches that are left.
 import math
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 from gen.runtime.signals import Interruption
 from gen.runtime.terminal import RunProgress
-from learn import dataset
-from learn.comparison import estimate as costs
+from learn import dataset, memory, split
+from learn.columns import short_name
 from learn.comparison import grid as grids
-from learn.comparison import halving, results, timing
-from learn.comparison.folder import Folder
+from learn.comparison import halving, results
+from learn.comparison.fits import Training, Trials
+from learn.comparison.folder import Folder, conditions
+from learn.comparison.results import FitResult, TimedFit
 from learn.comparison.search import GridSearch
-from learn.comparison.timing import FitResult, TimedFit
-from learn.comparison.training import Training, prepare
-from learn.comparison.trials import Trials
+from learn.dataset import Dataset
 from learn.executor import Executor
-from learn.models import Model, models_named
+from learn.models import Model, models_named, scaling_of
 from learn.request import Request, hybrid_for
+from learn.split import Split
 
 
 @dataclass(frozen=True)
@@ -39,22 +39,7 @@ class _Target:
 
     def timed(self, task: TimedFit) -> FitResult | None:
         """Fit, score and time a model while nothing else runs; None if its time was over."""
-        return self.executor.call(timing.fit_in_time, self.training, task)
-
-    @contextmanager
-    def searching(self, model: Model) -> Iterator[GridSearch]:
-        """Open the finished fits of a model's grid."""
-        features, columns = self.request.features, self.training.columns
-        source, space = grids.space_of(model.name, features)
-        grid = grids.grid(model, space, columns)
-        _, known = grids.untuned(model.name, features)
-        path = self.folder.path / "trials" / f"{model.name}.jsonl"
-        with Trials(path, self.folder.record()["conditions"]) as trials:
-            yield GridSearch(
-                *(model, grid, self.training, trials, self.executor, self.stopping, source),
-                baseline=grids.baseline(model.name, features),
-                optimum=grid.number_of(grids.canonical_settings(model, known, columns)),
-            )
+        return self.executor.call(results.fit_in_time, self.training, task)
 
 
 def compare(request: Request, executor: Executor) -> int:
@@ -68,51 +53,21 @@ def compare(request: Request, executor: Executor) -> int:
                     if interruption.requested():
                         break
                     if request.again or not there:
-                        _fit_baseline(target, model, progress.say)
+                        task = TimedFit(model.name, grids.baseline(model.name, request.features))
+                        result = target.timed(task)
+                        assert result is not None  # there is no limit
+                        results.write_fit(target.folder, task, target.training, result)
+                        results.print_result(progress.say, task, result)
                     progress.advance(1, 0)
     return interruption.signal
-
-
-def _fit_baseline(target: _Target, model: Model, say: Callable[[str], None]) -> None:
-    task = TimedFit(model.name, grids.baseline(model.name, target.request.features))
-    result = target.timed(task)
-    assert result is not None  # there is no limit
-    results.write_fit(target.folder, task, target.training, result)
-    results.print_result(say, task, result)
 
 
 def tune(request: Request, executor: Executor) -> int:
     """Search the models' grids, then fit, score and time the winners.
 
-    Parameters
-    ----------
-    request : Request
-        Database, folder, targets, models, and the time for all searches.
-    executor : Executor
-        Does the fits.
-
-    Returns
-    -------
-    int
-        Number of the signal that stopped the job, 0 if none did.
-
-    Raises
-    ------
-    InputError
-        For input that cannot be used.
+    The number of the signal that stopped the job is returned, 0 if none did; InputError is raised
+    for input that cannot be used.
     """
-    return _search(request, executor, _tune_model)
-
-
-def estimate(request: Request, executor: Executor) -> int:
-    """Estimate the times of the models' whole grids from fits drawn at random; see `tune`."""
-    return _search(request, executor, _estimate_model)
-
-
-def _search(
-    request: Request, executor: Executor, work: Callable[[_Target, GridSearch, float], None]
-) -> int:
-    """Do some work on the grid of each model and target, each until its share of the time ends."""
     began, models = time.time(), models_named(list(request.models))
     end = math.inf if request.limit is None else began + request.limit
     left = len(models) * len(request.targets)
@@ -123,9 +78,36 @@ def _search(
                     break
                 until = time.time() + max(end - time.time(), 0.0) / left
                 left -= 1
-                with target.searching(model) as search:
-                    work(target, search, until)
+                _tune_model(target, model, until)
     return interruption.signal
+
+
+def _tune_model(target: _Target, model: Model, until: float) -> None:
+    """Search one model's grid, and fit and time the winner, which may be the baseline."""
+    folder, features, columns = target.folder, target.request.features, target.training.columns
+    source, space = grids.space_of(model.name, features)
+    grid = grids.grid(model, space, columns)
+    _, known = grids.untuned(model.name, features)
+    path = folder.path / "trials" / f"{model.name}.jsonl"
+    with Trials(path, folder.record()["conditions"]) as trials:
+        search = GridSearch(
+            *(model, grid, target.training, trials, target.executor, target.stopping, source),
+            baseline=grids.baseline(model.name, features),
+            optimum=grid.number_of(grids.canonical_settings(model, known, columns)),
+        )
+        found = search.exhaustive() if math.isinf(until) else halving.within(search, until)
+    if target.stopping():
+        return
+    every_fit_failed = found is not None and not found.scores.scored and found.scores.failures
+    if found is None or not found.scores.decided or every_fit_failed:
+        failures = [] if found is None else [*found.scores.failures]
+        results.write_failure(folder, model, "; ".join(failures) or results.UNFINISHED)
+    elif target.request.again or not results.has_winner(folder, search, found):
+        result = target.timed(replace(results.winner_of(search, found), until=until))
+        if result is None:
+            results.write_failure(folder, model, results.UNFITTED)
+        else:
+            results.write_search(folder, search, found, result)
 
 
 def _targets(
@@ -145,30 +127,51 @@ def _targets(
         (request.database,), request.targets, request.area_max, request.features, (hybrid,)
     ):
         if not stopping():
-            folder, training = prepare(request, rows, models, searched=searched)
+            folder, training = _prepare(request, rows, models, searched=searched)
             yield _Target(request, folder, training, executor, stopping)
 
 
-def _tune_model(target: _Target, search: GridSearch, until: float) -> None:
-    """Search one model's grid, and fit and time the winner, which may be the baseline."""
-    folder, model = target.folder, search.model
-    found = search.exhaustive() if math.isinf(until) else halving.within(search, until)
-    if target.stopping():
-        return
-    every_fit_failed = found is not None and not found.scores.scored and found.scores.failures
-    if found is None or not found.scores.decided or every_fit_failed:
-        failures = [] if found is None else [*found.scores.failures]
-        results.write_failure(folder, model, "; ".join(failures) or results.UNFINISHED)
-    elif target.request.again or not results.has_winner(folder, search, found):
-        result = target.timed(replace(results.winner_of(search, found), until=until))
-        if result is None:
-            results.write_failure(folder, model, results.UNFITTED)
-        else:
-            results.write_search(folder, search, found, result)
+def _prepare(
+    request: Request, rows: Dataset, models: list[Model], *, searched: bool
+) -> tuple[Folder, Training]:
+    """Split the rows of one target, check the memory and open the target's folder."""
+    parts = split.draw(rows, request.seed, request.train_rows)
+    if searched:
+        split.check_folds(rows, parts)
+    for model in models:
+        memory.check(model.name, parts.train.size, baseline=not searched)
+    scaling = scaling_of(rows, parts.train)
+    with RunProgress(1) as progress:
+        folder = open_folder(request, rows, parts)
+        progress.say(
+            f"{request.database}: {rows.target_name}, {parts.train.size} training rows,"
+            f" {parts.test.size} test rows, {rows.features} features"
+        )
+        for line in dataset.remarks(rows, request.normalisation):
+            progress.say(f"  {line}")
+        if not parts.by_surface:
+            progress.say("  all rows share one surface: they are split one by one")
+    return folder, Training(
+        inputs=rows.inputs[parts.train],
+        target=scaling.scaled(rows.target[parts.train]),
+        folds=parts.folds,
+        test_inputs=rows.inputs[parts.test],
+        test_target=rows.target[parts.test],
+        normalisation=request.normalisation,
+        seed=request.seed,
+        scaling=scaling,
+    )
 
 
-def _estimate_model(target: _Target, search: GridSearch, until: float) -> None:
-    """Estimate the time of one model's whole grid."""
-    cost = costs.estimate(search, until)
-    if cost is not None:
-        results.write_cost(target.folder, search, cost)
+def read_single(request: Request, target: str) -> tuple[Dataset, Split]:
+    """Read and split the rows of a report on a target that is made on one process."""
+    hybrid = hybrid_for(request, Executor())
+    rows = dataset.read(request.database, target, request.area_max, request.features, hybrid)
+    return rows, split.draw(rows, request.seed, request.train_rows)
+
+
+def open_folder(request: Request, rows: Dataset, parts: Split) -> Folder:
+    """Open the folder of a target; InputError is raised if it belongs to another comparison."""
+    folder = Folder(request.output / short_name(rows.target_name))
+    folder.begin(rows, parts, conditions(rows, parts, request.normalisation, request.area_max))
+    return folder

@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from gen.runtime import figure as figures
-from gen.runtime.figure import draw_parity, new_figure, parity_axes
+from gen.runtime.figure import draw_parity, new_figure, parity_axes, save
 from learn.comparison import tables
 from learn.comparison.folder import KINDS, Folder
 from learn.comparison.tables import Intervals
@@ -29,16 +28,11 @@ SHIFTS = dict(zip(KINDS, (-0.2, 0.2), strict=True))
 BESIDE = 0.13
 """Distance of a whisker from the middle of its bar, where the number stands."""
 
-BEST = "baseline"
-"""The winner of a search that is not of its grid."""
-
 DPI = 120
 """Dots per inch: pictures are about 1,400 wide then."""
 
-
-def save(figure: Any, path: Path) -> Path:
-    """Write a figure as PNG, and return its path; a file appears only once it is whole."""
-    return figures.save(figure, path, dpi=DPI)
+Place = tuple[str, str]
+"""Model and kind of a result."""
 
 
 def draw(folder: Folder) -> list[Path]:
@@ -47,31 +41,28 @@ def draw(folder: Folder) -> list[Path]:
     Nothing is drawn if the folder of the target has no results.
     """
     record, found = folder.record(), tables.intervals(folder)
-    shown = [each for each in folder.results() if each[2].get("test") is not None]
+    shown = {(m, kind): each for m, kind, each in folder.results() if each.get("test") is not None}
     if found is None:
         return []
     target = str(record["conditions"]["target"])
     quantity = f"{target.replace('_percent', '')} [{record['unit']}]"
-    return [
-        save(_parity(folder, shown, quantity), folder.path / "parity.png"),
-        save(_scores(found, shown, target), folder.path / "scores.png"),
-        save(_times(shown), folder.path / "times.png"),
-    ]
+    figures = {
+        "parity.png": _parity(folder, [*shown], quantity),
+        "scores.png": _scores(found, shown, target),
+        "times.png": _times(shown),
+    }
+    return [save(figure, folder.path / name, dpi=DPI) for name, figure in figures.items()]
 
 
-Shown = list[tuple[str, str, dict[str, Any]]]
-"""Model, kind and result of each drawn fit."""
-
-
-def _parity(folder: Folder, shown: Shown, quantity: str) -> Any:
+def _parity(folder: Folder, places: list[Place], quantity: str) -> Any:
     """Draw predictions over the truth, baseline and tuned, and the line of equality."""
-    models = list(dict.fromkeys(model for model, _, _ in shown))
+    models = list(dict.fromkeys(model for model, _ in places))
     columns = min(3, len(models))
     rows = -(-len(models) // columns)
     figure = new_figure(3.6 * columns, 3.5 * rows)
     axes = np.atleast_1d(figure.subplots(rows, columns)).ravel()
     for model, axis in zip(models, axes, strict=False):
-        kinds = [kind for name, kind, _ in shown if name == model]
+        kinds = [kind for name, kind in places if name == model]
         parity_axes(axis, folder.prediction(kinds[0], model)[0])
         for kind in kinds:
             truth, prediction = folder.prediction(kind, model)
@@ -83,19 +74,19 @@ def _parity(folder: Folder, shown: Shown, quantity: str) -> Any:
     return figure
 
 
-def _scores(found: Intervals, shown: Shown, target: str) -> Any:
+def _scores(found: Intervals, shown: dict[Place, dict[str, Any]], target: str) -> Any:
     """Draw every score of every model with its interval; the worst model fills the height."""
     wanted = tables.names(target)
     figure = new_figure(1.6 + 1.15 * len(MODELS), 2.3 * len(wanted))
     axes = figure.subplots(len(wanted), 1, sharex=True, squeeze=False)[:, 0]
     for name, axis in zip(wanted, axes, strict=True):
         unexplained = name == "r2"  # R2 of good models look alike
-        values = {
-            (m, k): 100 - result["test"][name] if unexplained else result["test"][name]
-            for m, k, result in shown
-        }
-        _bars(axis, shown, values, "{:.3g}" if unexplained else "{:.2f}")
-        _whiskers(axis, shown, values, found.of, name)
+        values = {place: result["test"][name] for place, result in shown.items()}
+        ends = {place: own[name] for place, own in found.of.items() if name in own}
+        if unexplained:
+            values = {place: 100 - value for place, value in values.items()}
+            ends = {place: (100 - high, 100 - low) for place, (low, high) in ends.items()}
+        _bars(axis, values, "{:.3g}" if unexplained else "{:.2f}", ends)
         axis.set_ylabel("1 - R2 [%]" if unexplained else f"{tables.SCORES[name]} [%]")
         if unexplained:
             axis.set_yscale("log")
@@ -104,12 +95,13 @@ def _scores(found: Intervals, shown: Shown, target: str) -> Any:
     return figure
 
 
-def _said(found: Intervals, shown: Shown, target: str) -> str:
+def _said(found: Intervals, shown: dict[Place, dict[str, Any]], target: str) -> str:
     """Explain the whiskers and the nMSE, and name the models whose baseline won the search."""
     lines = []
     if any(found.of.values()):
         lines.append(f"whiskers: {100 * LEVEL:g} % bootstrap intervals, {found.in_words()}")
-    won = [MODELS[m].title for m, _, r in shown if (r.get("search") or {}).get("winner") == BEST]
+    searches = ((model, result.get("search") or {}) for (model, _), result in shown.items())
+    won = [MODELS[model].title for model, each in searches if each.get("winner") == "baseline"]
     if won:
         lines.append(f"tuned is the baseline, which won the search: {', '.join(won)}")
     if target == tables.OUR_AREA:
@@ -117,47 +109,36 @@ def _said(found: Intervals, shown: Shown, target: str) -> str:
     return "\n".join(textwrap.fill(line, 150) for line in lines)
 
 
-def _whiskers(
-    axis: Any,
-    shown: Shown,
-    values: dict[tuple[str, str], float],
-    ends: dict[tuple[str, str], dict[str, tuple[float, float]]],
-    name: str,
-) -> None:
-    """Draw the interval of each bar that has one."""
-    models = list(dict.fromkeys(model for model, _, _ in shown))
-    for (model, kind), value in values.items():
-        if name in ends.get((model, kind), {}):
-            low, high = ends[model, kind][name]
-            if name == "r2":
-                low, high = 100 - high, 100 - low
-            place = models.index(model) + SHIFTS[kind] + BESIDE
-            reach = [[max(value - low, 0.0)], [max(high - value, 0.0)]]
-            axis.errorbar(place, value, reach, color="0.2", lw=1, capsize=2)
-
-
-def _times(shown: Shown) -> Any:
+def _times(shown: dict[Place, dict[str, Any]]) -> Any:
     """Draw times of fit and prediction on a logarithmic axis."""
     titles = {"fit": "fit [s]", "test": "prediction of the test set [s]", "row": "of one row [s]"}
     figure = new_figure(1.6 + 1.15 * len(MODELS), 7)
     axes = figure.subplots(len(titles), 1, sharex=True)
     for (name, title), axis in zip(titles.items(), axes, strict=True):
-        _bars(axis, shown, {(m, k): result["times"][name] for m, k, result in shown}, "{:.2g}")
+        values = {place: result["times"][name] for place, result in shown.items()}
+        _bars(axis, values, "{:.2g}", {})
         axis.set(ylabel=title, yscale="log")
     axes[0].legend(ncols=2, loc="lower right", bbox_to_anchor=(1, 1))
     return figure
 
 
-def _bars(axis: Any, shown: Shown, values: dict[tuple[str, str], float], form: str) -> None:
-    """Draw a pair of bars for each model: baseline and tuned."""
-    models = list(dict.fromkeys(model for model, _, _ in shown))
+def _bars(
+    axis: Any, values: dict[Place, float], form: str, ends: dict[Place, tuple[float, float]]
+) -> None:
+    """Draw a pair of bars for each model, baseline and tuned, with the intervals of some."""
+    models = list(dict.fromkeys(model for model, _ in values))
     for kind, shift in SHIFTS.items():
-        there = [(place, values[m, kind]) for place, m in enumerate(models) if (m, kind) in values]
+        there = [(models.index(m), value) for (m, each), value in values.items() if each == kind]
         if there:
             places, heights = zip(*there, strict=True)
             bars = axis.bar(
                 np.array(places) + shift, heights, 0.38, color=COLOURS[kind], label=kind
             )
             axis.bar_label(bars, [form.format(height) for height in heights], fontsize=7)
+    for (model, kind), (low, high) in ends.items():
+        value = values[model, kind]
+        reach = [[max(value - low, 0.0)], [max(high - value, 0.0)]]
+        place = models.index(model) + SHIFTS[kind] + BESIDE
+        axis.errorbar(place, value, reach, color="0.2", lw=1, capsize=2)
     axis.set_xticks(range(len(models)), [MODELS[m].title.replace(" ", "\n") for m in models])
     axis.margins(y=0.2)

@@ -1,24 +1,40 @@
-"""Write a job's results to its folder and report them."""
+"""The last fits of a comparison: fitted to all training rows, scored, timed, written, reported.
 
+The times of a search are taken while other fits run beside them. These are taken while the other
+processes wait, on one thread, as medians.
+"""
+
+import math
+import time
 from collections.abc import Callable
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, field, replace
+from statistics import median
+from time import perf_counter
 from typing import Any
 
 import numpy as np
 
 from gen.runtime.terminal import RunProgress
+from learn import bounded
+from learn.arrays import Values
 from learn.comparison import grid as grids
-from learn.comparison.estimate import Cost
+from learn.comparison.fits import Training, reason
 from learn.comparison.folder import Folder
+from learn.comparison.grid import Settings
 from learn.comparison.search import GridScores, GridSearch, SearchResult
-from learn.comparison.search_tables import why_baseline
-from learn.comparison.timing import FitResult, TimedFit
-from learn.comparison.training import Training
-from learn.models import MODELS, Model
+from learn.comparison.tables import why_baseline
+from learn.metrics import scores
+from learn.models import MODELS, STEP, Model, pipeline, remarks
 from learn.split import FOLDS
 
-Say = Callable[[str], None]
-"""Prints a line for the user."""
+FITS = (3, 7)
+"""Fewest and most fits that a median is over."""
+
+ENOUGH = 5.0
+"""Seconds after which the fewest repetitions are enough."""
+
+TOO_LONG = 300.0
+"""Seconds after which no further repetition is begun."""
 
 UNFINISHED = f"neither baseline nor candidate was finished on {FOLDS} folds within the time"
 """Why a search with a budget has no winner."""
@@ -27,57 +43,163 @@ UNFITTED = "the winner's fit to all rows was not finished within the time: give 
 """Why the winner of a search with a budget has no scores."""
 
 
+@dataclass(frozen=True)
+class TimedFit:
+    """A model to fit to all training rows.
+
+    Attributes
+    ----------
+    model, settings : str, dict
+        Name of the model, and settings on top of the baseline's.
+    tuned : bool
+        Whether it is the winner of a search.
+    of_grid : bool
+        Whether it has the settings that all candidates of a grid share: the winner of a search may
+        be the baseline instead.
+    until : float
+        Time of `time.time` at which the fit is stopped [s].
+    """
+
+    model: str
+    settings: Settings = field(default_factory=dict)
+    tuned: bool = False
+    of_grid: bool = False
+    until: float = math.inf
+
+    @property
+    def kind(self) -> str:
+        """Name of the folder of its result."""
+        return "tuned" if self.tuned else "baseline"
+
+
+@dataclass(frozen=True, eq=False)
+class FitResult:
+    """Predictions of the test rows, (m,), empty if the fit failed, and the fit's description.
+
+    It has settings that the fit has chosen by itself ("fitted"), four scores on the "test" and the
+    "train" rows, None if the fit failed, the reason ("failure"), warnings ("remarks") and medians
+    of "times" on one thread: of "fit", over "fits" fits, of predicting the "test" set and a "row".
+    """
+
+    prediction: Values
+    description: dict[str, Any]
+
+
+def fit_in_time(training: Training, task: TimedFit) -> FitResult | None:
+    """Fit, score and time a model; None if that was stopped at its time."""
+    return bounded.call(fit_and_time, training, task, task.until)
+
+
+def fit_and_time(training: Training, task: TimedFit) -> FitResult:
+    """Fit, score and time a model."""
+    unfitted = pipeline(
+        MODELS[task.model],
+        task.settings,
+        normalisation=training.normalisation,
+        seed=training.seed,
+        tuned=task.of_grid,
+    )
+    prediction = np.empty(0)
+    found: dict[str, Any] = {"fitted": {}, "test": None, "train": None, "failure": ""}
+    found["times"] = {"fit": None, "fits": 0, "test": None, "row": None}
+    with remarks() as said:
+        try:
+            prediction, more = _scored_and_timed(training, unfitted, task.until)
+            found |= more
+        except Exception as error:  # whatever a library raises: the model has no scores
+            found["failure"] = reason(error)
+    return FitResult(prediction, {**found, "remarks": said})
+
+
+def _scored_and_timed(
+    training: Training, unfitted: Any, until: float
+) -> tuple[Values, dict[str, Any]]:
+    first = perf_counter()
+    fitted = unfitted.fit(training.inputs, training.target)
+    alone = perf_counter() - first
+    restored = training.scaling.restored
+    prediction = restored(fitted.predict(training.test_inputs))
+    train = scores(restored(training.target), restored(fitted.predict(training.inputs)))
+    found = {
+        "test": asdict(scores(training.test_target, prediction)),
+        "train": asdict(train),
+        "fitted": _chosen(fitted),
+    }
+    of_test = median(repeated(lambda: fitted.predict(training.test_inputs), (3, 9)))
+    of_row = median(repeated(lambda: fitted.predict(training.test_inputs[:1]), (5, 99)))
+
+    def again() -> None:
+        unfitted.fit(training.inputs, training.target)
+
+    # The first of several fits is a warm-up; a fit that is too long to be repeated counts itself.
+    fits = repeated(again, FITS, alone, until) or [alone]
+    times = {"fit": median(fits), "fits": len(fits), "test": of_test, "row": of_row}
+    return prediction, {**found, "times": times}
+
+
+def repeated(
+    action: Callable[[], Any],
+    bounds: tuple[int, int],
+    before: float = 0.0,
+    until: float = math.inf,
+) -> list[float]:
+    """Time an action repeatedly, between two numbers of times, and return the times [s].
+
+    There are fewer, even none, if they take too long. An action that took a time `before` tells
+    whether another one ends before `until` [s].
+    """
+    taken: list[float] = []
+    while len(taken) < bounds[1] and before + sum(taken) < TOO_LONG:
+        if len(taken) >= bounds[0] and sum(taken) > ENOUGH:
+            break
+        if time.time() + 2 * max([before, *taken]) >= until:
+            break
+        began = perf_counter()
+        action()
+        taken.append(perf_counter() - began)
+    return taken
+
+
+def _chosen(fitted: Any) -> dict[str, str]:
+    """Return the settings that the fit itself has chosen."""
+    estimator = fitted.named_steps[STEP]
+    kernel = getattr(estimator, "kernel_", None)
+    chosen = {} if kernel is None else {"kernel": str(kernel)}
+    epochs = getattr(estimator, "n_iter_", None)
+    if isinstance(epochs, int):
+        chosen["iterations"] = str(epochs)
+    return chosen
+
+
 def winner_of(search: GridSearch, found: SearchResult) -> TimedFit:
     """Return the winner of a search, a candidate of the grid or the baseline, to be fitted."""
     name, scores = search.model.name, found.scores
     if scores.baseline_wins:
-        return TimedFit(name, search.baseline or {}, tuned=True, baseline=True)
-    return TimedFit(name, search.grid.differing[scores.winner], tuned=True)
-
-
-def _place_of_winner(search: GridSearch, found: SearchResult) -> str:
-    """Name the winner's place: the grid, its optimum by the paper, or the baseline."""
-    if found.scores.baseline_wins:
-        return "baseline"
-    return "optimum" if found.scores.winner == search.optimum else "grid"
+        return TimedFit(name, search.baseline or {}, tuned=True)
+    return TimedFit(name, search.grid.differing[scores.winner], tuned=True, of_grid=True)
 
 
 def has_winner(folder: Folder, search: GridSearch, found: SearchResult) -> bool:
     """Whether a folder has the result of this very search and winner."""
-    result = folder.result("tuned", search.model.name)
+    result, report = folder.result("tuned", search.model.name), _report(search, found)
+    same = "winner", "how", "grid", "candidates_scored"
     return (
         result is not None
         and "settings" in result
         and result["settings_key"] == _key(winner_of(search, found), search.training)
-        and result["search"].get("winner") == _place_of_winner(search, found)
-        and result["search"]["how"] == found.how
-        and result["search"].get("grid") == search.source
-        and result["search"]["candidates_scored"] == found.scores.scored
+        and all(result["search"].get(name) == report[name] for name in same)
     )
 
 
 def write_search(
     folder: Folder, search: GridSearch, found: SearchResult, result: FitResult
 ) -> None:
-    """Write and print the result of a search and of its winner.
-
-    Parameters
-    ----------
-    folder : Folder
-        The folder of the target.
-    search : GridSearch
-        Model, grid and data.
-    found : SearchResult
-        The result of the search, which has a winner.
-    result : FitResult
-        Scores and times of the winner.
-    """
-    model, scores = search.model, found.scores
+    """Write and print the result of a search and of its winner's last fit."""
+    model, scores, report = search.model, found.scores, _report(search, found)
     folder.write_table(f"tuned/{model.name}-grid.csv", *_candidates(search, scores))
     task = winner_of(search, found)
-    if not task.baseline:
+    if task.of_grid:
         task = replace(task, settings=search.grid.first(scores.winner))
-    report = _report(search, found)
     write_fit(folder, task, search.training, result, report, found.seconds)
     with RunProgress(1) as progress:
         for text, number in [*scores.failures.items(), *scores.remarks.items()]:
@@ -97,6 +219,7 @@ def _report(search: GridSearch, found: SearchResult) -> dict[str, Any]:
         "optimum_r2_folds": scores.of(search.optimum),
         "baseline_r2_folds": own,
     }
+    place = "optimum" if scores.winner == search.optimum else "grid"
     return {
         "how": found.how,
         "grid": search.source,
@@ -107,7 +230,7 @@ def _report(search: GridSearch, found: SearchResult) -> dict[str, Any]:
         "fits_nominal": FOLDS * grid.nominal,
         "fits": scores.fits,
         "baseline_fits": int(np.count_nonzero(~np.isnan(scores.baseline))),
-        "winner": _place_of_winner(search, found),
+        "winner": "baseline" if scores.baseline_wins else place,
         **{name: [100 * score for score in folds] for name, folds in of_folds.items()},
         "failures": scores.failures,
         "remarks": scores.remarks,
@@ -126,12 +249,12 @@ def _candidates(search: GridSearch, scores: GridScores) -> tuple[list[str], list
     return [*names, "differing_candidate", "r2_mean", *folds], rows
 
 
-def write_failure(folder: Folder, model: Model, reason: str) -> None:
+def write_failure(folder: Folder, model: Model, why: str) -> None:
     """Write and print the reason why a search has no winner."""
-    content = {"model": model.name, "failure": reason, "remarks": []}
+    content = {"model": model.name, "failure": why, "remarks": []}
     folder.write_json(f"tuned/{model.name}.json", content)
     with RunProgress(1) as progress:
-        progress.say(f"warning: {model.title}: {reason}")
+        progress.say(f"warning: {model.title}: {why}")
 
 
 def write_fit(
@@ -142,40 +265,21 @@ def write_fit(
     report: dict[str, Any] | None = None,
     search_seconds: float = 0.0,
 ) -> None:
-    """Write scores, predictions and times of a model.
-
-    Parameters
-    ----------
-    folder : Folder
-        The folder of the target.
-    task : TimedFit
-        The model and its settings.
-    training : Training
-        The data that it was fitted to.
-    result : FitResult
-        Scores, predictions and times.
-    report : dict, optional
-        Description of the search for the settings; a baseline has none.
-    search_seconds : float
-        Sum of the times of the search's fits [s].
-    """
+    """Write scores, predictions and times of a model, and the report of its search if any."""
     pairs = zip(training.test_target.tolist(), result.prediction.tolist(), strict=False)
     folder.write_table(
         f"{task.kind}/{task.model}.csv",
         ("test_row", "truth", "prediction"),
         ((number, *pair) for number, pair in enumerate(pairs)),
     )
+    found = result.description
     content = {
         "model": task.model,
         "settings": task.settings,
         "settings_key": _key(task, training),
-        "fitted": result.fitted,
-        "test": None if result.test is None else asdict(result.test),
-        "train": None if result.train is None else asdict(result.train),
-        "failure": result.failure,
-        "remarks": list(result.remarks),
+        **{name: found[name] for name in ("fitted", "test", "train", "failure", "remarks")},
         "search": report or {},
-        "times": {**result.times, "search": search_seconds},
+        "times": {**found["times"], "search": search_seconds},
     }
     folder.write_json(f"{task.kind}/{task.model}.json", content)
 
@@ -187,22 +291,17 @@ def _key(task: TimedFit, training: Training) -> str:
     return grids.key(grids.canonical_settings(MODELS[task.model], task.settings, training.columns))
 
 
-def write_cost(folder: Folder, search: GridSearch, cost: Cost) -> None:
-    """Write the time that a model's whole grid takes."""
-    content = {"grid": search.source, **asdict(cost)}
-    folder.write_json(f"whole-grid/{search.model.name}.json", content)
-
-
-def print_result(say: Say, task: TimedFit, result: FitResult) -> None:
+def print_result(say: Callable[[str], None], task: TimedFit, result: FitResult) -> None:
     """Print a model's scores and times, and the warnings of its fit."""
     title = f"{MODELS[task.model].title}, {task.kind}"
-    title += ", which is the baseline" if task.tuned and task.baseline else ""
-    if result.test is None:
-        say(f"warning: {title}: {result.failure}")
+    title += ", which is the baseline" if task.tuned and not task.of_grid else ""
+    found = result.description
+    if found["test"] is None:
+        say(f"warning: {title}: {found['failure']}")
         return
     say(
-        f"{title}: R2 {result.test.r2:.2f} %, nMAE {result.test.nmae:.2f} %,"
-        f" fit {result.times['fit']:.3g} s, prediction {result.times['test']:.3g} s"
+        f"{title}: R2 {found['test']['r2']:.2f} %, nMAE {found['test']['nmae']:.2f} %,"
+        f" fit {found['times']['fit']:.3g} s, prediction {found['times']['test']:.3g} s"
     )
-    for remark in result.remarks:
+    for remark in found["remarks"]:
         say(f"  warning: {remark}")

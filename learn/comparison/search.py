@@ -3,36 +3,27 @@
 The score of a candidate is the mean R2 over the folds. Ties go to the first in the order of
 ParameterGrid; candidates with a failed fold come last. The baseline, which is no point of the grid,
 wins where no candidate is better. A killed search resumes where it was: the master keeps every
-finished fit on disk (`learn.comparison.trials`).
+finished fit on disk.
 """
 
 import math
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from math import inf
+from typing import NamedTuple
 
 import numpy as np
 
 from gen.runtime.terminal import RunProgress
 from learn import bounded
 from learn.arrays import Values
-from learn.comparison.fits import fit
-from learn.comparison.grid import (
-    TABLE_2,
-    WHOLE,
-    Grid,
-    Settings,
-    Task,
-    baseline_key,
-    expected_work,
-    key,
-)
-from learn.comparison.training import Training
-from learn.comparison.trials import Trial, Trials
+from learn.comparison import grid as grids
+from learn.comparison.fits import Training, Trial, Trials, fit
+from learn.comparison.grid import Grid, Settings, Task, expected_work
 from learn.executor import Executor
-from learn.models import Model
+from learn.models import AT_BOUND, Model
 from learn.split import FOLDS
 
 
@@ -46,14 +37,13 @@ class GridScores:
         R2 of every differing candidate on every fold, NaN where a fit failed or was not done.
     baseline : ndarray, shape (folds that count,)
         R2 of the baseline, NaN where its fit failed or was not done; empty if there is none.
-    fits : int
-        Number of finished fits of the grid, those of earlier runs included.
-    seconds : float
-        Sum of these fits' times and of the baseline's [s].
+    fits, seconds : int, float
+        Number of finished fits of the grid, those of earlier runs included, and the sum of their
+        times and of the baseline's [s].
     failures, remarks : dict
         Number of scores that each reason has cost, and that each warning concerns.
     collapsed : frozenset of int
-        Numbers of the candidates of which a fit found nothing in its rows.
+        Numbers of the candidates of which a likelihood was largest at an end of its range.
     """
 
     folds: Values
@@ -99,19 +89,8 @@ class GridScores:
         return [float(score) for score in self.folds[number]]
 
 
-@dataclass(frozen=True)
-class SearchResult:
-    """The result of a search, and how far it went.
-
-    Attributes
-    ----------
-    scores : GridScores
-        Scores on all training rows and folds, which decide.
-    how : str
-        The steps of the search in words.
-    seconds : float
-        Sum of the times of all fits, of all steps and earlier runs [s].
-    """
+class SearchResult(NamedTuple):
+    """Scores on all rows and folds, which decide; the steps in words, and all fits' times [s]."""
 
     scores: GridScores
     how: str
@@ -124,14 +103,8 @@ class GridSearch:
 
     Attributes
     ----------
-    model, grid : Model, Grid
-        The model and its candidates.
-    training : Training
-        The data of the search.
-    trials : Trials
-        The finished fits, open for writing.
-    executor : Executor
-        Does the fits.
+    model, grid, training, trials, executor
+        The model, its candidates, the data, the finished fits, and who does the others.
     stopping : callable
         Asked before a fit is begun; True ends the search.
     source : str
@@ -149,7 +122,7 @@ class GridSearch:
     trials: Trials
     executor: Executor
     stopping: Callable[[], bool] = lambda: False
-    source: str = TABLE_2
+    source: str = grids.TABLE_2
     baseline: Settings | None = None
     optimum: int | None = None
 
@@ -159,125 +132,94 @@ class GridSearch:
         return FOLDS * len(self.grid.families)
 
     def tasks(self, numbers: Iterable[int], rows: int, folds: int = FOLDS) -> list[Task]:
-        """List the fits that some candidates still lack.
+        """List the fits on some rows and folds that some differing candidates still lack.
 
-        Parameters
-        ----------
-        numbers : iterable of int
-            Numbers of differing candidates, in the order in which they are to be fitted.
-        rows : int
-            Number of training rows at most.
-        folds : int
-            Number of folds to do, from the first on.
-
-        Returns
-        -------
-        list of Task
-            One task for each family and fold, the families in the order of their first candidate.
+        There is one for each family and fold, the families in the order of their first candidate.
         """
         wanted: dict[int, list[int]] = {}
         for number in numbers:
             wanted.setdefault(self.grid.family_of[number], []).append(number)
-        finished, tasks = self.trials.finished, []
+        tasks = []
         for family in wanted.values():
             settings = [self.grid.differing[number] for number in sorted(family)]
             for fold in range(folds):
-                lacking = tuple(s for s in settings if (key(s), fold, rows) not in finished)
+                places = ((each, (grids.key(each), fold, rows)) for each in settings)
+                lacking = tuple(each for each, at in places if at not in self.trials.finished)
                 if lacking:
                     tasks.append(Task(self.model.name, lacking, fold, rows))
         return tasks
 
     def baseline_tasks(self, rows: int, folds: int = FOLDS) -> list[Task]:
-        """List the fits that the baseline still lacks; arguments as those of `tasks`."""
+        """List the fits that the baseline still lacks."""
+        return [
+            Task(self.model.name, (self.baseline or {},), fold, rows, baseline=True)
+            for fold, trial in enumerate(self._baseline_trials(rows, folds))
+            if trial is None
+        ]
+
+    def _baseline_trials(self, rows: int, folds: int) -> list[Trial | None]:
+        """Return the baseline's trials by fold, None where a fold lacks; none without baseline."""
         if self.baseline is None:
             return []
-        tasks = [Task(self.model.name, (self.baseline,), fold, rows, True) for fold in range(folds)]
-        finished = self.trials.finished
-        return [task for task in tasks if (*task.names, task.fold, rows) not in finished]
+        name = grids.baseline_key(self.baseline)
+        return [self.trials.finished.get((name, fold, rows)) for fold in range(folds)]
 
     def run(
         self, tasks: list[Task], title: str, *, until: float = inf, longest: float = inf
     ) -> None:
-        """Do the fits of some tasks and keep their trials.
+        """Do fits after a line that is the title, and keep their trials.
 
-        Parameters
-        ----------
-        tasks : list of Task
-            The fits.
-        title : str
-            Line to print first.
-        until : float
-            Time of `time.time` after which no fit is begun, and at which fits are stopped [s].
-        longest : float
-            Time after which a fit is stopped; the same candidates are then not tried on further
-            folds [s].
-
-        Raises
-        ------
-        InputError
-            For a full disk, or a machine that lacks the memory for a fit.
+        No fit is begun after the time `until` of `time.time`, at which fits are stopped. One is
+        stopped after the time `longest` too; its candidates are not tried on further folds [s].
+        InputError is raised for a full disk, or a machine that lacks the memory for a fit.
         """
-        too_long: set[tuple[str, ...]] = set()
+        too_long: set[str] = set()
         with RunProgress(len(tasks), "fits", sum(map(expected_work, tasks))) as progress:
             progress.say(title)
 
-            def bounds() -> Iterator[Task]:
-                for task in tasks:
-                    if tuple(task.names) not in too_long:
-                        yield replace(task, until=until, longest=longest)
-
             def keep(task: Task, trials: list[Trial] | None) -> None:
                 if trials is None:
-                    too_long.add(tuple(task.names))
+                    too_long.add(str(task.names))
                 else:
                     self.trials.add(trials)
                 failed = all(trial.r2 is None for trial in trials or ())
                 progress.advance(1, int(failed), expected_work(task))
 
-            def stopping() -> bool:
-                return self.stopping() or time.time() > until
-
-            self.executor.run(fit_in_time, self.training, bounds(), keep, stopping=stopping)
+            self.executor.run(
+                fit_in_time,
+                self.training,
+                (
+                    replace(task, until=until, longest=longest)
+                    for task in tasks
+                    if str(task.names) not in too_long
+                ),
+                keep,
+                stopping=lambda: self.stopping() or time.time() > until,
+            )
 
     def scores(self, rows: int, folds: int = FOLDS) -> GridScores:
-        """Collect the scores of all candidates; those that lack a fold count as failed.
-
-        Parameters
-        ----------
-        rows : int
-            Number of training rows of the trials that count.
-        folds : int
-            Number of folds that count, from the first on.
-        """
-        finished, seconds = self.trials.finished, 0.0
+        """Collect the scores on some rows and folds; who lacks a fold counts as failed."""
         scores = np.full((len(self.grid.differing), folds), math.nan)
         failures: Counter[str] = Counter()
         remarks: Counter[str] = Counter()
-        fits, collapsed = set(), set()
+        seconds, fits, collapsed = 0.0, set(), set()
         for number, settings in enumerate(self.grid.differing):
             for fold in range(folds):
-                trial = finished.get((key(settings), fold, rows))
+                trial = self.trials.finished.get((grids.key(settings), fold, rows))
                 if trial is None:
                     continue
                 scores[number, fold] = math.nan if trial.r2 is None else trial.r2
                 seconds += trial.seconds
                 fits.add((self.grid.family_of[number], fold))
-                if trial.collapsed:
+                if AT_BOUND in trial.remark:
                     collapsed.add(number)
                 failures.update(filter(None, [trial.failure]))
                 remarks.update(filter(None, [trial.remark]))
-        own = self.baseline_trials(rows, folds)
+        own = self._baseline_trials(rows, folds)
         seconds += sum(trial.seconds for trial in own if trial)
         reached = [math.nan if trial is None or trial.r2 is None else trial.r2 for trial in own]
         counts = len(fits), seconds, dict(failures), dict(remarks)
         return GridScores(scores, np.array(reached), *counts, frozenset(collapsed))
-
-    def baseline_trials(self, rows: int, folds: int = FOLDS) -> list[Trial | None]:
-        """Return the baseline's trials by fold, None where a fold lacks; none without baseline."""
-        if self.baseline is None:
-            return []
-        name = baseline_key(self.baseline)
-        return [self.trials.finished.get((name, fold, rows)) for fold in range(folds)]
 
     def exhaustive(self) -> SearchResult:
         """Search the whole grid, and judge the baseline beside it."""
@@ -291,7 +233,7 @@ class GridSearch:
         # The longest first: the last ones are short, so that no process waits long at the end.
         self.run(sorted([*tasks, *own], key=expected_work, reverse=True), title)
         scores = self.scores(rows)
-        return SearchResult(scores, WHOLE, scores.seconds)
+        return SearchResult(scores, grids.WHOLE, scores.seconds)
 
 
 def fit_in_time(training: Training, task: Task) -> list[Trial] | None:

@@ -5,16 +5,16 @@ number of processes, the times are not. Scores have intervals by a bootstrap of 
 which rows of one surface, or of one tile of a map, are drawn together.
 """
 
-from collections.abc import Iterator
-from pathlib import Path
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 from rich.table import Table
 
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import echo, print_table
-from learn.comparison import paper, search_tables
-from learn.comparison.folder import KINDS, Folder
+from learn.comparison import paper
+from learn.comparison.folder import Folder
+from learn.comparison.grid import TABLE_2
 from learn.metrics import BOOTSTRAP, LEVEL, bootstrap, no_better, spread
 from learn.models import MODELS
 
@@ -27,8 +27,22 @@ OUR_AREA = "area_percent"
 WIDTH = 150
 """Width of the tables without a terminal [characters]."""
 
-Place = tuple[str, str]
-"""Model and kind of a result."""
+EXTENT = ["rows", "candidates", "candidates_differing", "candidates_scored", "fits_nominal", "fits"]
+"""The extent of a search: keys of a result, and columns of tuning.csv."""
+
+WHOLE = {"Model", "", *SCORES.values()}
+"""Columns whose cells are not broken into lines."""
+
+WINNERS = {"grid": "grid", "optimum": "the paper's optimum", "baseline": "the baseline"}
+"""Names of the winners' places in tables."""
+
+DECIDED = {
+    "winner_r2": "r2_folds",
+    "grid_r2": "grid_r2_folds",
+    "optimum_r2": "optimum_r2_folds",
+    "baseline_r2": "baseline_r2_folds",
+}
+"""Columns of tuning.csv, and the R2 over the folds of a result whose means [%] they are."""
 
 
 class Intervals(NamedTuple):
@@ -45,7 +59,7 @@ class Intervals(NamedTuple):
         Variance of the solved values of the test rows over their mean, in the target's unit.
     """
 
-    of: dict[Place, dict[str, tuple[float, float]]]
+    of: dict[tuple[str, str], dict[str, tuple[float, float]]]
     drawn: str
     spread: float
 
@@ -57,10 +71,7 @@ class Intervals(NamedTuple):
 def intervals(folder: Folder) -> Intervals | None:
     """Draw the intervals of all results of a folder; None if no result has scores.
 
-    Raises
-    ------
-    InputError
-        If predictions or groups are damaged.
+    InputError is raised if predictions or groups are damaged.
     """
     places = [(m, kind) for m, kind, result in folder.results() if result.get("test")]
     if not places:
@@ -94,26 +105,22 @@ def _bounded(target: str) -> list[str]:
     return [name for name in names(target) if name != "nmaxe"]
 
 
-def improvement(baseline: float, tuned: float, name: str) -> float:
-    """Return the improvement of a score by tuning [% of the baseline]; positive is better."""
-    change = 100 * (tuned - baseline) / abs(baseline) if baseline else 0.0
-    return change if name == "r2" else 0.0 - change
-
-
-def write(folder: Folder) -> list[Path]:
-    """Write scores.csv, times.csv, tuning.csv, tuning-times.csv and whole-grids.csv."""
+def write(folder: Folder) -> None:
+    """Write scores.csv, times.csv, tuning.csv and tuning-times.csv."""
     target = str(folder.record()["conditions"]["target"])
     header = ["model", "result", *names(target), *(f"train_{name}" for name in names(target))]
     paper_header = [f"paper_{name}" for name in names(target)] if target == OUR_AREA else []
     ends = [f"{name}_{end}" for name in _bounded(target) for end in ("low", "high")]
     more = ["winner", *ends, "level", "resamples", "drawn", "variance_over_mean"]
+    header += [*paper_header, "failure", *more]
+    folder.write_table("scores.csv", header, _score_rows(folder, target))
     times = ["model", "result", "fit_s", "fits", "predict_test_s", "predict_row_s"]
-    scores = folder.write_table(
-        "scores.csv", [*header, *paper_header, "failure", *more], _score_rows(folder, target)
-    )
-    return [scores, folder.write_table("times.csv", times, _time_rows(folder))] + [
-        folder.write_table(name, *content) for name, content in search_tables.files(folder).items()
-    ]
+    folder.write_table("times.csv", times, _time_rows(folder))
+    header = ["model", "grid", "searched", *EXTENT, "winner", *DECIDED, "settings"]
+    searched = [(m, r, r["search"]) for m, kind, r in folder.results() if _is_search(kind, r)]
+    folder.write_table("tuning.csv", header, (_search_row(*each) for each in searched))
+    spent = [(m, r["times"]["search"], paper.TUNING_SECONDS[m]) for m, r, _ in searched]
+    folder.write_table("tuning-times.csv", ["model", "fit_seconds", "paper_s"], spent)
 
 
 def _score_rows(folder: Folder, target: str) -> Iterator[list[object]]:
@@ -140,9 +147,32 @@ def _time_rows(folder: Folder) -> Iterator[list[object]]:
             yield [model, kind, times["fit"], times["fits"], times["test"], times["row"]]
 
 
+def _is_search(kind: str, result: dict[str, Any]) -> bool:
+    return kind == "tuned" and "search" in result
+
+
+def _search_row(model: str, result: dict[str, Any], search: dict[str, Any]) -> list[object]:
+    """Return a line of tuning.csv."""
+    extent = [search.get("grid", TABLE_2), *(search[name] for name in ("how", *EXTENT))]
+    means = [_mean(search, name) for name in DECIDED.values()]
+    return [model, *extent, search.get("winner") or "", *means, _settings(result)]
+
+
+def _mean(search: dict[str, Any], name: str) -> float | str:
+    """Return the mean R2 over the folds [%], "" where there is none."""
+    folds = search.get(name) or []
+    return sum(folds) / len(folds) if folds else ""
+
+
+def _settings(result: dict[str, Any]) -> str:
+    """Return the settings of a result in one line; a baseline without any is named."""
+    values = ", ".join(f"{name}={value}" for name, value in sorted(result["settings"].items()))
+    return values or "those of the library"
+
+
 def show(folder: Folder) -> None:
     """Print the tables of a folder."""
-    record = folder.record()
+    record, found = folder.record(), intervals(folder)
     conditions = record["conditions"]
     target, area_max = str(conditions["target"]), conditions["area_max"]
     limited = "" if area_max is None else f", areas to {area_max:g} %"
@@ -150,17 +180,15 @@ def show(folder: Folder) -> None:
         f"{folder.path}: {target}, {conditions['train_rows']} training rows,"
         f" {conditions['test_rows']} test rows{limited}; {record['threads']} thread"
     )
-    print_table(_score_table(folder, target), WIDTH)
-    found = intervals(folder)
+    print_table(_score_table(folder, target, found), WIDTH)
     if found is not None:
         if any(found.of.values()):
-            print_table(_interval_table(found, target), WIDTH)
+            how = f"bootstrap, {found.in_words()}"
+            echo(f"{100 * LEVEL:g} % intervals of the scores on the test rows [%]: {how}")
         if target == OUR_AREA:
             echo(nmse_note(found.spread))
     if any(folder.result("tuned", model) for model in MODELS):
-        print_table(search_tables.table(folder, beside=target == OUR_AREA), WIDTH)
-    if any(search_tables.grid_costs(folder)):
-        print_table(search_tables.grid_cost_table(folder), WIDTH)
+        print_table(_search_table(folder, beside=target == OUR_AREA), WIDTH)
     for line in _remarks(folder):
         echo(line)
 
@@ -173,17 +201,18 @@ def _remarks(folder: Folder) -> Iterator[str]:
         if result.get("failure"):
             yield f"{MODELS[model].title}, {kind}, failed: {result['failure']}"
         elif kind == "tuned" and result["search"].get("winner") == "baseline":
-            yield f"{MODELS[model].title}: {search_tables.why_baseline(result['search'])}"
+            yield f"{MODELS[model].title}: {why_baseline(result['search'])}"
+
+
+def why_baseline(report: dict[str, Any]) -> str:
+    """Say why the baseline is the winner of a search, by the description in its result."""
+    if report.get("grid_r2_folds"):
+        return "the baseline wins, no candidate is better over five folds of all rows"
+    return "the baseline stays, no candidate was finished on five folds of all rows within the time"
 
 
 def nmse_note(spread: float) -> str:
-    """Explain the nMSE by the R2 that it is computed from.
-
-    Parameters
-    ----------
-    spread : float
-        Variance of the solved areas of the test rows over their mean [%].
-    """
+    """Explain the nMSE by the variance of the solved test areas over their mean [%]."""
     return (
         "nMSE has the target's unit: it is (1 - R2) times the variance of the test rows' areas over"
         f" their mean, {spread:.2g} % of area here and {paper.SPREAD:.2g} % in the paper. At the"
@@ -199,59 +228,73 @@ def no_better_than_constant(folder: Folder) -> Iterator[tuple[str, str, str]]:
             yield model, kind, f"{MODELS[model].title}, {kind}: {said}"
 
 
-def _interval_table(found: Intervals, target: str) -> Table:
-    """Return a table of the intervals of the scores on the test rows."""
-    table = Table(
-        title=(
-            f"{100 * LEVEL:g} % intervals of the scores on the test rows [%]: bootstrap,"
-            f" {found.in_words()}"
-        )
-    )
-    for column in ("Model", "", *(SCORES[name] for name in _bounded(target))):
-        table.add_column(column, justify="left" if column in {"Model", ""} else "right")
-    for (model, kind), own in found.of.items():
-        if own:
-            ends = [f"{own[name][0]:.2f} to {own[name][1]:.2f}" for name in _bounded(target)]
-            table.add_row(MODELS[model].title, kind, *ends)
+def _new_table(title: str, texts: Sequence[str], numbers: Iterable[str]) -> Table:
+    """Return a table without rows, with columns of texts and of numbers."""
+    table = Table(title=title)
+    for column in texts:
+        table.add_column(column, no_wrap=column in WHOLE)
+    for column in numbers:
+        table.add_column(column, justify="right", no_wrap=column in WHOLE)
     return table
 
 
-def _score_table(folder: Folder, target: str) -> Table:
-    """Return a table like Table 4, with the paper's numbers in brackets."""
-    table = Table(title=("Scores on the test rows [%] and times [s]; the paper's in brackets"))
-    for column in ("Model", ""):
-        table.add_column(column, no_wrap=True)
-    for column in (*(SCORES[name] for name in names(target)), "fit", "test set", "one row"):
-        table.add_column(column, justify="right")
-    for model in MODELS:
-        both = [folder.result(kind, model) for kind in KINDS]
-        for kind, result in zip(KINDS, both, strict=True):
-            if result is not None:
-                table.add_row(*_score_cells(model, kind, result, target))
-        scored = [result["test"] for result in both if result and result.get("test")]
-        if len(scored) == len(KINDS):
-            better = [
-                f"{improvement(scored[0][name], scored[1][name], name):+.2f} %"
-                for name in names(target)
-            ]
-            table.add_row(MODELS[model].title, "improvement", *better, "", "", "")
-        if any(both):
-            table.add_section()
-    return table
-
-
-def _score_cells(model: str, kind: str, result: dict[str, Any], target: str) -> list[str]:
-    """Return a line of this table."""
-    won = (result.get("search") or {}).get("winner") == "baseline"
-    cells = [MODELS[model].title, f"{kind}: baseline" if won else kind]
-    scored, times = result.get("test"), result.get("times") or {}
-    if not scored:
-        return [*cells, "failed"]
+def _score_table(folder: Folder, target: str, found: Intervals | None) -> Table:
+    """Return a table like Table 4, with the paper's numbers in brackets, intervals below."""
+    title = "Scores on the test rows [%] with their intervals, times [s]; the paper's in brackets"
+    numbers = (*(SCORES[name] for name in names(target)), "fit", "test set", "one row")
+    table = _new_table(title, ("Model", ""), numbers)
     beside = target == OUR_AREA
-    for name in names(target):
-        theirs = f" ({getattr(paper.TEST[kind][model], name):.2f})" if beside else ""
-        cells.append(f"{scored[name]:.2f}{theirs}")
-    for name, theirs_s in zip(("fit", "test"), paper.TIMES[kind][model], strict=True):
-        theirs = f" ({theirs_s:.3g})" if beside else ""
-        cells.append(f"{search_tables.seconds(times[name])}{theirs}")
-    return [*cells, search_tables.seconds(times["row"])]
+    for model, kind, result in folder.results():
+        won = (result.get("search") or {}).get("winner") == "baseline"
+        cells = [MODELS[model].title, f"{kind}: baseline" if won else kind]
+        scored, times = result.get("test"), result.get("times") or {}
+        if not scored:
+            table.add_row(*cells, "failed")
+            continue
+        own = found.of.get((model, kind), {}) if found else {}
+        for name in names(target):
+            theirs = f" ({getattr(paper.TEST[kind][model], name):.2f})" if beside else ""
+            ends = "\n{:.2f} to {:.2f}".format(*own[name]) if name in own else ""
+            cells.append(f"{scored[name]:.2f}{theirs}{ends}")
+        for name, theirs_s in zip(("fit", "test"), paper.TIMES[kind][model], strict=True):
+            cells.append(_seconds(times[name]) + (f" ({theirs_s:.3g})" if beside else ""))
+        table.add_row(*cells, _seconds(times["row"]))
+    return table
+
+
+def _search_table(folder: Folder, *, beside: bool) -> Table:
+    """Return a table like Table 3: extent and winners of the searches, the paper's times beside."""
+    title = (
+        "Searches: means of R2 over the five folds of all rows [%], which decide; sum of the fits'"
+        " times [s], the paper's tuning time in brackets"
+    )
+    texts = ("Model", "Grid", "Searched", "Winner", "Best settings")
+    numbers = ("R2", "baseline", "candidates", "differ", "fits", "of", "time")
+    table = _new_table(title, texts, numbers)
+    for model in MODELS:
+        result = folder.result("tuned", model)
+        if result is None:
+            continue
+        search = result.get("search")
+        if not search:
+            table.add_row(MODELS[model].title, "failed")
+            continue
+        theirs = f" ({paper.TUNING_SECONDS[model]:.0f})" if beside else ""
+        means = [_mean(search, name) for name in ("r2_folds", "baseline_r2_folds")]
+        extent = ("candidates", "candidates_differing", "fits", "fits_nominal")
+        table.add_row(
+            MODELS[model].title,
+            str(search.get("grid", TABLE_2)),
+            str(search["how"]),
+            WINNERS.get(search.get("winner"), ""),
+            _settings(result),
+            *(f"{mean:.2f}" if isinstance(mean, float) else mean for mean in means),
+            *(str(search[name]) for name in extent),
+            f"{_seconds(result['times']['search'])}{theirs}",
+        )
+    return table
+
+
+def _seconds(value: float) -> str:
+    """Return a time [s] as text."""
+    return f"{value:.0f}" if value >= 1000 else f"{value:.3g}"

@@ -40,9 +40,9 @@ LOADED = {
         "scipy.sparse.linalg",
     ),
     "learn": (
-        "learn.comparison.importance",
         "learn.comparison.jobs",
         "learn.comparison.pictures",
+        "learn.comparison.studies",
         "learn.comparison.tables",
         "learn.surrogate.answers",
         "learn.surrogate.card",

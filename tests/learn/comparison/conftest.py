@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from learn.comparison import grid as grids
+from learn.comparison.fits import Training, Trials
 from learn.comparison.search import GridSearch
-from learn.comparison.training import Training
-from learn.comparison.trials import Trials
 from learn.executor import Executor
 from learn.models import MODELS
 

@@ -1,21 +1,18 @@
-"""One fit for all numbers of trees; fits that fail, warn or are refused by the memory."""
+"""One fit for all numbers of trees; fits that fail or lack memory; files of finished fits."""
 
 import numpy as np
 import pytest
 
 from gen.runtime.errors import InputError
 from learn import memory
-from learn.comparison.fits import shared_predictions
-from learn.comparison.trials import Trials
+from learn.comparison.fits import Trials, shared_predictions
 from learn.models import MODELS, pipeline
 
 KINDS = [
     ("random-forest", {"max_features": 0.3}),
-    ("random-forest", {"criterion": "poisson", "min_samples_leaf": 5}),
     ("adaboost", {"loss": "square", "learning_rate": 1.0}),
     ("adaboost", {"estimator__max_depth": 18}),
     ("gradient-boost", {"loss": "huber", "max_features": "sqrt"}),
-    ("xgboost", {"learning_rate": 1.0, "gamma": 0.1}),
     ("xgboost", {"subsample": 0.5, "booster": "gbtree"}),
 ]
 
@@ -68,3 +65,17 @@ def test_a_machine_without_the_memory_for_a_fit_ends_the_search(searching, monke
     monkeypatch.setattr(memory, "available", lambda: memory.PROCESS)
     with pytest.raises(InputError, match="svm: too little memory is free for a fit"):
         searching("svm", {"C": [1.0]}).exhaustive()
+
+
+def test_trials_of_other_conditions_are_refused(tmp_path):
+    path = tmp_path / "trials.jsonl"
+    common = {"seed": 0, "versions": {"a": "1"}}
+    with Trials(path, common):
+        pass
+    with pytest.raises(InputError, match=r"was made with seed 0, not 1"):
+        Trials(path, {"seed": 1, "versions": {"a": "1"}})
+    path.write_text("nonsense\n")
+    with pytest.raises(InputError, match="damaged"):
+        Trials(path, {})
+    with pytest.raises(InputError, match="cannot be"):
+        Trials(path / "below" / "trials.jsonl", {})

@@ -1,4 +1,4 @@
-"""Compare, tune and estimate: their results, what they repeat, and how they are stopped."""
+"""Compare and tune: their results, what they repeat, and how they are stopped."""
 
 import json
 import signal
@@ -14,7 +14,7 @@ from launch import TIMEOUT, command, environment, mpiexec
 from walk import walk
 
 from learn.columns import INPUTS
-from learn.comparison import folder, paper, tables
+from learn.comparison import folder, paper, results, tables
 
 
 def test_compare_tune_and_show(work, capsys):
@@ -26,7 +26,6 @@ def test_compare_tune_and_show(work, capsys):
     assert run("tune", "database.h5", "-o", "out", "--model", "kernel-ridge") == 0
     said = capsys.readouterr()
     assert "160 candidates, 88 differ, 55 fits, 55 to do" in said.err
-    assert "improvement" in said.out
     assert run("show", "out") == 0
     for name in ("parity.png", "scores.png", "times.png"):
         assert (work / "out/area" / name).read_bytes().startswith(b"\x89PNG")
@@ -59,23 +58,6 @@ def test_both_targets_have_folders_and_force_has_no_nmse(work):
     assert "paper_r2" not in force
     assert float(force["r2"]) > 90
     assert tables.names("force") == ["nmae", "nmaxe", "r2"]
-
-
-def test_whole_grids_are_estimated_and_then_measured(work, capsys):
-    models = ["--model", "decision-tree", "--model", "svm"]
-    assert run("estimate", "database.h5", "-o", "out", *models, "--budget", "1h") == 0
-    said = capsys.readouterr()
-    assert "550 fits, 40 drawn to be timed" in said.err
-    assert "Whole grids" in said.out
-    assert "time [h]" in said.out
-    tree, svm = table("out/area/whole-grids.csv")
-    # Five of each are the baseline's, which every search judges beside the grid.
-    assert (tree["fits"], tree["of"], svm["fits"], svm["of"]) == ("45", "555", "45", "665")
-    assert float(tree["seconds"]) > float(tree["error"]) > 0
-    assert run("tune", "database.h5", "-o", "out", "--model", "decision-tree") == 0
-    assert "550 fits, 510 to do, 0 of the baseline" in capsys.readouterr().err
-    measured, _ = table("out/area/whole-grids.csv")
-    assert (measured["fits"], measured["error"]) == ("555", "0.0")
 
 
 def test_a_model_that_fails_is_reported_and_the_others_go_on(work, capsys, monkeypatch):
@@ -125,9 +107,7 @@ def spoilt(file):
     ],
 )
 def test_all_nine_models_survive_odd_data(work, change, words, capsys, monkeypatch):
-    from learn.comparison import timing
-
-    monkeypatch.setattr(timing, "FITS", (1, 1))
+    monkeypatch.setattr(results, "FITS", (1, 1))
     with h5py.File("database.h5", "r+") as file:
         change(file)
     assert run("compare", "database.h5", "-o", "out") == 0
@@ -199,21 +179,19 @@ def test_a_search_that_was_stopped_goes_on_and_ends_with_the_same_tables(
         assert (work / "cut/area" / name).read_bytes() == (undisturbed / name).read_bytes()
 
 
-@pytest.mark.parametrize("verb", ["tune", "estimate"])
-def test_a_budget_is_the_time_of_the_call_however_long_fits_are(work, verb, monkeypatch):
+def test_a_budget_is_the_time_of_the_call_however_long_fits_are(work, monkeypatch):
     """Perceptrons of which one takes minutes, beside models that share the time."""
     slow = {"hidden_layer_sizes": [(400, 400)], "solver": ["lbfgs"], "tol": [0.0]}
     monkeypatch.setitem(paper.SPACES, "mlp", slow)
     monkeypatch.setitem(paper.SPACES, "decision-tree", {"max_depth": [2, 4, 8]})
     models = ["--model", "mlp", "--model", "decision-tree", "--model", "kernel-ridge"]
     began = time.monotonic()
-    code = run(verb, "database.h5", "-o", "out", *models, "--budget", "20s")
+    code = run("tune", "database.h5", "-o", "out", *models, "--budget", "20s")
     assert code in {0, 2}, "the perceptron's baseline may be worse than a constant"
     assert time.monotonic() - began < 1.1 * 20 + 3  # tables and their libraries beside
-    if verb == "tune":
-        found = {row["model"]: row["winner"] for row in table("out/area/tuning.csv")}
-        assert found.keys() >= {"decision-tree", "kernel-ridge"}
-        assert found.get("mlp", "baseline") == "baseline"
+    found = {row["model"]: row["winner"] for row in table("out/area/tuning.csv")}
+    assert found.keys() >= {"decision-tree", "kernel-ridge"}
+    assert found.get("mlp", "baseline") == "baseline"
 
 
 @pytest.mark.mpi

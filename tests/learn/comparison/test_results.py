@@ -6,7 +6,7 @@ import pytest
 from comparisons import run, table
 
 from learn import Surrogate, bounded
-from learn.comparison import halving, paper, timing
+from learn.comparison import halving, paper, results
 from learn.comparison.folder import Folder
 from learn.comparison.search import GridSearch
 
@@ -80,7 +80,7 @@ def test_a_budget_too_small_for_the_baseline_gives_no_result_and_says_so(work, c
 def test_a_winner_that_is_not_fitted_in_time_is_fitted_by_the_next_call(work, capsys, monkeypatch):
     call = bounded.call
     monkeypatch.setattr(
-        bounded, "call", lambda w, *rest: None if w is timing.fit_and_time else call(w, *rest)
+        bounded, "call", lambda w, *rest: None if w is results.fit_and_time else call(w, *rest)
     )
     arguments = ["tune", "database.h5", "-o", "out", *TREE, "--budget", "60s"]
     assert run(*arguments) == 0
@@ -94,7 +94,7 @@ def test_a_winner_that_is_not_fitted_in_time_is_fitted_by_the_next_call(work, ca
 
 @pytest.mark.usefixtures("few")
 def test_a_search_within_a_time_goes_on_where_it_was_and_decides_alike(work, monkeypatch, capsys):
-    from learn.comparison.trials import Trials
+    from learn.comparison.fits import Trials
 
     monkeypatch.setattr(halving, "LEAST_ROWS", 20)
     monkeypatch.setattr(halving, "_whole_fits", lambda *arguments: False)
@@ -128,7 +128,7 @@ def test_perceptrons_are_scored_as_they_are_fitted_in_the_end(work, monkeypatch)
         return fit(self, inputs, target)
 
     monkeypatch.setattr(MLPRegressor, "fit", watched)
-    monkeypatch.setattr(timing, "FITS", (1, 1))
+    monkeypatch.setattr(results, "FITS", (1, 1))
     space = {"hidden_layer_sizes": [(5,)], "solver": ["lbfgs"], "tol": [1e-2]}
     monkeypatch.setitem(paper.SPACES, "mlp", space)
     assert run("tune", "database.h5", "-o", "out", "--model", "mlp", "--seed", "3") == 0

@@ -8,7 +8,7 @@ import pytest
 from sklearn.kernel_ridge import KernelRidge
 from sklearn.model_selection import GridSearchCV, PredefinedSplit
 
-from learn.comparison.trials import Trials
+from learn.comparison.fits import Trials
 from learn.models import MODELS, STEP, pipeline
 
 # Every kind of synonym and of shared fit, small enough for a test.

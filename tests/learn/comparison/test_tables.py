@@ -1,6 +1,7 @@
-"""Intervals of the scores in tables, files and pictures, drawn by surface; what the nMSE is."""
+"""Intervals of scores, drawn by surface; what the nMSE is; bars and predictions in pictures."""
 
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from comparisons import run, table
 
 from gen import cli as gen_cli
 from gen.runtime.errors import InputError
-from learn.comparison import paper, tables
+from learn.comparison import paper, pictures, tables
 from learn.comparison.folder import Folder
 
 SCENE = "samples = 60\nsamples_per_surface = 3\n[surface]\nnodes = 9\n"
@@ -66,3 +67,22 @@ def test_rows_that_do_not_belong_to_the_predictions_are_refused(thrice, tmp_path
     (tmp_path / "area/rows.csv").write_text("".join(rows[:-1]))
     with pytest.raises(InputError, match=r"decision-tree.csv has 12 rows, rows.csv has 11"):
         tables.intervals(Folder(tmp_path / "area"))
+
+
+def test_r2_is_drawn_as_what_is_left_of_it_and_baselines_as_circles(work, monkeypatch):
+    for command in ("compare", "tune"):
+        assert run(command, "database.h5", "-o", "out", "--model", "kernel-ridge") == 0
+    figures = {}
+    monkeypatch.setattr(
+        pictures, "save", lambda figure, path, dpi: figures.setdefault(path.name, figure)
+    )
+    pictures.draw(Folder(Path("out/area")))
+    left = next(axis for axis in figures["scores.png"].axes if axis.get_ylabel() == "1 - R2 [%]")
+    assert left.get_yscale() == "log"
+    r2 = [float(row["r2"]) for row in table("out/area/scores.csv")]
+    assert [bar.get_height() for bar in left.patches] == pytest.approx([100 - each for each in r2])
+    line, baseline, tuned = figures["parity.png"].axes[0].lines
+    assert baseline.get_markerfacecolor() == "none"
+    assert baseline.get_markersize() > tuned.get_markersize()
+    assert len(baseline.get_xdata()) == len(tuned.get_xdata()) == 18
+    assert list(line.get_xdata()) == list(line.get_ydata())
