@@ -1,4 +1,4 @@
-"""`python -m tests.faults`: the fault campaign, from 168 faults down to a single kind."""
+"""`python -m tests.faults`: the fault campaign, from 112 faults down to a single kind."""
 
 import sys
 import tempfile
@@ -10,8 +10,8 @@ import typer
 
 from bench.files import write_rows
 from gen.runtime import command_line, farm
-from tests.faults.campaign import KINDS, ROUNDS, campaign
-from tests.faults.table import by_kind, line, summary
+from tests.faults.campaign import ROUNDS, by_kind, campaign, summary
+from tests.faults.kinds import KINDS
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None)
 
@@ -19,7 +19,7 @@ app = typer.Typer(add_completion=False, rich_markup_mode=None)
 @app.command()
 def faults(
     rounds: Annotated[
-        int | None, typer.Option(min=1, help="Faults to inject, 168 unless given.")
+        int | None, typer.Option(min=1, help="Faults to inject, 112 unless given.")
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of kinds, victims and moments.")] = 0,
     minutes: Annotated[float, typer.Option(min=0.0, help="No round begins later.")] = 30.0,
@@ -32,10 +32,9 @@ def faults(
 ) -> int:
     """Disturb runs at random and see whether anything is lost, wrong or done twice.
 
-    Signals to a run alone, to worker, master and mpiexec; full disks, files cut off, second
-    writers; files replaced, moved, made read-only; pipes, wrong options, a full disk under standard
-    error; samples that raise, give NaN, do not converge, never end. Exit code 0 if as many faults
-    as asked for were injected and nothing was wrong, 1 otherwise.
+    Signals to a run alone, to worker, master and mpiexec; full disks, files cut off or replaced,
+    second writers; samples that fail, never end, have a bug. Exit code 0 if as many faults as asked
+    for were injected and nothing was wrong, 1 otherwise.
     """
     wanted, done = rounds or ROUNDS, []
     with tempfile.TemporaryDirectory() as folder:
@@ -48,14 +47,14 @@ def faults(
             remark=lambda words: typer.echo(words, err=True),
         ):
             done.append(interrupted)
-            typer.echo(line(len(done), interrupted))
+            typer.echo(f"{len(done):3} {interrupted.line()}")
     typer.echo(summary(done))
     if output is not None:
         write_rows(output / "faults.csv", by_kind(done))
-    missed = wanted - sum(interrupted.hit for interrupted in done)
+    missed = wanted - sum(interrupted.found.hit for interrupted in done)
     if missed > 0:
         typer.echo(f"{missed} of {wanted} faults could not be injected")
-    return 1 if missed > 0 or any(interrupted.fault for interrupted in done) else 0
+    return 1 if missed > 0 or any(interrupted.found.fault for interrupted in done) else 0
 
 
 def main(arguments: Sequence[str]) -> int:

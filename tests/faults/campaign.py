@@ -4,44 +4,16 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from gen.runtime.errors import InputError
-from tests.faults import places, samples, signals, storage
-from tests.faults.rows import count_finished, difference, finished, row_fault
+from tests.faults.kinds import KINDS
 from tests.faults.runs import BOUND, Hang
-from tests.faults.stage import SAMPLES, Found, NotPossible, Stage
+from tests.faults.stage import SAMPLES, Found, NotPossible, Stage, difference, finished, row_fault
 
-KINDS: dict[str, Callable[[Stage], Found]] = {
-    "SIGKILL to a run alone": signals.kill_alone,
-    "SIGKILL to a worker": signals.kill_worker,
-    "SIGKILL to the master": signals.kill_master,
-    "SIGKILL to mpiexec": signals.kill_launcher,
-    "SIGTERM": signals.terminate,
-    "SIGINT": signals.interrupt,
-    "SIGUSR1": signals.warn,
-    "SIGSTOP, then SIGCONT": signals.stop_worker,
-    "files may not grow": storage.disk_full_midway,
-    "full disk": storage.disk_full_for_real,
-    "file cut off": storage.file_cut_off,
-    "second writer": storage.second_writer,
-    "second writer by a link": places.writer_by_link,
-    "file replaced": places.file_replaced,
-    "file moved": places.file_moved,
-    "file made read-only": places.file_read_only,
-    "full disk under stderr": places.deaf_terminal,
-    "pipe for a file": places.named_pipe,
-    "wrong option on all ranks": places.wrong_option,
-    "sample raises": samples.sample_raises,
-    "sample returns NaN": samples.sample_returns_nan,
-    "sample does not converge": samples.sample_does_not_converge,
-    "sample never ends": samples.sample_never_ends,
-    "sample has a bug": samples.sample_has_a_bug,
-}
-"""The kinds of disturbances, by the names in the report."""
-
-ROUNDS = 168
+ROUNDS = 7 * len(KINDS)
 """Disturbances of a whole campaign: each kind seven times."""
 
 MISSES = 4
@@ -54,21 +26,23 @@ class Round:
 
     Attributes
     ----------
-    kind : of the disturbance
-    detail : what was done
-    hit : whether the run was there to be disturbed; if not, the round does not count
+    kind : of the disturbance, "" where the database is only finished
+    found : what came of it, with what is wrong with the rows as well
     before, after : finished rows of the database under attack
-    seconds : from the disturbance to the end of the run [s]
-    fault : what was wrong, "" if nothing was
     """
 
     kind: str
-    detail: str
-    hit: bool
+    found: Found
     before: int
     after: int
-    seconds: float
-    fault: str
+
+    def line(self) -> str:
+        """The round in one line."""
+        verdict = self.found.fault or ("ok" if self.found.hit or not self.kind else "came too late")
+        return (
+            f"{self.kind or 'nothing':24} {self.found.detail:32} {self.before:5} ->"
+            f" {self.after:5} rows, end after {self.found.seconds:4.1f} s: {verdict}"
+        )
 
 
 def campaign(
@@ -108,55 +82,74 @@ def campaign(
     while hits < rounds and tried < MISSES * rounds and open_kinds and time.monotonic() < limit:
         deck = deck or [str(kind) for kind in random.permutation(open_kinds)]
         kind = deck.pop()
+        columns = stage.columns()
+        if columns is not None and finished(columns).all():
+            stage.path.unlink()
         try:
-            done = _disturbed(stage, kind)
+            done = _round(stage, kind, KINDS[kind])
         except NotPossible as reason:
             remark(f"left out: {kind}: {reason}")
             open_kinds.remove(kind)
             continue
         tried += 1
-        hits += done.hit
+        hits += done.found.hit
         yield done
-    yield _completed(stage)
+    yield _round(stage, "", _completed)
 
 
-def _disturbed(stage: Stage, kind: str) -> Round:
-    """Disturb the database under attack, begun anew where it is finished."""
+def _round(stage: Stage, kind: str, act: Callable[[Stage], Found]) -> Round:
+    """Disturb the database, and judge the rows that it has then."""
     before = stage.columns()
-    if before is not None and finished(before).all():
-        stage.path.unlink()
-        before = None
-    found = _outcome(lambda: KINDS[kind](stage))
-    now = stage.columns()
-    fault = found.fault or row_fault(before, now, stage.reference)
-    if not fault and now is not None and finished(now).all():
-        fault = difference(now, stage.reference)
-    counts = count_finished(before), count_finished(now)
-    return Round(kind, found.detail, found.hit, *counts, found.seconds, fault)
-
-
-def _completed(stage: Stage) -> Round:
-    """Let the last database finish; it has to equal the undisturbed one."""
-    before = stage.columns()
-
-    def complete() -> Found:
-        began = time.monotonic()
-        with stage.run(0) as run:
-            ended = run.wait()
-        fault = f"exit code {ended.code}" if ended.code else ""
-        return Found("the rest", fault, seconds=time.monotonic() - began)
-
-    found = _outcome(complete)
-    now = stage.columns()
-    fault = found.fault or row_fault(before, now, stage.reference)
-    fault = fault or difference(now, stage.reference)
-    counts = count_finished(before), count_finished(now)
-    return Round("", found.detail, False, *counts, found.seconds, fault)
-
-
-def _outcome(act: Callable[[], Found]) -> Found:
-    """What came of an act; one that hangs is a fault too."""
     try:
-        return act()
+        found = act(stage)
     except Hang:
-        return Found("", f"no end within {BOUND:g} s", seconds=BOUND)
+        found = Found("", f"no end within {BOUND:g} s", seconds=BOUND)
+    now = stage.columns()
+    fault = found.fault or row_fault(before, now, stage.reference)
+    if not fault and not kind:
+        fault = difference(now, stage.reference)
+    judged = Found(found.detail, fault, found.hit, found.seconds)
+    return Round(kind, judged, int(finished(before).sum()), int(finished(now).sum()))
+
+
+def _completed(stage: Stage) -> Found:
+    """Let the last database finish."""
+    began = time.monotonic()
+    with stage.run(0) as run:
+        ended = run.wait()
+    fault = f"exit code {ended.code}" if ended.code else ""
+    return Found("the rest", fault, hit=False, seconds=time.monotonic() - began)
+
+
+def by_kind(rounds: Sequence[Round]) -> list[dict[str, Any]]:
+    """Rows of a table: faults of each kind, and what came of them."""
+    most = max((done.after for done in rounds), default=0)
+    rows = []
+    for kind in KINDS:
+        mine = [done for done in rounds if done.kind == kind]
+        hits = [done for done in mine if done.found.hit]
+        wrong = sum(bool(done.found.fault) for done in mine)
+        if mine:
+            partly = [done for done in hits if 0 < done.before < most or 0 < done.after < most]
+            rows.append(
+                {
+                    "kind": kind,
+                    "injected": len(hits),
+                    "partly_done": len(partly),
+                    "longest_end_s": max(done.found.seconds for done in mine),
+                    "wrong": wrong,
+                    "verdict": "failed" if wrong else "passed",
+                }
+            )
+    return rows
+
+
+def summary(rounds: Sequence[Round]) -> str:
+    """The verdict in words."""
+    injected = sum(done.found.hit for done in rounds)
+    kinds = len({done.kind for done in rounds if done.found.hit})
+    wrong = sum(bool(done.found.fault) for done in rounds)
+    return (
+        f"{injected} faults of {kinds} kinds injected; {wrong} times a row was lost, done twice or"
+        f" wrong, an answer was wrong, or a run took more than {BOUND:g} s to end"
+    )

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Self
+from typing import Self
 
 from gen.runtime.errors import InputError
 from gen.runtime.lock import lock
@@ -57,16 +57,10 @@ class Run:
     ranks : processes under mpiexec; 0 runs alone, without MPI
     arguments : of the program
     program : what Python runs
-    errors : where standard error goes, None for where standard output does
     """
 
     def __init__(
-        self,
-        folder: Path,
-        ranks: int,
-        *arguments: str,
-        program: tuple[str, ...] = PROGRAM,
-        errors: IO[bytes] | None = None,
+        self, folder: Path, ranks: int, *arguments: str, program: tuple[str, ...] = PROGRAM
     ) -> None:
         self._log = tempfile.TemporaryFile()  # noqa: SIM115 - closed in __exit__
         # The launcher leads a session of its own: a terminal's signals are not for it.
@@ -76,10 +70,9 @@ class Run:
             env=_environment(),
             stdin=subprocess.DEVNULL,
             stdout=self._log,
-            stderr=errors or subprocess.STDOUT,
+            stderr=subprocess.STDOUT,
             start_new_session=True,
         )
-        self._seen: set[int] = set()
 
     def __enter__(self) -> Self:
         """Leave the block to end what has not ended."""

@@ -1,11 +1,11 @@
-"""What a campaign works on: a scene, its undisturbed database, and the one that is disturbed."""
+"""What a campaign works on: a scene, its undisturbed database, the one that is disturbed."""
 
 import json
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,14 +14,11 @@ from gen.database import Reader
 from gen.generation.plan import parameters
 from gen.runtime.errors import InputError
 from gen.scene import Scene
-from tests.faults.rows import Columns, columns_of, finished
+from gen.scene.columns import ALL_COLUMNS
+from gen.schema import Status
 from tests.faults.runs import BOUND, PROGRAM, Ended, Hang, Run
 
-SCENE = """samples = {samples}
-samples_per_surface = 2
-[surface]
-nodes = 17
-"""
+SCENE = "samples = {samples}\nsamples_per_surface = 2\n[surface]\nnodes = 17\n"
 SAMPLES = 600
 """Rows of a campaign's database: some seconds of work, so that most strikes come in its midst."""
 
@@ -30,6 +27,8 @@ RANKS = 3
 
 EARLY = 0.25
 """Share of the strikes at any moment from the start on; the others find a run at work."""
+
+Columns = dict[str, NDArray[Any]]
 
 
 class NotPossible(Exception):
@@ -92,26 +91,18 @@ class Stage:
         rows = self.scene.samples
         return np.arange(rows) if columns is None else np.flatnonzero(~finished(columns))
 
+    def ranks(self) -> int:
+        """Alone or under mpiexec, as it comes."""
+        return int(self.random.choice((0, RANKS)))
+
     def run(
         self,
         ranks: int,
         *options: str,
-        scene: str = "scene.toml",
         output: str = "disturbed.h5",
         ailments: Mapping[int, str] | None = None,
-        errors: IO[bytes] | None = None,
     ) -> Run:
-        """Start a run.
-
-        Parameters
-        ----------
-        ranks : see `Run`
-        options : of the command
-        scene : the scene's file
-        output : the database
-        ailments : rows, and what they suffer from: see `tests.faults.program`
-        errors : where standard error goes, None for the run's own record
-        """
+        """Start a run; `ailments` are rows, and what they suffer from: see `program`."""
         program: tuple[str, ...] = PROGRAM
         if ailments:
             known = {
@@ -120,8 +111,7 @@ class Stage:
             }
             (self.folder / "ailments.json").write_text(json.dumps(known))
             program = ("-m", "tests.faults.program", "ailments.json")
-        arguments = ("run", scene, "-o", output, *options)
-        return Run(self.folder, ranks, *arguments, program=program, errors=errors)
+        return Run(self.folder, ranks, "run", "scene.toml", "-o", output, *options, program=program)
 
     def await_moment(self, run: Run) -> None:
         """Wait for a random moment of a run, or for its end if that is sooner."""
@@ -149,9 +139,61 @@ class Stage:
             counts = reader.counts()
         return counts.done + counts.failed
 
-    def ranks(self) -> int:
-        """Alone or under mpiexec, as it comes."""
-        return int(self.random.choice((0, RANKS)))
+
+def columns_of(path: Path) -> Columns | None:
+    """All columns of a database, into memory; None where there is no file yet."""
+    if not path.exists():
+        return None
+    with Reader(path) as reader:
+        return {column.name: reader.column(column.name) for column in reader.columns()}
+
+
+def finished(columns: Columns | None) -> NDArray[np.bool_]:
+    """(rows,) whether a row is done or failed; no rows in no file."""
+    if columns is None:
+        return np.zeros(0, dtype=bool)
+    return np.asarray(columns["status"] != Status.PENDING)
+
+
+def row_fault(
+    before: Columns | None,
+    now: Columns | None,
+    reference: Columns,
+    failed: Mapping[int, int] | None = None,
+) -> str:
+    """What is wrong with the finished rows of a database after a disturbance, "" if nothing is.
+
+    Parameters
+    ----------
+    before, now : its columns before and after, None for no file
+    reference : the columns of an undisturbed run of the same scene
+    failed : rows that have to have failed, and the code of the reason that they have to give
+    """
+    if now is None:
+        return "" if before is None else "the database has vanished"
+    expected = failed or {}
+    for row, reason in expected.items():
+        if (now["status"][row], now["reason"][row]) != (Status.FAILED, reason):
+            return f"row {row} should have failed for reason {reason}"
+    done = finished(now)
+    done[list(expected)] = False
+    for name in (column.name for column in ALL_COLUMNS if column.deterministic):
+        if name in now and now[name][done].tobytes() != reference[name][done].tobytes():
+            return f"a finished row has a wrong {name}"
+    if before is not None:
+        old = finished(before)
+        if not finished(now)[old].all():
+            return "a finished row is pending again"
+        if now["solve_seconds"][old].tobytes() != before["solve_seconds"][old].tobytes():
+            return "a finished row was computed again"
+    return ""
+
+
+def difference(now: Columns | None, reference: Columns) -> str:
+    """How a finished database differs from the undisturbed one, "" if it does not."""
+    if now is None or not finished(now).all():
+        return "the database that should be finished has pending rows"
+    return row_fault(None, now, reference)
 
 
 def code_fault(ended: Ended, now: Columns | None) -> str:
@@ -170,6 +212,4 @@ def refusal_fault(ended: Ended, words: str) -> str:
         return f"exit code {ended.code} in place of a refusal"
     if len(lines) != 1 or "Traceback" in ended.text:
         return "a refusal that is not one clear line"
-    if words not in lines[0]:
-        return f"a refusal without {words!r}: {lines[0]}"
-    return ""
+    return "" if words in lines[0] else f"a refusal without {words!r}: {lines[0]}"

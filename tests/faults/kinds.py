@@ -1,0 +1,336 @@
+"""The kinds of disturbances: signals, disks and files, samples that ail."""
+
+import shutil
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from gen.scene.columns import row_bytes
+from gen.schema import Reason
+from tests.faults.runs import Ended, await_lock, is_locked
+from tests.faults.stage import (
+    RANKS,
+    Found,
+    NotPossible,
+    Stage,
+    code_fault,
+    columns_of,
+    difference,
+    finished,
+    refusal_fault,
+    row_fault,
+)
+
+VICTIMS = {
+    "alone": "launcher",
+    "mpiexec": "launcher",
+    "master": "0",
+    "worker": "1",
+    "everybody": "everybody",
+}
+"""The victims of signals, and who they are in a `Run`."""
+
+HELD = (0.5, 2.5)
+"""How long a worker is held up [s]."""
+
+PAGE = 4096
+SMALLEST = 64 * 1024
+"""Smallest limit on the size of files: below it, the run could not even write down its output."""
+
+LIMIT = 2.0
+"""Wall-clock limit of a sample that never ends [s]; ordinary ones take milliseconds."""
+
+AILING = 3
+"""Samples that ail in one run, at most: each that never ends takes `LIMIT`."""
+
+FAILURES = {
+    "raises": Reason.ARITHMETIC,
+    "returns_nan": Reason.NOT_FINITE,
+    "does_not_converge": Reason.NOT_CONVERGED,
+}
+"""Ailments of samples that fail, and the reason that their rows give."""
+
+
+def signalled(number: signal.Signals, victims: tuple[str, ...], stage: Stage) -> Found:
+    """Send a signal to one of the victims at a random moment, and wait for the end."""
+    victim = str(stage.random.choice(victims))
+    before = int(finished(stage.columns()).sum())
+    with stage.run(0 if victim == "alone" else RANKS) as run:
+        stage.await_moment(run)
+        at_work = int(finished(stage.columns()).sum()) > before
+        hit = run.send(VICTIMS[victim], number)
+        began = time.monotonic()
+        ended = run.wait()
+        await_lock(stage.path)
+        seconds = time.monotonic() - began
+    fault = code_fault(ended, stage.columns())
+    # After its last row a run is on its way out, and a signal ends it as it ends any process.
+    if hit and at_work and not fault and len(stage.pending()):
+        fault = answer_fault(victim, number, ended.code)
+    return Found(f"{number.name} to {victim}", fault, hit, seconds)
+
+
+def answer_fault(victim: str, number: signal.Signals, code: int) -> str:
+    """What is wrong with the exit code of a run that was at work when the signal came."""
+    if number == signal.SIGKILL:
+        return f"it ended by itself with exit code {code}" if code in {1, 2} else ""
+    if victim == "everybody":  # the launcher's own helpers die of it, and take the job with them
+        return ""
+    # A worker leaves these signals to the master; else the run stops in order, or is just done.
+    right = {0} if victim == "worker" else {0, 128 + number}
+    return "" if code in right else f"exit code {code} after {number.name}"
+
+
+def worker_held_up(stage: Stage) -> Found:
+    """SIGSTOP to a worker and, after a while, SIGCONT: the run is held up and nothing else."""
+    held = float(stage.random.uniform(*HELD))
+    with stage.run(RANKS) as run:
+        stage.await_moment(run)
+        hit = run.send("1", signal.SIGSTOP)
+        time.sleep(held)
+        began = time.monotonic()
+        run.send("1", signal.SIGCONT)
+        ended = run.wait()
+        seconds = time.monotonic() - began
+    fault = f"exit code {ended.code}" if ended.code else ""
+    fault = fault or difference(stage.columns(), stage.reference)
+    return Found(f"worker for {held:.1f} s", fault, hit, seconds)
+
+
+def files_may_not_grow(stage: Stage) -> Found:
+    """From a random moment on, no file may be written beyond a random size.
+
+    The kernel reports that as it reports a full disk.
+    """
+    rows = stage.scene.samples * row_bytes(stage.scene)
+    size = int(stage.random.integers(SMALLEST, max(rows, SMALLEST + 1)))
+    ranks = stage.ranks()
+    with stage.run(ranks) as run:
+        if ranks:  # MPI needs room for its own files until it has started
+            stage.await_rows(run, 1)
+        stage.await_moment(run)
+        hit = run.limit_files(size)
+        began = time.monotonic()
+        ended = run.wait()
+        await_lock(stage.path)
+        seconds = time.monotonic() - began
+    hit = hit and ended.code != 0
+    fault = code_fault(ended, stage.columns())
+    if hit and not fault:
+        fault = refusal_fault(ended, "disk is full")
+    return Found(f"beyond {size} bytes", fault, hit, seconds)
+
+
+def disk_full(stage: Stage) -> Found:
+    """A small file system runs full: in the making of a file, or in its midst where it has holes.
+
+    A finished database has its disk space. Copied, it may lose what holds only zeros, so that a
+    later run can meet a full disk at any row.
+    """
+    before = stage.columns()
+    rows = stage.scene.samples * row_bytes(stage.scene)
+    midway = before is not None and stage.random.random() < 0.7
+    with _small_disk(stage.folder / "disk", 2 * rows + 64 * PAGE) as disk:
+        path = disk / "rows.h5"
+        if midway:
+            copy_with_holes(stage.path, path)
+        spare = PAGE * int(stage.random.integers(1, 8)) + (0 if midway else rows)
+        (disk / "filler").write_bytes(bytes(max(shutil.disk_usage(disk).free - spare, 0)))
+        began = time.monotonic()
+        ended = _ended(stage, path)
+        seconds = time.monotonic() - began
+        now = columns_of(path)
+        fault = code_fault(ended, now)
+        fault = fault or row_fault(before if midway else None, now, stage.reference)
+        hit = ended.code != 0
+        if hit and not fault:  # foreseen before a file is made, or met on the way
+            fault = refusal_fault(ended, "are free" if "are free" in ended.text else "disk is full")
+        (disk / "filler").unlink()
+        again = _ended(stage, path)
+        if not fault and again.code:
+            fault = f"exit code {again.code} after room was made"
+        fault = fault or difference(columns_of(path), stage.reference)
+    what = "in its midst" if midway else "in the making"
+    return Found(f"{what}, {spare} bytes free", fault, hit, seconds)
+
+
+def copy_with_holes(source: Path, target: Path) -> None:
+    """Copy a file and leave out pages of zeros, as `cp --sparse=always` does."""
+    content = source.read_bytes()
+    with target.open("wb") as file:
+        for start in range(0, len(content), PAGE):
+            page = content[start : start + PAGE]
+            if page.strip(b"\0"):
+                file.seek(start)
+                file.write(page)
+        file.truncate(len(content))
+
+
+@contextmanager
+def _small_disk(folder: Path, size: int) -> Iterator[Path]:
+    """A file system of some bytes, in memory; only a machine's administrator may have one."""
+    folder.mkdir(exist_ok=True)
+    command = ["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(folder)]
+    if not shutil.which("mount") or subprocess.run(command, capture_output=True).returncode:  # noqa: PLW1510
+        raise NotPossible("no right to mount a small file system")
+    try:
+        yield folder
+    finally:
+        subprocess.run(["umount", "--lazy", str(folder)], capture_output=True, check=False)
+
+
+def _ended(stage: Stage, path: Path) -> Ended:
+    """Run on a file elsewhere, to the end."""
+    with stage.run(stage.ranks(), output=str(path)) as run:
+        return run.wait()
+
+
+def file_cut_off(stage: Stage) -> Found:
+    """A copy loses its end between two runs: refused, and left as it is."""
+    source = stage.path if stage.path.exists() else stage.folder / "reference.h5"
+    path = stage.folder / "cut.h5"
+    whole = source.read_bytes()
+    size = int(stage.random.choice((0, len(whole) - 1, int(stage.random.integers(1, len(whole))))))
+    path.write_bytes(whole[:size])
+    began = time.monotonic()
+    ended = _ended(stage, path)
+    seconds = time.monotonic() - began
+    fault = refusal_fault(ended, "cut.h5")
+    if not fault and path.read_bytes() != whole[:size]:
+        fault = "the rest of a file that was cut off has been changed"
+    if not fault and list(stage.folder.glob("cut.h5.*")):
+        fault = "files are left behind"
+    path.unlink()
+    return Found(f"{size} of {len(whole)} bytes left", fault, seconds=seconds)
+
+
+def file_replaced(stage: Stage) -> Found:
+    """Another file takes the name of the database under a run: it ends, and says so."""
+    with stage.run(stage.ranks()) as run:
+        stage.await_rows(run, 1)
+        run.send("everybody", signal.SIGSTOP)
+        hit = is_locked(stage.path)
+        complete = not len(stage.pending())
+        if hit:
+            copy = stage.folder / "copy.h5"
+            shutil.copyfile(stage.path, copy)
+            copy.replace(stage.path)
+        began = time.monotonic()
+        run.send("everybody", signal.SIGCONT)
+        ended = run.wait()
+        seconds = time.monotonic() - began
+    fault = ""
+    if hit and not (complete and ended.code == 0):  # after its last row, nothing is missing
+        fault = refusal_fault(ended, "replaced by another file")
+    return Found("", fault, hit, seconds)
+
+
+def second_writer(stage: Stage) -> Found:
+    """A second run on the same file is refused; one after the first has ended is not."""
+    killed = bool(stage.random.random() < 0.5)
+    with stage.run(stage.ranks()) as first:
+        stage.await_rows(first, 1)
+        first.send("everybody", signal.SIGSTOP)  # or it might end before the second begins
+        hit = is_locked(stage.path)
+        with stage.run(stage.ranks()) as second:
+            began = time.monotonic()
+            ended = second.wait()
+            seconds = time.monotonic() - began
+        first.send("everybody", signal.SIGKILL if killed else signal.SIGCONT)
+        first.wait()
+        await_lock(stage.path)
+    fault = refusal_fault(ended, "is being written by") if hit else ""
+    left = stage.path.with_name(stage.path.name + ".lock")
+    left.write_text("host elsewhere, process 1, since long ago\n")  # as a dead job leaves it
+    with stage.run(0) as third:
+        third_ended = third.wait()
+    if not fault and third_ended.code:
+        fault = f"a dead job's lock: exit code {third_ended.code}"
+    fault = fault or difference(stage.columns(), stage.reference)
+    return Found(f"the first {'killed' if killed else 'goes on'}", fault, hit, seconds)
+
+
+def samples_fail(stage: Stage) -> Found:
+    """Samples fail; they say why, and are computed again when that is asked for."""
+    ailment = str(stage.random.choice(list(FAILURES)))
+    rows, before = _rows(stage), stage.columns()
+    began = time.monotonic()
+    with stage.run(stage.ranks(), ailments=dict.fromkeys(rows, ailment)) as run:
+        ended = run.wait()
+    seconds = time.monotonic() - began
+    now = stage.columns()
+    if ended.code or not finished(now).all():
+        fault = f"exit code {ended.code}, or pending rows, because of failed samples"
+    else:
+        failed = dict.fromkeys(rows, int(FAILURES[ailment]))
+        fault = row_fault(before, now, stage.reference, failed)
+    with stage.run(stage.ranks(), "--retry-failed") as run:
+        again = run.wait()
+    if not fault and again.code:
+        fault = f"exit code {again.code} of --retry-failed"
+    fault = fault or difference(stage.columns(), stage.reference)
+    return Found(f"{ailment}, rows {rows}", fault, seconds=seconds)
+
+
+def sample_never_ends(stage: Stage) -> Found:
+    """Samples run into the wall-clock limit: they stay pending, the others are done."""
+    rows = _rows(stage)
+    began = time.monotonic()
+    limit = "--sample-limit", f"{LIMIT:g}"
+    with stage.run(stage.ranks(), *limit, ailments=dict.fromkeys(rows, "never_ends")) as run:
+        ended = run.wait()
+    seconds = time.monotonic() - began
+    fault, now = "", stage.columns()
+    if ended.code or "took longer than --sample-limit" not in ended.text:
+        fault = f"exit code {ended.code} without the warning of --sample-limit"
+    elif now is None or finished(now)[rows].any():
+        fault = "a sample beyond the limit was finished"
+    return Found(f"rows {rows}", fault, seconds=seconds)
+
+
+def sample_has_a_bug(stage: Stage) -> Found:
+    """A bug in a sample: the run ends at once and says where; nothing else is lost."""
+    row = _rows(stage)[0]
+    began = time.monotonic()
+    with stage.run(stage.ranks(), ailments={row: "has_a_bug"}) as run:
+        ended = run.wait()
+        await_lock(stage.path)
+    seconds = time.monotonic() - began
+    fault = code_fault(ended, stage.columns())
+    if ended.code in {0, 2} or "TypeError: injected" not in ended.text:
+        fault = f"exit code {ended.code} without the bug's traceback"
+    return Found(f"row {row}", fault, seconds=seconds)
+
+
+def _rows(stage: Stage) -> list[int]:
+    """Some of the pending rows, at random."""
+    pending = stage.pending()
+    number = min(int(stage.random.integers(1, AILING, endpoint=True)), len(pending))
+    return [int(row) for row in np.sort(stage.random.choice(pending, number, replace=False))]
+
+
+KINDS: dict[str, Callable[[Stage], Found]] = {
+    "SIGKILL to a run alone": partial(signalled, signal.SIGKILL, ("alone",)),
+    "SIGKILL to a worker": partial(signalled, signal.SIGKILL, ("worker",)),
+    "SIGKILL to the master": partial(signalled, signal.SIGKILL, ("master",)),
+    "SIGKILL to mpiexec": partial(signalled, signal.SIGKILL, ("mpiexec",)),
+    "SIGTERM": partial(signalled, signal.SIGTERM, tuple(VICTIMS)),
+    "SIGINT": partial(signalled, signal.SIGINT, tuple(VICTIMS)),
+    "SIGUSR1": partial(signalled, signal.SIGUSR1, tuple(VICTIMS)),
+    "SIGSTOP, then SIGCONT": worker_held_up,
+    "files may not grow": files_may_not_grow,
+    "full disk": disk_full,
+    "file cut off": file_cut_off,
+    "file replaced": file_replaced,
+    "second writer": second_writer,
+    "samples fail": samples_fail,
+    "sample never ends": sample_never_ends,
+    "sample has a bug": sample_has_a_bug,
+}
+"""The kinds of disturbances, by the names in the report."""
