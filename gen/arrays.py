@@ -10,6 +10,9 @@ from gen.runtime.errors import InputError
 Values = NDArray[np.float64]
 """Numbers of any meaning and shape; docstrings give both."""
 
+Indices = NDArray[np.int64]
+"""Positions of rows, and numbers of surfaces, maps or groups."""
+
 Heights = Values
 """Heights of a surface on its grid of nodes, shape (nx, ny) [um]."""
 

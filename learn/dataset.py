@@ -2,7 +2,7 @@
 
 import hashlib
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gen.arrays import Indices, Values
 from gen.runtime.errors import InputError
-from learn import pooling
-from learn.arrays import Indices, Values
-from learn.columns import Stored, read_stored, reasons_against
+from learn import stored as pooling
+from learn.executor import Executor
 from learn.features import FeatureSet, chosen
 from learn.features.sets import (
     BLOCKS,
@@ -25,7 +25,85 @@ from learn.features.sets import (
     target_scale,
 )
 from learn.metrics import usual_size
-from learn.pooling import Origin, Population
+from learn.stored import Origin, Population, Stored, read_stored, reasons_against
+
+
+@dataclass(frozen=True)
+class Request:
+    """A comparison or a fit to be made.
+
+    Attributes
+    ----------
+    database : Path
+        A database made by `gen`.
+    output : Path
+        The comparison folder, or the file of the surrogate.
+    targets : tuple of str
+        Names of targets: any of "area", "force" or further columns.
+    models : tuple of str
+        Names of models; all nine if there are none.
+    area_max : float or None
+        Largest area that is kept [%], None for all.
+    normalisation : str
+        One of `learn.models.NORMALISATIONS`.
+    features : str
+        A name of `learn.features.SETS`.
+    seed : int
+        Seed of the split and of the models.
+    train_rows : int or None
+        Number of training rows at most, None for all.
+    again : bool
+        True to repeat fits whose results the folder has.
+    limit : float or None
+        Time for the searches [s], None for whole grids.
+    roots : bool
+        True to learn square roots of areas, with the features that surrogates see
+        (`learn.features.FeatureSet.with_roots`).
+    blocks : int
+        Blocks per side of the coarse solve of hybrid features, one of
+        `learn.features.sets.BLOCK_COUNTS`.
+    calibrate_on : Path or None
+        Database whose rows calibrate the intervals; None for rows of the first ones.
+    others : tuple of Path
+        Further databases, whose rows are learnt together with those of the first.
+    """
+
+    database: Path
+    output: Path
+    targets: tuple[str, ...] = ("area",)
+    models: tuple[str, ...] = ()
+    area_max: float | None = None
+    normalisation: str = "l2"
+    features: str = "paper"
+    seed: int = 0
+    train_rows: int | None = None
+    again: bool = False
+    limit: float | None = None
+    roots: bool = False
+    blocks: int = BLOCKS
+    calibrate_on: Path | None = None
+    others: tuple[Path, ...] = ()
+
+    @property
+    def databases(self) -> tuple[Path, ...]:
+        """All databases."""
+        return (self.database, *self.others)
+
+
+def hybrid_for(
+    request: Request, executor: Executor, stopping: Callable[[], bool] = lambda: False
+) -> Values | None:
+    """Return the columns that the database's surfaces add, (rows, 17); None if none are asked for.
+
+    See `learn.features.regeneration.hybrid_rows`, which takes the other arguments.
+    """
+    wanted = chosen(request.features, roots=request.roots, blocks=request.blocks)
+    if not wanted.needs_surface:
+        return None
+    from learn.features.regeneration import hybrid_rows
+
+    return hybrid_rows(request.database, executor, stopping, wanted.solved_blocks)
+
 
 SMALLEST = 10
 """Usable rows at least: two of these are for testing, and a score needs two."""

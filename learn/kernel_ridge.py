@@ -9,7 +9,7 @@ from scipy.linalg import norm as matrix_norm
 from scipy.linalg.lapack import dpocon, dpotrf, dpotri, dpotrs
 from sklearn.kernel_ridge import KernelRidge
 
-from learn.arrays import Indices, Values
+from gen.arrays import Indices, Values
 
 EPSILON = float(np.finfo(float).eps)
 """Rounding of double precision."""

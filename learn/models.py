@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gen.arrays import Indices, Values
 from gen.runtime.errors import InputError
-from learn.arrays import Indices, Values
 from learn.features import chosen
 from learn.metrics import usual_size
 

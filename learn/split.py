@@ -8,10 +8,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
+from gen.arrays import Indices
 from gen.runtime.errors import InputError
-from learn.arrays import Folds, Indices
 from learn.dataset import Dataset
+
+Folds = NDArray[np.int8]
+"""Fold of each training row."""
 
 DRAWS = 20
 """Draws of a split at most, where a target is constant in a part."""

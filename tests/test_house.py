@@ -55,6 +55,7 @@ TESTED_TOGETHER = {
     "tests/bem/test_yielding.py": "a property of all solves: bodies that yield",
     "tests/gen/test_bad_input.py": "bad scenes and surfaces, in every command that reads them",
     "tests/gen/test_parts.py": "parts of databases, in every command that reads or writes them",
+    "tests/learn/test_arrays.py": "arrays of callers, in every public function",
     "tests/learn/test_crafted_databases.py": "crafted files, for every command that reads them",
 }
 """Tests that are named after a property of many modules, and the property."""

@@ -19,7 +19,7 @@ from gen.scene import DisplacedSurface, load
 from gen.statistics import describe
 from gen.surface import GENERATORS, generate
 from learn.comparison import studies
-from learn.request import Request
+from learn.dataset import Request
 
 SEED = 3
 _PAPER = load("paper").surface

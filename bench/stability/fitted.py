@@ -15,19 +15,16 @@ from gen.generation.plan import parameters
 from gen.generation.sample import surface_of
 from gen.scene import Scene, load
 from gen.statistics import describe
-from learn.columns import short_name
 from learn.comparison.grid import baseline, untuned
-from learn.dataset import Dataset, remarks
+from learn.dataset import Dataset, Request, remarks
 from learn.features import chosen
 from learn.features.sets import build, target_scale
 from learn.models import STEP
-from learn.pooling import Origin
-from learn.request import Request
+from learn.stored import Origin, short_name
 from learn.surrogate import Surrogate, card
 from learn.surrogate.calibration import near
-from learn.surrogate.fitting import Fit, fit_target
+from learn.surrogate.fitting import Fit, Settings, fit_target
 from learn.surrogate.model import Rows
-from learn.surrogate.settings import Settings
 
 Change = Callable[[Dataset], Dataset]
 

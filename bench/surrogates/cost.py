@@ -30,9 +30,9 @@ from gen.runtime.figure import log_axis
 from gen.scene import load
 from learn.comparison import paper
 from learn.comparison.folder import Folder
+from learn.dataset import Request
 from learn.features import SETS, SurfaceFeatures, chosen
 from learn.metrics import scores
-from learn.request import Request
 from learn.surrogate.break_even import break_even, time_of
 
 PAPER_SOLVE = 189.79  # mean time of the paper's solver for one contact (section 4.4) [s]

@@ -17,16 +17,14 @@ from bench.databases import generated
 from bench.files import Row
 from bench.report import Report, remark
 from bench.surrogates.fitting import Fitted, Parts, fit, parted, request_for
-from gen.arrays import Values
+from gen.arrays import Indices, Values
 from gen.database import Reader
 from gen.runtime.errors import InputError
 from gen.scene import preset_names
 from learn import dataset
-from learn.arrays import Indices
-from learn.dataset import Dataset, joined
+from learn.dataset import Dataset, Request, joined
 from learn.executor import Executor
 from learn.features.regeneration import hybrid_rows
-from learn.request import Request
 from learn.split import FOLDS
 from learn.surrogate.calibration import groups_of
 

@@ -8,15 +8,13 @@ from numpy.typing import NDArray
 
 from gen.arrays import Values
 from learn import dataset, split
-from learn.dataset import Dataset
+from learn.dataset import Dataset, Request, hybrid_for
 from learn.executor import Executor
 from learn.features import chosen
 from learn.metrics import Scores, scores
-from learn.request import Request, hybrid_for
 from learn.surrogate.calibration import Plan, groups_of, without_calibration
-from learn.surrogate.fitting import Fit, fit_target
+from learn.surrogate.fitting import Fit, Settings, fit_target
 from learn.surrogate.flag import Distance
-from learn.surrogate.settings import Settings
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,12 +27,11 @@ from bench.made_maps import KINDS, ONE_INSTRUMENT, write_all
 from bench.picture import COLOURS, new_figure
 from bench.report import Report, remark
 from bench.surrogates.fitting import fit, read, request_for
-from gen.arrays import Values
+from gen.arrays import Indices, Values
 from gen.database import Reader
 from gen.runtime.errors import InputError
 from gen.runtime.figure import draw_parity, parity_axes
 from gen.scene import ScanSurface
-from learn.arrays import Indices
 from learn.dataset import Dataset
 from learn.metrics import scores
 from learn.split import FOLDS

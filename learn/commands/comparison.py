@@ -27,8 +27,8 @@ from learn.commands.options import (
 )
 
 if TYPE_CHECKING:
+    from learn.dataset import Request
     from learn.executor import Executor
-    from learn.request import Request
 
 
 @grouped

@@ -16,8 +16,8 @@ from gen.runtime.terminal import echo, to_type
 from learn.commands.options import SEEDS, AreaMax, note
 
 if TYPE_CHECKING:
+    from learn.dataset import Request
     from learn.executor import Executor
-    from learn.request import Request
 
 Databases = Annotated[
     list[Path], typer.Argument(metavar="FILE...", help="One or more databases made by gen (HDF5).")
@@ -109,11 +109,11 @@ def fit(files: Databases, output: SurrogateFile, *, choice: Choice, trust: Trust
 
 def _request(files: list[Path], output: Path, choice: Choice) -> Request:
     """Return the request; a comparison folder adds the rows and the seed of its winner."""
+    from learn.dataset import Request
     from learn.features import chosen
     from learn.models import models_named
-    from learn.request import Request
     from learn.surrogate import fitting
-    from learn.surrogate.settings import normalisation_of
+    from learn.surrogate.fitting import normalisation_of
 
     models_named([choice.model])
     features = chosen(choice.features or "dimensionless", roots=True, blocks=_blocks(choice))

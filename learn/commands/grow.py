@@ -194,11 +194,11 @@ def _require_own(database: Path, surrogate: Path, drawing: Path) -> None:
 
 def _order(output: Path, goal: Goal) -> Order:
     """Check the options, and return the growth that they describe."""
+    from learn.dataset import Request
     from learn.features import chosen
     from learn.features.sets import BLOCKS
     from learn.grow.rounds import Order
     from learn.models import models_named
-    from learn.request import Request
 
     if not 0 < goal.nmae <= LARGEST_NMAE:
         raise InputError(

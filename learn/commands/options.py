@@ -12,7 +12,7 @@ from gen.runtime.files import check_folder
 from gen.runtime.terminal import echo
 
 if TYPE_CHECKING:
-    from learn.request import Request
+    from learn.dataset import Request
 
 Database = Annotated[Path, typer.Argument(metavar="FILE", help="A database made by gen (HDF5).")]
 Output = Annotated[
@@ -145,8 +145,8 @@ def requested(
 
     InputError is raised if the folder cannot be written, or an option has no meaning.
     """
+    from learn.dataset import Request
     from learn.features import chosen
-    from learn.request import Request
 
     check_folder(output)
     return Request(

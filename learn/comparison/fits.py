@@ -21,14 +21,14 @@ import numpy as np
 from pydantic import ConfigDict, Field
 from sklearn.metrics import r2_score
 
+from gen.arrays import Values
 from gen.runtime import documents, files
 from gen.runtime.errors import InputError
 from learn import kernel_ridge, memory
-from learn.arrays import Folds, Values
 from learn.comparison.folder import Count, Seconds, require_same
 from learn.comparison.grid import Task, shared_fit
 from learn.models import MODELS, REMARK_LENGTH, STEP, UNSCALED, Model, Scaling, pipeline, remarks
-from learn.split import FOLDS
+from learn.split import FOLDS, Folds
 
 LEAST_SCORE = -1e20
 """R2 below which a fit has diverged: a score like this would spoil means and tables."""

@@ -23,10 +23,10 @@ from typing import Annotated, Any, Literal, NamedTuple
 import numpy as np
 from pydantic import ConfigDict, Field, model_validator
 
+from gen.arrays import Values
 from gen.runtime import documents, files
 from gen.runtime.documents import Document, cell
 from gen.runtime.errors import InputError
-from learn.arrays import Values
 from learn.comparison import grid as grids
 from learn.dataset import Dataset
 from learn.features import chosen

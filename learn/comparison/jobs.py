@@ -13,18 +13,17 @@ from dataclasses import dataclass, replace
 from gen.runtime.signals import Interruption
 from gen.runtime.terminal import RunProgress
 from learn import dataset, memory, split
-from learn.columns import short_name
 from learn.comparison import grid as grids
 from learn.comparison import halving, results
 from learn.comparison.fits import Training, Trials
 from learn.comparison.folder import Folder, conditions
 from learn.comparison.results import FitResult, TimedFit
 from learn.comparison.search import GridSearch
-from learn.dataset import Dataset
+from learn.dataset import Dataset, Request, hybrid_for
 from learn.executor import Executor
 from learn.models import Model, models_named, scaling_of
-from learn.request import Request, hybrid_for
 from learn.split import Split
+from learn.stored import short_name
 
 
 @dataclass(frozen=True)

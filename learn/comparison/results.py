@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from gen.arrays import Values
 from gen.runtime.terminal import RunProgress
 from learn import bounded
-from learn.arrays import Values
 from learn.comparison import grid as grids
 from learn.comparison.fits import Training, reason
 from learn.comparison.folder import Folder

@@ -16,9 +16,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gen.arrays import Values
 from gen.runtime.terminal import RunProgress
 from learn import bounded
-from learn.arrays import Values
 from learn.comparison import grid as grids
 from learn.comparison.fits import Training, Trial, Trials, fit
 from learn.comparison.grid import Grid, Settings, Task, expected_work

@@ -25,10 +25,9 @@ from learn.comparison.grid import untuned
 from learn.comparison.jobs import open_folder, read_single
 from learn.comparison.pictures import DPI
 from learn.comparison.results import repeated
-from learn.dataset import Dataset
+from learn.dataset import Dataset, Request
 from learn.metrics import scores
 from learn.models import MODELS, models_named, pipeline, remarks
-from learn.request import Request
 from learn.split import Split
 
 SHUFFLES = 5

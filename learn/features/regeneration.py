@@ -16,6 +16,7 @@ from zipfile import BadZipFile
 
 import numpy as np
 
+from gen.arrays import Values
 from gen.database import Reader
 from gen.generation.plan import Parameters, parameters
 from gen.generation.sample import surface_of
@@ -24,7 +25,6 @@ from gen.runtime.files import atomic, require_file
 from gen.runtime.terminal import RunProgress
 from gen.scene import Scene
 from gen.schema import PHYSICS, Status
-from learn.arrays import Values
 from learn.executor import Executor
 from learn.features.sets import BLOCKS, HYBRID, STATISTICS, modulus
 from learn.features.surface import LOOSE, SurfaceFeatures

@@ -31,11 +31,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gen.arrays import Values
 from gen.material import plane_strain_modulus
 from gen.runtime.errors import InputError
 from gen.scene import Scene
 from gen.schema import statistics_columns
-from learn.arrays import Values
 
 STATISTICS: tuple[str, ...] = tuple(column.name for column in statistics_columns())
 """The 22 statistics, in the order of the paper's Table 1."""

@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 
 import bem
 from bem.problem import Boundary, node_spacing
+from gen.arrays import Values
 from gen.runtime.errors import InputError
 from gen.statistics import Description, describe
-from learn.arrays import Values
 from learn.features.sets import (
     BLOCKS,
     FACTORS,

@@ -20,17 +20,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gen.arrays import Indices, Values
 from gen.database import Reader
 from gen.runtime.errors import InputError
 from gen.scene import ScanSurface, Scene
 from learn import bounded
-from learn.arrays import Indices, Values
-from learn.columns import TILE
-from learn.dataset import Dataset
+from learn.dataset import Dataset, Request
 from learn.executor import Executor
 from learn.metrics import no_better
-from learn.request import Request
 from learn.split import FOLDS, Split
+from learn.stored import TILE
 from learn.surrogate import fitting
 from learn.surrogate.learnt import Learnt
 from learn.surrogate.model import Surrogate

@@ -12,10 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from learn.arrays import Values
-from learn.dataset import Dataset
+from gen.arrays import Values
+from learn.dataset import Dataset, Request
 from learn.grow.accuracy import Appraisal, Sizes, judge, quantile, risk, summed
-from learn.request import Request
 from learn.surrogate.calibration import without_calibration
 from learn.surrogate.fitting import fit_target
 

@@ -12,11 +12,11 @@ import numpy as np
 
 from gen.runtime.figure import draw_parity, log_axis, parity_axes
 from gen.runtime.terminal import echo, print_table, printable
+from learn.dataset import Request
 from learn.grow.accuracy import LEVEL, RISK, Appraisal
 from learn.grow.curve import Curve
 from learn.grow.rounds import Ending, Growth, asked_for
 from learn.grow.rows import stock
-from learn.request import Request
 from learn.surrogate.break_even import Payback, answer_seconds
 
 TABLE_WIDTH = 110

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table as Printed
 
+from gen.arrays import Indices, Values
 from gen.maps.read import sides_from
 from gen.maps.settings import Reading
 from gen.material import Bodies
@@ -19,7 +20,6 @@ from gen.runtime.documents import Row
 from gen.runtime.errors import InputError
 from gen.runtime.files import require_file
 from gen.runtime.terminal import brief, echo, print_table, to_type
-from learn.arrays import Indices, Values
 from learn.features import Undefined
 from learn.features.sets import STATISTICS
 from learn.surrogate.flag import pair

@@ -4,11 +4,11 @@ import math
 import time
 from dataclasses import dataclass
 
+from gen.arrays import Indices, Values
 from gen.generation.plan import parameters
 from gen.generation.sample import surface_of
 from gen.runtime.errors import InputError
 from gen.scene import Scene
-from learn.arrays import Indices, Values
 from learn.surrogate.model import Surrogate
 
 SURFACES = 8

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gen.arrays import Indices, Values
 from gen.runtime.errors import InputError
-from learn.arrays import Indices, Values
 from learn.dataset import Dataset
 from learn.split import FOLDS
 from learn.surrogate import flag

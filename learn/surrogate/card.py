@@ -6,17 +6,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gen.arrays import Indices, Values
 from gen.runtime import VERSION
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import printable
 from gen.scene import Scene
-from learn.arrays import Indices, Values
 from learn.comparison.folder import versions
-from learn.dataset import Dataset
+from learn.dataset import Dataset, Request
 from learn.features.sets import features_of, limits_of, modulus
 from learn.metrics import magnitude, scores
 from learn.models import MODELS
-from learn.request import Request
 from learn.surrogate import flag
 from learn.surrogate.calibration import FEWEST
 from learn.surrogate.learnt import Learnt

@@ -29,10 +29,10 @@ from zipfile import ZIP_DEFLATED
 
 import numpy as np
 
+from gen.arrays import Values
 from gen.runtime.errors import InputError
 from gen.runtime.files import SURROGATE, atomic, require_file
 from gen.runtime.terminal import printable, to_type
-from learn.arrays import Values
 from learn.models import MODELS, STEP, Scaling
 from learn.surrogate.flag import Distance
 from learn.surrogate.interval import Calibration, ErrorScale, Growth

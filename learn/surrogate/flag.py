@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from bem.problem import BOUNDARIES, Boundary, node_spacing
-from learn.arrays import Indices, Values
+from gen.arrays import Indices, Values
 from learn.features import FeatureSet
 from learn.surrogate.interval import CONSTANT, quantile_over_groups
 

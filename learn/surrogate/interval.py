@@ -37,8 +37,8 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from gen.arrays import Indices, Values
 from gen.runtime.errors import InputError
-from learn.arrays import Indices, Values
 
 if TYPE_CHECKING:
     from learn.surrogate.flag import Distance

@@ -26,6 +26,7 @@ import numpy as np
 
 from bem.derived.stiffness import without_patch
 from bem.problem import Boundary
+from gen.arrays import Values
 from gen.law import Law, contact_law
 from gen.law.contact_law import STEPS, law_of, solved_law, usual_loads
 from gen.law.curves import STIFFNESS, Curves, Points, continued, monotone, slopes, tabulated
@@ -33,7 +34,6 @@ from gen.law.surfaces import LawSurface, LawSurfaces, is_scene, read_subjects, s
 from gen.material import Bodies
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import RunProgress
-from learn.arrays import Values
 from learn.features import SurfaceFeatures, Undefined
 from learn.surrogate.model import OnSurface, Surrogate
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from gen.arrays import Values
 from gen.runtime.errors import InputError
 from learn import memory
-from learn.arrays import Values
 from learn.features.sets import PURE
 from learn.models import STEP, Scaling
 from learn.surrogate.interval import Calibration

@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bem.problem import Boundary
-from gen.arrays import refuse_masked
+from gen.arrays import Values, refuse_masked
 from gen.runtime.errors import InputError
-from learn.arrays import Values
 from learn.features import FeatureSet, SurfaceFeatures, chosen
 from learn.features.sets import NODES, build, target_scale
 from learn.surrogate import file, flag

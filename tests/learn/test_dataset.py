@@ -8,8 +8,8 @@ from gen.database import Reader
 from gen.runtime.errors import InputError
 from gen.schema import statistics_columns
 from learn import dataset
-from learn.columns import INPUTS, results
 from learn.models import pipeline
+from learn.stored import INPUTS, results
 
 
 def test_the_inputs_are_the_23_of_table_1_in_its_order(solved):

@@ -13,6 +13,7 @@ from gen import cli as gen
 from gen.runtime.errors import InputError
 from learn import Surrogate, cli, dataset, split
 from learn.comparison.paper import OPTIMA
+from learn.dataset import Request
 from learn.executor import Executor
 from learn.models import (
     AT_BOUND,
@@ -25,7 +26,6 @@ from learn.models import (
     remarks,
     scaling_of,
 )
-from learn.request import Request
 from learn.surrogate import fitting
 
 

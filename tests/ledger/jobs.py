@@ -10,9 +10,9 @@ from gen.scene.columns import row_bytes
 from learn.comparison import grid as grids
 from learn.comparison import jobs
 from learn.comparison.folder import Folder
+from learn.dataset import Request as ComparisonRequest
 from learn.executor import Executor
 from learn.models import MODELS
-from learn.request import Request as ComparisonRequest
 from learn.split import FOLDS
 from tests.ledger.solves import column_counts
 from tests.ledger.table import Key

@@ -13,8 +13,8 @@ from comparisons import run, table
 from launch import TIMEOUT, command, environment, mpiexec
 from walk import walk
 
-from learn.columns import INPUTS
 from learn.comparison import folder, paper, results, tables
+from learn.stored import INPUTS
 
 
 def test_compare_tune_and_show(work, capsys):

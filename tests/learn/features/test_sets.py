@@ -10,7 +10,6 @@ from gen.runtime.errors import InputError
 from gen.scene import Scene
 from gen.surface import generate
 from learn import dataset
-from learn.columns import INPUTS
 from learn.features import SETS, SurfaceFeatures, chosen
 from learn.features.regeneration import compute_block
 from learn.features.sets import (
@@ -24,6 +23,7 @@ from learn.features.sets import (
     no_yield,
     target_scale,
 )
+from learn.stored import INPUTS
 
 FREE = [name for name, each in SETS.items() if each.scaled]
 

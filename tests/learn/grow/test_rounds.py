@@ -14,11 +14,11 @@ from gen.generation.check import faults
 from gen.runtime.errors import InputError
 from gen.scene import Scene
 from learn import Surrogate, bounded
+from learn.dataset import Request
 from learn.executor import Executor
 from learn.grow import accuracy, rounds, rows
 from learn.grow.rounds import Order
 from learn.grow.rows import Pace
-from learn.request import Request
 
 SCENE = Scene.parse("samples = 10\nsamples_per_surface = 1\n[surface]\nnodes = 9\n", "scene")
 MARK = 25.0

@@ -8,15 +8,14 @@ import pytest
 from gen import cli as gen_cli
 from gen.runtime.errors import InputError
 from learn import Surrogate, cli, dataset, split
+from learn.dataset import Request
 from learn.executor import Executor
-from learn.pooling import Population
-from learn.request import Request
+from learn.stored import Population
 from learn.surrogate import calibration, fitting
 from learn.surrogate.card import show
-from learn.surrogate.fitting import fit_target
+from learn.surrogate.fitting import Settings, fit_target
 from learn.surrogate.flag import from_rows
 from learn.surrogate.interval import Growth
-from learn.surrogate.settings import Settings
 
 
 def of_maps(rows, number):

@@ -16,9 +16,9 @@ from small_databases import run
 
 from gen.runtime.errors import InputError
 from learn import Surrogate, cli
+from learn.dataset import Request
 from learn.executor import Executor
 from learn.models import MODELS, pipeline
-from learn.request import Request
 from learn.surrogate import fitting
 from learn.surrogate.file import FORMAT, HEAD
 

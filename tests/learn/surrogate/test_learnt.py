@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from learn import Surrogate
+from learn.dataset import Request
 from learn.executor import Executor
-from learn.request import Request
 from learn.surrogate import fitting
 from learn.surrogate.model import Rows
 

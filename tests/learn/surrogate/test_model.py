@@ -13,10 +13,10 @@ from gen.runtime.errors import InputError
 from gen.surface import generate
 from learn import Surrogate, split
 from learn.comparison.paper import OPTIMA
+from learn.dataset import Request
 from learn.executor import Executor
 from learn.features.sets import BLOCK_COUNTS, ROOTED_LOCAL
 from learn.models import MODELS
-from learn.request import Request
 from learn.surrogate import fitting, law, settings
 from learn.surrogate.card import lines
 from learn.surrogate.law import Order

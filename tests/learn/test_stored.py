@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from gen import cli
 from gen.runtime.errors import InputError
-from learn import dataset, pooling, split
+from learn import dataset, split, stored
 from learn.features.sets import NODES
 
 SCENES = {
@@ -179,7 +179,7 @@ def test_rows_that_share_a_surface_or_a_tile_are_in_one_group(data):
         np.array(data.draw(st.lists(st.integers(0, 12), min_size=size, max_size=size)))
         for _ in range(2)
     ]
-    groups = pooling.linked(*labels)
+    groups = stored.linked(*labels)
     graph = networks(labels, size)
     for one in range(size):
         for other in range(size):
