@@ -1,4 +1,4 @@
-"""Read inputs and targets from databases, and leave out the rows that cannot be used."""
+"""The rows to learn from: what is asked for, what is read, and what cannot be used."""
 
 import hashlib
 from collections import Counter
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gen.arrays import Indices, Values
 from gen.runtime.errors import InputError
-from learn import stored as pooling
+from learn import stored
 from learn.executor import Executor
 from learn.features import FeatureSet, chosen
 from learn.features.sets import (
@@ -25,64 +25,38 @@ from learn.features.sets import (
     target_scale,
 )
 from learn.metrics import usual_size
-from learn.stored import Origin, Population, Stored, read_stored, reasons_against
+from learn.stored import Origin, Population, Stored, reasons_against
+
+SMALLEST = 10
+"""Usable rows at least: two of these are for testing, and a score needs two."""
+
+MOST_ROWS = 2**40
+"""More rows than a scene can have."""
+
+DOMINANT = 1e6
+"""Ratio of one number to others beyond which a model sees nothing else: of an input, where rows
+have unit length and trees single precision; of a target, where errors are squared."""
 
 
 @dataclass(frozen=True)
 class Request:
-    """A comparison or a fit to be made.
-
-    Attributes
-    ----------
-    database : Path
-        A database made by `gen`.
-    output : Path
-        The comparison folder, or the file of the surrogate.
-    targets : tuple of str
-        Names of targets: any of "area", "force" or further columns.
-    models : tuple of str
-        Names of models; all nine if there are none.
-    area_max : float or None
-        Largest area that is kept [%], None for all.
-    normalisation : str
-        One of `learn.models.NORMALISATIONS`.
-    features : str
-        A name of `learn.features.SETS`.
-    seed : int
-        Seed of the split and of the models.
-    train_rows : int or None
-        Number of training rows at most, None for all.
-    again : bool
-        True to repeat fits whose results the folder has.
-    limit : float or None
-        Time for the searches [s], None for whole grids.
-    roots : bool
-        True to learn square roots of areas, with the features that surrogates see
-        (`learn.features.FeatureSet.with_roots`).
-    blocks : int
-        Blocks per side of the coarse solve of hybrid features, one of
-        `learn.features.sets.BLOCK_COUNTS`.
-    calibrate_on : Path or None
-        Database whose rows calibrate the intervals; None for rows of the first ones.
-    others : tuple of Path
-        Further databases, whose rows are learnt together with those of the first.
-    """
+    """A comparison or a fit to be made, of rows of one or more databases."""
 
     database: Path
-    output: Path
+    output: Path  # a comparison folder, or the file of a surrogate
     targets: tuple[str, ...] = ("area",)
-    models: tuple[str, ...] = ()
-    area_max: float | None = None
-    normalisation: str = "l2"
-    features: str = "paper"
-    seed: int = 0
-    train_rows: int | None = None
-    again: bool = False
-    limit: float | None = None
-    roots: bool = False
-    blocks: int = BLOCKS
-    calibrate_on: Path | None = None
-    others: tuple[Path, ...] = ()
+    models: tuple[str, ...] = ()  # all nine if there are none
+    area_max: float | None = None  # largest area that is kept [%]
+    normalisation: str = "l2"  # one of `learn.models.NORMALISATIONS`
+    features: str = "paper"  # one of `learn.features.SETS`
+    seed: int = 0  # of the split and of the models
+    train_rows: int | None = None  # training rows at most
+    again: bool = False  # True to repeat fits whose results the folder has
+    limit: float | None = None  # time for the searches [s]
+    roots: bool = False  # True to learn square roots, with the features that surrogates see
+    blocks: int = BLOCKS  # per side of the coarse solve of hybrid features
+    calibrate_on: Path | None = None  # database whose rows calibrate the intervals
+    others: tuple[Path, ...] = ()  # further databases to learn from
 
     @property
     def databases(self) -> tuple[Path, ...]:
@@ -105,76 +79,25 @@ def hybrid_for(
     return hybrid_rows(request.database, executor, stopping, wanted.solved_blocks)
 
 
-SMALLEST = 10
-"""Usable rows at least: two of these are for testing, and a score needs two."""
-
-MOST_ROWS = 2**40
-"""More rows than a scene can have."""
-
-DOMINANT = 1e6
-"""Ratio of one input to all others together beyond which rows of unit length carry no others: they
-fall below the single precision in which trees see their inputs."""
-
-
 @dataclass(frozen=True, eq=False)
 class Dataset:
-    """The usable rows of a database, or of several.
+    """The usable rows of a database, or of several: n rows of d inputs and one target."""
 
-    Attributes
-    ----------
-    inputs : ndarray, shape (n, d)
-        Inputs, in the units of `gen.schema`.
-    target : ndarray, shape (n,)
-        The quantity to predict, in the unit of its column over `scale`.
-    rows : ndarray, shape (n,)
-        Row of each sample in its database.
-    groups : ndarray, shape (n,)
-        Number of the surface of each sample; samples of one surface share it. Where surfaces are
-        windows of maps, all samples of one tile share it.
-    database : ndarray, shape (n,)
-        Number of each sample's database in `origins`.
-    population : ndarray, shape (n,)
-        Number of each sample's population in `populations`: its database, generator and map.
-    names : tuple of str
-        Columns of the d inputs.
-    target_name : str
-        Column of the target.
-    unit : str
-        Unit of the target, "1" if it was made free of units.
-    dropped : dict
-        Number of rows left out, by reason.
-    source : dict
-        Origin of the rows, which is recorded beside all results.
-    described : ndarray, shape (n, 23)
-        Delta and the 22 statistics, independent of the feature set, in um; NaN for statistics that
-        the features do not need and the surface does not define.
-    scale : ndarray, shape (n,)
-        Divisor of the target, 1 unless the features are free of units.
-    features : str
-        Name of the feature set.
-    by_tile : bool
-        True if the groups are tiles of maps, which no split may divide.
-    origins : tuple of Origin
-        The databases.
-    populations : tuple of Population
-        The populations.
-    """
-
-    inputs: Values
-    target: Values
-    rows: Indices
-    groups: Indices
-    database: Indices
-    population: Indices
-    names: tuple[str, ...]
-    target_name: str
-    unit: str
-    dropped: dict[str, int]
-    source: dict[str, str]
-    described: Values
-    scale: Values
+    inputs: Values  # (n, d)
+    target: Values  # (n,), in the unit of its column over `scale`
+    rows: Indices  # (n,), numbers of the rows in their databases
+    groups: Indices  # (n,), of rows that no split divides: of one surface, or tile of a map
+    database: Indices  # (n,), number in `origins`
+    population: Indices  # (n,), number in `populations`
+    names: tuple[str, ...]  # of the d inputs
+    target_name: str  # the column of the target
+    unit: str  # of the target, "1" if it was made free of units
+    dropped: dict[str, int]  # number of rows left out, by reason
+    source: dict[str, str]  # origin of the rows, which is recorded beside all results
+    described: Values  # (n, 23), Delta and the 22 statistics, NaN if undefined and not needed [um]
+    scale: Values  # (n,), divisor of the target
     features: str = "paper"
-    by_tile: bool = False
+    by_tile: bool = False  # whether the groups are tiles of maps
     origins: tuple[Origin, ...] = ()
     populations: tuple[Population, ...] = ()
 
@@ -185,7 +108,7 @@ class Dataset:
 
     @property
     def keys(self) -> Indices:
-        """Number of each sample, (n,), that no other sample of the databases has."""
+        """Number of each row, (n,), that no other row of the databases has."""
         return self.database * MOST_ROWS + self.rows
 
     def keeping(self, names: tuple[str, ...]) -> "Dataset":
@@ -195,18 +118,13 @@ class Dataset:
 
     def at(self, positions: Indices) -> "Dataset":
         """Return the rows at some positions, (k,), in their order; groups are numbered anew."""
-        _, groups = np.unique(self.groups[positions], return_inverse=True)
-        return replace(
-            self,
-            inputs=self.inputs[positions],
-            target=self.target[positions],
-            rows=self.rows[positions],
-            groups=groups,
-            database=self.database[positions],
-            population=self.population[positions],
-            described=self.described[positions],
-            scale=self.scale[positions],
-        )
+        arrays: dict[str, Any] = {
+            name: value[positions]
+            for name, value in vars(self).items()
+            if isinstance(value, np.ndarray)
+        }
+        _, arrays["groups"] = np.unique(arrays["groups"], return_inverse=True)
+        return replace(self, **arrays)
 
 
 def read(
@@ -243,19 +161,15 @@ def read_together(
     paths : sequence of Path
         Databases made by `gen`. The number of nodes becomes a feature if it differs.
     targets : sequence of str
-        Any of "area", "force", and the columns of other results that the databases store: those of
-        floating numbers, among them the user's own outputs, and `WHOLE_TARGETS`.
+        Any of "area", "force", and the columns of other results that the databases store.
     area_max : float, optional
         Largest area that is kept [%]; 16.56 is the paper's range.
     features : str
         A name of `learn.features.SETS`. If it is free of units, so are the targets.
     hybrids : sequence of ndarray, each of shape (rows of the database, 17), or None
-        For each database, the columns that its surfaces add to hybrid features, from
-        `learn.features.regeneration`.
-    roots : bool
-        True for the features that surrogates see (`learn.features.FeatureSet.with_roots`).
-    blocks : int
-        Blocks per side of their coarse solve; those of `hybrids`.
+        For each database, the columns of `learn.features.regeneration` for hybrid features.
+    roots, blocks : bool, int
+        See `Request`.
 
     Returns
     -------
@@ -271,13 +185,11 @@ def read_together(
     scaled = chosen(features).scaled
     if area_max is not None and not area_max > 0:
         raise InputError(f"--area-max {area_max:g}: give a percentage above 0")
-    pooling.require_different(paths)
-    stored = [read_stored(path, targets) for path in paths]
-    pooling.require_compatible([(each.path, each.scene) for each in stored], scaled=scaled)
-    wanted = features_of([each.scene for each in stored], features, roots=roots, blocks=blocks)
+    found = [stored.read_stored(path, targets) for path in paths]
+    stored.require_compatible(found, scaled=scaled)
+    wanted = features_of([each.scene for each in found], features, roots=roots, blocks=blocks)
     parts = [
-        (each, _features(wanted, each, hybrid))
-        for each, hybrid in zip(stored, hybrids, strict=True)
+        (each, _features(wanted, each, hybrid)) for each, hybrid in zip(found, hybrids, strict=True)
     ]
     return [
         _together([_usable(each, values, number, wanted, area_max) for each, values in parts])
@@ -285,26 +197,39 @@ def read_together(
     ]
 
 
+def _features(wanted: FeatureSet, part: Stored, hybrid: Values | None) -> Values:
+    """Return the features of all rows of a database, finite where they can be used."""
+    ratio: Values | float | None = None
+    if wanted.needs_hardness and (limits := limits_of([part.scene])) is not None:
+        ratio = limits[0] if part.hardness is None else part.hardness / modulus(part.scene)
+    statistics, delta, nodes = part.inputs[:, 1:], part.inputs[:, 0], node_count(part.scene)
+    with np.errstate(over="ignore", invalid="ignore"):
+        return build(wanted, statistics, delta, part.length, hybrid, ratio, nodes)
+
+
 def _usable(
-    stored: Stored, made: Values, number: int, wanted: FeatureSet, area_max: float | None
-) -> tuple[Dataset, pooling.Placed]:
+    part: Stored, made: Values, number: int, wanted: FeatureSet, area_max: float | None
+) -> tuple[Dataset, Stored]:
     """Keep the rows that can be used for one target, by its number; groups are not known yet."""
-    inputs, (column, values) = stored.inputs, stored.targets[number]
-    reasons = reasons_against(stored, values)
+    column, values = part.targets[number]
+    reasons = reasons_against(part, values)
     if area_max is not None:
-        reasons[(reasons == "") & (stored.area > area_max)] = f"area above {area_max:g} %"
-    _exclude_without_features(reasons, stored, wanted, made)
+        reasons[(reasons == "") & (part.area > area_max)] = f"area above {area_max:g} %"
+    odd = (reasons == "") & ~np.isfinite(made).all(axis=1)
+    reasons[odd] = f"{wanted.name} features not finite"
+    needs = "features need statistics that the surface does not define"
+    reasons[odd & part.undefined] = f"{wanted.name} {needs}"
     kept = np.flatnonzero(reasons == "")
-    scene, described = stored.scene, inputs[kept]
-    hardness = () if stored.hardness is None else (stored.hardness,)
-    statistics, delta = described[:, 1:], described[:, 0]
-    scale = target_scale(wanted, column.name, statistics, delta, stored.length, modulus(scene))
-    digest = _digest(stored.status, inputs, values, stored.area, *hardness)
+    usable, scene = part.at(kept), part.scene.text()
+    statistics, delta, e_star = usable.inputs[:, 1:], usable.inputs[:, 0], modulus(part.scene)
+    scale = target_scale(wanted, column.name, statistics, delta, part.length, e_star)
+    hardness = () if part.hardness is None else (part.hardness,)
+    digest = _digest(part.status, part.inputs, values, part.area, *hardness)
     unknown = np.zeros(kept.size, dtype=np.int64)
     rows = Dataset(
         inputs=made[kept],
         target=values[kept] / scale,
-        rows=stored.first + kept,
+        rows=usable.rows,
         groups=unknown,
         database=unknown,
         population=unknown,
@@ -313,30 +238,37 @@ def _usable(
         unit=column.unit if (scale == 1).all() else "1",
         dropped={why: count for why, count in sorted(Counter(reasons).items()) if why},
         source={
-            "database": str(stored.path),
+            "database": str(part.path),
             "database_sha256": digest,
-            "scene": scene.text(),
-            "versions": stored.versions,
+            "scene": scene,
+            "versions": part.versions,
         },
-        described=described,
+        described=usable.inputs,
         scale=scale,
         features=wanted.name,
-        by_tile=stored.tile is not None,
-        origins=(Origin(str(stored.path), digest, scene.text(), kept.size),),
+        by_tile=part.tile is not None,
+        origins=(Origin(str(part.path), digest, scene, kept.size),),
     )
-    map_, tile = (None if each is None else each[kept] for each in (stored.map, stored.tile))
-    return rows, pooling.Placed(stored.path, scene, rows.rows, statistics, map_, tile)
+    return rows, usable
 
 
-def _together(parts: Sequence[tuple[Dataset, pooling.Placed]]) -> Dataset:
+def _digest(*columns: NDArray[np.generic]) -> str:
+    """Return a fingerprint of the columns that decide the results."""
+    digest = hashlib.sha256()
+    for column in columns:
+        digest.update(np.ascontiguousarray(column).tobytes())
+    return digest.hexdigest()
+
+
+def _together(parts: Sequence[tuple[Dataset, Stored]]) -> Dataset:
     """Join the usable rows of databases, and find the groups that every split keeps together."""
-    sets, placed = [rows for rows, _ in parts], [place for _, place in parts]
-    population, populations = pooling.populations(placed)
+    sets, usable = [rows for rows, _ in parts], [part for _, part in parts]
+    population, populations = stored.populations(usable)
     whole = joined(sets) if len(sets) > 1 else sets[0]
     require_usable(whole)
     return replace(
         whole,
-        groups=pooling.related(placed),
+        groups=stored.related(usable),
         database=np.repeat(np.arange(len(sets)), [rows.size for rows in sets]),
         population=population,
         populations=populations,
@@ -370,37 +302,8 @@ def joined(sets: Sequence[Dataset]) -> Dataset:
     )
 
 
-def _exclude_without_features(
-    reasons: NDArray[np.object_], stored: Stored, wanted: FeatureSet, made: Values
-) -> None:
-    """Add the reasons why the features of further rows cannot be used."""
-    odd = (reasons == "") & ~np.isfinite(made).all(axis=1)
-    reasons[odd] = f"{wanted.name} features not finite"
-    reasons[odd & stored.undefined] = (
-        f"{wanted.name} features need statistics that the surface does not define"
-    )
-
-
-def _features(wanted: FeatureSet, stored: Stored, hybrid: Values | None) -> Values:
-    """Return the features of all rows of a database, finite where they can be used."""
-    scene, inputs = stored.scene, stored.inputs
-    ratio: Values | float | None = None
-    if wanted.needs_hardness and (limits := limits_of([scene])) is not None:
-        ratio = limits[0] if stored.hardness is None else stored.hardness / modulus(scene)
-    with np.errstate(over="ignore", invalid="ignore"):
-        return build(
-            wanted,
-            inputs[:, 1:],
-            inputs[:, 0],
-            stored.length,
-            hybrid,
-            hardness_ratio=ratio,
-            nodes=node_count(scene),
-        )
-
-
 def remarks(dataset: Dataset, normalisation: str) -> list[str]:
-    """List remarks and warnings about the rows that a user should read before training on them.
+    """List what a user should know of the rows before a model is trained on them.
 
     The normalisation is one of `learn.models.NORMALISATIONS`.
     """
@@ -412,20 +315,19 @@ def remarks(dataset: Dataset, normalisation: str) -> list[str]:
     whole = np.unique(np.column_stack([dataset.inputs, dataset.target]), axis=0)
     if len(whole) < dataset.size:
         lines.append(f"warning: {dataset.size - len(whole)} rows repeat others exactly")
-    target = np.abs(dataset.target)
-    if target.max() > DOMINANT * usual_size(target):
+    largest, usual = np.abs(dataset.target).max(), usual_size(dataset.target)
+    if largest > DOMINANT * usual:
         lines.append(
-            f"warning: the largest {dataset.target_name} is {target.max():.1e}, the median"
-            f" {usual_size(target):.1e}: squared errors see nothing else"
+            f"warning: the largest {dataset.target_name} is {largest:.1e}, the median {usual:.1e}:"
+            " squared errors see nothing else"
         )
     sizes = np.median(np.abs(dataset.inputs), axis=0)
-    largest = int(np.argmax(sizes))
-    others = float(np.linalg.norm(np.delete(sizes, largest)))
-    if normalisation == "l2" and sizes[largest] > DOMINANT * others:
+    place = int(np.argmax(sizes))
+    others = float(np.linalg.norm(np.delete(sizes, place)))
+    if normalisation == "l2" and sizes[place] > DOMINANT * others:
         lines.append(
-            f"warning: {dataset.names[largest]} is {sizes[largest] / max(others, 1e-300):.1e} times"
-            " all other inputs: scaled to unit length, rows say nothing else; try --normalise"
-            " standard"
+            f"warning: {dataset.names[place]} is {sizes[place] / max(others, 1e-300):.1e} times all"
+            " other inputs: rows of unit length say nothing else; try --normalise standard"
         )
     return lines
 
@@ -447,11 +349,3 @@ def require_usable(rows: Dataset) -> None:
         raise InputError(
             f"{name}: {rows.target_name} is {values[0]:g} in all {rows.size} usable rows"
         )
-
-
-def _digest(*columns: NDArray[np.generic]) -> str:
-    """Return a fingerprint of the columns that decide the results."""
-    digest = hashlib.sha256()
-    for column in columns:
-        digest.update(np.ascontiguousarray(column).tobytes())
-    return digest.hexdigest()

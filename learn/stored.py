@@ -1,12 +1,15 @@
-"""The columns of a database by their role in learning: inputs, targets, places; and their content.
+"""The columns of databases that learning needs, and which of their rows belong together.
 
-`read_stored` reads them, and `reasons_against` says why some rows cannot be used.
+Rows of one surface are never on both sides of a split, whichever databases they are in. Related are
+surfaces with the same statistics, surfaces of one number and one seed, whatever their grid and
+generator (they are made of the same random numbers), and windows of one tile of a map; where two
+databases cut a map into other tiles, all windows of that map.
 """
 
 import os
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -37,6 +40,9 @@ NO_TARGETS = frozenset({*INPUTS, "load", "hardness", "residual"})
 MAP, TILE = "map", "tile"
 """Columns of the map and of its tile that a surface was cut out of."""
 
+DIGITS = 8
+"""Digits of a file's hash in the labels of maps, so that maps of one name differ."""
+
 
 def short_name(column: str) -> str:
     """Return the name of a target's column in folders and on the command line."""
@@ -44,11 +50,8 @@ def short_name(column: str) -> str:
 
 
 def results(scene: Scene) -> dict[str, Column]:
-    """Return the columns of a scene's database that can be learnt, by their names.
-
-    Area and force come first, then the other results in the order of the file.
-    """
-    given = NO_TARGETS | drawn_names(scene)
+    """Return the columns of a scene's database that can be learnt, area and force first."""
+    given = NO_TARGETS | set(parameter_columns(scene).values())
     found = {
         column.name: column
         for column in columns_for(scene)
@@ -62,50 +65,38 @@ def results(scene: Scene) -> dict[str, Column]:
     return {name: found[name] for name in TARGETS.values()} | found
 
 
-def drawn_names(scene: Scene) -> set[str]:
-    """Return the columns of a scene's database that hold parameters of the surfaces."""
-    return set(parameter_columns(scene).values())
+class Population(NamedTuple):
+    """Where surfaces come from: those of one population are more alike than those of others."""
+
+    database: str
+    generator: str
+    map: str = ""  # file name and hash of the map of a window
+
+
+class Origin(NamedTuple):
+    """A database that usable rows were read from, with the text of its scene."""
+
+    database: str
+    sha256: str  # of the columns that decide the results
+    scene: str
+    rows: int
 
 
 @dataclass(frozen=True, eq=False)
 class Stored:
-    """The columns of a database that learning needs.
-
-    Attributes
-    ----------
-    path : Path
-        The database.
-    scene : Scene
-        Its scene.
-    versions : str
-        The versions that made it.
-    first : int
-        Its first row.
-    status, reason : ndarray, shape (n,)
-        Status of each row, and the reason of its failure or of the statistics that it lacks.
-    inputs : ndarray, shape (n, 23)
-        Delta and the 22 statistics.
-    hardness : ndarray, shape (n,), or None
-        Hardness, where it varies [MPa].
-    map, tile : ndarray of int, shape (n,), or None
-        Map and tile of each surface, where surfaces are windows of maps.
-    area : ndarray, shape (n,)
-        Contact area [%].
-    targets : list of tuple
-        Column and values, shape (n,), of each target.
-    """
+    """The columns of some rows of a database, each (n,) unless said otherwise."""
 
     path: Path
     scene: Scene
     versions: str
-    first: int
+    rows: Indices  # their numbers
     status: NDArray[np.uint8]
-    reason: NDArray[np.uint8]
-    inputs: Values
-    hardness: Values | None
-    map: Indices | None
+    reason: NDArray[np.uint8]  # of a failure, or of statistics that are undefined
+    inputs: Values  # (n, 23), Delta and the 22 statistics
+    hardness: Values | None  # where it varies [MPa]
+    map: Indices | None  # where surfaces are windows of maps
     tile: Indices | None
-    area: Values
+    area: Values  # [%]
     targets: list[tuple[Column, Values]]
 
     @property
@@ -119,39 +110,47 @@ class Stored:
         solved = self.status == Status.DONE
         return np.asarray(solved & (self.reason == Reason.NO_STATISTICS))
 
+    def at(self, positions: Indices) -> "Stored":
+        """Return the rows at some positions, (k,)."""
+        arrays: dict[str, Any] = {
+            name: value[positions]
+            for name, value in vars(self).items()
+            if isinstance(value, np.ndarray)
+        }
+        targets = [(column, values[positions]) for column, values in self.targets]
+        return replace(self, **arrays, targets=targets)
+
 
 def read_stored(path: Path, targets: Sequence[str]) -> Stored:
-    """Read the columns of a database that learning needs.
+    """Read the columns of a database; targets are short names or columns.
 
-    Targets are short names or columns. InputError is raised if the file is no database, or lacks
-    one.
+    InputError is raised if the file is no database, or lacks a target.
     """
     with Reader(path) as reader:
-        draws = reader.scene.contact.draws_hardness
         places = reader.scene.surface.PLACES.keys()
+
+        def whole(name: str) -> Indices | None:
+            return np.asarray(reader.column(name), dtype=np.int64) if name in places else None
+
         columns = [_target_column(reader, target) for target in targets]
+        draws = reader.scene.contact.draws_hardness
         return Stored(
             path=path,
             scene=reader.scene,
             versions=str(reader.attributes["versions"]),
-            first=reader.rows.start,
+            rows=np.array(reader.rows, dtype=np.int64),
             status=reader.column("status"),
             reason=reader.column("reason"),
             inputs=np.stack([reader.column(name) for name in INPUTS], axis=1),
             hardness=reader.column("hardness") if draws else None,
-            map=_whole(reader, MAP) if MAP in places else None,
-            tile=_whole(reader, TILE) if TILE in places else None,
+            map=whole(MAP),
+            tile=whole(TILE),
             area=reader.column("area_percent"),
             targets=[
                 (column, np.asarray(reader.column(column.name), dtype=np.float64))
                 for column in columns
             ],
         )
-
-
-def _whole(reader: Reader, name: str) -> Indices:
-    """Read a column of whole numbers."""
-    return np.asarray(reader.column(name), dtype=np.int64)
 
 
 def _target_column(reader: Reader, target: str) -> Column:
@@ -183,88 +182,23 @@ def reasons_against(stored: Stored, target: Values) -> NDArray[np.object_]:
     return reasons
 
 
-DIGITS = 8
-"""Digits of a file's hash in the labels of maps, so that maps of one name differ."""
-
-
-class Population(NamedTuple):
-    """Where surfaces come from: those of one population are more alike than those of others.
-
-    Attributes
-    ----------
-    database : str
-        Path of the database.
-    generator : str
-        Name of the generator.
-    map : str
-        File name and hash of the map that windows were cut out of; "" for other generators.
-    """
-
-    database: str
-    generator: str
-    map: str = ""
-
-
-class Origin(NamedTuple):
-    """A database that rows were read from.
-
-    Attributes
-    ----------
-    database : str
-        Path of the database.
-    sha256 : str
-        Fingerprint of the columns that decide the results.
-    scene : str
-        Text of the scene.
-    rows : int
-        Number of usable rows.
-    """
-
-    database: str
-    sha256: str
-    scene: str
-    rows: int
-
-
-@dataclass(frozen=True, eq=False)
-class Placed:
-    """The rows of a database, with the labels that rows of other databases may share.
-
-    Attributes
-    ----------
-    path, scene : Path, Scene
-        The database and its scene.
-    rows : ndarray of int, shape (n,)
-        Numbers of the rows.
-    statistics : ndarray, shape (n, 22)
-        Statistics of the surfaces, NaN where a surface does not define one.
-    map, tile : ndarray of int, shape (n,), or None
-        Map and tile of each window; None for other surfaces.
-    """
-
-    path: Path
-    scene: Scene
-    rows: Indices
-    statistics: Values
-    map: Indices | None
-    tile: Indices | None
-
-
-def require_compatible(scenes: Sequence[tuple[Path, Scene]], *, scaled: bool) -> None:
-    """Refuse databases that no single surrogate describes.
+def require_compatible(parts: Sequence[Stored], *, scaled: bool) -> None:
+    """Refuse databases that no single surrogate describes, or that are given twice.
 
     With `scaled` features, which have no units, scan length and E* make no difference, and elastic
     bodies are very hard ones. InputError names the first key that differs, and the file that has
     it.
     """
-    (first, reference), *others = scenes
-    wanted = _must_agree(reference, scaled=scaled)
-    for path, scene in others:
-        for key, value in _must_agree(scene, scaled=scaled).items():
+    files = Counter(os.path.realpath(part.path) for part in parts)
+    for file in [file for file, times in files.items() if times > 1]:
+        raise InputError(f"{file}: is given twice: give each database once")
+    wanted = _must_agree(parts[0].scene, scaled=scaled)
+    for part in parts[1:]:
+        for key, value in _must_agree(part.scene, scaled=scaled).items():
             if value != wanted[key]:
                 raise InputError(
-                    f"{path}: {key} is {shown(value)}, {shown(wanted[key])} in {first}: they cannot"
-                    " be learnt together"
+                    f"{part.path}: {key} is {shown(value)}, {shown(wanted[key])} in"
+                    f" {parts[0].path}: they cannot be learnt together"
                 )
 
 
@@ -287,14 +221,14 @@ def _must_agree(scene: Scene, *, scaled: bool) -> dict[str, Any]:
     return common
 
 
-def populations(placed: Sequence[Placed]) -> tuple[Indices, tuple[Population, ...]]:
+def populations(parts: Sequence[Stored]) -> tuple[Indices, tuple[Population, ...]]:
     """Return the number of each row's population, (n,), and the populations by their numbers."""
-    names = [each for part in placed for each in _populations(part)]
+    names = [each for part in parts for each in _populations(part)]
     known = {name: number for number, name in enumerate(dict.fromkeys(names))}
     return np.array([known[name] for name in names], dtype=np.int64), tuple(known)
 
 
-def _populations(part: Placed) -> Iterator[Population]:
+def _populations(part: Stored) -> Iterator[Population]:
     """Yield the population of each row of a database."""
     surface = part.scene.surface
     own = Population(str(part.path), str(getattr(surface, "generator", "")))
@@ -307,14 +241,14 @@ def _populations(part: Placed) -> Iterator[Population]:
     return (maps[index] for index in part.map)
 
 
-def related(placed: Sequence[Placed]) -> Indices:
+def related(parts: Sequence[Stored]) -> Indices:
     """Number the groups of rows that every split keeps together, (n,), database by database."""
-    surfaces = _surfaces(np.concatenate([part.statistics for part in placed]))
+    surfaces = _surfaces(np.concatenate([part.inputs[:, 1:] for part in parts]))
     labels = [surfaces]
-    if any(part.tile is not None for part in placed):
-        labels.append(_numbered(placed, [_tiles(part, placed) for part in placed]))
-    if len(placed) > 1:
-        labels.append(_numbered(placed, [_seeded(part) for part in placed]))
+    if any(part.tile is not None for part in parts):
+        labels.append(_numbered(parts, [_tiles(part, parts) for part in parts]))
+    if len(parts) > 1:
+        labels.append(_numbered(parts, [_seeded(part) for part in parts]))
     return surfaces if len(labels) == 1 else linked(*labels)
 
 
@@ -336,23 +270,24 @@ rows.
 """
 
 
-def _seeded(part: Placed) -> Labels:
+def _seeded(part: Stored) -> Labels:
     """Number surfaces by the random numbers that made them; windows of maps by their tiles only."""
     if part.tile is not None:
         return None
     return ("seed", part.scene.seed), part.rows // part.scene.samples_per_surface
 
 
-def _tiles(part: Placed, placed: Sequence[Placed]) -> Labels:
+def _tiles(part: Stored, parts: Sequence[Stored]) -> Labels:
     """Number the windows of a database by their tiles, or by their maps where tiles differ."""
     surface = part.scene.surface
     if part.tile is None or part.map is None or not isinstance(surface, ScanSurface):
         return None
-    shared = [other for other in placed if other is not part and _share_maps(part, other)]
-    own = _tiling(part.scene)
-    if all(_tiling(other.scene) == own for other in shared):
-        return ("tiles", own), part.tile
-    if surface.against is not None or any(_is_pressed_on_rough(each.scene) for each in shared):
+    own = _hashes(part.scene)
+    shared = [other for other in parts if other is not part and own & _hashes(other.scene)]
+    tiling = _tiling(part.scene)
+    if all(_tiling(other.scene) == tiling for other in shared):
+        return ("tiles", tiling), part.tile
+    if any(each.scene.surface.against is not None for each in (part, *shared)):
         raise InputError(
             f"{part.path}: has windows of maps of {shared[0].path} in other tiles, and a second"
             " rough body: no split of both would keep their nodes apart"
@@ -367,16 +302,6 @@ def _tiling(scene: Scene) -> str:
     return str(sorted(scene.surface.relevant(content).items()))
 
 
-def _is_pressed_on_rough(scene: Scene) -> bool:
-    """Tell whether surfaces are pressed against second rough ones."""
-    return scene.surface.against is not None
-
-
-def _share_maps(part: Placed, other: Placed) -> bool:
-    """Tell whether two databases have windows of one map."""
-    return bool(_hashes(part.scene) & _hashes(other.scene))
-
-
 def _hashes(scene: Scene) -> set[str]:
     """Return the hashes of a scene's maps."""
     surface = scene.surface
@@ -386,12 +311,12 @@ def _hashes(scene: Scene) -> set[str]:
     return {each.sha256 for maps in found for each in maps.maps}
 
 
-def _numbered(placed: Sequence[Placed], labels: Sequence[Labels]) -> Indices:
+def _numbered(parts: Sequence[Stored], labels: Sequence[Labels]) -> Indices:
     """Number the labels of all databases' rows, (n,); rows without a label stand alone."""
     kinds = {label[0]: number for number, label in enumerate(filter(None, labels))}
-    pairs = np.empty((sum(part.rows.size for part in placed), 2), dtype=np.int64)
+    pairs = np.empty((sum(part.rows.size for part in parts), 2), dtype=np.int64)
     start = 0
-    for part, label in zip(placed, labels, strict=True):
+    for part, label in zip(parts, labels, strict=True):
         rows = slice(start, start + part.rows.size)
         alone = -1, np.arange(rows.start, rows.stop)
         pairs[rows, 0], pairs[rows, 1] = alone if label is None else (kinds[label[0]], label[1])
@@ -401,11 +326,7 @@ def _numbered(placed: Sequence[Placed], labels: Sequence[Labels]) -> Indices:
 
 
 def linked(*labels: Indices) -> Indices:
-    """Number groups, (n,), such that rows with any label in common are in one group.
-
-    Labels are numbers, each (n,), such as those of surfaces and of tiles; the groups are the
-    connected components of rows that share one.
-    """
+    """Number the groups, (n,), of rows that share a label, each (n,), directly or by other rows."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
@@ -420,11 +341,3 @@ def linked(*labels: Indices) -> Indices:
     _, component = connected_components(graph, directed=False)
     _, group = np.unique(component[: rows.size], return_inverse=True)
     return np.asarray(group.ravel(), dtype=np.int64)
-
-
-def require_different(paths: Sequence[Path]) -> None:
-    """Refuse a database that is given twice."""
-    files = Counter(os.path.realpath(path) for path in paths)  # of a loop of links too
-    twice = [file for file, times in files.items() if times > 1]
-    if twice:
-        raise InputError(f"{twice[0]}: is given twice: give each database once")
