@@ -31,12 +31,9 @@ LONGEST = 36500 * UNITS["d"]
 
 
 def seconds(text: str) -> float:
-    """Read a time such as 90s, 30min, 2h or 1.5d.
+    """Read a time such as 90s, 30min, 2h or 1.5d [s].
 
-    Raises
-    ------
-    InputError
-        If the text is not a time, or the time is not above zero.
+    InputError is raised if the text is not a time, or the time is not above zero.
     """
     number = text.rstrip("abcdefghijklmnopqrstuvwxyz").strip()
     unit = text[len(number) :].strip() or "s"
@@ -59,30 +56,12 @@ def call(
     until: float,
     longest: float = math.inf,
 ) -> Result | None:
-    """Do a task, but not beyond a time.
+    """Do a task, a function of shared data and of the task at the top of a module, until a time.
 
-    Parameters
-    ----------
-    work : callable
-        Function of the shared data and of the task, defined at the top of a module.
-    shared : object
-        Data that many tasks work on; sent only if they are not those of the task before.
-    task : object
-        The task.
-    until : float
-        Time of `time.time` at which the work is stopped; infinite for work that is done here [s].
-    longest : float
-        Time after which the work is stopped, not counting the start of the process [s].
-
-    Returns
-    -------
-    object or None
-        Result of `work`, None if it was stopped.
-
-    Raises
-    ------
-    InputError
-        If `work` raises it, or its process ends by itself.
+    Shared data are sent to the process only if they are not those of the task before. The work is
+    stopped at `until`, a time of `time.time`, or after `longest`, which does not count the start of
+    the process [s]; the result is None then. With an infinite `until` it is done here. InputError
+    is raised if `work` raises it, or its process ends by itself.
     """
     if math.isinf(until):
         return work(shared, task)
@@ -162,13 +141,7 @@ def _end_helpers() -> None:
 
 
 def serve(descriptor: int) -> None:
-    """Do the tasks that arrive, in the second process, until the first one closes the connection.
-
-    Parameters
-    ----------
-    descriptor : int
-        File descriptor of the connection.
-    """
+    """Do the tasks that arrive on a connection's descriptor until the first process closes it."""
     threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
     connection: Connection[Any, Any] = Connection(descriptor)
     held: object = None

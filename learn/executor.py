@@ -24,35 +24,18 @@ ALONE = farm.World()
 
 @dataclass(frozen=True)
 class _Round:
-    """The announcement of tasks to the workers.
+    """The announcement of tasks to the workers."""
 
-    Attributes
-    ----------
-    work : callable
-        Function of the shared data and of one task; sent by its name.
-    shared : object
-        The shared data, or None if the workers still hold them from the round before.
-    fresh : bool
-        Whether `shared` replaces the data that the workers hold.
-    """
-
-    work: Callable[[Any, Any], Any]
-    shared: Any
-    fresh: bool
+    work: Callable[[Any, Any], Any]  # function of the shared data and of one task; sent by its name
+    shared: Any  # None if the workers still hold the data of the round before
+    fresh: bool  # whether `shared` replaces what the workers hold
 
 
 class Executor:
-    """The workers of a job, as the code on its master sees them.
+    """The workers of a job, as the code on its master sees them: `workers` processes that compute.
 
-    Parameters
-    ----------
-    world : gen.runtime.farm.World
-        The processes, this one alone if left out. The workers among them have to be in `lead`.
-
-    Attributes
-    ----------
-    workers : int
-        Number of processes that compute.
+    The world is this process alone if left out. The workers among its processes have to be in
+    `lead`.
     """
 
     def __init__(self, world: farm.World = ALONE) -> None:
@@ -69,27 +52,12 @@ class Executor:
         *,
         stopping: Callable[[], bool] = lambda: False,
     ) -> None:
-        """Do tasks on the workers and pass each result on as soon as it is there.
+        """Do tasks on the workers and pass on each result, with its task, as it comes.
 
-        Parameters
-        ----------
-        work : callable
-            Function of the shared data and of one task, defined at the top of a module.
-        shared : object
-            Data that all tasks work on. The workers keep them: data that were the last to be shared
-            are not sent again.
-        tasks : iterable
-            Arguments of `work`, drawn as workers become free.
-        on_result : callable
-            Called here with a task and its result, in the order of completion.
-        stopping : callable
-            Asked before a task is handed out. Once it returns True, no further task is begun, and
-            tasks under way are finished.
-
-        Raises
-        ------
-        InputError
-            If `work` raises it on any process, or `on_result` raises it here.
+        `work` is a function, at the top of a module, of the shared data and of one task; the
+        workers keep data that were the last to be shared. Tasks are drawn as workers become free,
+        until `stopping`, which is asked before each, returns True; tasks under way are finished.
+        InputError that `work` raises on any process, or `on_result` here, is raised here.
         """
         fresh = shared is not self._held
         self._world.broadcast(_Round(work, shared if fresh else None, fresh))
@@ -97,13 +65,7 @@ class Executor:
         farm.run(partial(work, shared), iter(tasks), on_result, self._world, stopping=stopping)
 
     def call(self, work: Callable[[Shared, Task], Result], shared: Shared, task: Task) -> Result:
-        """Do one task while all other workers wait, and return its result.
-
-        Parameters
-        ----------
-        work, shared, task
-            See `run`.
-        """
+        """Do one task while all other workers wait, and return its result; see `run`."""
         results: list[Result] = []
         self.run(work, shared, [task], lambda _, result: results.append(result))
         return results[0]
@@ -116,22 +78,8 @@ class Executor:
 def lead(job: Callable[[Executor], int], world: farm.World) -> int:
     """Run a job on the master, and serve its tasks on the workers; every process has to call it.
 
-    Parameters
-    ----------
-    job : callable
-        The job's code. It is called on the master only, and returns the exit code.
-    world : gen.runtime.farm.World
-        The processes of this run.
-
-    Returns
-    -------
-    int
-        The exit code of the job; 0 on a worker, whose own code does not count.
-
-    Raises
-    ------
-    gen.runtime.farm.MasterLeft
-        On the workers, if the job raised an exception on the master.
+    The job's exit code is returned on the master, 0 on a worker. If the job raises an exception on
+    the master, `gen.runtime.farm.MasterLeft` is raised on the workers.
     """
     if world.is_master:
         executor = Executor(world)

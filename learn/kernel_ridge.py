@@ -60,31 +60,9 @@ def flushed(kernel: Values) -> Values:
 def dual_coefficients(kernel: Values, target: Values, alpha: float) -> tuple[Values, float]:
     """Solve (K + alpha I) a = y by Cholesky, with a larger alpha where that is singular.
 
-    Parameters
-    ----------
-    kernel : ndarray, shape (n, n)
-        Symmetric kernel matrix K, which is not changed.
-    target : ndarray, shape (n,)
-        Target y.
-    alpha : float
-        Regularisation, 0 or more.
-
-    Returns
-    -------
-    coefficients : ndarray, shape (n,)
-        Dual coefficients a.
-    alpha : float
-        The regularisation that was used.
-
-    Raises
-    ------
-    ValueError
-        If the kernel matrix is not finite.
-
-    Warns
-    -----
-    IllConditioned
-        If the condition of K + alpha I is beyond 1 / machine epsilon.
+    K is a symmetric kernel matrix, (n, n), which is not changed, and y a target, (n,). Returned are
+    the dual coefficients a, (n,), and the alpha that was used; `IllConditioned` is warned of where
+    it is larger. ValueError is raised if K is not finite.
     """
     diagonal = kernel.diagonal().copy()
     rounding = EPSILON * max(float(diagonal.max()), np.finfo(float).tiny) * len(kernel)
@@ -123,21 +101,9 @@ def predictions(
 ) -> list[Values]:
     """Predict with several alphas from kernel matrices that are built once.
 
-    Parameters
-    ----------
-    train, test : ndarray, shape (n, d) and (m, d)
-        Scaled inputs of the training and the test rows.
-    target : ndarray, shape (n,)
-        Target of the training rows.
-    settings : dict
-        Settings of kernel ridge other than alpha.
-    alphas : sequence of float
-        Regularisations.
-
-    Returns
-    -------
-    list of ndarray, shape (m,)
-        Predictions for each alpha, equal to those of `SafeKernelRidge` to rounding.
+    Training and test rows have scaled inputs, (n, d) and (m, d), and a target, (n,); `settings` are
+    those of kernel ridge other than alpha. There is a prediction, (m,), for each alpha, equal to
+    that of `SafeKernelRidge` to rounding.
     """
     if settings.get("kernel", "linear") == "linear" and train.shape[1] < train.shape[0]:
         return _linear(train, target, test, alphas)
@@ -169,24 +135,13 @@ def _linear(train: Values, target: Values, test: Values, alphas: Sequence[float]
 
 
 def left_out_errors(ridge: KernelRidge, parts: Sequence[Indices]) -> list[Values]:
-    """Return the errors at rows that are left out together, from the fit to all rows.
+    """Return the errors at rows that are left out together, for each part, from the fit to all
+    rows.
 
     Of the inverse of the matrix K + alpha I, the rows and columns S of those left out give their
-    errors e: inverse_SS e = coefficients_S. One inverse replaces a fit for each part.
-
-    Parameters
-    ----------
-    ridge : KernelRidge
-        The model, fitted to n rows.
-    parts : sequence of ndarray of int
-        Rows that are left out together, in rising order.
-
-    Returns
-    -------
-    list of ndarray
-        For each part, target less prediction by a model of the other rows.
-
-    Source: S. An, W. Liu, S. Venkatesh (2007), Pattern Recognit. 40, 2154, equation 21.
+    errors e, target less prediction: inverse_SS e = coefficients_S. One inverse replaces a fit for
+    each part, whose positions rise. Source: S. An, W. Liu, S. Venkatesh (2007), Pattern Recognit.
+    40, 2154, equation 21.
     """
     kernel = flushed(np.asarray(ridge._get_kernel(ridge.X_fit_), dtype=float))
     alpha = float(getattr(ridge, "alpha_used_", ridge.alpha))

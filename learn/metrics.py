@@ -8,42 +8,18 @@ from numpy.typing import ArrayLike
 
 @dataclass(frozen=True)
 class Scores:
-    """Scores of predictions, all in percent.
+    """Scores of predictions, all in percent."""
 
-    Attributes
-    ----------
-    nmse : float
-        Mean squared error over the mean magnitude of the truth; it carries the target's unit (see
-        `spread`).
-    nmae : float
-        Mean absolute error over the mean magnitude of the truth.
-    nmaxe : float
-        Largest absolute error over the largest absolute truth.
-    r2 : float
-        Coefficient of determination.
-    """
-
-    nmse: float
-    nmae: float
-    nmaxe: float
-    r2: float
+    nmse: float  # mean squared error over the mean magnitude of the truth, in the target's unit
+    nmae: float  # mean absolute error over the mean magnitude of the truth
+    nmaxe: float  # largest absolute error over the largest absolute truth
+    r2: float  # coefficient of determination
 
 
 def scores(truth: ArrayLike, prediction: ArrayLike) -> Scores:
-    """Score predictions as the paper does.
+    """Score predictions of a truth that varies, both (n,), as the paper does.
 
-    Parameters
-    ----------
-    truth : array_like, shape (n,)
-        Solved values, of which two at least differ.
-    prediction : array_like, shape (n,)
-        Predicted values.
-
-    Raises
-    ------
-    ValueError
-        If the lengths differ, a value is not finite, or the truth does not vary: the scores are
-        undefined then.
+    ValueError is raised if the lengths differ, a value is not finite, or the truth does not vary.
     """
     from sklearn.metrics import max_error, mean_absolute_error, mean_squared_error, r2_score
 
@@ -66,7 +42,7 @@ def scores(truth: ArrayLike, prediction: ArrayLike) -> Scores:
 
 
 def magnitude(truth: ArrayLike) -> float:
-    """Return the mean magnitude of the truth, which errors are divided by: the mean of areas.
+    """Return the mean magnitude of the truth, which errors are divided by.
 
     A mean of quantities with both signs may be near 0, or negative.
     """
@@ -85,15 +61,10 @@ def no_better(r2: float) -> str:
 
 
 def spread(truth: ArrayLike) -> float:
-    """Return the variance of the truth over its mean magnitude, in the target's unit.
+    """Return the variance of the truth, (n,), over its mean magnitude, in the target's unit.
 
     It is the factor between nMSE and unexplained variance: nMSE = (1 - R2) times the spread. So the
     nMSE carries the target's unit, and differs between data sets on which R2 is the same.
-
-    Parameters
-    ----------
-    truth : array_like, shape (n,)
-        Solved values, not all of them 0.
     """
     return float(np.asarray(truth, dtype=float).var()) / magnitude(truth)
 
@@ -108,26 +79,13 @@ LEVEL = 0.9
 def bootstrap(
     truth: ArrayLike, prediction: ArrayLike, level: float = LEVEL, groups: ArrayLike | None = None
 ) -> dict[str, tuple[float, float]]:
-    """Return intervals of the scores: quantiles over resamples of the rows, with replacement.
+    """Return low and high of "nmse", "nmae" and "r2" over resamples of the rows [%]; {} for one
+    group.
 
     They tell how much a score would differ on other rows of the same kind, with the same model. The
-    largest error has none: a resample cannot exceed it. Rows of one group are drawn together: a
-    model errs alike on rows of one surface, and rows drawn one by one would make too much of them
-    (B. Efron and R. Tibshirani, An Introduction to the Bootstrap, chapter 8).
-
-    Parameters
-    ----------
-    truth, prediction : array_like, shape (n,)
-        See `scores`.
-    level : float
-        Coverage of the intervals, between 0 and 1.
-    groups : array_like, shape (n,), optional
-        Group of each row, as the number of its surface; rows of their own if left out.
-
-    Returns
-    -------
-    dict of str to tuple of float
-        Low and high of "nmse", "nmae" and "r2" [%]; empty for a single group.
+    largest error has none: a resample cannot exceed it. Rows of one group, (n,), are drawn
+    together: a model errs alike on rows of one surface, and rows drawn one by one would make too
+    much of them (B. Efron and R. Tibshirani, An Introduction to the Bootstrap, chapter 8).
     """
     scores(truth, prediction)  # refuses vectors whose scores are undefined
     known = np.asarray(truth, dtype=float)

@@ -18,6 +18,7 @@ import numpy as np
 
 from gen.arrays import Indices, Values
 from gen.runtime.errors import InputError
+from gen.runtime.memory import MIB, allowed, free
 from learn.features import chosen
 from learn.metrics import usual_size
 
@@ -35,33 +36,16 @@ the default."""
 
 @dataclass(frozen=True)
 class Model:
-    """One kind of surrogate.
+    """One kind of surrogate."""
 
-    Attributes
-    ----------
-    name : str
-        Name on the command line and in files.
-    title : str
-        Name in tables and pictures, as the paper writes it.
-    estimator : callable
-        Makes the baseline's estimator from a seed.
-    tuned : mapping
-        Settings that all candidates of a search share, in the search as in the winner's fit to all
-        rows, and that differ from the baseline's.
-    staged : str
-        Setting of the number of estimators, where one fit yields the predictions of all smaller
-        numbers; "" for other models.
-    ignored : str
-        Setting of the paper's grid that the library ignores today, and warns of; "" if there is
-        none.
-    """
-
-    name: str
-    title: str
-    estimator: Callable[[int], Any]
-    tuned: Mapping[str, Any] = field(default_factory=dict)
-    staged: str = ""
-    ignored: str = ""
+    name: str  # on the command line and in files
+    title: str  # in tables and pictures, as the paper writes it
+    estimator: Callable[[int], Any]  # makes the baseline's estimator from a seed
+    tuned: Mapping[str, Any] = field(
+        default_factory=dict
+    )  # settings that all candidates of a search share, in their last fit too
+    staged: str = ""  # setting of which one fit yields the predictions of all smaller numbers
+    ignored: str = ""  # setting of the paper's grid that the library ignores today, and warns of
 
 
 def _tree(seed: int) -> Any:
@@ -127,7 +111,7 @@ def _perceptron(seed: int) -> Any:
 
 
 def _fitted_length() -> Any:
-    """Return the kernel of the tuned Gaussian process, whose length maximises the likelihood."""
+    """Return the kernel of the tuned Gaussian process, whose length is fitted."""
     from sklearn.gaussian_process.kernels import RBF
 
     return RBF(1.0)
@@ -191,18 +175,8 @@ def pipeline(
 ) -> Any:
     """Build an unfitted pipeline of scikit-learn: scaling, then the model.
 
-    Parameters
-    ----------
-    model : Model
-        One of `MODELS`.
-    settings : mapping, optional
-        Settings of the estimator on top of the baseline's.
-    normalisation : str
-        One of `NORMALISATIONS`.
-    seed : int
-        Seed of the model's random draws.
-    tuned : bool
-        True for the settings that all candidates of a search share.
+    The settings come on top of the baseline's; with `tuned`, so do those that all candidates of a
+    search share. The normalisation is one of `NORMALISATIONS`, the seed that of the model's draws.
     """
     from sklearn.pipeline import Pipeline
 
@@ -233,13 +207,9 @@ AT_BOUND = "the likelihood of the kernel is largest at an end of its range"
 
 @contextmanager
 def remarks() -> Iterator[list[str]]:
-    """Collect what libraries warn of while models are fitted, in words for users.
+    """Collect in a list what libraries warn of while models are fitted, each once, for users.
 
-    Yields
-    ------
-    list of str
-        Filled at the end: each warning once. What a library will change in its later versions is
-        left out, as it says nothing about the model.
+    What a library will change in its later versions is left out: it says nothing about the model.
     """
     from sklearn.exceptions import ConvergenceWarning
 
@@ -263,18 +233,11 @@ class Scaling:
     deviation are those of the training rows. Elsewhere they are 0 and 1: the paper trains on areas
     as they are. Targets of another size are brought to an area's by a power of two, since splits of
     trees, tubes of support vectors and steps of perceptrons have absolute thresholds.
-
-    Attributes
-    ----------
-    mean, deviation : float
-        Zero and unit of the scale, in the target's unit or that of its square root.
-    root : bool
-        True if models are trained on (sqrt(target) - mean) / deviation.
     """
 
     mean: float = 0.0
     deviation: float = 1.0
-    root: bool = False
+    root: bool = False  # True if it is the square root that is learnt
 
     def scaled(self, target: Values) -> Values:
         """Return the values that a model is trained on, (n,)."""
@@ -326,3 +289,63 @@ def scaling_of(
         return Scaling(mean, 2.0 ** (math.frexp(size)[1] - SIZE))
     target = np.sqrt(target) if root else target
     return Scaling(float(target.mean()), float(target.std()) or 1.0, root)
+
+
+USABLE = 0.85
+"""Share of the free memory that a fit may take; the rest is the system's."""
+
+PROCESS = 350 * MIB
+"""Bytes of a process with its libraries, before any fit."""
+
+PAIR_BYTES = {"gaussian-process": 62.0, "kernel-ridge": 19.0}
+"""Peak bytes per pair of training rows; a matrix of double precision has 8. These and the others
+were measured (`bench memory`, at commit 10684ff)."""
+
+BASELINE_PAIR_BYTES = {"gaussian-process": 32.0}
+"""The same for a baseline whose kernel is not fitted, where it differs."""
+
+FLAT = {
+    "random-forest": 2048 * MIB,
+    "adaboost": 1536 * MIB,
+    "xgboost": 2560 * MIB,
+    "gradient-boost": 1792 * MIB,
+    "svm": 512 * MIB,
+}
+"""Bytes that do not grow with the pairs of rows: up to 2,000 deep trees, a cache of kernel rows."""
+
+FLAT_ROWS = 10_000
+"""Number of rows for which `FLAT` holds: trees grow in proportion to the rows."""
+
+
+def memory_needed(model: str, rows: int, *, baseline: bool = False) -> int:
+    """Estimate the peak memory of one process that fits a model to some rows [bytes].
+
+    A baseline needs less than the largest candidate of the search.
+    """
+    pairs = PAIR_BYTES.get(model, 0.0)
+    if baseline:
+        pairs = BASELINE_PAIR_BYTES.get(model, pairs)
+    flat = 0 if baseline else FLAT.get(model, 256 * MIB)
+    return int(PROCESS + pairs * rows**2 + flat * max(1.0, rows / FLAT_ROWS))
+
+
+def memory_available() -> int:
+    """Return the memory that a fit may take on this machine now [bytes]."""
+    return int(USABLE * min(allowed(), free()))
+
+
+def check_memory(model: str, rows: int, *, baseline: bool = False) -> None:
+    """Refuse a model that this machine cannot hold; see `memory_needed`.
+
+    InputError tells the need, the supply, and a number of rows that would fit.
+    """
+    need, limit = memory_needed(model, rows, baseline=baseline), memory_available()
+    if need > limit:
+        fit = rows
+        while fit > 2 and memory_needed(model, fit, baseline=baseline) > limit:
+            fit = int(0.98 * fit)
+        raise InputError(
+            f"{model} needs about {need / 2**30:.1f} GiB for {rows} training rows, this machine has"
+            f" {limit / 2**30:.1f} to give: --train-rows {fit} would fit, or leave it out with"
+            " --model"
+        )

@@ -29,27 +29,13 @@ TEST_SHARE = 0.2
 
 @dataclass(frozen=True, eq=False)
 class Split:
-    """Positions of training and test rows in a dataset.
+    """Positions of training and test rows in a dataset."""
 
-    Attributes
-    ----------
-    train : ndarray, shape (m,)
-        Positions of the training rows, in random order.
-    test : ndarray, shape (k,)
-        Positions of the test rows.
-    folds : ndarray, shape (m,)
-        Fold of each training row, 0 to `FOLDS` - 1.
-    seed : int
-        Seed of the draw.
-    by_surface : bool
-        False if all rows share one surface, so that rows were drawn one by one; never for tiles.
-    """
-
-    train: Indices
-    test: Indices
-    folds: Folds
-    seed: int
-    by_surface: bool
+    train: Indices  # (m,), in random order
+    test: Indices  # (k,)
+    folds: Folds  # (m,), 0 to `FOLDS` - 1
+    seed: int  # of the draw
+    by_surface: bool  # False if all rows share one surface; never for tiles
 
 
 def draw(
@@ -59,27 +45,13 @@ def draw(
     *,
     others: Sequence[Dataset] = (),
 ) -> Split:
-    """Split a dataset 80:20, and the training rows into folds.
+    """Split a dataset 80:20, and the training rows into folds, for all targets of the same rows.
 
     A target that few rows have, as the yielded share where most bodies are elastic, may be constant
     in a part. The draw is then repeated, `DRAWS` times at most. With groups of one row, the test
-    set has exactly a fifth of the rows, rounded down: 3,175 of 15,878.
-
-    Parameters
-    ----------
-    dataset : Dataset
-        The usable rows.
-    seed : int
-        Seed of the draw.
-    train_rows : int, optional
-        Number of training rows at most, the first of the draw; all if left out.
-    others : sequence of Dataset
-        The same rows with further targets.
-
-    Raises
-    ------
-    InputError
-        If there are too few rows, surfaces or tiles, or a target is constant in a part.
+    set has exactly a fifth of the rows, rounded down: 3,175 of 15,878. With `train_rows`, training
+    rows are the first of the draw. InputError is raised if there are too few rows, surfaces or
+    tiles, or a target is constant in every draw of a part.
     """
     groups, by_surface = dataset.groups, True
     if np.ptp(groups) == 0:
@@ -146,10 +118,7 @@ def _fault(sets: Sequence[Dataset], train: Indices, test: Indices, train_rows: i
 
 
 def check_folds(dataset: Dataset, split: Split) -> None:
-    """Refuse a training set that is too small for cross-validation.
-
-    A fold with fewer than two rows, or a target that does not vary, has no score.
-    """
+    """Refuse training rows of which a fold has fewer than two, or no target that varies."""
     sizes = np.bincount(split.folds, minlength=FOLDS)
     if sizes.min() < 2:
         raise InputError(

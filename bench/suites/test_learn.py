@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from bench.stability.fitted import fitted, ordinary, rows_of
 from gen.runtime.errors import InputError
 from gen.surface import generate
-from learn import memory
 from learn.comparison import grid as grids
 from learn.comparison.fits import Training, Trials
 from learn.comparison.paper import Space
@@ -24,7 +23,7 @@ from learn.comparison.search import GridSearch
 from learn.executor import Executor
 from learn.features import SETS, SurfaceFeatures, chosen
 from learn.features.sets import HYBRID
-from learn.models import MODELS, STEP, pipeline
+from learn.models import MODELS, STEP, check_memory, pipeline
 
 ROWS = {"smoke": 250, "paper": 12_703}
 """Training rows; the paper's are fitted only where time is taken and memory suffices."""
@@ -106,7 +105,7 @@ def test_baseline(benchmark: Any, name: str, what: str, size: str) -> None:
         if not benchmark.enabled:
             pytest.skip("the smoke size asserts the same; this one is for times")
         try:
-            memory.check(name, rows)
+            check_memory(name, rows)
         except InputError as error:
             pytest.skip(str(error))
     samples = samples_of(rows)

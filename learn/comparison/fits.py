@@ -24,10 +24,21 @@ from sklearn.metrics import r2_score
 from gen.arrays import Values
 from gen.runtime import documents, files
 from gen.runtime.errors import InputError
-from learn import kernel_ridge, memory
+from learn import kernel_ridge
 from learn.comparison.folder import Count, Seconds, require_same
 from learn.comparison.grid import Task, shared_fit
-from learn.models import MODELS, REMARK_LENGTH, STEP, UNSCALED, Model, Scaling, pipeline, remarks
+from learn.models import (
+    MODELS,
+    REMARK_LENGTH,
+    STEP,
+    UNSCALED,
+    Model,
+    Scaling,
+    memory_available,
+    memory_needed,
+    pipeline,
+    remarks,
+)
 from learn.split import FOLDS, Folds
 
 LEAST_SCORE = -1e20
@@ -178,7 +189,7 @@ def fit(training: Training, task: Task) -> list[Trial]:
     inside = np.flatnonzero(training.folds != task.fold)[: task.rows]
     outside = training.folds == task.fold
     data = training.inputs[inside], training.target[inside], training.inputs[outside]
-    if memory.needed(task.model, inside.size) > memory.available():
+    if memory_needed(task.model, inside.size) > memory_available():
         raise InputError(
             f"{task.model}: too little memory is free for a fit: give fewer workers, or"
             " --train-rows"

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 from gen.runtime.signals import Interruption
 from gen.runtime.terminal import RunProgress
-from learn import dataset, memory, split
+from learn import dataset, split
 from learn.comparison import grid as grids
 from learn.comparison import halving, results
 from learn.comparison.fits import Training, Trials
@@ -21,7 +21,7 @@ from learn.comparison.results import FitResult, TimedFit
 from learn.comparison.search import GridSearch
 from learn.dataset import Dataset, Request, hybrid_for
 from learn.executor import Executor
-from learn.models import Model, models_named, scaling_of
+from learn.models import Model, check_memory, models_named, scaling_of
 from learn.split import Split
 from learn.stored import short_name
 
@@ -138,7 +138,7 @@ def _prepare(
     if searched:
         split.check_folds(rows, parts)
     for model in models:
-        memory.check(model.name, parts.train.size, baseline=not searched)
+        check_memory(model.name, parts.train.size, baseline=not searched)
     scaling = scaling_of(rows, parts.train)
     with RunProgress(1) as progress:
         folder = open_folder(request, rows, parts)

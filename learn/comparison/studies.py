@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from gen.runtime.figure import draw_parity, new_figure, parity_axes, save
-from learn import features, memory
+from learn import features
 from learn.comparison.folder import Folder
 from learn.comparison.grid import untuned
 from learn.comparison.jobs import open_folder, read_single
@@ -27,7 +27,7 @@ from learn.comparison.pictures import DPI
 from learn.comparison.results import repeated
 from learn.dataset import Dataset, Request
 from learn.metrics import scores
-from learn.models import MODELS, models_named, pipeline, remarks
+from learn.models import MODELS, check_memory, models_named, pipeline, remarks
 from learn.split import Split
 
 SHUFFLES = 5
@@ -62,7 +62,7 @@ def importance(request: Request, say: Callable[[str], None]) -> list[Path]:
     """
     (model,) = models_named(list(request.models))
     rows, parts = read_single(request, request.targets[0])
-    memory.check(model.name, parts.train.size)
+    check_memory(model.name, parts.train.size)
     folder = open_folder(request, rows, parts)
     build = _builder(model.name, folder, request, say)
     with remarks() as said:
@@ -173,7 +173,7 @@ def appendix(request: Request, say: Callable[[str], None]) -> list[Path]:
     memory.
     """
     rows, parts = read_single(request, "area")
-    memory.check("gaussian-process", parts.train.size, baseline=True)
+    check_memory("gaussian-process", parts.train.size, baseline=True)
     folder = open_folder(request, rows, parts)
     truth = rows.target[parts.test]
     figure = new_figure(13, 4.1 * len(CASES))

@@ -16,7 +16,7 @@ from gen.arrays import Indices, Values
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import to_type
 from gen.scene import Scene
-from learn import dataset, memory, split
+from learn import dataset, split
 from learn.comparison.folder import Folder
 from learn.comparison.paper import OPTIMA
 from learn.dataset import Dataset, Request, hybrid_for
@@ -24,7 +24,16 @@ from learn.executor import Executor
 from learn.features import chosen
 from learn.kernel_ridge import left_out_errors
 from learn.metrics import no_better
-from learn.models import MODELS, NORMALISATIONS, STEP, models_named, pipeline, remarks, scaling_of
+from learn.models import (
+    MODELS,
+    NORMALISATIONS,
+    STEP,
+    check_memory,
+    models_named,
+    pipeline,
+    remarks,
+    scaling_of,
+)
 from learn.split import Folds
 from learn.stored import TARGETS, results, short_name
 from learn.surrogate import calibration as calibrating
@@ -362,7 +371,7 @@ def fit_parts(
     (model,) = models_named(list(request.models))
     plan = calibrating.planned(sets[0], parts.train, others)
     train, name = plan.train, sets[0].source["database"]
-    memory.check(model.name, train.size)
+    check_memory(model.name, train.size)
     for rows in sets:
         if np.ptp(rows.target[train]) == 0:
             raise InputError(
@@ -512,7 +521,7 @@ def fit_target(
         If this machine lacks the memory, or the folder lacks the model.
     """
     (name,) = request.models
-    memory.check(name, train.size)
+    check_memory(name, train.size)
     roots = chosen(request.features, roots=request.roots).rooted
     # Settings of a comparison were tuned for the target as the paper has it.
     standard = name == "gaussian-process" and folder is None

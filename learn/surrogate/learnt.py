@@ -10,9 +10,8 @@ import numpy as np
 
 from gen.arrays import Values
 from gen.runtime.errors import InputError
-from learn import memory
 from learn.features.sets import PURE
-from learn.models import STEP, Scaling
+from learn.models import STEP, Scaling, memory_available
 from learn.surrogate.interval import Calibration
 
 PART = 2000
@@ -150,7 +149,7 @@ def _factor(process: Any) -> Values:
     from scipy.linalg import LinAlgError, cholesky
 
     rows = len(process.X_train_)
-    need, limit = 3 * 8 * rows**2, memory.available()  # distances, kernel, factor
+    need, limit = 3 * 8 * rows**2, memory_available()  # distances, kernel, factor
     if need > limit:
         raise InputError(
             f"deviations of a Gaussian process with {rows} rows need {need / 2**30:.1f} GiB, this"

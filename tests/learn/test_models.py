@@ -1,17 +1,21 @@
 """The nine models beside their libraries' defaults."""
 
 import contextlib
+import os
 import re
+import tempfile
 import warnings
 from pathlib import Path
 
 import numpy as np
 import pytest
+from comparisons import run
 from target_kinds import KIND_SCENES, KINDS
 
 from gen import cli as gen
 from gen.runtime.errors import InputError
-from learn import Surrogate, cli, dataset, split
+from gen.runtime.memory import free
+from learn import Surrogate, cli, dataset, models, split
 from learn.comparison.paper import OPTIMA
 from learn.dataset import Request
 from learn.executor import Executor
@@ -245,3 +249,27 @@ def test_bounds_that_do_not_hold_are_refused(kinds, monkeypatch, capsys, further
     Path("wrong.toml").write_text(f"{(kinds / 'free.toml').read_text()}{further}\n")
     assert gen.main(["run", "wrong.toml", "-o", "wrong.h5", "--trust"]) == 2
     assert said in capsys.readouterr().err
+
+
+def test_too_little_memory_is_refused_with_the_numbers(solved, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(models, "memory_available", lambda: models.PROCESS + 50_000)
+    assert run("compare", solved, "-o", tmp_path / "out", "--model", "gaussian-process") == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "GiB for 72 training rows" in said
+    assert "--train-rows" in said
+
+
+def test_a_fit_asks_the_system_and_no_file_that_others_could_make(
+    solved, tmp_path, monkeypatch, capsys
+):
+    """A FIFO of the name that fits once shared has held them up for ever."""
+    os.mkfifo(tmp_path / f"asperity-memory-{os.getuid()}")
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    line = ["compare", solved, "-o", tmp_path / "out", "--model", "decision-tree"]
+    monkeypatch.setattr(models, "free", lambda: 10 * models.MIB)
+    assert run(*line) == 2
+    assert "this machine has 0.0 to give" in capsys.readouterr().err
+    monkeypatch.undo()
+    assert run(*line) == 0
+    assert 0 < free() <= os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from gen.runtime.errors import InputError
-from learn import memory
+from learn import models
+from learn.comparison import fits
 from learn.comparison.fits import Trials, shared_predictions
 from learn.models import MODELS, pipeline
 
@@ -62,7 +63,7 @@ def test_a_fit_that_diverges_is_a_failure_that_the_next_run_can_read(searching, 
 
 
 def test_a_machine_without_the_memory_for_a_fit_ends_the_search(searching, monkeypatch):
-    monkeypatch.setattr(memory, "available", lambda: memory.PROCESS)
+    monkeypatch.setattr(fits, "memory_available", lambda: models.PROCESS)
     with pytest.raises(InputError, match="svm: too little memory is free for a fit"):
         searching("svm", {"C": [1.0]}).exhaustive()
 
