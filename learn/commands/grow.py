@@ -19,8 +19,8 @@ from learn.commands.options import SEEDS, note
 
 if TYPE_CHECKING:
     from learn.executor import Executor
-    from learn.grow.population import Population
     from learn.grow.rounds import Order
+    from learn.grow.rows import Population
 
 SceneOrMaps = Annotated[
     str,
@@ -38,29 +38,12 @@ SurrogateFile = Annotated[
     ),
 ]
 
-
 LARGEST_NMAE = 1000.0
 """Largest error to grow to [%]; a surrogate that always answers 0 has 100 %."""
 
 
 class Goal(NamedTuple):
-    """Options of the surrogate, and the largest cost of its growth.
-
-    Attributes
-    ----------
-    nmae : float
-        Largest nMAE of every target [%].
-    budget : str
-        Wall-clock time, "" for no limit.
-    rows : int
-        Largest number of rows of the database.
-    target, features, model : str
-        Targets, feature set and model, as for `learn fit`.
-    blocks : int, optional
-        Blocks per side of the coarse solve of hybrid features.
-    seed : int
-        Seed of the model and of its calibration.
-    """
+    """Options of the surrogate, and the largest cost of its growth; see their help."""
 
     nmae: Annotated[
         float,
@@ -90,15 +73,7 @@ class Goal(NamedTuple):
 
 
 class OfMaps(NamedTuple):
-    """Material for a folder of maps, as `gen scene` takes it.
-
-    Attributes
-    ----------
-    young, poisson : list of float, optional
-        Young's moduli [MPa] and Poisson's ratios [1].
-    e_star, hardness : float, optional
-        E* and hardness [MPa].
-    """
+    """Material for a folder of maps, as `gen scene` takes it."""
 
     young: options.Young = None
     poisson: options.Poisson = None
@@ -130,37 +105,30 @@ def grow(
     command = typed(context, "learn")
 
     def job(executor: Executor) -> int:
-        return _grow(scene, output, goal, (maps, reading), command, executor)
+        order = _order(output, goal)
+        return _grow(order, _population(scene, maps, reading, command), goal.budget, executor)
 
     return lead(job, farm.this_world())
 
 
-def _grow(
-    scene: str,
-    output: Path,
-    goal: Goal,
-    maps: tuple[OfMaps, FileReading],
-    command: str,
-    executor: Executor,
-) -> int:
+def _grow(order: Order, population: Population, budget: str, executor: Executor) -> int:
     """Grow on the master; return the exit code."""
     from gen.runtime.figure import new_figure, save
     from gen.runtime.signals import Interruption
     from learn.bounded import seconds
     from learn.grow import report, rounds
-    from learn.grow.population import scene_of
-    from learn.grow.rows import Pace
+    from learn.grow.rows import Pace, scene_of
     from learn.surrogate.fitting import require_better
 
-    pace = Pace(seconds(goal.budget) if goal.budget else None, executor.workers)
-    order, drawing = _order(output, goal), _beside(output, ".png")
-    population = _population(scene, *maps, command)
+    pace = Pace(seconds(budget) if budget else None, executor.workers)
+    output, database = order.request.output, order.request.database
+    drawing, scene = _beside(output, ".png"), population.name
     population.check(output)
     check_outputs(
         [Output(output, "--output", "surrogate"), Output(drawing, "--output", "picture")],
         [] if population.is_folder or not Path(scene).is_file() else [scene],
     )
-    _require_own(order.request.database, output, drawing)
+    _require_own(database, output, drawing)
     figure = new_figure(report.WIDTH, report.HEIGHT, dpi=110)
     with Interruption(listening=True) as interruption:
         whole = scene_of(population, _beside(output, ".toml"), note)
@@ -168,11 +136,11 @@ def _grow(
             note(f"warning: {doubt}")
         grown = rounds.grow(order, whole, executor, pace, note, interruption.requested)
     if grown.ending == "interrupted" or grown.last is None:
-        note(f"stopped; {order.request.database} is kept, the same command goes on")
+        note(f"stopped; {database} is kept, the same command goes on")
         return 128 + interruption.signal
-    report.show(order.request, grown, grown.last, order.most)
+    report.show(grown, grown.last)
     report.draw(figure, grown.last, grown.curve)
-    echo(f"wrote {output}, {order.request.database} and {save(figure, drawing)}")
+    echo(f"wrote {output}, {database} and {save(figure, drawing)}")
     require_better(grown.last.surrogate, str(output))
     return 0
 
@@ -224,13 +192,7 @@ def _order(output: Path, goal: Goal) -> Order:
 
 
 def _beside(output: Path, suffix: str) -> Path:
-    """Return the file of this suffix that stands beside a surrogate.
-
-    Raises
-    ------
-    InputError
-        If the surrogate itself has that name, or none.
-    """
+    """Return the file of this suffix that stands beside a surrogate, which may not have it."""
     if not output.name or output.suffix in {".h5", ".png", ".toml"}:
         raise InputError(f"--output {output}: give the name of a surrogate, as my.surrogate")
     return output.with_suffix(suffix)
@@ -239,16 +201,10 @@ def _beside(output: Path, suffix: str) -> Path:
 def _population(scene: str, maps: OfMaps, reading: FileReading, command: str) -> Population:
     """Return the surfaces and loads that the command names."""
     from gen.draft.proposal import Material
-    from learn.grow.population import Population
+    from learn.grow.rows import Population
 
     how = Reading.of_options(**vars(reading))
     given = maps._asdict() | how.of("reading")
-    return Population(
-        name=scene,
-        reading=how,
-        material=Material.of_options(
-            maps.young or [], maps.poisson or [], maps.e_star, maps.hardness
-        ),
-        given=tuple(f"--{name.replace('_', '-')}" for name, each in given.items() if each),
-        command=command,
-    )
+    material = Material.of_options(maps.young or [], maps.poisson or [], maps.e_star, maps.hardness)
+    names = tuple(f"--{name.replace('_', '-')}" for name, each in given.items() if each)
+    return Population(scene, how, material, names, command)

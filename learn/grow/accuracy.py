@@ -58,13 +58,7 @@ LEVEL = 0.9
 
 @dataclass(frozen=True)
 class Sizes:
-    """The sizes of a database at which it is looked at.
-
-    Attributes
-    ----------
-    samples_per_surface : int
-        Rows of one surface; sizes are multiples of it.
-    """
+    """The sizes of a database at which it is looked at: multiples of `samples_per_surface` rows."""
 
     samples_per_surface: int
 
@@ -102,10 +96,9 @@ class Accuracy(NamedTuple):
 
     Attributes
     ----------
-    nmae : float
-        Mean absolute error over the mean magnitude of the truth [%].
-    error : float
-        Standard error of that estimate, infinite if there is a single group [%].
+    nmae, error : float
+        Mean absolute error over the mean magnitude of the truth, and its standard error, which is
+        infinite if there is a single group [%].
     groups : int
         Number of surfaces, or tiles of maps, that the rows are of.
     """
@@ -129,21 +122,10 @@ class Accuracy(NamedTuple):
 
 
 def accuracy(errors: Values, truth: Values, groups: Indices) -> Accuracy:
-    """Estimate a surrogate's error from test rows.
+    """Estimate a surrogate's error from absolute errors, solved values and surfaces of rows, (n,).
 
-    Parameters
-    ----------
-    errors : ndarray, shape (n,)
-        Absolute errors.
-    truth : ndarray, shape (n,)
-        Solved values, not all of them 0.
-    groups : ndarray of int, shape (n,)
-        Surface or tile of each row; rows of one group are not independent.
-
-    Returns
-    -------
-    Accuracy
-        The ratio of both means; its standard error is linearised, and that of whole groups.
+    It is the ratio of both means; its standard error is linearised, and that of whole groups, since
+    rows of one surface or tile are not independent. Not all solved values may be 0.
 
     Source: W. G. Cochran (1977), Sampling Techniques, sections 2.11 and 9A.
     """
@@ -163,21 +145,9 @@ def summed(values: Values, groups: Indices) -> Values:
 
 
 def drawn(numbers: Indices, seed: int, among: int = SHARE) -> NDArray[np.bool_]:
-    """Tell which surfaces or tiles are in the holdout: of `among` successive numbers, one.
+    """Tell which surfaces or tiles, (n,), are in the holdout: of `among` successive numbers, one.
 
-    Parameters
-    ----------
-    numbers : ndarray of int, shape (n,)
-        Numbers of surfaces or tiles.
-    seed : int
-        Seed of the scene.
-    among : int
-        One of this many successive numbers is drawn.
-
-    Returns
-    -------
-    ndarray of bool, shape (n,)
-        A function of each number and the seed alone, whatever the size of the database.
+    That is a function of each number and the seed alone, whatever the size of the database.
     """
     values, places = np.unique(numbers, return_inverse=True)
     chosen = []
@@ -189,14 +159,11 @@ def drawn(numbers: Indices, seed: int, among: int = SHARE) -> NDArray[np.bool_]:
 
 
 def split_holdout(rows: Dataset) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Tell which of the usable rows of a whole database test, and which may train.
+    """Tell which of the usable rows of a whole database test, and which may train, (n,) each.
 
-    Returns
-    -------
-    test, train : ndarray of bool, shape (n,)
-        No group has rows in both. A row is in neither if it could train but shares its group with
-        rows that test, as windows of two tiles do that are equal to the last bit. Surfaces that
-        repeat an earlier one follow that one.
+    No group has rows in both. A row is in neither if it could train but shares its group with rows
+    that test, as windows of two tiles do that are equal to the last bit. Surfaces that repeat an
+    earlier one follow that one.
     """
     scene = Scene.from_text(rows.source["scene"])
     if rows.by_tile:
@@ -216,24 +183,10 @@ def split_holdout(rows: Dataset) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
 
 
 def parted(sets: list[Dataset], seed: int) -> Split:
-    """Divide the rows of a growing database into training rows, with their folds, and test rows.
+    """Divide the rows of each target into training rows, in random order with folds, and test rows.
 
-    Parameters
-    ----------
-    sets : list of Dataset
-        The same rows for each target.
-    seed : int
-        Seed of the order of the training rows.
-
-    Returns
-    -------
-    Split
-        Training rows in random order, groups together, and the rows of the holdout.
-
-    Raises
-    ------
-    InputError
-        If there are too few rows in a part, or a target does not vary there.
+    Groups stay together. InputError is raised if there are too few rows in a part, or a target does
+    not vary there.
     """
     rows = sets[0]
     test, train = (np.flatnonzero(each) for each in split_holdout(rows))
@@ -260,10 +213,8 @@ class Judged:
 
     Attributes
     ----------
-    truth, prediction : ndarray, shape (n,)
-        Solved and predicted values, in the target's unit.
-    low, high : ndarray, shape (n,)
-        Ends of the intervals of 90 %.
+    truth, prediction, low, high : ndarray, shape (n,)
+        Solved and predicted values, and the ends of their intervals, in the target's unit.
     accuracy : Accuracy
         The error.
     """
@@ -303,10 +254,8 @@ class Appraisal:
         Largest nMAE that is asked for [%].
     surrogate : Surrogate
         The surrogate.
-    sets : list of Dataset
-        The usable rows for each target.
-    parts : Split
-        Their division.
+    sets, parts : list of Dataset, Split
+        The usable rows for each target, and their division.
     judged : dict of str to Judged
         Predictions by target.
     reading : float
@@ -348,34 +297,10 @@ def appraise(
     stopping: Callable[[], bool],
     until: float = math.inf,
 ) -> Appraisal | None:
-    """Fit a surrogate to the finished rows, judge it and save it.
+    """Fit a surrogate to the finished rows, judge it by a mark and save it; None after a stop.
 
-    Parameters
-    ----------
-    request : Request
-        Database, file of the surrogate, targets, features, model.
-    rows, number : int
-        Finished rows of the database, and the number of its size.
-    mark : float
-        Largest nMAE that is asked for [%].
-    executor : Executor
-        Generates the surfaces for hybrid features.
-    say : callable
-        Called with lines for the user.
-    stopping : callable
-        Asked between surfaces; True ends the work.
-    until : float
-        Time of `time.time` at which the fit is stopped [s].
-
-    Returns
-    -------
-    Appraisal or None
-        The surrogate with its errors; None after a stop.
-
-    Raises
-    ------
-    InputError
-        If there are too few rows to fit or to judge, or too little memory.
+    The rows are those of the size of a number. The fit is stopped at the time `until` of
+    `time.time` [s]. InputError is raised if there are too few rows to fit or to judge.
     """
     began = time.monotonic()
     sets = fitting.read(request, executor, stopping)

@@ -9,6 +9,7 @@ again, with replacement, shows how uncertain the curve is.
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -53,12 +54,9 @@ class Curve:
     ----------
     target : str
         Name of the target.
-    rows : ndarray, shape (k,)
-        Rows of the databases, ascending.
-    nmae : ndarray, shape (k,)
-        Errors, means over the parts of one size [%].
-    lowest, highest : ndarray, shape (k,)
-        Smallest and largest error of the parts of one size [%].
+    rows, nmae, lowest, highest : ndarray, shape (k,)
+        Rows of the databases, ascending, and mean, smallest and largest error of the parts of one
+        size [%].
     fit : ndarray, shape (3,)
         a [%], b [%] and c of the curve a + b n^-c.
     resampled : ndarray, shape (repetitions, 3)
@@ -80,18 +78,10 @@ class Curve:
         return values(self.fit, rows), low, high
 
 
-@dataclass(frozen=True)
-class Advice:
-    """Rows of the database that meets the mark, as the curve has it.
+class Advice(NamedTuple):
+    """Rows of the database that meets the mark, infinite if no allowed number suffices.
 
-    Attributes
-    ----------
-    rows : float
-        The number of rows, infinite if no allowed number suffices.
-    low, high : float
-        Its uncertainty: quantiles of the resampled curves.
-    hopeless : float
-        Share of the resampled curves that do not come to the mark.
+    With quantiles of the resampled curves, and the share of them that do not come to the mark.
     """
 
     rows: float
@@ -101,25 +91,15 @@ class Advice:
 
 
 def learning_curve(request: Request, found: Appraisal) -> Curve | None:
-    """Fit models to parts of a database, and a curve to their errors.
+    """Fit models to parts of a database, and a curve to the errors of its worst target.
 
-    Parameters
-    ----------
-    request : Request
-        Targets, features and model.
-    found : Appraisal
-        The surrogate of all rows, whose worst target counts.
-
-    Returns
-    -------
-    Curve or None
-        The curve; None if the database is too small for three points.
+    None is returned if the database is too small for three points.
     """
     target = found.worst
-    rows = found.sets[request.targets.index(target)]
-    test = rows.at(found.parts.test)
-    truth = summed(np.abs(found.judged[target].truth), test.groups)
-    points = [(found.rows, _wrong(found, target, test))]
+    rows, judged = found.sets[request.targets.index(target)], found.judged[target]
+    groups = rows.at(found.parts.test).groups
+    truth = summed(np.abs(judged.truth), groups)
+    points = [(found.rows, summed(np.abs(judged.prediction - judged.truth), groups))]
     for size, start in _parts(found.rows):
         errors = _wrong_of_part(request, found, rows, start, start + size)
         if errors is not None:
@@ -169,12 +149,6 @@ def _wrong_of_part(
     return summed(np.abs(judged.prediction - judged.truth), test.groups)
 
 
-def _wrong(found: Appraisal, target: str, test: Dataset) -> Values:
-    """Return the absolute errors of the last surrogate, summed over each group of test rows."""
-    judged = found.judged[target]
-    return summed(np.abs(judged.prediction - judged.truth), test.groups)
-
-
 def _resampled(rows: Values, wrong: list[Values], truth: Values, seed: int) -> Values:
     """Return curves of resampled parts and groups of test rows, shape (repetitions, 3)."""
     random = np.random.default_rng(seed)
@@ -192,19 +166,9 @@ def _resampled(rows: Values, wrong: list[Values], truth: Values, seed: int) -> V
 
 
 def fitted(rows: Values, nmae: Values) -> Values:
-    """Fit a + b n^-c to errors, by least squares of logarithms.
+    """Fit a + b n^-c to errors at numbers of rows, (k,) [%], by least squares of logarithms.
 
-    Parameters
-    ----------
-    rows : ndarray, shape (k,)
-        Numbers of rows n.
-    nmae : ndarray, shape (k,)
-        Errors [%].
-
-    Returns
-    -------
-    ndarray, shape (3,)
-        a, not below 0 [%], b [%] and c.
+    Return a, not below 0 [%], b [%] and c, shape (3,).
     """
     from scipy.optimize import least_squares
 
@@ -230,18 +194,9 @@ def values(curve: Values, rows: Values) -> Values:
 
 
 def advise(found: Appraisal, curve: Curve, sizes: Sizes, most: int) -> Advice:
-    """Say how many rows meet the mark: the first size at which the bound is expected to be below.
+    """Say how many rows meet the mark, of the sizes that the database can have up to the most.
 
-    Parameters
-    ----------
-    found : Appraisal
-        The surrogate of the rows that there are.
-    curve : Curve
-        Its learning curve.
-    sizes : Sizes
-        Sizes that the database can have.
-    most : int
-        Largest number of rows that is allowed.
+    It is the first size at which the bound is expected to be below the mark.
     """
     error = found.judged[curve.target].accuracy
     numbers = range(found.number + 1, sizes.number(most) + 1)

@@ -12,7 +12,7 @@ import numpy as np
 
 from gen.runtime.figure import draw_parity, log_axis, parity_axes
 from gen.runtime.terminal import echo, print_table, printable
-from learn.dataset import Request
+from gen.scene import Scene
 from learn.grow.accuracy import LEVEL, RISK, Appraisal
 from learn.grow.curve import Curve
 from learn.grow.rounds import Ending, Growth, asked_for
@@ -40,9 +40,9 @@ WORDS: dict[Ending | None, str] = {
 """Why a growth has ended."""
 
 
-def show(request: Request, grown: Growth, found: Appraisal, most: int) -> None:
-    """Print the end of a growth with its last surrogate, within `most` allowed rows."""
-    card = found.surrogate.card
+def show(grown: Growth, found: Appraisal) -> None:
+    """Print the end of a growth with its last surrogate."""
+    card, request = found.surrogate.card, grown.order.request
     rows = card["rows"]
     by = rows.get("split_by", "surface")
     about = (
@@ -50,7 +50,7 @@ def show(request: Request, grown: Growth, found: Appraisal, most: int) -> None:
         f" {request.database}: {rows['train']} train, {rows['calibration']} calibrate,"
         f" {rows['test']} held out by {by}, {sum(rows['left_out'].values())} left out"
     )
-    for line in (about, *_verdict(grown, found, most)):
+    for line in (about, *_verdict(grown, found)):
         echo(line)
     print_table(_errors(found), TABLE_WIDTH)
     if grown.curve is not None:
@@ -62,10 +62,10 @@ def show(request: Request, grown: Growth, found: Appraisal, most: int) -> None:
         said = f"learning curve of {grown.curve.target}: nMAE {points} rows;"
         said += f" {floor:.2g} + {scale:.3g} n^-{exponent:.2g} %"
         echo(said)
-    echo(payback(request, grown, found).in_words())
+    echo(payback(grown, found).in_words())
 
 
-def _verdict(grown: Growth, found: Appraisal, most: int) -> Iterator[str]:
+def _verdict(grown: Growth, found: Appraisal) -> Iterator[str]:
     """Say how the growth has ended, and what can be done."""
     bound = found.bound(found.worst)
     worst = f"nMAE of {found.worst} {found.judged[found.worst].accuracy.nmae:.2f} %"
@@ -77,14 +77,13 @@ def _verdict(grown: Growth, found: Appraisal, most: int) -> Iterator[str]:
         )
         return
     yield f"{WORDS[grown.ending]}: {worst}, at most {bound:.2f} %, asked: {found.mark:g} %."
-    advice = grown.advice
     if grown.ending == "hopeless":
         yield (
-            f"Within {most} rows, the most that are allowed, the learning curve does not come to"
-            " it: ask for less, allow more --rows, or try other --features."
+            f"Within {grown.order.most} rows, the most that are allowed, the learning curve does"
+            " not come to it: ask for less, allow more --rows, or try other --features."
         )
-    elif advice is not None:
-        said = asked_for(found, advice)
+    elif grown.advice is not None:
+        said = asked_for(found, grown.advice)
         yield f"{said[0].upper()}{said[1:]}. The same command goes on."
 
 
@@ -112,14 +111,12 @@ def _errors(found: Appraisal) -> object:
     return table
 
 
-def payback(request: Request, grown: Growth, found: Appraisal) -> Payback:
+def payback(grown: Growth, found: Appraisal) -> Payback:
     """Return the times of the surrogate's making, of one of its answers and of a solve."""
-    from gen.scene import Scene
-
     test = found.sets[0].at(found.parts.test)
     scene = Scene.from_text(test.source["scene"])
     query = answer_seconds(found.surrogate, scene, test.rows, test.described[:, 0])
-    there = stock(request.database)
+    there = stock(grown.order.request.database)
     again = 0.0 if math.isnan(query) else there.rows * query
     return Payback(there.seconds + again + grown.fitting, there.solving, query)
 

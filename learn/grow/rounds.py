@@ -41,81 +41,67 @@ curve does not come to the mark, or a signal has come."""
 
 @dataclass(frozen=True)
 class Order:
-    """The scene, target accuracy and limits of a growth.
-
-    Attributes
-    ----------
-    request : Request
-        Database, file of the surrogate, targets, features and model.
-    mark : float
-        Largest nMAE of every target [%].
-    most : int
-        Largest number of rows of the database.
-    """
+    """A request for a surrogate, with the largest nMAE of every target [%], and the most rows."""
 
     request: Request
     mark: float
     most: int
 
 
+@dataclass(eq=False)
 class Growth:
     """A growth under way, and its end.
 
     Attributes
     ----------
+    order, scene, executor, pace : Order, Scene, Executor, Pace
+        What is grown, of which surfaces and loads, by which workers, by which clock.
+    say, stopping : callable
+        Called with lines for the user; asked between rows, where True ends the growth.
     ending : str or None
         Why it has ended; None while it goes on.
-    last : Appraisal or None
-        The last surrogate and its errors; None if there was none.
-    curve : Curve or None
-        The last learning curve.
-    advice : Advice or None
-        The last advice.
+    last, curve, advice : Appraisal, Curve, Advice or None
+        The last surrogate with its errors, learning curve and advice; None if there was none.
     fitting : float
         Time of the last look [s].
     """
 
-    def __init__(
-        self,
-        order: Order,
-        scene: Scene,
-        executor: Executor,
-        pace: Pace,
-        say: Callable[[str], None],
-        stopping: Callable[[], bool],
-    ) -> None:
-        self._order, self._scene, self._executor = order, scene, executor
-        self._pace, self._say, self._stopping = pace, say, stopping
-        self._path = order.request.database
-        self._sizes = Sizes(scene.samples_per_surface)
-        self.ending: Ending | None = None
-        self.last: Appraisal | None = None
-        self.curve: Curve | None = None
-        self.advice: Advice | None = None
-        self.fitting = 0.0
+    order: Order
+    scene: Scene
+    executor: Executor
+    pace: Pace
+    say: Callable[[str], None]
+    stopping: Callable[[], bool]
+    ending: Ending | None = None
+    last: Appraisal | None = None
+    curve: Curve | None = None
+    advice: Advice | None = None
+    fitting: float = 0.0
+
+    @property
+    def sizes(self) -> Sizes:
+        """The sizes of the database at which it is looked at."""
+        return Sizes(self.scene.samples_per_surface)
 
     def run(self) -> None:
         """Go on until there is a reason to end."""
-        wanted = max(stock(self._path).length, min(self._sizes.rows(0), self._order.most))
+        path = self.order.request.database
+        wanted = max(stock(path).length, min(self.sizes.rows(0), self.order.most))
         while self.ending is None:
-            self._generate(wanted)
-            rows = stock(self._path).rows
+            there = stock(path)
+            if there.rows and not self.pace.row:
+                self.pace.row = there.seconds / there.rows / self.pace.workers
+            if there.rows < wanted:
+                generate(path, self.scene, wanted, self.executor, self.pace, self.stopping)
+            rows = stock(path).rows
             if self.last is not None and rows == self.last.rows:
                 self.ending = "budget"  # it does not suffice for another row
-            elif not self._stopping():
+            elif not self.stopping():
                 self._look(rows)
                 self.ending = self._reason(rows)
-            if self._stopping():
+            if self.stopping():
                 self.ending = "interrupted"
             wanted = self._next(rows)
-
-    def _generate(self, rows: int) -> None:
-        """Compute the pending rows of a database of some length."""
-        there = stock(self._path)
-        if there.rows and not self._pace.row:
-            self._pace.row = there.seconds / there.rows / self._pace.workers
-        if there.rows < rows:
-            generate(self._path, self._scene, rows, self._executor, self._pace, self._stopping)
 
     def _look(self, rows: int) -> None:
         """Fit and judge, unless there are too few rows yet."""
@@ -125,23 +111,23 @@ class Growth:
         if found is None:
             return
         self.last = found
-        self.curve = bounded.call(learning_curve, self._order.request, found, self._pace.until)
+        self.curve = bounded.call(learning_curve, self.order.request, found, self.pace.until)
         self.advice = None
         if self.curve is not None and not found.met:
-            self.advice = advise(found, self.curve, self._sizes, self._order.most)
-        self._say(in_words(found, self.advice))
+            self.advice = advise(found, self.curve, self.sizes, self.order.most)
+        self.say(in_words(found, self.advice))
         self.fitting = time.monotonic() - began - found.reading
-        self._pace.note_fit(rows, self.fitting)
+        self.pace.fit = rows, self.fitting
         if rows > before:
-            self._pace.features = found.reading / (rows - before)
+            self.pace.features = found.reading / (rows - before)
 
     def _fitted(self, rows: int) -> Appraisal | None:
         """Return a look; None after a stop, and where a database has too few rows for one yet."""
-        order, number = self._order, self._sizes.number(rows)
+        order, number = self.order, self.sizes.number(rows)
         try:
             found = appraise(
-                *(order.request, rows, number, order.mark, self._executor, self._say),
-                *(self._stopping, self._pace.until),
+                *(order.request, rows, number, order.mark, self.executor, self.say),
+                *(self.stopping, self.pace.until),
             )
         except InputError as error:
             if self.last is not None or number >= PATIENT or rows >= order.most:
@@ -151,9 +137,9 @@ class Growth:
                     f"the budget sufficed for {rows} rows, too few for a surrogate ({error}); the"
                     " same command goes on"
                 ) from None
-            self._say(f"{rows} rows are too few: {error}")
+            self.say(f"{rows} rows are too few: {error}")
             return None
-        if found is None and self.last is None and not self._stopping():
+        if found is None and self.last is None and not self.stopping():
             raise InputError(
                 f"the budget sufficed for {rows} rows, but not for a fit to them; the same command"
                 " goes on"
@@ -164,7 +150,7 @@ class Growth:
         """Return why the growth ends after a look, None if it goes on."""
         if self.last is not None and self.last.met:
             return "met"
-        if rows >= self._order.most:
+        if rows >= self.order.most:
             return "rows"
         if self._is_hopeless(rows):
             return "hopeless"
@@ -175,25 +161,25 @@ class Growth:
         if self.last is None or self.advice is None or self.advice.hopeless < SURE:
             return False
         error = self.last.judged[self.last.worst].accuracy.nmae
-        steepest = error * (rows / self._order.most) ** EXPONENTS[1]
-        return steepest > self._order.mark or self.last.number >= EARLIEST
+        steepest = error * (rows / self.order.most) ** EXPONENTS[1]
+        return steepest > self.order.mark or self.last.number >= EARLIEST
 
     def _affords(self, rows: int) -> bool:
         """Tell whether the budget allows another round that is worth its fit."""
-        least = max(self._sizes.samples_per_surface, int(WORTH * rows))
-        return self._pace.left > 0 and self._pace.affordable(rows, least) >= least
+        least = max(self.sizes.samples_per_surface, int(WORTH * rows))
+        return self.pace.left > 0 and self.pace.affordable(rows, least) >= least
 
     def _next(self, rows: int) -> int:
         """Return the rows of the next look: as advised, but not far, and within the budget."""
-        number = self._sizes.number(rows + 1)
+        number = self.sizes.number(rows + 1)
         if self.advice is not None and math.isinf(self.advice.rows):
             number += 1
         elif self.advice is not None:
-            asked = min(self.advice.rows, self._sizes.rows(number + FURTHEST - 1))
-            number = max(number, self._sizes.number(int(asked)))
-        wanted = min(self._sizes.rows(number), self._order.most)
-        affordable = self._pace.affordable(rows, wanted - rows)
-        return min(wanted, self._sizes.rounded_up(rows + affordable))
+            asked = min(self.advice.rows, self.sizes.rows(number + FURTHEST - 1))
+            number = max(number, self.sizes.number(int(asked)))
+        wanted = min(self.sizes.rows(number), self.order.most)
+        affordable = self.pace.affordable(rows, wanted - rows)
+        return min(wanted, self.sizes.rounded_up(rows + affordable))
 
 
 def grow(
@@ -206,27 +192,9 @@ def grow(
 ) -> Growth:
     """Grow a database and its surrogate until the surrogate is as accurate as asked for.
 
-    The state is the database: the same call goes on after a stop or a kill.
-
-    Parameters
-    ----------
-    order : Order
-        What is to be grown.
-    scene : Scene
-        Scene of the database.
-    executor : Executor
-        Computes rows and features.
-    pace : Pace
-        The clock of the budget.
-    say : callable
-        Called with lines for the user.
-    stopping : callable
-        Asked between rows; True ends the growth.
-
-    Raises
-    ------
-    InputError
-        If the input cannot be used, or the budget is too small for a first surrogate.
+    The arguments are those of `Growth`. The state is the database: the same call goes on after a
+    stop or a kill. InputError is raised if the input cannot be used, or the budget is too small for
+    a first surrogate.
     """
     path = order.request.database
     whole = completed(scene, path.parent)

@@ -1,10 +1,12 @@
-"""New rows of a growing database, as many as the time allows.
+"""The database of a growth: the scene that it is of, and new rows, as many as the time allows.
 
 The processes of the run compute the rows, the master writes them.
 """
 
+import hashlib
 import math
 import time
+from bisect import bisect
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,13 +16,19 @@ import numpy as np
 from gen import database
 from gen.arrays import Columns
 from gen.database import Reader, Writer
+from gen.draft import proposal, scene_text
+from gen.draft.proposal import Material
+from gen.draft.scene_text import Key
+from gen.draft.survey import print_looks
 from gen.generation.functions import rehearse
 from gen.generation.run import blocks_of
 from gen.generation.sample import compute_rows, finished_parts
+from gen.maps.files import digest, map_files
+from gen.maps.settings import Reading
 from gen.runtime import farm
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import RunProgress, to_type
-from gen.scene import Scene
+from gen.scene import Scene, load, preset_names
 from gen.schema import Status
 from learn.executor import Executor
 
@@ -34,30 +42,118 @@ GROWTH = 2.0
 """Exponent with which the time of a fit grows with the rows."""
 
 
+@dataclass(frozen=True)
+class Population:
+    """Surfaces and loads that a surrogate is to know, as the user names them.
+
+    Attributes
+    ----------
+    name : str
+        Name of a shipped scene, or path of a scene or of a folder of maps.
+    reading, material : Reading, Material
+        How the files of a folder are read, and elastic constants and hardness for them.
+    given : tuple of str
+        Options of reading and material that the user gave: scenes hold these themselves.
+    command : str
+        Command line, for the record in a scene that is written.
+    """
+
+    name: str
+    reading: Reading
+    material: Material
+    given: tuple[str, ...]
+    command: str
+
+    @property
+    def is_folder(self) -> bool:
+        """Whether this is a folder of maps."""
+        return self.name not in preset_names() and Path(self.name).is_dir()
+
+    def check(self, output: Path) -> None:
+        """Refuse options that scenes do not take, and outputs in the folder of the maps."""
+        if self.given and not self.is_folder:
+            raise InputError(
+                f"{self.given[0]}: is for a folder of maps; the scene {self.name} holds material"
+                " and files itself"
+            )
+        if self.is_folder and output.absolute().parent.resolve() == Path(self.name).resolve():
+            raise InputError(
+                f"--output {output}: would stand among the maps of {self.name}: give another folder"
+            )
+
+
+def scene_of(population: Population, file: Path, say: Callable[[str], None]) -> Scene:
+    """Return the scene of a population; that of a folder of maps is written to a file (.toml).
+
+    A file that is there has to be of these maps and options. InputError is raised if it is not, if
+    the scene is not valid, or no map can be used.
+    """
+    if not population.is_folder:
+        return load(population.name)
+    paths = map_files([population.name], Path.cwd())
+    origin = _origin(paths, population)
+    if file.exists():
+        _require_origin(file, origin, population)
+        say(f"{file}: the scene of {population.name}, as before")
+        return load(str(file))
+    with RunProgress(2 * len(paths), noun="readings") as progress:
+        proposed = proposal.propose(
+            paths, population.reading, population.material, lambda: progress.advance(1, 0)
+        )
+    print_looks(proposed.looks)
+    keys = scene_text.keys(proposed, [population.name], population.command, file)
+    scene_text.write(file, [*keys, Key(origin)])
+    say(f"wrote {file}: {to_type(f'gen run {file}')} gives its database more rows")
+    return load(str(file))
+
+
+def _origin(paths: list[Path], population: Population) -> str:
+    """Return a comment that tells from which maps and options a scene was drafted."""
+    keys = population.reading.of("reading").items()
+    reading = f"Reading({', '.join(f'{name}={value!r}' for name, value in keys)})"
+    told = [*map(digest, paths), reading, str(population.material)]
+    return f"Drafted from maps and options {hashlib.sha256(' '.join(told).encode()).hexdigest()}"
+
+
+def _require_origin(file: Path, origin: str, population: Population) -> None:
+    """Refuse a scene of other maps or options; use an edited scene unchanged."""
+    try:
+        present = file.read_text(encoding="utf-8")
+    except (OSError, ValueError) as error:
+        raise InputError(f"{file}: is there already and cannot be read: {error}") from None
+    if f"# {origin}\n" not in present:
+        raise InputError(
+            f"{file}: is there already, and not the scene of the maps in {population.name} with"
+            " these options: to go on with it give it as SCENE, or give another --output"
+        )
+
+
+@dataclass
 class Pace:
     """The clock of a growth with a budget or without.
 
-    Parameters
+    Attributes
     ----------
     limit : float or None
         Wall-clock time of the budget [s]; None for no budget.
     workers : int
         Number of processes that compute.
-
-    Attributes
-    ----------
-    row : float
-        Wall-clock time in which all workers together make one row, 0 if it is not known [s].
-    features : float
-        Wall-clock time of the features of one new row [s].
+    row, features : float
+        Wall-clock time in which all workers together make one row, 0 if it is not known, and time
+        of the features of one new row [s].
+    fit : tuple of int and float
+        Rows of the last fit, and what it took with its judgement [s].
     """
 
-    def __init__(self, limit: float | None, workers: int) -> None:
-        self.limit = limit
-        self.workers = workers
-        self.row = self.features = 0.0
-        self._end = time.monotonic() + (math.inf if limit is None else limit)
-        self._fitted = (1, 0.0)
+    limit: float | None
+    workers: int
+    row: float = 0.0
+    features: float = 0.0
+    fit: tuple[int, float] = (1, 0.0)
+
+    def __post_init__(self) -> None:
+        """Start the clock."""
+        self._end = time.monotonic() + (math.inf if self.limit is None else self.limit)
 
     @property
     def left(self) -> float:
@@ -69,47 +165,22 @@ class Pace:
         """Time of `time.time` at which the budget ends, infinite without one [s]."""
         return time.time() + self.left
 
-    def note_fit(self, rows: int, seconds: float) -> None:
-        """Record what the fit to a number of rows has taken, with its judgement [s]."""
-        self._fitted = rows, seconds
-
-    def fit_seconds(self, rows: int) -> float:
-        """Estimate the time of the fit to a number of rows from that of the last one [s]."""
-        known, seconds = self._fitted
-        return float(seconds * max(rows / known, 1.0) ** GROWTH)
-
     def after(self, old: int, new: int) -> float:
-        """Return the time left once new rows have their features and a fit, and old ones too [s].
-
-        Parameters
-        ----------
-        old : int
-            Rows before this round.
-        new : int
-            Rows that this round has made, or is making.
-        """
-        return self.left - new * self.features - self.fit_seconds(old + new)
+        """Return the time left once new rows have their features, and all rows a fit [s]."""
+        rows, seconds = self.fit
+        fitting = seconds * max((old + new) / rows, 1.0) ** GROWTH
+        return float(self.left - new * self.features - fitting)
 
     def affordable(self, old: int, most: int) -> int:
         """Return how many new rows, and the fit to them, the budget allows; `most` without one."""
-        if self.limit is None:
-            return most
-        low, high = 0, most
-        while low < high:  # the time that is left falls with the rows
-            middle = (low + high + 1) // 2
-            if self.after(old, middle) >= middle * self.row:
-                low = middle
-            else:
-                high = middle - 1
-        return low
+        numbers = range(1, most + 1)  # the time that is left falls with the rows
+        return bisect(numbers, 0, key=lambda new: new * self.row > self.after(old, new))
 
     def is_over(self, old: int, new: int) -> bool:
         """Tell whether another row would end after the budget.
 
         Rows in the hands of the workers are finished first.
         """
-        if self.limit is None:
-            return False
         hands = farm.IN_FLIGHT if self.workers > 1 else 1
         return self.after(old, new) < hands * self.row * self.workers
 
@@ -117,11 +188,6 @@ class Pace:
         """Cut tasks into smaller ones the nearer the end of the budget is.
 
         A stop waits for the tasks under way, so that the last ones have a single row.
-
-        Parameters
-        ----------
-        blocks : iterator of (int, int)
-            The tasks of a run without a budget.
         """
         for start, stop in blocks:
             first = start
@@ -132,9 +198,8 @@ class Pace:
 
     def _largest(self) -> int:
         """Return the largest number of rows of a task at this moment."""
-        if self.row == 0.0:
-            return 1
-        return max(1, int(self.left / (PART * self.row * self.workers)))
+        seconds = PART * self.row * self.workers
+        return max(1, int(self.left / seconds)) if seconds else 1
 
 
 @dataclass(frozen=True)
@@ -143,14 +208,11 @@ class Stock:
 
     Attributes
     ----------
-    rows : int
-        Rows before the first one that is pending.
-    length : int
-        All rows.
-    seconds : float
-        Sum of the times that the finished rows took, surfaces included [s].
-    solving : float
-        Mean time of a solve, NaN if there is none [s].
+    rows, length : int
+        Rows before the first one that is pending, and all rows.
+    seconds, solving : float
+        Sum of the times that the finished rows took, surfaces included, and mean time of a solve,
+        NaN if there is none [s].
     """
 
     rows: int
@@ -160,33 +222,21 @@ class Stock:
 
 
 def stock(path: Path) -> Stock:
-    """Count the finished rows of a database, which may not exist yet.
-
-    Parameters
-    ----------
-    path : Path
-        The database.
-
-    Raises
-    ------
-    InputError
-        If the file is no database, or a part of one.
-    """
+    """Count the finished rows of a database, which may not exist yet; a part is refused."""
     if not path.exists():
-        return Stock(0, 0, 0.0, float("nan"))
+        return Stock(0, 0, 0.0, math.nan)
     with Reader(path) as reader:
         if reader.rows != range(reader.scene.samples):
             raise InputError(f"{path}: is a part: {to_type('gen merge')} makes it whole")
         status = reader.column("status")
-        solving = reader.column("solve_seconds")
-        making = reader.column("surface_seconds")
+        solving, making = reader.column("solve_seconds"), reader.column("surface_seconds")
     pending = np.flatnonzero(status == Status.PENDING)
     finished, done = status != Status.PENDING, status == Status.DONE
     return Stock(
         rows=int(pending[0]) if pending.size else len(status),
         length=len(status),
         seconds=float(np.nansum(solving[finished]) + np.nansum(making[finished])),
-        solving=float(np.nanmean(solving[done])) if done.any() else float("nan"),
+        solving=float(np.nanmean(solving[done])) if done.any() else math.nan,
     )
 
 
@@ -198,29 +248,11 @@ def generate(
     pace: Pace,
     stopping: Callable[[], bool],
 ) -> None:
-    """Give a database more rows; the caller holds `gen.database.lock(path)`.
+    """Give a database a number of rows, or make it; the caller holds `gen.database.lock(path)`.
 
-    A stop, or a kill, leaves a database that the same call goes on with.
-
-    Parameters
-    ----------
-    path : Path
-        The database; it is made if it does not exist.
-    scene : Scene
-        Its scene, from `gen.generation.functions.completed`; its number of samples does not count.
-    rows : int
-        Number of rows that the database is to have.
-    executor : Executor
-        Computes the rows.
-    pace : Pace
-        The clock; it learns the time of a row.
-    stopping : callable
-        Asked before each task; True ends the work.
-
-    Raises
-    ------
-    InputError
-        If the file is of another scene, or cannot be written, or memory runs out.
+    The scene is one from `gen.generation.functions.completed`, whose number of samples does not
+    count. The clock learns the time of a row. A stop, or a kill, leaves a database that the same
+    call goes on with. InputError is raised if the file is of another scene, or cannot be written.
     """
     wider = scene.model_copy(update={"samples": rows})
     if not path.exists():
@@ -231,21 +263,22 @@ def generate(
     with Writer(path, wider) as writer:
         pending = writer.pending()
         todo = sum(stop - start for start, stop in pending)
-        shared = writer.scene, path.parent
         with RunProgress(todo, "rows") as progress:
             progress.say(f"{path}: {todo} new rows, {before} there")
             made, began = 0, time.monotonic()
 
             def take(block: Block, columns: Columns) -> None:
                 nonlocal made
-                failed = _write(writer, block, columns)
+                for start, stop, part in finished_parts(block[0], columns):
+                    writer.write_block(start, stop, part)
                 made += block[1] - block[0]
                 pace.row = (time.monotonic() - began) / made
+                failed = int(np.count_nonzero(columns["status"] == Status.FAILED))
                 progress.advance(block[1] - block[0], failed)
 
             executor.run(
                 _compute,
-                shared,
+                (writer.scene, path.parent),
                 pace.paced(blocks_of(writer.scene, pending, executor.workers)),
                 take,
                 stopping=lambda: stopping() or pace.is_over(before, made),
@@ -258,10 +291,3 @@ def _compute(shared: tuple[Scene, Path], block: Block) -> Columns:
     scene, folder = shared
     scene.surface.make_ready(folder, verify=False)
     return compute_rows(scene, *block, rank=farm.this_world().rank)
-
-
-def _write(writer: Writer, block: Block, columns: Columns) -> int:
-    """Write the rows of a block, and return the number of those that failed."""
-    for start, stop, part in finished_parts(block[0], columns):
-        writer.write_block(start, stop, part)
-    return int(np.count_nonzero(columns["status"] == Status.FAILED))

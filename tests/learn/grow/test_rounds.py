@@ -107,12 +107,9 @@ def test_the_holdout_never_train(whole):
 
 
 STAGES = {
-    "in the first rows": (Writer, "write_block", 1),
     "in later rows": (Writer, "write_block", 4),
-    "before rows of a longer database": (rows, "stock", 2),
     "before a fit": (rounds, "appraise", 2),
     "before a surrogate is written": (Surrogate, "save", 1),
-    "after a surrogate is written": (rounds, "learning_curve", 1),
     "between two databases": (database.creation, "lay_out", 2),
 }
 
