@@ -48,12 +48,8 @@ def hybrid_rows(
 
     They are NaN for rows that are not finished or were not reached before the stop, for which
     `stopping` is asked between blocks of rows. The executor generates the surfaces; `blocks` is the
-    number per side of the coarse solve.
-
-    Raises
-    ------
-    InputError
-        If the file is no database, or its surfaces cannot be generated again.
+    number per side of the coarse solve. InputError is raised if the file is no database, or its
+    surfaces cannot be generated again.
     """
     job = _Job(path, blocks)
     if job.blocks:

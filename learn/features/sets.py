@@ -152,40 +152,17 @@ def _coarse_values(hybrid: Values, *, roots: bool, blocks: int) -> Values:
 
 @dataclass(frozen=True)
 class FeatureSet:
-    """A named set of features.
+    """A named set of features."""
 
-    Attributes
-    ----------
-    name : str
-        Name on the command line and in files.
-    columns : tuple of str
-        Names of the features, in order.
-    units : tuple of str
-        Units of the features.
-    normalisation : str
-        Default scaling, a name of `learn.models.NORMALISATIONS`.
-    scaled : bool
-        True if features and targets have no units (`target_scale`).
-    needs_surface : bool
-        True if the features need the heights of the surface.
-    rooted : bool
-        True if square roots of some columns follow the other features.
-    blocks : int
-        Blocks per side of the coarse solve, if `LOCAL` follows; else 0.
-    elastic : bool
-        True if elastic bodies are among those that yield: the hardness then counts up to the
-        largest pressure that an elastic contact can have.
-    """
-
-    name: str
-    columns: tuple[str, ...]
-    units: tuple[str, ...]
-    normalisation: str
-    scaled: bool
-    needs_surface: bool
-    rooted: bool = False
-    blocks: int = 0
-    elastic: bool = False
+    name: str  # on the command line and in files
+    columns: tuple[str, ...]  # names of the features, in order
+    units: tuple[str, ...]  # of the features
+    normalisation: str  # the default, of `learn.models.NORMALISATIONS`
+    scaled: bool  # True if features and targets have no units (`target_scale`)
+    needs_surface: bool  # True if the features need the heights of the surface
+    rooted: bool = False  # True if square roots of some columns follow the other features
+    blocks: int = 0  # per side of the coarse solve, if `LOCAL` follows; else 0
+    elastic: bool = False  # True if elastic bodies are among those that yield
 
     def with_roots(self, blocks: int = BLOCKS) -> "FeatureSet":
         """Return the set that surrogates see; itself if it has units.
@@ -293,21 +270,9 @@ def chosen(
 ) -> FeatureSet:
     """Return the feature set of a name.
 
-    Parameters
-    ----------
-    name : str
-        Name of the set.
-    hardness_ratio : tuple of float, optional
-        Smallest and largest hardness over E*, for bodies that yield.
-    roots, blocks
-        True for the set that surrogates see, with this number of blocks per side of a coarse solve.
-    elastic : bool
-        True if elastic bodies are among those that yield.
-
-    Raises
-    ------
-    InputError
-        If no set has this name, or no coarse solve this number of blocks.
+    Bodies that yield have limits of their hardness over E*, perhaps with `elastic` ones among them.
+    With `roots` it is the set that surrogates see, with a number of blocks per side of the coarse
+    solve. InputError is raised if no set has this name, or no coarse solve this number of blocks.
     """
     if blocks not in {0, *BLOCK_COUNTS}:
         known = " or ".join(map(str, BLOCK_COUNTS))
@@ -332,14 +297,14 @@ def build(
     hardness_ratio: Values | float | None = None,
     nodes: Values | float | None = None,
 ) -> Values:
-    """Turn rows of statistics into features.
+    """Turn n rows of statistics into features, (n, d), NaN or infinite where they are undefined.
 
     Parameters
     ----------
     features : FeatureSet
         The set to build.
     statistics : ndarray, shape (n, 22)
-        Statistics in the order of `STATISTICS`, in their units.
+        Statistics in the order and units of `STATISTICS`.
     delta : ndarray, shape (n,)
         Far-field displacement [um].
     length : ndarray or float
@@ -355,7 +320,7 @@ def build(
     Returns
     -------
     ndarray, shape (n, d)
-        Features, NaN or infinite where the statistics are undefined.
+        The features.
     """
     given, ratio = _hardness(features, delta, length, hardness_ratio, nodes)
     grid = np.empty((len(delta), 0))

@@ -58,21 +58,11 @@ class Undefined(InputError):
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """The blocks of a surface.
+    """The blocks of a surface."""
 
-    Attributes
-    ----------
-    heights : ndarray, shape (nx, ny)
-        Heights of the nodes [um].
-    steps : tuple of float
-        Spacing of the nodes along x and y [um].
-    most : int
-        Largest number of blocks per side; with fewer nodes every node is a block.
-    """
-
-    heights: Values
-    steps: tuple[float, float]
-    most: int
+    heights: Values  # (nx, ny) [um]
+    steps: tuple[float, float]  # spacing of the nodes along x and y [um]
+    most: int  # blocks per side at most; with fewer nodes every node is a block
 
     @cached_property
     def means(self) -> Values:
@@ -158,27 +148,15 @@ def _squares(heights: Values, step: float) -> Values:
 
 @dataclass(frozen=True, eq=False)
 class SurfaceFeatures:
-    """A surface whose features can be computed at any Delta.
+    """A surface whose features can be computed at any Delta."""
 
-    Parameters
-    ----------
-    heights : ndarray, shape (nx, ny)
-        Heights, 2 x 2 or more, finite [um].
-    sides : tuple of float
-        Scan lengths along x and y [um].
-    spacing : tuple of float, optional
-        Spacing of the nodes along x and y; that of sides and boundary unless given [um].
-    name : str
-        Name of the surface in messages.
-    boundary : {"free", "periodic", "mirror"}
-        Boundary of the patch, also in the coarse solve.
-    """
-
-    heights: Values
-    sides: Sides
-    spacing: Sides | None = None
-    name: str = "the surface"
-    boundary: Boundary = "free"
+    heights: Values  # (nx, ny), 2 x 2 or more, finite [um]
+    sides: Sides  # scan lengths along x and y [um]
+    spacing: Sides | None = (
+        None  # of the nodes along x and y; that of sides and boundary unless given [um]
+    )
+    name: str = "the surface"  # in messages
+    boundary: Boundary = "free"  # of the patch, also in the coarse solve
 
     @property
     def steps(self) -> Sides:
@@ -224,12 +202,8 @@ class SurfaceFeatures:
     ) -> Values:
         """Return the features of a set at displacements above 0 [um], (k, d).
 
-        Raises
-        ------
-        Undefined
-            If the features need statistics that the surface does not define.
-        InputError
-            If a Delta is not above 0, or numbers overflow.
+        `Undefined` is raised if the features need statistics that the surface does not define,
+        InputError if a Delta is not above 0, or numbers overflow.
         """
         deltas = np.asarray(deltas, dtype=np.float64).reshape(-1)
         wrong = deltas[~((deltas > 0) & (deltas < np.inf))]

@@ -47,55 +47,25 @@ NODE_NAMES = ("nodes_x", "nodes_y")
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Rows of statistics.
-
-    Attributes
-    ----------
-    name : str
-        Name of the file.
-    statistics : ndarray, shape (n, 22)
-        Statistics in the order of Table 1, NaN where a surface defines none.
-    delta : ndarray, shape (n,) or None
-        Far-field displacements, None if the file has none [um].
-    sides : ndarray, shape (n, 2)
-        Scan lengths, NaN where the file has none [um].
-    nodes : ndarray of int, shape (n, 2)
-        Nodes along both axes, 0 where the file has none.
-    boundaries : tuple of str
-        The different boundaries of the rows; "free" where the file has none.
-    """
+    """n rows of statistics from a file."""
 
     name: str
-    statistics: Values
-    delta: Values | None
-    sides: Values
-    nodes: NDArray[np.int64]
-    boundaries: tuple[str, ...]
+    statistics: Values  # (n, 22), in the order of Table 1, NaN where a surface defines none
+    delta: Values | None  # (n,), far-field displacements, if the file has them [um]
+    sides: Values  # (n, 2), scan lengths, NaN where the file has none [um]
+    nodes: NDArray[np.int64]  # (n, 2), nodes along both axes, 0 where the file has none
+    boundaries: tuple[str, ...]  # the different ones of the rows; "free" where the file has none
 
 
 @dataclass(frozen=True)
 class Question:
-    """Settings of a prediction that do not depend on the file.
+    """Settings of a prediction that do not depend on the file."""
 
-    Attributes
-    ----------
-    deltas : ndarray, shape (k,) or None
-        Far-field displacements, None if the tables contain them [um].
-    e_star : float or None
-        E* of the forces, None for that of the training [MPa].
-    hardness : float or None
-        Hardness of the softer body, None for the only one of the training [MPa].
-    level : float
-        Coverage of the intervals.
-    reading : Reading
-        Options that say how surfaces are read.
-    """
-
-    deltas: Values | None
-    e_star: float | None
-    hardness: float | None
-    level: float
-    reading: Reading
+    deltas: Values | None  # (k,), far-field displacements; None if the tables contain them [um]
+    e_star: float | None  # of the forces; None for that of the training [MPa]
+    hardness: float | None  # of the softer body; None for the only one of the training [MPa]
+    level: float  # coverage of the intervals
+    reading: Reading  # options that say how surfaces are read
 
     def bodies(self, surrogate: Surrogate) -> Bodies:
         """Return E* and hardness of the answers, of which the surrogate has defaults."""
@@ -111,28 +81,10 @@ def answers(
     question: Question,
     say: Callable[[str], None],
 ) -> Iterator[Row]:
-    """Predict for files and folders, one file after the other.
+    """Yield the rows of the predictions for files and folders, one file after the other.
 
-    Parameters
-    ----------
-    surrogate : Surrogate
-        The surrogate.
-    paths : sequence of Path
-        Surfaces, tables of statistics, folders of surfaces.
-    question : Question
-        Displacements and settings.
-    say : callable
-        Called with lines for the user about each surface.
-
-    Yields
-    ------
-    Row
-        A row of the table, for one surface and displacement.
-
-    Raises
-    ------
-    InputError
-        For the first file that cannot be used.
+    `say` is called with lines for the user about each surface. InputError is raised for the first
+    file that cannot be used.
     """
     files, others = files_in(paths)
     if others:
@@ -322,18 +274,9 @@ def _cell(row: Row, name: str) -> str:
 def read_table(path: Path, side: str = "") -> Table:
     """Read rows of statistics, as `python -m gen describe --csv` writes them.
 
-    Parameters
-    ----------
-    path : Path
-        CSV with a header that names the 22 statistics; `delta_um` or `delta`, sides and nodes are
-        optional, and other columns are ignored.
-    side : str
-        Scan length, or two with a comma, for rows without lengths [um].
-
-    Raises
-    ------
-    InputError
-        If a column is missing, or a value is no number; the message names row and column.
+    The CSV's header names the 22 statistics; `delta_um` or `delta`, sides and nodes are optional,
+    and other columns are ignored. `side` is one scan length, or two with a comma, for rows without
+    [um]. InputError names the row and column that is missing or no number.
     """
     try:
         with require_file(path).open(encoding="utf-8-sig", newline="") as file:

@@ -18,12 +18,8 @@ SURFACES = 8
 def break_even(build: float, solver: float, query: float) -> float:
     """Return the number of queries from which on a surrogate is cheaper, infinity if it never is.
 
-    Parameters
-    ----------
-    build : float
-        Time before the first answer: rows, features, fit [s].
-    solver, query : float
-        Times of an answer by the solver and by the surrogate [s].
+    Its rows, features and fit take `build`, an answer by the solver and by the surrogate `solver`
+    and `query` [s].
     """
     return math.inf if query >= solver else math.ceil(build / (solver - query))
 
@@ -37,21 +33,11 @@ def time_of(seconds: float) -> str:
 
 @dataclass(frozen=True)
 class Payback:
-    """Times of a surrogate and of the solver that it stands for.
+    """Times of a surrogate and of the solver that it stands for."""
 
-    Attributes
-    ----------
-    build : float
-        Time before the first answer [s].
-    solver : float
-        Mean time of a solve on a new surface [s].
-    query : float
-        Time of an answer on a new surface, its statistics and features included [s].
-    """
-
-    build: float
-    solver: float
-    query: float
+    build: float  # before the first answer [s]
+    solver: float  # mean of a solve on a new surface [s]
+    query: float  # of an answer on a new surface, its statistics and features included [s]
 
     def in_words(self) -> str:
         """Say from how many contacts on the surrogate pays."""

@@ -49,24 +49,12 @@ FEWEST_SURFACES = 200
 
 
 class Groups(NamedTuple):
-    """The groups of some rows.
+    """The groups of some rows."""
 
-    Attributes
-    ----------
-    labels : ndarray of int, shape (n,)
-        Group of each row, from 0 on.
-    number : int
-        Number of groups.
-    kind : str
-        "map" or "database".
-    scheme : {"others", "each"}
-        Whether there are enough of them for intervals that hold for others.
-    """
-
-    labels: Indices
-    number: int
-    kind: str
-    scheme: Scheme
+    labels: Indices  # (n,), group of each row, from 0 on
+    number: int  # of groups
+    kind: str  # "map" or "database"
+    scheme: Scheme  # "others" if there are enough for intervals that hold for others, else "each"
 
     def left_out(self, rows: Dataset) -> Indices:
         """Number the parts of the rows that are left out together, (n,).
@@ -111,8 +99,8 @@ def groups_of(rows: Dataset) -> Groups | None:
 def holdouts(rows: Dataset, parts: Indices) -> Iterator[tuple[Indices, Indices]]:
     """Yield the rows of each part, and the rows that a model must not see that predicts them.
 
-    The latter are those of the part, and those that share a surface or tile with one of them.
-    Parts, (n,), come from `Groups.left_out` or `clusters_of`.
+    The latter share a surface or tile with one of the part. Parts, (n,), come from
+    `Groups.left_out` or `clusters_of`.
     """
     for part in np.unique(parts):
         mine = np.flatnonzero(parts == part)
@@ -176,24 +164,11 @@ def calibrate_by_groups(
     growth: Growth | None = None,
     squares: Values | None = None,
 ) -> Calibration:
-    """Calibrate intervals with the errors of models that have not seen these rows.
+    """Calibrate intervals with the errors, (n,), of models that have not seen these n rows.
 
-    Errors are divided by their usual size, which is fitted without the part that a row is in.
-
-    Parameters
-    ----------
-    rows : Dataset
-        n rows.
-    errors : ndarray, shape (n,)
-        Absolute errors of the target over its scale, or of its root.
-    groups : Groups
-        Groups of the rows.
-    root : bool
-        True for errors of the square root.
-    growth : Growth, optional
-        Growth of the errors with the distance, where it is known.
-    squares : ndarray, shape (n,), optional
-        Squared distances from the rows that these models were fitted to, for the growth.
+    The errors are those of the target over its scale, or of its `root`. They are divided by their
+    growth with the squared distance, (n,), from the rows that these models were fitted to, where it
+    is known, and by their usual size, which is fitted without the part that a row is in.
     """
     inputs, labels, parts = rows.inputs, groups.labels, groups.left_out(rows)
     if growth is not None and squares is not None:
@@ -222,25 +197,16 @@ def _large(labels: Indices) -> Indices:
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """Which rows train, and which calibrate.
+    """Which rows train, and which calibrate."""
 
-    Attributes
-    ----------
-    train : ndarray of int
-        Positions of the rows that train.
-    holdout : ndarray of int
-        Positions of the rows that calibrate: the training rows themselves, by their groups, if the
-        two are the same; none if another database calibrates.
-    groups : Groups or None
-        Groups of the rows that calibrate; None if they are of one.
-    others : list of Dataset or None
-        Rows of another database that calibrate, one set for each target.
-    """
-
-    train: Indices
-    holdout: Indices
-    groups: Groups | None
-    others: list[Dataset] | None = None
+    train: Indices  # positions of the rows that train
+    holdout: (
+        Indices  # of those that calibrate: the training rows themselves, by their groups, or others
+    )
+    groups: Groups | None  # of the rows that calibrate; None if they are of one
+    others: list[Dataset] | None = (
+        None  # rows of another database that calibrate, one set for each target
+    )
 
     @property
     def size(self) -> int:
@@ -288,10 +254,10 @@ class Plan:
 
 
 def planned(rows: Dataset, train: Indices, others: list[Dataset] | None = None) -> Plan:
-    """Decide which rows train, and which calibrate.
+    """Decide which of the training rows, in random order, train, and which calibrate.
 
-    Training rows are positions from `learn.split.draw`; `others` are rows of another database that
-    calibrate, for each target. InputError is raised if too few rows are left to train on.
+    `others` are rows of another database that calibrate, for each target. InputError is raised if
+    too few rows are left to train on.
     """
     if others is not None:
         return Plan(train, np.empty(0, dtype=np.int64), groups_of(others[0]), others)
@@ -304,15 +270,7 @@ def planned(rows: Dataset, train: Indices, others: list[Dataset] | None = None) 
 def without_calibration(rows: Dataset, train: Indices) -> tuple[Indices, Indices]:
     """Split the last rows, by whole groups, off the training rows, which are in random order.
 
-    Returns
-    -------
-    train, calibration : ndarray of int
-        Positions of the rows that train, and of those that calibrate.
-
-    Raises
-    ------
-    InputError
-        If too few rows are left to train on.
+    The positions of both are returned. InputError is raised if too few rows are left to train on.
     """
     wanted = max(int(CALIBRATION_SHARE * train.size), min(SMALLEST_CALIBRATION, train.size // 5))
     groups = rows.groups[train]
@@ -333,19 +291,8 @@ def without_calibration(rows: Dataset, train: Indices) -> tuple[Indices, Indices
 def of_another(sets: list[Dataset], together: list[Dataset]) -> list[Dataset]:
     """Return the rows of another database that calibrate, for each target.
 
-    Rows of surfaces, or tiles, that the training has too are left out.
-
-    Parameters
-    ----------
-    sets : list of Dataset
-        The rows of the training's databases, for each target.
-    together : list of Dataset
-        The same, with those of the other database, which is the last.
-
-    Raises
-    ------
-    InputError
-        If the other database has other features, or too few rows of its own.
+    It is the last of those in `together`; rows of surfaces, or tiles, that the training in `sets`
+    has too are left out. InputError is raised if it has other features, or too few rows of its own.
     """
     first, whole = sets[0], together[0]
     path = whole.origins[-1].database

@@ -41,18 +41,8 @@ def make(
 ) -> dict[str, Any]:
     """Assemble the card, of numbers, texts, lists and dictionaries only.
 
-    Parameters
-    ----------
-    request : Request
-        Request with one model.
-    rows : Dataset
-        The usable rows.
-    train : ndarray of int
-        Positions of the training rows.
-    sizes : mapping of str to int
-        Numbers of rows that "train", "calibration" and "test" have.
-    judged : dict
-        Entries of the targets.
+    `train` are positions among the usable rows; `sizes` are the numbers of rows that "train",
+    "calibration" and "test" have; `judged` are the entries of the targets.
     """
     scenes = [Scene.from_text(origin.scene) for origin in rows.origins]
     scene, limits = scenes[0], limits_of(scenes)
@@ -255,19 +245,10 @@ def _boundary(card: Mapping[str, Any]) -> str:
 
 
 def show(card: Mapping[str, Any], low: Values, high: Values) -> None:
-    """Print a card with its tables: scores, coverage of the intervals, training ranges.
+    """Print a card with its tables, with the training ranges of the features, each end (d,).
 
-    Parameters
-    ----------
-    card : mapping of str to object
-        From `make`.
-    low, high : ndarray, shape (d,)
-        Training ranges of the features.
-
-    Raises
-    ------
-    InputError
-        If an entry of the card is missing, so that the file is not from `learn fit`.
+    InputError is raised if an entry of the card is missing, so that the file is not from `learn
+    fit`.
     """
     from gen.runtime.terminal import echo, print_table
 

@@ -67,19 +67,8 @@ REVIEWED = (
 def save(path: Path, surrogate: Surrogate) -> None:
     """Write a surrogate, whole or not at all.
 
-    Parameters
-    ----------
-    path : Path
-        File to write; an older one is replaced only by a whole one.
-    surrogate : Surrogate
-        The surrogate.
-
-    Raises
-    ------
-    InputError
-        If it cannot be written.
-    ValueError
-        If a model is made of types that are not reviewed.
+    InputError is raised if it cannot be written, ValueError if a model is made of types that are
+    not reviewed.
     """
     from skops import io
 
@@ -181,11 +170,8 @@ def _with_trees(estimator: Any, trees: dict[str, Values]) -> None:
 def load(path: Path) -> dict[str, Any]:
     """Read the fields of a `Surrogate`.
 
-    Raises
-    ------
-    InputError
-        If the file is no surrogate, of another format, damaged, or names types that no surrogate
-        has; or if the libraries installed here cannot use its models.
+    InputError is raised if the file is no surrogate, of another format, damaged, or names types
+    that no surrogate has; or if the libraries installed here cannot use its models.
     """
     card, low, high, archive = _content(path)
     try:
@@ -243,12 +229,9 @@ def _unpacked(
 
 
 def read_card(path: Path) -> tuple[dict[str, Any], Values, Values]:
-    """Read the card of a surrogate and the training ranges of its features; no model is loaded.
+    """Read a surrogate's card and the training ranges of its features, each end (d,), but no model.
 
-    Raises
-    ------
-    InputError
-        If the file is no surrogate, of another format, or damaged.
+    InputError is raised if the file is no surrogate, of another format, or damaged.
     """
     return _content(path)[:3]
 

@@ -72,41 +72,19 @@ NETWORK: dict[str, Any] = {
 
 
 class Settings(NamedTuple):
-    """Settings of an estimator, and their origin.
+    """Settings of an estimator, and their origin."""
 
-    Attributes
-    ----------
-    values : dict of str to object
-        Settings that differ from the model's baseline.
-    tuned : bool
-        True if the baseline includes the settings that all candidates of a search share.
-    origin : str
-        Origin, in words.
-    """
-
-    values: dict[str, Any]
-    tuned: bool
-    origin: str
+    values: dict[str, Any]  # those that differ from the model's baseline
+    tuned: bool  # True if the baseline includes what all candidates of a search share
+    origin: str  # in words
 
 
 def choose(
     request: Request, folder: Folder | None, inputs: Values, target: Values, folds: NDArray[np.int8]
 ) -> Settings:
-    """Choose the settings of a fit.
+    """Choose the settings of a fit to n rows of inputs, (n, d), and their scaled target, (n,).
 
-    Parameters
-    ----------
-    request : Request
-        Request with one model, features and seed.
-    folder : Folder or None
-        Comparison that has tuned the model.
-    inputs : ndarray, shape (n, d)
-        Inputs of the training rows.
-    target : ndarray, shape (n,)
-        Target, of mean 0 and deviation 1 except for the paper's features and other models than
-        the Gaussian process.
-    folds : ndarray of int, shape (n,)
-        Fold of each training row; the first one validates.
+    A comparison's folder gives its winner. The first of the folds, (n,), validates in searches.
     """
     (name,) = request.models
     if folder is not None:
@@ -238,31 +216,13 @@ def fit(
     source: Path | None = None,
     stopping: Callable[[], bool] = lambda: False,
 ) -> Surrogate | None:
-    """Fit a surrogate to a database.
+    """Fit a surrogate to a database, by a request with one model.
 
-    Parameters
-    ----------
-    request : Request
-        Request with one model; its folder is not used.
-    executor : Executor
-        Generates the surfaces for hybrid features.
-    say : callable
-        Called with lines for the user.
-    source : Path, optional
-        Comparison folder whose tuned settings are used.
-    stopping : callable
-        Called between surfaces; True ends the work.
-
-    Returns
-    -------
-    Surrogate or None
-        The surrogate; None after a stop.
-
-    Raises
-    ------
-    InputError
-        If the input cannot be used, there are too few rows or too little memory, or a target is
-        predicted no better than by a constant.
+    The executor generates surfaces for hybrid features; `say` is called with lines for the user;
+    settings are those tuned in a comparison's folder, `source`, if there is one. None is returned
+    after a stop, for which `stopping` is asked between surfaces. InputError is raised if the input
+    cannot be used, there are too few rows or too little memory, or a target is predicted no better
+    than by a constant.
     """
     models_named(list(request.models))
     sets = read(request, executor, stopping)
@@ -294,26 +254,10 @@ def require_better(surrogate: Surrogate, name: str) -> None:
 def read(
     request: Request, executor: Executor, stopping: Callable[[], bool] = lambda: False
 ) -> list[Dataset] | None:
-    """Read the rows that all targets have, one dataset for each target.
+    """Read the rows that all targets have, one dataset for each target; None after a stop.
 
-    Parameters
-    ----------
-    request : Request
-        Databases, targets and features.
-    executor : Executor
-        Generates the surfaces for hybrid features.
-    stopping : callable
-        Called between surfaces; True ends the work.
-
-    Returns
-    -------
-    list of Dataset or None
-        The datasets, in the order of the targets; None after a stop.
-
-    Raises
-    ------
-    InputError
-        If the input cannot be used, there are too few rows, or windows lie in too few tiles.
+    InputError is raised if the input cannot be used, there are too few rows, or windows lie in too
+    few tiles. See `fit` for the arguments.
     """
     hybrids: list[Values | None] = []
     for path in request.databases:
@@ -346,27 +290,10 @@ def fit_parts(
     source: Path | None = None,
     others: list[Dataset] | None = None,
 ) -> Surrogate:
-    """Fit a surrogate to rows whose training and test parts have been chosen.
+    """Fit a surrogate to rows, from `read`, whose training and test parts have been chosen.
 
-    Parameters
-    ----------
-    request : Request
-        Request with one model.
-    sets : list of Dataset
-        The rows, from `read`.
-    parts : learn.split.Split
-        Positions of the training rows, in random order with groups together, and of the test rows.
-    say : callable
-        Called with lines for the user.
-    source : Path, optional
-        Comparison folder whose tuned settings are used.
-    others : list of Dataset, optional
-        Rows of another database that calibrate the intervals, for each target.
-
-    Raises
-    ------
-    InputError
-        If there are too few rows to train on, or too little memory.
+    `others` are rows of another database that calibrate, for each target. InputError is raised if
+    there are too few rows to train on, or too little memory.
     """
     (model,) = models_named(list(request.models))
     plan = calibrating.planned(sets[0], parts.train, others)
@@ -407,21 +334,10 @@ def fit_parts(
 
 
 def request_from(request: Request, source: Path, given: dict[str, Any]) -> Request:
-    """Take features, scaling, rows and seed from a comparison; given options must agree.
+    """Take features, scaling, rows and seed of a request from a comparison's folder.
 
-    Parameters
-    ----------
-    request : Request
-        Request with one model and its targets.
-    source : Path
-        Comparison folder.
-    given : dict of str to object
-        Options of the user, of "features", "normalisation", "area_max" and "seed".
-
-    Raises
-    ------
-    InputError
-        If the folder lacks the model, or contradicts an option.
+    InputError is raised if the folder lacks the model, or contradicts an option that the user has
+    given, of "features", "normalisation", "area_max" and "seed".
     """
     column = TARGETS.get(request.targets[0], request.targets[0])
     folder = Folder(source / short_name(column))
@@ -438,29 +354,16 @@ def request_from(request: Request, source: Path, given: dict[str, Any]) -> Reque
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """The fitted model of one target, with times and warnings of the fit.
-
-    Attributes
-    ----------
-    learnt : Learnt
-        Model and intervals.
-    settings : Settings
-        Settings of the model.
-    choosing, fitting : float
-        Processor times of the choice of settings and of the fit [s].
-    remarks : tuple of str
-        Warnings of the fit.
-    crossed : ndarray, shape (training rows,), optional
-        Predictions over their scale by models that have not seen the group, or the surface, of
-        each training row, where these calibrate the intervals.
-    """
+    """The fitted model of one target, with times and warnings of the fit."""
 
     learnt: Learnt
     settings: Settings
-    choosing: float
-    fitting: float
-    remarks: tuple[str, ...]
-    crossed: Values | None = None
+    choosing: float  # processor time of the choice of settings [s]
+    fitting: float  # and of the fit [s]
+    remarks: tuple[str, ...]  # warnings of the fit
+    crossed: Values | None = (
+        None  # (n,), training rows predicted over their scale by models without their group
+    )
 
 
 def _judged(fitted: Fit, rows: Dataset, plan: Plan, test: Indices) -> dict[str, Any]:
@@ -499,26 +402,10 @@ def fit_target(
 ) -> Fit:
     """Fit and calibrate the model of one target, after a choice of settings if none are given.
 
-    Parameters
-    ----------
-    request : Request
-        Request with one model; its database is not used.
-    train : Dataset
-        Rows with one target, perhaps of several databases.
-    calibration : Dataset or None
-        Rows that calibrate. None to calibrate with the training rows, which have to be of several
-        maps or databases: further fits, with the same settings, leave out some of them each.
-    folds : ndarray of int, shape (training rows,)
-        Fold of each training row; the first one validates the candidates of the search.
-    folder : Folder, optional
-        Comparison whose tuned settings are used.
-    settings : Settings, optional
-        Settings of an earlier fit.
-
-    Raises
-    ------
-    InputError
-        If this machine lacks the memory, or the folder lacks the model.
+    Without rows that calibrate the training rows do, which have to be of several maps or databases:
+    further fits, with the same settings, leave out some of them each. The first of the training
+    rows' folds validates the candidates of a search; a comparison's folder has tuned settings.
+    InputError is raised if this machine lacks the memory, or the folder lacks the model.
     """
     (name,) = request.models
     check_memory(name, train.size)
@@ -594,10 +481,9 @@ def _crossed(
 def _ridge_left_out(
     learnt: Learnt, target: Values, parts: Sequence[tuple[Indices, Indices]]
 ) -> Values | None:
-    """Predict the training rows over their scale without further fits; None if that is impossible.
+    """Predict the training rows over their scale by kernel ridge, without further fits; else None.
 
-    The model is one of kernel ridge, fitted to all rows and their scaled target, (n,); `parts` come
-    from `holdouts`.
+    The model was fitted to all rows' scaled target, (n,); parts come from `holdouts`.
     """
     found, ridge = np.empty(target.size), learnt.pipeline.named_steps[STEP]
     if isinstance(ridge, KernelRidge):

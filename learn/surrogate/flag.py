@@ -41,21 +41,11 @@ ROUNDING = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Distance:
-    """Distances from the training, with their limit.
+    """Distances from the training of d features, or from the nearest of its k databases or maps."""
 
-    Attributes
-    ----------
-    centres : ndarray, shape (k, d)
-        Mean features of the training, or of each of its databases or maps.
-    whitenings : ndarray, shape (k, d, d)
-        For each, the matrix after which differences from the mean are uncorrelated.
-    limit : float
-        Largest distance that is not flagged.
-    """
-
-    centres: Values
-    whitenings: Values
-    limit: float
+    centres: Values  # (k, d), mean features
+    whitenings: Values  # (k, d, d), after which differences from the mean are uncorrelated
+    limit: float  # largest distance that is not flagged
 
     def of(self, inputs: Values) -> Values:
         """Return the distance of each row, (n,), from the nearest mean, by its features, (n, d)."""
@@ -68,10 +58,7 @@ class Distance:
 
 
 def from_training(inputs: Values, groups: Indices) -> Distance:
-    """Measure distances from training rows, (n, d); their groups, (n,), give the limit.
-
-    Each group is left out in turn.
-    """
+    """Measure distances from rows, (n, d); groups, (n,), left out in turn, give the limit."""
     found = np.empty(len(inputs))
     for group in np.unique(groups):
         own = groups == group
@@ -85,15 +72,11 @@ def from_others(inputs: Values, others: Values, groups: Indices) -> Distance:
 
 
 def from_rows(inputs: Values) -> Distance:
-    """Measure distances from training rows; the limit comes from each row's from the others.
+    """Measure distances from two or more rows, (n, d); the limit comes from each row's from the
+    others.
 
     With n rows the square of the distance from the others is (n - 1) a / (n - d a), where a is the
     square of the distance from all of them and d the number of features (Sherman and Morrison).
-
-    Parameters
-    ----------
-    inputs : ndarray, shape (n, d)
-        Features of two training rows or more.
     """
     whole, (rows, features) = _unlimited(inputs), inputs.shape
     squares = np.minimum(features * np.square(whole.of(inputs)), 0.999 * rows)
@@ -103,16 +86,10 @@ def from_rows(inputs: Values) -> Distance:
 
 
 def from_groups(inputs: Values, labels: Indices, parts: Indices) -> Distance:
-    """Measure distances from the nearest group of the training rows, or from all if it is one.
+    """Measure distances from the nearest group of the rows, (n, d), or from all if it is one.
 
-    The limit comes from the distances of the rows of each part from the other parts.
-
-    Parameters
-    ----------
-    inputs : ndarray, shape (n, d)
-        Features of the training rows.
-    labels, parts : ndarray of int, shape (n,)
-        Group and part of each row.
+    Labels, (n,), number the groups. The limit comes from the distances of the rows of each part,
+    (n,), from the other parts.
     """
     found = np.full(len(inputs), np.nan)
     for part in np.unique(parts):
@@ -173,20 +150,10 @@ def reasons_of(
     ranges: tuple[Values, Values],
     distance: Distance,
 ) -> tuple[str, ...]:
-    """Return why each row is outside the training; "" if it is inside.
+    """Return why each row, with features (n, d), is outside the training; "" if it is inside.
 
-    Parameters
-    ----------
-    inputs : ndarray, shape (n, d)
-        Features.
-    notes : sequence of str
-        Reasons that are known of the n rows, which stand first; "" if there is none.
-    features : FeatureSet
-        The feature set.
-    ranges : tuple of ndarray, each of shape (d,)
-        Ends of the training ranges of the features.
-    distance : Distance
-        Distances from the training.
+    Notes, one for each row, stand first. The ranges are ends, each (d,), of the training's
+    features.
     """
     (low, high), far = ranges, distance.of(inputs)
     outside = (inputs < low) | (inputs > high)
@@ -210,18 +177,10 @@ def grid_note(
     shape: tuple[int, int],
     sides: tuple[float, float],
 ) -> str:
-    """Return how a grid differs from the training's; "" if it does not.
+    """Return how a grid differs from the training's, by the card; "" if it does not.
 
-    Parameters
-    ----------
-    card : mapping of str to object
-        Card of the surrogate.
-    features : FeatureSet
-        Feature set; one with units binds the surrogate to its side and spacing.
-    shape : tuple of int
-        Nodes along both axes.
-    sides : tuple of float
-        Scan lengths [um].
+    It has nodes along both axes and sides [um]. Features with units bind the surrogate to its side
+    and spacing.
     """
     said = []
     grids = list(dict.fromkeys(pair(each, "nodes") for each in card.get("databases", [card])))

@@ -106,22 +106,12 @@ def checked_level(level: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class ErrorScale:
-    """Usual errors, whose logarithm is linear in the features.
+    """Usual errors, whose logarithm is linear in the d features."""
 
-    Attributes
-    ----------
-    slopes : ndarray, shape (d,)
-        Change of the logarithm with each feature.
-    offset : float
-        Logarithm where all features are 0.
-    low, high : float
-        Ends of the logarithm.
-    """
-
-    slopes: Values
-    offset: float
-    low: float
-    high: float
+    slopes: Values  # (d,), change of the logarithm with each feature
+    offset: float  # logarithm where all features are 0
+    low: float  # least value of the logarithm
+    high: float  # and largest one
 
     def at(self, inputs: Values) -> Values:
         """Return the usual errors, (n,), at the features, (n, d)."""
@@ -132,17 +122,7 @@ class ErrorScale:
 
 
 def fit_scale(inputs: Values, errors: Values, groups: Indices) -> ErrorScale:
-    """Fit the usual errors by ridge regression of their logarithms; all groups weigh the same.
-
-    Parameters
-    ----------
-    inputs : ndarray, shape (n, d)
-        Features.
-    errors : ndarray, shape (n,)
-        Absolute errors of predictions by models that have not seen these rows.
-    groups : ndarray of int, shape (n,)
-        Group of each row.
-    """
+    """Fit usual errors by ridge regression of the logarithm of errors, (n,); groups weigh alike."""
     _, place, sizes = np.unique(groups, return_inverse=True, return_counts=True)
     weights = 1.0 / (sizes[place] * sizes.size)
     logarithms = _floored_logarithm(errors)
@@ -170,14 +150,8 @@ def _floored_logarithm(errors: Values) -> Values:
 class Growth:
     """Errors that grow with the distance from the training.
 
-    Their logarithm is linear in the squared distance, which is the leverage of a row.
-
-    Attributes
-    ----------
-    distance : Distance
-        Distances from the training.
-    rate : float
-        Change of the logarithm of the errors with the squared distance, 0 or more.
+    Their logarithm is linear in the squared distance, which is the leverage of a row: the rate, 0
+    or more, is its slope.
     """
 
     distance: Distance
@@ -197,19 +171,11 @@ class Growth:
 
 
 def fit_growth(distance: Distance, squares: Values, errors: Values, kinds: Indices) -> Growth:
-    """Fit the rate at which errors grow, by the rows within the limit of the flag.
+    """Fit the rate at which errors, (n,), grow, by the rows within the limit of the flag.
 
-    Parameters
-    ----------
-    distance : Distance
-        Distances from the training.
-    squares : ndarray, shape (n,)
-        Squared distances of rows from those that their model was fitted to.
-    errors : ndarray, shape (n,)
-        Absolute errors of these rows.
-    kinds : ndarray of int, shape (n,)
-        Kind of each row, by its group and the range of its prediction: errors differ between these
-        at the same distance, so that rows are compared with those of the same kind.
+    Their squared distances, (n,), are from the rows that their model was fitted to. Kinds, (n,),
+    are groups and ranges of predictions: errors differ between these at the same distance, so that
+    rows are compared with those of the same kind.
     """
     inside = squares <= distance.limit**2
     logarithms, place = _floored_logarithm(errors)[inside], kinds[inside]
@@ -229,31 +195,16 @@ def _centred(values: Values, place: Indices) -> Values:
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """Scores that intervals are computed from.
+    """Scores that intervals of one target over its scale are computed from."""
 
-    Attributes
-    ----------
-    borders : ndarray, shape (k - 1,)
-        Borders between the ranges of the prediction.
-    scores : tuple of ndarray
-        For each of the k ranges, the absolute errors on the calibration rows, ascending; or for
-        each group, these errors over their usual size.
-    root : bool
-        True if the errors are those of the square root of the target.
-    scheme : {"ranges", "each", "others"}
-        Classes that intervals hold for.
-    usual : ErrorScale, optional
-        The usual errors, where each group has scores of its own.
-    growth : Growth, optional
-        How errors grow with the distance from the training; the scores are over this growth.
-    """
-
-    borders: Values
-    scores: tuple[Values, ...]
-    root: bool = False
-    scheme: Scheme = "ranges"
-    usual: ErrorScale | None = None
-    growth: Growth | None = None
+    borders: Values  # (k - 1,), between the ranges of the prediction
+    scores: tuple[
+        Values, ...
+    ]  # ascending errors of each range; or of each group, over their usual size
+    root: bool = False  # True for errors of the square root of the target
+    scheme: Scheme = "ranges"  # classes that intervals hold for
+    usual: ErrorScale | None = None  # the usual errors, where each group has scores of its own
+    growth: Growth | None = None  # of errors with the distance; the scores are over this growth
 
     @property
     def largest_level(self) -> float:
@@ -264,18 +215,9 @@ class Calibration:
         return rows / (rows + 1)
 
     def ends(self, prediction: Values, level: float, inputs: Values) -> tuple[Values, Values]:
-        """Return both ends of the interval at each prediction, each (n,).
+        """Return both ends of the interval at each prediction, each (n,), at the features, (n, d).
 
         They are infinite where there are too few calibration rows for the level.
-
-        Parameters
-        ----------
-        prediction : ndarray, shape (n,)
-            Predictions; not below 0 if the errors are those of the square root.
-        level : float
-            Wanted coverage, between 0 and 1.
-        inputs : ndarray, shape (n, d)
-            Features.
         """
         if not self.root:
             half = self._half_width(prediction, level, inputs)
@@ -313,20 +255,11 @@ def calibrate(
     root: bool = False,
     growth: Growth | None = None,
 ) -> Calibration:
-    """Calibrate intervals with predictions of rows that the model was not fitted to.
+    """Calibrate intervals by predictions and targets, (n,), of rows that the model was not fitted
+    to.
 
-    Parameters
-    ----------
-    predicted, target : ndarray, shape (n,)
-        Predictions and true values of the calibration rows.
-    training : ndarray, shape (m,)
-        Target of the training rows, whose quantiles are the borders of the ranges.
-    inputs : ndarray, shape (n, d)
-        Features of the calibration rows.
-    root : bool
-        True for errors of the square root.
-    growth : Growth, optional
-        How errors grow with the distance from the training.
+    Their features are (n, d). Quantiles of the training target, (m,), are the borders of the
+    ranges.
     """
     if root:
         predicted, target, training = np.sqrt(predicted), np.sqrt(target), np.sqrt(training)

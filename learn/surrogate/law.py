@@ -65,12 +65,7 @@ ROUNDING = 1e-12
 
 @dataclass(frozen=True)
 class Order(contact_law.Order):
-    """A request for a law of a surrogate.
-
-    Attributes
-    ----------
-    solver : bool
-        True to solve instead of predicting.
+    """A request for a law of a surrogate; with `solver` contacts are solved instead.
 
     E*, hardness, boundary and range of Delta are those of the training where they are not given.
     """
@@ -82,12 +77,8 @@ def make(surrogate: Surrogate | None, order: Order, say: Callable[[str], None]) 
     """Make a law; `say` is called with a line for the user about each file.
 
     Where contacts are solved the surrogate may be None; otherwise its E*, hardness, boundary and
-    range of Delta stand in for those that are not given.
-
-    Raises
-    ------
-    InputError
-        For input that cannot be used, or a pressure that the law does not reach.
+    range of Delta stand in for those that are not given. InputError is raised for input that cannot
+    be used, or a pressure that the law does not reach.
     """
     if not order.solver:
         _check_surrogate(surrogate)
@@ -186,38 +177,13 @@ def _tables(
     *,
     stiffness: bool = False,
 ) -> tuple[Curves, Curves, list[str]]:
-    """Predict all surfaces; tabulate against Delta and against pressure.
+    """Predict all surfaces; tabulate against Delta and against pressure, with a line for each
+    warning.
 
-    Parameters
-    ----------
-    surrogate : Surrogate
-        Surrogate of area and force.
-    surfaces : sequence of LawSurface
-        One surface or more.
-    deltas : ndarray, shape (k,)
-        Ascending displacements above 0 [um].
-    pressures : ndarray, shape (m,) or None
-        Ascending pressures of 0 or more; None for those at the displacements [MPa].
-    level : float
-        Coverage of the band.
-    bodies : Bodies
-        E* and hardness.
-    stiffness : bool
-        Whether the stiffness is asked for. If the surrogate has not learnt it, it is the slope of
-        the force of elastic bodies.
-
-    Returns
-    -------
-    over_delta, over_pressure : Curves
-        Tables against Delta and against pressure.
-    warnings : list of str
-        Warnings, one line each.
-
-    Raises
-    ------
-    InputError
-        For a pressure that the law does not reach, and for the stiffness of bodies that yield if
-        the surrogate has not learnt it.
+    Deltas, (k,) [um], and pressures, (m,) [MPa], ascend; without pressures they are those at the
+    Deltas. If the stiffness is asked for and was not learnt, it is the slope of the force of
+    elastic bodies. InputError is raised for a pressure that the law does not reach, and for the
+    stiffness of bodies that yield if the surrogate has not learnt it.
     """
     learnt = STIFFNESSES & surrogate.learnt.keys()
     if stiffness and bodies.hardness is not None and not learnt:

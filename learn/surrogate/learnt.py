@@ -41,31 +41,19 @@ def clip_of(columns: Sequence[str], low: Values, high: Values) -> Clip:
 
 @dataclass(frozen=True, eq=False)
 class Learnt:
-    """The fitted model of one target.
+    """The fitted model of one target."""
 
-    Attributes
-    ----------
-    column, unit : str
-        Column of the target in `gen.schema`, and its unit.
-    pipeline : sklearn.pipeline.Pipeline
-        Scaling and estimator, fitted to the scaled target over its scale.
-    scaling : Scaling
-        Scaling of the target over its scale.
-    calibration : Calibration
-        Intervals of the target over its scale.
-    clip : tuple of ndarray, optional
-        Ranges that the model's inputs do not leave; None for features with units.
-    bounds : tuple of float
-        Least and largest value of the target's column.
-    """
-
-    column: str
-    unit: str
-    pipeline: Any
-    scaling: Scaling
-    calibration: Calibration
-    clip: Clip | None = None
-    bounds: tuple[float, float] = (-np.inf, np.inf)
+    column: str  # in `gen.schema`
+    unit: str  # of the column
+    pipeline: (
+        Any  # scaling and estimator of scikit-learn, fitted to the scaled target over its scale
+    )
+    scaling: Scaling  # of the target over its scale
+    calibration: Calibration  # intervals of the target over its scale
+    clip: Clip | None = (
+        None  # ranges that the model's inputs do not leave; None for features with units
+    )
+    bounds: tuple[float, float] = (-np.inf, np.inf)  # least and largest value of the column
 
     def within(self, values: Values) -> Values:
         """Cut predictions, or ends of their intervals, at the bounds of the column, (n,)."""
@@ -139,12 +127,8 @@ class Learnt:
 def _factor(process: Any) -> Values:
     """Compute the Cholesky factor of a Gaussian process's kernel matrix, as its fit does.
 
-    Files do not hold it: it is as large as the square of the number of rows.
-
-    Raises
-    ------
-    InputError
-        If it needs more memory than this machine has, or the matrix is not positive definite.
+    Files do not hold it: it is as large as the square of the number of rows. InputError is raised
+    if it needs more memory than this machine has, or the matrix is not positive definite.
     """
     from scipy.linalg import LinAlgError, cholesky
 
