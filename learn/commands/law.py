@@ -65,6 +65,7 @@ def law(
     from learn.surrogate import Surrogate
     from learn.surrogate.interval import checked_level
     from learn.surrogate.law import Order, make
+    from learn.surrogate.model import require_level
 
     files = files.filled(output)
     check_outputs(files.outputs, inputs)
@@ -86,7 +87,7 @@ def law(
     )
     surrogate = None if file is None else Surrogate.load(file)
     if surrogate is not None and not solver:
-        surrogate.require_level(order.level)
+        require_level(surrogate, order.level)
     tables = make(surrogate, order, note)
     show(tables)
     for written in write_files(tables, files, figure):

@@ -33,10 +33,11 @@ def predict(
     from gen.runtime.terminal import RunProgress
     from learn.surrogate import Surrogate
     from learn.surrogate.answers import Question, answers, show
+    from learn.surrogate.model import require_level
 
     check_outputs([Output(output, "--output")], [file, *inputs])
     surrogate = Surrogate.load(file)
-    surrogate.require_level(interval)
+    require_level(surrogate, interval)
     question = Question(
         deltas=deltas_from(delta) if delta else None,
         e_star=material.modulus(),

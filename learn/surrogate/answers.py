@@ -22,7 +22,7 @@ from gen.runtime.files import require_file
 from gen.runtime.terminal import brief, echo, print_table, to_type
 from learn.features import Undefined
 from learn.features.sets import STATISTICS
-from learn.surrogate.flag import pair
+from learn.surrogate import flag
 from learn.surrogate.model import Prediction, Surrogate
 
 REASONS = 12
@@ -70,7 +70,7 @@ class Question:
     def bodies(self, surrogate: Surrogate) -> Bodies:
         """Return E* and hardness of the answers, of which the surrogate has defaults."""
         e_star = surrogate.modulus if self.e_star is None else self.e_star
-        ratio = surrogate.hardness_ratio(self.hardness, e_star)
+        ratio = flag.hardness_ratio(surrogate.card, self.hardness, e_star)
         hardness = None if ratio is None else ratio * e_star
         return Bodies(e_star, hardness, known=self.e_star is not None)
 
@@ -135,7 +135,12 @@ def _unpredicted(surrogate: Surrogate, delta: Values, reasons: tuple[str, ...]) 
 def _of_table(surrogate: Surrogate, table: Table, question: Question) -> Prediction:
     """Predict rows of statistics, each at its own Delta or at all given displacements."""
     for boundary in table.boundaries:
-        surrogate.require_boundary(boundary, table.name)
+        if boundary != surrogate.boundary:
+            raise InputError(
+                f"{table.name}: has a {boundary:.20} boundary, the surrogate was trained on patches"
+                f" with a {surrogate.boundary} one: fit one to a database whose scene has this"
+                " boundary"
+            )
     deltas = question.deltas
     if (table.delta is None) == (deltas is None):
         said = "no Delta: give --delta" if deltas is None else "its own Delta: leave out --delta"
@@ -169,7 +174,7 @@ def _of_known(
     notes = tuple(_note(surrogate, table, int(row)) for row in rows)
     length = np.sqrt(table.sides[rows, 0] * table.sides[rows, 1])
     try:
-        ratio = surrogate.hardness_ratio(question.hardness, question.e_star)
+        ratio = flag.hardness_ratio(surrogate.card, question.hardness, question.e_star)
         nodes = np.sqrt(table.nodes[rows].prod(axis=1))
         statistics = table.statistics[rows]
         ready = surrogate.of_statistics(statistics, delta, length, notes, ratio, nodes)
@@ -180,13 +185,13 @@ def _of_known(
 
 def _note(surrogate: Surrogate, table: Table, row: int) -> str:
     """Return how the grid of a row differs from the training's, as far as the table tells."""
-    along_x, along_y = pair(surrogate.card, "nodes")
-    nodes, sides = (int(along_x), int(along_y)), pair(surrogate.card, "side")
+    along_x, along_y = flag.pair(surrogate.card, "nodes")
+    nodes, sides = (int(along_x), int(along_y)), flag.pair(surrogate.card, "side")
     if table.nodes[row].all():
         nodes = int(table.nodes[row, 0]), int(table.nodes[row, 1])
     if not np.isnan(table.sides[row]).any():
         sides = float(table.sides[row, 0]), float(table.sides[row, 1])
-    return surrogate.note(nodes, sides)
+    return flag.grid_note(surrogate.card, surrogate.features, nodes, sides)
 
 
 def _rows(

@@ -22,6 +22,7 @@ import numpy as np
 
 from bem.problem import BOUNDARIES, Boundary, node_spacing
 from gen.arrays import Indices, Values
+from gen.runtime.errors import InputError
 from learn.features import FeatureSet
 from learn.surrogate.interval import CONSTANT, quantile_over_groups
 
@@ -214,6 +215,43 @@ def boundary_of(card: Mapping[str, Any]) -> Boundary:
     """Return the boundary of the training's patches; the card of free patches has no such entry."""
     (boundary,) = (each for each in BOUNDARIES if each == card.get("boundary", "free"))
     return boundary
+
+
+def hardness_limits(card: Mapping[str, Any]) -> tuple[float, float] | None:
+    """Return the smallest and largest hardness over E* of the training; None if none yields."""
+    limits = card.get("hardness_ratio")
+    return None if limits is None else (float(limits[0]), float(limits[1]))
+
+
+def hardness_ratio(
+    card: Mapping[str, Any], hardness: float | None, e_star: float | None = None
+) -> float | None:
+    """Return the hardness over E* of a prediction [MPa]; None for elastic bodies.
+
+    Without a hardness bodies are elastic if the training has some, otherwise they have the only
+    hardness of the training. Its E* is the default. InputError is raised if the training has no
+    hardness, or several and none is given.
+    """
+    limits = hardness_limits(card)
+    if limits is None:
+        if hardness is None:
+            return None
+        raise InputError(
+            f"--hardness {hardness:g}: the surrogate was trained on elastic bodies: leave that out,"
+            " or fit one to a database whose scene has a hardness"
+        )
+    if hardness is not None:
+        if not 0 < hardness < np.inf:
+            raise InputError(f"--hardness {hardness:g}: give a hardness above 0 MPa")
+        return hardness / (float(card["modulus"]) if e_star is None else e_star)
+    if card.get("elastic"):
+        return None
+    if limits[0] < limits[1]:
+        raise InputError(
+            f"give --hardness: the surrogate was trained on bodies that yield at {between(limits)}"
+            " E*"
+        )
+    return limits[0]
 
 
 def between(limits: tuple[float, float]) -> str:

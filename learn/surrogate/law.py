@@ -35,6 +35,7 @@ from gen.material import Bodies
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import RunProgress
 from learn.features import SurfaceFeatures, Undefined
+from learn.surrogate import flag
 from learn.surrogate.model import OnSurface, Surrogate
 
 BEYOND = (1.15, 1.4, 2.0, 3.0)
@@ -139,7 +140,7 @@ def _bodies(surrogate: Surrogate | None, order: Order, subjects: LawSurfaces) ->
     if hardness is None and (ratio := subjects.hardness_ratio()) is not None:
         hardness = ratio * e_star
     if surrogate is not None and not (order.solver and hardness is not None):
-        ratio = surrogate.hardness_ratio(hardness, e_star)
+        ratio = flag.hardness_ratio(surrogate.card, hardness, e_star)
         hardness = None if ratio is None else ratio * e_star
     return Bodies(e_star, hardness, known=order.e_star is not None)
 

@@ -32,28 +32,14 @@ ROUNDING = 1e-9
 
 
 class Rows(NamedTuple):
-    """Rows of features that the models can predict.
+    """n rows of features that the models can predict."""
 
-    Attributes
-    ----------
-    inputs, statistics : ndarray, shape (n, d) and (n, 22)
-        Features, and statistics in the order of Table 1.
-    delta : ndarray, shape (n,)
-        Far-field displacement [um].
-    length : ndarray or float
-        Scan length L; one for all rows, or shape (n,) [um].
-    notes : tuple of str
-        Notes on grids that differ from the training's: one for all rows, or n.
-    hardness_ratio : float, optional
-        Hardness over E*; None for elastic bodies.
-    """
-
-    inputs: Values
-    statistics: Values
-    delta: Values
-    length: Values | float
-    notes: tuple[str, ...]
-    hardness_ratio: float | None = None
+    inputs: Values  # (n, d)
+    statistics: Values  # (n, 22), in the order of Table 1
+    delta: Values  # (n,), far-field displacement [um]
+    length: Values | float  # scan length L, one for all rows or (n,) [um]
+    notes: tuple[str, ...]  # on grids that differ from the training's: one for all rows, or n
+    hardness_ratio: float | None = None  # hardness over E*; None for elastic bodies
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +91,7 @@ class Surrogate:
     Attributes
     ----------
     card : dict of str to object
-        Data, settings and scores (`learn.surrogate.card`).
+        Data, settings and scores.
     learnt : mapping of str to Learnt
         Models by the short names of their targets.
     low, high : ndarray, shape (d,)
@@ -175,112 +161,17 @@ class Surrogate:
     @property
     def hardness_limits(self) -> tuple[float, float] | None:
         """Smallest and largest hardness over E* of the training; None if no bodies yield."""
-        limits = self.card.get("hardness_ratio")
-        return None if limits is None else (float(limits[0]), float(limits[1]))
-
-    def hardness_ratio(self, hardness: float | None, e_star: float | None = None) -> float | None:
-        """Return the hardness over E* of a prediction, after a check that the surrogate has one.
-
-        Parameters
-        ----------
-        hardness : float or None
-            Hardness of the softer body [MPa]; None for elastic bodies if the training has some,
-            otherwise for the only hardness of the training.
-        e_star : float, optional
-            E* of the prediction; that of the training by default [MPa].
-
-        Returns
-        -------
-        float or None
-            Hardness over E*; None for elastic bodies.
-
-        Raises
-        ------
-        InputError
-            If the training has no hardness, or several and none is given.
-        """
-        limits = self.hardness_limits
-        if limits is None:
-            if hardness is None:
-                return None
-            raise InputError(
-                f"--hardness {hardness:g}: the surrogate was trained on elastic bodies: leave that"
-                " out, or fit one to a database whose scene has a hardness"
-            )
-        if hardness is not None:
-            if not 0 < hardness < np.inf:
-                raise InputError(f"--hardness {hardness:g}: give a hardness above 0 MPa")
-            return hardness / (self.modulus if e_star is None else e_star)
-        if self.card.get("elastic"):
-            return None
-        if limits[0] < limits[1]:
-            raise InputError(
-                "give --hardness: the surrogate was trained on bodies that yield at"
-                f" {flag.between(limits)} E*"
-            )
-        return limits[0]
+        return flag.hardness_limits(self.card)
 
     @property
     def boundary(self) -> Boundary:
         """Boundary of the training's patches: that of every prediction too."""
         return flag.boundary_of(self.card)
 
-    def require_boundary(self, boundary: str, name: str) -> None:
-        """Refuse a surface or statistics of another boundary than that of the training.
-
-        Parameters
-        ----------
-        boundary : str
-            Boundary of the surface or statistics: "free", "periodic" or "mirror".
-        name : str
-            Name of the surface or table in the message.
-
-        Raises
-        ------
-        InputError
-            If the boundary is not that of the training.
-        """
-        if boundary != self.boundary:
-            raise InputError(
-                f"{name}: has a {boundary:.20} boundary, the surrogate was trained on patches with"
-                f" a {self.boundary} one: fit one to a database whose scene has this boundary"
-            )
-
     @property
     def modulus(self) -> float:
         """E* of the training [MPa]."""
         return float(self.card["modulus"])
-
-    def require_level(self, level: float) -> None:
-        """Refuse a level of intervals that has too few groups or rows to be calibrated.
-
-        Parameters
-        ----------
-        level : float
-            Level of the intervals, between 0 and 1 [1].
-
-        Raises
-        ------
-        InputError
-            If it is not between 0 and 1, or above the largest level, which it names.
-        """
-        checked_level(level)
-        for name, each in self.learnt.items():
-            largest = each.calibration.largest_level
-            if level > largest + ROUNDING:
-                raise InputError(
-                    f"--interval {level:g}: intervals of {name} are calibrated by"
-                    f" {self._calibrated_by()}, which reach"
-                    f" {math.floor(1000 * largest) / 1000:g} at most: give less"
-                )
-
-    def _calibrated_by(self) -> str:
-        """Say by how many groups, or rows, intervals are calibrated: "17 maps"."""
-        entry = self.card.get("calibration")
-        if entry is None or entry["scheme"] == "ranges":
-            return f"{self.card['rows']['calibration']} rows"
-        groups = f"{entry['groups']} {entry['kind']}s"
-        return groups if entry["scheme"] == "others" else f"the rows of {groups}"
 
     def predict(
         self,
@@ -371,18 +262,15 @@ class Surrogate:
 
         Parameters
         ----------
-        statistics : ndarray, shape (n, 22)
-            Statistics in the order and units of Table 1.
-        delta : ndarray, shape (n,)
-            Far-field displacement [um].
-        length : ndarray or float
-            Scan length L; one for all rows, or shape (n,) [um].
+        statistics, delta : ndarray, shape (n, 22) and (n,)
+            Statistics in the order and units of Table 1, and far-field displacement [um].
+        length, nodes : ndarray, shape (n,), or float
+            Scan length L [um], and nodes along a side, if the features need them; geometric means
+            of both axes.
         notes : tuple of str
             Notes on grids that differ from the training's: one for all rows, or n.
         hardness_ratio : float, optional
-            Hardness over E*, from `hardness_ratio`.
-        nodes : ndarray, shape (n,), optional
-            Nodes along a side, the geometric mean of both axes, if the features need them.
+            Hardness over E*; None for elastic bodies.
 
         Returns
         -------
@@ -392,8 +280,8 @@ class Surrogate:
         Raises
         ------
         InputError
-            If the surrogate needs the heights of the surface, or the nodes, or a row is not
-            finite or masked in places.
+            If the surrogate needs the heights of the surface, or the nodes, or a row is not finite
+            or masked in places.
         """
         if self.features.needs_surface:
             raise InputError(
@@ -433,27 +321,20 @@ class Surrogate:
         rows : Rows
             Rows from `of_statistics` or `OnSurface.rows`.
         e_star, level : float, optional
-            See `predict`.
-        std : bool
-            True to add the standard deviations of Gaussian processes.
-        reasons : bool
-            False to skip the check of training ranges; a prediction that is not finite still has
-            a reason.
+            See `predict`; InputError is raised if E* is not above 0.
+        std, reasons : bool
+            True for standard deviations of Gaussian processes; False to skip the check of training
+            ranges. A prediction that is not finite always has a reason.
 
         Returns
         -------
         Prediction
             Predictions of all targets, one for each row.
-
-        Raises
-        ------
-        InputError
-            If `e_star` is not above 0.
         """
         if e_star is not None and not 0 < e_star < np.inf:
             raise InputError(f"E* {e_star:g}: give a modulus above 0 MPa")
         ratio = 1.0 if e_star is None else e_star / self.modulus
-        said = list(self.reasons(rows) if reasons else ("",) * len(rows.delta))
+        said = list(self._reasons(rows) if reasons else ("",) * len(rows.delta))
         prediction = Prediction(rows.delta.copy(), {})
         for name, learnt in self.learnt.items():
             scale = target_scale(
@@ -476,19 +357,8 @@ class Surrogate:
                 prediction.std[name] = spread * scale
         return replace(prediction, reasons=tuple(said))
 
-    def reasons(self, rows: Rows) -> tuple[str, ...]:
-        """Return for each row the features outside their training ranges; "" if there is none.
-
-        Parameters
-        ----------
-        rows : Rows
-            Rows from `of_statistics` or `OnSurface.rows`.
-
-        Returns
-        -------
-        tuple of str
-            One text for each row.
-        """
+    def _reasons(self, rows: Rows) -> tuple[str, ...]:
+        """Return for each row why it is outside the training; "" if it is inside."""
         elastic = bool(self.card.get("elastic"))
         note = flag.hardness_note(self.hardness_limits, rows.hardness_ratio, elastic=elastic)
         given = rows.notes or ("",)
@@ -498,22 +368,27 @@ class Surrogate:
             rows.inputs, notes, self.features, (self.low, self.high), self.distance
         )
 
-    def note(self, shape: tuple[int, int], sides: tuple[float, float]) -> str:
-        """Return how a grid differs from the training's; "" if it does not.
 
-        Parameters
-        ----------
-        shape : tuple of int
-            Nodes along x and y.
-        sides : tuple of float
-            Lengths of the patch along x and y [um].
+def _calibrated_by(card: Mapping[str, Any]) -> str:
+    """Say by how many groups, or rows, intervals are calibrated: "17 maps"."""
+    entry = card.get("calibration")
+    if entry is None or entry["scheme"] == "ranges":
+        return f"{card['rows']['calibration']} rows"
+    groups = f"{entry['groups']} {entry['kind']}s"
+    return groups if entry["scheme"] == "others" else f"the rows of {groups}"
 
-        Returns
-        -------
-        str
-            One text for the grid.
-        """
-        return flag.grid_note(self.card, self.features, shape, sides)
+
+def require_level(surrogate: Surrogate, level: float) -> None:
+    """Refuse a level of intervals that has too few groups or rows to be calibrated."""
+    checked_level(level)
+    for name, each in surrogate.learnt.items():
+        largest = each.calibration.largest_level
+        if level > largest + ROUNDING:
+            raise InputError(
+                f"--interval {level:g}: intervals of {name} are calibrated by"
+                f" {_calibrated_by(surrogate.card)}, which reach"
+                f" {math.floor(1000 * largest) / 1000:g} at most: give less"
+            )
 
 
 def _own(name: str, given: ArrayLike) -> Values:
@@ -545,7 +420,7 @@ class OnSurface:
         delta : ArrayLike
             One displacement above 0, or n of them [um].
         hardness_ratio : float, optional
-            Hardness over E*, from `Surrogate.hardness_ratio`; None for elastic bodies.
+            Hardness over E*; None for elastic bodies.
 
         Returns
         -------
@@ -555,15 +430,14 @@ class OnSurface:
         Raises
         ------
         InputError
-            If a displacement is not above 0, or the features need statistics that the surface does
-            not define.
+            If a displacement is not above 0, or a statistic that the features need is undefined.
         """
         surface, surrogate = self.surface, self.surrogate
         deltas = np.atleast_1d(_own("Delta", delta))
         inputs = surface.features(surrogate.features, deltas, hardness_ratio)
         statistics = np.broadcast_to(surface.statistics, (deltas.size, surface.statistics.size))
         shape = (surface.heights.shape[0], surface.heights.shape[1])
-        note = surrogate.note(shape, surface.sides)
+        note = flag.grid_note(surrogate.card, surrogate.features, shape, surface.sides)
         limit = surface.full_contact if hardness_ratio is None else np.inf
         full = f"no equilibrium: the contact is full at delta = {limit:.6g} um"
         notes: tuple[str, ...] = (note,)
@@ -582,28 +456,23 @@ class OnSurface:
         std: bool = False,
         reasons: bool = True,
     ) -> Prediction:
-        """Predict contacts at one or more displacements above 0 [um].
+        """Predict contacts at one or more displacements above 0.
 
         Parameters
         ----------
         delta : ArrayLike
             One displacement, or n of them [um].
-        e_star, hardness : float, optional
-            See `Surrogate.predict` [MPa].
-        level, std, reasons : float or bool
+        e_star, hardness, level : float, optional
+            See `Surrogate.predict`, which also tells what is raised.
+        std, reasons : bool
             See `Surrogate.predict_rows`.
 
         Returns
         -------
         Prediction
             Predictions of all targets, one row for each displacement.
-
-        Raises
-        ------
-        InputError
-            As of `Surrogate.predict`.
         """
-        rows = self.rows(delta, self.surrogate.hardness_ratio(hardness, e_star))
+        rows = self.rows(delta, flag.hardness_ratio(self.surrogate.card, hardness, e_star))
         return self.surrogate.predict_rows(
             rows, e_star=e_star, level=level, std=std, reasons=reasons
         )

@@ -16,6 +16,7 @@ from learn.surrogate.card import show
 from learn.surrogate.fitting import Settings, fit_target
 from learn.surrogate.flag import from_rows
 from learn.surrogate.interval import Growth
+from learn.surrogate.model import require_level
 
 
 def of_maps(rows, number):
@@ -112,9 +113,9 @@ def test_files_keep_intervals_by_maps(solved, tmp_path):
     raw = np.array([1.0, 4.0, 9.0])
     np.testing.assert_array_equal(intervals.ends(raw, 0.9, inputs), loaded.ends(raw, 0.9, inputs))
     np.testing.assert_array_equal(surrogate.distance.of(inputs), again.distance.of(inputs))
-    again.require_level(0.9)
+    require_level(again, 0.9)
     with pytest.raises(InputError, match=r"0.95: intervals of area are calibrated by 10 maps, wh"):
-        again.require_level(0.95)
+        require_level(again, 0.95)
 
 
 def test_the_card_says_by_what_intervals_are_calibrated(solved, capsys):

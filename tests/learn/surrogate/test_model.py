@@ -17,8 +17,9 @@ from learn.dataset import Request
 from learn.executor import Executor
 from learn.features.sets import BLOCK_COUNTS, ROOTED_LOCAL
 from learn.models import MODELS
-from learn.surrogate import fitting, law, settings
+from learn.surrogate import fitting, law
 from learn.surrogate.card import lines
+from learn.surrogate.flag import grid_note
 from learn.surrogate.law import Order
 
 
@@ -49,7 +50,7 @@ def test_every_model_fits_saves_loads_and_predicts_the_same(
 ):
     if "n_estimators" in OPTIMA[model]:
         monkeypatch.setitem(OPTIMA[model], "n_estimators", 30)
-    monkeypatch.setitem(settings.NETWORK, "max_iter", 200)
+    monkeypatch.setitem(fitting.NETWORK, "max_iter", 200)
     surrogate = fitted(solved, model, "hybrid")
     deltas = np.array([6.0, 20.0, 44.0])
     std = model == "gaussian-process"
@@ -321,8 +322,10 @@ def test_a_surrogate_knows_the_boundary_of_its_patches(cells, ridge, heights, tm
     below, beyond = on_surface.predict([0.9 * full, 1.1 * full]).reasons
     assert "no equilibrium" not in below
     assert beyond.startswith(f"no equilibrium: the contact is full at delta = {full:.6g} um")
-    with pytest.raises(InputError, match="table: has a free boundary, the surrogate was"):
-        loaded.require_boundary("free", "table")
+
+
+def note(surrogate, shape, sides):
+    return grid_note(surrogate.card, surrogate.features, shape, sides)
 
 
 @pytest.fixture(scope="module")
@@ -338,9 +341,9 @@ def test_a_surrogate_of_oblong_patches_knows_their_shape(oblong, tmp_path):
     assert loaded.card["side"] == [700.0, 1200.0]
     assert loaded.card["spacing"] == pytest.approx([700 / 17, 1200 / 32])
     assert "18 x 33 nodes, sides 700 x 1200 um" in " ".join(lines(loaded.card))
-    assert loaded.note((18, 33), (700.0, 1200.0)) == ""
-    assert loaded.note((18, 33), (7.0, 12.0)) == "", "without units any size is alike"
-    assert loaded.note((33, 18), (1200.0, 700.0)) == (
+    assert note(loaded, (18, 33), (700.0, 1200.0)) == ""
+    assert note(loaded, (18, 33), (7.0, 12.0)) == "", "without units any size is alike"
+    assert note(loaded, (33, 18), (1200.0, 700.0)) == (
         "33 x 18 nodes, trained on 18 x 33; 1200 x 700 um, trained on 700 x 1200 um"
     )
     heights = np.random.default_rng(0).normal(size=(18, 33))
@@ -352,6 +355,6 @@ def test_a_surrogate_of_oblong_patches_knows_their_shape(oblong, tmp_path):
 
 def test_a_surrogate_with_units_knows_the_spacing_along_both_axes(populations):
     paper = fitted(populations / "spectral.h5", features="paper")
-    assert paper.note((18, 33), (700.0, 1200.0)) == ""
-    assert "side 7 um, trained on 700 um" in paper.note((18, 33), (7.0, 12.0))
-    assert "spacing 19.05 um, trained on 37.5 um" in paper.note((18, 64), (700.0, 1200.0))
+    assert note(paper, (18, 33), (700.0, 1200.0)) == ""
+    assert "side 7 um, trained on 700 um" in note(paper, (18, 33), (7.0, 12.0))
+    assert "spacing 19.05 um, trained on 37.5 um" in note(paper, (18, 64), (700.0, 1200.0))
