@@ -226,7 +226,6 @@ COMMANDS: dict[str, dict[str, Command]] = {
         "tune": Command("<database> -o >folder", (("--budget soon", "soon"),)),
         "show": Command("<comparison>"),
         "importance": Command("<database> -o >folder", SELECTION[:1]),
-        "appendix": Command("<database> -o >folder", SELECTION[2:3]),
     },
 }
 """Every command that runs on several ranks; those of bench refuse to."""

@@ -237,7 +237,6 @@ COMMANDS: dict[str, list[str]] = {
     "learn tune": ["tune", "FILE", "-o", "new"],
     "learn importance": ["importance", "FILE", "-o", "new"],
     "learn law": ["law", "x.surrogate", "FILE", "--solver", "--csv", "law.csv"],
-    "learn appendix": ["appendix", "FILE", "-o", "new"],
 }
 """Every command that reads databases; `learn law` needs a surrogate, x.surrogate, as well."""
 

@@ -18,8 +18,9 @@ from gen.distribution import limits
 from gen.scene import DisplacedSurface, load
 from gen.statistics import describe
 from gen.surface import GENERATORS, generate
-from learn.comparison import studies
-from learn.dataset import Request
+from learn import dataset, split
+from learn.metrics import scores
+from learn.models import MODELS, pipeline
 
 SEED = 3
 _PAPER = load("paper").surface
@@ -173,12 +174,43 @@ def paraboloid(folder: Path) -> list[Content]:
 
 
 def equal_kernels(folder: Path, database: Path) -> list[Content]:
-    """Compare two models that are one, as `learn appendix` does (Appendix A)."""
-    said: list[str] = []
-    # Its own folder of other rows, if the inputs have changed: `learn appendix` would refuse it.
-    (folder / "appendix" / "area" / "comparison.json").unlink(missing_ok=True)
-    output, rows = folder / "appendix", APPENDIX_ROWS
-    asked = Request(database, output, area_max=AREA_MAX, train_rows=rows, again=True)
-    table, picture = studies.appendix(asked, said.append)
-    words = caption("appendix", said="; ".join(said), rows=rows)
-    return [Figure(picture, words, data=(table,))]
+    """Fit Gaussian process and kernel ridge with equal kernels: they predict alike (Appendix A).
+
+    Case 1 has a radial basis function of length 1, which is gamma = 1/2, and 1e-10 on the diagonal.
+    Case 2 has the linear kernel; the paper gives it no noise, but a linear kernel of 23 inputs is
+    singular then, so both get 1, the default of kernel ridge.
+    """
+    from sklearn.gaussian_process.kernels import RBF, DotProduct
+
+    radial = RBF(1.0, "fixed"), {"kernel": "rbf", "gamma": 0.5, "alpha": 1e-10}
+    linear = DotProduct(0.0, "fixed"), {"kernel": "linear", "alpha": 1.0}
+    cases = {"radial basis function": radial, "linear": linear}
+    rows = dataset.read(database, "area", AREA_MAX)
+    parts = split.draw(rows, 0, APPENDIX_ROWS)
+    test, truth = rows.inputs[parts.test], rows.target[parts.test]
+    figure = new_figure(8.7, 8.2)
+    lines: list[tuple[str, float, float, float]] = []
+    for panels, (case, (kernel, ridge)) in zip(figure.subplots(2, 2), cases.items(), strict=True):
+        process = {"kernel": kernel, "alpha": ridge["alpha"]}
+        both = []
+        for name, settings in (("gaussian-process", process), ("kernel-ridge", ridge)):
+            model = pipeline(MODELS[name], settings)
+            model.fit(rows.inputs[parts.train], rows.target[parts.train])
+            both.append(np.asarray(model.predict(test), dtype=float))
+        off = np.abs(both[0] - both[1])
+        largest = float(off.max() / np.abs(truth).max())
+        lines.append((case, scores(truth, both[0]).r2, scores(truth, both[1]).r2, largest))
+        panels[0].plot(truth, both[0], "o", ms=4, mew=0.5, mfc="none", label="Gaussian process")
+        panels[0].plot(truth, both[1], ".", ms=2, label="kernel ridge")
+        panels[0].set(xlabel="solved area [%]", ylabel="predicted area [%]", title=case)
+        panels[0].legend()
+        panels[1].semilogy(truth, off + 1e-18, ".", ms=3)
+        panels[1].set(xlabel="solved area [%]", ylabel="difference of the predictions [%]")
+    header = ("case", "gp_r2", "ridge_r2", "largest_difference")
+    table = write_table(folder / "appendix.csv", header, lines)
+    said = "; ".join(
+        f"{case}: R2 {gp:.4f} % (Gaussian process), {other:.4f} % (kernel ridge), predictions"
+        f" differ by {largest:.1e} of the largest area"
+        for case, gp, other, largest in lines
+    )
+    return [picture(folder, "appendix", figure, table, said=said, rows=APPENDIX_ROWS)]

@@ -1,7 +1,4 @@
-"""`learn compare`, `tune` and `show`: compare the nine models.
-
-`learn importance` and `appendix` report on the inputs and on two kernel methods.
-"""
+"""`learn compare`, `tune`, `show` and `importance`: compare the nine models, and their inputs."""
 
 from __future__ import annotations
 
@@ -167,27 +164,8 @@ def importance(
     optimum: DIR/TARGET/importance.csv, selection.csv and importance.png.
     """
     request = requested(file, output, [model], target, selection)
-    from learn.comparison.studies import importance
+    from learn.comparison.importance import write_report
 
     with lock_folder(request.output):
-        for path in importance(request, echo):
-            echo(f"wrote {path}")
-
-
-@grouped
-def appendix(
-    file: Database,
-    output: Output,
-    *,
-    selection: Selection,
-) -> None:
-    """Compare Gaussian process and kernel ridge with equal kernels, as the paper's Appendix A.
-
-    DIR/area/appendix.csv and appendix.png.
-    """
-    request = requested(file, output, None, "area", selection)
-    from learn.comparison.studies import appendix
-
-    with lock_folder(request.output):
-        for path in appendix(request, echo):
+        for path in write_report(request, echo):
             echo(f"wrote {path}")

@@ -147,6 +147,7 @@ def requested(
     """
     from learn.dataset import Request
     from learn.features import chosen
+    from learn.surrogate.fitting import normalisation_of
 
     check_folder(output)
     return Request(
@@ -155,7 +156,9 @@ def requested(
         targets=("area", "force") if target == "both" else (target,),
         models=tuple(models or ()),
         area_max=selection.area_max,
-        normalisation=selection.normalise or chosen(selection.features).normalisation,
+        normalisation=normalisation_of(
+            chosen(selection.features).normalisation, selection.normalise
+        ),
         features=selection.features,
         seed=selection.seed,
         train_rows=selection.train_rows,

@@ -42,7 +42,7 @@ LOADED = {
     "learn": (
         "learn.comparison.jobs",
         "learn.comparison.pictures",
-        "learn.comparison.studies",
+        "learn.comparison.importance",
         "learn.comparison.tables",
         "learn.surrogate.answers",
         "learn.surrogate.card",

@@ -1,13 +1,8 @@
-"""Two studies of the paper: the worth of each input (section 3.1), and its Appendix A.
+"""Feature selection (the paper's section 3.1): the worth of each input, and fits without the weak.
 
 The worth of an input is the loss of R2 when its values are shuffled over the test rows. Many of the
 22 statistics are almost the same, and one of two twins can be shuffled without harm. Models are
 therefore also fitted anew to fewer and fewer inputs.
-
-Appendix A: with equal kernels, Gaussian process and kernel ridge predict alike. Case 1 has a radial
-basis function of length 1, which is gamma = 1/2, and 1e-10 on the diagonal. Case 2 has the linear
-kernel, `DotProduct(0, fixed)`; the paper gives it no noise, but a linear kernel of 23 inputs is
-singular then, so both get 1, the default of kernel ridge.
 """
 
 from collections.abc import Callable
@@ -18,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from gen.runtime.figure import draw_parity, new_figure, parity_axes, save
+from gen.runtime.figure import new_figure, save
 from learn import features
 from learn.comparison.folder import Folder
 from learn.comparison.grid import untuned
@@ -36,12 +31,6 @@ SHUFFLES = 5
 SIZES = (30, 23, 20, 16, 12, 8, 6, 4, 3, 2, 1)
 """Numbers of inputs that are kept, the strongest first."""
 
-CASES: dict[str, dict[str, Any]] = {
-    "radial basis function": {"kernel": "rbf", "gamma": 0.5, "alpha": 1e-10},
-    "linear": {"kernel": "linear", "alpha": 1.0},
-}
-"""Kernel ridge's settings in both cases; the paper's lambda and sigma_n^2 are both alpha."""
-
 SELECTION = (
     *("model", "inputs", "nmse", "nmae", "nmaxe", "r2"),
     *("fit_s", "predict_test_s", "dropped"),
@@ -54,7 +43,7 @@ Build = Callable[[], Any]
 Row = dict[str, Any]
 
 
-def importance(request: Request, say: Callable[[str], None]) -> list[Path]:
+def write_report(request: Request, say: Callable[[str], None]) -> list[Path]:
     """Rank the inputs, fit the model to fewer of them, and write tables and a picture.
 
     Lines for the user are said. InputError is raised for input that cannot be used, or too little
@@ -164,65 +153,3 @@ def _draw_importance(
     right.set(yscale="log", xlabel="inputs kept, the strongest first", title="fitted anew")
     right.legend()
     return save(figure, path, dpi=DPI)
-
-
-def appendix(request: Request, say: Callable[[str], None]) -> list[Path]:
-    """Compare both models in both cases, and write a table and a picture.
-
-    Lines for the user are said. InputError is raised for input that cannot be used, or too little
-    memory.
-    """
-    rows, parts = read_single(request, "area")
-    check_memory("gaussian-process", parts.train.size, baseline=True)
-    folder = open_folder(request, rows, parts)
-    truth = rows.target[parts.test]
-    figure = new_figure(13, 4.1 * len(CASES))
-    lines: list[tuple[str, float, float, float, float, float]] = []
-    with remarks() as said:
-        for panels, case in zip(figure.subplots(len(CASES), 3), CASES, strict=True):
-            process, ridge = _both(case, rows, parts, request.normalisation)
-            largest = float(np.abs(process - ridge).max() / np.abs(truth).max())
-            gp, kr = scores(truth, process), scores(truth, ridge)
-            lines.append((case, gp.r2, kr.r2, gp.nmse, kr.nmse, largest))
-            _draw_case(panels, case, truth, process, ridge)
-    for remark in said:
-        say(f"warning: {remark}")
-    for case, gp_r2, ridge_r2, _, _, difference in lines:
-        say(
-            f"{case}: R2 {gp_r2:.4f} % (Gaussian process), {ridge_r2:.4f} % (kernel ridge),"
-            f" predictions differ by {difference:.1e} of the largest area"
-        )
-    header = ["case", "gp_r2", "ridge_r2", "gp_nmse", "ridge_nmse", "largest_difference"]
-    table = folder.write_table("appendix.csv", header, lines)
-    return [table, save(figure, folder.path / "appendix.png", dpi=DPI)]
-
-
-def _both(case: str, rows: Dataset, parts: Split, normalisation: str) -> list[Any]:
-    """Return the test rows' areas by Gaussian process and kernel ridge in a case, each (m,) [%]."""
-    from sklearn.gaussian_process.kernels import RBF, DotProduct
-
-    settings = CASES[case]
-    kernel = DotProduct(0.0, "fixed") if case == "linear" else RBF(1.0, "fixed")
-    process = {"kernel": kernel, "alpha": settings["alpha"]}
-    predictions = []
-    for name, own in (("gaussian-process", process), ("kernel-ridge", settings)):
-        model = pipeline(MODELS[name], own, normalisation=normalisation)
-        model.fit(rows.inputs[parts.train], rows.target[parts.train])
-        predictions.append(np.asarray(model.predict(rows.inputs[parts.test]), dtype=float))
-    return predictions
-
-
-def _draw_case(panels: Any, case: str, truth: Any, process: Any, ridge: Any) -> None:
-    """Draw both predictions over the truth and over each other, and their difference."""
-    for axis in panels[:2]:
-        parity_axes(axis, truth)
-    circles: Row = {"marker": "o", "ms": 4, "mew": 0.5, "mfc": "none", "ls": "none"}
-    dots: Row = {"marker": ".", "ms": 2, "ls": "none"}
-    draw_parity(panels[0], truth, process, label="Gaussian process", **circles)
-    draw_parity(panels[0], truth, ridge, label="kernel ridge", **dots)
-    panels[0].set(xlabel="solved area [%]", ylabel="predicted area [%]", title=case)
-    panels[0].legend()
-    draw_parity(panels[1], process, ridge, **dots)
-    panels[1].set(xlabel="Gaussian process [%]", ylabel="kernel ridge [%]")
-    panels[2].semilogy(truth, np.abs(process - ridge) + 1e-18, ".", ms=3)
-    panels[2].set(xlabel="solved area [%]", ylabel="difference of the predictions [%]")
