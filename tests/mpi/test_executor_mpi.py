@@ -5,7 +5,6 @@ import signal
 import subprocess
 import time
 
-import numpy as np
 import pytest
 from comparisons import run
 from launch import TIMEOUT, command, environment, is_open_mpi, launch, mpiexec
@@ -82,27 +81,6 @@ for job in (rounds, failing_work, failing_master, early):
 """
 
 
-def test_displacements_of_a_database_reach_the_workers_that_make_its_features(tmp_path):
-    """A database of pressures: its features on three ranks are those of one process."""
-    (tmp_path / "scene.toml").write_text(
-        "samples = 40\nsamples_per_surface = 2\n[surface]\ngenerator = 'spectral'\n"
-        "nodes = [16, 21]\nside = [500.0, 400.0]\n"
-        "roll_off = 250.0\ncut_off = 90.0\nrms_height = 2.0\n"
-        "[load]\nquantity = 'pressure'\nrange = [0.0005, 0.005]\n"
-    )
-    assert launch(3, "run", "scene.toml", "-o", "rows.h5", folder=tmp_path).returncode == 0
-    kept = []
-    for ranks in (0, 3):
-        line = ["fit", "rows.h5", "--features", "hybrid", "-o", f"{ranks}.surrogate"]
-        done = launch(ranks, *line, folder=tmp_path, module="learn")
-        assert done.returncode == 0, done.stderr
-        with np.load(tmp_path / "rows.h5.pressed.npz") as file:
-            kept.append(file["values"])
-        (tmp_path / "rows.h5.pressed.npz").unlink()
-    assert np.isfinite(kept[0]).all()
-    np.testing.assert_array_equal(*kept)
-
-
 def test_a_job_runs_on_the_master_and_its_tasks_on_the_workers(tmp_path):
     (tmp_path / "jobs.py").write_text(JOBS)
     done = launch(3, folder=tmp_path, module="jobs")
@@ -131,6 +109,7 @@ def database(tmp_path_factory):
 TUNE = ("--model", "decision-tree", "--model", "kernel-ridge")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_a_search_on_ranks_stops_at_a_signal_and_goes_on(
     database, tmp_path, number, monkeypatch, capsys

@@ -1,7 +1,8 @@
-"""What fails on one rank alone, before the farm starts and inside it: all ranks end."""
+"""What fails on one rank alone, and a file that becomes another under a run: all ranks end."""
 
 import json
 
+import h5py
 import pytest
 from launch import launch, mpiexec
 
@@ -41,6 +42,50 @@ for name, (rank, home, attribute, error) in FAULTS.items():
 """
 
 
+FATES = ("replaced", "moved", "overwritten", "linked")
+
+SUDDENLY = """
+import json, os, shutil, sys
+from pathlib import Path
+from gen import cli, database
+from gen.generation import run
+from gen.scene import load
+from mpi4py import MPI
+world, master = MPI.COMM_WORLD, MPI.COMM_WORLD.rank == 0
+run.BLOCK_ROWS = 1
+take = run.Delivery.take
+def happen(path):
+    if path.name == "replaced.h5":
+        os.replace(shutil.copy("other.h5", "new"), path)
+    if path.name == "moved.h5":
+        path.rename("away.h5")
+    if path.name == "overwritten.h5":
+        shutil.copyfile("other.h5", path)
+current, count = [], []
+def take_then_happen(self, block, result):
+    tally = take(self, block, result)
+    count.append(1)
+    if len(count) == 3:
+        happen(current[-1])
+    return tally
+run.Delivery.take = take_then_happen
+for fate in sys.argv[1:]:
+    current.append(Path(fate + ".h5"))
+    count.clear()
+    held = None
+    if fate == "linked" and master:
+        database.create(Path("linked.h5"), load("scene.toml"))
+        os.symlink("linked.h5", "other-name.h5")
+        held = database.lock(Path("other-name.h5"))
+        held.__enter__()
+    world.Barrier()
+    codes = world.gather(cli.main(["run", "scene.toml", "-o", fate + ".h5"]))
+    if master:
+        sys.stderr.flush()
+        print(json.dumps(codes), flush=True)
+"""
+
+
 def test_what_fails_on_one_rank_ends_all(tmp_path):
     (tmp_path / "scene.toml").write_text("samples = 200\n[surface]\nnodes = 9\n")
     (tmp_path / "failing.py").write_text(FAILING)
@@ -56,3 +101,24 @@ def test_what_fails_on_one_rank_ends_all(tmp_path):
     assert done.returncode not in {0, 1}
     assert "gen: no delivery (rank 1)" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_the_run_ends_on_all_ranks_and_the_newcomer_stays(tmp_path):
+    text = "samples = 40\nseed = {}\n[surface]\nnodes = 17\n"
+    for name, seed in (("scene", 0), ("other", 7)):
+        (tmp_path / f"{name}.toml").write_text(text.format(seed))
+    assert launch(0, "run", "other.toml", "-o", "other.h5", folder=tmp_path).returncode == 0
+    (tmp_path / "suddenly.py").write_text(SUDDENLY)
+    done = launch(3, *FATES, folder=tmp_path, module="suddenly")
+    assert done.returncode == 0, done.stderr
+    assert [json.loads(line) for line in done.stdout.splitlines()] == len(FATES) * [[2, 2, 2]]
+    said = [line for line in done.stderr.splitlines() if line.startswith("gen: ")]
+    words = ("replaced by another file", "moved or deleted", "overwritten", "is being written")
+    for line, fate, word in zip(said, FATES, words, strict=True):
+        assert line.startswith(f"gen: {fate}.h5 ")
+        assert word in line
+    assert "Traceback" not in done.stderr
+    other = (tmp_path / "other.h5").read_bytes()
+    assert (tmp_path / "replaced.h5").read_bytes() == other
+    if not h5py.get_config().mpi:  # MPI-IO writes a file's first bytes when it is closed
+        assert (tmp_path / "overwritten.h5").read_bytes() == other

@@ -1,111 +1,221 @@
-"""The main job under mpiexec: the same bytes as serially, errors once, never a hang."""
+"""The main job under mpiexec: the bytes of a serial run, also grown, merged, killed and resumed."""
 
+import subprocess
+import sys
+import time
 from importlib.util import find_spec
 
 import h5py
 import pytest
-from databases import deterministic_bytes, status
-from launch import launch, mpiexec
+import user_functions
+from databases import deterministic_bytes, has_begun, status
+from launch import TIMEOUT, command, environment, launch, mpiexec
 from walk import walk
 
 from bench.made_maps import Faults, MadeMap, write_all
 from gen import cli
-
-SMALL = "samples = 75\n{}\n[surface]\nnodes = 33\n"
-EDGELESS = SMALL.format("samples_per_surface = 2") + (
-    "[delta]\npieces = [{{ share = 1.0, range = [0.5, 4.0] }}]\n[contact]\n{}\n"
-)
-YIELDING = SMALL.format("samples_per_surface = 2") + "[contact]\nhardness = {}\n"
-SCENES = {
-    "one-a-surface": SMALL.format("samples_per_surface = 1"),
-    "five-a-surface": SMALL.format("samples_per_surface = 5"),
-    "one-hardness": YIELDING.format("0.02"),
-    "any-hardness": YIELDING.format("[0.003, 0.1]"),
-    "periodic": EDGELESS.format("boundary = 'periodic'"),
-    "mirror": EDGELESS.format("boundary = 'mirror'"),
-    "mirror-hardness": EDGELESS.format("boundary = 'mirror'\nhardness = 0.05"),
-}
-INSTRUMENTS = find_spec("SurfaceTopography") is not None
-if INSTRUMENTS:  # which the environment of parallel HDF5 does not have
-    SCENES["scans"] = (
-        "samples = 75\nsamples_per_surface = 2\n[surface]\ngenerator = 'scans'\n"
-        "files = 'maps'\nnodes = 32\n[surface.preparation]\nlevel = 'plane'\nfill = true\n"
-        "[load]\nquantity = 'pressure/(E* slope_rms)'\nrange = [0.01, 0.05]\n"
-    )
-MAPS = (
-    MadeMap("ground", 0, (120, 90), 0.5, 20.0, faults=Faults(holes=2, tilt=(0.01, 0.0))),
-    MadeMap("fractal", 0, (80, 80), 0.5, 20.0, format="gwy"),
-)
 
 pytestmark = [
     pytest.mark.mpi,
     pytest.mark.skipif(mpiexec() is None, reason="no mpiexec: install the extra 'mpich'"),
 ]
 
+ROWS = 75
+YIELDING = """[surface]
+nodes = 33
+[contact]
+hardness = [0.003, 0.1]
+"""
+SPECTRAL = """[surface]
+generator = "spectral"
+nodes = [32, 40]
+side = [100.0, 160.0]
+hurst = { normal = [0.7, 0.1], range = [0.4, 1.0] }
+roll_off = { log_uniform = [40.0, 80.0] }
+cut_off = [10.0, 20.0]
+rms_slope = [0.05, 0.1]
+stretch = { choice = [1.0, 1.5] }
+[load]
+quantity = "pressure/(E* slope_rms)"
+range = { log_uniform = [0.01, 0.2] }
+[contact]
+boundary = "mirror"
+hardness_ratio = [0.05, 0.5]
+"""
+DISPLACED = """[surface]
+generator = "midpoint"
+nodes = 33
+hurst = { choice = [0.5, 0.6, 0.8], shares = [0.5, 0.25, 0.25] }
+[load]
+quantity = "delta/height_rms"
+range = [0.1, 2.0]
+"""
+SCANS = """[surface]
+generator = "scans"
+files = "maps"
+nodes = 32
+[surface.preparation]
+level = "plane"
+fill = true
+[load]
+quantity = "pressure/(E* slope_rms)"
+range = [0.01, 0.05]
+"""
+MAPS = (
+    MadeMap("ground", 0, (120, 90), 0.5, 20.0, faults=Faults(holes=2, tilt=(0.01, 0.0))),
+    MadeMap("fractal", 0, (80, 80), 0.5, 20.0, format="gwy"),
+)
+SCENES = {
+    "plain": "[surface]\nnodes = 33\n",
+    "yielding": YIELDING,
+    "displaced": DISPLACED,
+    "spectral": SPECTRAL,
+    "python": user_functions.SURFACE + user_functions.STORE,
+}
+if find_spec("SurfaceTopography"):  # which the environment of parallel HDF5 does not have
+    SCENES["scans"] = SCANS
+PRINTING = user_functions.MODULE.replace("    x = np", "    print('a word')\n    x = np", 1)
+
+
+def text(name, rows=ROWS):
+    return f"samples = {rows}\nsamples_per_surface = {1 if name == 'plain' else 2}\n{SCENES[name]}"
+
+
+def run_here(folder, *arguments):
+    """A command in this process and in the folder of its files."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        patch.setattr(sys, "path", list(sys.path))
+        try:
+            return cli.main([str(argument) for argument in arguments])
+        finally:
+            sys.modules.pop("mine", None)
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """A folder with the scenes, and the database of each from a serial run."""
     folder = tmp_path_factory.mktemp("serial")
-    if INSTRUMENTS:
+    if "scans" in SCENES:
         write_all(folder / "maps", MAPS)
-    for name, text in SCENES.items():
-        (folder / f"{name}.toml").write_text(text)
-        assert (
-            cli.main(["run", str(folder / f"{name}.toml"), "-o", str(folder / f"{name}.h5")]) == 0
-        )
+    (folder / "mine.py").write_text(user_functions.MODULE)
+    for name in SCENES:
+        (folder / f"{name}.toml").write_text(text(name))
+        (folder / f"{name}-half.toml").write_text(text(name, ROWS // 2 + 1))
+        assert run_here(folder, "run", f"{name}.toml", "--trust", "-o", f"{name}.h5") == 0
     return folder
 
 
-@pytest.fixture(scope="module", params=[1, 2, 3, 4, 5, 8])
-def on_ranks(request, folder):
-    """The number of ranks, and what the master says of the run of each scene in one launch."""
-    ranks = request.param
-    lines = [["gen", "run", f"{name}.toml", "-o", f"{name}-{ranks}.h5"] for name in SCENES]
-    walked = walk(ranks, lines, folder)
-    assert [[end.code for end in ends] for ends in walked] == len(SCENES) * [ranks * [0]]
-    return ranks, {name: master.output for name, (master, *_) in zip(SCENES, walked, strict=True)}
-
-
-@pytest.mark.parametrize("scene", SCENES)
-def test_any_number_of_ranks_gives_the_same_bytes(folder, on_ranks, scene):
-    ranks, said = on_ranks
-    assert said[scene].count("75 rows done, 0 failed, 0 pending") == 1
-    made = deterministic_bytes(folder / f"{scene}-{ranks}.h5")
-    assert made == deterministic_bytes(folder / f"{scene}.h5")
-
-
-@pytest.mark.parametrize("scene", SCENES)
-def test_every_worker_worked(folder, on_ranks, scene):
-    ranks, _ = on_ranks
-    with h5py.File(folder / f"{scene}-{ranks}.h5", "r") as file:
-        worked = set(file["runtime/rank"][:].tolist())
-    assert worked <= (set(range(1, ranks)) or {0})
-    assert len(worked) >= min(ranks - 1, 3)  # of many on few cores, some may come too late
-
-
 @pytest.mark.parametrize(
-    ("arguments", "word"),
-    [(["run", "quik", "-o", "x.h5"], "quik"), (["run", "small.toml", "-o", "no/x.h5"], "no")],
+    "ranks", [1, 3, *(pytest.param(ranks, marks=pytest.mark.long) for ranks in (2, 5, 8))]
 )
-def test_bad_input_ends_the_launcher_with_code_2_and_one_line(tmp_path, arguments, word):
-    (tmp_path / "small.toml").write_text(SMALL.format(""))
-    done = launch(3, *arguments, folder=tmp_path)
-    assert done.returncode == 2
-    assert done.stderr.count("\n") == 1, done.stderr
-    assert word in done.stderr
+def test_any_number_of_ranks_gives_the_same_bytes(folder, ranks):
+    """Also of databases that are grown; on all ranks that work, and in one launch."""
+    lines = [
+        ["gen", "run", f"{name}{size}.toml", "--trust", "-o", f"{name}-{ranks}.h5"]
+        for name in SCENES
+        for size in ("-half", "")
+    ]
+    walked = walk(ranks, lines, folder)
+    assert [[end.code for end in ends] for ends in walked] == len(lines) * [ranks * [0]]
+    assert walked[1][0].output.count(f"{ROWS} rows done, 0 failed, 0 pending") == 1
+    for name in SCENES:
+        made = folder / f"{name}-{ranks}.h5"
+        assert deterministic_bytes(made) == deterministic_bytes(folder / f"{name}.h5"), name
+        with h5py.File(made, "r") as file:
+            worked = set(file["runtime/rank"][:].tolist())
+        assert worked <= (set(range(1, ranks)) or {0})
+        assert len(worked) >= min(ranks - 1, 3)  # of many on few cores, some may come too late
 
 
-def test_a_bug_in_a_worker_ends_all_ranks(tmp_path):
-    (tmp_path / "small.toml").write_text(SMALL.format(""))
-    (tmp_path / "buggy.py").write_text(
-        "import sys\n"
-        "import bem\n"
-        "from gen import cli\n"
-        "bem.solve = None\n"
-        "sys.exit(cli.main(['run', 'small.toml', '-o', 'x.h5']))\n"
+@pytest.mark.parametrize("name", SCENES)
+def test_parts_merge_into_the_same_bytes(folder, name):
+    for part, rows in (("first", f"0:{ROWS // 3}"), ("rest", f"{ROWS // 3}:{ROWS}")):
+        output = f"{name}-{part}.h5"
+        assert run_here(folder, "run", f"{name}.toml", "--trust", "-o", output, "--rows", rows) == 0
+    parts = [f"{name}-{part}.h5" for part in ("first", "rest")]
+    merged = f"{name}-both.h5"
+    assert run_here(folder, "merge", *parts, "-o", merged) == 0
+    assert deterministic_bytes(folder / merged) == deterministic_bytes(folder / f"{name}.h5")
+    assert run_here(folder, "check", merged, "--trust", "--recompute", "20") == 0
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", [name for name in SCENES if name != "plain"])
+def test_a_killed_run_goes_on(folder, name):
+    """Those of plain surfaces are killed in test_interruption.py."""
+    output = folder / f"{name}-killed.h5"
+    run = subprocess.Popen(
+        command(0, "run", f"{name}.toml", "--trust", "-o", output.name),
+        cwd=folder,
+        env=environment(),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
     )
-    done = launch(3, folder=tmp_path, module="buggy")
+    limit = time.monotonic() + TIMEOUT
+    while not has_begun(output):
+        assert time.monotonic() < limit
+        assert run.poll() is None
+        time.sleep(0.005)
+    run.kill()
+    run.communicate(timeout=TIMEOUT)
+    assert run_here(folder, "run", f"{name}.toml", "--trust", "-o", output.name) == 0
+    assert deterministic_bytes(output) == deterministic_bytes(folder / f"{name}.h5")
+
+
+def test_a_bug_in_a_worker_ends_all_ranks(folder):
+    script = "import sys, bem\nfrom gen import cli\nbem.solve = None\n"
+    run = "sys.exit(cli.main(['run', 'plain.toml', '-o', 'x.h5']))\n"
+    (folder / "buggy.py").write_text(script + run)
+    done = launch(3, folder=folder, module="buggy")
     assert done.returncode not in {0, 2}
     assert "TypeError" in done.stderr
-    assert not (status(tmp_path / "x.h5") == 1).any()
+    assert not (status(folder / "x.h5") == 1).any()
+
+
+def test_a_function_may_print_and_a_changed_one_is_another_scene(folder, tmp_path):
+    user_functions.write(tmp_path, text("python"), PRINTING)
+    done = launch(3, "run", "mine.toml", "--trust", "-o", "a.h5", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "a word" in done.stdout
+    assert f"runs mine:spots of {tmp_path / 'mine.py'}" in done.stderr
+    assert f"{ROWS} rows done" in done.stdout
+    made, expected = (
+        deterministic_bytes(path) for path in (tmp_path / "a.h5", folder / "python.h5")
+    )
+    assert made == expected
+    (tmp_path / "mine.py").write_text(user_functions.MODULE)
+    refused = launch(3, "run", "mine.toml", "--trust", "-o", "a.h5", folder=tmp_path)
+    assert refused.returncode == 2
+    assert refused.stderr.count("\n") == 1
+    assert "surface.source" in refused.stderr
+
+
+@pytest.mark.long
+def test_a_function_that_fails_late_ends_all_ranks_with_its_row(tmp_path):
+    late = "def spots(contact):\n    return {'a' if contact.delta < 0.9 else 'b': 1.0}\n"
+    module = user_functions.MODULE.partition("def spots")[0] + late
+    user_functions.write(tmp_path, text("python"), module)
+    done = launch(3, "run", "mine.toml", "--trust", "-o", "a.h5", folder=tmp_path)
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+    *_, said = done.stderr.splitlines()
+    assert said.startswith("gen: mine:spots, row ")
+    assert said.endswith(": returned b; the database has a")
+
+
+@pytest.mark.long
+def test_hybrid_features_are_those_of_one_process(folder):
+    """Displacements of a database of pressures, and prepared maps, reach the workers."""
+    pytest.importorskip("sklearn", reason="the extra 'learn' is not installed")
+    for name in ("spectral", "scans"):
+        made = []
+        for ranks in (0, 3):
+            line = ["fit", f"{name}.h5", "-o", f"{name}-{ranks}.surrogate"]
+            line += ["--features", "hybrid", "--model", "kernel-ridge"]
+            done = launch(ranks, *line, folder=folder, module="learn")
+            assert done.returncode == 0, done.stderr
+            kept = folder / f"{name}.h5.pressed.npz"
+            made.append(kept.read_bytes())
+            kept.unlink()
+        assert made[0] == made[1]

@@ -16,6 +16,8 @@ import pytest
 from databases import deterministic_bytes, has_begun, status
 from launch import TIMEOUT, command, environment, launch, mpiexec
 
+from tests.faults.stage import columns_of, row_fault
+
 HAS_MPI = bool(h5py.get_config().mpi)
 
 pytestmark = [
@@ -34,26 +36,6 @@ nodes = 17
 heights = true
 pressure = true
 perimeter = true
-"""
-
-SPYING = """
-import pickle, sys
-from gen import cli
-from gen.generation import run
-from gen.runtime import farm
-from gen.database import Writer
-write_block, take = Writer.write_block, run.Delivery.take
-def tell(verb, number):
-    with open(f"{verb}-{farm.this_world().rank}.txt", "a") as file:
-        print(number, file=file)
-def write_and_tell(self, start, stop, columns):
-    tell("wrote", stop - start)
-    write_block(self, start, stop, columns)
-def take_and_tell(self, block, result):
-    tell("took", len(pickle.dumps(result)))
-    return take(self, block, result)
-Writer.write_block, run.Delivery.take = write_and_tell, take_and_tell
-sys.exit(cli.main(["run", "scene.toml", "-o", "spied.h5"]))
 """
 
 DYING = """
@@ -122,21 +104,6 @@ def test_the_bytes_are_those_of_the_single_writer(folder, ranks):
 
 
 @needs_parallel_hdf5
-def test_workers_write_and_the_master_hears_numbers_only(folder):
-    (folder / "spying.py").write_text(SPYING)
-    done = launch(4, folder=folder, module="spying")
-    assert done.returncode == 0, done.stderr
-    wrote, took = (
-        {path.stem: np.loadtxt(path, dtype=int, ndmin=1) for path in folder.glob(f"{verb}-*.txt")}
-        for verb in ("wrote", "took")
-    )
-    assert sum(rows.sum() for rows in wrote.values()) == 90
-    assert "wrote-0" not in wrote
-    assert took.keys() == {"took-0"}
-    assert took["took-0"].max() < 200  # bytes; one row's fields have 4,624
-
-
-@needs_parallel_hdf5
 @pytest.mark.parametrize(("first", "second"), [("single", "parallel"), ("parallel", "single")])
 def test_either_writer_goes_on_with_what_the_other_has_left(folder, first, second):
     output = f"{first}-{second}.h5"
@@ -164,24 +131,11 @@ def test_an_extended_file_and_failed_rows_are_written_in_parallel_too(folder):
     assert deterministic_bytes(folder / "one.h5") == deterministic_bytes(folder / "all.h5")
 
 
-def finished_rows(path: Path) -> dict[str, np.ndarray]:
-    """Deterministic columns of the rows that are done."""
-    with h5py.File(path, "r", locking=False) as file:
-        done = file["status"][:] == 1
-        return {
-            name: np.where(done.reshape(-1, *[1] * (data.ndim - 1)), data[:], 0)
-            for name, data in file.items()
-            if "long_name" in data.attrs and isinstance(data, h5py.Dataset)
-        } | {"done": done}
-
-
 def assert_done_rows_are_right(path: Path, whole: Path) -> int:
     """Compare every done row with an undisturbed run's; return their number."""
-    found, wanted = finished_rows(path), finished_rows(whole)
-    done = found.pop("done")
-    for name, values in found.items():
-        assert values[done].tobytes() == wanted[name][done].tobytes(), name
-    return int(done.sum())
+    found = columns_of(path)
+    assert row_fault(None, found, columns_of(whole)) == ""
+    return int((found["status"] == 1).sum())
 
 
 @needs_parallel_hdf5
@@ -265,15 +219,6 @@ def test_a_path_that_leads_elsewhere_on_one_rank_is_refused(folder):
     assert "rank 1 on" in done.stderr
     assert done.stderr.count("\n") == 1
     assert not list((folder / "elsewhere").iterdir())
-
-
-@needs_parallel_hdf5
-def test_one_process_cannot_be_parallel(folder):
-    done = launch(1, "run", "scene.toml", "-o", "x.h5", "--writer", "parallel", folder=folder)
-    assert done.returncode == 2
-    assert "one process" in done.stderr
-    assert done.stderr.count("\n") == 1
-    assert not (folder / "x.h5").exists()
 
 
 @pytest.mark.skipif(HAS_MPI, reason="this h5py has MPI")
