@@ -4,10 +4,20 @@ Arrays come in and arrays go out: no files, no MPI, nothing printed.
 """
 
 from bem.contact import Contact
+from bem.derived.grid_error import GridError
 from bem.problem import NoSolution, OutOfRange, Problem
 from bem.solving import NotConverged, ladder, solve
 from bem.threads import keep_freed_memory
 
 keep_freed_memory()
 
-__all__ = ["Contact", "NoSolution", "NotConverged", "OutOfRange", "Problem", "ladder", "solve"]
+__all__ = [
+    "Contact",
+    "GridError",
+    "NoSolution",
+    "NotConverged",
+    "OutOfRange",
+    "Problem",
+    "ladder",
+    "solve",
+]

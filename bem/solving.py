@@ -186,9 +186,22 @@ def solve(
         rtol=rtol,
         max_iterations=max_iterations,
     )
-    start = None if near is None else Start(checked_start(near, problem) / problem.modulus)
+    if near is not None:
+        near = checked_start(near, problem)
     with on_threads(None if threads is None else checked_count("threads", threads)):
-        return contact_of(problem, equilibrium_of(problem, start))
+        return solve_posed(problem, near)
+
+
+def solve_posed(problem: Problem, near: Field | None = None) -> Contact:
+    """Solve a problem that was checked, from a pressure near the solution [MPa] if there is one.
+
+    Raises
+    ------
+    NotConverged
+        If the tolerance is not met.
+    """
+    start = None if near is None else Start(near / problem.modulus)
+    return contact_of(problem, equilibrium_of(problem, start))
 
 
 def contact_of(problem: Problem, equilibrium: Equilibrium | None) -> Contact:
@@ -225,6 +238,7 @@ def contact_of(problem: Problem, equilibrium: Equilibrium | None) -> Contact:
         residual=equilibrium.violation,
         iterations=equilibrium.effort.iterations,
         convolutions=equilibrium.effort.convolutions,
+        again=solve_posed,
     )
     if equilibrium.converged:
         return contact
@@ -258,6 +272,7 @@ def _untouched(problem: Problem) -> Contact:
         residual=0.0,
         iterations=0,
         convolutions=0,
+        again=solve_posed,
     )
 
 

@@ -1,0 +1,337 @@
+"""How far the answers of one grid are from those of the continuum: the same contact on half of it.
+
+A contact on about every second node costs a quarter of the one asked about. How far the two are
+apart bounds the error of the finer one where both see the same surface, and says that there is no
+limit where roughness goes on down to the grid. Two things make the difference small by chance, and
+have a share of the bar of their own: the place of the border in the cells, which goes with what
+counting nodes adds to the area; and the highest node, from which Delta counts, which lies below the
+summit by an unknown share of its cell.
+"""
+
+from __future__ import annotations  # short signatures in help()
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Protocol
+
+import numpy as np
+
+from bem.arrays import Field
+from bem.problem import Boundary, NoSolution, Problem, pose
+from bem.threads import computed_once
+
+# Share of the difference of two grids in the bars, and what a bar has at least, in units of its
+# answer times the share of the area that counting nodes adds. Both are chosen so that at least 90 %
+# of true errors lie inside (`bench grid-error`).
+OF_DIFFERENCE = 1.2
+AT_LEAST = {"area": 0.10, "gap": 0.02, "stiffness": 0.25}
+
+# Share of the highest node's second differences by which its summit lies higher, where the error
+# falls with the spacing itself: a smooth summit has a third of it.
+OF_SUMMIT = 0.3
+
+# Order of the mean square slope in the spacing from which a surface has an end of its waves above
+# the grid: it is 2 for waves much longer than a cell, 1 for edges, and negative for fractals.
+LEAST_ORDER = 0.4
+
+# Relative difference of the areas of two grids above which neither is near the continuum.
+LARGEST_DIFFERENCE = 0.3
+
+# Nodes along an axis below which half of them say nothing.
+FEWEST = 8
+
+# Tolerance of the coarser contact, whose errors are far below its distance from the finer one.
+COARSE_RTOL = 1e-4
+
+
+class Contact(Protocol):
+    """What a `bem.Contact` says of itself, whose module needs this one."""
+
+    @property
+    def problem(self) -> Problem: ...  # noqa: D102
+    @property
+    def pressure(self) -> Field: ...  # noqa: D102
+    @property
+    def area_percent(self) -> float: ...  # noqa: D102
+    @property
+    def continuum_area_percent(self) -> float: ...  # noqa: D102
+    @property
+    def delta(self) -> float: ...  # noqa: D102
+    @property
+    def force(self) -> float: ...  # noqa: D102
+    @property
+    def mean_gap(self) -> float: ...  # noqa: D102
+    @property
+    def stiffness(self) -> float: ...  # noqa: D102
+
+
+# Solves a problem, from a pressure near its own.
+Solve = Callable[[Problem, Field], Contact]
+
+
+@dataclass(frozen=True, eq=False)
+class GridError:
+    """Half-widths of 90 % bars of a contact's answers, from the same contact on a coarser grid.
+
+    Attributes
+    ----------
+    contact : Contact
+        The contact whose errors these are.
+    coarse : Contact or None
+        The same contact on about every second node, None if there is none.
+    shifted : Contact or None
+        That contact at a displacement larger by `summit`, where the displacement was given.
+    summit : float
+        How much the summit may lie above the highest node [um].
+    order : float
+        Order in the spacing of the surface's mean square slope: 2 for smooth surfaces, negative
+        where roughness goes on down to the grid [1].
+    fault : str
+        Why there is no coarser contact, empty if there is one.
+    """
+
+    contact: Contact = field(repr=False)
+    coarse: Contact | None = field(repr=False)
+    shifted: Contact | None = field(repr=False)
+    summit: float
+    order: float
+    fault: str = ""
+
+    @property
+    def resolved(self) -> bool:
+        """Whether the grid resolves the surface, so that the bars hold."""
+        return self._verdict[0]
+
+    @property
+    def reason(self) -> str:
+        """Why the bars hold, or why not, without a full stop."""
+        return self._verdict[1]
+
+    @property
+    def _verdict(self) -> tuple[bool, str]:
+        """Whether the bars hold, and why."""
+        if self.coarse is None:
+            return False, self.fault
+        here, there = _area(self.contact), _area(self.coarse)
+        change = abs(there / here - 1) if here else float(there > 0)
+        words = f"half of the nodes change the area by {100 * change:.2g} %"
+        if self.order < LEAST_ORDER:
+            return False, f"waves go on down to the grid, so that the area has no limit: {words}"
+        if change > LARGEST_DIFFERENCE:
+            return False, f"too few nodes in a wave, or in contact: {words}"
+        return True, words
+
+    @computed_once
+    def area_percent(self) -> float:
+        """Of `Contact.continuum_area_percent` [%]."""
+        percent = self.contact.continuum_area_percent / (_area(self.contact) or 1.0)
+        floor = AT_LEAST["area"] * self._counted * self.contact.continuum_area_percent
+        return self._bar(lambda contact: percent * _area(contact), floor)
+
+    @computed_once
+    def delta(self) -> float:
+        """Of `Contact.delta`, 0 where it was given [um]."""
+        if self.contact.problem.delta is not None:
+            return 0.0
+        return self._bar(lambda contact: contact.delta - contact.problem.heights.max(), self.summit)
+
+    @computed_once
+    def force(self) -> float:
+        """Of `Contact.force`, 0 where it was given [uN]."""
+        return 0.0 if self.contact.problem.force is not None else self._bar(lambda c: c.force)
+
+    @computed_once
+    def mean_gap(self) -> float:
+        """Of `Contact.mean_gap` [um]."""
+        floor = AT_LEAST["gap"] * self._counted * self.contact.mean_gap
+        return self._bar(lambda contact: contact.mean_gap, floor)
+
+    @computed_once
+    def stiffness(self) -> float:
+        """Of `Contact.stiffness`, by one more linear solve on either grid [MPa um]."""
+        if not math.isfinite(self.contact.stiffness):  # full contact without edges
+            return 0.0
+        floor = AT_LEAST["stiffness"] * self._counted * self.contact.stiffness
+        return self._bar(lambda contact: contact.stiffness, floor)
+
+    @property
+    def _counted(self) -> float:
+        """Share of the area in the continuum that counting nodes adds [1]."""
+        area = self.contact.continuum_area_percent
+        return abs(self.contact.area_percent / area - 1) if area else 0.0
+
+    def _bar(self, answer: Callable[[Contact], float], floor: float = 0.0) -> float:
+        """Return the half-width of an answer's bar, with a floor in its unit."""
+        if self.coarse is None:
+            return math.inf
+        here, there = answer(self.contact), answer(self.coarse)
+        parts = [OF_DIFFERENCE * max(1.0, _remaining(self.order)) * (here - there), floor]
+        if self.shifted is not None:
+            parts.append(answer(self.shifted) - there)
+        return math.hypot(*parts)
+
+
+def grid_errors(contacts: Sequence[Contact], solve: Solve) -> list[GridError]:
+    """Return the errors of contacts of one surface.
+
+    Parameters
+    ----------
+    contacts : sequence of Contact
+        Contacts of the same heights that differ in their loads only.
+    solve : callable
+        Solves the coarser problems, each from the pressure of the finer contact.
+    """
+    if not contacts:
+        return []
+    problem = contacts[0].problem
+    heights = problem.heights
+    order = slope_order(heights, problem.boundary)
+    summit = OF_SUMMIT * _remaining(order) * _second_difference(heights)
+    if min(heights.shape) < FEWEST:
+        few = f"{heights.shape[0]} x {heights.shape[1]} nodes are too few to tell"
+        return [GridError(each, None, None, summit, order, few) for each in contacts]
+    half = coarser(problem)
+    errors = []
+    for contact in contacts:
+        try:
+            coarse, shifted = _coarse(contact, half, summit, solve)
+        except NoSolution:
+            fault = "half of the nodes are in full contact"
+        except ArithmeticError as error:
+            fault = f"half of the nodes: {error}"
+        else:
+            errors.append(GridError(contact, coarse, shifted, summit, order))
+            continue
+        errors.append(GridError(contact, None, None, summit, order, fault))
+    return errors
+
+
+def _coarse(
+    contact: Contact, half: Problem, summit: float, solve: Solve
+) -> tuple[Contact, Contact | None]:
+    """Solve on the coarser grid; where Delta was given, also with the summit counted in."""
+    places = (
+        np.rint(_places(nodes, half.boundary)).astype(np.intp) for nodes in contact.pressure.shape
+    )
+    near = np.ascontiguousarray(contact.pressure[np.ix_(*places)])
+    if contact.problem.delta is None:
+        return solve(replace(half, delta=None, force=contact.force), near), None
+    lower = float(contact.problem.heights.max() - half.heights.max())
+    coarse = solve(_displaced(half, contact.delta - lower), near)
+    return coarse, solve(_displaced(half, contact.delta - lower + summit), coarse.pressure)
+
+
+def _displaced(half: Problem, delta: float) -> Problem:
+    """Return the coarser problem at a displacement, or raise NoSolution."""
+    return pose(
+        half.heights,
+        1.0,
+        delta,
+        spacing=half.spacing,
+        modulus=half.modulus,
+        kernel=half.kernel,
+        far_field=half.far_field,
+        boundary=half.boundary,
+        hardness=half.hardness,
+        rtol=half.rtol,
+        max_iterations=half.max_iterations,
+    )
+
+
+def _area(contact: Contact) -> float:
+    """Return the area of contact in the continuum [um2]."""
+    along, across = contact.problem.spacing
+    return contact.continuum_area_percent / 100 * contact.pressure.size * along * across
+
+
+def slope_order(heights: Field, boundary: Boundary) -> float:
+    """Return the order in the spacing of a surface's mean square slope, the smaller of both axes.
+
+    It compares the slopes between nodes one, two and four spacings apart.
+    """
+    orders = []
+    for axis in (0, 1):
+        nodes = heights.shape[axis]
+        if nodes < FEWEST:
+            continue
+        slopes = []
+        for lag, first in ((1, 2), (2, 1), (4, 0)):  # around the same places
+            end = nodes if boundary == "periodic" else nodes - first - lag
+            start = np.arange(0 if boundary == "periodic" else first, end)
+            rise = heights.take((start + lag) % nodes, axis) - heights.take(start, axis)
+            slopes.append(float(np.mean(rise**2)) / lag**2)
+        near, far = abs(slopes[0] - slopes[1]), abs(slopes[1] - slopes[2])
+        if near > 1e-12 * slopes[0]:
+            orders.append(math.log2(max(far, 1e-300) / near))
+    return min(orders, default=math.inf)
+
+
+def _remaining(order: float) -> float:
+    """Return the error left over that taken off by halving the spacing, from 1/3 to 2.5."""
+    return 1 / (2 ** min(max(order, math.log2(1.4)), 2.0) - 1)
+
+
+def _second_difference(heights: Field) -> float:
+    """Return by how much the nodes beside the highest one lie below it, over both axes [um]."""
+    top = np.unravel_index(int(heights.argmax()), heights.shape)
+    total = 0.0
+    for axis in (0, 1):
+        line = heights[top[0]] if axis else heights[:, top[1]]
+        place, nodes = int(top[axis]), heights.shape[axis]
+        if nodes > 1:
+            beside = [line[abs(place - 1)], line[min(place + 1, 2 * (nodes - 1) - place - 1)]]
+            total += float(2 * line[place] - sum(beside))
+    return total
+
+
+def coarser(problem: Problem) -> Problem:
+    """Return the same problem on about every second node along each axis.
+
+    Every second node is taken where they cover the patch: an even number of nodes on a patch that
+    repeats itself, an odd one on a free patch. Elsewhere the surface is read between its nodes, by
+    its own waves where the patch has no edges, and by cubic splines on free patches.
+    """
+    heights, spacing = problem.heights, list(problem.spacing)
+    for axis in (0, 1):
+        nodes = heights.shape[axis]
+        if nodes == 1:
+            continue
+        places = _places(nodes, problem.boundary)
+        heights = _read(heights, axis, places, problem.boundary)
+        spacing[axis] *= places[1] - places[0]
+    if problem.kernel == "concentrated-force":  # which needs square cells, to the last digit
+        spacing = [float(np.sqrt(spacing[0] * spacing[1]))] * 2
+    rtol = max(problem.rtol, COARSE_RTOL)
+    return replace(problem, heights=heights, spacing=(spacing[0], spacing[1]), rtol=rtol)
+
+
+def _places(nodes: int, boundary: Boundary) -> Field:
+    """Return where the nodes of the coarser grid lie, (m,) [spacing of the finer one]."""
+    number = (nodes + 1) // 2
+    step = (nodes - 1) / (number - 1) if boundary == "free" else nodes / number
+    first = 0.5 * step - 0.5 if boundary == "mirror" else 0.0
+    return np.asarray(first + step * np.arange(number), dtype=np.float64)
+
+
+def _read(heights: Field, axis: int, places: Field, boundary: Boundary) -> Field:
+    """Return the heights at places between the nodes along one axis."""
+    nodes = heights.shape[axis]
+    whole = places.astype(np.intp)
+    if np.array_equal(whole, places):
+        return np.ascontiguousarray(heights.take(whole, axis=axis))
+    if boundary == "free":
+        from scipy.interpolate import make_interp_spline  # here, because few grids need it
+
+        spline = make_interp_spline(np.arange(nodes), heights, 3, axis=axis)
+        return np.ascontiguousarray(spline(places))
+    if boundary == "periodic":
+        waves = 2j * np.pi / nodes * (np.arange(nodes) - (nodes - 1) // 2)
+        there, here = (np.exp(np.outer(x, waves)) for x in (places, np.arange(nodes)))
+        kernel = (there @ here.conj().T).real / nodes
+    else:
+        waves = np.pi / nodes * np.arange(nodes)
+        there, here = (np.cos(np.outer(x + 0.5, waves)) for x in (places, np.arange(nodes)))
+        kernel = (there * np.where(waves == 0, 1.0, 2.0)) @ here.T / nodes
+    read: Field = np.moveaxis(np.tensordot(kernel, heights, (1, axis)), 0, axis)
+    return np.ascontiguousarray(read)

@@ -1,0 +1,131 @@
+"""The errors of a grid: bars that hold true errors, and surfaces that no grid resolves."""
+
+import math
+
+import numpy as np
+import pytest
+
+import bem
+from bem.derived.grid_error import coarser, grid_errors, slope_order
+from bem.problem import pose
+from tests.bem.waves import random_waves
+
+
+def fractal(nodes, hurst, seed):
+    return random_waves(1, nodes // 2 - 1, hurst, seed)(nodes)
+
+
+@pytest.mark.parametrize("boundary", ["periodic", "mirror", "free"])
+@pytest.mark.parametrize("nodes", [16, 17, 23, 24, 40])
+def test_the_coarser_grid_reads_the_same_surface(boundary, nodes):
+    """Waves far from the grid's own are the same wherever they are read."""
+    problem = pose(
+        np.zeros((nodes, nodes + 1)), (2.0, 3.0), force=0.1, delta=None, boundary=boundary
+    )
+
+    def surface(shape, spacing):
+        ends = 0.5 if boundary == "mirror" else 0.0
+        x, y = ((np.arange(n) + ends) * h for n, h in zip(shape, spacing, strict=True))
+        turns = (np.pi, np.pi / 3) if boundary == "mirror" else (np.pi, 2 * np.pi / 3)
+        return np.cos(turns[0] * x)[:, None] * np.cos(turns[1] * y)
+
+    fine = surface(problem.heights.shape, problem.spacing)
+    half = coarser(pose(fine, (2.0, 3.0), None, force=0.1, boundary=boundary))
+    assert half.heights.shape == ((nodes + 1) // 2, (nodes + 2) // 2)
+    sides = [n - (boundary == "free") for n in half.heights.shape]
+    lengths = [n * h for n, h in zip(sides, half.spacing, strict=True)]
+    assert lengths == pytest.approx([2.0, 3.0])
+    error = 0.01 if boundary == "free" else 1e-12
+    assert half.heights == pytest.approx(surface(half.heights.shape, half.spacing), abs=error)
+
+
+@pytest.mark.parametrize("boundary", ["free", "periodic"])
+@pytest.mark.parametrize("hardness", [None, 0.05])
+def test_bars_hold_the_errors_of_resolved_surfaces(boundary, hardness):
+    inside = []
+    for seed in range(4):
+        surface = random_waves(1, 8, 0.7, seed)
+        problem = {"boundary": boundary, "hardness": hardness}
+        if boundary == "free":
+            fine, coarse = surface(384)[:193, :193], surface(128)[:65, :65]
+        else:
+            fine, coarse = surface(256), surface(64)
+        for force in (0.001, 0.01):
+            truth = bem.solve(fine, 1.0, force=force, **problem)
+            contact = bem.solve(coarse, 1.0, force=force, **problem)
+            error = contact.grid_error()
+            assert error.resolved, error.reason
+            cells = contact.pressure.size * np.prod(contact.problem.spacing)
+            whole = truth.pressure.size * np.prod(truth.problem.spacing)
+            area = truth.continuum_area_percent * whole / cells
+            for name, true in (
+                ("area_percent", area - contact.continuum_area_percent),
+                ("delta", truth.delta - contact.delta),
+                ("mean_gap", truth.mean_gap - contact.mean_gap),
+                ("stiffness", truth.stiffness - contact.stiffness),
+            ):
+                inside.append(abs(true) <= getattr(error, name))
+            assert error.area_percent < 0.1 * contact.continuum_area_percent
+            assert error.force == 0
+    assert np.mean(inside) >= 0.9
+
+
+def test_a_given_displacement_leaves_the_force_uncertain():
+    surface = random_waves(1, 8, 0.7, 3)
+    contact = bem.solve(surface(64), 1.0, 0.01, boundary="periodic")
+    truth = bem.solve(surface(512), 1.0, 0.01, boundary="periodic")
+    error = contact.grid_error()
+    assert error.resolved
+    assert error.delta == 0
+    assert abs(truth.force - contact.force) < error.force < 0.2 * contact.force
+
+
+@pytest.mark.parametrize("hurst", [0.2, 0.5, 0.9])
+def test_fractals_down_to_the_grid_are_not_resolved(hurst):
+    for seed in range(3):
+        contact = bem.solve(fractal(128, hurst, seed), 1.0, pressure=0.01, boundary="periodic")
+        error = contact.grid_error()
+        assert not error.resolved
+        assert "no limit" in error.reason
+        assert error.order < 0.4
+
+
+def test_smooth_surfaces_have_the_order_two_and_edges_the_order_one():
+    x = np.arange(64) / 64
+    wave = np.add.outer(np.cos(2 * np.pi * x), np.cos(4 * np.pi * x))
+    assert slope_order(wave, "periodic") == pytest.approx(2, abs=0.1)
+    edge = np.add.outer(np.abs((7 * x + 0.3) % 1 - 0.5), np.zeros(64))
+    assert slope_order(edge, "periodic") == pytest.approx(1, abs=0.4)
+    assert slope_order(np.zeros((64, 64)), "free") == math.inf
+
+
+def test_a_ladder_has_the_errors_of_its_contacts():
+    surface = random_waves(1, 8, 0.7, 1)(64)
+    contacts = list(bem.ladder(surface, 1.0, pressures=[0.001, 0.01, 0.03], boundary="periodic"))
+    for together, contact in zip(grid_errors(contacts, contacts[0].again), contacts, strict=True):
+        alone = contact.grid_error()
+        assert together.area_percent == pytest.approx(alone.area_percent, rel=1e-4)
+        assert together.mean_gap == pytest.approx(alone.mean_gap, rel=1e-3)
+
+
+def test_no_contact_full_contact_and_few_nodes_have_answers():
+    wave = np.cos(2 * np.pi * np.arange(16) / 16)
+    heights = np.add.outer(wave, wave)
+    none = bem.solve(heights, 1.0, 0.0).grid_error()
+    assert none.resolved
+    assert none.area_percent == 0
+    full = bem.solve(heights, 1.0, pressure=100.0, boundary="periodic").grid_error()
+    assert full.area_percent == 0
+    assert full.resolved
+    few = bem.solve(heights[:5], 1.0, 0.5, spacing=1.0).grid_error()
+    assert not few.resolved
+    assert few.reason == "5 x 16 nodes are too few to tell"
+    assert few.area_percent == math.inf
+
+
+def test_nothing_is_solved_unless_it_is_asked_for(monkeypatch):
+    monkeypatch.setattr("bem.derived.grid_error.coarser", lambda _: pytest.fail("a coarser grid"))
+    contact = bem.solve(fractal(32, 0.8, 0), 1.0, pressure=0.01, boundary="periodic")
+    assert contact.continuum_area_percent > 0
+    with pytest.raises(pytest.fail.Exception):
+        contact.grid_error()
