@@ -13,6 +13,21 @@ settings.register_profile("project", deadline=None, derandomize=True, print_blob
 settings.load_profile("project")
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """Of a test that is marked `few(n)`, leave n cases in `make test`, from first to last."""
+    cases = {}
+    for item in items:
+        if item.get_closest_marker("few"):
+            cases.setdefault(item.nodeid.partition("[")[0], []).append(item)
+    for found in cases.values():
+        (number,) = found[0].get_closest_marker("few").args
+        kept = {place * len(found) // number for place in range(number)}
+        for place, item in enumerate(found):
+            if place not in kept:
+                item.add_marker(pytest.mark.long)
+
+
 @pytest.fixture(scope="session", autouse=True)
 def plain_numbers():
     """No line that any test sees printed has a number as NumPy writes it, np.float64(5.0)."""

@@ -134,6 +134,7 @@ def trust():
     TRUSTED.set(before)
 
 
+@pytest.mark.few(2)
 def test_propagation_takes_any_scene(population, capsys):
     _, path = population
     values = example("propagation")([path, "--surfaces", "3", "--trust"])
@@ -143,6 +144,7 @@ def test_propagation_takes_any_scene(population, capsys):
     assert "+-" in printed
 
 
+@pytest.mark.few(1)
 def test_sobol_takes_any_scene(population):
     drawn = {"force": 1, "scans": 0, "yielding": 3}
     name, path = population
@@ -150,6 +152,7 @@ def test_sobol_takes_any_scene(population):
     assert indices["S1"].shape == indices["ST"].shape == (drawn.get(name, 2) + 2,)
 
 
+@pytest.mark.few(1)
 def test_the_study_takes_any_scene(population, capsys):
     name, path = population
     if name == "scans":
@@ -162,6 +165,7 @@ def test_the_study_takes_any_scene(population, capsys):
     assert np.isfinite(values).all()
 
 
+@pytest.mark.few(1)
 def test_identification_takes_any_scene(population, tmp_path, capsys):
     name, path = population
     surrogate = Surrogate.load(path)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 matplotlib = pytest.importorskip("matplotlib")
+pytestmark = pytest.mark.long  # make docs runs the gallery too
 FOLDER = Path(__file__).parents[1] / "examples" / "gallery"
 
 

@@ -58,6 +58,7 @@ def page() -> str:
     return page_of(PARTS, Inputs(RESULTS, RESULTS / "none.h5", RESULTS / "comparison", full=True))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("width", "printed"), [(360, False), (1440, False), (680, True)], ids=["phone", "desk", "A4"]
 )

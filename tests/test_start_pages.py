@@ -67,6 +67,7 @@ def test_the_readme(folder, monkeypatch, capfd):
     assert min(delta, gap) > 0
 
 
+@pytest.mark.long
 def test_the_tribologist(folder, monkeypatch, capfd):
     walk("docs/start/tribologist.md", folder, monkeypatch)
     said = capfd.readouterr().out
@@ -82,6 +83,7 @@ def test_the_tribologist(folder, monkeypatch, capfd):
         assert len(list(csv.DictReader(file))) == 10
 
 
+@pytest.mark.long
 def test_the_finite_element_engineer(folder, monkeypatch):
     walk("docs/start/finite-elements.md", folder, monkeypatch)
     text = (folder / "joint-calculix.inp").read_text()
@@ -102,12 +104,14 @@ def test_the_finite_element_engineer(folder, monkeypatch):
         assert 1 < force < 100, "a pressure of the table"
 
 
+@pytest.mark.long
 def test_the_data_person(folder, monkeypatch, capfd):
     pytest.importorskip("h5netcdf")
     walk("docs/start/data.md", folder, monkeypatch)
     assert "256" in capfd.readouterr().out
 
 
+@pytest.mark.long
 @pytest.mark.mpi
 @pytest.mark.skipif(mpiexec() is None, reason="no mpiexec")
 def test_the_user_of_a_cluster(folder, monkeypatch):

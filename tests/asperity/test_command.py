@@ -132,6 +132,7 @@ def test_three_ranks_make_the_same_database_as_one_module(tmp_path):
     assert launch(0, "check", "rows.h5", folder=tmp_path).returncode == 0
 
 
+@pytest.mark.long
 @pytest.mark.mpi
 @under_mpi
 @pytest.mark.parametrize("line", ["gen run --bogus", "gne", "", "bench hertz -o new"])

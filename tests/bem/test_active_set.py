@@ -95,6 +95,7 @@ def test_oblong_cells_are_solved_as_the_dense_reference_does(
     assert_is_the_solution(contact)
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("kernel", KERNELS)
 @pytest.mark.parametrize("depth", [0.05, 0.3, 0.7])
 @pytest.mark.parametrize("kind", ["random walk", "self-affine", "paraboloid"])

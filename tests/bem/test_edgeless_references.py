@@ -22,6 +22,7 @@ SEEDS = [
 ]
 
 
+@pytest.mark.few(60)
 @pytest.mark.parametrize(("draw", "compare", "seed"), SEEDS)
 def test_contact_is_that_of_another_way(
     draw: Callable[[int], Setup], compare: Judge, seed: int

@@ -143,6 +143,7 @@ def test_a_fork_waits_for_other_threads_to_leave() -> None:
     thread.join()
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no forks here")
 def test_children_forked_beside_solving_threads_solve_too() -> None:
     """On new grids: every one of them makes plans and tables."""

@@ -37,6 +37,7 @@ def test_rows_out_of_place_are_found(tmp_path):
         farms.require_rows(path, blocks, template)
 
 
+@pytest.mark.long
 @pytest.mark.mpi
 @pytest.mark.skipif(mpiexec() is None, reason="no mpiexec: install the extra 'mpich'")
 def test_both_writers_are_measured_where_h5py_has_mpi():

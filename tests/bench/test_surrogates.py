@@ -91,6 +91,7 @@ def test_a_fit_knows_where_it_was_trained(paper):
     assert fitted.predict(far).min() >= 0
 
 
+@pytest.mark.long
 def test_costs_end_to_end(paper, tmp_path, monkeypatch):
     monkeypatch.setattr(times, "ENOUGH", 0.01)
     costs = measured(tmp_path, 200, paper, area_max=60.0, surfaces=3)

@@ -49,6 +49,7 @@ def test_areas_of_the_papers_example(curves: Curves) -> None:
     assert areas["uniform-pressure", 256] == pytest.approx(areas["hertz", ""], rel=0.02)
 
 
+@pytest.mark.long
 def test_command_writes_table_and_picture(tmp_path: Path) -> None:
     done = launch(0, "hertz", "-o", "new/reports", folder=tmp_path, module="bench")
     assert (done.returncode, done.stderr) == (0, "")
@@ -65,6 +66,7 @@ def test_command_writes_table_and_picture(tmp_path: Path) -> None:
     assert float(exact[-1]["area_percent"]) == pytest.approx(1.5708, abs=1e-4)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("folder", ["taken", "taken/below", "/proc/nowhere"])
 def test_folders_that_cannot_be_written_are_refused(folder: str, tmp_path: Path) -> None:
     (tmp_path / "taken").touch()

@@ -223,6 +223,7 @@ def test_the_finest_grid_is_not_drawn_against_itself(done: Found) -> None:
     ]
 
 
+@pytest.mark.long
 def test_command_writes_table_picture_and_circumstances(tmp_path: Path) -> None:
     done = launch(0, "solver", "--quick", "-o", "new/reports", folder=tmp_path, module="bench")
     assert done.returncode == 0

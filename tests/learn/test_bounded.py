@@ -55,6 +55,7 @@ def test_without_a_limit_the_work_is_done_here():
     assert bounded.call(count, 1, 3, math.inf) == (4, os.getpid())
 
 
+@pytest.mark.long
 def test_one_process_does_task_after_task_and_is_replaced_once_one_takes_too_long():
     first, second = (bounded.call(count, 1, 3, soon()) for _ in range(2))
     assert first == second

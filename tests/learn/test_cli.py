@@ -102,6 +102,7 @@ def test_wrong_input_is_one_line_and_code_2(work, capsys, arguments, word):
     assert sorted(work.iterdir()) == before, "nothing was written"
 
 
+@pytest.mark.few(1)
 def test_every_command_works_on_every_population(population, tmp_path, monkeypatch, capsys):
     """Databases of all generators, loads and grids are fitted, compared, asked and tabulated."""
     monkeypatch.chdir(tmp_path)

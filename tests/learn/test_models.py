@@ -181,6 +181,7 @@ def answers(surrogate, path):
     return surrogate.predict_rows(asked)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("features", ["dimensionless", "paper"])
 @pytest.mark.parametrize("name", KIND_SCENES)
 def test_targets_of_every_kind_are_learnt_or_refused_in_a_line(kinds, tmp_path, name, features):

@@ -360,6 +360,7 @@ def test_names_that_are_not_the_servers_are_refused(served, host, status):
     assert status == 200 or answer["error"]["type"] == "InvalidInput"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("sent", "answered"),
     [
@@ -402,6 +403,7 @@ def test_a_shell_script_asks_with_curl(served):
     assert json.loads(done.stdout)["output"] == model([[0.7, 12.0], [10.0]], {"surface": 3})
 
 
+@pytest.mark.long
 def test_a_thousand_calls_eight_at_once_while_workers_and_server_are_killed(folder):
     """No answer is wrong or lost: a client that is refused asks again."""
     served = Served(folder, "small.toml")
@@ -473,6 +475,7 @@ def test_ctrl_c_lets_a_question_end_and_a_second_one_does_not(folder, presses, n
     assert all(gone(pid) for pid in workers)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("arguments", "word"),
     [
@@ -494,6 +497,7 @@ def test_bad_command_lines_get_one_line(folder, arguments, word):
     assert word in done.stderr
 
 
+@pytest.mark.long
 def test_a_port_that_is_taken_is_said(folder, served):
     line = [sys.executable, "-m", "asperity", "serve", "small.toml", "--port", str(served.port)]
     done = subprocess.run(

@@ -47,6 +47,7 @@ def test_the_size_of_blocks_changes_no_byte(folder, monkeypatch, block_rows, m):
     assert deterministic_bytes(folder / "other.h5") == deterministic_bytes(folder / "usual.h5")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("hardness", ["hardness = 0.02", "hardness_ratio = [0.003, 0.1]"])
 def test_a_database_of_bodies_that_yield_lives_as_any_other(folder, capsys, hardness):
     for samples in (11, 20):

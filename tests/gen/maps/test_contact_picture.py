@@ -62,6 +62,7 @@ def left_title(figure: Any, text: str) -> str:
     return " ".join(titled(figure, text).get_title(loc="left").split())
 
 
+@pytest.mark.few(4)
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("shape", SHAPES)
 def test_nothing_is_cut_or_overlaps(shape: str) -> None:

@@ -29,6 +29,7 @@ SHAPES = {
 }
 
 
+@pytest.mark.few(3)
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("shape", SHAPES)
 def test_every_surface_is_drawn_and_nothing_is_cut(shape, tmp_path, monkeypatch, capsys):

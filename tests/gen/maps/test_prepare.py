@@ -269,6 +269,7 @@ STEPS: list[dict[str, Any]] = [
 ]  # fmt: skip
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("boundary", ["free", "periodic", "mirror"])
 @pytest.mark.parametrize("spike", [0, 1, 3, 5])
 @pytest.mark.parametrize("scale", [1.0, 1e-6])

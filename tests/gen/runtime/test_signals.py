@@ -72,6 +72,7 @@ def test_the_wakeup_is_given_back_and_nothing_is_left_open() -> None:
     assert signal.set_wakeup_fd(-1) == -1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_compiled_code_is_ended_by_the_second_signal(number: int) -> None:
     with subprocess.Popen(

@@ -79,6 +79,7 @@ def test_of_two_comparisons_at_once_one_is_refused(work):
     assert sorted(each.returncode for each in both) == [0, 2], said
 
 
+@pytest.mark.long
 @pytest.mark.mpi
 @pytest.mark.skipif(mpiexec() is None, reason="no mpiexec: install the extra 'mpich'")
 def test_wrong_input_ends_three_ranks_with_code_2_and_one_line(work):

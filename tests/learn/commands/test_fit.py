@@ -44,6 +44,7 @@ def test_a_tuned_winner_is_taken_with_what_it_rests_on(work, capsys, monkeypatch
     assert "no tuned svm" in capsys.readouterr().err
 
 
+@pytest.mark.long
 @pytest.mark.mpi
 @pytest.mark.skipif(mpiexec() is None, reason="no mpiexec: install the extra 'mpich'")
 def test_workers_generate_the_surfaces_of_hybrid_features(made, database, tmp_path):
@@ -186,6 +187,7 @@ def test_blocks_that_no_features_have_are_refused(work, capsys, options, word):
     assert not Path("t.surrogate").exists()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("features", ["paper", "dimensionless"])
 @pytest.mark.parametrize("normalise", ["l2", "standard", "min-max"])
 def test_gaussian_processes_do_not_collapse(work, features, normalise):

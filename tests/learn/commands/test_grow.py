@@ -107,6 +107,7 @@ def test_a_bug_on_one_rank_ends_all_and_the_growth_goes_on(grown, tmp_path, monk
     assert deterministic_bytes(tmp_path / "my.h5") == deterministic_bytes(folder / "my.h5")
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
 def test_a_signal_in_its_midst_leaves_a_growth_that_goes_on(number, grown, tmp_path, monkeypatch):
     folder, _ = grown

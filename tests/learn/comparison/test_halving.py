@@ -154,6 +154,7 @@ def test_a_collapsed_likelihood_is_not_dropped_by_its_score_on_few_rows(
     assert dropped.means[dropped.winner] < result.scores.means[0]
 
 
+@pytest.mark.long
 def test_a_budget_is_kept_where_fits_would_take_far_longer(searching):
     """A fit of this forest takes minutes; the tree beside it is judged."""
     limit = 6.0

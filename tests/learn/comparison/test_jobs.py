@@ -160,6 +160,7 @@ def undisturbed(solved, tmp_path_factory):
     return path / "area"
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
 def test_a_search_that_was_stopped_goes_on_and_ends_with_the_same_tables(
     work, undisturbed, number, capsys
@@ -179,6 +180,7 @@ def test_a_search_that_was_stopped_goes_on_and_ends_with_the_same_tables(
         assert (work / "cut/area" / name).read_bytes() == (undisturbed / name).read_bytes()
 
 
+@pytest.mark.long
 def test_a_budget_is_the_time_of_the_call_however_long_fits_are(work, monkeypatch):
     """Perceptrons of which one takes minutes, beside models that share the time."""
     slow = {"hidden_layer_sizes": [(400, 400)], "solver": ["lbfgs"], "tol": [0.0]}
@@ -194,6 +196,7 @@ def test_a_budget_is_the_time_of_the_call_however_long_fits_are(work, monkeypatc
     assert found.get("mlp", "baseline") == "baseline"
 
 
+@pytest.mark.long
 @pytest.mark.mpi
 @pytest.mark.skipif(mpiexec() is None, reason="no mpiexec: install the extra 'mpich'")
 def test_tables_do_not_depend_on_the_number_of_ranks(work):

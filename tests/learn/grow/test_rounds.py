@@ -114,6 +114,7 @@ STAGES = {
 }
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("stage", STAGES)
 def test_a_growth_that_is_killed_goes_on_to_the_same_end(stage, whole, tmp_path, monkeypatch):
     folder, grown, _ = whole
