@@ -111,11 +111,6 @@ class Dataset:
         """Number of each row, (n,), that no other row of the databases has."""
         return self.database * MOST_ROWS + self.rows
 
-    def keeping(self, names: tuple[str, ...]) -> "Dataset":
-        """Return the same rows with the inputs of some columns only, in their order."""
-        columns = [self.names.index(name) for name in names]
-        return replace(self, inputs=self.inputs[:, columns], names=names)
-
     def at(self, positions: Indices) -> "Dataset":
         """Return the rows at some positions, (k,), in their order; groups are numbered anew."""
         arrays: dict[str, Any] = {

@@ -1,4 +1,4 @@
-"""`learn compare`, `tune`, `show` and `importance`: compare the nine models, and their inputs."""
+"""`learn compare`, `tune` and `show`: compare the nine models."""
 
 from __future__ import annotations
 
@@ -147,25 +147,3 @@ def _write_and_print(folder: Path, *, pictures: bool) -> None:
 
             for path in draw(part):
                 echo(f"wrote {path}")
-
-
-@grouped
-def importance(
-    file: Database,
-    output: Output,
-    model: Annotated[str, typer.Option(metavar="NAME", help="The model to ask.")] = "kernel-ridge",
-    target: Target = "area",
-    *,
-    selection: Selection,
-) -> None:
-    """Rank the inputs by what shuffling each does to the error, and drop the weakest.
-
-    With the settings that `tune` has found, if the folder holds them, else with the paper's
-    optimum: DIR/TARGET/importance.csv, selection.csv and importance.png.
-    """
-    request = requested(file, output, [model], target, selection)
-    from learn.comparison.importance import write_report
-
-    with lock_folder(request.output):
-        for path in write_report(request, echo):
-            echo(f"wrote {path}")

@@ -47,31 +47,15 @@ LEAST_SCORE = -1e20
 
 @dataclass(frozen=True, eq=False)
 class Training:
-    """Training and test rows of one target, with the choices that all fits have in common.
+    """Training and test rows of one target, with the choices that all fits have in common."""
 
-    Attributes
-    ----------
-    inputs, target : ndarray, shape (n, d) and (n,)
-        Training rows; the target as the models see it, divided by `scaling`.
-    folds : ndarray, shape (n,)
-        Fold of each training row.
-    test_inputs, test_target : ndarray, shape (m, d) and (m,)
-        Test rows, which no search sees; the target is not scaled.
-    normalisation : str
-        One of `learn.models.NORMALISATIONS`.
-    seed : int
-        Seed of the models' random draws.
-    scaling : Scaling
-        Scaling of the target.
-    """
-
-    inputs: Values
-    target: Values
-    folds: Folds
-    test_inputs: Values
-    test_target: Values
-    normalisation: str = "l2"
-    seed: int = 0
+    inputs: Values  # of the n training rows, (n, d)
+    target: Values  # as the models see it, divided by `scaling`, (n,)
+    folds: Folds  # of each training row, (n,)
+    test_inputs: Values  # of the m test rows, which no search sees, (m, d)
+    test_target: Values  # not scaled, (m,)
+    normalisation: str = "l2"  # one of `learn.models.NORMALISATIONS`
+    seed: int = 0  # of the models' random draws
     scaling: Scaling = UNSCALED
 
     @property
@@ -86,31 +70,17 @@ class Training:
 
 
 class Trial(documents.Document):
-    """The score of one candidate on one fold, a line of the file.
-
-    Attributes
-    ----------
-    candidate : str
-        Its canonical settings, as `learn.comparison.grid.key` writes them.
-    fold, rows : int
-        The fold that was left out of the training, and the number of training rows at most.
-    r2 : float or None
-        Coefficient of determination on the fold, None if the fit failed or diverged.
-    failure, remark : str
-        The reason why there is no score, and the warnings of the fit.
-    seconds : float
-        Time of the fit and the scoring, shared evenly by the candidates of one fit [s].
-    """
+    """The score of one candidate on one fold, a line of the file."""
 
     model_config = ConfigDict(frozen=True)
 
-    candidate: str
-    fold: Annotated[int, Field(ge=0, lt=FOLDS)]
-    rows: Count
-    r2: Annotated[float, Field(ge=LEAST_SCORE, le=1)] | None
-    failure: str = ""
-    remark: str = ""
-    seconds: Seconds = 0.0
+    candidate: str  # its canonical settings, as `learn.comparison.grid.key` writes them
+    fold: Annotated[int, Field(ge=0, lt=FOLDS)]  # left out of the training
+    rows: Count  # for training at most
+    r2: Annotated[float, Field(ge=LEAST_SCORE, le=1)] | None  # None if the fit failed or diverged
+    failure: str = ""  # why there is no score
+    remark: str = ""  # the fit's warnings
+    seconds: Seconds = 0.0  # of fit and scoring, shared evenly by the candidates of one fit
 
     @property
     def place(self) -> tuple[str, int, int]:
@@ -121,17 +91,8 @@ class Trial(documents.Document):
 class Trials:
     """The finished trials of one model and target, in a file that is held open.
 
-    Parameters
-    ----------
-    path : Path
-        The file, made with its folder if missing.
-    conditions : dict
-        Data, split, versions and seeds, which all trials have in common.
-
-    Raises
-    ------
-    InputError
-        If the file holds trials of other conditions, is damaged or cannot be written.
+    All have data, split, versions and seeds in common, the conditions. InputError is raised if the
+    file holds trials of other conditions, is damaged or cannot be written.
     """
 
     def __init__(self, path: Path, conditions: dict[str, object]) -> None:
@@ -260,23 +221,10 @@ def shared_predictions(
     name: str,
     values: Sequence[Any],
 ) -> list[Values]:
-    """Predict with every value of the setting that one fit serves.
+    """Predict with every value of the setting, by its name, that one fit serves, (m,) each.
 
-    Parameters
-    ----------
-    model : Model
-        The model.
-    pipeline : sklearn.pipeline.Pipeline
-        Unfitted, with all other settings.
-    data : tuple of ndarray
-        Training inputs (n, d) and target (n,), test inputs (m, d).
-    name, values : str, sequence
-        The setting that one fit serves, and its values.
-
-    Returns
-    -------
-    list of ndarray, shape (m,)
-        Predictions for each value.
+    The pipeline is unfitted, with all other settings; the data are training inputs, (n, d), their
+    target, (n,), and test inputs, (m, d).
     """
     train, target, test = data
     scaling, estimator = pipeline.named_steps["scaling"], pipeline.named_steps[STEP]

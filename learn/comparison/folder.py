@@ -126,7 +126,6 @@ class Result(Document):
 
     model: str
     settings: dict[str, Setting]
-    settings_key: str
     fitted: dict[str, str]
     test: Scored | None
     train: Scored | None

@@ -92,24 +92,12 @@ def baseline(model: str, features: str) -> Settings:
 
 @dataclass(frozen=True)
 class Grid:
-    """A grid of candidates, and those of them that differ.
+    """A grid of candidates, and those of them that differ."""
 
-    Attributes
-    ----------
-    candidates : tuple of dict
-        All points, in the order of scikit-learn's ParameterGrid.
-    canonical : tuple of int
-        Number of the canonical settings of each candidate.
-    differing : tuple of dict
-        The canonical settings, in the order of their first candidate.
-    families : tuple of tuple of int
-        Numbers of the canonical settings that one fit serves.
-    """
-
-    candidates: tuple[Settings, ...]
-    canonical: tuple[int, ...]
-    differing: tuple[Settings, ...]
-    families: tuple[tuple[int, ...], ...]
+    candidates: tuple[Settings, ...]  # all points, in the order of scikit-learn's ParameterGrid
+    canonical: tuple[int, ...]  # number of the canonical settings of each candidate
+    differing: tuple[Settings, ...]  # canonical settings, in the order of their first candidate
+    families: tuple[tuple[int, ...], ...]  # numbers of those that one fit serves
 
     @property
     def nominal(self) -> int:
@@ -137,32 +125,15 @@ class Grid:
 
 @dataclass(frozen=True)
 class Task:
-    """One fit: the candidates that it serves, and the fold that it leaves out.
-
-    Attributes
-    ----------
-    model : str
-        Name of the model.
-    candidates : tuple of dict
-        Canonical settings, which differ only in the setting whose values one fit serves.
-    fold : int
-        The fold that is left out of the training, and predicted.
-    rows : int
-        Number of training rows at most.
-    baseline : bool
-        True for the one candidate that is the baseline, which lacks the settings that the grid's
-        candidates share.
-    until, longest : float
-        Time of `time.time` at which the fit is stopped, and time after which it is [s].
-    """
+    """One fit: the candidates that it serves, and the fold that it leaves out."""
 
     model: str
-    candidates: tuple[Settings, ...]
-    fold: int
-    rows: int
-    baseline: bool = False
-    until: float = inf
-    longest: float = inf
+    candidates: tuple[Settings, ...]  # differ only in the setting whose values one fit serves
+    fold: int  # left out of the training, and predicted
+    rows: int  # for training at most
+    baseline: bool = False  # True for the baseline, without the settings that candidates share
+    until: float = inf  # time of `time.time` at which the fit is stopped [s]
+    longest: float = inf  # time after which it is [s]
 
     @property
     def names(self) -> list[str]:

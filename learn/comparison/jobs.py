@@ -22,7 +22,6 @@ from learn.comparison.search import GridSearch
 from learn.dataset import Dataset, Request, hybrid_for
 from learn.executor import Executor
 from learn.models import Model, check_memory, models_named, scaling_of
-from learn.split import Split
 from learn.stored import short_name
 
 
@@ -141,7 +140,9 @@ def _prepare(
         check_memory(model.name, parts.train.size, baseline=not searched)
     scaling = scaling_of(rows, parts.train)
     with RunProgress(1) as progress:
-        folder = open_folder(request, rows, parts)
+        folder = Folder(request.output / short_name(rows.target_name))
+        agreed = conditions(rows, parts, request.normalisation, request.area_max)
+        folder.begin(rows, parts, agreed)
         progress.say(
             f"{request.database}: {rows.target_name}, {parts.train.size} training rows,"
             f" {parts.test.size} test rows, {rows.features} features"
@@ -160,17 +161,3 @@ def _prepare(
         seed=request.seed,
         scaling=scaling,
     )
-
-
-def read_single(request: Request, target: str) -> tuple[Dataset, Split]:
-    """Read and split the rows of a report on a target that is made on one process."""
-    hybrid = hybrid_for(request, Executor())
-    rows = dataset.read(request.database, target, request.area_max, request.features, hybrid)
-    return rows, split.draw(rows, request.seed, request.train_rows)
-
-
-def open_folder(request: Request, rows: Dataset, parts: Split) -> Folder:
-    """Open the folder of a target; InputError is raised if it belongs to another comparison."""
-    folder = Folder(request.output / short_name(rows.target_name))
-    folder.begin(rows, parts, conditions(rows, parts, request.normalisation, request.area_max))
-    return folder

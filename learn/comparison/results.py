@@ -4,10 +4,11 @@ The times of a search are taken while other fits run beside them. These are take
 processes wait, on one thread, as medians.
 """
 
+import json
 import math
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from statistics import median
 from time import perf_counter
 from typing import Any
@@ -17,7 +18,6 @@ import numpy as np
 from gen.arrays import Values
 from gen.runtime.terminal import RunProgress
 from learn import bounded
-from learn.comparison import grid as grids
 from learn.comparison.fits import Training, reason
 from learn.comparison.folder import Folder
 from learn.comparison.grid import Settings
@@ -45,26 +45,13 @@ UNFITTED = "the winner's fit to all rows was not finished within the time: give 
 
 @dataclass(frozen=True)
 class TimedFit:
-    """A model to fit to all training rows.
-
-    Attributes
-    ----------
-    model, settings : str, dict
-        Name of the model, and settings on top of the baseline's.
-    tuned : bool
-        Whether it is the winner of a search.
-    of_grid : bool
-        Whether it has the settings that all candidates of a grid share: the winner of a search may
-        be the baseline instead.
-    until : float
-        Time of `time.time` at which the fit is stopped [s].
-    """
+    """A model to fit to all training rows."""
 
     model: str
-    settings: Settings = field(default_factory=dict)
-    tuned: bool = False
-    of_grid: bool = False
-    until: float = math.inf
+    settings: Settings = field(default_factory=dict)  # on top of the baseline's
+    tuned: bool = False  # whether it is the winner of a search, a candidate or the baseline
+    of_grid: bool = False  # whether it has the settings that all candidates of a grid share
+    until: float = math.inf  # time of `time.time` at which the fit is stopped [s]
 
     @property
     def kind(self) -> str:
@@ -176,19 +163,18 @@ def winner_of(search: GridSearch, found: SearchResult) -> TimedFit:
     name, scores = search.model.name, found.scores
     if scores.baseline_wins:
         return TimedFit(name, search.baseline or {}, tuned=True)
-    return TimedFit(name, search.grid.differing[scores.winner], tuned=True, of_grid=True)
+    return TimedFit(name, search.grid.first(scores.winner), tuned=True, of_grid=True)
 
 
 def has_winner(folder: Folder, search: GridSearch, found: SearchResult) -> bool:
     """Whether a folder has the result of this very search and winner."""
     result, report = folder.result("tuned", search.model.name), _report(search, found)
+    if result is None or "settings" not in result:
+        return False
+    settings = json.loads(json.dumps(winner_of(search, found).settings))  # lists in JSON, no tuples
     same = "winner", "how", "grid", "candidates_scored"
-    return (
-        result is not None
-        and "settings" in result
-        and result["settings_key"] == _key(winner_of(search, found), search.training)
-        and all(result["search"].get(name) == report[name] for name in same)
-    )
+    alike = all(result["search"].get(name) == report[name] for name in same)
+    return alike and result["settings"] == settings
 
 
 def write_search(
@@ -198,8 +184,6 @@ def write_search(
     model, scores, report = search.model, found.scores, _report(search, found)
     folder.write_table(f"tuned/{model.name}-grid.csv", *_candidates(search, scores))
     task = winner_of(search, found)
-    if task.of_grid:
-        task = replace(task, settings=search.grid.first(scores.winner))
     write_fit(folder, task, search.training, result, report, found.seconds)
     with RunProgress(1) as progress:
         for text, number in [*scores.failures.items(), *scores.remarks.items()]:
@@ -276,19 +260,11 @@ def write_fit(
     content = {
         "model": task.model,
         "settings": task.settings,
-        "settings_key": _key(task, training),
         **{name: found[name] for name in ("fitted", "test", "train", "failure", "remarks")},
         "search": report or {},
         "times": {**found["times"], "search": search_seconds},
     }
     folder.write_json(f"{task.kind}/{task.model}.json", content)
-
-
-def _key(task: TimedFit, training: Training) -> str:
-    """Return the line of text that identifies the settings of a fit."""
-    if not task.of_grid:
-        return grids.baseline_key(task.settings)
-    return grids.key(grids.canonical_settings(MODELS[task.model], task.settings, training.columns))
 
 
 def print_result(say: Callable[[str], None], task: TimedFit, result: FitResult) -> None:

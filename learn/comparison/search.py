@@ -29,30 +29,15 @@ from learn.split import FOLDS
 
 @dataclass(frozen=True)
 class GridScores:
-    """Scores of all candidates of a grid.
+    """Scores of all candidates of a grid, NaN where a fit failed or was not done."""
 
-    Attributes
-    ----------
-    folds : ndarray, shape (candidates, folds that count)
-        R2 of every differing candidate on every fold, NaN where a fit failed or was not done.
-    baseline : ndarray, shape (folds that count,)
-        R2 of the baseline, NaN where its fit failed or was not done; empty if there is none.
-    fits, seconds : int, float
-        Number of finished fits of the grid, those of earlier runs included, and the sum of their
-        times and of the baseline's [s].
-    failures, remarks : dict
-        Number of scores that each reason has cost, and that each warning concerns.
-    collapsed : frozenset of int
-        Numbers of the candidates of which a likelihood was largest at an end of its range.
-    """
-
-    folds: Values
-    baseline: Values
-    fits: int
-    seconds: float
-    failures: dict[str, int]
-    remarks: dict[str, int]
-    collapsed: frozenset[int]
+    folds: Values  # R2 of every differing candidate on the folds that count, (candidates, folds)
+    baseline: Values  # R2 of the baseline on them, (folds,); empty if there is none
+    fits: int  # finished ones of the grid, those of earlier runs included
+    seconds: float  # sum of their times and of the baseline's
+    failures: dict[str, int]  # number of scores that each reason has cost
+    remarks: dict[str, int]  # and that each warning concerns
+    collapsed: frozenset[int]  # candidates of which a likelihood was largest at its range's end
 
     @property
     def means(self) -> Values:
@@ -99,32 +84,17 @@ class SearchResult(NamedTuple):
 
 @dataclass(frozen=True)
 class GridSearch:
-    """A model's grid, the data that it is searched on, and its finished fits.
-
-    Attributes
-    ----------
-    model, grid, training, trials, executor
-        The model, its candidates, the data, the finished fits, and who does the others.
-    stopping : callable
-        Asked before a fit is begun; True ends the search.
-    source : str
-        Name of the grid in results and tables.
-    baseline : dict or None
-        Settings of the baseline, which every search judges beside the grid; None for a search of
-        the grid alone.
-    optimum : int or None
-        Number of the paper's optimum, or of settings that are built in; None if the grid lacks it.
-    """
+    """A model's grid, the data that it is searched on, and its finished fits."""
 
     model: Model
     grid: Grid
     training: Training
     trials: Trials
     executor: Executor
-    stopping: Callable[[], bool] = lambda: False
-    source: str = grids.TABLE_2
-    baseline: Settings | None = None
-    optimum: int | None = None
+    stopping: Callable[[], bool] = lambda: False  # asked before a fit; True ends the search
+    source: str = grids.TABLE_2  # name of the grid in results and tables
+    baseline: Settings | None = None  # is judged beside the grid; None for the grid alone
+    optimum: int | None = None  # candidate that is the paper's, or built in; None if there is none
 
     @property
     def fits(self) -> int:

@@ -46,22 +46,13 @@ DECIDED = {
 
 
 class Intervals(NamedTuple):
-    """Intervals of the scores on the test rows.
+    """Intervals of the scores on the test rows."""
 
-    Attributes
-    ----------
-    of : dict
-        Low and high of each score that has an interval [%], by model and kind; empty for a result
-        whose test rows are all of one group.
-    drawn : str
-        Number and name of what is drawn, as "12 surfaces".
-    spread : float
-        Variance of the solved values of the test rows over their mean, in the target's unit.
-    """
-
+    # Low and high of each score that has an interval [%], by model and kind of result; empty for a
+    # result whose test rows are all of one group.
     of: dict[tuple[str, str], dict[str, tuple[float, float]]]
-    drawn: str
-    spread: float
+    drawn: str  # number and name of what is drawn, as "12 surfaces"
+    spread: float  # variance of the solved test values over their mean, in the target's unit
 
     def in_words(self) -> str:
         """Say how the intervals were made."""

@@ -92,20 +92,11 @@ def quantile(risk: float, groups: int) -> float:
 
 
 class Accuracy(NamedTuple):
-    """Error of a surrogate, estimated on test rows.
+    """Error of a surrogate, estimated on test rows."""
 
-    Attributes
-    ----------
-    nmae, error : float
-        Mean absolute error over the mean magnitude of the truth, and its standard error, which is
-        infinite if there is a single group [%].
-    groups : int
-        Number of surfaces, or tiles of maps, that the rows are of.
-    """
-
-    nmae: float
-    error: float
-    groups: int
+    nmae: float  # mean absolute error over the mean magnitude of the truth [%]
+    error: float  # its standard error, infinite if there is a single group [%]
+    groups: int  # surfaces, or tiles of maps, that the rows are of
 
     def bound(self, risk: float) -> float:
         """Return a number that the surrogate's error exceeds with a probability of `risk` only [%].
@@ -209,19 +200,11 @@ def parted(sets: list[Dataset], seed: int) -> Split:
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """Predictions of one target for the test rows.
-
-    Attributes
-    ----------
-    truth, prediction, low, high : ndarray, shape (n,)
-        Solved and predicted values, and the ends of their intervals, in the target's unit.
-    accuracy : Accuracy
-        The error.
-    """
+    """Predictions of one target for n test rows, each (n,), in the target's unit."""
 
     truth: Values
     prediction: Values
-    low: Values
+    low: Values  # ends of the intervals
     high: Values
     accuracy: Accuracy
 
@@ -244,32 +227,16 @@ def judge(learnt: Learnt, rows: Dataset) -> Judged:
 
 @dataclass(frozen=True, eq=False)
 class Appraisal:
-    """A surrogate of the present rows, and its errors on the holdout.
+    """A surrogate of the present rows, and its errors on the holdout."""
 
-    Attributes
-    ----------
-    rows, number : int
-        Finished rows of the database, and the number of its size.
-    mark : float
-        Largest nMAE that is asked for [%].
-    surrogate : Surrogate
-        The surrogate.
-    sets, parts : list of Dataset, Split
-        The usable rows for each target, and their division.
-    judged : dict of str to Judged
-        Predictions by target.
-    reading : float
-        Time to read the rows, and to compute the features of new ones [s].
-    """
-
-    rows: int
-    number: int
-    mark: float
+    rows: int  # finished ones of the database
+    number: int  # of the database's size
+    mark: float  # largest nMAE that is asked for [%]
     surrogate: Surrogate
-    sets: list[Dataset]
-    parts: Split
-    judged: dict[str, Judged]
-    reading: float
+    sets: list[Dataset]  # the usable rows for each target
+    parts: Split  # their division
+    judged: dict[str, Judged]  # by target
+    reading: float  # time to read the rows, and to compute the features of new ones [s]
 
     def bound(self, target: str) -> float:
         """Return the bound that a target's error exceeds with this size's probability only [%]."""

@@ -48,28 +48,15 @@ BAND = (0.1, 0.9)
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """The learning curve of a target.
-
-    Attributes
-    ----------
-    target : str
-        Name of the target.
-    rows, nmae, lowest, highest : ndarray, shape (k,)
-        Rows of the databases, ascending, and mean, smallest and largest error of the parts of one
-        size [%].
-    fit : ndarray, shape (3,)
-        a [%], b [%] and c of the curve a + b n^-c.
-    resampled : ndarray, shape (repetitions, 3)
-        The same of the resampled curves.
-    """
+    """The learning curve of a target."""
 
     target: str
-    rows: Values
-    nmae: Values
-    lowest: Values
-    highest: Values
-    fit: Values
-    resampled: Values
+    rows: Values  # of the databases, ascending, (k,)
+    nmae: Values  # mean error of the parts of one size, (k,) [%]
+    lowest: Values  # smallest of them, (k,) [%]
+    highest: Values  # largest of them, (k,) [%]
+    fit: Values  # a [%], b [%] and c of the curve a + b n^-c, (3,)
+    resampled: Values  # the same of the resampled curves, (repetitions, 3)
 
     def at(self, rows: Values) -> tuple[Values, Values, Values]:
         """Return the curve, and both ends of its band, at numbers of rows; each (n,) [%]."""

@@ -50,33 +50,19 @@ class Order:
 
 @dataclass(eq=False)
 class Growth:
-    """A growth under way, and its end.
-
-    Attributes
-    ----------
-    order, scene, executor, pace : Order, Scene, Executor, Pace
-        What is grown, of which surfaces and loads, by which workers, by which clock.
-    say, stopping : callable
-        Called with lines for the user; asked between rows, where True ends the growth.
-    ending : str or None
-        Why it has ended; None while it goes on.
-    last, curve, advice : Appraisal, Curve, Advice or None
-        The last surrogate with its errors, learning curve and advice; None if there was none.
-    fitting : float
-        Time of the last look [s].
-    """
+    """A growth under way, and its end."""
 
     order: Order
     scene: Scene
-    executor: Executor
-    pace: Pace
-    say: Callable[[str], None]
-    stopping: Callable[[], bool]
-    ending: Ending | None = None
-    last: Appraisal | None = None
-    curve: Curve | None = None
-    advice: Advice | None = None
-    fitting: float = 0.0
+    executor: Executor  # computes rows and features
+    pace: Pace  # the clock of the budget
+    say: Callable[[str], None]  # called with lines for the user
+    stopping: Callable[[], bool]  # asked between rows; True ends the growth
+    ending: Ending | None = None  # None while it goes on
+    last: Appraisal | None = None  # the last surrogate with its errors
+    curve: Curve | None = None  # the last learning curve
+    advice: Advice | None = None  # the last advice
+    fitting: float = 0.0  # time of the last look [s]
 
     @property
     def sizes(self) -> Sizes:

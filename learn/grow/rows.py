@@ -44,25 +44,13 @@ GROWTH = 2.0
 
 @dataclass(frozen=True)
 class Population:
-    """Surfaces and loads that a surrogate is to know, as the user names them.
+    """Surfaces and loads that a surrogate is to know, as the user names them."""
 
-    Attributes
-    ----------
-    name : str
-        Name of a shipped scene, or path of a scene or of a folder of maps.
-    reading, material : Reading, Material
-        How the files of a folder are read, and elastic constants and hardness for them.
-    given : tuple of str
-        Options of reading and material that the user gave: scenes hold these themselves.
-    command : str
-        Command line, for the record in a scene that is written.
-    """
-
-    name: str
-    reading: Reading
-    material: Material
-    given: tuple[str, ...]
-    command: str
+    name: str  # of a shipped scene, or path of a scene or of a folder of maps
+    reading: Reading  # how the files of a folder are read
+    material: Material  # of a folder of maps
+    given: tuple[str, ...]  # options of both that the user gave: scenes hold these themselves
+    command: str  # for the record in a scene that is written
 
     @property
     def is_folder(self) -> bool:
@@ -130,26 +118,13 @@ def _require_origin(file: Path, origin: str, population: Population) -> None:
 
 @dataclass
 class Pace:
-    """The clock of a growth with a budget or without.
+    """The clock of a growth with a budget or without."""
 
-    Attributes
-    ----------
-    limit : float or None
-        Wall-clock time of the budget [s]; None for no budget.
-    workers : int
-        Number of processes that compute.
-    row, features : float
-        Wall-clock time in which all workers together make one row, 0 if it is not known, and time
-        of the features of one new row [s].
-    fit : tuple of int and float
-        Rows of the last fit, and what it took with its judgement [s].
-    """
-
-    limit: float | None
-    workers: int
-    row: float = 0.0
-    features: float = 0.0
-    fit: tuple[int, float] = (1, 0.0)
+    limit: float | None  # wall-clock time of the budget [s]; None for no budget
+    workers: int  # processes that compute
+    row: float = 0.0  # time in which all workers together make one row, 0 if not known [s]
+    features: float = 0.0  # time of the features of one new row [s]
+    fit: tuple[int, float] = (1, 0.0)  # rows of the last fit, and its time with its judgement [s]
 
     def __post_init__(self) -> None:
         """Start the clock."""
@@ -204,21 +179,12 @@ class Pace:
 
 @dataclass(frozen=True)
 class Stock:
-    """The rows and times of a database.
+    """The rows and times of a database."""
 
-    Attributes
-    ----------
-    rows, length : int
-        Rows before the first one that is pending, and all rows.
-    seconds, solving : float
-        Sum of the times that the finished rows took, surfaces included, and mean time of a solve,
-        NaN if there is none [s].
-    """
-
-    rows: int
-    length: int
-    seconds: float
-    solving: float
+    rows: int  # before the first one that is pending
+    length: int  # all rows
+    seconds: float  # that the finished rows took, surfaces included
+    solving: float  # mean time of a solve [s], NaN if there is none
 
 
 def stock(path: Path) -> Stock:

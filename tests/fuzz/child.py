@@ -42,7 +42,6 @@ LOADED = {
     "learn": (
         "learn.comparison.jobs",
         "learn.comparison.pictures",
-        "learn.comparison.importance",
         "learn.comparison.tables",
         "learn.surrogate.answers",
         "learn.surrogate.card",

@@ -37,7 +37,6 @@ WRONG = [
     (["tune", "database.h5", "-o", "x", "--model", "svr"], "svm"),
     (["show", "x"], "holds no comparison"),
     (["show"], "DIR"),
-    (["importance", "database.h5", "-o", "x", "--model", "x"], "--model 'x'"),
     (["frobnicate"], "frobnicate"),
 ]
 
@@ -53,7 +52,7 @@ def test_wrong_input_is_one_line_and_code_2(work, capsys, arguments, word):
     assert sorted(work.iterdir()) == before, "nothing was written"
 
 
-@pytest.mark.parametrize("command", ["compare", "tune", "importance", "show"])
+@pytest.mark.parametrize("command", ["compare", "tune", "show"])
 def test_one_process_at_a_time_writes_a_folder(work, capsys, command):
     line = (
         [command, "x"] if command == "show" else [command, "database.h5", "-o", "x", "--seed", "1"]
@@ -114,15 +113,11 @@ def table(path):
         return list(csv.DictReader(file))
 
 
-def test_hybrid_features_go_through_compare_and_importance(work, capsys):
-    options = ["--features", "hybrid", "--model", "kernel-ridge"]
-    both = [*options, "--model", "gaussian-process"]
-    assert run("compare", "database.h5", "-o", "out", *both) == 0
+def test_hybrid_features_go_through_compare(work, capsys):
+    both = ["--model", "kernel-ridge", "--model", "gaussian-process"]
+    assert run("compare", "database.h5", "-o", "out", "--features", "hybrid", *both) == 0
     assert "hybrid features" in capsys.readouterr().err
     for row in table("out/area/scores.csv"):
         assert float(row["r2"]) > 40, "a linear model has its intercept, a kernel a length of use"
-    assert run("importance", "database.h5", "-o", "out", *options) == 0
-    ranked = table("out/area/importance.csv")
-    assert len(ranked) == 30
     assert run("compare", "database.h5", "-o", "out", "--model", "kernel-ridge") == 2
     assert "features 'hybrid', not 'paper'" in capsys.readouterr().err
