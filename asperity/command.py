@@ -20,16 +20,8 @@ COMPLETING = "_ASPERITY_COMPLETE"
 
 
 class Program(NamedTuple):
-    """A program of one of the packages.
-
-    Attributes
-    ----------
-    module : str
-        Module with the program's `app` and `main`.
-    default_sigint : bool
-        Whether Ctrl-C ends it at once until a run listens to signals, see `command_line.start`.
-    summary : str
-        Line for the help.
+    """A program: the module with its `app` and `main`, whether Ctrl-C ends it at once, a line of
+    help.
     """
 
     module: str

@@ -20,15 +20,7 @@ for _command in COMMANDS:
 
 
 def main(arguments: Sequence[str], name: str = "gen") -> int:
-    """Run one command line and return its exit code.
-
-    Parameters
-    ----------
-    arguments : sequence of str
-        Command, arguments and options, without the name of the program.
-    name : str
-        Name of the program as the user typed it, for messages.
-    """
+    """Run one command line, as of a program of this name, and return its exit code."""
     return command_line.main(app, name, arguments, together=["run"])
 
 

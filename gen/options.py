@@ -225,14 +225,8 @@ Like = Annotated[
 class Against(NamedTuple):
     """A second rough body that surfaces are pressed against.
 
-    Attributes
-    ----------
-    against : Path or None
-        File of the second body; None for a flat one.
-    against_options : str or None
-        Options that it alone is read and prepared by; None for those of the first body.
-    turned, shift : str
-        How it is laid on the first body, see `gen.maps.bodies.Placement`.
+    It is read by the options of the first body, or by those of its own alone;
+    `gen.maps.bodies.Placement` says how it is laid on the first body.
     """
 
     against: Annotated[
@@ -268,17 +262,10 @@ class Against(NamedTuple):
         return [*surfaces, *([self.against] if self.against else [])]
 
     def body(self, first: Reading) -> "Opposite | None":
-        """Return the second body, None if no option names one.
+        """Return the second body, read as the first one unless it has options of its own; None
+        without one.
 
-        Parameters
-        ----------
-        first : Reading
-            How the first body is read, and the second one unless it has options of its own.
-
-        Raises
-        ------
-        InputError
-            If an option of the second body comes without it, or cannot be used.
+        Raise InputError if an option of the second body comes without it, or cannot be used.
         """
         from gen.maps.bodies import Opposite, Placement
 
@@ -324,14 +311,8 @@ def sides_of(path: Path) -> list[Path]:
 
 
 class LawOutputs(NamedTuple):
-    """Files to write a law to, each None if it is not asked for.
-
-    Attributes
-    ----------
-    table, json, header, calculix, abaqus, picture : Path or None
-        Table (CSV), JSON, C header, surface interactions for CalculiX and for Abaqus, picture.
-    units : {"mm", "si"}
-        System of units of the surface interactions.
+    """Files to write a law to, each None if it is not asked for, and the system of units for two of
+    them.
     """
 
     table: Annotated[
@@ -377,13 +358,7 @@ class LawOutputs(NamedTuple):
         ]
 
     def filled(self, stem: Path | None) -> "LawOutputs":
-        """Return the files, with missing names made from a stem, but no picture.
-
-        Raises
-        ------
-        InputError
-            If the stem is empty or a folder's `.` or `..`.
-        """
+        """Return the files, with missing names made from a stem, but no picture."""
         if stem is None:
             return self
         if stem.name in {"", ".."}:

@@ -110,11 +110,6 @@ class _CtrlC:
     """Handling of Ctrl-C: the first lets the server shut down, the second ends its workers.
 
     Their questions are then answered with an error, so that the shutdown has nothing to wait for.
-
-    Attributes
-    ----------
-    presses : int
-        How often it was pressed.
     """
 
     def __init__(self, end_workers: Callable[[], None]) -> None:

@@ -102,23 +102,9 @@ class Question:
 def question(
     scene: Scene, inputs: Inputs, vectors: Vectors, configuration: Configuration
 ) -> Question:
-    """Turn inputs and configuration into a contact problem.
+    """Turn vectors of these inputs' sizes and the client's settings into a contact problem.
 
-    Parameters
-    ----------
-    scene : Scene
-        Scene of the model.
-    inputs : Inputs
-        What the vectors hold.
-    vectors : list of list of float
-        Finite numbers, in vectors of these inputs' sizes.
-    configuration : Configuration
-        The client's settings.
-
-    Raises
-    ------
-    InputError
-        If a value is not allowed, with its name.
+    Raise InputError if a value is not allowed, with its name.
     """
     drawn = dict(zip(inputs.parameters, vectors[0], strict=True)) if inputs.parameters else {}
     hardness = vectors[-1][0] if inputs.hardness else None
@@ -139,15 +125,7 @@ class Unsolved(Exception):
 
 
 class Model(Protocol):
-    """A function of vectors that answers a client.
-
-    Attributes
-    ----------
-    name : str
-        Name for clients.
-    input_sizes : list of int
-        Sizes of the vectors.
-    """
+    """A function of vectors, of the given sizes, that answers a client who knows it by its name."""
 
     name: str
     input_sizes: list[int]
@@ -164,13 +142,6 @@ class SolverModel:
 
     On request the stiffness of the contact [N/m] is a fourth output; it takes one more linear
     solve.
-
-    Parameters
-    ----------
-    scene : Scene
-        Scene that says how surfaces are made and contacts solved.
-    name : str
-        Name for clients.
     """
 
     def __init__(self, scene: Scene, name: str) -> None:
@@ -206,11 +177,6 @@ class SurrogateModel:
     Every target is a vector of four numbers: predicted value, low and high end of its 90 %
     interval, and 1 where the question lies inside what the surrogate was trained on, else 0. Where
     the scene of the training gives pressures or forces, the load is still Delta [um].
-
-    Parameters
-    ----------
-    path : Path
-        File of the surrogate.
     """
 
     def __init__(self, path: Path) -> None:
@@ -258,17 +224,9 @@ class SurrogateModel:
 
 
 def model_of(source: str) -> Model:
-    """Make the model of a scene or of a surrogate.
+    """Make the model of a shipped scene by its name, or of the file of a scene or a surrogate.
 
-    Parameters
-    ----------
-    source : str
-        Name of a shipped scene, or path of a scene's TOML file or of a surrogate.
-
-    Raises
-    ------
-    InputError
-        If it is neither, or cannot be served.
+    Raise InputError if it is neither, or cannot be served.
     """
     path = Path(source)
     if source not in preset_names() and path.is_file() and kind_of(path) == "surrogate":

@@ -42,17 +42,11 @@ class Body(BaseModel):
 
 
 class Server:
-    """The server's answers.
+    """The server's answers: the models' names and sizes from this process, their values from
+    workers.
 
-    Parameters
-    ----------
-    models : sequence of Model
-        Models, whose names and sizes this process tells.
-    workers : Workers
-        Processes that evaluate them.
-    hosts : collection of str
-        Names of this server in addresses that are answered; IP addresses are answered besides.
-        Without names every one is answered.
+    `hosts` are the names of this server in addresses that are answered, IP addresses besides;
+    without names every one is answered.
     """
 
     def __init__(

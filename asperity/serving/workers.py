@@ -31,14 +31,8 @@ STATUS = {"ModelError": 500, "InvalidOutput": 500, "Busy": 503}
 
 
 class Refusal(Exception):
-    """An answer that is an error of the protocol.
-
-    Parameters
-    ----------
-    kind : str
-        Type of the error, as "InvalidInput", "UnsupportedFeature", "InvalidOutput", "ModelError".
-    message : str
-        One line for the client.
+    """An answer that is an error of the protocol: its type, as "InvalidInput", and a line for the
+    client.
     """
 
     def __init__(self, kind: str, message: str) -> None:
@@ -67,13 +61,6 @@ class Workers:
     """Processes which all have all models; each answers one question at a time.
 
     Every process is a pool of its own: ended, it takes no other question along.
-
-    Parameters
-    ----------
-    sources : sequence of str
-        Scenes and surrogates, see `model_of`.
-    number : int
-        Number of processes.
     """
 
     def __init__(self, sources: Sequence[str], number: int) -> None:
@@ -93,13 +80,9 @@ class Workers:
         """Answer a question on a free process.
 
         A caller that is cancelled, since its client is gone, leaves the queue; a process that
-        computes its answer gets `GRACE`.
-
-        Raises
-        ------
-        Refusal
-            If too many questions wait, the model refuses the question, no process lives long enough
-            to answer, or the processes are ended meanwhile.
+        computes its answer gets `GRACE`. Raise Refusal if too many questions wait, the model
+        refuses the question, no process lives long enough to answer, or the processes are ended
+        meanwhile.
         """
         if self._waiting >= WAITING:
             raise Refusal("Busy", f"{WAITING} questions wait already: ask again later")

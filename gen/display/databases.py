@@ -26,15 +26,7 @@ MAPS = {"found": "map", "against_found": "the second body's map"}
 
 
 def print_result(path: Path, result: RunResult) -> None:
-    """Say how a run ended, and how to continue it.
-
-    Parameters
-    ----------
-    path : Path
-        Database.
-    result : RunResult
-        Counts of rows and the signal that ended the run, if any.
-    """
+    """Say how a run ended, and how to continue it."""
     pending, done, failed = result.counts
     echo(f"{path}: {done} rows done, {failed} failed, {pending} pending")
     if failed:
@@ -50,13 +42,7 @@ def print_result(path: Path, result: RunResult) -> None:
 
 
 def print_database(reader: Reader) -> None:
-    """Print a summary of a database: rows, times, scene, versions, ranges of all columns.
-
-    Parameters
-    ----------
-    reader : gen.database.Reader
-        Open database.
-    """
+    """Print a summary of a database: rows, times, scene, versions, ranges of all columns."""
     counts = reader.counts()
     attributes = reader.attributes
     echo(f"{reader.path}: {attributes['title']}")
@@ -88,15 +74,7 @@ def print_database(reader: Reader) -> None:
 
 
 def print_plan(scene: Scene, path: Path | None = None) -> None:
-    """Print the numbers of samples, surfaces and nodes of a scene, its loads and the file's size.
-
-    Parameters
-    ----------
-    scene : Scene
-        Scene, completed as for a run.
-    path : Path, optional
-        Database that would be written.
-    """
+    """Print samples, surfaces, nodes and loads of a completed scene, and its database's size."""
     from gen.generation.forecast import planned_loads
     from gen.scene import row_bytes
 
@@ -123,15 +101,7 @@ def print_plan(scene: Scene, path: Path | None = None) -> None:
 
 
 def print_estimate(scene: Scene, estimate: Estimate) -> None:
-    """Print the time and the memory that a run is going to need.
-
-    Parameters
-    ----------
-    scene : Scene
-        Scene, completed as for a run.
-    estimate : Estimate
-        Its costs, from `gen.generation.forecast.estimate`.
-    """
+    """Print the time and the memory that a run of a completed scene is going to need."""
     print_plan(scene)
     hours, rest = divmod(round(estimate.seconds), 3600)
     echo(

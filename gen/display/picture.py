@@ -28,20 +28,9 @@ LETTERS = 50
 def draw_database(file: Path, picture: Path) -> None:
     """Draw one sample's heights and pressure, all areas, and all solve times.
 
-    The sample is the done row with the median area; its fields are computed again.
-
-    Parameters
-    ----------
-    file : Path
-        Database to read.
-    picture : Path
-        Picture to write; its suffix gives the format (.png, .svg or .pdf).
-
-    Raises
-    ------
-    InputError
-        If the database cannot be read or has no done row, matplotlib is not installed, or the
-        picture cannot be written.
+    The sample is the done row with the median area; its fields are computed again. Raise InputError
+    if the database cannot be read or has no done row, matplotlib is not installed, or the picture
+    cannot be written.
     """
     require_picture_name(picture)
     figure = new_figure(WIDTH, WIDTH, dpi=110)

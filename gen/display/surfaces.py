@@ -20,15 +20,7 @@ if TYPE_CHECKING:  # statistics are printed without the solver
 
 
 def print_preparation(topography: Topography, warnings: list[str]) -> None:
-    """Print the steps from a file to a surface, and the warnings about it on standard error.
-
-    Parameters
-    ----------
-    topography : Topography
-        Surface.
-    warnings : list of str
-        One line for each warning.
-    """
+    """Print the steps from a file to a surface, and the warnings about it on standard error."""
     for step in topography.steps:
         echo(f"{topography.name}: {step}")
     for warning in warnings:
@@ -36,15 +28,7 @@ def print_preparation(topography: Topography, warnings: list[str]) -> None:
 
 
 def print_statistics(topography: Topography, description: Description) -> None:
-    """Print the 22 roughness statistics of a surface, and its tilt unless it has been levelled.
-
-    Parameters
-    ----------
-    topography : Topography
-        Surface without holes.
-    description : gen.statistics.Description
-        Statistics of the heights.
-    """
+    """Print the 22 roughness statistics of a surface, and its tilt unless it has been levelled."""
     heights, spacing = topography.heights, topography.spacing
     said = (
         f"{heights.shape[0]} x {heights.shape[1]} nodes, spacing {spacing[0]:.6g} x"
@@ -66,13 +50,7 @@ def print_statistics(topography: Topography, description: Description) -> None:
 
 
 def print_areal(parameters: Description) -> None:
-    """Print the areal parameters of a surface.
-
-    Parameters
-    ----------
-    parameters : gen.statistics.Description
-        Values and reason, from `gen.maps.areal.areal_parameters`.
-    """
+    """Print the areal parameters of a surface."""
     print_columns(
         (
             (name, f"{parameters.values[name]:.6g}", unit, meaning)
@@ -87,13 +65,7 @@ def print_areal(parameters: Description) -> None:
 
 
 def print_self_affine(fit: SelfAffineFit | str) -> None:
-    """Print a self-affine law as the generator `spectral` takes it, or why there is none.
-
-    Parameters
-    ----------
-    fit : SelfAffineFit or str
-        Law or reason, from `gen.maps.self_affine.fit_self_affine`.
-    """
+    """Print a self-affine law as the generator `spectral` takes it, or why there is none."""
     if isinstance(fit, str):
         echo(f"self-affine law: none, {fit}")
         return
@@ -127,29 +99,8 @@ def follow_contacts(
     """Collect the contacts of a surface with a progress bar, then print surface and contacts.
 
     A single contact is printed in full, several as one table. Nothing is printed before the first
-    contact is solved, since its load may be refused.
-
-    Parameters
-    ----------
-    topography : Topography
-        Surface.
-    warnings : list of str
-        Warnings about the surface.
-    solutions : iterable of Solution
-        Contacts of the surface, one of which at least was solved.
-    count : int
-        Number of solutions.
-    wanted : Wanted
-        Answers to compute beside area, force and gap.
-    material : bool
-        Whether the user gave a modulus.
-
-    Returns
-    -------
-    contacts : list of bem.Contact
-        All contacts that were solved.
-    warnings : list of str
-        Warnings about the surface, about its contacts and about loads that were not solved.
+    contact is solved, since its load may be refused. Return the contacts that were solved, and the
+    warnings about the surface, its contacts and loads that were not solved.
     """
     from gen.maps.contacts import answers, border_remark, contact_warnings
 
@@ -179,17 +130,7 @@ def follow_contacts(
 
 
 def print_contact(contact: Contact, seconds: float, wanted: Wanted) -> None:
-    """Print the solution of one contact problem.
-
-    Parameters
-    ----------
-    contact : bem.Contact
-        Solution.
-    seconds : float
-        Time that the solution took [s].
-    wanted : Wanted
-        Answers to print beside area, force and gap.
-    """
+    """Print the solution of one contact problem, and the time that it took [s]."""
     from gen.maps.contacts import answers
 
     problem = contact.problem
@@ -234,15 +175,7 @@ def _far_field_lines(contact: Contact) -> list[tuple[str, str, str]]:
 
 
 def print_law(contacts: Sequence[Contact], wanted: Wanted) -> None:
-    """Print contacts of one surface as a table with a line for each load.
-
-    Parameters
-    ----------
-    contacts : sequence of bem.Contact
-        Contacts of the surface.
-    wanted : Wanted
-        Answers to print beside area, force and gap.
-    """
+    """Print contacts of one surface as a table with a line for each load."""
     from gen.maps.contacts import answers
 
     titles = ["Delta um", "force uN", "pressure MPa", "area %", "largest MPa", "mean gap um"]

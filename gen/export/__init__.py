@@ -13,16 +13,8 @@ from gen.runtime.terminal import RunProgress
 
 
 class Exported(NamedTuple):
-    """The outcome of an export.
-
-    Attributes
-    ----------
-    rows : int
-        Number of rows that were exported.
-    left_out : int
-        Number of rows that failed or are pending.
-    size_bytes : int
-        Size of all files together [bytes].
+    """The outcome of an export: rows written, rows that failed or are pending, size of all files
+    [bytes].
     """
 
     rows: int
@@ -33,27 +25,10 @@ class Exported(NamedTuple):
 def export(reader: Reader, folder: Path, about: About) -> Exported:
     """Write the done rows of a database as Parquet, with a card and Croissant's description.
 
-    An interrupted export goes on with the same call, and one of a database that has grown since
-    renews the files that have changed.
-
-    Parameters
-    ----------
-    reader : Reader
-        Database.
-    folder : Path
-        Folder to write: new, empty, or an export of the same database.
-    about : About
-        Title, creator, licence and identifier.
-
-    Returns
-    -------
-    Exported
-        Numbers of rows, and size.
-
-    Raises
-    ------
-    InputError
-        If the database has no done rows, the folder holds something else, or the disk is full.
+    The folder is new, empty, or an export of the same database: an interrupted export goes on with
+    the same call, and one of a database that has grown renews the files that have changed. Raise
+    InputError if the database has no done rows, the folder holds something else, or the disk is
+    full.
     """
     check_folder(folder)
     with lock_folder(folder):

@@ -61,16 +61,8 @@ PARQUET = "application/x-parquet"
 class About:
     """Bibliographic data of a dataset; an empty text where nothing was given.
 
-    Attributes
-    ----------
-    title : str
-        Title of the dataset.
-    creator : str
-        Persons or organisation, as they want to be cited.
-    licence : str
-        SPDX identifier as "CC-BY-4.0", or the address of a licence.
-    doi : str
-        Digital object identifier, without the address of its resolver.
+    The licence is an SPDX identifier as "CC-BY-4.0" or an address; the DOI has no resolver before
+    it.
     """
 
     title: str
@@ -80,25 +72,10 @@ class About:
 
     @classmethod
     def of(cls, reader: Reader, title: str, creator: str, licence: str, doi: str) -> Self:
-        """Complete the options of a command by the entries of the database.
+        """Return the options of a command, and where one is empty the attribute of the database.
 
-        Parameters
-        ----------
-        reader : Reader
-            Database.
-        title, creator, licence, doi : str
-            Options of the command, empty if not given.
-
-        Returns
-        -------
-        About
-            An option where one was given, else the attribute of the database.
-
-        Raises
-        ------
-        InputError
-            If an identifier is none, or an option has more than one line; letters of the
-            database that cannot be printed become question marks.
+        Letters of the database that cannot be printed become question marks. Raise InputError if an
+        identifier is none, or an option has more than one line.
         """
         scene = reader.scene
         stored = str(reader.attributes["title"]), scene.creator or "", scene.licence or ""

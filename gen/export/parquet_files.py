@@ -41,17 +41,7 @@ FILE_BYTES = 2**28
 
 
 class Piece(NamedTuple):
-    """A file of an export.
-
-    Attributes
-    ----------
-    name : str
-        Name in the folder.
-    schema : pyarrow.Schema
-        Its columns.
-    rows : range
-        Rows of the scene that it may hold; those which are done are in it.
-    """
+    """A file of an export: its name in the folder, its columns, and the rows that may be in it."""
 
     name: str
     schema: pa.Schema
@@ -121,8 +111,7 @@ def write(
 ) -> None:
     """Write a file of an export with the rows that are done, unless it is there already.
 
-    `done` has a truth value for each row of the database, and `advance` is called with the number
-    of rows after each piece of them.
+    `done` has a truth value for each row of the database; `advance` is called with numbers of rows.
     """
     path, first = folder / piece.name, reader.rows.start
     chosen = done[piece.rows.start - first : piece.rows.stop - first]

@@ -91,10 +91,7 @@ static inline double NAME_slope(const double *x, const double *y, const double *
 def write(path: Path, law: Law) -> None:
     """Write the header whole or not at all, without the points outside a surrogate's training.
 
-    Raises
-    ------
-    InputError
-        If it cannot be written, or everything is outside the training.
+    Raise InputError if it cannot be written, or everything is outside the training.
     """
     tables = {name: getattr(law, name) for name in ("over_delta", "over_pressure")}
     law = replace(law, **{name: each.chosen(~each.flagged) for name, each in tables.items()})
@@ -190,16 +187,8 @@ def _tables(name: str, argument: str, at: Values, columns: dict[str, Values]) ->
 
 
 def _columns(curves: Curves, suffix: str, gap: Curve) -> tuple[Values, dict[str, Values]]:
-    """Return arguments and columns of a table from first touch on, by names of functions.
-
-    Parameters
-    ----------
-    curves : Curves
-        The table.
-    suffix : str
-        End of the functions' names, behind the quantity.
-    gap : Curve
-        The mean gap against Delta, which begins at first touch [um].
+    """Return arguments and columns of a table from first touch on, by the functions' names; `gap`
+    is the mean gap against Delta.
     """
     missing = curves.at[:1] > 0  # first touch, where pressures were given
     columns = {}
@@ -237,9 +226,7 @@ def _functions(
 
 
 def _comment(text: str) -> str:
-    """Replace characters that end a comment, splice lines or make a compiler warn.
-
-    Names of files and folders may hold any character: backslashes, question marks (of trigraphs),
-    asterisks beside a slash and everything but printable ASCII become underscores.
+    """Replace what could end a comment, splice lines or make a compiler warn: names hold any
+    character.
     """
     return re.sub(r"[^ -~]|[\\?]|\*(?=/)|(?<=/)\*", "_", text)

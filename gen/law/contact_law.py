@@ -129,19 +129,9 @@ class Law:
 
 
 def by_solver(order: Order, say: Callable[[str], None]) -> Law:
-    """Make a law with the solver, at the loads asked for.
+    """Make a law with the solver; `say` is called with a line for the user about each file.
 
-    Parameters
-    ----------
-    order : Order
-        The request.
-    say : callable
-        Called with a line for the user about each file.
-
-    Raises
-    ------
-    InputError
-        For input that cannot be used, or a load without a solution.
+    Raise InputError for input that cannot be used, or a load without a solution.
     """
     deltas, pressures = order.loads()
     boundary = order.boundary or "mirror"
@@ -167,18 +157,8 @@ def by_solver(order: Order, say: Callable[[str], None]) -> Law:
 def solved_law(
     order: Order, subjects: LawSurfaces, bodies: Bodies, loads: tuple[Values | None, Values | None]
 ) -> Law:
-    """Solve the contacts of a law.
-
-    Parameters
-    ----------
-    order : Order
-        The request.
-    subjects : LawSurfaces
-        Surfaces.
-    bodies : Bodies
-        E* and hardness.
-    loads : tuple of ndarray or None
-        Ascending displacements [um] and pressures [MPa]; one of both may be None.
+    """Solve the contacts of a law at ascending displacements [um] and pressures [MPa], one of which
+    may be None.
     """
     stiffness = order.stiffness or order.conductivities is not None
     tables = solved.tables(subjects.surfaces, *loads, order.level, bodies, stiffness=stiffness)
@@ -191,18 +171,7 @@ def law_of(
 ) -> Law:
     """Make a law of tables and the remarks on them.
 
-    Parameters
-    ----------
-    order : Order
-        The request.
-    subjects : LawSurfaces
-        Surfaces.
-    bodies : Bodies
-        E* and hardness.
-    tables : Tables
-        Tables and remarks.
-    said : tuple of str
-        How the law was made, and what its band is if it has one surface.
+    `said` is how the law was made, and what its band is if it has one surface.
     """
     from bem.contact import mean_conductivity
 
@@ -236,19 +205,8 @@ def law_of(
 
 
 def few_nodes(over_pressure: Curves, nodes: int) -> list[str]:
-    """Say up to which pressure so few nodes touch that the law is that of the grid.
-
-    Parameters
-    ----------
-    over_pressure : Curves
-        Table against the nominal pressure.
-    nodes : int
-        Number of nodes of a surface.
-
-    Returns
-    -------
-    list of str
-        One line, or none.
+    """Say up to which pressure so few nodes touch that the law is that of the grid: one line, or
+    none.
     """
     if "area_percent" not in over_pressure.curves:
         return []
@@ -260,12 +218,10 @@ def few_nodes(over_pressure: Curves, nodes: int) -> list[str]:
 
 
 def usual_loads(subjects: LawSurfaces, e_star: float) -> tuple[Values | None, Values | None]:
-    """Return displacements [um] and pressures [MPa] over the scenes' range; one of both is None.
+    """Return displacements [um] and pressures [MPa] over the scenes' range, one of which is None.
 
-    Raises
-    ------
-    InputError
-        If a surface comes from a file, the scenes give different loads, or they press nothing.
+    Raise InputError if a surface comes from a file, the scenes give different loads, or press
+    nothing.
     """
     usual = subjects.loads(STEPS, e_star)
     if usual is None:
@@ -278,13 +234,7 @@ def usual_loads(subjects: LawSurfaces, e_star: float) -> tuple[Values | None, Va
 
 
 def deltas_from(text: str) -> Values:
-    """Parse displacements, as "2", "1,2,5" or "5:45:9" [um].
-
-    Raises
-    ------
-    InputError
-        If the text is not made of numbers within `gen.runtime.numbers.MAGNITUDES`.
-    """
+    """Parse displacements, as "2", "1,2,5" or "5:45:9" [um]; raise InputError for others."""
     advice = "give numbers above 0 um, as 2, 1,2,5 or 5:45:9"
     values = numbers_from(text, "--delta", advice)
     if not all(map(magnitude, values)):
@@ -294,12 +244,8 @@ def deltas_from(text: str) -> Values:
 
 
 def pressures_from(text: str) -> Values:
-    """Parse nominal pressures, as "1:100:20" [MPa].
-
-    Raises
-    ------
-    InputError
-        If the text is not made of numbers of 0 or more, or all are 0.
+    """Parse nominal pressures of 0 or more, as "1:100:20" [MPa]; raise InputError for others or if
+    all are 0.
     """
     advice = f"give pressures from 0 to {MAGNITUDES[1]:g} MPa, not all 0, as 0:100:20"
     values = numbers_from(text, "--pressure", advice)

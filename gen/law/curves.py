@@ -107,12 +107,8 @@ class Points:
         )
 
     def from_rest(self, gap_at_rest: float) -> Points:
-        """Put first touch at Delta = 0, where no value is uncertain, before these loads.
-
-        Parameters
-        ----------
-        gap_at_rest : float
-            Mean gap at first touch [um].
+        """Put first touch before these loads: Delta = 0 with this mean gap [um], and no value
+        uncertain.
         """
         rest = {name: np.zeros(1) for name in self.values}
         rest["mean_gap_um"] = np.array([gap_at_rest])
@@ -201,11 +197,11 @@ class Curves:
         return replace(self, at=at, curves=curves, outside=outside, reasons=reasons)
 
     def below_full_contact(self, bodies: Bodies) -> tuple[Curves, list[str]]:
-        """Return the table up to full contact, where nothing is left of an interface.
+        """Return the table up to full contact, where nothing is left of an interface, and a line
+        about it.
 
-        It ends before the first argument at which every node touches, or at which the stiffness is
-        infinite, as one surface of a population is in full contact. A line says so. InputError is
-        raised, with E*, if nothing is left of the table.
+        Full contact is where every node touches, or where the stiffness of one surface is infinite.
+        Raise InputError, with E*, if nothing is left of the table.
         """
         full = self.curves["area_percent"].value >= 100
         if STIFFNESS in self.curves:
@@ -226,31 +222,15 @@ class Curves:
 def tabulated(
     against: str, at: Values, parts: Sequence[Points], level: float, gap_at_rest: float
 ) -> Curves:
-    """Put the points of one surface or many into one table.
+    """Put the points of one surface or many, at the same ascending arguments (k,), into one table.
 
     The values and intervals of one surface are those of its points. Those of a population are mean
-    and quantiles over the surfaces at the same argument. There is no band outside the surrogate's
-    training: for one surface at points with a reason, for a population where more surfaces are
-    outside than the band leaves out on each side, (1 - level) / 2 of them. Where most are, closure,
-    stiffness and conductance are NaN.
+    and quantiles over the surfaces at the same argument, with a share `level` between them. There
+    is no band outside the surrogate's training: for one surface at points with a reason, for a
+    population where more surfaces are outside than the band leaves out on each side, (1 - level) /
+    2 of them. Where most are, closure, stiffness and conductance are NaN.
 
-    Parameters
-    ----------
-    against : str
-        "delta_um" or "pressure_MPa".
-    at : ndarray, shape (k,)
-        Ascending arguments, the same for all surfaces [um or MPa].
-    parts : sequence of Points
-        Points of each surface at these arguments.
-    level : float
-        Coverage of the band.
-    gap_at_rest : float
-        Mean gap at first touch, a mean over the surfaces [um].
-
-    Raises
-    ------
-    InputError
-        If a value is not finite, as that of a forged surrogate may be.
+    Raise InputError if a value is not finite, as that of a forged surrogate may be.
     """
     unknown = np.array([[bool(reason) for reason in part.reasons] for part in parts])
     outside = unknown.mean(axis=0)
@@ -298,10 +278,11 @@ def _summary(reasons: Sequence[str]) -> str:
 
 
 def monotone(points: Points) -> tuple[Points, Points]:
-    """Make the curves of one surface monotone, by least squares; return the corrections too.
+    """Make the curves of one surface monotone, by least squares; return the changes of the values
+    too.
 
-    The mean gap falls with Delta, and all other quantities rise. Points outside the training
-    follow those inside, which they hardly move. The corrections are the changes of the values.
+    The mean gap falls with Delta, and all other quantities rise. Points outside the training follow
+    those inside, which they hardly move.
     """
     from scipy.optimize import isotonic_regression
 
@@ -350,14 +331,8 @@ def _held(part: dict[str, Values]) -> dict[str, Values]:
 
 
 def risen(values: Values, apart: float = APART) -> NDArray[np.bool_]:
-    """Return where values are above 0 and above those before them, (k,).
-
-    Parameters
-    ----------
-    values : ndarray, shape (k,)
-        Values, none of them NaN.
-    apart : float
-        Relative distance that counts as one.
+    """Return where values, none of them NaN, rise by a relative distance above 0 and all before,
+    (k,).
     """
     kept, last = np.zeros(values.size, dtype=bool), 0.0
     for place, value in enumerate(values.tolist()):
@@ -367,16 +342,10 @@ def risen(values: Values, apart: float = APART) -> NDArray[np.bool_]:
 
 
 def slopes(at: Values, values: Values, rest: float) -> Values:
-    """Return the slopes of the monotone cubic through the values, which begins at first touch.
+    """Return the slopes of the monotone cubic through values at ascending arguments, (k,).
 
-    Parameters
-    ----------
-    at : ndarray, shape (k,)
-        Ascending arguments.
-    values : ndarray, shape (k,)
-        Values; those that are not finite have no slope, and the cubic begins anew behind them.
-    rest : float
-        Value at the argument 0, where the curve begins if it is not among the arguments.
+    `rest` is the value at the argument 0, where the curve begins if it is not among the arguments.
+    Values that are not finite have no slope, and the cubic begins anew behind them.
     """
     from scipy.interpolate import PchipInterpolator
 
@@ -395,14 +364,8 @@ def slopes(at: Values, values: Values, rest: float) -> Values:
 
 
 def with_conductance(curves: Curves, per_stiffness: float) -> Curves:
-    """Add the conductance to a table that has the stiffness, to which it is proportional.
-
-    Parameters
-    ----------
-    curves : Curves
-        The table.
-    per_stiffness : float
-        Conductivity over E* [W / (m K MPa)].
+    """Add the conductance to a table that has the stiffness, by the conductivity over E* [W / (m K
+    MPa)].
     """
     if STIFFNESS not in curves.curves:
         return curves

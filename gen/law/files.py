@@ -43,26 +43,9 @@ LABELS = {
 
 
 def write_files(law: Law, files: LawOutputs, figure: Any) -> Iterator[Path]:
-    """Write a law to the files asked for, one after the other.
+    """Write a law to the files asked for, and yield each file once it is written.
 
-    Parameters
-    ----------
-    law : Law
-        The law.
-    files : LawOutputs
-        Files to write.
-    figure : matplotlib.figure.Figure or None
-        Figure of `empty_figure`.
-
-    Yields
-    ------
-    Path
-        A file that has been written.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be written, or the law cannot be told in its format.
+    Raise InputError if a file cannot be written, or the law cannot be told in its format.
     """
     if any((files.header, files.calculix, files.abaqus, files.picture)):
         finite_elements.rising(law)  # refused before any file is written
@@ -173,14 +156,8 @@ def _cells(name: str, curve: Curve, place: int) -> Row:
 
 
 def write_json(path: Path, law: Law) -> None:
-    """Write a law as JSON, whole or not at all.
-
-    Numbers that are not finite are null. Units stand in the names of the quantities.
-
-    Raises
-    ------
-    InputError
-        If it cannot be written.
+    """Write a law as JSON, with null for numbers that are not finite; names of quantities have
+    units.
     """
     content = {
         "format": FORMAT,
@@ -224,16 +201,8 @@ def _numbers(values: Values) -> list[float | None]:
 
 
 def draw(figure: Any, law: Law, picture: Path) -> None:
-    """Draw a law with its bands.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        Empty figure.
-    law : Law
-        The law, whose table against pressure is drawn where it is inside a surrogate's training.
-    picture : Path
-        Picture to write.
+    """Draw closure, area and stiffness or conductance over pressure with their bands, inside the
+    training.
     """
     curves = law.over_pressure.chosen(~law.over_pressure.flagged)
     names = ["closure_um", "area_percent"]

@@ -81,15 +81,8 @@ SIDES = {"": ("value", "value"), "soft": ("high", "low"), "stiff": ("low", "high
 def write(path: Path, law: Law, program: Program, units: Units) -> list[Path]:
     """Write the surface interaction of a law, and those of both sides of a band of its closure.
 
-    Returns
-    -------
-    list of Path
-        The files that were written.
-
-    Raises
-    ------
-    InputError
-        If the closure does not rise with the pressure, or a file cannot be written.
+    Return the files. Raise InputError if the closure does not rise with the pressure, or a file
+    cannot be written.
     """
     made = [(path, "")]
     if law.over_pressure.curves["closure_um"].banded.any():
@@ -101,30 +94,12 @@ def write(path: Path, law: Law, program: Program, units: Units) -> list[Path]:
 
 
 def rising(law: Law, side: str = "") -> tuple[Values, Values, Values | None]:
-    """Return the points at which closure and pressure rise, from first touch on.
+    """Return the points at which closure and pressure rise, from first touch on, inside the
+    training.
 
-    Points outside a surrogate's training are left out.
-
-    Parameters
-    ----------
-    law : Law
-        The law, whose table against pressure is taken.
-    side : {"", "soft", "stiff"}
-        The law itself, or a side of its band.
-
-    Returns
-    -------
-    pressures : ndarray, shape (m,)
-        Pressures; the first is 0 [MPa].
-    closures : ndarray, shape (m,)
-        Closures [um].
-    conductances : ndarray, shape (m,), or None
-        Conductances, if the law has them [W/(mm2 K)].
-
-    Raises
-    ------
-    InputError
-        If no point is left.
+    They are pressures [MPa], closures [um] and, if the law has them, conductances [W/(mm2 K)], of
+    the law itself ("") or of the "soft" or "stiff" side of its band. Raise InputError if no point
+    is left.
     """
     table, (closure, conductance) = law.over_pressure, SIDES[side]
     closures = getattr(table.curves["closure_um"], closure)
@@ -218,11 +193,7 @@ def _description(
 
 
 def _for_calculix(pressures: Values, closures: Values) -> tuple[Values, Values]:
-    """Return points of the monotone cubic through a law, followed by those at `FAR`.
-
-    All points of the law are among them if it has fewer than `POINTS`, otherwise evenly chosen
-    ones. The first interval is a straight line.
-    """
+    """Return evenly chosen points of the monotone cubic through a law, then those at `FAR`."""
     from scipy.interpolate import PchipInterpolator
 
     if closures[-1] >= FAR[0]:

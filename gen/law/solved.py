@@ -36,34 +36,12 @@ def tables(
     If one kind of load is given, the other table of one surface has the same contacts. For a
     population further contacts are solved for it: a given Delta leads to a pressure on each
     surface, and the second table is at the means of these pressures; likewise the other way round.
+    Loads are ascending displacements [um] and pressures [MPa], one of which may be None; `level` is
+    the coverage of a population's band.
 
-    Parameters
-    ----------
-    surfaces : sequence of LawSurface
-        One surface or more.
-    deltas : ndarray, shape (k,) or None
-        Ascending displacements above 0, or None [um].
-    pressures : ndarray, shape (m,) or None
-        Ascending pressures of 0 or more, or None; one of both has to be given [MPa].
-    level : float
-        Coverage of a population's band.
-    bodies : Bodies
-        E* and hardness.
-    stiffness : bool
-        Whether to solve for the stiffness of the interface too.
-
-    Returns
-    -------
-    over_delta, over_pressure : Curves
-        Tables against Delta and against pressure, without the loads under which the solver did not
-        converge on every surface.
-    warnings : list of str
-        Warnings, one line each; those loads are among them.
-
-    Raises
-    ------
-    InputError
-        If a load has no solution, or the solver converges under none of them.
+    Loads under which the solver did not converge on every surface are left out of the tables and
+    named among the lines that are returned with them. Raise InputError if a load has no solution,
+    or the solver converges under none.
     """
     asked: dict[Load, Values | None] = {"delta": deltas, "pressure": pressures}
     lost: list[str] = []
@@ -141,10 +119,8 @@ def _means(parts: Sequence[Points], argument: str) -> Values:
 def _possible_deltas(
     deltas: Values, surfaces: Sequence[LawSurface], bodies: Bodies
 ) -> tuple[Values, list[str]]:
-    """Return the displacements that have an equilibrium on every surface [um], and the end.
-
-    Elastic bodies without edges are in full contact at a displacement of the mean gap at rest,
-    under every pressure that is large enough.
+    """Return the displacements [um] below full contact of elastic bodies without edges, and that
+    end.
     """
     full = [each.gap_at_rest for each in surfaces if each.boundary != "free"]
     if not full or bodies.hardness is not None:
@@ -185,30 +161,11 @@ def solve(
     *,
     stiffness: bool = False,
 ) -> Points:
-    """Solve the law of one surface at the given loads; there are no intervals.
+    """Solve the law of one surface at ascending loads of 0 or more: "delta" [um] or "pressure"
+    [MPa].
 
-    Parameters
-    ----------
-    subject : LawSurface
-        The surface.
-    load : str
-        Kind of load: "delta" [um] or "pressure" [MPa].
-    loads : sequence of float
-        Ascending loads, 0 or more.
-    bodies : Bodies
-        E* and hardness.
-    stiffness : bool
-        Whether to solve for the stiffness of the interface too.
-
-    Returns
-    -------
-    Points
-        Points at all loads, NaN where the solver did not converge.
-
-    Raises
-    ------
-    InputError
-        If a load has no solution, or the solver converges under none of them.
+    Points are NaN where the solver did not converge. Raise InputError if a load has no solution, or
+    the solver converges under none of them.
     """
     topography = Topography(subject.name, subject.heights, subject.sides, boundary=subject.boundary)
     settings = {"modulus": bodies.e_star, **subject.settings}

@@ -55,12 +55,10 @@ class LawSurface:
     scene: Scene | None = None
 
     def loads(self, e_star: float) -> tuple[float, float]:
-        """Return the smallest and largest load of a scene's surface, as Delta [um] or as pressure.
+        """Return the smallest and largest load of a scene's surface, as Delta [um] or as pressure
+        [MPa].
 
-        Parameters
-        ----------
-        e_star : float
-            E* of the law, for pressures that the scene gives relative to its own [MPa].
+        Pressures that the scene gives relative to its own E* are scaled to that of the law.
         """
         from gen.generation.sample import load_of
 
@@ -92,11 +90,6 @@ class LawSurface:
         It is that of a flat punch that fills the patch, per nominal pressure. Delta on a rigid far
         field includes it, and so does the mesh of a finite-element model. A patch without edges has
         none, and a compliant far field has taken it out of Delta.
-
-        Parameters
-        ----------
-        e_star : float
-            E* [MPa].
         """
         if self.boundary != "free" or self.settings.get("far_field", "rigid") != "rigid":
             return 0.0
@@ -140,10 +133,7 @@ class LawSurfaces:
     def modulus(self) -> float | None:
         """Return the E* of all scenes [MPa], or None if a surface comes from a file.
 
-        Raises
-        ------
-        InputError
-            If the scenes have different E*.
+        Raise InputError if the scenes have different E*.
         """
         moduli = {_modulus(scene) for scene in self.scenes}
         if not self.only_scenes or not moduli:
@@ -156,10 +146,7 @@ class LawSurfaces:
     def hardness_ratio(self) -> float | None:
         """Return the hardness over E* of all scenes; None for elastic bodies or surfaces of files.
 
-        Raises
-        ------
-        InputError
-            If the scenes have more than one.
+        Raise InputError if the scenes have more than one.
         """
         ranges = {_hardness_ratios(scene) for scene in self.scenes}
         if not self.only_scenes or ranges <= {None}:
@@ -170,30 +157,14 @@ class LawSurfaces:
         return ends.pop()
 
     def loads(self, number: int, e_star: float) -> tuple[Load, Values] | None:
-        """Return loads over the range of all scenes, or None if a surface comes from a file.
+        """Return "delta" [um] or "pressure" [MPa] with ascending loads over the range of all
+        scenes.
 
-        Loads that a scene gives relative to its surfaces, and forces, become displacements or
-        pressures by the surfaces of this law: from the smallest of all to the largest that none
-        exceeds. They are spaced evenly, or by an even ratio where a scene draws them log-uniformly.
-
-        Parameters
-        ----------
-        number : int
-            Number of loads.
-        e_star : float
-            E* of the law [MPa].
-
-        Returns
-        -------
-        str
-            "delta" or "pressure".
-        ndarray, shape (number,)
-            Ascending loads [um or MPa].
-
-        Raises
-        ------
-        InputError
-            If some scenes give displacements and others pressures or forces.
+        It is None if a surface comes from a file. Loads that a scene gives relative to its
+        surfaces, and forces, become displacements or pressures by the surfaces of this law: from
+        the smallest of all to the largest that none exceeds. They are spaced evenly, or by an even
+        ratio where a scene draws them log-uniformly. Raise InputError if some scenes give
+        displacements and others do not.
         """
         if not self.only_scenes:
             return None
@@ -231,30 +202,12 @@ def read_subjects(
     only_boundary: bool = True,
     opposite: Opposite | None = None,
 ) -> LawSurfaces:
-    """Read or generate all surfaces.
+    """Read or generate all surfaces; `say` is called with a line for the user about each file.
 
-    Parameters
-    ----------
-    inputs : sequence of str
-        Surfaces, folders of them, databases, scenes.
-    surfaces : int
-        Number of surfaces of each scene or database.
-    reading : Reading
-        Options that say how files are read.
-    boundary : {"free", "periodic", "mirror"}
-        Boundary of all patches.
-    say : callable
-        Called with a line for the user about each file.
-    only_boundary : bool
-        Whether scenes of another boundary are refused; otherwise their surfaces take this one.
-    opposite : Opposite, optional
-        Second rough body, or a folder of them, each of which the surfaces from files are pressed
-        against; scenes name their own.
-
-    Raises
-    ------
-    InputError
-        For the first input that cannot be used.
+    Scenes and databases give their first `surfaces` surfaces. Those of another boundary are refused
+    with `only_boundary`, or else take this one. Surfaces from files are pressed against the second
+    rough body, or against each of a folder of them; scenes name their own. Raise InputError for the
+    first input that cannot be used.
     """
     subjects: list[LawSurface] = []
     scenes: list[Scene] = []

@@ -64,11 +64,8 @@ Version = Annotated[
 def start(*, default_sigint: bool) -> None:
     """Prepare this process for a command; to be called before NumPy is imported.
 
-    Parameters
-    ----------
-    default_sigint : bool
-        Let Ctrl-C end the process until a run listens to signals; a KeyboardInterrupt on one rank
-        alone would leave the other ranks waiting.
+    With `default_sigint` Ctrl-C ends the process until a run listens to signals; a
+    KeyboardInterrupt on one rank alone would leave the other ranks waiting.
     """
     # More threads would compete for the cores, and sums could depend on their number.
     for library in ("OMP", "OPENBLAS", "MKL", "BLIS", "VECLIB_MAXIMUM"):
@@ -87,17 +84,9 @@ def start(*, default_sigint: bool) -> None:
 def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
     """Expand the arguments of a command that are groups of options, for Typer.
 
-    Parameters
-    ----------
-    command : callable
-        A command. An argument annotated with a NamedTuple or a dataclass is a group: its fields,
-        with their annotations and defaults, are the options. Fields of a dataclass that are no
-        options have no annotation with `help` and `metavar`.
-
-    Returns
-    -------
-    callable
-        The command with the fields in the places of the groups.
+    An argument annotated with a NamedTuple or a dataclass is a group: its fields, with their
+    annotations and defaults, are the options. Fields of a dataclass that are no options have no
+    annotation with `help` and `metavar`.
     """
     kinds = get_type_hints(command, include_extras=True)
     groups = {name: kind for name, kind in kinds.items() if _is_group(kind)}
@@ -151,15 +140,7 @@ def _option(name: str, kind: Any) -> Any:
 
 
 def typed(context: typer.Context, program: str) -> str:
-    """Return the command line of a command, for the record, without the defaults.
-
-    Parameters
-    ----------
-    context : typer.Context
-        Context of the command.
-    program : str
-        Package that the command belongs to.
-    """
+    """Return the command line of a program's command, for the record, without the defaults."""
     words = [*to_type(program).split(), str(context.info_name)]
     for parameter in context.command.params:
         name = str(parameter.name)
@@ -186,25 +167,9 @@ def main(
 
     If the command ends on the master (bad input, a full disk, a missing package), it ends on the
     workers too, wherever they wait, and the master alone prints why. A bug ends all processes at
-    once with its traceback.
-
-    Parameters
-    ----------
-    app : typer.Typer
-        Commands of the program.
-    name : str
-        Name of the program, for messages: "gen", or "asperity gen" where the user typed that.
-    arguments : sequence of str
-        Command line without the name of the program.
-    together : collection of str
-        Names of the commands that the workers take part in; the master runs the rest alone.
-    alone : bool
-        Refuse to run as more than one process, for programs that measure times.
-
-    Returns
-    -------
-    int
-        0 for success, 2 for unusable input, 130 after Ctrl-C, or the command's own code.
+    once with its traceback. The workers take part in the commands named in `together`; with `alone`
+    more than one process is refused, for programs that measure times. Codes are those of
+    docs/compatibility.md.
     """
     world = farm.World()
     try:
@@ -241,15 +206,7 @@ def _ended(world: farm.World, code: int, message: str) -> int:
 
 
 def _run(app: typer.Typer, name: str, arguments: Sequence[str]) -> tuple[int, str]:
-    """Run a command on this process.
-
-    Returns
-    -------
-    code : int
-        Exit code.
-    message : str
-        Message to the user, or "".
-    """
+    """Run a command on this process; return its exit code, and a message to the user or ""."""
     try:
         _require_values(arguments)
         with started_as(name):
@@ -275,13 +232,7 @@ def _run(app: typer.Typer, name: str, arguments: Sequence[str]) -> tuple[int, st
 
 
 def _require_values(arguments: Sequence[str]) -> None:
-    """Refuse an empty argument, as of a variable of the shell that is not set: it chooses nothing.
-
-    Raises
-    ------
-    InputError
-        With the argument before it.
-    """
+    """Refuse an empty argument, as of a shell variable that is not set: it chooses nothing."""
     for before, argument in zip(["", *arguments], arguments, strict=False):
         option, equals, value = argument.partition("=")
         if not argument or (option.startswith("--") and equals and not value):

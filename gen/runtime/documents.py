@@ -37,13 +37,10 @@ class Document(BaseModel):
 
 
 def cell(value: object) -> object:
-    """Return a value for a cell: no formula, and nothing for a number that is not finite.
+    """Return a value for a cell: nothing for a number that is not finite, and no formula.
 
-    Parameters
-    ----------
-    value : object
-        Number or text. Texts that look like formulas get an apostrophe, which is OWASP's advice for
-        texts from strangers.
+    Texts that look like formulas get an apostrophe, which is OWASP's advice for texts from
+    strangers.
     """
     if isinstance(value, float) and not math.isfinite(value):
         return ""
@@ -51,20 +48,7 @@ def cell(value: object) -> object:
 
 
 def write_csv(path: Path, rows: Sequence[Row]) -> None:
-    """Write rows as CSV under a header with their names.
-
-    Parameters
-    ----------
-    path : Path
-        File to write.
-    rows : sequence of dict
-        Rows with the same names, at least one.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be written.
-    """
+    """Write one row or more, which have the same names, as CSV under a header with these names."""
     text = io.StringIO(newline="")
     writer = csv.DictWriter(text, list(rows[0]))
     writer.writeheader()
@@ -73,45 +57,16 @@ def write_csv(path: Path, rows: Sequence[Row]) -> None:
 
 
 def text_of(content: dict[str, Any]) -> str:
-    """Return the text of a document that strict readers take (RFC 8259).
-
-    Names of files may hold bytes that are no UTF-8: each becomes a question mark.
-
-    Parameters
-    ----------
-    content : dict
-        Keys and values.
-
-    Raises
-    ------
-    ValueError
-        If a number is not finite.
-    """
+    """Return a JSON document with its keys and values, all of whose numbers must be finite."""
     text = json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False)
     return text.encode(errors="replace").decode() + "\n"
 
 
 def read_bytes(path: Path, largest: int = LARGEST) -> bytes:
-    """Read a whole regular file.
+    """Read a whole regular file of `largest` bytes at most.
 
-    Parameters
-    ----------
-    path : Path
-        File to read.
-    largest : int
-        Largest size that is accepted [bytes].
-
-    Returns
-    -------
-    bytes
-        Content of the file.
-
-    Raises
-    ------
-    FileNotFoundError
-        If the file does not exist.
-    InputError
-        If the path is no regular file, the file is larger, or it cannot be read.
+    Raise FileNotFoundError if there is none, and InputError if it is larger, no regular file, or
+    cannot be read.
     """
     try:
         size = require_file(path).stat().st_size
@@ -125,25 +80,9 @@ def read_bytes(path: Path, largest: int = LARGEST) -> bytes:
 
 
 def read(path: Path, *kinds: type[Document]) -> dict[str, Any] | None:
-    """Read a document and check it.
+    """Read a JSON document of one of some kinds; return None if the file does not exist.
 
-    Parameters
-    ----------
-    path : Path
-        File with a JSON object.
-    *kinds : type of Document
-        Accepted kinds of documents; one of them has to fit.
-
-    Returns
-    -------
-    dict, optional
-        Keys and values of the document; None if the file does not exist.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or none of the kinds fits; the message names the key and the
-        fault for the first kind.
+    Raise InputError as `read_bytes` and `checked` do.
     """
     try:
         content = read_bytes(path)
@@ -153,26 +92,10 @@ def read(path: Path, *kinds: type[Document]) -> dict[str, Any] | None:
 
 
 def checked(path: Path | str, content: bytes, *kinds: type[Document]) -> dict[str, Any]:
-    """Parse a JSON object and check it against the accepted kinds.
+    """Parse a JSON object and check it against the accepted kinds, one of which has to fit.
 
-    Parameters
-    ----------
-    path : Path or str
-        Name of the document, for messages.
-    content : bytes
-        JSON object.
-    *kinds : type of Document
-        Accepted kinds of documents; one of them has to fit.
-
-    Returns
-    -------
-    dict
-        Keys and values, numbers of the declared types.
-
-    Raises
-    ------
-    InputError
-        If none of the kinds fits.
+    Raise InputError with the document's name, the key and its fault for the first kind, if none
+    fits.
     """
     faults = []
     for kind in kinds:

@@ -12,23 +12,10 @@ SUFFIXES = (".png", ".svg", ".pdf")
 
 
 def new_figure(width: float, height: float, *, dpi: float | None = None) -> Any:
-    """Make an empty figure whose panels keep clear of each other.
+    """Make an empty figure of this size [inches] and resolution [1 / inch]; its panels keep clear
+    of each other.
 
-    Parameters
-    ----------
-    width, height : float
-        Size of the figure [inches].
-    dpi : float, optional
-        Resolution [1 / inch]; matplotlib's own if omitted.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-
-    Raises
-    ------
-    InputError
-        If matplotlib is not installed.
+    Raise InputError if matplotlib is not installed.
     """
     try:
         from matplotlib.figure import Figure
@@ -42,17 +29,8 @@ def new_figure(width: float, height: float, *, dpi: float | None = None) -> Any:
 def empty_figure(picture: Path | None, width: float, height: float) -> Any:
     """Make the figure of a picture before anything is computed for it; None if there is none.
 
-    Parameters
-    ----------
-    picture : Path or None
-        Picture that will be written.
-    width, height : float
-        Size of the figure [inches].
-
-    Raises
-    ------
-    InputError
-        If the suffix is of no picture, or matplotlib is not installed.
+    Width and height are in inches. Raise InputError if the suffix is of no picture, or matplotlib
+    is not installed.
     """
     if picture is None:
         return None
@@ -61,13 +39,7 @@ def empty_figure(picture: Path | None, width: float, height: float) -> Any:
 
 
 def log_axis(axis: Any) -> None:
-    """Make an axis logarithmic, with plain numbers that keep apart where it spans few decades.
-
-    Parameters
-    ----------
-    axis : matplotlib.axis.Axis
-        Axis of a panel whose data are drawn already.
-    """
+    """Make a drawn axis logarithmic, with plain numbers where it spans few decades."""
     from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
     getattr(axis.axes, f"set_{axis.axis_name}scale")("log")
@@ -103,38 +75,14 @@ def draw_parity(axis: Any, truth: Any, predicted: Any, *, label: str = "", **sty
 
 
 def require_picture_name(path: Path) -> None:
-    """Refuse a path whose suffix names none of the formats that we draw.
-
-    Raises
-    ------
-    InputError
-        If the suffix is not one of `SUFFIXES`.
-    """
+    """Raise InputError if the suffix names none of the formats that we draw."""
     if path.suffix.lower() not in SUFFIXES:
         raise InputError(f"{path}: give the name of a picture, ending in .png, .svg or .pdf")
 
 
 def save(figure: Any, path: Path, *, dpi: float | str = "figure") -> Path:
-    """Draw a figure in memory, then write the file whole or not at all.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        Figure to draw.
-    path : Path
-        File to write; its suffix gives the format.
-    dpi : float or "figure"
-        Resolution [1 / inch]; the figure's own by default.
-
-    Returns
-    -------
-    Path
-        The file, as it was given.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be written.
+    """Draw a figure in memory, then write the file whole or not at all; its suffix gives the
+    format.
     """
     from matplotlib.text import Text
 

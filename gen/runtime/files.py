@@ -80,23 +80,8 @@ STREAMS = {
 def require_file(path: Path) -> Path:
     """Refuse pipes, sockets and devices, which could block their reader for ever.
 
-    Every reader of a file that a user names calls this before opening it. Folders and missing
-    files pass, since the reader's own message says more.
-
-    Parameters
-    ----------
-    path : Path
-        File, or a link to it.
-
-    Returns
-    -------
-    Path
-        The same path.
-
-    Raises
-    ------
-    InputError
-        If the path is neither a file nor a folder.
+    Every reader of a file that a user names calls this before opening it. Folders and missing files
+    pass, since the reader's own message says more.
     """
     try:
         kind = STREAMS.get(stat.S_IFMT(path.stat().st_mode))
@@ -108,16 +93,8 @@ def require_file(path: Path) -> Path:
 
 
 class Output(NamedTuple):
-    """A file that a command is going to write.
-
-    Attributes
-    ----------
-    path : Path, optional
-        The file; None if the user named none.
-    option : str
-        Option with which the user named it, for messages.
-    kind : {"text", "picture", "surrogate", "heights", "arrays", "maps", "parquet"}
-        Kind of its content.
+    """A file that a command is going to write: None if the user named none, the option, the
+    content.
     """
 
     path: Path | None
@@ -128,18 +105,9 @@ class Output(NamedTuple):
 def check_outputs(outputs: Iterable[Output], inputs: Iterable[Path | str] = ()) -> None:
     """Refuse outputs before any work is done for them, without changing existing files.
 
-    Parameters
-    ----------
-    outputs : iterable of Output
-        All files that the command will write.
-    inputs : iterable of Path or str
-        Files that it reads, and folders of which it reads all files except tables of results.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be written, is an input or another output, also by another name, or holds
-        another kind of content.
+    Of folders among the inputs all files count except tables of results. Raise InputError if a file
+    cannot be written, is an input or another output, also by another name, or holds another kind of
+    content.
     """
     wanted = [(output.path, output.option, output.kind) for output in outputs if output.path]
     read = list(_files_of(inputs))
@@ -156,19 +124,10 @@ def check_outputs(outputs: Iterable[Output], inputs: Iterable[Path | str] = ()) 
 
 
 def check_folder(folder: Path, *names: str) -> None:
-    """Refuse an output folder before any work is done for it.
+    """Refuse an output folder, which may have to be made, before any work is done for it.
 
-    Parameters
-    ----------
-    folder : Path
-        Folder, which may have to be made.
-    *names : str
-        Names of the files that the command will write there: pictures (.png) and texts.
-
-    Raises
-    ------
-    InputError
-        If the path is no folder, files cannot be written there, or one cannot be replaced.
+    Raise InputError if the path is no folder, files cannot be written there, or one of these names,
+    pictures (.png) and texts, cannot be replaced.
     """
     if folder.is_dir():
         with _in_words(folder, "cannot be written to"):
@@ -185,13 +144,7 @@ def check_folder(folder: Path, *names: str) -> None:
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder, or the one that a link leads to, and those above it, unless they exist.
-
-    Raises
-    ------
-    InputError
-        If the folder cannot be made.
-    """
+    """Make a folder, or the one that a link leads to, and those above it, unless they exist."""
     real = _followed(folder)
     if real.exists() and not real.is_dir():
         raise InputError(f"{folder} is a file: give a folder")
@@ -200,22 +153,10 @@ def make_folder(folder: Path) -> None:
 
 
 def write(path: Path, content: str | bytes, kind: Kind = "text") -> None:
-    """Write a file whole or not at all.
+    """Write a file whole or not at all; a file of another kind is not replaced.
 
-    Parameters
-    ----------
-    path : Path
-        File to write.
-    content : str or bytes
-        Its content; letters that UTF-8 cannot hold, as in some names of files, become question
-        marks.
-    kind : {"text", "picture", "surrogate", "heights", "arrays", "maps", "parquet"}
-        Kind of the content; a file of another kind is not replaced.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be written; an existing file is unchanged then.
+    Letters that UTF-8 cannot hold, as in some names of files, become question marks. Raise
+    InputError if the file cannot be written; an existing file is unchanged then.
     """
     with atomic(path, kind) as file:
         file.write(content.encode(errors="replace") if isinstance(content, str) else content)
@@ -225,28 +166,9 @@ def write(path: Path, content: str | bytes, kind: Kind = "text") -> None:
 def atomic(path: Path, kind: Kind = "text", *, replace: bool = True) -> Iterator[IO[bytes]]:
     """Open a temporary file that is renamed to its final name once the block has succeeded.
 
-    A link stays a link. A replaced file passes on its mode and, if the system allows it, its owner
-    and group.
-
-    Parameters
-    ----------
-    path : Path
-        File to write.
-    kind : {"text", "picture", "surrogate", "heights", "arrays", "maps", "parquet"}
-        Kind of the content; a file of another kind is not replaced.
-    replace : bool
-        Whether the file takes the place of one that another process may have made meanwhile; if
-        not, that one stays, as others may be reading it.
-
-    Yields
-    ------
-    file object
-        The temporary file, open for writing bytes.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be written; an existing file is unchanged then.
+    A link stays a link, and a file of another kind is not replaced. Without `replace` a file that
+    another process has made meanwhile stays, as others may be reading it. Raise InputError if the
+    file cannot be written; an existing file is unchanged then.
     """
     real = _place(path, kind)
     with _in_words(path, "cannot be written"):
@@ -260,29 +182,10 @@ def unfinished(real: Path, present: Present = "replace", end: str = "") -> Itera
     """Make an empty file beside a target, and give it the target's name once the block succeeds.
 
     This is the one way in which files, databases among them, come into being: what stands at the
-    target stays whole until the new file is on the disk. A replaced file passes on its mode and, if
-    the system allows it, its owner and group.
-
-    Parameters
-    ----------
-    real : Path
-        Target, without links; see `place_of`.
-    present : {"replace", "keep", "refuse"}
-        What happens to a file at the target: it is replaced, it stays as others may be reading it,
-        or it stays and an error is raised.
-    end : str
-        End of the temporary name, for files whose remains after a kill are looked for; it is hidden
-        if there is none.
-
-    Yields
-    ------
-    Path
-        The temporary file.
-
-    Raises
-    ------
-    OSError
-        If it cannot be made, written to the disk or renamed; FileExistsError for "refuse".
+    target, which `place_of` has found, stays whole until the new file is on the disk. A replaced
+    file passes on its mode and, if the system allows it, its owner and group. A file that has come
+    meanwhile is replaced, kept, or refused by FileExistsError. `end` is the end of a temporary name
+    whose remains after a kill are looked for; without it the name is hidden.
     """
     own = secrets.token_hex(8)
     temporary = real.with_name(f"{real.name}.{own}{end}" if end else f".asperity-{own}")
@@ -315,22 +218,10 @@ def _name_unless_taken(temporary: Path, real: Path) -> None:
 
 
 def place_of(path: Path) -> Path:
-    """Follow all links to the place of a file, which need not exist yet.
+    """Follow all links, perhaps to scratch folders, to the place of a file, which need not exist
+    yet.
 
-    Parameters
-    ----------
-    path : Path
-        Path of a file, perhaps through links to scratch folders.
-
-    Returns
-    -------
-    Path
-        Absolute path without links.
-
-    Raises
-    ------
-    InputError
-        If the path cannot be a file's: a loop of links, a folder, the root.
+    Raise InputError if the path cannot be a file's: a loop of links, a folder, the root.
     """
     real = _followed(path)
     with _in_words(path, "cannot be written"):
@@ -356,13 +247,7 @@ def _followed(path: Path) -> Path:
 
 
 def require_writable(path: Path) -> None:
-    """Refuse an existing file that may not be written; its mode counts for the superuser too.
-
-    Raises
-    ------
-    InputError
-        If its mode lets nobody write, or the system does not let this user write.
-    """
+    """Refuse an existing file that may not be written; its mode counts for the superuser too."""
     if not path.stat().st_mode & (stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH):
         raise InputError(f"{path} is read-only; give another name, or chmod u+w it")
     with _in_words(path, "cannot be written"):
@@ -370,14 +255,8 @@ def require_writable(path: Path) -> None:
 
 
 def hand_on(old: os.stat_result, descriptor: int) -> None:
-    """Give a new file the mode of the one it replaces and, if allowed, its owner and group.
-
-    Parameters
-    ----------
-    old : os.stat_result
-        Status of the file that will be replaced.
-    descriptor : int
-        Descriptor of the new file, open for writing.
+    """Give a new file, open for writing, the mode of the one it replaces and, if allowed, its owner
+    and group.
     """
     for owner, group in ((old.st_uid, -1), (-1, old.st_gid)):
         with suppress(PermissionError):
@@ -416,12 +295,8 @@ def _require_replaceable(path: Path, kind: Kind) -> None:
 
 
 def kind_of(path: Path) -> str:
-    """Return the kind of a file's content, judged by its beginning.
-
-    Returns
-    -------
-    str
-        A key of `WORDS`, or "" for an empty file.
+    """Return the kind of a file's content, a key of `WORDS`, by its beginning; "" for an empty
+    file.
     """
     with path.open("rb") as file:
         start = file.read(BEGINNING)

@@ -26,17 +26,8 @@ REPOSITORY = Path(__file__).resolve().parents[2]
 
 
 def versions(packages: Iterable[str]) -> dict[str, str]:
-    """Return the versions of Python and of installed packages without importing them.
-
-    Parameters
-    ----------
-    packages : iterable of str
-        Names of packages in the package index; those that are not installed are left out.
-
-    Returns
-    -------
-    dict of str
-        Version of each package by its name.
+    """Return the versions of Python and of those packages that are installed, without importing
+    them.
     """
     installed = {"python": platform.python_version()}
     for name in packages:
@@ -73,13 +64,7 @@ def git_commit() -> str:
 
 
 def command_for(extra: str) -> str:
-    """Return the command that installs an extra.
-
-    Parameters
-    ----------
-    extra : str
-        Name of an extra in pyproject.toml.
-    """
+    """Return the command that installs an extra of pyproject.toml."""
     beside = Path(sys.executable).with_name("pip")
     pip = ["pip"] if shutil.which("pip") == str(beside) else [sys.executable, "-m", "pip"]
     return shlex.join([*pip, "install", *_packages(extra)])

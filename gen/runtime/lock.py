@@ -22,22 +22,14 @@ LONGEST = 500
 
 @contextmanager
 def lock(path: Path) -> Iterator[None]:
-    """Hold the lock of a database while the block creates, opens or writes it.
+    """Hold the lock of a database, which need not exist yet, while the block creates or writes it.
 
-    The kernel keeps the lock on the file `<path>.lock` and drops it when the process ends; the
-    file names the holder. With `HDF5_USE_FILE_LOCKING=FALSE`, the usual setting on file systems
-    without locks, missing locks are accepted and the user makes sure that only one run writes.
+    The kernel keeps the lock on the file `<path>.lock` and drops it when the process ends; the file
+    names the holder. With `HDF5_USE_FILE_LOCKING=FALSE`, the usual setting on file systems without
+    locks, missing locks are accepted and the user makes sure that only one run writes.
 
-    Parameters
-    ----------
-    path : Path
-        Database, which need not exist yet.
-
-    Raises
-    ------
-    InputError
-        If another process writes the database, the folder cannot be written, its file system has
-        no locks, or a file of the user's has the lock's name.
+    Raise InputError if another process writes the database, the folder cannot be written, its file
+    system has no locks, or a file of the user's has the lock's name.
     """
     real = place_of(path)  # one lock for all links to a file
     with _held(path, real.with_name(f"{real.name}.lock")):
@@ -50,16 +42,6 @@ def lock_folder(folder: Path) -> Iterator[None]:
 
     The lock is the file `.asperity.lock` in the folder, see `lock`. A folder that has been made for
     the block and is empty behind it is removed.
-
-    Parameters
-    ----------
-    folder : Path
-        Folder, which need not exist yet.
-
-    Raises
-    ------
-    InputError
-        As `lock`, or if the folder cannot be made.
     """
     made = [each for each in (folder, *folder.parents) if not each.exists()]
     make_folder(folder)

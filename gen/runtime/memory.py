@@ -20,8 +20,8 @@ CONTACT_BYTES = 32
 def allowed() -> int:
     """Return the memory that this process may take [bytes].
 
-    That is the machine's memory or the lowest limit of container, batch job and shell
-    (`ulimit -v`).
+    That is the machine's memory or the lowest limit of container, batch job and shell (`ulimit
+    -v`).
     """
     limits = [os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")]
     for name in ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"):
@@ -44,20 +44,7 @@ def free() -> int:
 
 
 def require_for_contacts(loads: int, shape: tuple[int, ...]) -> None:
-    """Refuse several contacts of one surface that do not fit into memory together.
-
-    Parameters
-    ----------
-    loads : int
-        Number of contacts.
-    shape : tuple of int
-        Nodes along x and y.
-
-    Raises
-    ------
-    InputError
-        If they do not fit; the message gives the needed and the allowed memory.
-    """
+    """Refuse several contacts of one surface that do not fit into memory together."""
     nodes = shape[0] * shape[1]
     needed = nodes * (SOLVE_BYTES + loads * CONTACT_BYTES)
     if loads > 1 and needed > allowed():
@@ -68,18 +55,7 @@ def require_for_contacts(loads: int, shape: tuple[int, ...]) -> None:
 
 
 def too_little_for_solve(shape: tuple[int, ...]) -> InputError:
-    """Return the error for a solve that ran out of memory.
-
-    Parameters
-    ----------
-    shape : tuple of int
-        Nodes along x and y.
-
-    Returns
-    -------
-    InputError
-        Error with the needed and the allowed memory.
-    """
+    """Return the error for a solve that ran out of memory, with what it needs and may take."""
     needed = shape[0] * shape[1] * SOLVE_BYTES
     return InputError(
         f"a contact of {shape[0]} x {shape[1]} nodes does not fit into memory: it needs about"

@@ -15,41 +15,14 @@ MAGNITUDES = (1e-60, 1e60)
 
 
 def integer(text: str) -> int | None:
-    """Parse a whole number.
-
-    Parameters
-    ----------
-    text : str
-        At most `DIGITS` decimal digits, with blanks around them or without.
-
-    Returns
-    -------
-    int, optional
-        The number; None if the text is anything else.
-    """
+    """Parse a whole number of at most `DIGITS` decimal digits; return None for any other text."""
     digits = text.strip()
     good = digits.isascii() and digits.isdecimal() and len(digits) <= DIGITS
     return int(digits) if good else None
 
 
 def rows_from(text: str) -> tuple[int, int] | None:
-    """Parse a range of rows.
-
-    Parameters
-    ----------
-    text : str
-        First row and one past the last, as "100:200", or "".
-
-    Returns
-    -------
-    tuple of int, optional
-        First row and one past the last; None for "".
-
-    Raises
-    ------
-    InputError
-        If the text is anything else.
-    """
+    """Parse the first row and one past the last, as "100:200"; return None for ""."""
     if not text:
         return None
     first, _, last = text.partition(":")
@@ -60,27 +33,11 @@ def rows_from(text: str) -> tuple[int, int] | None:
 
 
 def values_from(text: str, option: str, advice: str) -> list[float]:
-    """Parse the numbers of an option.
+    """Parse the numbers of an option; `advice` says in messages which are allowed.
 
-    Parameters
-    ----------
-    text : str
-        Parts with commas between them: numbers, start:stop:count for evenly spaced ones, or
-        start:stop:count:log for numbers of an even ratio, both ends above 0.
-    option : str
-        Name of the option, for messages.
-    advice : str
-        Allowed values in words, for messages.
-
-    Returns
-    -------
-    list of float
-        The numbers.
-
-    Raises
-    ------
-    InputError
-        If a part is no number, or there are more than `MOST` numbers.
+    They are parts with commas between them: numbers, start:stop:count for evenly spaced ones, or
+    start:stop:count:log for numbers of an even ratio, both ends above 0. Raise InputError if a part
+    is none of these, or there are more than `MOST` numbers.
     """
     values: list[float] = []
     for part in text.split(","):
@@ -95,15 +52,7 @@ def values_from(text: str, option: str, advice: str) -> list[float]:
 
 
 def shown(text: str, most: int = 60) -> str:
-    """Quote a text of the user's, shortened if it is too long to be typed by hand.
-
-    Parameters
-    ----------
-    text : str
-        Text to quote.
-    most : int
-        Largest number of characters.
-    """
+    """Quote a text of the user's, shortened if it is too long to be typed by hand."""
     return repr(text) if len(text) <= most else f"{text[:most]!r}... ({len(text)} characters)"
 
 
@@ -113,26 +62,14 @@ def magnitude(value: float) -> bool:
 
 
 def require_share(option: str, share: float) -> float:
-    """Return a share between 0 and 1, both excluded, or refuse it.
-
-    Raises
-    ------
-    InputError
-        If it is not between them.
-    """
+    """Return a share between 0 and 1, both excluded, or refuse it."""
     if not 0 < share < 1:
         raise InputError(f"{option} {share:g}: give a share between 0 and 1, as 0.9")
     return share
 
 
 def _series(text: str) -> tuple[float, float, int, bool] | None:
-    """Parse "start:stop:count", the same with ":log", or one number, whose count is 1.
-
-    Returns
-    -------
-    tuple, optional
-        Start, stop, count, and whether the numbers have an even ratio; None for another text.
-    """
+    """Parse "start:stop:count" with or without ":log", or a number; else None."""
     parts = text.split(":")
     log = len(parts) == 4 and parts[3].strip() == "log"
     if log:

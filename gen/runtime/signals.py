@@ -32,16 +32,8 @@ REPEATED = 1.0
 class Interruption:
     """A context manager that records the first signal; the second one has its usual effect.
 
-    Parameters
-    ----------
-    listening : bool
-        True on the master, which stops the run in order; False on a worker, which ignores the
-        signals and works until the master has no more tasks.
-
-    Attributes
-    ----------
-    signal : int
-        Number of the first signal, 0 before it.
+    The master is listening and stops the run in order; a worker ignores the signals and works until
+    the master has no more tasks. `signal` is the number of the first signal, 0 before it.
     """
 
     def __init__(self, *, listening: bool) -> None:
@@ -118,22 +110,12 @@ class Overtime(Exception):
 
 @contextmanager
 def at_most(seconds: float | None) -> Iterator[None]:
-    """Bound the wall-clock time of a block; works on a process's main thread only.
+    """Bound the wall-clock time [s] of a block, if there is a bound; on a process's main thread
+    only.
 
     Python handles the alarm between two of its steps, so a long call of compiled code runs to its
-    end.
-
-    Parameters
-    ----------
-    seconds : float, optional
-        Wall-clock time of the block [s], above 0 and at most `LONGEST`; None for no bound.
-
-    Raises
-    ------
-    ValueError
-        If the number of seconds is out of range.
-    Overtime
-        Once the block has taken longer.
+    end. Raise Overtime once the block has taken longer, and ValueError for a bound that is not
+    above 0 or larger than `LONGEST`.
     """
     if seconds is None:
         yield

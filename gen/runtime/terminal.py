@@ -38,38 +38,17 @@ def printable(text: str) -> str:
     """Replace every character that is not printable by a question mark.
 
     These are control characters, ends of lines, and characters that turn the direction of writing.
-
-    Parameters
-    ----------
-    text : str
-        One line.
     """
     return "".join(character if character.isprintable() else "?" for character in text)
 
 
 def echo(line: str, *, err: bool = False) -> None:
-    """Print one line.
-
-    Parameters
-    ----------
-    line : str
-        Text of the line.
-    err : bool
-        Print on standard error instead of standard output.
-    """
+    """Print one line, on standard error if wanted."""
     put(f"{printable(line)}\n", sys.stderr if err else sys.stdout)
 
 
 def print_table(table: Any, width: int = ENDLESS) -> None:
-    """Print a table.
-
-    Parameters
-    ----------
-    table : rich.table.Table
-        The table.
-    width : int
-        Width without a terminal; with one, the terminal's [characters].
-    """
+    """Print a table of rich's, as wide as the terminal or, without one, as `width` [characters]."""
     if sys.stdout is None:
         return
     from rich.console import Console
@@ -88,17 +67,7 @@ def print_table(table: Any, width: int = ENDLESS) -> None:
 def print_columns(
     rows: Iterable[Sequence[str]], titles: Sequence[str] = (), right: Collection[str] = ()
 ) -> None:
-    """Print rows of texts in columns without lines between them.
-
-    Parameters
-    ----------
-    rows : iterable of sequence of str
-        Cells of each row.
-    titles : sequence of str
-        Titles of the columns; none are printed if there are none.
-    right : collection of str
-        Titles of the columns whose cells end at the right, as numbers do.
-    """
+    """Print rows of texts in columns; those whose titles are in `right` end at the right."""
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False, show_header=bool(titles))
@@ -110,21 +79,10 @@ def print_columns(
 
 
 def put(text: str, stream: Any) -> None:
-    """Write a text on a standard stream at once, if this process has the stream.
+    """Write a text without strangers' control characters on a standard stream, if there is one.
 
-    Errors of standard error are ignored: a full device or a lost reader ends no command.
-
-    Parameters
-    ----------
-    text : str
-        Text that holds no control characters of strangers.
-    stream : text file or None
-        `sys.stdout` or `sys.stderr`.
-
-    Raises
-    ------
-    OSError
-        If standard output cannot be written, with its name; BrokenPipeError if its reader is gone.
+    Errors of standard error are ignored: a full device or a lost reader ends no command. Those of
+    standard output are raised with its name; BrokenPipeError if its reader is gone.
     """
     if stream is None:
         return
@@ -158,12 +116,8 @@ def brief(reasons: str) -> str:
 
 @contextmanager
 def started_as(name: str) -> Iterator[None]:
-    """Let messages name commands as the user has typed the running one.
-
-    Parameters
-    ----------
-    name : str
-        Name of the program: "gen", or "asperity gen".
+    """Let messages name commands as the user has typed the running one: as "gen", or "asperity
+    gen".
     """
     own = _start.set(COMMAND if name.partition(" ")[0] == COMMAND else "python -m")
     try:
@@ -173,30 +127,16 @@ def started_as(name: str) -> Iterator[None]:
 
 
 def to_type(words: str) -> str:
-    """Return a command as the user can type it.
-
-    Parameters
-    ----------
-    words : str
-        Program, command and arguments, as "gen info FILE"; also "asperity gen info FILE".
-    """
+    """Return a command, as "gen info FILE" or "asperity gen info FILE", as the user can type it."""
     return words if words.partition(" ")[0] == COMMAND else f"{_start.get()} {words}"
 
 
 class RunProgress:
     """Progress on standard error: a bar on a terminal, a line now and then in a batch log.
 
-    A stream that is full, closed or without a reader ends no run.
-
-    Parameters
-    ----------
-    total : int
-        Number of rows of this run.
-    noun : str
-        Plural noun for the rows, which words that tell it from others may follow.
-    work : float, optional
-        Expected cost of all rows in any unit, from which the remaining time follows; by default
-        all rows cost the same.
+    A stream that is full, closed or without a reader ends no run. `noun` is the plural of a row,
+    which words that tell it from others may follow. The remaining time follows from the cost of all
+    rows in any unit, by default their number.
     """
 
     def __init__(self, total: int, noun: str = "samples", work: float | None = None) -> None:
@@ -225,16 +165,8 @@ class RunProgress:
             self._print_line()
 
     def advance(self, rows: int, failed: int, work: float | None = None) -> None:
-        """Count rows that have been written.
-
-        Parameters
-        ----------
-        rows : int
-            Number of rows, failed ones included.
-        failed : int
-            Number of failed rows.
-        work : float, optional
-            Cost of the rows, in the unit of the total; their number by default.
+        """Count rows that have been written, failed ones among them, and their cost, by default
+        their number.
         """
         self._here += rows
         self._failed += failed
@@ -247,13 +179,7 @@ class RunProgress:
             self._print_line()
 
     def say(self, message: str) -> None:
-        """Print a line above the bar.
-
-        Parameters
-        ----------
-        message : str
-            The line.
-        """
+        """Print a line above the bar."""
         with _heedless():
             if self._bar:
                 self._bar.console.print(

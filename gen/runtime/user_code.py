@@ -33,45 +33,19 @@ _compiled: dict[str, ModuleType] = {}
 def source_hash(name: str) -> str:
     """Compute the SHA-256 of the source of the module that has a function, without running it.
 
-    Parameters
-    ----------
-    name : str
-        "module:function"; the module stands in the current folder or where Python finds modules.
-
-    Returns
-    -------
-    str
-        The hash in hexadecimal digits.
-
-    Raises
-    ------
-    SourceError
-        If there is no such module, or it has no source.
+    The name is "module:function"; the module stands in the current folder or where Python finds
+    modules. Raise SourceError if there is no such module, or it has no source.
     """
     return hashlib.sha256(_read(name, source_of(name))).hexdigest()
 
 
 @functools.lru_cache(maxsize=16)
 def load_function(name: str, source: str) -> Function:
-    """Import a function of the user's, whose module's code runs.
+    """Import a function "module:function" of the user's, whose module's source must have this
+    SHA-256.
 
-    Parameters
-    ----------
-    name : str
-        "module:function"; the module stands in the current folder or where Python finds modules.
-    source : str
-        SHA-256 that the module's source needs to have.
-
-    Returns
-    -------
-    callable
-        The function.
-
-    Raises
-    ------
-    SourceError
-        If functions are not trusted, there is no such function, its module cannot be imported, or
-        its source has changed.
+    Raise SourceError if functions are not trusted, there is no such function, its module cannot be
+    imported, or its source has changed.
     """
     path = source_of(name)
     content = _read(name, path)
@@ -88,21 +62,11 @@ def load_function(name: str, source: str) -> Function:
 def faults_of(
     place: str, passing: tuple[type[Exception], ...] = (ArithmeticError, MemoryError)
 ) -> Iterator[None]:
-    """Turn what a user's code raises into an error of one line.
+    """Turn what a user's code raises into a SourceError of one line, also what would end the
+    program.
 
-    A bound on the time passes through, as do the exceptions in `passing`.
-
-    Parameters
-    ----------
-    place : str
-        The function, and what it was called for.
-    passing : tuple of type
-        Exceptions that are handled elsewhere: a surface or a row may fail by its numbers.
-
-    Raises
-    ------
-    SourceError
-        For every other exception, also those that would end the program.
+    A bound on the time passes through, as do the exceptions in `passing`: a surface or a row may
+    fail by its numbers.
     """
     elsewhere: tuple[type[Exception], ...] = (*passing, Overtime, SourceError)
     try:
@@ -114,17 +78,9 @@ def faults_of(
 
 
 def source_of(name: str) -> Path:
-    """Find the file of the module that has a function; nothing of the user's is imported.
+    """Find the file of the module that has a function "module:function"; nothing is imported.
 
-    Parameters
-    ----------
-    name : str
-        "module:function".
-
-    Raises
-    ------
-    SourceError
-        If functions are not trusted, there is no such module, or it has no source.
+    Raise SourceError if functions are not trusted, there is no such module, or it has no source.
     """
     if not TRUSTED.get():
         raise SourceError(
