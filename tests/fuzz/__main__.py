@@ -13,7 +13,6 @@ from gen.runtime import command_line, farm
 from gen.runtime.errors import InputError
 from tests.fuzz import search
 from tests.fuzz.corpus import KINDS
-from tests.fuzz.findings import Findings
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None)
 
@@ -44,7 +43,7 @@ def fuzz(
     """
     if output.exists():
         raise InputError(f"{output} exists: give a new folder")
-    found, began = Findings(output), time.monotonic()
+    found, began = search.Findings(output), time.monotonic()
     last = None if cases is None else first + cases
     with tempfile.TemporaryDirectory() as folder:
         for case in search.fuzz(

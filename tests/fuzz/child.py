@@ -29,28 +29,8 @@ LARGEST_FILE = 256 * 2**20
 """Bytes that a command may write into one file."""
 
 LOADED = {
-    "gen": (
-        "bem",
-        "gen.generation.check",
-        "gen.database",
-        "gen.display",
-        "gen.generation.forecast",
-        "gen.generation.run",
-        "matplotlib.backends.backend_agg",
-        "scipy.sparse.linalg",
-    ),
-    "learn": (
-        "learn.comparison.jobs",
-        "learn.comparison.pictures",
-        "learn.comparison.tables",
-        "learn.surrogate.answers",
-        "learn.surrogate.card",
-        "learn.surrogate.law",
-        "learn.surrogate.fitting",
-        "sklearn.ensemble",
-        "sklearn.tree",
-        "xgboost",
-    ),
+    "gen": ("bem", "gen.generation.check", "gen.display", "gen.generation.run"),
+    "learn": ("learn.comparison.jobs", "learn.surrogate.fitting", "sklearn.ensemble", "xgboost"),
     "bench": ("bench.run",),
 }
 """Modules that commands import when they need them: loaded once here, not once in every case."""
@@ -64,21 +44,12 @@ WARNING = re.compile(r"\.py:\d+: \w*Warning")
 
 @dataclass(frozen=True)
 class Ended:
-    """How a command ended.
-
-    Attributes
-    ----------
-    code : exit code; minus the number of a signal that ended it
-    output, errors : what it wrote to standard output and standard error
-    hung : whether it was ended because it took longer than its bound
-    seconds : that it took
-    """
+    """How a command ended: its exit code (minus a signal that ended it), and what it wrote."""
 
     code: int
     output: str
     errors: str
     hung: bool = False
-    seconds: float = 0.0
 
 
 def load(program: str) -> None:
@@ -90,25 +61,21 @@ def load(program: str) -> None:
 def run(
     command: Sequence[str], folder: Path, bound: float = BOUND, memory: int | None = MEMORY
 ) -> Ended:
-    """Run a command line in a fork of this process.
+    """Run a command line in a folder, in a fork of this process.
 
-    Parameters
-    ----------
-    command : "gen", "learn" or "bench", and its arguments
-    folder : where it works
-    bound : seconds after which it is killed
-    memory : bytes that it may ask for on top of what this process has, None for no bound
+    It is killed after `bound` seconds; `memory` is what it may ask for on top of what this process
+    has [bytes], None for no bound.
     """
     with tempfile.TemporaryFile() as output, tempfile.TemporaryFile() as errors:
-        began = time.monotonic()
+        limit = time.monotonic() + bound
         process = os.fork()
         if process == 0:
             if memory is not None:
-                _limit(resource.RLIMIT_AS, _address_space() + memory)
+                pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
+                _limit(resource.RLIMIT_AS, pages * os.sysconf("SC_PAGE_SIZE") + memory)
             _become(command, folder, output, errors)
-        code, hung = _await(process, began + bound)
-        seconds = time.monotonic() - began
-        return Ended(code, _content(output), _content(errors), hung, seconds)
+        code, hung = _await(process, limit)
+        return Ended(code, _content(output), _content(errors), hung)
 
 
 def fault(command: Sequence[str], ended: Ended) -> str:
@@ -117,26 +84,19 @@ def fault(command: Sequence[str], ended: Ended) -> str:
     Right are 0 for success, 1 where a check has found faults and names them, and 2 with exactly one
     line that says what was wrong with the input; each without a traceback or a library's warning.
     """
-    if ended.hung:
-        return "hang"
-    if ended.code < 0:
-        return signal.Signals(-ended.code).name
-    if "Traceback (most recent call last)" in ended.errors:
-        return f"traceback: {ended.errors.strip().splitlines()[-1][:200]}"
-    if WARNING.search(ended.errors):
-        return "a library's warning"
-    checked = ended.code == 1 and list(command[:2]) == ["gen", "check"]
-    if ended.code not in {0, 2} and not checked:
-        return f"exit code {ended.code}"
-    return _refusal_fault(command[0], ended.errors.splitlines()) if ended.code == 2 else ""
-
-
-def _refusal_fault(program: str, lines: Sequence[str]) -> str:
-    """What is wrong with the words of a refusal; progress and warnings may stand above them."""
-    refusals = [line for line in lines if line.startswith(f"{program}: ")]
-    if len(refusals) != 1:
-        return f"{len(refusals)} lines of refusal in place of one"
-    return "" if lines[-1] == refusals[0] else "lines below the refusal"
+    lines = ended.errors.splitlines()
+    refusals = [line for line in lines if line.startswith(f"{command[0]}: ")]
+    right = {0, 1, 2} if list(command[:2]) == ["gen", "check"] else {0, 2}
+    wrong = {
+        "hang": ended.hung,
+        f"signal {-ended.code}": ended.code < 0,
+        f"traceback: {lines[-1][:200] if lines else ''}": "Traceback (most" in ended.errors,
+        "a library's warning": WARNING.search(ended.errors) is not None,
+        f"exit code {ended.code}": ended.code not in right,
+        f"{len(refusals)} lines of refusal in place of one": ended.code == 2 and len(refusals) != 1,
+        "lines below the refusal": ended.code == 2 and lines[-1:] != refusals,
+    }
+    return next((fault for fault, found in wrong.items() if found), "")
 
 
 def _become(command: Sequence[str], folder: Path, output: IO[bytes], errors: IO[bytes]) -> NoReturn:
@@ -170,12 +130,6 @@ def _become(command: Sequence[str], folder: Path, output: IO[bytes], errors: IO[
 
 def _limit(kind: int, most: int) -> None:
     resource.setrlimit(kind, (most, resource.getrlimit(kind)[1]))
-
-
-def _address_space() -> int:
-    """Bytes of address space that this process has."""
-    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
-    return pages * os.sysconf("SC_PAGE_SIZE")
 
 
 def _await(process: int, limit: float) -> tuple[int, bool]:

@@ -1,13 +1,11 @@
 """Sound files, made by the commands themselves, and what is done to them once they are damaged."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from gen.runtime.errors import InputError
-from gen.scene import Scene
 from tests.fuzz.child import run
 
 SCENE = """title = "Sound"
@@ -42,23 +40,11 @@ class Kind:
     victims : patterns of the files that may be damaged, in the folder of sound files
     commands : command lines, of which one is run; VICTIM stands for the damaged file
     beside : files and folders that the commands need as well
-    tame : of a damaged file's content, whether all commands may be run on it; the first one always
-        may
     """
 
     victims: tuple[str, ...]
     commands: tuple[Command, ...]
     beside: tuple[str, ...] = ()
-    tame: Callable[[bytes], bool] = lambda content: True
-
-
-def _is_small(content: bytes) -> bool:
-    """Whether a scene, if it is one, is no more than seconds of work."""
-    try:
-        scene = Scene.parse(content.decode(), "scene")
-    except (InputError, UnicodeDecodeError):
-        return True
-    return scene.samples <= 500 and scene.shape[0] <= 65
 
 
 LEARN = ("--model", "decision-tree", "--target", "area")
@@ -74,7 +60,6 @@ KINDS: dict[str, Kind] = {
             ("gen", "estimate", "VICTIM"),
         ),
         ("rows.h5",),
-        _is_small,
     ),
     "database": Kind(
         ("rows.h5", "fields.h5"),
@@ -145,18 +130,7 @@ MADE: tuple[Command, ...] = (
 
 
 def make(folder: Path, kinds: tuple[str, ...] = tuple(KINDS)) -> None:
-    """Write the sound files into an empty folder.
-
-    Parameters
-    ----------
-    folder : where
-    kinds : for which kinds; what no kind needs is left out
-
-    Raises
-    ------
-    InputError
-        If one of the commands fails.
-    """
+    """Write the sound files of some kinds into an empty folder, by the commands that make them."""
     fields = SCENE.replace("samples = 60", "samples = 6") + "heights = true\npressure = true\n"
     (folder / "scene.toml").write_text(SCENE, encoding="utf-8")
     (folder / "longer.toml").write_text(SCENE.replace("60", "64"), encoding="utf-8")

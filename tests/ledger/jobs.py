@@ -25,14 +25,7 @@ INPUTS = 23
 
 
 def job_counts() -> dict[Key, int]:
-    """Generate the quick scene's database and tune models on it, in a temporary folder.
-
-    Returns
-    -------
-    dict of int
-        Counts of the database's rows and bytes, of the searches' candidates and fits, and of the
-        whole grids of all models.
-    """
+    """Generate the quick scene's database and tune models on it, in a temporary folder."""
     with tempfile.TemporaryDirectory() as folder:
         database = Path(folder) / "quick.h5"
         generate_database(Request("quick", database), World())
@@ -40,13 +33,7 @@ def job_counts() -> dict[Key, int]:
 
 
 def database_counts(path: Path) -> dict[Key, int]:
-    """Count rows, work, contact nodes and bytes of a database.
-
-    Parameters
-    ----------
-    path : Path
-        Database of the quick scene.
-    """
+    """Count rows, work, contact nodes and bytes of a database of the quick scene."""
     item = "quick scene"
     with Reader(path) as reader:
         names = ("status", "iterations", "convolutions", "contact_nodes")
@@ -57,13 +44,7 @@ def database_counts(path: Path) -> dict[Key, int]:
 
 
 def search_counts(database: Path) -> dict[Key, int]:
-    """Search the grids of `SEARCHED` on a database, and count the fits that this takes.
-
-    Parameters
-    ----------
-    database : Path
-        Database of the quick scene.
-    """
+    """Search the grids of `SEARCHED` on a database, and count the fits that this takes."""
     output = database.parent / "comparison"
     jobs.tune(ComparisonRequest(database, output, models=SEARCHED), Executor())
     counts = {}

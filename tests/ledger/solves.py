@@ -26,20 +26,7 @@ EXTREME_ROWS = 96
 
 @cache
 def surfaces(count: int = ROWS, nodes: int = 129) -> tuple[Heights, ...]:
-    """Generate the first surfaces of the paper preset.
-
-    Parameters
-    ----------
-    count : int
-        Number of surfaces.
-    nodes : int
-        Nodes a side.
-
-    Returns
-    -------
-    tuple of ndarray, shape (nodes, nodes)
-        Heights [um].
-    """
+    """Generate the first surfaces of the paper preset, heights (nodes, nodes) [um]."""
     paper = load("paper")
     scene = paper.model_copy(update={"surface": paper.surface.model_copy(update={"nodes": nodes})})
     plan = parameters(scene, 0, count)
@@ -104,13 +91,7 @@ STIFF = ("Delta = 15 um", "257 nodes", "mirror, given pressure", "hardness of 0.
 
 
 def solve_counts() -> dict[Key, int]:
-    """Count the work and the contact nodes of all items of `SOLVES`, and of the extreme scene.
-
-    Returns
-    -------
-    dict of int
-        Numbers of solves, iterations, convolutions, contact nodes and yielded nodes of each item.
-    """
+    """Count the work and the contact nodes of all items of `SOLVES`, and of the extreme scene."""
     counts = {}
     for item, solves in SOLVES.items():
         contacts = list(solves())
@@ -128,40 +109,12 @@ def solve_counts() -> dict[Key, int]:
 
 
 def row_counts(item: str, scene: Scene, rows: int) -> dict[Key, int]:
-    """Compute the first rows of a scene, and count them.
-
-    Parameters
-    ----------
-    item : str
-        Name of the item.
-    scene : Scene
-        Scene of the rows.
-    rows : int
-        Number of rows.
-
-    Returns
-    -------
-    dict of int
-        Numbers of rows and of done rows, iterations, convolutions and contact nodes.
-    """
+    """Compute the first rows of a scene, and count them."""
     return column_counts(item, compute_rows(scene, 0, rows))
 
 
 def column_counts(item: str, columns: Columns) -> dict[Key, int]:
-    """Count rows by their columns.
-
-    Parameters
-    ----------
-    item : str
-        Name of the item.
-    columns : mapping of ndarray, shape (rows,)
-        At least the columns status, iterations, convolutions and contact_nodes.
-
-    Returns
-    -------
-    dict of int
-        Numbers of rows and of done rows, iterations, convolutions and contact nodes.
-    """
+    """Count rows, done rows, iterations, convolutions and contact nodes by their columns."""
     status = columns["status"]
     counts = {
         Key(item, "rows"): status.size,

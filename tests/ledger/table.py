@@ -2,8 +2,7 @@
 
 import csv
 import io
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -25,15 +24,7 @@ HEADER = ("item", "count", "value", "reason")
 
 
 class Key(NamedTuple):
-    """The name of an entry.
-
-    Attributes
-    ----------
-    item : str
-        Name of the calculation.
-    quantity : str
-        Name of the count.
-    """
+    """The name of an entry: of a calculation, and of what is counted in it."""
 
     item: str
     quantity: str
@@ -43,43 +34,18 @@ class Key(NamedTuple):
         return f"{self.item}, {self.quantity}"
 
 
-Counts = Mapping[Key, int]
-
-
-@dataclass(frozen=True)
-class Entry:
-    """A line of the ledger.
-
-    Attributes
-    ----------
-    value : int
-        The count.
-    reason : str
-        Why it has this value: the reason of its last change.
-    """
+class Entry(NamedTuple):
+    """A line of the ledger: the count, and the reason of its last change."""
 
     value: int
     reason: str
 
 
+Counts = Mapping[Key, int]
+
+
 def read(path: Path = LEDGER) -> dict[Key, Entry]:
-    """Read the ledger.
-
-    Parameters
-    ----------
-    path : Path
-        File of the ledger.
-
-    Returns
-    -------
-    dict of Entry
-        Entries in the order of the file; none if there is no file.
-
-    Raises
-    ------
-    InputError
-        If the file is no ledger.
-    """
+    """Read the ledger, in the order of the file; no entries if there is no file."""
     if not path.exists():
         return {}
     rows = list(csv.reader(io.StringIO(require_file(path).read_text(encoding="utf-8"))))
@@ -93,51 +59,26 @@ def read(path: Path = LEDGER) -> dict[Key, Entry]:
 
 
 def updated(entries: Mapping[Key, Entry], counts: Counts, reason: str) -> dict[Key, Entry]:
-    """Return the entries of new counts; those that have changed get a new reason.
-
-    Parameters
-    ----------
-    entries : mapping of Entry
-        The ledger so far.
-    counts : mapping of int
-        New counts.
-    reason : str
-        Why they differ.
-    """
-    result = {}
-    for key, value in counts.items():
-        entry = entries.get(key, Entry(value - 1, ""))
-        result[key] = entry if entry.value == value else replace(entry, value=value, reason=reason)
-    return result
+    """Return the entries of new counts; those that have changed get a new reason."""
+    return {
+        key: entries[key]
+        if key in entries and entries[key].value == value
+        else Entry(value, reason)
+        for key, value in counts.items()
+    }
 
 
 def write_entries(entries: Mapping[Key, Entry], path: Path = LEDGER) -> None:
-    """Write the ledger.
-
-    Parameters
-    ----------
-    entries : mapping of Entry
-        All entries.
-    path : Path
-        File to write.
-    """
+    """Write the ledger."""
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(HEADER)
-    writer.writerows((*key, entry.value, entry.reason) for key, entry in entries.items())
+    writer.writerows((*key, *entry) for key, entry in entries.items())
     write(path, text.getvalue())
 
 
 def faults(entries: Mapping[Key, Entry], counts: Counts) -> Iterator[str]:
-    """Yield one line for each count that is out of its bound, missing, or unknown.
-
-    Parameters
-    ----------
-    entries : mapping of Entry
-        The ledger.
-    counts : mapping of int
-        New counts.
-    """
+    """Yield one line for each count that is out of its bound, missing, or unknown."""
     for key in sorted(entries.keys() - counts.keys()):
         yield f"{key}: is in the ledger but was not counted"
     for key, value in counts.items():
@@ -153,25 +94,11 @@ def faults(entries: Mapping[Key, Entry], counts: Counts) -> Iterator[str]:
 
 
 def text_table(entries: Mapping[Key, Entry], counts: Counts) -> str:
-    """Return a table of all counts beside those of the ledger.
-
-    Parameters
-    ----------
-    entries : mapping of Entry
-        The ledger.
-    counts : mapping of int
-        New counts.
-    """
-    rows: list[Sequence[str]] = [("item", "count", "ledger", "now", "change")]
+    """Return a table of all counts beside those of the ledger."""
+    lines = [f"{'item':45}{'count':>30}{'ledger':>9}{'now':>9}{'change':>8}"]
     for key, value in counts.items():
         was = entries[key].value if key in entries else None
         change = "" if was in {None, value} else f"{value / max(was or 1, 1) - 1:+.1%}"
-        rows.append((*key, "-" if was is None else str(was), str(value), change))
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return "\n".join(
-        "  ".join(
-            cell.ljust(width) if place < 2 else cell.rjust(width)
-            for place, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in rows
-    )
+        told = "-" if was is None else was
+        lines.append(f"{key.item:45}{key.quantity:>30}{told:>9}{value:>9}{change:>8}".rstrip())
+    return "\n".join(lines)

@@ -6,7 +6,7 @@ import pytest
 
 from gen.runtime.errors import InputError
 from tests.ledger import __main__ as program
-from tests.ledger.table import LEDGER, Entry, Key, faults, read, text_table, updated, write_entries
+from tests.ledger.table import LEDGER, Entry, Key, faults, read, updated, write_entries
 
 CONVOLUTIONS = Key("given force", "convolutions")
 NODES = Key("given force", "contact nodes")
@@ -62,12 +62,6 @@ def test_the_file_holds_its_entries(tmp_path: Path) -> None:
         path.write_text(spoilt)
         with pytest.raises(InputError, match="is no ledger"):
             read(path)
-
-
-def test_the_table_shows_changes() -> None:
-    text = text_table(ENTRIES, {CONVOLUTIONS: 600, NODES: 2000, Key("new", "fits"): 3})
-    assert "given force  convolutions      500   600  +20.0%" in text.splitlines()
-    assert text.splitlines()[-1].split() == ["new", "fits", "-", "3"]
 
 
 def test_the_committed_ledger_has_reasons_and_plenty_of_counts() -> None:
