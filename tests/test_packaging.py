@@ -12,7 +12,6 @@ from pathlib import Path
 
 import pytest
 
-from bench.report import CHAPTERS
 from gen.runtime import VERSION
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -25,40 +24,21 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 EXTRAS = PROJECT["project"]["optional-dependencies"]
 
 
-def test_every_package_is_found_and_no_tests():
-    setuptools = pytest.importorskip("setuptools")
-    settings = dict(PROJECT["tool"]["setuptools"]["packages"]["find"])
-    assert not settings.pop("namespaces")
-    found = {name.replace(".", "/") for name in setuptools.find_packages(ROOT, **settings)}
-    ours = {
-        path.parent.relative_to(ROOT).as_posix()
-        for package in PACKAGES
-        for path in (ROOT / package).rglob("*.py")
-    }
-    assert found == ours - NOT_INSTALLED
-    assert ours >= NOT_INSTALLED
-    assert not [path for name in found for path in (ROOT / name).glob("test_*.py")]
-
-
-def test_a_wheel_says_what_the_page_shows():
-    patterns = PROJECT["tool"]["setuptools"]["package-data"]["bench"]
-    installed = {path for pattern in patterns for path in (ROOT / "bench").glob(pattern)}
-    folder = ROOT / "bench" / "reports"
-    reports = {folder / f"{each}.toml" for named in CHAPTERS.values() for each in named}
-    assert reports <= installed
-    assert not [path for path in installed if "results" in path.parts]
-
-
-@pytest.fixture(scope="module")
-def wheel(tmp_path_factory) -> zipfile.ZipFile:
-    """The wheel of this clone's files, built without a network and outside of the clone."""
+def copied(folder: Path) -> Path:
+    """What a package is built from, outside of the clone."""
     pytest.importorskip("setuptools", minversion="77")
-    folder = tmp_path_factory.mktemp("wheel")
     unwanted = shutil.ignore_patterns("__pycache__", "results")
     for package in PACKAGES:
         shutil.copytree(ROOT / package, folder / package, ignore=unwanted)
     for name in ("LICENSE", "README.md", "pyproject.toml", "setup.py"):
         shutil.copy(ROOT / name, folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory) -> zipfile.ZipFile:
+    """The wheel of this clone's files, built without a network."""
+    folder = copied(tmp_path_factory.mktemp("wheel"))
     build = "pip wheel --quiet --no-build-isolation --no-deps --no-index --wheel-dir made ."
     subprocess.run([sys.executable, "-m", *build.split()], cwd=folder, check=True, timeout=120)
     (made,) = (folder / "made").iterdir()
@@ -68,12 +48,7 @@ def wheel(tmp_path_factory) -> zipfile.ZipFile:
 
 def test_a_package_built_from_a_checkout_knows_its_commit(tmp_path):
     """As `pip install` of a clone builds it."""
-    pytest.importorskip("setuptools", minversion="77")
-    unwanted = shutil.ignore_patterns("__pycache__", "results")
-    for package in PACKAGES:
-        shutil.copytree(ROOT / package, tmp_path / package, ignore=unwanted)
-    for name in ("LICENSE", "README.md", "pyproject.toml", "setup.py"):
-        shutil.copy(ROOT / name, tmp_path)
+    copied(tmp_path)
     (tmp_path / ".git").mkdir()
     (tmp_path / ".git" / "HEAD").write_text(f"{COMMIT}\n")
     build = [sys.executable, "setup.py", "-q", "build", "--build-lib", "made"]
@@ -121,8 +96,8 @@ def test_the_files_of_a_wheel(wheel):
         name for name in others - DATA if not any(re.fullmatch(kind, name) for kind in KINDS)
     ]
     assert not strangers
-    presets = {f"gen/scenes/{path.name}" for path in (ROOT / "gen" / "scenes").iterdir()}
-    assert presets <= others
+    data = [*(ROOT / "gen" / "scenes").glob("*.toml"), *(ROOT / "bench" / "reports").glob("*.toml")]
+    assert {path.relative_to(ROOT).as_posix() for path in data} <= others
     assert {name.partition("/")[0] for name in files} == set(PACKAGES)
 
 

@@ -1,6 +1,5 @@
 """What README.md and the four start pages tell a newcomer to do, done in one empty folder."""
 
-import csv
 import importlib
 import re
 import shlex
@@ -71,16 +70,9 @@ def test_the_readme(folder, monkeypatch, capfd):
 def test_the_tribologist(folder, monkeypatch, capfd):
     walk("docs/start/tribologist.md", folder, monkeypatch)
     said = capfd.readouterr().out
-    for line in (
-        "effective contact area",
-        "displacement Delta",
-        "mean gap",
-        "largest pressure",
-        "residual",
-    ):
+    for line in ("effective contact area", "displacement Delta", "mean gap", "residual"):
         assert re.search(rf"^{line}", said, re.M), f"{line} is explained, and not printed"
-    with (folder / "law.csv").open(newline="") as file:
-        assert len(list(csv.DictReader(file))) == 10
+    assert len((folder / "law.csv").read_text().splitlines()) == 11
 
 
 @pytest.mark.long
@@ -88,15 +80,9 @@ def test_the_finite_element_engineer(folder, monkeypatch):
     walk("docs/start/finite-elements.md", folder, monkeypatch)
     text = (folder / "joint-calculix.inp").read_text()
     assert "*SURFACE INTERACTION, NAME=JOINT_CALCULIX" in text
-    assert {path.suffix for path in folder.glob("joint*")} == {
-        ".inp",
-        ".h",
-        ".csv",
-        ".json",
-        ".png",
-    }
-    table = (folder / "joint.csv").read_text()
-    assert "stiffness_MPa_per_um" in table
+    suffixes = {".inp", ".h", ".csv", ".json", ".png"}
+    assert {path.suffix for path in folder.glob("joint*")} == suffixes
+    assert "stiffness_MPa_per_um" in (folder / "joint.csv").read_text()
     if shutil.which("ccx"):
         shutil.copy(Path(__file__).parents[1] / "bench/two-blocks.inp", folder)
         subprocess.run(["ccx", "two-blocks"], cwd=folder, check=True, timeout=60)
