@@ -24,26 +24,8 @@ def draft(
 ) -> None:
     """Look at maps, print what was found, and write the scene.
 
-    Parameters
-    ----------
-    inputs : list of str
-        Files, folders and patterns of maps.
-    like : Path or None
-        Map that self-affine surfaces are to be like, instead of `inputs`.
-    output : Path
-        File to write.
-    reading : Reading
-        How files are read.
-    material : Material
-        Elastic constants and hardness.
-    command : str
-        Command line, for the record.
-
-    Raises
-    ------
-    InputError
-        If there is not exactly one of the inputs and `like`, no map can be used, or the scene
-        cannot be written.
+    Raises InputError if there is not exactly one of the inputs and `like`, no map can be used,
+    or the scene cannot be written.
     """
     if bool(inputs) == (like is not None):
         raise InputError(

@@ -61,42 +61,21 @@ PERIOD = 2
 
 @dataclass(frozen=True)
 class Likeness:
-    """A self-affine law for a map, and surfaces that follow it.
+    """A self-affine law for a map, and surfaces that follow it."""
 
-    Attributes
-    ----------
-    look : MapSurvey
-        The map.
-    reading : Reading
-        How it is read and prepared.
-    fit : SelfAffineFit
-        Law of its spectrum.
-    spectrum : SelfAffineSpectrum
-        The same law as the generator takes it, with the stretch of a lay.
-    step : float
-        Distance of the nodes [um].
-    slope : float
-        Rms slope of the waves with which generated surfaces have the map's slope between nodes [1].
-    windows : tuple of float
-        Rms height [um] and rms slope between nodes [1] of windows of the map, medians.
-    height : float
-        Rms height of the generated surfaces, median [um].
-    loads : Loads
-        Loads of the scene.
-    material : Material
-        Elastic constants and hardness.
-    """
-
-    look: MapSurvey
-    reading: Reading
-    fit: SelfAffineFit
+    look: MapSurvey  # the map
+    reading: Reading  # how it is read and prepared
+    fit: SelfAffineFit  # law of its spectrum
+    # the same law as the generator takes it, with the stretch of a lay
     spectrum: SelfAffineSpectrum
-    step: float
+    step: float  # distance of the nodes [um]
+    # rms slope of the waves with which generated surfaces have the map's slope between nodes [1]
     slope: float
+    # rms height [um] and rms slope between nodes [1] of windows of the map, medians
     windows: tuple[float, float]
-    height: float
-    loads: Loads
-    material: Material
+    height: float  # rms height of the generated surfaces, median [um]
+    loads: Loads  # loads of the scene
+    material: Material  # elastic constants and hardness
 
     @property
     def doubt(self) -> str:
@@ -114,24 +93,7 @@ class Likeness:
 def propose(path: Path, reading: Reading, material: Material) -> Likeness:
     """Fit a self-affine law to a map, and generate a few surfaces to see how like they are.
 
-    Parameters
-    ----------
-    path : Path
-        File of the map.
-    reading : Reading
-        How it is read.
-    material : Material
-        Elastic constants and hardness.
-
-    Returns
-    -------
-    Likeness
-        The law, the surfaces and their loads.
-
-    Raises
-    ------
-    InputError
-        If the map cannot be read, or no self-affine law fits its spectrum.
+    Raises InputError if the map cannot be read, or no self-affine law fits its spectrum.
     """
     [look] = require_used(survey([path], reading))
     reading = with_steps(reading, [look])
@@ -217,17 +179,7 @@ def _medians(surfaces: list[Heights], spacing: tuple[float, float]) -> tuple[flo
 
 
 def keys(likeness: Likeness, command: str, output: Path) -> Iterator[Key]:
-    """Yield the keys of a scene with their comments.
-
-    Parameters
-    ----------
-    likeness : Likeness
-        The law and its surfaces.
-    command : str
-        Command line that the scene was written by.
-    output : Path
-        The scene's file.
-    """
+    """Yield the keys of a scene with their comments."""
     name = likeness.look.path.name
     yield Key(
         f"Self-affine surfaces around {name}, a start for a population of your own. Written by\n"

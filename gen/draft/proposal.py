@@ -28,33 +28,15 @@ WINDOWS = (200, 2000)
 
 @dataclass(frozen=True)
 class Proposal:
-    """A scene of windows of maps, with the reasons for its values.
+    """A scene of windows of maps, with the reasons for its values."""
 
-    Attributes
-    ----------
-    looks : tuple of MapSurvey
-        All files; those without a fault are used.
-    reading : Reading
-        How files are read and prepared.
-    spacing : float or None
-        Spacing to which all maps are resampled; None if they share theirs [um].
-    nodes : int
-        Nodes along each side of a window.
-    windows : int
-        Number of windows.
-    loads : Loads
-        Loads of the scene.
-    material : Material
-        Elastic constants and hardness.
-    """
-
-    looks: tuple[MapSurvey, ...]
-    reading: Reading
-    spacing: float | None
-    nodes: int
-    windows: int
-    loads: Loads
-    material: Material
+    looks: tuple[MapSurvey, ...]  # all files; those without a fault are used
+    reading: Reading  # how files are read and prepared
+    spacing: float | None  # spacing to which all maps are resampled; None if they share theirs [um]
+    nodes: int  # nodes along each side of a window
+    windows: int  # number of windows
+    loads: Loads  # loads of the scene
+    material: Material  # elastic constants and hardness
 
     @property
     def used(self) -> list[MapSurvey]:
@@ -92,26 +74,7 @@ def propose(
 ) -> Proposal:
     """Look at maps twice, raw and prepared, and choose windows and loads.
 
-    Parameters
-    ----------
-    paths : sequence of Path
-        Files of maps.
-    reading : Reading
-        How they are read.
-    material : Material
-        Elastic constants and hardness.
-    looked : callable
-        Called whenever a file has been looked at, twice for each.
-
-    Returns
-    -------
-    Proposal
-        The scene.
-
-    Raises
-    ------
-    InputError
-        If no map can be used.
+    Raises InputError if no map can be used.
     """
     looks = survey(paths, reading, looked)
     require_used(looks)
@@ -208,17 +171,9 @@ COARSE = 4.0
 def common_spacing(spacings: Sequence[Sides]) -> float | None:
     """Choose the spacing that all maps are resampled to.
 
-    Parameters
-    ----------
-    spacings : sequence of (float, float)
-        Spacing of each map along x and y [um].
-
-    Returns
-    -------
-    float or None
-        The spacing that the share `FINE` of the maps have or are finer than, without those that
-        are coarser than `COARSE` times the median [um]: finer maps can lose detail, coarser ones
-        cannot gain it and are left out. None if all maps have the same spacing.
+    It is the one that the share `FINE` of the maps have or are finer than, without those that are
+    coarser than `COARSE` times the median [um]: finer maps can lose detail, coarser ones cannot
+    gain it and are left out. None if all maps have the same spacing.
     """
     first = spacings[0]
     if all(is_same(*pair) for each in spacings for pair in zip(each, first, strict=True)):
@@ -231,22 +186,12 @@ def common_spacing(spacings: Sequence[Sides]) -> float | None:
 
 
 def window_nodes(shapes: Sequence[tuple[int, int]], length: float) -> int | None:
-    """Choose the nodes along each side of the windows.
+    """Choose the nodes along each side of the windows, None if all maps are too small.
 
-    Parameters
-    ----------
-    shapes : sequence of (int, int)
-        Nodes of each prepared map.
-    length : float
-        Autocorrelation length of a usual map [nodes]; NaN if it is unknown.
-
-    Returns
-    -------
-    int or None
-        The largest of `SIZES` of which most maps hold two side by side along both axes, so that
-        each map has tiles for training and for testing; one of `WIDER` where texture asks for it.
-        Where no size fits twice, the largest that most maps hold once. Maps that hold none do not
-        count; None if all are so small.
+    They are the largest of `SIZES` of which most maps hold two side by side along both axes, so
+    that each map has tiles for training and for testing, or one of `WIDER` where the texture, with
+    this autocorrelation length [nodes], asks for it. Where no size fits twice, the largest that
+    most maps hold once is taken.
     """
     sides = [min(shape) for shape in shapes if min(shape) >= SIZES[-1]]
     if not sides:
@@ -284,24 +229,13 @@ KAPPA = 2.0
 
 @dataclass(frozen=True)
 class Material:
-    """Elastic constants and hardness of a contact.
+    """Elastic constants and hardness of a contact."""
 
-    Attributes
-    ----------
-    young : float
-        Young's modulus of an elastic body on a rigid one, or E* with `poisson` 0 [MPa].
-    poisson : float
-        Poisson's ratio [1].
-    hardness : float or None
-        Hardness of the softer body; None for elastic bodies [MPa].
-    known : bool
-        Whether the user gave a modulus.
-    """
-
+    # Young's modulus of an elastic body on a rigid one, or E* with `poisson` 0 [MPa]
     young: float = 1.0
-    poisson: float = 0.0
-    hardness: float | None = None
-    known: bool = False
+    poisson: float = 0.0  # Poisson's ratio [1]
+    hardness: float | None = None  # hardness of the softer body; None for elastic bodies [MPa]
+    known: bool = False  # whether the user gave a modulus
 
     @classmethod
     def of_options(
@@ -325,48 +259,24 @@ class Material:
 
 @dataclass(frozen=True)
 class Loads:
-    """Loads of a scene, and how they were found.
+    """Loads of a scene, and how they were found."""
 
-    Attributes
-    ----------
-    quantity : {"pressure", "pressure/(E* slope_rms)"}
-        What is given.
-    low, high : float
-        Ends of the range, [MPa] or [1].
-    areas : tuple of float
-        Contact area expected at both ends on a surface of middling slope [%].
-    slopes : tuple of float
-        Smallest, middle and largest rms slope of the surfaces [1].
-    """
-
-    quantity: str
+    quantity: str  # {"pressure", "pressure/(E* slope_rms)"}: what is given
+    # ends of the range, [MPa] or [1]
     low: float
     high: float
+    # contact area expected at both ends on a surface of middling slope [%]
     areas: tuple[float, float]
-    slopes: tuple[float, float, float]
+    slopes: tuple[float, float, float]  # smallest, middle and largest rms slope of the surfaces [1]
 
 
 def choose_loads(material: Material, slopes: Sequence[float], nodes: int) -> Loads:
     """Choose loads from first contacts that the grid resolves to a large part of the patch.
 
-    The contact area under a mean pressure p is about KAPPA p / (E* rms slope) of an elastic body,
-    and at least p / hardness. The area of elastic bodies follows from p / (E* rms slope), so that
-    this quantity gives rough and smooth surfaces the same areas; with a hardness there are two
-    scales, and loads are pressures.
-
-    Parameters
-    ----------
-    material : Material
-        Elastic constants and hardness.
-    slopes : sequence of float
-        Rms slopes of the surfaces [1].
-    nodes : int
-        Number of nodes of a surface.
-
-    Returns
-    -------
-    Loads
-        Quantity and range.
+    The contact area under a mean pressure p is about KAPPA p / (E* rms slope) of an elastic
+    body, and at least p / hardness. The area of elastic bodies follows from p / (E* rms slope),
+    so that this quantity gives rough and smooth surfaces the same areas; with a hardness there
+    are two scales, and loads are pressures.
     """
     middle = statistics.median(slopes)
     ends = min(slopes), middle, max(slopes)

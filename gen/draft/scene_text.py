@@ -35,19 +35,7 @@ FEW_TILES = 10
 
 
 def keys(proposal: Proposal, inputs: list[str], command: str, output: Path) -> Iterator[Key]:
-    """Yield the keys of a scene with their comments.
-
-    Parameters
-    ----------
-    proposal : Proposal
-        The scene.
-    inputs : list of str
-        Files and folders as the user named them, for scenes of more maps than a list may hold.
-    command : str
-        Command line that the scene was written by.
-    output : Path
-        The scene's file.
-    """
+    """Yield the keys of a scene with their comments."""
     used, left = len(proposal.used), len(proposal.looks) - len(proposal.used)
     yield Key(
         f"Windows of {used} measured map{'s' * (used != 1)}"
@@ -339,21 +327,11 @@ WIDTH = 96
 
 
 class Key(NamedTuple):
-    """A key of a scene, or a comment alone.
+    """A key of a scene, or a comment alone."""
 
-    Attributes
-    ----------
-    comment : str
-        Why the key has its value.
-    name : str
-        Name of the key, [name] of a table, or "" of a comment alone.
-    value : str
-        Value in TOML's notation; tables have none.
-    """
-
-    comment: str
-    name: str = ""
-    value: str = ""
+    comment: str  # why the key has its value
+    name: str = ""  # name of the key, [name] of a table, or "" of a comment alone
+    value: str = ""  # value in TOML's notation; tables have none
 
 
 def document(keys: Iterable[Key]) -> str:
@@ -384,10 +362,7 @@ def _wrapped(paragraph: str) -> list[str]:
 def quoted(text: str) -> str:
     """Write a text in TOML's notation.
 
-    Raises
-    ------
-    InputError
-        If the text holds bytes that are no UTF-8, as some names of files do.
+    Raises InputError if the text holds bytes that are no UTF-8, as some names of files do.
     """
     try:
         text.encode()
@@ -415,15 +390,7 @@ SUFFIX = ".toml"
 def require_new(path: Path) -> None:
     """Refuse a name that a scene cannot have, or that is taken.
 
-    Parameters
-    ----------
-    path : Path
-        File to make.
-
-    Raises
-    ------
-    InputError
-        If the name has another suffix, or there is such a file.
+    Raises InputError if the name has another suffix, or there is such a file.
     """
     if path.suffix != SUFFIX:
         example = path.name.partition(".")[0] or "mine"
@@ -440,17 +407,7 @@ def require_new(path: Path) -> None:
 def write(path: Path, keys: Iterable[Key]) -> Scene:
     """Write a scene, never over another file, and return it as `gen run` reads it.
 
-    Parameters
-    ----------
-    path : Path
-        File to make.
-    keys : iterable of Key
-        Keys with their comments.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be written, or another process has made it meanwhile.
+    Raises InputError if the file cannot be written, or another process has made it meanwhile.
     """
     text = document(keys)
     scene = Scene.parse(text, str(path))

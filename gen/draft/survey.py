@@ -31,42 +31,18 @@ long wave of the roughness."""
 
 @dataclass(frozen=True)
 class MapSurvey:
-    """The content of a file before any preparation.
+    """The content of a file before any preparation."""
 
-    Attributes
-    ----------
-    path : Path
-        The file.
-    fault : str
-        Why the file cannot be used, "" if it can.
-    shape : tuple of int
-        Nodes along x and y; (0, 0) of a file that cannot be read.
-    spacing : tuple of float
-        Distance of the nodes along x and y [um].
-    unit : str
-        Unit of the heights in the file, "" if it names none.
-    missing : int
-        Number of nodes without a height.
-    spikes : Spikes or None
-        Spikes, None of a file that cannot be read.
-    tilt : tuple of float
-        Slopes of the mean plane along x and y [1].
-    form : float
-        Share of the variance about the mean plane that a quadratic takes out [1].
-    texture : Texture or None
-        Roughness after the preparation; None before it is known.
-    """
-
-    path: Path
-    fault: str = ""
-    shape: tuple[int, int] = (0, 0)
-    spacing: Sides = (math.nan, math.nan)
-    unit: str = ""
-    missing: int = 0
-    spikes: Spikes | None = None
-    tilt: Sides = (math.nan, math.nan)
-    form: float = 0.0
-    texture: Texture | None = None
+    path: Path  # the file
+    fault: str = ""  # why the file cannot be used, "" if it can
+    shape: tuple[int, int] = (0, 0)  # nodes along x and y; (0, 0) of a file that cannot be read
+    spacing: Sides = (math.nan, math.nan)  # distance of the nodes along x and y [um]
+    unit: str = ""  # unit of the heights in the file, "" if it names none
+    missing: int = 0  # number of nodes without a height
+    spikes: Spikes | None = None  # spikes, None of a file that cannot be read
+    tilt: Sides = (math.nan, math.nan)  # slopes of the mean plane along x and y [1]
+    form: float = 0.0  # share of the variance about the mean plane that a quadratic takes out [1]
+    texture: Texture | None = None  # roughness after the preparation; None before it is known
 
     @property
     def holes(self) -> float:
@@ -76,45 +52,19 @@ class MapSurvey:
 
 @dataclass(frozen=True)
 class Texture:
-    """Roughness of a prepared map.
+    """Roughness of a prepared map."""
 
-    Attributes
-    ----------
-    shape : tuple of int
-        Nodes along x and y.
-    rms_height : float
-        Root mean square height [um].
-    rms_slope : float
-        Root mean square slope between neighbouring nodes, as in databases [1].
-    length : float
-        Autocorrelation length Sal of ISO 25178, NaN if half of the map is too short for it [um].
-    """
-
-    shape: tuple[int, int]
-    rms_height: float
-    rms_slope: float
+    shape: tuple[int, int]  # nodes along x and y
+    rms_height: float  # root mean square height [um]
+    rms_slope: float  # root mean square slope between neighbouring nodes, as in databases [1]
+    # autocorrelation length Sal of ISO 25178, NaN if half of the map is too short for it [um]
     length: float
 
 
 def survey(
     paths: Sequence[Path], reading: Reading, looked: Callable[[], None] = lambda: None
 ) -> list[MapSurvey]:
-    """Look at files one by one.
-
-    Parameters
-    ----------
-    paths : sequence of Path
-        The files.
-    reading : Reading
-        How they are read.
-    looked : callable
-        Called after each file.
-
-    Returns
-    -------
-    list of MapSurvey
-        What they hold; of several files with the same content, the first can be used.
-    """
+    """Look at files one by one."""
     found: list[MapSurvey] = []
     contents: dict[str, Path] = {}
     for path in paths:
@@ -176,22 +126,7 @@ def _form(heights: Heights) -> float:
 
 
 def with_texture(look: MapSurvey, reading: Reading, spacing: Sides | None) -> MapSurvey:
-    """Prepare a map as the scene will, and measure its roughness.
-
-    Parameters
-    ----------
-    look : MapSurvey
-        A map that can be used.
-    reading : Reading
-        How it is read and prepared.
-    spacing : tuple of float or None
-        Spacing along x and y to resample it to [um]; None leaves its own.
-
-    Returns
-    -------
-    MapSurvey
-        The map with its texture, or with the reason why it cannot be used.
-    """
+    """Prepare a map as the scene will, and measure its roughness."""
     try:
         topography = prepare(read(look.path, reading), reading)
         if spacing is not None:
@@ -234,39 +169,16 @@ least: on made maps without spikes the ratio is at most 2 (sharp ridges)."""
 
 
 class Spikes(NamedTuple):
-    """Distances from the local median on both sides of the gap between surface and spikes.
+    """Distances from the local median on both sides of the gap between surface and spikes."""
 
-    Attributes
-    ----------
-    surface : float
-        Largest distance of a node of the surface, in units of the scatter.
-    nearest : float
-        Smallest distance of a spike, infinite if there is none.
-    number : int
-        Number of spikes.
-    distances : ndarray, shape (further,)
-        The distances above `SPIKE`, falling.
-    """
-
-    surface: float
-    nearest: float
-    number: int
-    distances: Values
+    surface: float  # largest distance of a node of the surface, in units of the scatter
+    nearest: float  # smallest distance of a spike, infinite if there is none
+    number: int  # number of spikes
+    distances: Values  # the distances above `SPIKE`, falling, shape (further,)
 
 
 def find_spikes(heights: Heights) -> Spikes:
-    """Part the spikes of a map from its surface at the largest gap between their distances.
-
-    Parameters
-    ----------
-    heights : ndarray, shape (nx, ny)
-        Heights with NaN in the holes [um].
-
-    Returns
-    -------
-    Spikes
-        Distances from the local median, in units of their scatter.
-    """
+    """Part the spikes of a map from its surface at the largest gap between their distances."""
     distances = np.abs(scaled_distances(heights))
     distances = np.sort(distances[~np.isnan(distances)])[::-1]
     high = np.maximum(distances, SPIKE)
@@ -279,17 +191,7 @@ def find_spikes(heights: Heights) -> Spikes:
 
 
 def _before_gap(high: Values, share: float, least: float) -> int:
-    """Return how many distances are before their largest gap, 0 if its ratio is too small.
-
-    Parameters
-    ----------
-    high : ndarray, shape (nodes,)
-        Distances, falling.
-    share : float
-        Share of them that may be before the gap.
-    least : float
-        Smallest ratio of the distances at the gap.
-    """
+    """Return how many distances are before their largest gap, 0 if its ratio is too small."""
     ahead = high[: max(1, int(share * high.size)) + 1]
     ratios = ahead[:-1] / ahead[1:]
     place = int(np.argmax(ratios))
@@ -297,19 +199,10 @@ def _before_gap(high: Values, share: float, least: float) -> int:
 
 
 def common_threshold(found: Sequence[Spikes]) -> float | None:
-    """Choose one threshold for several maps.
+    """Choose one threshold for several maps, None if none has a spike.
 
-    Parameters
-    ----------
-    found : sequence of Spikes
-        Spikes of each map.
-
-    Returns
-    -------
-    float or None
-        Threshold between all surfaces and all spikes, in the middle of their logarithms. Where no
-        number parts them it is just below the nearest spike, and some nodes of other maps are taken
-        for spikes. None if no map has a spike.
+    It is in the middle between all surfaces and all spikes, of logarithms. Where no number parts
+    them it is just below the nearest spike, and some nodes of other maps are taken for spikes.
     """
     nearest = min((each.nearest for each in found), default=math.inf)
     if math.isinf(nearest):

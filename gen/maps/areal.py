@@ -58,21 +58,9 @@ PARAMETERS = (
 def areal_parameters(topography: Topography, depth: float | None = None) -> Description:
     """Compute the areal parameters of a surface by ISO 25178-2.
 
-    Parameters
-    ----------
-    topography : Topography
-        Surface without holes, of 2 x 2 nodes or more. One with the boundary "periodic" is closed:
-        its gradients and its autocorrelation reach over the border.
-    depth : float, optional
-        Depth below the highest node of the material ratio Smr, which is left out without it [um].
-
-    Returns
-    -------
-    Description
-        Values of `PARAMETERS` by name in their units. Ssk, Sku, Sal, Str and those of the material
-        ratio curve of a flat surface are NaN, and so are Sal and Str if the autocorrelation does
-        not fall to `DECAY` within half of the sides along any direction, or along all; the reason
-        says so.
+    Smr is left out without a depth below the highest node [um]. What a surface does not have is
+    NaN: of a flat one all but the heights, and Sal and Str where the autocorrelation does not fall
+    to `DECAY` within half of the sides; the reason says so.
     """
     heights, periodic = topography.heights, topography.boundary == "periodic"
     lowest, highest = float(heights.min()), float(heights.max())
@@ -146,25 +134,11 @@ def _reduced(falling: Values, ratios: Values, level: float) -> tuple[float, floa
 def gradients(
     heights: Heights, spacing: tuple[float, float], *, periodic: bool
 ) -> tuple[float, float]:
-    """Compute the root mean square gradient and the developed area (ISO 25178-2:2012, 4.3).
+    """Return Sdq [1] and Sdr [%], gradient and developed area (ISO 25178-2:2012, 4.3).
 
     Sdq^2 is the mean over the patch of the squared gradient, (dz/dx)^2 + (dz/dy)^2, and Sdr the
-    mean of sqrt(1 + squared gradient) - 1. The surface is made of plane triangles: a cell is cut
-    along one diagonal and along the other, and both count half.
-
-    Parameters
-    ----------
-    heights : ndarray, shape (nx, ny)
-        Heights [um].
-    spacing : tuple of float
-        Distance of the nodes along x and y [um].
-    periodic : bool
-        Whether the last nodes are followed by the first ones.
-
-    Returns
-    -------
-    tuple of float
-        Sdq [1] and Sdr [%].
+    mean of sqrt(1 + squared gradient) - 1. The surface is made of plane triangles: a cell is
+    cut along one diagonal and along the other, and both count half.
     """
     closed = np.pad(heights, (0, 1), mode="wrap") if periodic else heights
     with np.errstate(over="ignore", invalid="ignore"):  # heights of 1e300 um
@@ -207,22 +181,7 @@ def _lengths(
 
 
 def autocorrelation(heights: Heights, *, periodic: bool) -> Values:
-    """Compute the autocorrelation of heights for lags up to half of the sides.
-
-    Parameters
-    ----------
-    heights : ndarray, shape (nx, ny)
-        Heights about their mean, not all equal.
-    periodic : bool
-        Whether the last nodes are followed by the first ones; otherwise a lag's mean is over the
-        nodes at which the surface and the shifted surface overlap.
-
-    Returns
-    -------
-    ndarray, shape (kx + 1, 2 ky + 1)
-        Autocorrelation, 1 at no lag. Lags along x are 0, ..., kx = nx // 2 nodes, and along y -ky,
-        ..., ky = ny // 2; opposite lags have the same value.
-    """
+    """Compute the autocorrelation of heights for lags up to half of the sides."""
     nx, ny = heights.shape
     kx, ky = nx // 2, ny // 2
     # Lengths with small factors only, beyond which no wanted lag meets the next period.
@@ -238,19 +197,8 @@ def autocorrelation(heights: Heights, *, periodic: bool) -> Values:
 def decay_lengths(correlation: Values, spacing: tuple[float, float]) -> tuple[Values, Values]:
     """Follow the autocorrelation from the origin in all directions until it has decayed.
 
-    Parameters
-    ----------
-    correlation : ndarray, shape (kx + 1, 2 ky + 1)
-        Autocorrelation, from `autocorrelation`; bilinear between its lags.
-    spacing : tuple of float
-        Distance of the nodes along x and y [um].
-
-    Returns
-    -------
-    decays : ndarray, shape (RAYS,)
-        Distance at which it first falls to `DECAY`, infinite if it does not [um].
-    reaches : ndarray, shape (RAYS,)
-        Distance to the largest lag in this direction [um].
+    Return for each of `RAYS` directions the distance at which it first falls to `DECAY`, infinite
+    if it does not, and the distance to the largest lag [um].
     """
     kx, ky = correlation.shape[0] - 1, correlation.shape[1] // 2
     decays, reaches = np.full(RAYS, math.inf), np.empty(RAYS)

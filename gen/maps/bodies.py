@@ -43,28 +43,19 @@ is further away, by a factor of 0.27 a node."""
 
 @dataclass(frozen=True)
 class Placement:
-    """How a second body is laid on the first one.
+    """How a second body is laid on the first one."""
 
-    Attributes
-    ----------
-    turned : {"x", "y", "none"}
-        Axis of its map that runs backwards as it is turned over; none for a map that is seen
-        through its body.
-    shift : tuple of float
-        Distance of its centre from that of the first map, along x and y of that map [um].
-    """
-
+    # {"x", "y", "none"}: axis of its map that runs backwards as it is turned over; none for a map
+    # that is seen through its body
     turned: str = "x"
+    # distance of its centre from that of the first map, along x and y of that map [um]
     shift: Sides = (0.0, 0.0)
 
     @classmethod
     def parse(cls, turned: str, shift: str) -> Placement:
         """Make a placement of the texts of `--turned` and `--shift`; "" takes the default.
 
-        Raises
-        ------
-        InputError
-            If a text is anything else.
+        Raises InputError if a text is anything else.
         """
         turned = turned or cls.turned
         if turned not in TURNS:
@@ -78,20 +69,12 @@ class Placement:
 
 
 class _Line(NamedTuple):
-    """Nodes of a grid along one axis that lie on another map, and their places there.
+    """Nodes of a grid along one axis that lie on another map, and their places there."""
 
-    Attributes
-    ----------
-    nodes : slice
-        Nodes of the grid.
-    places : ndarray, shape (k,)
-        Places in the other map, in spacings from its first node.
-    continued : {"wrap", "symmetric", ""}
-        Mode of `numpy.pad` that continues the other map along this axis; "" where it ends.
-    """
-
-    nodes: slice
-    places: Values
+    nodes: slice  # nodes of the grid
+    places: Values  # places in the other map, in spacings from its first node, shape (k,)
+    # {"wrap", "symmetric", ""}: mode of `numpy.pad` that continues the other map along this axis;
+    # "" where it ends
     continued: Literal["wrap", "symmetric", ""]
 
     @property
@@ -107,24 +90,8 @@ def composite(
 
     The sum stands on the finer of the two grids. The other map is interpolated there by cubic
     splines, and not at all where its nodes lie on those of the grid. Heights of the second body
-    count from its highest node, so that a flat one changes nothing.
-
-    Parameters
-    ----------
-    first, second : Topography
-        Prepared surfaces, without holes, of one boundary.
-    placement : Placement, optional
-        How the second body is turned over and laid on the first one.
-
-    Returns
-    -------
-    Topography
-        Composite surface, with the steps and warnings of both bodies.
-
-    Raises
-    ------
-    InputError
-        If fewer than 2 x 2 nodes lie on both bodies, or heights are too large to be added.
+    count from its highest node, so that a flat one changes nothing. Raises InputError if fewer
+    than 2 x 2 nodes lie on both bodies, or heights are too large to be added.
     """
     placement = placement or Placement()
     for body in (first, second):
@@ -245,23 +212,12 @@ def _size(lengths: Sides) -> str:
 
 @dataclass(frozen=True)
 class Opposite:
-    """The second of two rough bodies.
+    """The second of two rough bodies."""
 
-    Attributes
-    ----------
-    path : Path
-        File of its surface.
-    reading : Reading
-        How it is read and prepared.
-    placement : Placement
-        How it is laid on the first one.
-    shared : bool
-        Whether it is read as the first body: lengths and unit that its own file states then stand.
-    """
-
-    path: Path
-    reading: Reading
-    placement: Placement
+    path: Path  # file of its surface
+    reading: Reading  # how it is read and prepared
+    placement: Placement  # how it is laid on the first one
+    # whether it is read as the first body: lengths and unit that its own file states then stand
     shared: bool = True
 
     def measured(self, boundary: Boundary) -> Topography:
@@ -285,26 +241,8 @@ def surface_of(
 ) -> Topography:
     """Read and prepare a surface, or the composite surface of two bodies.
 
-    Parameters
-    ----------
-    path : Path
-        File of the first or only body.
-    reading : Reading
-        How it is read and prepared.
-    opposite : Opposite or None
-        Second body; None for a plane.
-    boundary : {"free", "periodic", "mirror"}
-        Boundary of the patch.
-
-    Returns
-    -------
-    Topography
-        Prepared surface.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read or prepared, or the bodies share fewer than 2 x 2 nodes.
+    Raises InputError if a file cannot be read or prepared, or the bodies share fewer than 2 x 2
+    nodes.
     """
     surface = prepare(read(path, reading, boundary), reading)
     if opposite is None:

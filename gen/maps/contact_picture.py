@@ -34,44 +34,20 @@ SECTION = 6.0
 
 @dataclass(frozen=True)
 class Subject:
-    """Surface, load and material of a picture of contacts.
+    """Surface, load and material of a picture of contacts."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the surface.
-    load : {"delta", "force", "pressure"}
-        Quantity that was given.
-    material : bool
-        Whether the user gave a modulus.
-    warnings : sequence of str
-        One line for each reason to distrust the contacts.
-    spots : bool
-        Whether to draw spots and the open gap instead of heights and pressure.
-    """
-
-    name: str
-    load: str
-    material: bool
-    warnings: Sequence[str]
-    spots: bool = False
+    name: str  # name of the surface
+    load: str  # {"delta", "force", "pressure"}: quantity that was given
+    material: bool  # whether the user gave a modulus
+    warnings: Sequence[str]  # one line for each reason to distrust the contacts
+    spots: bool = False  # whether to draw spots and the open gap instead of heights and pressure
 
 
 def draw_contacts(
     figure: Any, contacts: Sequence[Contact], subject: Subject, picture: Path
 ) -> None:
-    """Draw a surface, its contact and a section under the last load, and the law of several loads.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        Empty figure.
-    contacts : sequence of bem.Contact
-        Contacts of one surface, at least one.
-    subject : Subject
-        Surface, load and material.
-    picture : Path
-        Picture to write.
+    """Draw a surface, its contact and a section under the last load, and the law of several
+    loads.
     """
     last = contacts[-1]
     axes, letters = _panels(figure, pictures.patch_sides(last), law=len(contacts) > 1)
@@ -96,15 +72,7 @@ def draw_contacts(
 
 
 def _panels(figure: Any, sides: tuple[float, float], *, law: bool) -> tuple[dict[str, Any], int]:
-    """Place the panels to suit the shape of the surface.
-
-    Returns
-    -------
-    axes : dict of matplotlib.axes.Axes
-        Axes of the maps, the section and the law by name.
-    letters : int
-        Number of letters that fit into a line of a map's title.
-    """
+    """Place the panels to suit the shape of the surface."""
     ratio = min(max(sides[1] / sides[0], 1 / SLIVER), SLIVER)
     if ratio > OBLONG:
         height = min(max(3.6 * ratio, 8.0), 9.5) if law else 6.0
@@ -163,20 +131,8 @@ def _title(contacts: Sequence[Contact], subject: Subject) -> str:
 def section_line(contact: Contact) -> tuple[int, int]:
     """Choose the line of nodes along which to draw a section.
 
-    Among the lines along the longer side, the one with the largest force is chosen; if these have
-    no contact off the border, the one with the largest force along the shorter side.
-
-    Parameters
-    ----------
-    contact : bem.Contact
-        Solution to draw.
-
-    Returns
-    -------
-    along : int
-        Axis along which the line runs.
-    index : int
-        Index of the line on the other axis.
+    Among the lines along the longer side, the one with the largest force is chosen; if these
+    have no contact off the border, the one with the largest force along the shorter side.
     """
     sides = pictures.patch_sides(contact)
     longer = 0 if sides[0] >= sides[1] else 1

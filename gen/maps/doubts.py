@@ -40,18 +40,7 @@ FEWEST_TILTED = 8
 
 
 def surface_warnings(topography: Topography) -> list[str]:
-    """List reasons to distrust contacts of a surface: spikes, slopes, wrong units.
-
-    Parameters
-    ----------
-    topography : Topography
-        Surface without holes.
-
-    Returns
-    -------
-    list of str
-        One line for each warning, those of reading and preparing included.
-    """
+    """List reasons to distrust contacts of a surface: spikes, slopes, wrong units."""
     warnings = list(topography.warnings)
     spike = _spike(topography.heights)
     if spike is not None:
@@ -159,13 +148,7 @@ def tilt(topography: Topography) -> tuple[float, float]:
 
 
 def _spike(heights: Heights) -> tuple[int, int, float] | None:
-    """Find out whether the highest node is a spike.
-
-    Returns
-    -------
-    tuple of (int, int, float), optional
-        Row, column, and height above the median of its neighbours [um]; None if it is no spike.
-    """
+    """Return node and height above its neighbours [um] of the highest node if it is a spike."""
     # The odd reflection continues slopes beyond the border.
     padded = np.pad(heights, 1, mode="reflect", reflect_type="odd")
     nx, ny = heights.shape

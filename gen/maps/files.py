@@ -25,23 +25,7 @@ MOST = 100_000
 def map_files(patterns: Sequence[str], folder: Path) -> list[Path]:
     """Find the files that a scene names.
 
-    Parameters
-    ----------
-    patterns : sequence of str
-        Files, folders, or names with the wildcards *, ?, [] and **; of a folder every file is
-        taken that is neither hidden nor, by its suffix, a document or a picture.
-    folder : Path
-        Folder that relative names start from.
-
-    Returns
-    -------
-    list of Path
-        Absolute paths without repetition: in the order of the patterns, and by name within each.
-
-    Raises
-    ------
-    InputError
-        If a pattern leads to no file, or to too many.
+    Raises InputError if a pattern leads to no file, or to too many.
     """
     found: dict[Path, None] = {}
     for pattern in patterns:
@@ -92,10 +76,7 @@ def _absence(pattern: str, folder: Path) -> str:
 def digest(path: Path) -> str:
     """Compute the SHA-256 of a file's content, in hexadecimal digits.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read.
+    Raises InputError if the file cannot be read.
     """
     try:
         with path.open("rb") as file:
@@ -105,12 +86,10 @@ def digest(path: Path) -> str:
 
 
 def digests(paths: Iterable[Path]) -> list[str]:
-    """Compute the SHA-256 of files, and refuse two of one content: their tiles would share nodes.
+    """Compute the SHA-256 of files, and refuse two of one content: their tiles would share
+    nodes.
 
-    Raises
-    ------
-    InputError
-        If a file cannot be read, or repeats another one.
+    Raises InputError if a file cannot be read, or repeats another one.
     """
     found: dict[str, Path] = {}
     for path in paths:
@@ -127,24 +106,7 @@ def digests(paths: Iterable[Path]) -> list[str]:
 def located(recorded: Path, sha256: str, beside: Path | None) -> Path:
     """Find a map of a database again: where it was, or in the folder of the database.
 
-    Parameters
-    ----------
-    recorded : Path
-        Place of the file when the database was made.
-    sha256 : str
-        SHA-256 of its content.
-    beside : Path, optional
-        Folder of the database.
-
-    Returns
-    -------
-    Path
-        A file with this content.
-
-    Raises
-    ------
-    InputError
-        If neither file is there, or both have another content.
+    Raises InputError if neither file is there, or both have another content.
     """
     places = [recorded, *([] if beside is None else [beside / recorded.name])]
     present = [path for path in places if path.is_file()]

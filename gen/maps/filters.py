@@ -24,20 +24,7 @@ def number_of_terms(degree: int) -> int:
 
 
 def fitted_polynomial(heights: Heights, degree: int) -> Heights:
-    """Fit a polynomial of a total degree to the measured nodes by least squares.
-
-    Parameters
-    ----------
-    heights : ndarray, shape (nx, ny)
-        Heights with NaN in the holes [um]. There are more nodes than `degree` along each axis.
-    degree : int
-        Largest sum of the exponents of x and y.
-
-    Returns
-    -------
-    ndarray, shape (nx, ny)
-        Polynomial at all nodes [um].
-    """
+    """Fit a polynomial of a total degree to the measured nodes by least squares."""
     along_x, along_y = (_orthonormal_polynomials(nodes, degree) for nodes in heights.shape)
     i, j = np.nonzero(np.add.outer(np.arange(degree + 1), np.arange(degree + 1)) <= degree)
     triangle: Values = np.empty((0, i.size + 1))
@@ -70,24 +57,10 @@ ROUNDING = 1e-9
 
 
 def without_spikes(heights: Heights, threshold: float) -> tuple[Heights, NDArray[np.bool_]]:
-    """Replace nodes that are far from their local median by this median.
+    """Replace nodes that are far from their local median by this median; also return their mask.
 
     Far is further than `threshold` times the scatter of these distances over the map, which is
     their median absolute deviation times 1.4826: the standard deviation if they are normal.
-
-    Parameters
-    ----------
-    heights : ndarray, shape (nx, ny)
-        Heights with NaN in the holes, which are neither spikes nor part of a median [um].
-    threshold : float
-        Distance from which a node is a spike, in units of the scatter.
-
-    Returns
-    -------
-    heights : ndarray, shape (nx, ny)
-        Heights without spikes; all other nodes keep every bit [um].
-    spikes : ndarray of bool, shape (nx, ny)
-        Nodes that were replaced.
     """
     medians = local_medians(heights)
     with np.errstate(over="ignore"):  # a bound beyond all numbers leaves no spike
@@ -96,18 +69,7 @@ def without_spikes(heights: Heights, threshold: float) -> tuple[Heights, NDArray
 
 
 def scaled_distances(heights: Heights) -> Values:
-    """Compute the distance of each node from its local median in units of their scatter.
-
-    Parameters
-    ----------
-    heights : ndarray, shape (nx, ny)
-        Heights with NaN in the holes, not all equal [um].
-
-    Returns
-    -------
-    ndarray, shape (nx, ny)
-        Distances, NaN in the holes; `without_spikes` compares them with its threshold [1].
-    """
+    """Compute the distance of each node from its local median in units of their scatter."""
     medians = local_medians(heights)
     return np.asarray((heights - medians) / _scatter(heights, medians))
 
@@ -121,20 +83,11 @@ def _scatter(heights: Heights, medians: Heights) -> float:
 
 
 def local_medians(heights: Heights) -> Heights:
-    """Compute the median of the measured nodes around each node, itself included, on their slope.
+    """Compute the median of the measured nodes around each node, itself included, on their
+    slope.
 
-    Beside a hole, a spike or the border, a slope would shift the median. So the plane through the
-    node whose slopes are the medians of those in its neighbourhood is taken out before.
-
-    Parameters
-    ----------
-    heights : ndarray, shape (nx, ny)
-        Heights with NaN in the holes [um].
-
-    Returns
-    -------
-    ndarray, shape (nx, ny)
-        Medians over `WINDOW` x `WINDOW` nodes, NaN where all of these are missing [um].
+    Beside a hole, a spike or the border, a slope would shift the median. So the plane through
+    the node whose slopes are the medians of those in its neighbourhood is taken out before.
     """
     padded = np.pad(heights, WINDOW // 2, constant_values=np.nan)
     windows = np.lib.stride_tricks.sliding_window_view(padded, (WINDOW, WINDOW))
@@ -182,24 +135,8 @@ def long_waves(
     """Smooth a map by the Gaussian weights of ISO 16610-61, normalised at the borders it has.
 
     Of a wave along any direction exp(-ln 2 (cutoff / wavelength)^2) passes, one half at the
-    cut-off. Near the border of a free patch the weights inside the map are divided by their sum. A
-    patch without edges goes on there, and so do the weights.
-
-    Parameters
-    ----------
-    heights : ndarray, shape (nx, ny)
-        Heights without holes [um].
-    spacing : tuple of float
-        Distance of the nodes along x and y [um].
-    cutoff : float
-        Cut-off wavelength, at least `FINEST` spacings [um].
-    boundary : {"free", "periodic", "mirror"}
-        Boundary of the patch.
-
-    Returns
-    -------
-    ndarray, shape (nx, ny)
-        Waves that are longer than the cut-off [um].
+    cut-off. Near the border of a free patch the weights inside the map are divided by their
+    sum. A patch without edges goes on there, and so do the weights.
     """
     from scipy.ndimage import gaussian_filter1d
 
@@ -224,20 +161,6 @@ def filled_harmonically(
     """Fill holes with the solution of Laplace's equation between the heights of their rims.
 
     No flux crosses the border of the patch, unless it is periodic.
-
-    Parameters
-    ----------
-    heights : ndarray, shape (nx, ny)
-        Heights with NaN in the holes, at least one of them finite [um].
-    spacing : tuple of float
-        Distance of the nodes along x and y [um].
-    periodic : bool
-        Whether the patch goes on past its border with its opposite side.
-
-    Returns
-    -------
-    ndarray, shape (nx, ny)
-        Heights without NaN; measured heights are kept [um].
     """
     from scipy.sparse.linalg import spsolve
 
@@ -291,14 +214,9 @@ def quadratic(x: Values, y: Values) -> list[Values]:
 def least_squares(
     heights: Heights, terms: Callable[[Values, Values], list[Values]]
 ) -> tuple[Heights, Values]:
-    """Fit terms to the measured nodes.
+    """Fit terms to the measured nodes; return the fit at all nodes and its coefficients [um].
 
-    Returns
-    -------
-    fit : ndarray, shape (nx, ny)
-        Fit at all nodes [um].
-    coefficients : ndarray
-        One for each term, with coordinates from -1 to 1 along both axes [um].
+    Coordinates of the coefficients go from -1 to 1 along both axes.
     """
     x, y = np.meshgrid(*(np.linspace(-1, 1, nodes) for nodes in heights.shape), indexing="ij")
     columns = terms(x, y)

@@ -40,24 +40,8 @@ REVISION = re.compile(
 def read(path: Path, reading: Reading, reason: str) -> Scan:
     """Read the map of a channel from an instrument's file.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    reading : Reading
-        How the file is read, with the name or index of the channel.
-    reason : str
-        Message for a file of no format that SurfaceTopography has a reader for; "" for our own.
-
-    Returns
-    -------
-    Scan
-        The map.
-
-    Raises
-    ------
-    InputError
-        If SurfaceTopography is missing or cannot read the file, or there is no such channel.
+    Raises InputError if SurfaceTopography is missing or cannot read the file, or there is no
+    such channel.
     """
     try:
         import SurfaceTopography  # noqa: F401

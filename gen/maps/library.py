@@ -37,22 +37,13 @@ READER = 2
 
 @dataclass(frozen=True)
 class Wanted:
-    """How the files of a scene are to be read and prepared.
+    """How the files of a scene are to be read and prepared."""
 
-    Attributes
-    ----------
-    window : tuple of int
-        Nodes of a window along x and y, which every map has to hold.
-    spacing : tuple of float, optional
-        Sides along x and y to resample the maps to [um]; None takes that of the first map, which
-        the others have to share.
-    reading : Reading
-        How the files are read and prepared.
-    """
-
-    window: Shape
+    window: Shape  # nodes of a window along x and y, which every map has to hold
+    # sides along x and y to resample the maps to [um]; None takes that of the first map, which the
+    # others have to share
     spacing: Sides | None = None
-    reading: Reading = field(default_factory=Reading)
+    reading: Reading = field(default_factory=Reading)  # how the files are read and prepared
 
     def key(self, sha256s: Sequence[str]) -> str:
         """Return the name of the library that files of these contents make: a SHA-256.
@@ -71,21 +62,11 @@ class Wanted:
 
 @dataclass(frozen=True, eq=False)
 class Library:
-    """Prepared maps in shared memory.
+    """Prepared maps in shared memory."""
 
-    Attributes
-    ----------
-    maps : tuple of PreparedMap
-        The maps in the order of their files.
-    spacing : tuple of float
-        Distance of the nodes along x and y [um].
-    file : Path
-        File that holds them.
-    """
-
-    maps: tuple[PreparedMap, ...]
-    spacing: Sides
-    file: Path
+    maps: tuple[PreparedMap, ...]  # the maps in the order of their files
+    spacing: Sides  # distance of the nodes along x and y [um]
+    file: Path  # file that holds them
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
@@ -99,29 +80,11 @@ def prepared(
     wanted: Wanted,
     folder: Path | None,
 ) -> Library:
-    """Return the prepared maps of files; prepare them unless a file beside the database has them.
+    """Return the prepared maps of files; prepare them unless a file beside the database has
+    them.
 
-    Parameters
-    ----------
-    paths : sequence of Path
-        The files.
-    sha256s : sequence of str
-        SHA-256 of their contents.
-    wanted : Wanted
-        What is to be made of them.
-    folder : Path, optional
-        Folder for the prepared maps, that of the database. If there is none, or it cannot be
-        written to, they go to the user's part of the temporary folder.
-
-    Returns
-    -------
-    Library
-        The maps; those that had been prepared before are as their SHA-256 says.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read or prepared, a map is smaller than the window, or spacings differ.
+    Raises InputError if a file cannot be read or prepared, a map is smaller than the window, or
+    spacings differ.
     """
     library = opened(sha256s, wanted, folder, verify=True)
     if library is None:
@@ -148,23 +111,9 @@ def prepared(
 def opened(
     sha256s: Sequence[str], wanted: Wanted, folder: Path | None, *, verify: bool
 ) -> Library | None:
-    """Return prepared maps from the file that holds them, without looking at the maps' own files.
+    """Return prepared maps from the file that holds them; None if no file does.
 
-    Parameters
-    ----------
-    sha256s : sequence of str
-        SHA-256 of the contents of the maps' files.
-    wanted : Wanted
-        What was made of them.
-    folder : Path, optional
-        Folder of the database.
-    verify : bool
-        Whether to read the prepared maps to the end and compare them with their SHA-256.
-
-    Returns
-    -------
-    Library or None
-        The maps; None if no file there or in the temporary folder holds them.
+    The maps' own files are not looked at. To `verify` is to read the prepared ones to the end.
     """
     key = wanted.key(sha256s)
     for place in (folder, _temporary_folder(make=False)):
@@ -232,13 +181,7 @@ def _is_writable(folder: Path) -> bool:
 
 
 def _temporary_folder(*, make: bool) -> Path | None:
-    """Return this user's folder for prepared maps among the temporary files.
-
-    Returns
-    -------
-    Path or None
-        A folder that belongs to this user and that nobody else may write to; None if there is none.
-    """
+    """Return this user's temporary folder, None unless nobody else may write to it."""
     folder = Path(tempfile.gettempdir()) / f"asperity-{os.getuid()}"
     with suppress(OSError):
         if make:
@@ -255,34 +198,18 @@ PAGE = 4096
 
 @dataclass(frozen=True, eq=False)
 class PreparedMap:
-    """One prepared map.
+    """One prepared map."""
 
-    Attributes
-    ----------
-    heights : ndarray, shape (nx, ny)
-        Heights without holes, read-only [um].
-    remarks : tuple of str
-        One line for each reason to distrust the heights.
-    """
-
-    heights: Heights
-    remarks: tuple[str, ...] = ()
+    heights: Heights  # heights without holes, read-only [um], shape (nx, ny)
+    remarks: tuple[str, ...] = ()  # one line for each reason to distrust the heights
 
 
 @dataclass(frozen=True, eq=False)
 class Stored:
-    """Content of a file of prepared maps.
+    """Content of a file of prepared maps."""
 
-    Attributes
-    ----------
-    maps : tuple of PreparedMap
-        The maps, mapped into memory.
-    spacing : tuple of float
-        Distance of their nodes along x and y [um].
-    """
-
-    maps: tuple[PreparedMap, ...]
-    spacing: tuple[float, float]
+    maps: tuple[PreparedMap, ...]  # the maps, mapped into memory
+    spacing: tuple[float, float]  # distance of their nodes along x and y [um]
 
 
 def write_maps(
@@ -290,21 +217,8 @@ def write_maps(
 ) -> None:
     """Write prepared maps one by one, so that only one of them is in memory at a time.
 
-    Parameters
-    ----------
-    path : Path
-        File to make.
-    key : str
-        Name of what was prepared, and how.
-    maps : iterable of (PreparedMap, (float, float))
-        Maps with their common spacing along x and y [um].
-    replace : bool
-        Whether to replace a file of that name, one that is damaged.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be written, or is there and of another kind.
+    Maps come with their common spacing [um]. Raises InputError if the file cannot be written, or is
+    there and of another kind.
     """
     table: dict[str, Any] = {"key": key, "byteorder": sys.byteorder, "maps": []}
     with atomic(path, "maps", replace=replace) as file:
@@ -334,23 +248,7 @@ def _finish(file: IO[bytes], table: bytes) -> None:
 
 
 def stored_maps(path: Path, key: str, *, verify: bool) -> Stored | None:
-    """Map a file of prepared maps into memory.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    key : str
-        Name of what it has to hold.
-    verify : bool
-        Whether to compare the heights with their SHA-256, which reads the whole file. One process
-        of a run does so, the others follow it.
-
-    Returns
-    -------
-    Stored or None
-        The maps; None if there is no such file, or it is damaged or holds something else.
-    """
+    """Map a file of prepared maps into memory; None if it is damaged or holds something else."""
     with suppress(OSError, ValueError, KeyError, TypeError):
         table = _table(path)
         if table["key"] == key and table["byteorder"] == sys.byteorder:

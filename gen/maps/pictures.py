@@ -41,50 +41,26 @@ CYAN = (0.09, 0.75, 0.81)
 
 @dataclass(frozen=True, eq=False)
 class Map:
-    """A field over a surface with the texts and colours to draw it with.
+    """A field over a surface with the texts and colours to draw it with."""
 
-    Attributes
-    ----------
-    field : ndarray, shape (nx, ny)
-        Values of the field [unit], masked where there is nothing to draw.
-    sides : tuple of float
-        Lengths of the patch along x and y [um].
-    title : str
-        Title of the map.
-    quantity, unit : str
-        Name and unit of the field. Both are empty where the values only number colours: then the
-        scale holds all `COLOURS` of them, and there is no colour bar.
-    colours : str
-        Name of a colour map of matplotlib.
-    marked : ndarray of bool, shape (nx, ny), or None
-        Nodes to draw in the colour `CYAN` instead of the field's; None for no such node.
-    """
-
+    # values of the field [unit], masked where there is nothing to draw, shape (nx, ny)
     field: Values
-    sides: tuple[float, float]
-    title: str
+    sides: tuple[float, float]  # lengths of the patch along x and y [um]
+    title: str  # title of the map
+    # name and unit of the field. Both are empty where the values only number colours: then the
+    # scale holds all `COLOURS` of them, and there is no colour bar
     quantity: str
     unit: str
-    colours: str
+    colours: str  # name of a colour map of matplotlib
+    # nodes to draw in the colour `CYAN` instead of the field's; None for no such node, shape (nx,
+    # ny)
     marked: NDArray[np.bool_] | None = None
 
 
 def axis_unit(span: float, fine: float) -> tuple[float, str]:
     """Return the unit of an axis of lengths, whose ticks have few decimals then.
 
-    Parameters
-    ----------
-    span : float
-        Length that the axis shows [um].
-    fine : float
-        Span below which it is in nm [um].
-
-    Returns
-    -------
-    factor : float
-        Number of these units in a um.
-    unit : {"nm", "µm", "mm"}
-        The unit.
+    Also return the number of these units in a um. Spans below `fine` [um] are in nm.
     """
     if 0.0 < span < fine:
         return 1e3, "nm"
@@ -113,21 +89,7 @@ def nominal_area(contact: Contact) -> float:
 
 
 def contact_maps(contact: Contact, height_title: str, pressure_title: str) -> tuple[Map, Map]:
-    """Return the maps of the heights and of the pressure of a contact.
-
-    Parameters
-    ----------
-    contact : bem.Contact
-        Solution to draw.
-    height_title, pressure_title : str
-        Titles of the two maps.
-
-    Returns
-    -------
-    tuple of Map
-        Heights [um] and pressure [MPa], the latter masked outside the contact; yielded nodes are
-        marked instead, as their pressure is the hardness.
-    """
+    """Return the maps of the heights and of the pressure of a contact; yielded nodes are marked."""
     heights, sides = contact.problem.heights, patch_sides(contact)
     yielded = yielded_nodes(contact)
     pressure = np.ma.masked_where((contact.pressure == 0) | yielded, contact.pressure)
@@ -140,19 +102,7 @@ def contact_maps(contact: Contact, height_title: str, pressure_title: str) -> tu
 
 
 def spot_maps(contact: Contact) -> tuple[Map, Map]:
-    """Return the maps of the gap, open or closed, and of the spots.
-
-    Parameters
-    ----------
-    contact : bem.Contact
-        Solution to draw.
-
-    Returns
-    -------
-    tuple of Map
-        Gap [um], masked in contact; where some of it connects opposite sides, the rest is marked.
-        Spots by size, in `COLOURS` colours that repeat; the largest spot has the first.
-    """
+    """Return the maps of the gap, open or closed, and of the spots by size."""
     spots, sides = contact.spots, patch_sides(contact)
     gap = np.ma.masked_where(spots.labels > 0, contact.gap)
     crossing = spots.open_gap.any()
@@ -187,17 +137,7 @@ def yielded_nodes(contact: Contact) -> NDArray[np.bool_]:
 
 
 def draw_map(axis: Any, surface_map: Map, letters: int) -> None:
-    """Draw a field; its colour bar, if it has a quantity, is not stretched by a few outliers.
-
-    Parameters
-    ----------
-    axis : matplotlib.axes.Axes
-        Axes to draw into.
-    surface_map : Map
-        Field with its title and colours.
-    letters : int
-        Number of letters that fit into a line of the title.
-    """
+    """Draw a field; its colour bar, if it has a quantity, is not stretched by a few outliers."""
     nx, ny = surface_map.field.shape
     per_um, of_sides = axis_unit(max(surface_map.sides), FINE_SIDE)
     width, length = (per_um * side for side in surface_map.sides)
@@ -275,21 +215,7 @@ def draw_surface(
     fit: SelfAffineFit | str,
     picture: Path,
 ) -> None:
-    """Draw the heights, the height distribution with the bearing curve, and the power spectrum.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        Empty figure.
-    topography : Topography
-        Surface without holes.
-    spectrum : RadialSpectrum
-        Its radial power spectrum.
-    fit : SelfAffineFit or str
-        The law that fits it, or the reason why there is none.
-    picture : Path
-        Picture to write.
-    """
+    """Draw the heights, the height distribution with the bearing curve, and the power spectrum."""
     top, bottom = figure.subfigures(2, 1, height_ratios=[1.12, 1.0])
     left, right = top.subplots(1, 2, width_ratios=[1.15, 1.0])
     figure.suptitle(shortened(topography.name), fontsize=11, parse_math=False)

@@ -33,30 +33,13 @@ MOST_HOLES = 0.5
 def prepare(topography: Topography, settings: Reading) -> Topography:
     """Crop, invert, mask, despike, level, fill, filter and downsample a map, in this order.
 
-    Heights out of range are no part of any median, so the mask comes
-    before the spikes. Spikes would bend a fit, and stand at the rims of holes, which are filled
-    from there. The level or form is fitted to measured nodes only. A filter needs all nodes, and
-    no slope that its weights would cut off at the borders. Means come last, when the S-filter has
-    taken out the waves that they would fold back.
-
-    Parameters
-    ----------
-    topography : Topography
-        Surface as it was measured.
-    settings : Reading
-        Steps to take. A surface of which more than `MANY_HOLES` is filled gets a warning.
-
-    Returns
-    -------
-    Topography
-        Surface without holes, with the steps that were taken. One that is still tilted gets a
-        warning.
-
-    Raises
-    ------
-    InputError
-        If a setting is not allowed or does not suit the map, holes are left, there are more holes
-        than heights, or heights are too large to compute with.
+    Heights out of range are no part of any median, so the mask comes before the spikes. Spikes
+    would bend a fit, and stand at the rims of holes, which are filled from there. The level or
+    form is fitted to measured nodes only. A filter needs all nodes, and no slope that its
+    weights would cut off at the borders. Means come last, when the S-filter has taken out the
+    waves that they would fold back. Raises InputError if a setting is not allowed or does not
+    suit the map, holes are left, there are more holes than heights, or heights are too large to
+    compute with.
     """
     settings.check()
     followed = topography.followed | settings.followed
@@ -269,26 +252,10 @@ def resampled(topography: Topography, spacing: tuple[float, float]) -> Topograph
     """Give a map another spacing, axis by axis.
 
     Cubic splines through the nodes are evaluated where the new nodes are closer. Where they are
-    further apart, the splines are averaged over the new cells: values at the new nodes would fold
-    short waves back into long ones. An axis keeps its nodes if the two spacings are the same but
-    for rounding, see `SAME`.
-
-    Parameters
-    ----------
-    topography : Topography
-        Surface without holes.
-    spacing : tuple of float
-        Distance of the new nodes along x and y [um].
-
-    Returns
-    -------
-    Topography
-        Surface with exactly these spacings; the step is recorded if nodes changed.
-
-    Raises
-    ------
-    InputError
-        If fewer than 2 x 2 nodes are left, or the map has fewer than four along such an axis.
+    further apart, the splines are averaged over the new cells: values at the new nodes would
+    fold short waves back into long ones. An axis keeps its nodes if the two spacings are the
+    same but for rounding, see `SAME`. Raises InputError if fewer than 2 x 2 nodes are left, or
+    the map has fewer than four along such an axis.
     """
     heights = topography.heights
     for axis in (0, 1):

@@ -42,43 +42,22 @@ OWN_SUFFIXES = {".npy", ".txt", ".dat", ".csv", ".asc", ""}
 
 @dataclass(frozen=True, eq=False)
 class Topography:
-    """A surface from a file.
+    """A surface from a file."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the file.
-    heights : ndarray, shape (nx, ny)
-        Heights, NaN at holes [um].
-    sides : tuple of float
-        Lengths of the patch along x and y [um].
-    boundary : {"free", "periodic", "mirror"}
-        Boundary of the patch: the outer nodes of a free one lie on its border, and a patch without
-        edges is made of cells.
-    steps : tuple of str
-        One line for each step from the file to these heights.
-    warnings : tuple of str
-        One line for each reason to distrust the heights.
-    unit : str
-        Unit of the heights in the file, "" if it names none and they are taken as um.
-    followed : frozenset of str
-        Steps of the preparation, which no warning advises again: "crop", "level plane".
-    repeats : bool
-        Whether the file says that its map is periodic; the boundary is what the user says.
-    asked : {"option", "key", "keyword"}
-        Who asks, for the words of messages.
-    """
-
-    name: str
-    heights: Heights
-    sides: Sides
-    steps: tuple[str, ...] = ()
-    warnings: tuple[str, ...] = ()
+    name: str  # name of the file
+    heights: Heights  # heights, NaN at holes [um], shape (nx, ny)
+    sides: Sides  # lengths of the patch along x and y [um]
+    steps: tuple[str, ...] = ()  # one line for each step from the file to these heights
+    warnings: tuple[str, ...] = ()  # one line for each reason to distrust the heights
+    # {"free", "periodic", "mirror"}: boundary of the patch: the outer nodes of a free one lie on
+    # its border, and a patch without edges is made of cells
     boundary: Boundary = "free"
-    unit: str = ""
+    unit: str = ""  # unit of the heights in the file, "" if it names none and they are taken as um
+    # steps of the preparation, which no warning advises again: "crop", "level plane"
     followed: frozenset[str] = frozenset()
+    # whether the file says that its map is periodic; the boundary is what the user says
     repeats: bool = False
-    asked: Asked = "keyword"
+    asked: Asked = "keyword"  # {"option", "key", "keyword"}: who asks, for the words of messages
 
     def said(self, phrase: str) -> str:
         """Write a key, alone or with its value, in the words of who asks."""
@@ -115,29 +94,9 @@ def read(
 ) -> Topography:
     """Read a surface from a file.
 
-    Lengths and unit are to be given if the file lacks them; otherwise they are refused.
-
-    Parameters
-    ----------
-    path : Path
-        File: .npy, text, or a format that SurfaceTopography reads (x3p, sur, al3d, opd, plu, gwy
-        and more).
-    reading : Reading
-        How the file is read.
-    boundary : {"free", "periodic", "mirror"}
-        Boundary of the patch: without edges a scan length is that of all pixels, and free patches
-        end at the outer nodes. The size of a pixel that the file states is kept in either case.
-
-    Returns
-    -------
-    Topography
-        Surface in um, with holes if the file has any.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read or holds no map of heights, its channel is unknown, or a length
-        or unit is missing, wrong, or given although the file has it.
+    Lengths and unit are to be given if the file lacks them; otherwise they are refused. Raises
+    InputError if the file cannot be read or holds no map of heights, its channel is unknown, or
+    a length or unit is missing, wrong, or given although the file has it.
     """
     overrule, side, unit = map(reading.said, ("override_scale", "side", "unit"))
     if reading.override_scale and not (reading.side or reading.unit):
@@ -210,17 +169,7 @@ def _first_step(scan: Scan, heights: Heights, unit: str | None) -> str:
 def sides_from(text: str, asked: Asked = "option") -> Sides:
     """Return the scan lengths along x and y [um] from "1000" or "1000,500".
 
-    Parameters
-    ----------
-    text : str
-        The lengths [um].
-    asked : {"option", "key", "keyword"}
-        Who gives them, for messages.
-
-    Raises
-    ------
-    InputError
-        If the text is anything else, or a length is not above 0.
+    Raises InputError if the text is anything else, or a length is not above 0.
     """
     lengths = numbers_in(text)
     if len(lengths) not in {1, 2} or not all(map(magnitude, lengths)):

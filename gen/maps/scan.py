@@ -22,55 +22,28 @@ from gen.runtime.errors import InputError
 
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """The map of a channel in the file's own units.
+    """The map of a channel in the file's own units."""
 
-    Attributes
-    ----------
-    heights : ndarray, shape (nx, ny)
-        Heights, NaN at holes [unit].
-    widths : tuple of float, optional
-        Lengths along x and y, which count whole pixels [length_unit]; None if the file has none.
-    unit : str, optional
-        Unit of the heights; if the file names none, "" for one in um by default, else None.
-    length_unit : str, optional
-        Unit of the lengths, None for that of the heights.
-    origin : str
-        What was read, in words.
-    remarks : tuple of str
-        Comments of the file that we do not understand and that name a unit of length.
-    repeats : bool
-        Whether the file calls the map one period of a periodic surface.
-    """
-
-    heights: Heights
+    heights: Heights  # heights, NaN at holes [unit], shape (nx, ny)
+    # lengths along x and y, which count whole pixels [length_unit]; None if the file has none
     widths: tuple[float, float] | None = None
+    # unit of the heights; if the file names none, "" for one in um by default, else None
     unit: str | None = None
-    length_unit: str | None = None
-    origin: str = ""
+    length_unit: str | None = None  # unit of the lengths, None for that of the heights
+    origin: str = ""  # what was read, in words
+    # comments of the file that we do not understand and that name a unit of length
     remarks: tuple[str, ...] = ()
-    repeats: bool = False
+    repeats: bool = False  # whether the file calls the map one period of a periodic surface
 
 
 @dataclass(frozen=True)
 class Channel:
-    """One map of a file.
+    """One map of a file."""
 
-    Attributes
-    ----------
-    index : int
-        Index of the map in the file.
-    name : str
-        Name of the map.
-    heights : bool
-        Whether the map holds heights.
-    unit : str
-        Unit of its values, "" if unknown.
-    """
-
-    index: int
-    name: str
-    heights: bool
-    unit: str
+    index: int  # index of the map in the file
+    name: str  # name of the map
+    heights: bool  # whether the map holds heights
+    unit: str  # unit of its values, "" if unknown
 
     @property
     def label(self) -> str:
@@ -82,19 +55,8 @@ class Channel:
 def choose_channel(path: Path, channels: Sequence[Channel], reading: Reading) -> Channel:
     """Return the channel with a name or index; by default the first one with heights.
 
-    Parameters
-    ----------
-    path : Path
-        File, for messages.
-    channels : sequence of Channel
-        All channels of the file.
-    reading : Reading
-        How the file is read, with the name or index of a channel.
-
-    Raises
-    ------
-    InputError
-        If there is no such channel, it holds no heights, or several have the name.
+    Raises InputError if there is no such channel, it holds no heights, or several have the
+    name.
     """
     wanted, named = reading.channel, reading.said("channel")
     first = next((channel for channel in channels if channel.heights), None)
@@ -114,15 +76,7 @@ def choose_channel(path: Path, channels: Sequence[Channel], reading: Reading) ->
 
 
 def choice_in_words(channels: Sequence[Channel], index: int) -> str:
-    """Say which channel was read and which were not; "" for a file with only one.
-
-    Parameters
-    ----------
-    channels : sequence of Channel
-        All channels of the file.
-    index : int
-        Index of the channel that was read.
-    """
+    """Say which channel was read and which were not; "" for a file with only one."""
     if len(channels) == 1:
         return ""
     name = next(channel.name for channel in channels if channel.index == index)
@@ -150,24 +104,8 @@ ADVICE = "give the heights as a grid, one row of them a line, or x, y and z of p
 def arranged(path: Path, scan: Scan, names: Sequence[str] = ()) -> Scan:
     """Turn a table of numbers into a map of heights.
 
-    Parameters
-    ----------
-    path : Path
-        File, for messages.
-    scan : Scan
-        Numbers as the file holds them; those with widths are a map already.
-    names : sequence of str
-        "x", "y", "z" or "" for each column; empty if the file does not name them.
-
-    Returns
-    -------
-    Scan
-        The map, with widths if there are coordinates.
-
-    Raises
-    ------
-    InputError
-        If the numbers look like coordinates but not like a map: a profile, points on no grid.
+    Raises InputError if the numbers look like coordinates but not like a map: a profile, points
+    on no grid.
     """
     numbers = scan.heights
     if scan.widths is not None:

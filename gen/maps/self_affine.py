@@ -51,25 +51,14 @@ ROLL_OFFS = 400
 
 @dataclass(frozen=True, eq=False)
 class RadialSpectrum:
-    """Power spectrum of a surface, averaged over directions.
+    """Power spectrum of a surface, averaged over directions."""
 
-    Attributes
-    ----------
-    wavenumbers : ndarray, shape (bins,)
-        Geometric mean of the wavenumbers of each bin [1/um].
-    edges : ndarray, shape (bins, 2)
-        Smallest and largest wavenumber of each bin [1/um].
-    density : ndarray, shape (bins,)
-        Mean spectral density C; the mean square height is its integral over the wavevectors,
-        divided by (2 pi)^2 [um^4].
-    waves : ndarray, shape (bins,)
-        Number of waves, opposite ones counted once.
-    """
-
-    wavenumbers: Values
-    edges: Values
+    wavenumbers: Values  # geometric mean of the wavenumbers of each bin [1/um], shape (bins,)
+    edges: Values  # smallest and largest wavenumber of each bin [1/um], shape (bins, 2)
+    # mean spectral density C; the mean square height is its integral over the wavevectors, divided
+    # by (2 pi)^2 [um^4], shape (bins,)
     density: Values
-    waves: Values
+    waves: Values  # number of waves, opposite ones counted once, shape (bins,)
 
     def rows(self) -> list[Row]:
         """Return a row of a table for each bin, with the units in the names."""
@@ -81,30 +70,15 @@ class RadialSpectrum:
 
 @dataclass(frozen=True)
 class SelfAffineFit:
-    """Self-affine law of a surface, in the terms of the generator `spectral`.
+    """Self-affine law of a surface, in the terms of the generator `spectral`."""
 
-    Attributes
-    ----------
-    spectrum : SelfAffineSpectrum
-        Hurst exponent, roll-off and cut-off.
-    rms_height : float
-        Root mean square of the heights of the surface [um].
-    level : float
-        Spectral density of the flat part [um^4].
-    longest : float
-        Longest wavelength of the spectrum [um]; a roll-off of this length was not found.
-    scatter : float
-        Root mean square factor between spectrum and law [1].
-    remarks : tuple of str
-        What the fit could not find, one short text each.
-    """
-
-    spectrum: SelfAffineSpectrum
-    rms_height: float
-    level: float
+    spectrum: SelfAffineSpectrum  # hurst exponent, roll-off and cut-off
+    rms_height: float  # root mean square of the heights of the surface [um]
+    level: float  # spectral density of the flat part [um^4]
+    # longest wavelength of the spectrum [um]; a roll-off of this length was not found
     longest: float
-    scatter: float
-    remarks: tuple[str, ...]
+    scatter: float  # root mean square factor between spectrum and law [1]
+    remarks: tuple[str, ...]  # what the fit could not find, one short text each
 
     @property
     def values(self) -> dict[str, float]:
@@ -124,16 +98,6 @@ def radial_spectrum(topography: Topography) -> RadialSpectrum:
 
     A patch that is not periodic is multiplied by a Hann window along both axes, or its borders
     would add waves; the longest wave that is left is then half of the shorter side.
-
-    Parameters
-    ----------
-    topography : Topography
-        Surface without holes.
-
-    Returns
-    -------
-    RadialSpectrum
-        Bins up to two nodes a wavelength along both axes; none if the surface has too few nodes.
     """
     heights, spacing = topography.heights, topography.spacing
     periodic = topography.boundary == "periodic"
@@ -191,23 +155,7 @@ def _averaged(wavenumbers: Values, density: Values, edges: Values, columns: int)
 def fit_self_affine(
     topography: Topography, spectrum: RadialSpectrum, aspect: float = math.nan
 ) -> SelfAffineFit | str:
-    """Fit the self-affine law to the radial power spectrum of a surface.
-
-    Parameters
-    ----------
-    topography : Topography
-        Surface without holes.
-    spectrum : RadialSpectrum
-        Its spectrum, from `radial_spectrum`.
-    aspect : float
-        Its texture aspect ratio Str, NaN if it is unknown [1].
-
-    Returns
-    -------
-    SelfAffineFit or str
-        The law, or the reason why there is none: a law over less than a decade, of a directional
-        surface, or flatter than any Hurst exponent is none.
-    """
+    """Fit the self-affine law to the radial power spectrum of a surface."""
     if reason := _without_law(topography, spectrum) or _lay(topography, aspect):
         return reason
     largest = float(spectrum.density.max())
@@ -267,21 +215,7 @@ def _lay(topography: Topography, aspect: float) -> str:
 
 
 def _best_law(q: Values, c: Values, weights: Values) -> tuple[float, float, float, int, float]:
-    """Find the law with the least squares.
-
-    Parameters
-    ----------
-    q, c : ndarray, shape (bins,)
-        Logarithms of wavenumbers and of relative densities.
-    weights : ndarray, shape (bins,)
-        Weights of the squares.
-
-    Returns
-    -------
-    tuple
-        Logarithms of the roll-off's wavenumber and of the level, slope 2 + 2 H, number of bins
-        before the end of the law, and root mean square residual.
-    """
+    """Find the law with the least squares."""
     best = (math.inf, 0.0, 0.0, 0.0, 0, 0.0)
     outside = math.log(OUTLYING) ** 2 * (weights.sum() - np.cumsum(weights))
     for roll in np.linspace(q[0], q[-LEAST], ROLL_OFFS):

@@ -38,15 +38,7 @@ that of the fields of `Reading` is the order of the options."""
 
 
 def said(phrase: str, asked: Asked) -> str:
-    """Write a key, alone or with its value, in the words of who asks.
-
-    Parameters
-    ----------
-    phrase : str
-        Name of a key, as "fill_most", or with a value behind it, as "level plane".
-    asked : {"option", "key", "keyword"}
-        Who asks.
-    """
+    """Write a key, alone or with its value, in the words of who asks."""
     name, blank, value = phrase.partition(" ")
     return f"--{name.replace('_', '-')}{blank}{value}" if asked == "option" else phrase
 
@@ -60,32 +52,17 @@ def numbers_in(text: str, separator: str = ",") -> list[float]:
 
 
 class Key(NamedTuple):
-    """What is said of a key of `Reading`.
+    """What is said of a key of `Reading`."""
 
-    Attributes
-    ----------
-    help : str
-        Help of the option.
-    metavar : str
-        Value of the option in its help; "" for a flag.
-    table : {"reading", "preparation", ""}
-        Table of `[surface]` in a scene that has the key; "" for one that no scene has.
-    allowed : str
-        What a scene may say.
-    least : int, optional
-        Least whole number.
-    choices : tuple of str
-        Allowed words; () for any text.
-    example, meaning : str
-        The option's value, and what it does, in the table of the manual; "" for no line there.
-    """
-
-    help: str
-    metavar: str = ""
+    help: str  # help of the option
+    metavar: str = ""  # value of the option in its help; "" for a flag
+    # {"reading", "preparation", ""}: table of `[surface]` in a scene that has the key; "" for one
+    # that no scene has
     table: str = ""
-    allowed: str = ""
-    least: int | None = None
-    choices: tuple[str, ...] = ()
+    allowed: str = ""  # what a scene may say
+    least: int | None = None  # least whole number
+    choices: tuple[str, ...] = ()  # allowed words; () for any text
+    # the option's value, and what it does, in the table of the manual; "" for no line there
     example: str = ""
     meaning: str = ""
 
@@ -102,21 +79,9 @@ def _step(help_: str, metavar: str, allowed: str, example: str, meaning: str, **
 
 @dataclass(frozen=True)
 class FileReading:
-    """How the file of a map is read where it does not say it itself; by default, as it says.
+    """How the file of a map is read where it does not say it itself; by default, as it says."""
 
-    Attributes
-    ----------
-    side : str
-        Scan length, or two with a comma, for a file without lengths [um].
-    unit : str
-        Unit of the heights, and of the lengths of the file, for a file that names none; .npy and
-        text are in um by default.
-    channel : str
-        Name or index of the channel; the first one with heights by default.
-    asked : {"option", "key", "keyword"}
-        Who asks, for messages.
-    """
-
+    # scan length, or two with a comma, for a file without lengths [um]
     side: Annotated[
         str,
         _read(
@@ -125,6 +90,8 @@ class FileReading:
             "the scan length in um, or two as [1000, 500] or '1000,500'",
         ),
     ] = ""
+    # unit of the heights, and of the lengths of the file, for a file that names none; .npy and text
+    # are in um by default
     unit: Annotated[
         str,
         _read(
@@ -133,6 +100,7 @@ class FileReading:
             "text, the unit of the heights, as 'nm'",
         ),
     ] = ""
+    # name or index of the channel; the first one with heights by default
     channel: Annotated[
         str,
         _read(
@@ -141,6 +109,7 @@ class FileReading:
             "text, a channel's name or its index",
         ),
     ] = ""
+    # {"option", "key", "keyword"}: who asks, for messages
     asked: Asked = field(default="keyword", kw_only=True)
 
     @classmethod
@@ -155,37 +124,11 @@ class FileReading:
 
 @dataclass(frozen=True)
 class Reading(FileReading):
-    """How a map is read, and what is done to it before it is used; by default nothing.
+    """How a map is read, and what is done to it before it is used; by default nothing."""
 
-    Attributes
-    ----------
-    override_scale : bool
-        True to let `side` and `unit` overrule the file, with a warning.
-    crop : str
-        Part to keep, "x0:x1,y0:y1" from the first node on [um].
-    invert : bool
-        True to turn the surface upside down, for files whose heights point into the material.
-    mask : str
-        Heights to keep, "below:above" [um]; all others become holes. Either end may be empty.
-    despike : float, optional
-        Distance from the local median from which a node is a spike, in units of the scatter of
-        these distances.
-    level : {"", "mean", "plane", "quadratic"}
-        Least-squares fit of the measured nodes to subtract.
-    form : int, optional
-        Total degree of the least-squares polynomial to subtract instead of a level.
-    fill : bool
-        True to close holes harmonically: no filled node is above or below the rim of its hole.
-    fill_most : bool
-        True to fill even if more than half of the heights are missing.
-    filter : str
-        Cut-off wavelengths of the S-filter and the L-filter, "short:long" [um]. Either may be
-        empty, which leaves its filter out.
-    downsample : int, optional
-        Nodes along each side of the blocks whose means become the nodes.
-    """
-
+    # True to let `side` and `unit` overrule the file, with a warning
     override_scale: Annotated[bool, Key("Let --side and --unit overrule the file's own.")] = False
+    # True to close holes harmonically: no filled node is above or below the rim of its hole
     fill: Annotated[
         bool,
         _step(
@@ -197,10 +140,12 @@ class Reading(FileReading):
             " border of a periodic map are filled across the border.",
         ),
     ] = False
+    # True to fill even if more than half of the heights are missing
     fill_most: Annotated[
         bool,
         _step("Fill even if more than half is missing.", "", "true or false", "", ""),
     ] = False
+    # {"", "mean", "plane", "quadratic"}: least-squares fit of the measured nodes to subtract
     level: Annotated[
         str,
         _step(
@@ -212,6 +157,7 @@ class Reading(FileReading):
             choices=LEVELS,
         ),
     ] = ""
+    # part to keep, "x0:x1,y0:y1" from the first node on [um]
     crop: Annotated[
         str,
         _step(
@@ -222,6 +168,7 @@ class Reading(FileReading):
             "Keep only this part of the map, in um.",
         ),
     ] = ""
+    # True to turn the surface upside down, for files whose heights point into the material
     invert: Annotated[
         bool,
         _step(
@@ -232,6 +179,7 @@ class Reading(FileReading):
             "Turn the map upside down, for heights that point into the material.",
         ),
     ] = False
+    # heights to keep, "below:above" [um]; all others become holes. Either end may be empty
     mask: Annotated[
         str,
         _step(
@@ -242,6 +190,8 @@ class Reading(FileReading):
             "Turn nodes with heights outside this range [um] into holes.",
         ),
     ] = ""
+    # distance from the local median from which a node is a spike, in units of the scatter of these
+    # distances
     despike: Annotated[
         float | None,
         _step(
@@ -253,6 +203,7 @@ class Reading(FileReading):
             " times the robust scatter of these distances. A slope is no spike.",
         ),
     ] = None
+    # total degree of the least-squares polynomial to subtract instead of a level
     form: Annotated[
         int | None,
         _step(
@@ -264,6 +215,8 @@ class Reading(FileReading):
             least=1,
         ),
     ] = None
+    # cut-off wavelengths of the S-filter and the L-filter, "short:long" [um]. Either may be empty,
+    # which leaves its filter out
     filter: Annotated[
         str,
         _step(
@@ -276,6 +229,7 @@ class Reading(FileReading):
             " Either cut-off may be left out.",
         ),
     ] = ""
+    # nodes along each side of the blocks whose means become the nodes
     downsample: Annotated[
         int | None,
         _step(
@@ -291,10 +245,8 @@ class Reading(FileReading):
     def check(self) -> None:
         """Refuse settings that suit no map, by their names.
 
-        Raises
-        ------
-        InputError
-            If a setting is out of its range, or a level and a form are asked for together.
+        Raises InputError if a setting is out of its range, or a level and a form are asked
+        for together.
         """
         if self.mask:
             self.kept_heights()
@@ -374,13 +326,7 @@ class Reading(FileReading):
 
 
 def keys(table: str) -> dict[str, Key]:
-    """Return the keys of a table of scenes, in the order in which they are followed.
-
-    Parameters
-    ----------
-    table : {"reading", "preparation"}
-        Name of the table.
-    """
+    """Return the keys of a table of scenes, in the order in which they are followed."""
     found = {name: kind.__metadata__[0] for name, kind in _annotations().items()}
     names = ORDER if table == "preparation" else found
     return {name: found[name] for name in names if found[name].table == table}

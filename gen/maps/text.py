@@ -68,20 +68,12 @@ SAYS_LENGTHS = re.compile(r"\b(mm|um|µm|μm|nm|microns?|micromet\w+|nanomet\w+|
 
 @dataclass(eq=False)
 class Matrix:
-    """Numbers of a text file with the entries of the header above them.
+    """Numbers of a text file with the entries of the header above them."""
 
-    Attributes
-    ----------
-    numbers : ndarray, shape (lines, columns)
-        Numbers as the file holds them [unit of the header].
-    entries : dict of str
-        Entries of the header by their quantity, a key of `LABELS`.
-    remarks : tuple of str
-        Comments that we do not understand and that name a unit of length.
-    """
-
-    numbers: Values
+    numbers: Values  # numbers as the file holds them [unit of the header], shape (lines, columns)
+    # entries of the header by their quantity, a key of `LABELS`
     entries: dict[str, str] = field(default_factory=dict)
+    # comments that we do not understand and that name a unit of length
     remarks: tuple[str, ...] = ()
 
     @property
@@ -121,18 +113,7 @@ class Matrix:
 
 
 def decoded(content: bytes) -> str | None:
-    """Decode text in UTF-8 or UTF-16; of other encodings, foreign letters are lost.
-
-    Parameters
-    ----------
-    content : bytes
-        Content of a file.
-
-    Returns
-    -------
-    str or None
-        The text; None for content that is not text.
-    """
+    """Decode text in UTF-8 or UTF-16; of other encodings, foreign letters are lost."""
     encoding = "utf-8-sig"
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         encoding = "utf-16"
@@ -149,23 +130,8 @@ def decoded(content: bytes) -> str | None:
 def matrices(content: str, path: Path) -> list[Matrix]:
     """Read the numbers of a text file: one matrix, or one for each header that names a channel.
 
-    Parameters
-    ----------
-    content : str
-        Content of the file.
-    path : Path
-        Name of the file, for messages.
-
-    Returns
-    -------
-    list of Matrix
-        Matrices in the order of the file.
-
-    Raises
-    ------
-    InputError
-        If there are words among the numbers, rows of unequal length, fewer rows than a header
-        states, or names of the columns of a profile.
+    Raises InputError if there are words among the numbers, rows of unequal length, fewer rows
+    than a header states, or names of the columns of a profile.
     """
     read: list[Matrix] = []
     rows: list[list[float]] = []
@@ -351,22 +317,7 @@ def _complain(field: str, path: Path, line: int) -> NoReturn:
 def read(path: Path) -> list[Matrix]:
     """Read the matrices of a .npy or text file; text with headers may have more than one.
 
-    Parameters
-    ----------
-    path : Path
-        A .npy file, or text with one row of numbers on each line. Numbers are separated by `;`,
-        else by whitespace around decimal commas, else by commas, else by whitespace; `#` begins a
-        comment. This includes MIRCO's topologies (.dat, a `;` after each number).
-
-    Returns
-    -------
-    list of Matrix
-        Matrices in the order of the file; none if it is neither .npy nor text.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read.
+    Raises InputError if the file cannot be read.
     """
     require_file(path)
     try:

@@ -29,15 +29,8 @@ def tiles_along(nodes: int, window: int) -> int:
     """Return the number of tiles of a map along one axis.
 
     A tile is at least twice as wide as the window if that leaves two tiles. A smaller map has
-    two narrower ones, so that one can train and the other test, and a map that does not hold two
-    windows side by side is one tile.
-
-    Parameters
-    ----------
-    nodes : int
-        Nodes of the map along the axis, at least those of the window.
-    window : int
-        Nodes of the window along the axis.
+    two narrower ones, so that one can train and the other test, and a map that does not hold
+    two windows side by side is one tile.
     """
     return max(nodes // (WIDE * window), min(FEWEST, nodes // window))
 
@@ -46,15 +39,11 @@ def tiles_along(nodes: int, window: int) -> int:
 class Pairing:
     """Tiles of two sets of maps in groups: windows of two bodies always come from one group.
 
-    Each tile is in one group, and each group has tiles of both sets, as evenly as they divide. Rows
-    of one group stay together in a split, so that its parts share no node of either set.
-
-    Attributes
-    ----------
-    first, second : int
-        Numbers of tiles of both sets.
+    Each tile is in one group, and each group has tiles of both sets, as evenly as they divide.
+    Rows of one group stay together in a split, so that its parts share no node of either set.
     """
 
+    # numbers of tiles of both sets
     first: int
     second: int
 
@@ -74,18 +63,10 @@ class Pairing:
 
 @dataclass(frozen=True)
 class Tiling:
-    """The tiles of several maps for windows of one shape.
+    """The tiles of several maps for windows of one shape."""
 
-    Attributes
-    ----------
-    shapes : tuple of (int, int)
-        Nodes of each map along x and y.
-    window : tuple of int
-        Nodes of a window along x and y.
-    """
-
-    shapes: tuple[Shape, ...]
-    window: Shape
+    shapes: tuple[Shape, ...]  # nodes of each map along x and y
+    window: Shape  # nodes of a window along x and y
 
     def __post_init__(self) -> None:
         """Refuse maps that hold no window; `gen.maps.library` says which in words."""
@@ -123,15 +104,7 @@ class Tiling:
         return bisect_right(self._starts, tile) - 1
 
     def bounds(self, index: int, place: int) -> tuple[Shape, Shape]:
-        """Return the nodes of a tile: first and one past the last along x, and along y.
-
-        Parameters
-        ----------
-        index : int
-            Index of the map.
-        place : int
-            Number of the tile among those of the map, ascending along y first.
-        """
+        """Return the nodes of a tile: first and one past the last along x, and along y."""
         counts = self.counts(index)
         nx, ny = self.shapes[index]
         along_x, along_y = divmod(place, counts[1])
@@ -150,45 +123,18 @@ TRANSPOSED = 4
 
 @dataclass(frozen=True)
 class Window:
-    """Place of a surface in the maps.
+    """Place of a surface in the maps."""
 
-    Attributes
-    ----------
-    map : int
-        Index of the map.
-    tile : int
-        Number of the tile, counted over all maps.
-    corner : tuple of int
-        First node along x and y, in the map.
-    symmetry : int
-        Symmetry of the rectangle, from 0 to 3, or of the square, to 7: 1 mirrors x, 2 mirrors y,
-        4 swaps the axes thereafter.
-    """
-
-    map: int
-    tile: int
-    corner: tuple[int, int]
+    map: int  # index of the map
+    tile: int  # number of the tile, counted over all maps
+    corner: tuple[int, int]  # first node along x and y, in the map
+    # symmetry of the rectangle, from 0 to 3, or of the square, to 7: 1 mirrors x, 2 mirrors y, 4
+    # swaps the axes thereafter
     symmetry: int
 
 
 def drawn(random: np.random.Generator, tiling: Tiling, *, square: bool) -> Window:
-    """Draw a window: all maps alike, all tiles of a map, all places in a tile, all symmetries.
-
-    Parameters
-    ----------
-    random : numpy.random.Generator
-        The surface's own stream; `DRAWS` numbers in [0, 1) are taken.
-    tiling : Tiling
-        Tiles of the maps.
-    square : bool
-        Whether the window has the eight symmetries of the square: as many nodes along x as along y,
-        and equal spacings. Other windows have four.
-
-    Returns
-    -------
-    Window
-        Place of the window.
-    """
+    """Draw a window: all maps alike, all tiles of a map, all places in a tile, all symmetries."""
     numbers = random.random(DRAWS)
     index = _among(numbers[0], len(tiling.shapes))
     place = _among(numbers[1], tiling.number(index))
@@ -196,24 +142,7 @@ def drawn(random: np.random.Generator, tiling: Tiling, *, square: bool) -> Windo
 
 
 def facing(random: np.random.Generator, tiling: Tiling, tiles: range, *, square: bool) -> Window:
-    """Draw the window of a second body: all tiles that may face the first one alike.
-
-    Parameters
-    ----------
-    random : numpy.random.Generator
-        The second body's own stream; `DRAWS` numbers in [0, 1) are taken.
-    tiling : Tiling
-        Tiles of the maps of second bodies.
-    tiles : range
-        Numbers of the tiles that the window may lie in.
-    square : bool
-        See `drawn`.
-
-    Returns
-    -------
-    Window
-        Place of the window.
-    """
+    """Draw the window of a second body: all tiles that may face the first one alike."""
     numbers = random.random(DRAWS)
     tile = tiles[_among(numbers[0], len(tiles))]
     index = tiling.map_of(tile)
@@ -233,42 +162,14 @@ def _placed(numbers: Values, tiling: Tiling, index: int, place: int, *, square: 
 
 
 def cut(heights: Heights, window: Window, shape: tuple[int, int]) -> Heights:
-    """Cut a window out of its map and turn it round.
-
-    Parameters
-    ----------
-    heights : ndarray, shape (mx, my)
-        Heights of the window's map [um].
-    window : Window
-        Place of the window.
-    shape : tuple of int
-        Nodes (nx, ny) of the window.
-
-    Returns
-    -------
-    ndarray, shape (nx, ny)
-        Heights above the lowest node of the window [um].
-    """
+    """Cut a window out of its map and turn it round."""
     (x, y), (nx, ny) = window.corner, shape
     patch = turned(heights[x : x + nx, y : y + ny], window.symmetry)
     return np.ascontiguousarray(patch - patch.min())
 
 
 def turned(patch: Heights, symmetry: int) -> Heights:
-    """Apply a symmetry of `Window` to a patch; views of the same heights.
-
-    Parameters
-    ----------
-    patch : ndarray, shape (nx, ny)
-        Heights [um].
-    symmetry : int
-        Symmetry, from 0, which changes nothing, to 7.
-
-    Returns
-    -------
-    ndarray, shape (nx, ny), or (ny, nx) if the axes are swapped
-        The same heights [um].
-    """
+    """Apply a symmetry of `Window` to a patch; views of the same heights."""
     if symmetry & 1:
         patch = patch[::-1]
     if symmetry & 2:
