@@ -35,35 +35,35 @@ def prepare(folder: Path) -> dict[str, Path]:
     return paths
 
 
-def replaced(file: h5py.File, **options: object) -> h5py.Dataset:
+def made(**options: Any) -> Crafting:
     """A column made anew in another way."""
-    rows = len(file[COLUMN])
-    del file[COLUMN]
-    return file.create_dataset(COLUMN, **{"shape": (rows,), "dtype": "f8", **options})
+
+    def craft(file: h5py.File, folder: Path) -> None:
+        rows = len(file[COLUMN])
+        del file[COLUMN]
+        file.create_dataset(COLUMN, **{"shape": (rows,), "dtype": "f8", **options})
+
+    return craft
+
+
+def put(content: Callable[[h5py.File, Path], Any], name: str = COLUMN) -> Crafting:
+    """Something else in the place of a column or a group."""
+
+    def craft(file: h5py.File, folder: Path) -> None:
+        found = content(file, folder)
+        del file[name]
+        file[name] = found
+
+    return craft
 
 
 def external(file: h5py.File, folder: Path) -> None:
-    replaced(file, external=[(str(folder / "victim"), 0, 24 * 8)])
-
-
-def external_link(file: h5py.File, folder: Path) -> None:
-    del file[COLUMN]
-    file[COLUMN] = h5py.ExternalLink(str(folder / "whole.h5"), f"/{COLUMN}")
-
-
-def soft_link(file: h5py.File, folder: Path) -> None:
-    del file[COLUMN]
-    file[COLUMN] = h5py.SoftLink("/delta")
+    made(external=[(str(folder / "victim"), 0, 24 * 8)])(file, folder)
 
 
 def linked_group(file: h5py.File, folder: Path) -> None:
     file.move("runtime", "elsewhere")
     file["runtime"] = h5py.SoftLink("/elsewhere")
-
-
-def same_dataset(file: h5py.File, folder: Path) -> None:
-    del file[COLUMN]
-    file[COLUMN] = file["delta"]
 
 
 def virtual(file: h5py.File, folder: Path) -> None:
@@ -73,68 +73,14 @@ def virtual(file: h5py.File, folder: Path) -> None:
     file.create_virtual_dataset(COLUMN, layout)
 
 
-def compressed(file: h5py.File, folder: Path) -> None:
-    replaced(file, compression="gzip")
-
-
-def chunked(file: h5py.File, folder: Path) -> None:
-    replaced(file, chunks=(8,))
-
-
-def growing(file: h5py.File, folder: Path) -> None:
-    replaced(file, chunks=(8,), maxshape=(None,))
-
-
-def wrong_type(file: h5py.File, folder: Path) -> None:
-    replaced(file, dtype="f4")
-
-
-def other_bytes(file: h5py.File, folder: Path) -> None:
-    replaced(file, dtype=">f8")
-
-
-def texts(file: h5py.File, folder: Path) -> None:
-    replaced(file, dtype=h5py.string_dtype())
-
-
 def named_type(file: h5py.File, folder: Path) -> None:
     file["double"] = np.dtype("f8")
-    replaced(file, dtype=file["double"])
-
-
-def wrong_shape(file: h5py.File, folder: Path) -> None:
-    replaced(file, shape=(25,))
-
-
-def wrong_rank(file: h5py.File, folder: Path) -> None:
-    replaced(file, shape=(24, 1))
-
-
-def scalar(file: h5py.File, folder: Path) -> None:
-    replaced(file, shape=())
-
-
-def no_data(file: h5py.File, folder: Path) -> None:
-    replaced(file, shape=None)
+    made(dtype=file["double"])(file, folder)
 
 
 def group(file: h5py.File, folder: Path) -> None:
     del file[COLUMN]
     file.create_group(COLUMN)
-
-
-def type_for_a_column(file: h5py.File, folder: Path) -> None:
-    del file[COLUMN]
-    file[COLUMN] = np.dtype("f8")
-
-
-def column_for_a_group(file: h5py.File, folder: Path) -> None:
-    del file["runtime"]
-    file["runtime"] = np.zeros(24)
-
-
-def never_allocated(file: h5py.File, folder: Path) -> None:
-    replaced(file)
 
 
 def huge(file: h5py.File, folder: Path) -> None:
@@ -143,17 +89,12 @@ def huge(file: h5py.File, folder: Path) -> None:
     for name, value in (("scene", scene.text()), ("scene_hash", scene.fingerprint())):
         set_text(file, name, value)
     file.attrs.modify("samples", scene.samples)
-    for name in list(walk(file)):
+    found: list[str] = []
+    file.visititems(lambda name, node: found.append(name) if "long_name" in node.attrs else None)
+    for name in found:
         kind = file[name].dtype
         del file[name]
         file.create_dataset(name, shape=(scene.samples,), dtype=kind)
-
-
-def walk(file: h5py.File) -> list[str]:
-    """Paths of all columns."""
-    found: list[str] = []
-    file.visititems(lambda name, node: found.append(name) if "long_name" in node.attrs else None)
-    return found
 
 
 def set_text(file: h5py.File, name: str, value: str) -> None:
@@ -162,16 +103,13 @@ def set_text(file: h5py.File, name: str, value: str) -> None:
     file.attrs.create(name, data, dtype=h5py.string_dtype("utf-8", len(data)))
 
 
-def lacking(name: str) -> Crafting:
+def attribute(name: str, value: object = None) -> Crafting:
+    """An attribute with another value, or none."""
+
     def craft(file: h5py.File, folder: Path) -> None:
         del file.attrs[name]
-
-    return craft
-
-
-def with_attribute(name: str, value: object) -> Crafting:
-    def craft(file: h5py.File, folder: Path) -> None:
-        file.attrs[name] = value
+        if value is not None:
+            file.attrs[name] = value
 
     return craft
 
@@ -182,36 +120,38 @@ def versions(text: str) -> Crafting:
 
 CRAFTED: dict[str, tuple[Crafting, str]] = {
     "external": (external, "another file"),
-    "external-link": (external_link, "link"),
-    "soft-link": (soft_link, "link"),
+    "external-link": (
+        put(lambda _, folder: h5py.ExternalLink(str(folder / "whole.h5"), f"/{COLUMN}")),
+        "link",
+    ),
+    "soft-link": (put(lambda *_: h5py.SoftLink("/delta")), "link"),
     "linked-group": (linked_group, "link"),
-    "same-dataset": (same_dataset, "on top of"),
+    "same-dataset": (put(lambda file, _: file["delta"]), "on top of"),
     "virtual": (virtual, "virtual"),
-    "compressed": (compressed, "compressed"),
-    "chunked": (chunked, "chunks"),
-    "growing": (growing, COLUMN),
-    "wrong-type": (wrong_type, "type f8"),
-    "other-bytes": (other_bytes, "type f8"),
-    "texts": (texts, "type f8"),
+    "compressed": (made(compression="gzip"), "compressed"),
+    "chunked": (made(chunks=(8,)), "chunks"),
+    "growing": (made(chunks=(8,), maxshape=(None,)), COLUMN),
+    "wrong-type": (made(dtype="f4"), "type f8"),
+    "other-bytes": (made(dtype=">f8"), "type f8"),
+    "texts": (made(dtype=h5py.string_dtype()), "type f8"),
     "named-type": (named_type, "type f8"),
-    "wrong-shape": (wrong_shape, "(24,)"),
-    "wrong-rank": (wrong_rank, "(24,)"),
-    "scalar": (scalar, "(24,)"),
-    "no-data": (no_data, "(24,)"),
+    "wrong-shape": (made(shape=(25,)), "(24,)"),
+    "wrong-rank": (made(shape=(24, 1)), "(24,)"),
+    "no-data": (made(shape=None), "(24,)"),
     "group": (group, COLUMN),
-    "type": (type_for_a_column, COLUMN),
-    "no-group": (column_for_a_group, "runtime/"),
-    "never-allocated": (never_allocated, "do not fit"),
+    "type": (put(lambda *_: np.dtype("f8")), COLUMN),
+    "no-group": (put(lambda *_: np.zeros(24), "runtime"), "runtime/"),
+    "never-allocated": (made(), "do not fit"),
     "huge": (huge, "1000000000 rows"),
     **{
-        f"no-{name}": (lacking(name), f"lacks the attribute '{name}'")
-        for name in ("title", "versions", "created", "git_commit", "physics_forced", "scene_hash")
+        f"no-{name}": (attribute(name), f"lacks the attribute '{name}'")
+        for name in ("title", "versions", "physics_forced", "scene_hash")
     },
-    "text-in-a-heap": (with_attribute("title", "of variable length"), "'title'"),
-    "number-for-a-text": (with_attribute("title", 3), "'title'"),
-    "text-for-a-number": (with_attribute("physics", np.bytes_("4")), "'physics'"),
-    "list-for-a-number": (with_attribute("physics", [4, 4]), "'physics'"),
-    "other-rows": (with_attribute("samples", 23), "not the one that it was made with"),
+    "text-in-a-heap": (attribute("title", "of variable length"), "'title'"),
+    "number-for-a-text": (attribute("title", 3), "'title'"),
+    "text-for-a-number": (attribute("physics", np.bytes_("4")), "'physics'"),
+    "list-for-a-number": (attribute("physics", [4, 4]), "'physics'"),
+    "other-rows": (attribute("samples", 23), "not the one that it was made with"),
     "versions-list": (versions("[]"), "names no versions"),
     "versions-text": (versions("{'"), "is damaged"),
     "versions-deep": (versions("[" * 60_000), "is damaged"),
