@@ -97,8 +97,8 @@ def grow(
     A fifth of the surfaces (of maps: of their tiles) is held out for tests. Each round says how
     many rows the learning curve asks for. Interrupted or killed, the same command goes on. Started
     as `mpiexec -n 9 python -m mpi4py -m learn grow ...`, the workers compute the rows. Beside the
-    surrogate stand an ordinary database (.h5) and a picture of the learning curve, the predictions
-    and their coverage (.png).
+    surrogate stand an ordinary database (.h5) and a picture of the learning curve and the
+    predictions (.png).
     """
     from learn.executor import lead
 

@@ -293,15 +293,7 @@ class Folder:
 
     def prediction(self, kind: str, model: str) -> tuple[Values, Values]:
         """Read truth and prediction of the test rows, each of shape (m,), in the target's unit."""
-        path = self.path / kind / f"{model}.csv"
-        try:
-            lines = documents.read_bytes(path).decode().splitlines()[1:]
-            table = np.array([[float(cell) for cell in line.split(",")] for line in lines])
-            truth, prediction = table[:, 1], table[:, 2]
-        except (FileNotFoundError, ValueError, IndexError) as error:
-            raise InputError(f"{path} cannot be read: {error}") from None
-        if not (np.abs(table) < LARGEST).all():
-            raise InputError(f"{path}: holds values that are not finite: move it away")
+        truth, prediction = self._numbers(f"{kind}/{model}.csv", "truth", "prediction").T
         return truth, prediction
 
     def test_groups(self) -> Values:
@@ -309,15 +301,23 @@ class Folder:
 
         Rows of one surface, or of one tile of a map, are of one group.
         """
-        path = self.path / "rows.csv"
+        return self._numbers("rows.csv", "group", part="test")[:, 0]
+
+    def _numbers(self, name: str, *columns: str, part: str = "") -> Values:
+        """Read columns of a table, (rows, columns), or of the rows of one part of it."""
+        path = self.path / name
         try:
-            rows = [*csv.DictReader(documents.read_bytes(path).decode().splitlines())]
-            return np.array([float(row["group"]) for row in rows if row["part"] == "test"])
+            lines = csv.DictReader(documents.read_bytes(path).decode().splitlines())
+            rows = [row for row in lines if not part or row["part"] == part]
+            table = np.array([[float(row[column]) for column in columns] for row in rows])
         except (FileNotFoundError, KeyError, ValueError, TypeError, csv.Error) as error:
             raise InputError(
                 f"{path} cannot be read ({error}): learn compare DATABASE -o into a new folder"
                 " makes it again"
             ) from None
+        if not (np.abs(table) < LARGEST).all():
+            raise InputError(f"{path}: holds values that are not finite: move it away")
+        return table.reshape(-1, len(columns))
 
     def write_json(self, name: str, content: dict[str, Any]) -> Path:
         """Write a JSON file of the folder, and return its path."""

@@ -13,7 +13,6 @@ the tables name the grid that was searched.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import pairwise, product
 from math import inf, log2, sqrt
 from typing import Any
@@ -103,11 +102,6 @@ class Grid:
     def nominal(self) -> int:
         """Number of points of the grid."""
         return len(self.candidates)
-
-    @cached_property
-    def family_of(self) -> dict[int, int]:
-        """The family of every differing candidate, by its number."""
-        return {number: place for place, family in enumerate(self.families) for number in family}
 
     def served_by(self, family: int) -> tuple[Settings, ...]:
         """Return the canonical settings that one fit of a family serves."""

@@ -77,14 +77,15 @@ def within(search: GridSearch, until: float) -> SearchResult | None:
     _fit(search, [], total, FOLDS, decided, longest)  # the baseline alone
     if search.baseline_tasks(total):
         return None
-    numbers, told = _rungs(search, began, until, decided)
-    _fit(search, numbers, total, FOLDS, decided, longest)
+    families, told = _rungs(search, began, until, decided)
+    _fit(search, families, total, FOLDS, decided, longest)
     scores = search.scores(total)
     spent = sum(trial.seconds for trial in search.trials.finished.values())
     if scores.winner >= 0 and scores.fits == search.fits:
         return SearchResult(scores, WHOLE, spent)
     if not scores.decided and not scores.failures:
         return None
+    numbers = [number for family in families for number in search.grid.families[family]]
     left = sum(1 for number in numbers if not scores.of(number))
     beside = "" if search.baseline is None else " and the baseline"
     told.append(f"{_counted(len(numbers) - left)}{beside} on {total} rows, {FOLDS} folds")
@@ -95,49 +96,43 @@ def within(search: GridSearch, until: float) -> SearchResult | None:
 def _rungs(
     search: GridSearch, began: float, until: float, decided: float
 ) -> tuple[list[int], list[str]]:
-    """Climb the rungs; return the candidates to judge on all rows, and the rungs in words."""
-    sizes = steps(search.training.rows)
-    numbers = _drawn_order(search, sizes[0])
-    if len(sizes) == 1 and search.optimum is not None:
-        numbers.sort(key=lambda number: number != search.optimum)
+    """Climb the rungs; return the families to judge on all rows, and the rungs in words."""
+    sizes, grid = steps(search.training.rows), search.grid
+    families = _drawn_order(search, sizes[0])
+    optimum = [f for f, numbers in enumerate(grid.families) if search.optimum in numbers]
+    if len(sizes) == 1:
+        families.sort(key=lambda family: family not in optimum)
     told: list[str] = []
     spared: set[int] = set()
     for place, rows in enumerate(sizes[:-1], start=1):
         end = began + RUNGS_SHARE * place / (len(sizes) - 1) * (until - began)
-        _fit(search, numbers, rows, RUNG_FOLDS, end)
+        _fit(search, families, rows, RUNG_FOLDS, end)
         scores = search.scores(rows, RUNG_FOLDS)
-        scored = [number for number in numbers if not np.isnan(scores.means[number])]
-        if told and search.tasks(numbers[:1], rows, RUNG_FOLDS):
+        means = {family: scores.means[[*grid.families[family]]] for family in families}
+        scored = [family for family in families if np.isfinite(means[family]).any()]
+        best = {family: float(np.nanmax(means[family])) for family in scored}
+        if told and search.tasks(families[:1], rows, RUNG_FOLDS):
             break  # the best candidate so far is not finished: this rung does not count
         if scored:
-            told.append(f"{_counted(len(scored))} on {rows} rows, {RUNG_FOLDS} folds")
+            number = sum(int(np.isfinite(means[family]).sum()) for family in scored)
+            told.append(f"{_counted(number)} on {rows} rows, {RUNG_FOLDS} folds")
         spared = (spared - set(scored)) | (set(scored) & scores.collapsed)
-        numbers = _promoted(search, scored, scores, spared)
-        if len(scored) == len(scores.means) and _whole_fits(search, scores, rows, decided):
-            return [*numbers, *sorted(set(scored).difference(numbers))], told
-    return numbers, told
+        ranked = sorted(set(scored) - spared, key=lambda family: (-best[family], family))
+        promoted = ranked[: -(-len(scored) // FACTOR)]
+        promoted[1:1] = [family for family in optimum if family not in promoted]
+        families = [*promoted, *sorted(spared.difference(promoted))]
+        if len(scored) == len(grid.families) and _whole_fits(search, scores, rows, decided):
+            return [*families, *sorted(set(scored).difference(families))], told
+    return families, told
 
 
 def _drawn_order(search: GridSearch, rows: int) -> list[int]:
-    """Draw all candidates by their families, with odds inverse to the work of a family's fit."""
+    """Draw all families, with odds inverse to the work of their fits."""
     grid, name = search.grid, search.model.name
     families = range(len(grid.families))
     work = [expected_work(Task(name, grid.served_by(family), 0, rows)) for family in families]
     waiting = np.random.default_rng(search.training.seed).exponential(work)
-    order = np.argsort(waiting, kind="stable")
-    return [number for family in order for number in grid.families[family]]
-
-
-def _promoted(
-    search: GridSearch, scored: list[int], scores: GridScores, spared: set[int]
-) -> list[int]:
-    """List the candidates of the next step in the order of their fits, those spared at the end."""
-    ranked = [number for number in scored if number not in spared]
-    ranked.sort(key=lambda number: (-scores.means[number], number))
-    best = ranked[: -(-len(scored) // FACTOR)]
-    if search.optimum is not None and search.optimum not in best:
-        best.insert(1, search.optimum)
-    return [*best, *sorted(spared.difference(best))]
+    return [int(family) for family in np.argsort(waiting, kind="stable")]
 
 
 def _whole_fits(search: GridSearch, scores: GridScores, rows: int, until: float) -> bool:
@@ -150,7 +145,7 @@ def _whole_fits(search: GridSearch, scores: GridScores, rows: int, until: float)
 
 def _fit(
     search: GridSearch,
-    numbers: list[int],
+    families: list[int],
     rows: int,
     folds: int,
     until: float,
@@ -158,9 +153,10 @@ def _fit(
 ) -> None:
     """Do the fits of one step until a time, the baseline's first."""
     own = search.baseline_tasks(rows, folds)
-    tasks = [*own, *search.tasks(numbers, rows, folds)]
+    tasks = [*own, *search.tasks(families, rows, folds)]
     if tasks:
-        named = [_counted(len(numbers)) if numbers else "", "the baseline" if own else ""]
+        number = sum(len(search.grid.families[family]) for family in families)
+        named = [_counted(number) if families else "", "the baseline" if own else ""]
         who = " and ".join(filter(None, named))
         title = f"{search.model.title}: {who} on {rows} rows, {folds} folds"
         search.run(tasks, title, until=until, longest=longest)

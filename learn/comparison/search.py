@@ -11,6 +11,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from itertools import product
 from math import inf
 from typing import NamedTuple
 
@@ -37,7 +38,7 @@ class GridScores:
     seconds: float  # sum of their times and of the baseline's
     failures: dict[str, int]  # number of scores that each reason has cost
     remarks: dict[str, int]  # and that each warning concerns
-    collapsed: frozenset[int]  # candidates of which a likelihood was largest at its range's end
+    collapsed: frozenset[int]  # families in which a likelihood was largest at its range's end
 
     @property
     def means(self) -> Values:
@@ -101,20 +102,13 @@ class GridSearch:
         """Number of fits of the whole grid."""
         return FOLDS * len(self.grid.families)
 
-    def tasks(self, numbers: Iterable[int], rows: int, folds: int = FOLDS) -> list[Task]:
-        """List the fits on some rows and folds that some differing candidates still lack.
-
-        There is one for each family and fold, the families in the order of their first candidate.
-        """
-        wanted: dict[int, list[int]] = {}
-        for number in numbers:
-            wanted.setdefault(self.grid.family_of[number], []).append(number)
-        tasks = []
-        for family in wanted.values():
-            settings = [self.grid.differing[number] for number in sorted(family)]
+    def tasks(self, families: Iterable[int], rows: int, folds: int = FOLDS) -> list[Task]:
+        """List the fits on some rows and folds that some families of candidates still lack."""
+        tasks, finished = [], self.trials.finished
+        for family in families:
+            served = [(each, grids.key(each)) for each in self.grid.served_by(family)]
             for fold in range(folds):
-                places = ((each, (grids.key(each), fold, rows)) for each in settings)
-                lacking = tuple(each for each, at in places if at not in self.trials.finished)
+                lacking = tuple(s for s, name in served if (name, fold, rows) not in finished)
                 if lacking:
                     tasks.append(Task(self.model.name, lacking, fold, rows))
         return tasks
@@ -173,16 +167,17 @@ class GridSearch:
         failures: Counter[str] = Counter()
         remarks: Counter[str] = Counter()
         seconds, fits, collapsed = 0.0, set(), set()
-        for number, settings in enumerate(self.grid.differing):
-            for fold in range(folds):
-                trial = self.trials.finished.get((grids.key(settings), fold, rows))
+        for family, numbers in enumerate(self.grid.families):
+            for number, fold in product(numbers, range(folds)):
+                name = grids.key(self.grid.differing[number])
+                trial = self.trials.finished.get((name, fold, rows))
                 if trial is None:
                     continue
                 scores[number, fold] = math.nan if trial.r2 is None else trial.r2
                 seconds += trial.seconds
-                fits.add((self.grid.family_of[number], fold))
+                fits.add((family, fold))
                 if AT_BOUND in trial.remark:
-                    collapsed.add(number)
+                    collapsed.add(family)
                 failures.update(filter(None, [trial.failure]))
                 remarks.update(filter(None, [trial.remark]))
         own = self._baseline_trials(rows, folds)
@@ -194,7 +189,7 @@ class GridSearch:
     def exhaustive(self) -> SearchResult:
         """Search the whole grid, and judge the baseline beside it."""
         rows = self.training.rows
-        tasks, own = self.tasks(range(len(self.grid.differing)), rows), self.baseline_tasks(rows)
+        tasks, own = self.tasks(range(len(self.grid.families)), rows), self.baseline_tasks(rows)
         beside = "" if self.baseline is None else f", {len(own)} of the baseline"
         title = (
             f"{self.model.title}: {self.grid.nominal} candidates,"

@@ -1,7 +1,7 @@
 """What a growth tells in the end: one screen of words and numbers, and one picture.
 
-The screen says how it ended, errors, learning curve, and when the surrogate pays; the picture has
-the learning curve, predictions over the truth, and the coverage of the intervals.
+The screen says how it ended, errors, coverage, learning curve, and when the surrogate pays; the
+picture has the learning curve, and predictions with their intervals over the truth.
 """
 
 import math
@@ -22,11 +22,8 @@ from learn.surrogate.break_even import Payback, answer_seconds
 TABLE_WIDTH = 110
 """Width of the tables without a terminal [characters]."""
 
-WIDTH, HEIGHT = 13.0, 4.3
+WIDTH, HEIGHT = 10.0, 4.6
 """Size of the picture [inches]."""
-
-QUARTERS = 4
-"""Parts of the test rows, by their solved value, whose coverage is drawn."""
 
 COLOUR, MARK = "tab:blue", "tab:red"
 
@@ -97,7 +94,6 @@ def _errors(found: Appraisal) -> object:
         table.add_column(name, justify="right")
     for name, judged in found.judged.items():
         about = found.surrogate.card["targets"][name]
-        inside = judged.inside
         width = float(np.mean(judged.high - judged.low))
         table.add_row(
             printable(name),
@@ -105,7 +101,7 @@ def _errors(found: Appraisal) -> object:
             f"{judged.accuracy.error:.2f}",
             f"{found.bound(name):.2f}",
             f"{about['scores']['r2']:.2f}",
-            f"{100 * inside.mean():.1f} %",
+            f"{100 * judged.inside.mean():.1f} %",
             f"{width:.3g} {printable(about['unit'])}",
         )
     return table
@@ -122,20 +118,13 @@ def payback(grown: Growth, found: Appraisal) -> Payback:
 
 
 def draw(figure: Any, found: Appraisal, curve: Curve | None) -> None:
-    """Draw a surrogate and its learning curve into an empty figure.
+    """Draw the worst target, with its learning curve if there is one, into an empty figure.
 
-    The figure is of `WIDTH` x `HEIGHT`; the worst target is drawn, with its curve if there is one.
+    The figure is of `WIDTH` x `HEIGHT`.
     """
-    learning, parity, coverage = figure.subplots(1, 3)
+    learning, parity = figure.subplots(1, 2)
     _draw_learning(learning, found, curve)
     _draw_parity(parity, found)
-    _draw_coverage(coverage, found)
-
-
-def _quantity(found: Appraisal) -> str:
-    """Return the worst target with its unit."""
-    unit = found.surrogate.learnt[found.worst].unit
-    return found.worst if unit == "1" else f"{found.worst} [{unit}]"
 
 
 def _draw_learning(axis: Any, found: Appraisal, curve: Curve | None) -> None:
@@ -169,41 +158,18 @@ def _draw_learning(axis: Any, found: Appraisal, curve: Curve | None) -> None:
 
 def _draw_parity(axis: Any, found: Appraisal) -> None:
     """Draw predictions with their intervals over the truth."""
-    judged = found.judged[found.worst]
-    inside = judged.inside
+    judged, unit = found.judged[found.worst], found.surrogate.learnt[found.worst].unit
     parity_axes(axis, judged.truth)
     for chosen, colour, name in (
-        (inside, COLOUR, "inside its interval"),
-        (~inside, MARK, "outside"),
+        (judged.inside, COLOUR, "inside its interval"),
+        (~judged.inside, MARK, "outside"),
     ):
+        truth, prediction = judged.truth[chosen], judged.prediction[chosen]
         ends = np.clip([judged.low[chosen], judged.high[chosen]], *axis.get_ylim())
-        axis.vlines(judged.truth[chosen], ends[0], ends[1], color=colour, alpha=0.25, lw=1)
-        label, look = f"{name} ({int(chosen.sum())})", {"marker": ".", "ms": 4, "ls": "none"}
-        draw_parity(
-            axis, judged.truth[chosen], judged.prediction[chosen], label=label, color=colour, **look
-        )
-    axis.set(xlabel=f"solved {_quantity(found)}", ylabel="predicted")
+        axis.vlines(truth, ends[0], ends[1], color=colour, alpha=0.25, lw=1)
+        label, look = f"{name} ({truth.size})", {"marker": ".", "ms": 4, "ls": "none"}
+        draw_parity(axis, truth, prediction, label=label, color=colour, **look)
+    quantity = found.worst if unit == "1" else f"{found.worst} [{unit}]"
+    axis.set(xlabel=f"solved {quantity}", ylabel="predicted")
     axis.set_title(f"{judged.truth.size} rows held out for tests")
     axis.legend(fontsize=8, loc="upper left")
-
-
-def _draw_coverage(axis: Any, found: Appraisal) -> None:
-    """Draw the share of the rows inside their interval, in all and by quarters of the truth."""
-    judged = found.judged[found.worst]
-    inside = judged.inside
-    order = np.argsort(judged.truth, kind="stable")
-    parts = [order, *np.array_split(order, min(QUARTERS, max(1, order.size // 10)))]
-    ends = ((judged.truth[part].min(), judged.truth[part].max()) for part in parts[1:])
-    names = ["all", *(f"{low:.3g}\nto {high:.3g}" for low, high in ends)]
-    shares = np.array([100 * inside[part].mean() for part in parts])
-    sizes = np.array([part.size for part in parts])
-    deviations = 100 * np.sqrt(LEVEL * (1 - LEVEL) / sizes)
-    places = np.arange(len(parts))
-    axis.errorbar(places, shares, deviations, fmt="o", color=COLOUR, capsize=4)
-    axis.axhline(100 * LEVEL, color=MARK, ls="--", label=f"wanted, {LEVEL:.0%}")
-    axis.set_xticks(places, names, fontsize=8)
-    axis.set(ylabel="rows inside their interval [%]", xlabel=f"by solved {_quantity(found)}")
-    axis.set_ylim(min(70.0, float(np.min(shares - deviations)) - 3), 102)
-    axis.set_title("Coverage, with standard errors")
-    axis.grid(visible=True, axis="y", color="0.9")
-    axis.legend(fontsize=8, loc="lower right")

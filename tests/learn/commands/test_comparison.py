@@ -1,12 +1,10 @@
-"""The commands compare, tune, estimate and show: wrong input in one line, help without numerics."""
+"""The commands compare, tune and show: wrong input in one line, help without numerics."""
 
-import csv
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
-from launch import launch, mpiexec
+from comparisons import run, table
 
 from gen.runtime.lock import lock_folder
 from learn import cli
@@ -20,24 +18,17 @@ def work(database, tmp_path, monkeypatch):
 
 WRONG = [
     (["compare", "database.h5"], "--output"),
-    (["compare", "missing.h5", "-o", "x"], "missing.h5"),
     (["compare", "scene.toml", "-o", "x"], "scene.toml"),
     (["compare", "database.h5", "-o", "x", "--model", "forest"], "random-forest"),
-    (["compare", "database.h5", "-o", "x", "--target", "pressure"], "stores area, force"),
     (["compare", "database.h5", "-o", "x", "--target", "mean_gap"], "stores area, force"),
     (["compare", "database.h5", "-o", "x", "--target", "area,force"], "give one target alone"),
     (["compare", "database.h5", "-o", "x", "--normalise", "l1"], "min-max"),
     (["compare", "database.h5", "-o", "x", "--area-max", "0.001"], "0 usable rows"),
-    (["compare", "database.h5", "-o", "x", "--area-max", "much"], "--area-max"),
-    (["compare", "database.h5", "-o", "x", "--seed", "-1"], "--seed"),
     (["compare", "database.h5", "-o", "x", "--train-rows", "1"], "--train-rows 1"),
     (["compare", "database.h5", "-o", "scene.toml"], "scene.toml"),
     (["tune", "database.h5", "-o", "x", "--budget", "soon"], "--budget 'soon'"),
     (["tune", "database.h5", "-o", "x", "--train-rows", "7"], "5 folds of 2 rows"),
-    (["tune", "database.h5", "-o", "x", "--model", "svr"], "svm"),
     (["show", "x"], "holds no comparison"),
-    (["show"], "DIR"),
-    (["frobnicate"], "frobnicate"),
 ]
 
 
@@ -66,32 +57,7 @@ def test_one_process_at_a_time_writes_a_folder(work, capsys, command):
         assert sorted(work.rglob("*")) == before
 
 
-@pytest.mark.long
-def test_of_two_comparisons_at_once_one_is_refused(work):
-    """Each with a seed of its own, into one new folder."""
-    line = [sys.executable, "-m", "learn", "compare", "database.h5", "-o", "x"]
-    both = [
-        subprocess.Popen([*line, "--model", "kernel-ridge", "--seed", seed], stderr=subprocess.PIPE)
-        for seed in "12"
-    ]
-    said = [each.communicate(timeout=120)[1].decode() for each in both]
-    assert sorted(each.returncode for each in both) == [0, 2], said
-
-
-@pytest.mark.long
-@pytest.mark.mpi
-@pytest.mark.skipif(mpiexec() is None, reason="no mpiexec: install the extra 'mpich'")
-def test_wrong_input_ends_three_ranks_with_code_2_and_one_line(work):
-    """As tests/mpi/test_every_command.py has it of all commands, but by the launcher's code."""
-    done = launch(
-        3, "fit", "missing.h5", "--features", "hybrid", "-o", "x", folder=work, module="learn"
-    )
-    assert done.returncode == 2
-    assert done.stderr.count("\n") == 1, done.stderr
-    assert "missing.h5" in done.stderr
-
-
-@pytest.mark.parametrize("arguments", [["--help"], ["tune", "--help"], ["show", "--help"]])
+@pytest.mark.parametrize("arguments", [["--help"], ["tune", "--help"]])
 def test_help_imports_no_numerics(arguments, tmp_path):
     code = f"from learn import cli; assert cli.main({arguments!r}) == 0"
     code += "\nimport sys; print(sorted({name.partition('.')[0] for name in sys.modules}))"
@@ -102,15 +68,6 @@ def test_help_imports_no_numerics(arguments, tmp_path):
     loaded = done.stdout.splitlines()[-1]
     for library in ("numpy", "scipy", "sklearn", "xgboost", "h5py", "matplotlib", "mpi4py"):
         assert f"'{library}'" not in loaded
-
-
-def run(*arguments):
-    return cli.main([str(argument) for argument in arguments])
-
-
-def table(path):
-    with Path(path).open(newline="") as file:
-        return list(csv.DictReader(file))
 
 
 def test_hybrid_features_go_through_compare(work, capsys):

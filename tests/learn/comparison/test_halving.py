@@ -14,11 +14,6 @@ from learn.comparison.grid import canonical_settings
 from learn.models import AT_BOUND
 
 
-def test_steps_triple_and_end_with_all_rows():
-    assert halving.steps(10162) == [376, 1129, 3387, 10162]
-    assert halving.steps(200) == [200]
-
-
 def halved(searching, space, limit=math.inf):
     search = searching("decision-tree", space)
     return search.grid, halving.within(search, time.time() + limit)
@@ -120,12 +115,6 @@ def test_the_baseline_is_judged_on_every_rung_and_wins_where_no_candidate_is_bet
     assert whole.seconds > sum(t.seconds for t in trials.finished.values() if t.rows == 720) - 1e-9
 
 
-def test_without_the_baselines_five_folds_there_is_no_result(searching, trees, trials):
-    search = replace(searching("decision-tree", trees), baseline={})
-    assert halving.within(search, time.time()) is None
-    assert not trials.finished, "no fit is begun after the time"
-
-
 def waves():
     """A sine that few rows do not resolve: the likelihood takes it for noise."""
     generator = np.random.default_rng(0)
@@ -152,15 +141,3 @@ def test_a_collapsed_likelihood_is_not_dropped_by_its_score_on_few_rows(
         dropped = halving.within(replace(search, trials=others), math.inf).scores
     assert not dropped.of(0), "without the rule the best candidate does not get beyond 22 rows"
     assert dropped.means[dropped.winner] < result.scores.means[0]
-
-
-@pytest.mark.long
-def test_a_budget_is_kept_where_fits_would_take_far_longer(searching):
-    """A fit of this forest takes minutes; the tree beside it is judged."""
-    limit = 6.0
-    space = {"n_estimators": [2, 10**7], "max_depth": [30], "max_features": [1.0]}
-    search = searching("random-forest", space)
-    began = time.time()
-    result = halving.within(replace(search, baseline={"n_estimators": 3}), began + limit)
-    assert time.time() - began < 1.1 * halving.DECISION_SHARE * limit + 0.5
-    assert result is None or result.scores.baseline_wins

@@ -138,7 +138,7 @@ def test_finished_fits_are_not_done_again(searching, trees, tmp_path):
         left = len(opened.finished)
         assert 0 < left < first.folds.size
         search = searching("decision-tree", trees, opened)
-        tasks = search.tasks(range(len(search.grid.differing)), 80)
+        tasks = search.tasks(range(len(search.grid.families)), 80)
         assert sum(len(task.candidates) for task in tasks) == first.folds.size - left
         again = search.exhaustive().scores
     np.testing.assert_array_equal(first.folds, again.folds)

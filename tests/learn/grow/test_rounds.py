@@ -137,25 +137,6 @@ def test_a_growth_that_is_killed_goes_on_to_the_same_end(stage, whole, tmp_path,
     assert parts(tmp_path / "my.surrogate") == parts(folder / "my.surrogate")
 
 
-def test_a_stop_ends_between_rows_and_the_growth_goes_on(whole, tmp_path):
-    folder, _, _ = whole
-    asked = []
-
-    def stopping():
-        asked.append(1)
-        return len(asked) > 1
-
-    stopped, _ = grow(order(tmp_path), stopping=stopping)
-    assert stopped.ending == "interrupted"
-    assert stopped.last is None
-    with Reader(tmp_path / "my.h5") as reader:
-        assert 0 < reader.counts().done < reader.counts().pending + reader.counts().done
-    again, _ = grow(order(tmp_path))
-    assert again.ending == "met"
-    assert deterministic_bytes(tmp_path / "my.h5") == deterministic_bytes(folder / "my.h5")
-    assert parts(tmp_path / "my.surrogate") == parts(folder / "my.surrogate")
-
-
 def test_a_mark_out_of_reach_is_said_to_be(tmp_path):
     grown, said = grow(order(tmp_path, mark=1e-4))
     assert grown.ending == "hopeless"
@@ -209,14 +190,6 @@ def test_another_scene_is_refused_and_nothing_changes(whole):
     with pytest.raises(InputError, match="holds another scene"):
         grow(order(folder), scene=other)
     assert (folder / "my.h5").read_bytes() == before
-
-
-def test_targets_that_are_not_stored_are_refused_before_any_row(tmp_path):
-    wanted = order(tmp_path)
-    request = Request(**{**vars(wanted.request), "targets": ("mean_gap",)})
-    with pytest.raises(InputError, match="the scene stores area, force"):
-        grow(Order(request, 2.0, 100))
-    assert not list(tmp_path.iterdir())
 
 
 def test_a_database_of_a_run_is_taken_as_it_is(tmp_path):
