@@ -35,52 +35,24 @@ Tables = tuple[Curves, Curves, list[str]]
 
 @dataclass(frozen=True)
 class Order:
-    """A request for a law.
+    """A request for a law."""
 
-    Attributes
-    ----------
-    inputs : tuple of str
-        Surfaces, folders of them, databases or scenes.
-    delta : str
-        Far-field displacements as text; "" for those at the pressures, or for the usual range if no
-        pressures are given either.
-    pressure : str
-        Nominal pressures as text; "" for those at the displacements.
-    surfaces : int
-        Number of surfaces of a database's or scene's population.
-    level : float
-        Coverage of the band.
-    e_star : float, optional
-        E*; by default that of the scene, else 1 MPa [MPa].
-    hardness : float, optional
-        Hardness of the softer body; by default the only one of the scene [MPa].
-    boundary : {"free", "periodic", "mirror"}, optional
-        Boundary of the patches; None for the usual one.
-    conductivities : tuple of float, optional
-        Conductivities of both bodies, which ask for the conductance [W/(m K)].
-    stiffness : bool
-        Whether the stiffness is asked for; a conductance brings it along.
-    reading : Reading
-        Options that say how files are read.
-    opposite : Opposite, optional
-        Second rough body that surfaces from files are pressed against.
-    command : str
-        Command line, for the record.
-    """
-
-    inputs: tuple[str, ...]
+    inputs: tuple[str, ...]  # surfaces, folders of them, databases or scenes
+    # Loads as text; an empty one stands for those at the other, both for the usual range.
     delta: str = ""
     pressure: str = ""
-    surfaces: int = 50
-    level: float = 0.9
-    e_star: float | None = None
-    hardness: float | None = None
-    boundary: Boundary | None = None
-    conductivities: tuple[float, float] | None = None
-    stiffness: bool = False
-    reading: Reading = field(default_factory=Reading)
-    opposite: Opposite | None = None
-    command: str = ""
+    surfaces: int = 50  # number of a database's or scene's population
+    level: float = 0.9  # coverage of the band
+    e_star: float | None = None  # [MPa]; by default that of the scene, else 1
+    hardness: float | None = None  # of the softer body [MPa]; by default the scene's only one
+    boundary: Boundary | None = None  # of the patches; None for the usual one
+    conductivities: tuple[float, float] | None = (
+        None  # of both bodies, for the conductance [W/(m K)]
+    )
+    stiffness: bool = False  # whether it is asked for; a conductance brings it along
+    reading: Reading = field(default_factory=Reading)  # how files are read
+    opposite: Opposite | None = None  # second rough body against surfaces from files
+    command: str = ""  # command line, for the record
 
     def loads(self) -> tuple[Values | None, Values | None]:
         """Return ascending displacements [um] and pressures [MPa], each None if not given."""
@@ -91,36 +63,16 @@ class Order:
 
 @dataclass(frozen=True, eq=False)
 class Law:
-    """Tables of a contact law.
-
-    Attributes
-    ----------
-    order : Order
-        The request.
-    over_delta : Curves
-        Table against the far-field displacement, which begins at 0 [um].
-    over_pressure : Curves
-        Table against the nominal pressure, with Delta among its curves [MPa].
-    bodies : Bodies
-        E* and hardness.
-    boundary : {"free", "periodic", "mirror"}
-        Boundary of the patches.
-    band : str
-        Description of the band.
-    origins : tuple of str
-        Surfaces of the law, one line for each input.
-    notes : tuple of str
-        Remarks about the making of the law, one line each.
-    """
+    """Tables of a contact law."""
 
     order: Order
-    over_delta: Curves
-    over_pressure: Curves
+    over_delta: Curves  # begins at Delta = 0
+    over_pressure: Curves  # Delta is among its curves
     bodies: Bodies
     boundary: Boundary
-    band: str
-    origins: tuple[str, ...]
-    notes: tuple[str, ...]
+    band: str  # its description
+    origins: tuple[str, ...]  # surfaces of the law, one line for each input
+    notes: tuple[str, ...]  # remarks about the making of the law, one line each
 
     @property
     def title(self) -> str:
@@ -134,12 +86,11 @@ def by_solver(order: Order, say: Callable[[str], None]) -> Law:
     Raise InputError for input that cannot be used, or a load without a solution.
     """
     deltas, pressures = order.loads()
-    boundary = order.boundary or "mirror"
     subjects = read_subjects(
         order.inputs,
         order.surfaces,
         order.reading,
-        boundary,
+        order.boundary or "mirror",
         say,
         only_boundary=False,
         opposite=order.opposite,
@@ -157,8 +108,9 @@ def by_solver(order: Order, say: Callable[[str], None]) -> Law:
 def solved_law(
     order: Order, subjects: LawSurfaces, bodies: Bodies, loads: tuple[Values | None, Values | None]
 ) -> Law:
-    """Solve the contacts of a law at ascending displacements [um] and pressures [MPa], one of which
-    may be None.
+    """Solve the contacts of a law at ascending displacements [um] and pressures [MPa].
+
+    One of both may be None.
     """
     stiffness = order.stiffness or order.conductivities is not None
     tables = solved.tables(subjects.surfaces, *loads, order.level, bodies, stiffness=stiffness)
@@ -173,13 +125,12 @@ def law_of(
 
     `said` is how the law was made, and what its band is if it has one surface.
     """
-    from bem.contact import mean_conductivity
-
     over_delta, over_pressure, remarks = tables
     over_pressure, full = over_pressure.below_full_contact(bodies)
     over_delta, also_full = over_delta.below_full_contact(bodies)
-    nodes = min(each.heights.size for each in subjects.surfaces)
     if order.conductivities is not None:
+        from bem.contact import mean_conductivity
+
         factor = mean_conductivity(*order.conductivities) / bodies.e_star
         over_delta = with_conductance(over_delta, factor)
         over_pressure = with_conductance(over_pressure, factor)
@@ -192,6 +143,7 @@ def law_of(
         band = f"quantiles of {len(subjects.surfaces)} surfaces, {share} between them"
     doubts = [each for each in subjects.origins if ": " in each]  # those of scenes
     doubts += [*subjects.doubts, *(f"warning: {each}" for each in bodies.doubts)]
+    nodes = min(each.heights.size for each in subjects.surfaces)
     return Law(
         order=order,
         over_delta=over_delta,
@@ -200,16 +152,12 @@ def law_of(
         boundary=boundary,
         band=band,
         origins=tuple(subjects.origins),
-        notes=(how, *doubts, *remarks, *full, *also_full, *few_nodes(over_pressure, nodes)),
+        notes=(how, *doubts, *remarks, *full, *also_full, *_few_nodes(over_pressure, nodes)),
     )
 
 
-def few_nodes(over_pressure: Curves, nodes: int) -> list[str]:
-    """Say up to which pressure so few nodes touch that the law is that of the grid: one line, or
-    none.
-    """
-    if "area_percent" not in over_pressure.curves:
-        return []
+def _few_nodes(over_pressure: Curves, nodes: int) -> list[str]:
+    """Say up to which pressure so few nodes touch that the law is that of the grid."""
     touching = over_pressure.curves["area_percent"].value * nodes / 100
     few = over_pressure.at[(touching > 0) & (touching < FEW)]
     if not few.size:
@@ -236,7 +184,7 @@ def usual_loads(subjects: LawSurfaces, e_star: float) -> tuple[Values | None, Va
 def deltas_from(text: str) -> Values:
     """Parse displacements, as "2", "1,2,5" or "5:45:9" [um]; raise InputError for others."""
     advice = "give numbers above 0 um, as 2, 1,2,5 or 5:45:9"
-    values = numbers_from(text, "--delta", advice)
+    values = _finite(text, "--delta", advice)
     if not all(map(magnitude, values)):
         low, high = MAGNITUDES
         raise InputError(f"--delta {shown(text)}: give numbers from {low:g} to {high:g} um")
@@ -244,25 +192,16 @@ def deltas_from(text: str) -> Values:
 
 
 def pressures_from(text: str) -> Values:
-    """Parse nominal pressures of 0 or more, as "1:100:20" [MPa]; raise InputError for others or if
-    all are 0.
-    """
+    """Parse nominal pressures of 0 or more, not all 0, as "1:100:20" [MPa]."""
     advice = f"give pressures from 0 to {MAGNITUDES[1]:g} MPa, not all 0, as 0:100:20"
-    values = numbers_from(text, "--pressure", advice)
+    values = _finite(text, "--pressure", advice)
     if not values.any() or not all(value == 0 or magnitude(value) for value in values):
         raise InputError(f"--pressure {shown(text)}: {advice}")
     return values
 
 
-def numbers_from(text: str, option: str, advice: str) -> Values:
-    """Parse finite numbers, as "2", "1,2,5" or "5:45:9".
-
-    Raises
-    ------
-    InputError
-        If there are none or too many, or one is not finite; the message has the option and the
-        advice.
-    """
+def _finite(text: str, option: str, advice: str) -> Values:
+    """Parse finite numbers; raise InputError with the advice for others."""
     values = np.array(values_from(text, option, advice))
     if not np.isfinite(values).all():
         raise InputError(f"{option} {shown(text)}: {advice}")

@@ -55,56 +55,39 @@ OUTSIDE_WEIGHT = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """Contacts of one surface under k loads, ascending.
+    """Contacts of one surface under k loads, ascending; every array has shape (k,)."""
 
-    Attributes
-    ----------
-    values : dict of str to ndarray, shape (k,)
-        Values by name: delta_um, area_percent, force_uN, mean_gap_um, pressure_MPa, closure_um,
-        and stiffness_MPa_per_um where it is known.
-    low, high : dict of str to ndarray, shape (k,)
-        Ends of the intervals by name; quantities without intervals are left out.
-    reasons : tuple of str
-        For each load, why it lies outside the training; "" if it does not.
-    endless : tuple of str
-        For each load inside the training, why it has no interval; "" if it has one. May be empty.
-    warnings : tuple of str
-        Warnings about the solved contacts of this surface.
-    faults : tuple of str
-        For each load, why the solver has no values there, which are NaN; "" if it has. May be
-        empty.
-    """
-
-    values: dict[str, Values]
+    values: dict[str, Values]  # by `NAMES`, and by `STIFFNESS` where it is known
+    # Ends of the intervals; quantities without intervals are left out.
     low: dict[str, Values] = field(default_factory=dict)
     high: dict[str, Values] = field(default_factory=dict)
+    # For each load, why it is outside the training, why it has no interval inside, and why the
+    # solver has no values there; "" where that is not so. The last two may be empty.
     reasons: tuple[str, ...] = ()
     endless: tuple[str, ...] = ()
-    warnings: tuple[str, ...] = ()
     faults: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()  # about the solved contacts of this surface
 
     def chosen(self, places: NDArray[np.bool_] | NDArray[np.int64]) -> Points:
         """Return the points of some of the loads."""
-
-        def some(part: dict[str, Values]) -> dict[str, Values]:
-            return {name: each[places] for name, each in part.items()}
-
+        values, low, high = (
+            {name: each[places] for name, each in part.items()}
+            for part in (self.values, self.low, self.high)
+        )
         reasons = tuple(np.array(self.reasons, dtype=object)[places])
-        values, low, high = some(self.values), some(self.low), some(self.high)
-        return replace(self, values=values, low=low, high=high, reasons=reasons, faults=())
+        return Points(values, low, high, reasons, warnings=self.warnings)
 
     def joined(self, more: Points) -> Points:
         """Append the points of further loads."""
-
-        def both(one: dict[str, Values], other: dict[str, Values]) -> dict[str, Values]:
-            return {name: np.concatenate([each, other[name]]) for name, each in one.items()}
-
-        return Points(
-            both(self.values, more.values),
-            both(self.low, more.low),
-            both(self.high, more.high),
-            self.reasons + more.reasons,
+        values, low, high = (
+            {name: np.concatenate([each, other[name]]) for name, each in one.items()}
+            for one, other in (
+                (self.values, more.values),
+                (self.low, more.low),
+                (self.high, more.high),
+            )
         )
+        return Points(values, low, high, self.reasons + more.reasons)
 
     def from_rest(self, gap_at_rest: float) -> Points:
         """Put first touch before these loads: Delta = 0 with this mean gap [um], and no value
@@ -118,19 +101,12 @@ class Points:
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """One quantity against an argument.
-
-    Attributes
-    ----------
-    value, low, high, slope : ndarray, shape (k,)
-        Values in the unit of the quantity; the slope is per unit of the argument. `low` and `high`
-        are NaN where there is no band.
-    """
+    """One quantity against k arguments; low and high are NaN where there is no band."""
 
     value: Values
     low: Values
     high: Values
-    slope: Values
+    slope: Values  # per unit of the argument
 
     @property
     def banded(self) -> NDArray[np.bool_]:
@@ -140,30 +116,14 @@ class Curve:
 
 @dataclass(frozen=True, eq=False)
 class Curves:
-    """One table of a law.
+    """One table of a law."""
 
-    Attributes
-    ----------
-    against : str
-        "delta_um" or "pressure_MPa".
-    at : ndarray, shape (k,)
-        Ascending arguments [um or MPa].
-    curves : dict of str to Curve
-        Curves by the name of the quantity.
-    outside : ndarray, shape (k,)
-        Share of the surfaces that lie outside the surrogate's training at each argument.
-    reasons : tuple of str
-        For each argument, what lies outside the training, or why there is no band; "" if neither.
-    gap_at_rest : float
-        Mean gap at first touch, which every curve of the mean gap begins at [um].
-    """
-
-    against: str
-    at: Values
-    curves: dict[str, Curve]
-    outside: Values
-    reasons: tuple[str, ...]
-    gap_at_rest: float
+    against: str  # "delta_um" or "pressure_MPa"
+    at: Values  # ascending arguments [um or MPa], (k,)
+    curves: dict[str, Curve]  # by the name of the quantity
+    outside: Values  # share of the surfaces outside the surrogate's training, (k,)
+    reasons: tuple[str, ...]  # why there is no band, or what lies outside the training; else ""
+    gap_at_rest: float  # mean gap at first touch, where every curve of it begins [um]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -240,8 +200,9 @@ def tabulated(
         reasons = [one or other for one, other in zip(reasons, parts[0].endless, strict=True)]
         withheld |= np.array([bool(reason) for reason in reasons])
     curves = {}
-    known = [name for name in COLUMNS[against] if all(name in part.values for part in parts)]
-    for name in known:
+    for name in COLUMNS[against]:
+        if not all(name in part.values for part in parts):
+            continue
         value, low, high = _band(name, parts, level)
         if name not in INFINITE_AT_FULL_CONTACT and not np.isfinite(value).all():
             raise InputError(f"{name} of the law has values that are not finite: no law holds here")
@@ -288,18 +249,16 @@ def monotone(points: Points) -> tuple[Points, Points]:
 
     weights = np.array([OUTSIDE_WEIGHT if reason else 1.0 for reason in points.reasons])
 
-    def smooth(part: dict[str, Values]) -> dict[str, Values]:
-        made = {}
-        for name, values in part.items():
-            finite = np.isfinite(values).all()
-            rising = name != "mean_gap_um"
-            made[name] = values
-            if finite and name != "delta_um":
-                fit = isotonic_regression(values, weights=weights, increasing=rising)
-                made[name] = np.asarray(fit.x)
-        return made
+    def smooth(name: str, values: Values) -> Values:
+        if name == "delta_um" or not np.isfinite(values).all():
+            return values
+        rising = name != "mean_gap_um"
+        return np.asarray(isotonic_regression(values, weights=weights, increasing=rising).x)
 
-    values, low, high = smooth(points.values), smooth(points.low), smooth(points.high)
+    values, low, high = (
+        {name: smooth(name, each) for name, each in part.items()}
+        for part in (points.values, points.low, points.high)
+    )
     for name in low:
         low[name] = np.minimum(low[name], values[name])
         high[name] = np.maximum(high[name], values[name])

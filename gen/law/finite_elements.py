@@ -23,7 +23,6 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gen.arrays import Values
 from gen.law.contact_law import Law
@@ -52,20 +51,12 @@ TEMPERATURE = 293.15
 
 
 class UnitSystem(NamedTuple):
-    """A consistent system of units.
-
-    Attributes
-    ----------
-    text : str
-        Description.
-    pressure, length, conductance : float
-        What 1 MPa, 1 um and 1 W/(mm2 K) are in it.
-    """
+    """A consistent system of units: its description, and what the units of laws are in it."""
 
     text: str
-    pressure: float
-    length: float
-    conductance: float
+    pressure: float  # 1 MPa
+    length: float  # 1 um
+    conductance: float  # 1 W/(mm2 K)
 
 
 UNITS: dict[Units, UnitSystem] = {
@@ -204,17 +195,15 @@ def _for_calculix(pressures: Values, closures: Values) -> tuple[Values, Values]:
     else:
         parts = np.full(own, (room - 1) // own)
         parts[: (room - 1) % own] += 1  # intervals differ by one part at most
-        places = np.append(np.repeat(np.arange(own), parts) + _shares(parts), own)
+        begins = np.concatenate(
+            [place + np.arange(many) / many for place, many in enumerate(parts)]
+        )
+        places = np.append(begins, own)
     chosen = np.interp(places, np.arange(own + 1), closures)
     curved = np.asarray(PchipInterpolator(closures, pressures)(chosen))
     loads = np.where(chosen < closures[1], np.interp(chosen, closures, pressures), curved)
     slope = (loads[-1] - loads[-2]) / (chosen[-1] - chosen[-2])
     return np.append(loads, loads[-1] + slope * (FAR - chosen[-1])), np.append(chosen, FAR)
-
-
-def _shares(parts: NDArray[np.int64]) -> Values:
-    """Return where the parts of each interval begin, as shares of the interval."""
-    return np.concatenate([np.arange(many) / many for many in parts])
 
 
 def _name(path: Path) -> str:

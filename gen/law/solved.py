@@ -48,11 +48,8 @@ def tables(
 
     def under(load: Load, loads: Values) -> tuple[Values, list[Points]]:
         if load == "delta":
-            loads, beyond = _possible_deltas(loads, surfaces, bodies)
-            lost.extend(beyond)
-        loads, parts, faults = _each(surfaces, load, loads, bodies, stiffness=stiffness)
-        lost.extend(faults)
-        return loads, parts
+            loads = _possible_deltas(loads, surfaces, bodies, lost)
+        return _each(surfaces, load, loads, bodies, lost, stiffness=stiffness)
 
     solutions = {load: under(load, loads) for load, loads in asked.items() if loads is not None}
     made: dict[Load, Curves] = {}
@@ -89,25 +86,30 @@ def _warnings(solutions: Iterable[Sequence[Points]]) -> list[str]:
 
 
 def _each(
-    surfaces: Sequence[LawSurface], load: Load, loads: Values, bodies: Bodies, *, stiffness: bool
-) -> tuple[Values, list[Points], list[str]]:
-    """Solve every surface under the same loads; return the loads solved on all, and the others."""
+    surfaces: Sequence[LawSurface],
+    load: Load,
+    loads: Values,
+    bodies: Bodies,
+    lost: list[str],
+    *,
+    stiffness: bool,
+) -> tuple[Values, list[Points]]:
+    """Solve every surface under the same loads; return those solved on all, and say the others."""
     points = []
     with RunProgress(len(surfaces), f"surfaces at given {load}") as progress:
         for surface in surfaces:
             points.append(solve(surface, load, loads.tolist(), bodies, stiffness=stiffness))
             progress.advance(1, 0)
-    kept = np.ones(loads.size, dtype=bool)
-    said = []
+    kept, before = np.ones(loads.size, dtype=bool), len(lost)
     for place, faults in enumerate(zip(*(part.faults for part in points), strict=True)):
         failed = [f"{each.name}: {why}" for each, why in zip(surfaces, faults, strict=True) if why]
         if failed:
             kept[place] = False
             many = f" on {len(failed)} of {len(points)} surfaces" if len(points) > 1 else ""
-            said.append(f"warning: not solved{many}, left out: {failed[0]}")
+            lost.append(f"warning: not solved{many}, left out: {failed[0]}")
     if not kept.any():
-        raise InputError(f"no load was solved on every surface; {said[0]}")
-    return loads[kept], [part.chosen(kept) for part in points], said
+        raise InputError(f"no load was solved on every surface; {lost[before]}")
+    return loads[kept], [part.chosen(kept) for part in points]
 
 
 def _means(parts: Sequence[Points], argument: str) -> Values:
@@ -117,21 +119,22 @@ def _means(parts: Sequence[Points], argument: str) -> Values:
 
 
 def _possible_deltas(
-    deltas: Values, surfaces: Sequence[LawSurface], bodies: Bodies
-) -> tuple[Values, list[str]]:
-    """Return the displacements [um] below full contact of elastic bodies without edges, and that
-    end.
+    deltas: Values, surfaces: Sequence[LawSurface], bodies: Bodies, lost: list[str]
+) -> Values:
+    """Return the displacements [um] below full contact of elastic bodies without edges.
+
+    They are in full contact at a displacement of the mean gap at rest.
     """
     full = [each.gap_at_rest for each in surfaces if each.boundary != "free"]
     if not full or bodies.hardness is not None:
-        return deltas, []
+        return deltas
     possible = deltas[deltas < (1 - APART) * min(full)]
-    if possible.size == deltas.size:
-        return deltas, []
+    beyond = f"full contact from {min(full):.4g} um on"
     if not possible.size:
-        raise InputError(f"full contact from {min(full):.4g} um on: give smaller loads")
-    said = f"full contact from {min(full):.4g} um on: the table against delta_um ends below it"
-    return possible, [said]
+        raise InputError(f"{beyond}: give smaller loads")
+    if possible.size < deltas.size:
+        lost.append(f"{beyond}: the table against delta_um ends below it")
+    return possible
 
 
 def _below(pressures: Values, bodies: Bodies) -> Values:
@@ -185,7 +188,12 @@ def solve(
         area, gap = contact.area_percent, max(contact.mean_gap, 0.0)  # below 0 by rounding alone
         closure = contact.delta - compliance * pressure
         row = [contact.delta, area, contact.force, gap, pressure, max(closure, 0.0)]
-        rows.append([*row, _stiffness(contact, subject)] if stiffness else row)
+        if stiffness:
+            try:
+                row.append(contact.interface_stiffness / subject.nominal)
+            except ArithmeticError as error:
+                raise InputError(f"{subject.name}: {error}") from None
+        rows.append(row)
         notes = contact_warnings(topography, [contact], material=bodies.known)
         notable.setdefault(len(notes), contact)
     assert last is not None
@@ -193,11 +201,3 @@ def solve(
     columns = np.array(rows, dtype=np.float64).reshape(-1, len(names)).T
     values = dict(zip(names, columns, strict=True))
     return Points(values, reasons=("",) * len(rows), warnings=tuple(said), faults=tuple(faults))
-
-
-def _stiffness(contact: Contact, subject: LawSurface) -> float:
-    """Return the interface's stiffness per nominal area [MPa / um]."""
-    try:
-        return contact.interface_stiffness / subject.nominal
-    except ArithmeticError as error:
-        raise InputError(f"{subject.name}: {error}") from None

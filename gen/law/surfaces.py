@@ -26,33 +26,16 @@ Load = Literal["delta", "pressure"]
 
 @dataclass(frozen=True, eq=False)
 class LawSurface:
-    """A surface of a law.
+    """A surface of a law."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the surface in messages.
-    heights : ndarray, shape (nx, ny)
-        Heights [um].
-    sides : tuple of float
-        Scan lengths along x and y [um].
-    spacing : tuple of float
-        Spacing of the nodes along x and y [um].
-    settings : mapping of str to object
-        Settings of the solver that a scene states: kernel, far_field, rtol, max_iterations.
-    boundary : {"free", "periodic", "mirror"}
-        Boundary of the patch.
-    scene : Scene, optional
-        Scene that the surface was generated from.
-    """
-
-    name: str
-    heights: Values
-    sides: Sides
-    spacing: Sides
+    name: str  # in messages
+    heights: Values  # [um], (nx, ny)
+    sides: Sides  # scan lengths along x and y [um]
+    spacing: Sides  # of the nodes along x and y [um]
+    # Settings of the solver that a scene states: kernel, far_field, rtol, max_iterations.
     settings: Mapping[str, Any] = field(default_factory=dict)
     boundary: Boundary = "free"
-    scene: Scene | None = None
+    scene: Scene | None = None  # that it was generated from
 
     def loads(self, e_star: float) -> tuple[float, float]:
         """Return the smallest and largest load of a scene's surface, as Delta [um] or as pressure
@@ -63,16 +46,16 @@ class LawSurface:
         from gen.generation.sample import load_of
 
         assert self.scene is not None
-        low, high = (self._load(load_of(self.scene, self.heights, e)) for e in _ends([self.scene]))
+        ends = (load_of(self.scene, self.heights, end) for end in _ends([self.scene]))
+        low, high = (
+            value / self.nominal if name == "force" else value
+            for given in ends
+            for name, value in given.items()
+        )
         if self.scene.quantity.startswith("pressure/"):
             ratio = e_star / _modulus(self.scene)
             return low * ratio, high * ratio
         return low, high
-
-    def _load(self, given: Mapping[str, float]) -> float:
-        """Return the value of a load; a force becomes a pressure [MPa]."""
-        ((name, value),) = given.items()
-        return value / self.nominal if name == "force" else value
 
     @property
     def nominal(self) -> float:
@@ -106,24 +89,12 @@ class LawSurface:
 
 @dataclass(frozen=True, eq=False)
 class LawSurfaces:
-    """All surfaces of a law.
-
-    Attributes
-    ----------
-    surfaces : sequence of LawSurface
-        One surface or more.
-    scenes : sequence of Scene
-        Scenes that surfaces were generated from.
-    origins : sequence of str
-        Descriptions of the surfaces, one line for each input.
-    doubts : sequence of str
-        Warnings about the maps of the inputs, each with the name of its input.
-    """
+    """All surfaces of a law, one or more."""
 
     surfaces: Sequence[LawSurface]
-    scenes: Sequence[Scene]
-    origins: Sequence[str]
-    doubts: Sequence[str] = ()
+    scenes: Sequence[Scene]  # that surfaces were generated from
+    origins: Sequence[str]  # descriptions of the surfaces, one line for each input
+    doubts: Sequence[str] = ()  # warnings about the maps, each with the name of its input
 
     @property
     def only_scenes(self) -> bool:
@@ -135,9 +106,9 @@ class LawSurfaces:
 
         Raise InputError if the scenes have different E*.
         """
-        moduli = {_modulus(scene) for scene in self.scenes}
-        if not self.only_scenes or not moduli:
+        if not self.only_scenes:
             return None
+        moduli = {_modulus(scene) for scene in self.scenes}
         if len(moduli) > 1:
             said = " and ".join(f"{each:g}" for each in sorted(moduli))
             raise InputError(f"the scenes have E* = {said} MPa: give one with --e-star")
@@ -148,17 +119,18 @@ class LawSurfaces:
 
         Raise InputError if the scenes have more than one.
         """
-        ranges = {_hardness_ratios(scene) for scene in self.scenes}
-        if not self.only_scenes or ranges <= {None}:
+        if not self.only_scenes:
             return None
-        ends = {end for each in ranges if each is not None for end in each}
-        if None in ranges or len(ends) > 1:
+        ratios: set[float | None] = set()
+        for scene in self.scenes:
+            ends = scene.contact.hardness_limits or (None,)
+            ratios |= {None if end is None else end / _modulus(scene) for end in ends}
+        if len(ratios) > 1:
             raise InputError("the scenes have more than one hardness: give one with --hardness")
-        return ends.pop()
+        return ratios.pop()
 
     def loads(self, number: int, e_star: float) -> tuple[Load, Values] | None:
-        """Return "delta" [um] or "pressure" [MPa] with ascending loads over the range of all
-        scenes.
+        """Return "delta" [um] or "pressure" [MPa] with ascending loads over all scenes' range.
 
         It is None if a surface comes from a file. Loads that a scene gives relative to its
         surfaces, and forces, become displacements or pressures by the surfaces of this law: from
@@ -213,8 +185,11 @@ def read_subjects(
     scenes: list[Scene] = []
     origins: list[str] = []
     doubts: list[str] = []
-    seconds = [] if opposite is None else _seconds(opposite, boundary)
-    facing = "" if opposite is None else f" against {opposite.path}"
+    seconds, facing = [], ""
+    if opposite is not None:  # a body, or a folder of them
+        files = files_in([opposite.path])[0]
+        seconds = [replace(opposite, path=file).prepared(boundary) for file in files]
+        facing = f" against {opposite.path}"
     for text in inputs:
         if is_scene(text):
             if opposite is not None:
@@ -228,9 +203,16 @@ def read_subjects(
             continue
         origins.append(f"{text}{facing}")
         for file in files_in([Path(text)])[0]:
-            for topography, warnings in _pressed(file, reading, boundary, opposite, seconds):
-                subjects.append(_subject(topography, warnings, say))
-                doubts += [f"warning: {text}{facing}: {doubt}" for doubt in topography.warnings]
+            for each, warnings in _pressed(file, reading, boundary, opposite, seconds):
+                say(f"{each.name}: {'; '.join(each.steps)}")
+                for line in warnings:
+                    say(f"  warning: {line}")
+                subjects.append(
+                    LawSurface(
+                        each.name, each.heights, each.sides, each.spacing, boundary=each.boundary
+                    )
+                )
+                doubts += [f"warning: {text}{facing}: {doubt}" for doubt in each.warnings]
     return LawSurfaces(subjects, scenes, origins, list(dict.fromkeys(doubts)))
 
 
@@ -255,13 +237,6 @@ def _pressed(
         yield topography, warned
 
 
-def _seconds(opposite: Opposite, boundary: Boundary) -> list[Topography]:
-    """Read and prepare the second body, or every one of a folder."""
-    return [
-        replace(opposite, path=file).prepared(boundary) for file in files_in([opposite.path])[0]
-    ]
-
-
 def _facing(scene: Scene) -> str:
     """Say what the surfaces of a scene are pressed against, if that is rough too."""
     against = scene.surface.against
@@ -269,18 +244,6 @@ def _facing(scene: Scene) -> str:
         return ""
     named = ", ".join(map(str, against)) if isinstance(against, tuple) else "another of them"
     return f" against {named}"
-
-
-def _subject(
-    topography: Topography, warnings: Sequence[str], say: Callable[[str], None]
-) -> LawSurface:
-    """Tell the user how a surface was read, and return it."""
-    name, heights = topography.name, topography.heights
-    say(f"{name}: {'; '.join(topography.steps)}")
-    for line in warnings:
-        say(f"  warning: {line}")
-    sides, spacing = topography.sides, topography.spacing
-    return LawSurface(name, heights, sides, spacing, boundary=topography.boundary)
 
 
 def is_scene(text: str) -> bool:
@@ -318,12 +281,6 @@ def _scene(text: str, boundary: Boundary, *, only_boundary: bool) -> Scene:
 def _modulus(scene: Scene) -> float:
     """Return the E* of a scene [MPa]."""
     return plane_strain_modulus(scene.contact.modulus, scene.contact.poisson)
-
-
-def _hardness_ratios(scene: Scene) -> Sides | None:
-    """Return the smallest and largest hardness over E* of a scene; None for elastic bodies."""
-    ends = scene.contact.hardness_limits
-    return None if ends is None else (ends[0] / _modulus(scene), ends[1] / _modulus(scene))
 
 
 def _population(scene: Scene, text: str, number: int) -> Iterator[LawSurface]:

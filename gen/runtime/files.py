@@ -6,7 +6,6 @@ on the disk. Databases, which runs continue and extend, have further rules in `g
 """
 
 import os
-import secrets
 import stat
 import zipfile
 from collections.abc import Iterable, Iterator
@@ -187,7 +186,7 @@ def unfinished(real: Path, present: Present = "replace", end: str = "") -> Itera
     meanwhile is replaced, kept, or refused by FileExistsError. `end` is the end of a temporary name
     whose remains after a kill are looked for; without it the name is hidden.
     """
-    own = secrets.token_hex(8)
+    own = os.urandom(8).hex()
     temporary = real.with_name(f"{real.name}.{own}{end}" if end else f".asperity-{own}")
     old = real.stat() if real.exists() else None
     mode = 0o666 if old is None else 0o600
@@ -319,7 +318,7 @@ def kind_of(path: Path) -> str:
 
 def _try_beside(path: Path) -> None:
     """Make and remove a trial file in the folder of a file."""
-    trial = path.with_name(f".asperity-{secrets.token_hex(8)}")
+    trial = path.with_name(f".asperity-{os.urandom(8).hex()}")
     os.close(os.open(trial, os.O_WRONLY | os.O_CREAT | os.O_EXCL))
     trial.unlink()
 
