@@ -66,17 +66,3 @@ def test_a_machine_without_the_memory_for_a_fit_ends_the_search(searching, monke
     monkeypatch.setattr(fits, "memory_available", lambda: models.PROCESS)
     with pytest.raises(InputError, match="svm: too little memory is free for a fit"):
         searching("svm", {"C": [1.0]}).exhaustive()
-
-
-def test_trials_of_other_conditions_are_refused(tmp_path):
-    path = tmp_path / "trials.jsonl"
-    common = {"seed": 0, "versions": {"a": "1"}}
-    with Trials(path, common):
-        pass
-    with pytest.raises(InputError, match=r"was made with seed 0, not 1"):
-        Trials(path, {"seed": 1, "versions": {"a": "1"}})
-    path.write_text("nonsense\n")
-    with pytest.raises(InputError, match="damaged"):
-        Trials(path, {})
-    with pytest.raises(InputError, match="cannot be"):
-        Trials(path / "below" / "trials.jsonl", {})

@@ -116,17 +116,6 @@ def test_ties_go_to_the_first_in_the_grid(searching):
     assert search.grid.first(search.exhaustive().scores.winner)["min_samples_split"] == 2
 
 
-def test_candidates_that_fail_come_last_with_their_reason(searching):
-    search = searching("svm", {"C": [-1.0, 1.0], "kernel": ["rbf"]})
-    scores = search.exhaustive().scores
-    assert np.isnan(scores.means[0])
-    assert scores.scored == 1
-    assert search.grid.first(scores.winner)["C"] == 1.0
-    (reason,) = scores.failures
-    assert "'C' parameter" in reason
-    assert scores.failures[reason] == 5
-
-
 def test_finished_fits_are_not_done_again(searching, trees, tmp_path):
     path = tmp_path / "cut.jsonl"
     with Trials(path, {"seed": 0}) as opened:

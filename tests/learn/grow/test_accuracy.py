@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gen.runtime.errors import InputError
 from learn import dataset
 from learn.grow import accuracy as module
 from learn.grow.accuracy import RISK, SMALLEST_SURFACES, Sizes, accuracy, risk
@@ -21,14 +20,6 @@ def test_of_equal_truths_it_is_the_mean_with_its_standard_error():
     assert found.nmae == pytest.approx(25 * errors.mean())
     assert found.error == pytest.approx(25 * errors.std(ddof=1) / math.sqrt(40))
     assert found.groups == 40
-
-
-def test_rows_of_one_surface_count_once():
-    random = np.random.default_rng(2)
-    errors, truth = random.uniform(0, 1, 20), random.uniform(1, 2, 20)
-    alone = accuracy(errors, truth, np.arange(20))
-    repeated = accuracy(np.repeat(errors, 7), np.repeat(truth, 7), np.repeat(np.arange(20), 7))
-    assert repeated == pytest.approx(alone)
 
 
 def test_the_bound_fails_about_as_often_as_it_may():
@@ -101,13 +92,6 @@ def test_parts_are_whole_groups_in_random_order_with_folds(solved):
     other = module.parted([rows], seed=4)
     np.testing.assert_array_equal(other.test, parts.test)
     assert list(other.train) != list(parts.train)
-
-
-def test_parts_without_a_test_row_are_refused(solved):
-    rows = dataset.read(solved)
-    test, _ = module.split_holdout(rows)
-    with pytest.raises(InputError, match="over the 0 test rows"):
-        module.parted([rows.at(np.flatnonzero(~test))], seed=0)
 
 
 def test_errors_are_measured_by_magnitudes():

@@ -1,6 +1,5 @@
 """Scenes of growths, and what a budget allows by a clock that the tests set."""
 
-import math
 from pathlib import Path
 
 import pytest
@@ -84,15 +83,6 @@ def clock(monkeypatch):
     return clock
 
 
-def test_without_a_budget_nothing_ends(clock):
-    pace = Pace(None, 1)
-    clock.now += 1e9
-    assert pace.left == math.inf
-    assert pace.affordable(100, 50) == 50
-    assert not pace.is_over(100, 50)
-    assert list(pace.paced(iter([(0, 7), (7, 9)]))) == [(0, 7), (7, 9)]
-
-
 def test_rows_features_and_the_fit_have_to_end_in_time(clock):
     pace = Pace(100.0, 1)
     pace.row, pace.features = 1.0, 0.5
@@ -103,20 +93,6 @@ def test_rows_features_and_the_fit_have_to_end_in_time(clock):
     assert (rows + 1) * 1.5 + 10 * ((61 + rows) / 60) ** 2 > 100
     clock.now += 200
     assert pace.affordable(60, 1000) == 0
-
-
-@pytest.mark.parametrize(("workers", "last"), [(1, 99), (4, 92)])
-def test_the_last_row_ends_in_time(clock, workers, last):
-    """A worker has two rows in its hands; alone the process has one."""
-    pace = Pace(100.0, workers)
-    pace.row = 1.0 / workers
-    made = 0
-    while not pace.is_over(0, made):
-        clock.now += 1.0 / workers
-        made += 1
-    ended = clock.now - 1000.0 + (2.0 if workers > 1 else 1.0)
-    assert ended <= 101.0 + 1e-9
-    assert clock.now - 1000.0 >= last
 
 
 def test_tasks_become_single_rows_towards_the_end(clock):
