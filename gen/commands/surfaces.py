@@ -193,7 +193,7 @@ def contact(
     if flattened is not None:
         write_flattened(flattened, contacts, len(values))
     if picture is not None:
-        from gen.maps.contact_picture import Subject, draw_contacts
+        from gen.maps.pictures import Subject, draw_contacts
 
         subject = Subject(topography.name, load, bodies.known, warnings, spots=spots)
         draw_contacts(figure, contacts, subject, picture)

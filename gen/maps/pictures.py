@@ -1,10 +1,11 @@
-"""Pictures of surfaces: fields to scale with a colour bar, and the picture of one surface."""
+"""Pictures of surfaces: maps with colour bars, of one surface, and of the contacts of one."""
 
 from __future__ import annotations
 
 import math
 import textwrap
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,13 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Heights, Values
-from gen.maps.read import Topography
+from gen.maps.read import Sides, Topography
 from gen.maps.self_affine import RadialSpectrum, SelfAffineFit
-from gen.runtime.figure import save
+from gen.runtime.figure import log_axis, save
 from gen.runtime.terminal import shortened
 
 if TYPE_CHECKING:
     from bem import Contact
+
+LETTERS = 50
+"""Letters in a line above a map that fills its half of a picture."""
 
 UPPER_PERCENTILE = 99
 """Where a colour scale ends if a few outliers would otherwise take most of it."""
@@ -26,43 +30,45 @@ UPPER_PERCENTILE = 99
 COLOURS = 20
 """Colours of spots, those of the colour map tab20."""
 
-FINE_SIDE, FINE_HEIGHT = 5.0, 1.0
-"""Spans of positions and of heights below which axes are in nm [um]."""
+FINE, COARSE = 1.0, 2000.0
+"""Spans below which axes of lengths are in nm, and from which on they are in mm [um]."""
 
 DECADES = 99.0
 """Ratio of the largest to the smallest load from which on axes of loads are logarithmic."""
 
-COARSE = 2000.0
-"""Span from which on axes are in mm [um]."""
+OBLONG = 4.0
+"""Ratio of the sides beyond which a map fills its panel, as its title then says."""
 
 CYAN = (0.09, 0.75, 0.81)
 """Colour of yielded nodes (red, green, blue): no colour map of these pictures has it."""
 
+BORDER = 0.1
+"""Share of the lines at both borders that a section avoids, since pressures are high there."""
+
+BINS = 80
+"""Number of bars of the height distribution."""
+
 
 @dataclass(frozen=True, eq=False)
 class Map:
-    """A field over a surface with the texts and colours to draw it with."""
+    """A field over a surface with the texts and colours to draw it with.
 
-    # values of the field [unit], masked where there is nothing to draw, shape (nx, ny)
-    field: Values
-    sides: tuple[float, float]  # lengths of the patch along x and y [um]
-    title: str  # title of the map
-    # name and unit of the field. Both are empty where the values only number colours: then the
-    # scale holds all `COLOURS` of them, and there is no colour bar
+    Name and unit of the quantity are empty where the values only number colours: then the scale
+    holds all `COLOURS` of them, and there is no colour bar.
+    """
+
+    field: Values  # masked where there is nothing to draw, shape (nx, ny) [unit]
+    sides: Sides  # lengths of the patch along x and y [um]
+    title: str
     quantity: str
     unit: str
     colours: str  # name of a colour map of matplotlib
-    # nodes to draw in the colour `CYAN` instead of the field's; None for no such node, shape (nx,
-    # ny)
-    marked: NDArray[np.bool_] | None = None
+    marked: NDArray[np.bool_] | None = None  # nodes to draw in `CYAN` instead, shape (nx, ny)
 
 
-def axis_unit(span: float, fine: float) -> tuple[float, str]:
-    """Return the unit of an axis of lengths, whose ticks have few decimals then.
-
-    Also return the number of these units in a um. Spans below `fine` [um] are in nm.
-    """
-    if 0.0 < span < fine:
+def axis_unit(span: float) -> tuple[float, str]:
+    """Return a factor from um to the unit of an axis of lengths with this span [um], and it."""
+    if 0.0 < span < FINE:
         return 1e3, "nm"
     return (1e-3, "mm") if span >= COARSE else (1.0, "µm")
 
@@ -136,19 +142,19 @@ def yielded_nodes(contact: Contact) -> NDArray[np.bool_]:
     return contact.pressure >= hardness
 
 
-def draw_map(axis: Any, surface_map: Map, letters: int) -> None:
-    """Draw a field; its colour bar, if it has a quantity, is not stretched by a few outliers."""
+def draw_map(axis: Any, surface_map: Map, letters: int = LETTERS) -> None:
+    """Draw a field to scale unless it is very oblong, under titles of lines of some letters."""
     nx, ny = surface_map.field.shape
-    per_um, of_sides = axis_unit(max(surface_map.sides), FINE_SIDE)
+    per_um, of_sides = axis_unit(max(surface_map.sides))
     width, length = (per_um * side for side in surface_map.sides)
-    field, unit = surface_map.field, surface_map.unit
+    field, unit, title = surface_map.field, surface_map.unit, surface_map.title
     if unit == "µm" and np.ma.count(field):
-        factor, unit = axis_unit(float(np.ptp(np.ma.compressed(field))), FINE_HEIGHT)
+        factor, unit = axis_unit(float(np.ptp(np.ma.compressed(field))))
         field = factor * field
+    low, high, extend = 0.0, COLOURS - 1.0, "neither"
     if surface_map.quantity:
-        (low, high), extend, remark = _scale(np.ma.compressed(field), unit)
-    else:
-        (low, high), extend, remark = (0.0, COLOURS - 1.0), "neither", ""
+        low, high, extend = _scale(np.ma.compressed(field))
+    oblong = max(width, length) > OBLONG * min(width, length)
     image = axis.imshow(
         field.T,
         origin="lower",
@@ -156,56 +162,38 @@ def draw_map(axis: Any, surface_map: Map, letters: int) -> None:
         cmap=surface_map.colours,
         vmin=low,
         vmax=high,
+        aspect="auto" if oblong else "equal",
     )
     axis.set_facecolor("0.93")
     if surface_map.marked is not None and surface_map.marked.any():
         marks = np.zeros((ny, nx, 4))  # transparent
         marks[surface_map.marked.T] = (*CYAN, 1.0)
-        axis.imshow(marks, origin="lower", extent=image.get_extent(), interpolation="nearest")
+        settings = {"extent": image.get_extent(), "aspect": image.axes.get_aspect()}
+        axis.imshow(marks, origin="lower", interpolation="nearest", **settings)
     if surface_map.quantity:
-        # As high as the map; the width varies little between tall and oblong maps.
-        thickness = 0.045 * min(max(np.sqrt(length / width), 1 / 3), 3.0)
-        beside = axis.inset_axes((1 + thickness, 0.0, thickness, 1.0))
+        beside = axis.inset_axes((1.03, 0.0, 0.04, 1.0))  # as high as the map
         label = f"{surface_map.quantity} [{unit}]"
         axis.figure.colorbar(image, cax=beside, label=label, extend=extend)
-    lines = [*textwrap.wrap(surface_map.title, letters), *textwrap.wrap(remark, letters)]
+    lines = [*textwrap.wrap(title, letters), *["not to scale"] * oblong]
     axis.set_title("\n".join(lines), loc="left", fontsize=10, parse_math=False)
     axis.set(xlabel=f"x [{of_sides}]", ylabel=f"y [{of_sides}]")
 
 
-def _scale(values: Values, unit: str) -> tuple[tuple[float, float], str, str]:
-    """Return the limits of a colour scale, its open ends, and a remark about them.
+def _scale(values: Values) -> tuple[float, float, str]:
+    """Return the limits of a colour scale, and its open ends, beyond which a few outliers are.
 
     The scale spans all values, unless those beyond a percentile would take more than half as much
     of it as the rest.
     """
     if not values.size:
-        return (0.0, 1.0), "neither", ""
+        return 0.0, 1.0, "neither"
     low, high = float(values.min()), float(values.max())
-    percentiles = np.percentile(values, [100 - UPPER_PERCENTILE, UPPER_PERCENTILE])
-    first, last = (float(value) for value in percentiles)
+    first, last = map(float, np.percentile(values, [100 - UPPER_PERCENTILE, UPPER_PERCENTILE]))
     room = 0.5 * (last - first)
     below, above = low < first - room, high > last + room
-    extend = ("both" if above else "min") if below else ("max" if above else "neither")
-    remarks = []
-    if below:
-        remarks.append(
-            f"from the {100 - UPPER_PERCENTILE}st percentile (smallest {low:.4g} {unit})"
-        )
-    if above:
-        remarks.append(f"to the {UPPER_PERCENTILE}th percentile (largest {high:.4g} {unit})")
+    extend = {(True, True): "both", (True, False): "min", (False, True): "max"}
     limits = first if below else low, last if above else high
-    return limits, extend, f"colours {' '.join(remarks)}" if remarks else ""
-
-
-BINS = 80
-"""Number of bars of the height distribution."""
-
-SPECTRUM_LETTERS = 110
-"""Letters in a line of the spectrum's title."""
-
-WIDEST_TO_SCALE = 4.0
-"""Ratio of the sides beyond which the map fills its panel, as the title then says."""
+    return *limits, extend.get((below, above), "neither")
 
 
 def draw_surface(
@@ -215,16 +203,16 @@ def draw_surface(
     fit: SelfAffineFit | str,
     picture: Path,
 ) -> None:
-    """Draw the heights, the height distribution with the bearing curve, and the power spectrum."""
+    """Draw the heights, their distribution with the bearing curve, and the spectrum with its law.
+
+    The fit is the reason where there is no law. The picture is written from an empty figure.
+    """
     top, bottom = figure.subfigures(2, 1, height_ratios=[1.12, 1.0])
     left, right = top.subplots(1, 2, width_ratios=[1.15, 1.0])
     figure.suptitle(shortened(topography.name), fontsize=11, parse_math=False)
     heights = topography.heights
     title = f"heights, {heights.shape[0]} x {heights.shape[1]} nodes"
-    draw_map(left, Map(heights, topography.sides, title, "height", "µm", "viridis"), 50)
-    if max(topography.sides) > WIDEST_TO_SCALE * min(topography.sides):
-        left.set_aspect("auto")
-        left.set_title(f"{left.get_title(loc='left')}\nnot to scale", loc="left", fontsize=10)
+    draw_map(left, Map(heights, topography.sides, title, "height", "µm", "viridis"))
     _draw_distribution(right, heights)
     _draw_spectrum(bottom.subplots(), spectrum, fit)
     save(figure, picture)
@@ -233,7 +221,7 @@ def draw_surface(
 def _draw_distribution(axis: Any, heights: Heights) -> None:
     """Draw the share of the surface over the height, and the share that is above each height."""
     axis.set_title("height distribution and bearing curve", loc="left", fontsize=10)
-    factor, unit = axis_unit(float(np.ptp(heights)), FINE_HEIGHT)
+    factor, unit = axis_unit(float(np.ptp(heights)))
     axis.set_ylabel(f"height above the mean [{unit}]")
     axis.set_xlabel(f"share of the surface per {unit} [%]", color="tab:blue")
     above = factor * np.sort(heights.ravel() - heights.mean())[::-1]
@@ -280,25 +268,163 @@ def _draw_spectrum(axis: Any, spectrum: RadialSpectrum, fit: SelfAffineFit | str
         axis.axvline(2 * math.pi / wavelength, color="k", lw=0.9, ls=style, label=text)
     # Beyond a cut-off there may be nothing but rounding, which must not flatten the rest.
     axis.set_ylim(bottom=max(float(spectrum.density[seen].min()), 1e-3 * float(law.min())) / 2)
-    longer = axis.secondary_xaxis("top", functions=(_opposite, _opposite))
-    longer.set_xlabel("wavelength [µm]")
-    shortest, longest = sorted(_opposite(np.array(axis.get_xlim())))
-    ticks = [n * 10.0**k for k in range(-15, 16) for n in (1, 2, 5)]
-    longer.set_xticks([tick for tick in ticks if shortest <= tick <= longest])
-    longer.minorticks_off()
-    longer.xaxis.set_major_formatter("{x:g}")
     axis.legend(loc="lower left", fontsize="small")
 
 
 def _spectrum_title(fit: SelfAffineFit | str) -> str:
     """Return the title of the spectrum: the law's numbers, or why there is none."""
     if isinstance(fit, str):
-        return textwrap.fill(f"radial power spectrum; no self-affine law: {fit}", SPECTRUM_LETTERS)
+        return textwrap.fill(f"radial power spectrum; no self-affine law: {fit}", 2 * LETTERS)
     numbers = f"Hurst exponent {fit.spectrum.hurst:.3g} over {fit.decades:.2g} decades, "
     numbers += f"rms height {fit.rms_height:.4g} µm"
     return "; ".join((f"radial power spectrum: {numbers}", *fit.remarks))
 
 
-def _opposite(lengths: Any) -> Any:
-    """Turn wavenumbers into wavelengths, or wavelengths into wavenumbers."""
-    return 2 * math.pi / np.maximum(lengths, 1e-300)
+@dataclass(frozen=True)
+class Subject:
+    """Surface, load and material of a picture of contacts."""
+
+    name: str  # of the surface
+    load: str  # the quantity that was given: delta, force or pressure
+    material: bool  # whether the user gave a modulus
+    warnings: Sequence[str]  # reasons to distrust the contacts
+    spots: bool = False  # whether to draw spots and the open gap instead of heights and pressure
+
+
+def draw_contacts(
+    figure: Any, contacts: Sequence[Contact], subject: Subject, picture: Path
+) -> None:
+    """Draw a surface, its contact and a section under the last load, and the law of several loads.
+
+    The picture is written from an empty figure.
+    """
+    last, law = contacts[-1], len(contacts) > 1
+    panels = [["heights"] * 3 + ["contact"] * 3, ["section"] * 6]
+    heights = [4.4, 2.6]
+    if law:
+        panels.append([name for name in ("area", "answer", "gap") for _ in range(2)])
+        heights.append(2.8)
+    figure.set_size_inches(11.0, sum(heights) + 0.8)
+    axes = figure.subplot_mosaic(panels, height_ratios=heights)
+    figure.suptitle(_title(contacts, subject), fontsize=11, parse_math=False)
+    if subject.warnings:
+        lines = [textwrap.fill(f"warning: {warning}", 160) for warning in subject.warnings]
+        figure.supxlabel("\n".join(lines), fontsize=8, color="tab:red", parse_math=False)
+    where = f" at {load_text(last, subject.load)}" if law else ""
+    if subject.spots:
+        first, second = spot_maps(last)
+        first = replace(first, title=f"{first.title}{where}")
+    else:
+        share = f"{last.area_percent:.3g} % of {last.pressure.size} nodes"
+        first, second = contact_maps(last, "heights", f"contact{where}: {share}")
+    draw_map(axes["heights"], first)
+    draw_map(axes["contact"], second)
+    _draw_section(axes["section"], last, where)
+    if law:
+        _draw_law([axes[name] for name in ("area", "answer", "gap")], contacts, subject.load)
+    save(figure, picture)
+
+
+def _title(contacts: Sequence[Contact], subject: Subject) -> str:
+    """Return the title: file, load and material, a line each."""
+    last = contacts[-1]
+    load = (
+        f"Δ = {metric(1e-6 * last.delta, 'm')}, force {metric(1e-6 * last.force, 'N')},"
+        f" mean pressure {metric(1e6 * last.force / nominal_area(last), 'Pa')}"
+    )
+    if len(contacts) > 1:
+        load = f"last of {len(contacts)} loads: {load}"
+    material = f"E* = {metric(1e6 * last.problem.modulus, 'Pa')}"
+    if last.problem.hardness is not None:
+        material += f", hardness {metric(1e6 * last.problem.hardness, 'Pa')}"
+    if not subject.material:
+        material += ", no material given"
+    if last.problem.boundary != "free":
+        material += f"; {last.problem.boundary} boundary"
+    return f"{shortened(subject.name)}\n{load}\n{material}"
+
+
+def section_line(contact: Contact) -> tuple[int, int]:
+    """Return the axis along which to draw a section, and the index of its line on the other axis.
+
+    Among the lines along the longer side, the one with the largest force is chosen; if these have
+    no contact off the border, the one with the largest force along the shorter side.
+    """
+    sides = patch_sides(contact)
+    longer = 0 if sides[0] >= sides[1] else 1
+    for along in (longer, 1 - longer):
+        forces = contact.pressure.sum(axis=along)
+        margin = max(int(BORDER * forces.size), 1)
+        inner = forces[margin : forces.size - margin]
+        if inner.max(initial=0.0) > 0:
+            return along, margin + int(inner.argmax())
+    return longer, int(contact.pressure.sum(axis=longer).argmax())
+
+
+def _draw_section(axis: Any, contact: Contact, load: str) -> None:
+    """Draw both bodies along a line through the contact; the title says at which load."""
+    along, place = section_line(contact)
+    line: tuple[Any, ...] = (slice(None), place) if along == 0 else (place, slice(None))
+    side, spacing = patch_sides(contact)[along], contact.problem.spacing
+    first = 0.0 if contact.problem.boundary == "free" else 0.5  # distance of nodes from the border
+    per_um, unit = axis_unit(max(patch_sides(contact)))
+    position = per_um * spacing[along] * (first + np.arange(contact.pressure.shape[along]))
+    # The half-space's surface is at 0 before contact, and the rough body comes down from above.
+    surfaces = -contact.displacement[line], contact.gap[line] - contact.displacement[line]
+    factor, height_unit = axis_unit(float(np.ptp(surfaces)))
+    deformed, rough = (factor * heights for heights in surfaces)
+    margin = 0.08 * float(np.ptp([deformed.min(), deformed.max(), rough.max(), 0.0]))
+    top, bottom = max(float(rough.max()), 0.0) + margin, float(deformed.min()) - margin
+    axis.fill_between(position, rough, top, color="0.8", label="rough body")
+    axis.fill_between(position, bottom, deformed, color="tab:blue", alpha=0.4, label="half-space")
+    yielded = yielded_nodes(contact)[line]
+    touching = np.ma.masked_where((contact.pressure[line] == 0) | yielded, deformed)
+    axis.plot(position, touching, ".", ms=4, color="tab:red", label="in contact")
+    if yielded.any():
+        yielding = np.ma.masked_where(~yielded, deformed)
+        axis.plot(position, yielding, ".", ms=4, color=CYAN, label="yielded")
+    axis.axhline(0, color="k", lw=0.6, ls=":")
+    across = per_um * spacing[1 - along] * (first + place)
+    where = f"section at {'yx'[along]} = {across:.4g} {unit}{load.replace(' at', ',', 1)}"
+    axis.set_title(where, loc="left", fontsize=10)
+    axis.set(xlabel=f"{'xy'[along]} [{unit}]", ylabel=f"z [{height_unit}], stretched")
+    axis.set(xlim=(0, per_um * side), ylim=(bottom, top))
+    axis.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=4, fontsize="small", frameon=False)
+
+
+def _draw_law(axes: Sequence[Any], contacts: Sequence[Contact], load: str) -> None:
+    """Draw area, force or far-field displacement, and mean gap over the load that was given."""
+    cells = nominal_area(contacts[0])
+    forces = np.array([contact.force for contact in contacts])
+    quantities = {
+        "delta": _lengths([contact.delta for contact in contacts], "displacement Δ"),
+        "force": (forces, "normal force [µN]"),
+        "pressure": (forces / cells, "mean pressure [MPa]"),
+    }
+    loads, label = quantities[load]
+    order = np.argsort(loads)
+    loads = loads[order]
+    decades = bool(loads[0] > 0 and loads[-1] >= DECADES * loads[0])
+    answers = (
+        (np.array([contact.area_percent for contact in contacts]), "contact area [%]"),
+        quantities["force" if load == "delta" else "delta"],
+        _lengths([contact.mean_gap for contact in contacts], "mean gap"),
+    )
+    colours = ("tab:blue", "tab:orange", "tab:green")
+    for axis, (numbers, name), colour in zip(axes, answers, colours, strict=True):
+        values = numbers[order]
+        axis.plot(loads, values, ".-", color=colour)
+        axis.grid(alpha=0.3)
+        axis.set(xlabel=label, ylabel=name)
+        if decades:
+            log_axis(axis.xaxis)
+        if decades and values.min() > 0 and values.max() >= 10 * values.min():
+            log_axis(axis.yaxis)
+        else:
+            axis.set_ylim(0, 1.06 * float(values.max()) or 1.0)
+
+
+def _lengths(values: Sequence[float], name: str) -> tuple[Values, str]:
+    """Return lengths [um] in the unit of their axis, and the label of that axis."""
+    factor, unit = axis_unit(max(values))
+    return factor * np.array(values), f"{name} [{unit}]"

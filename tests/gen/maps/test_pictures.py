@@ -1,8 +1,12 @@
-"""Pictures of one surface: nothing cut, the law and its range drawn, no surface that fails."""
+"""Pictures of one surface and of its contacts: nothing cut or overlapping, whatever is drawn."""
+
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+import bem
 from gen import cli
 from gen.spectral import SelfAffineSpectrum, generate_spectral
 
@@ -11,6 +15,9 @@ pytest.importorskip("matplotlib", reason="needs the extra plot")
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from gen.maps import pictures
+from gen.maps.pictures import COLOURS, CYAN, Subject, draw_contacts, section_line
+from gen.runtime.figure import new_figure
+from gen.surface import generate
 
 ROUGH = generate_spectral(
     (129, 129), 1000.0, SelfAffineSpectrum(0.7, 250, 16.5), np.random.default_rng(1), rms_height=2.0
@@ -18,11 +25,9 @@ ROUGH = generate_spectral(
 SHAPES = {
     "square": (ROUGH, "1000"),
     "oblong": (ROUGH[:, :50], "1000,400"),
-    "tall": (ROUGH[:50], "400,1000"),
     "sliver": (ROUGH[:, :5], "1000,30"),
     "flat": (np.zeros((20, 20)), "100"),
     "two nodes": (np.array([[0.0, 1.0], [2.0, 5.0]]), "10"),
-    "two heights": (np.repeat([0.0, 1.0], 200).reshape(20, 20), "10"),
     "huge": (1e300 * ROUGH, "1000"),
     "tiny": (1e-300 * ROUGH, "1000"),
     "lost": (1e9 + 1e-6 * ROUGH, "1000"),
@@ -78,3 +83,210 @@ def test_a_picture_that_cannot_be_is_one_line(picture, message, tmp_path, monkey
     captured = capsys.readouterr()
     assert message in captured.err
     assert (captured.err.count("\n"), captured.out) == (1, "")
+
+
+FRACTAL = generate("diamond-square", 33, 0.7, 5.0, np.random.default_rng(4))
+E_STAR = 2e5
+NAME = "a folder/with $ signs_and {braces}/" + 40 * "long " + "scan.x3p"
+WARNING = "pressures are above what most materials bear, " * 5
+
+ONE, DECADES, FROM_NOTHING = [2.0], [0.01, 0.1, 4.0], [0.0, 3.0]
+PATCHES = {
+    "square": (FRACTAL, (100.0, 100.0), DECADES),
+    "tall": (FRACTAL[:9], (25.0, 100.0), FROM_NOTHING),
+    "oblong": (FRACTAL[:, :9], (100.0, 25.0), FROM_NOTHING),
+    "tall sliver": (FRACTAL[:5], (3.0, 100.0), ONE),
+    "yielding": (FRACTAL, (100.0, 100.0), DECADES),
+    "few nodes": (FRACTAL[10:13, 10:13], (10.0, 10.0), ONE),
+}
+
+
+def drawn(contacts: list[bem.Contact], **changes: Any) -> Any:
+    """A figure as it would be written, without the work of drawing its pixels."""
+    figure = new_figure(11, 8.2, dpi=110)
+    subject = {"name": NAME, "load": "delta", "material": True, "warnings": (), **changes}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pictures, "save", lambda *_: None)
+        draw_contacts(figure, contacts, Subject(**subject), Path("contact.png"))
+    return figure
+
+
+def titled(figure: Any, text: str) -> Any:
+    """The axes with a text in their title or label."""
+    return next(
+        axis
+        for axis in figure.axes
+        if text in f"{axis.get_title(loc='left')} {axis.get_ylabel()}".splitlines()[0]
+    )
+
+
+def left_title(figure: Any, text: str) -> str:
+    """The whole title of these axes in one line."""
+    return " ".join(titled(figure, text).get_title(loc="left").split())
+
+
+@pytest.mark.few(4)
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("shape", PATCHES)
+def test_nothing_is_cut_or_overlaps(shape: str) -> None:
+    heights, sides, deltas = PATCHES[shape]
+    hardness = 4000.0 if "yielding" in shape else None
+    contacts = list(bem.ladder(heights, sides, deltas, modulus=E_STAR, hardness=hardness))
+    figure = drawn(contacts, warnings=(WARNING, "short"))
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    figure.get_layout_engine().execute(figure)
+    box, (width, height) = figure.get_tightbbox(renderer), figure.get_size_inches()
+    assert min(box.x0, box.y0) >= 0, "something is cut on the left or below"
+    assert box.x1 <= width, "something is cut on the right"
+    assert box.y1 <= height, "something is cut above"
+    section = titled(figure, "section at")
+    assert section.get_window_extent(renderer).height > 1.2 * figure.dpi  # inches
+    legend = section.get_legend().get_window_extent(renderer)
+    assert not legend.overlaps(section._left_title.get_window_extent(renderer))
+    left, spots = (titled(figure, text) for text in ("heights", "contact"))
+    title = spots._left_title.get_window_extent(renderer)
+    assert not title.overlaps(section.get_tightbbox(renderer))
+    assert not left.get_tightbbox(renderer).overlaps(spots.get_tightbbox(renderer))
+
+
+def test_titles_say_file_load_and_material() -> None:
+    contacts = list(bem.ladder(FRACTAL, (100.0, 100.0), [1.0, 2.0], modulus=E_STAR))
+    figure = drawn(contacts, warnings=("beware",))
+    title = figure.get_suptitle()
+    assert title.startswith("a folder/with $")
+    assert title.splitlines()[0].endswith("scan.x3p")
+    for said in ("last of 2 loads: Δ = 2 µm, force ", " N, mean pressure ", "E* = 200 GPa"):
+        assert said in title
+    assert "beware" in figure.get_supxlabel()
+    alone = drawn(contacts[:1], name="scan.x3p", material=False)
+    assert alone.get_suptitle().startswith("scan.x3p\nΔ = 1 µm")
+    assert "no material given" in alone.get_suptitle()
+
+
+def test_axes_have_the_unit_of_their_map() -> None:
+    (contact,) = bem.ladder(0.001 * FRACTAL, (3000.0, 3000.0), [0.001], modulus=E_STAR)
+    first, section = (titled(drawn([contact]), text) for text in ("heights", "section at"))
+    assert first.get_xlabel() == section.get_xlabel() == "x [mm]"
+    assert first.get_xlim() == section.get_xlim() == pytest.approx((0.0, 3.0))
+    assert np.ptp(first.images[0].get_array()) == pytest.approx(np.ptp(FRACTAL))  # nm
+
+
+def test_maps_and_section_say_which_of_several_loads_they_show() -> None:
+    contacts = list(bem.ladder(FRACTAL, (100.0, 100.0), pressures=[100.0, 500.0], modulus=E_STAR))
+    figure = drawn(contacts, load="pressure")
+    assert "contact at 500 MPa mean pressure: " in left_title(figure, "contact")
+    assert left_title(figure, "section").endswith("µm, 500 MPa mean pressure")
+    spots = drawn(contacts, load="pressure", spots=True)
+    assert left_title(spots, "gap").endswith("at 500 MPa mean pressure")
+    alone = drawn(contacts[1:], load="pressure")
+    assert left_title(alone, "contact").startswith("contact: ")
+
+
+def test_laws_have_the_gap_and_logarithmic_axes_over_decades() -> None:
+    for pressures, scale in (([1.0, 3.0, 10.0], "linear"), ([3.0, 0.1, 30.0], "log")):
+        contacts = list(bem.ladder(FRACTAL, (100.0, 100.0), pressures=pressures, modulus=1e4))
+        figure = drawn(contacts, load="pressure")
+        gap, area = titled(figure, "mean gap [µm]"), titled(figure, "contact area [%]")
+        assert gap.get_xscale() == area.get_xscale() == area.get_yscale() == scale
+        loads, gaps = gap.lines[0].get_data()
+        np.testing.assert_allclose(loads, sorted(pressures), rtol=1e-6)
+        assert sorted(gaps, reverse=True) == list(gaps)
+
+
+def test_one_spike_does_not_set_the_colours() -> None:
+    spiky = FRACTAL.copy()
+    spiky[20, 10] += 8
+    (contact,) = bem.ladder(spiky, (100.0, 100.0), [15.0], modulus=E_STAR)
+    figure = drawn([contact])
+    spots = titled(figure, "contact: ")
+    touching = contact.pressure[contact.pressure > 0]
+    assert touching.max() > 2 * np.percentile(touching, 99)
+    assert spots.images[0].get_clim()[1] == pytest.approx(np.percentile(touching, 99))
+    (smooth,) = bem.ladder(FRACTAL, (100.0, 100.0), [1.0], modulus=E_STAR)
+    spots = titled(drawn([smooth]), "contact: ")
+    assert spots.images[0].get_clim()[1] == smooth.pressure.max()
+
+
+def test_yielded_nodes_have_a_colour_of_their_own() -> None:
+    (elastic,) = bem.ladder(FRACTAL, (100.0, 100.0), [6.0], modulus=E_STAR)
+    (contact,) = bem.ladder(FRACTAL, (100.0, 100.0), [6.0], modulus=E_STAR, hardness=4000.0)
+    assert contact.yielded_percent > 0
+    figure = drawn([contact])
+    assert "E* = 200 GPa, hardness 4 GPa" in figure.get_suptitle()
+    spots = titled(figure, "contact: ")
+    assert f"{contact.yielded_percent:.3g} % yielded (cyan)" in spots.get_title(loc="left")
+    pressures, marks = (image.get_array() for image in spots.images)
+    yielded = contact.pressure.T == 4000.0
+    np.testing.assert_array_equal(marks[..., 3] == 1.0, yielded)
+    np.testing.assert_array_equal(marks[yielded], np.tile((*CYAN, 1.0), (yielded.sum(), 1)))
+    assert np.ma.getmaskarray(pressures)[yielded].all()
+    assert pressures.max() < 4000.0
+    assert [text.get_text() for text in titled(figure, "section at").get_legend().texts] == [
+        "rough body",
+        "half-space",
+        "in contact",
+        "yielded",
+    ]
+    figure = drawn([elastic])
+    assert len(titled(figure, "contact: ").images) == 1
+    assert "hardness" not in figure.get_suptitle()
+
+
+def bumps(nx: int, ny: int, *places: tuple[int, int]) -> np.ndarray:
+    """A flat surface with bumps."""
+    heights = np.zeros((nx, ny))
+    for place in places:
+        heights[place] = 1.0
+    return heights
+
+
+@pytest.mark.parametrize(
+    ("heights", "sides", "expected"),
+    [
+        (bumps(20, 20, (5, 8)), (19.0, 19.0), (0, 8)),
+        (bumps(20, 20, (0, 8)), (19.0, 19.0), (0, 8)),  # at a border: across it
+        (bumps(20, 20, (8, 0)), (19.0, 19.0), (1, 8)),
+        (bumps(20, 20, (8, 0), (12, 0), (5, 15)), (19.0, 19.0), (0, 15)),
+        (bumps(8, 20, (4, 3)), (7.0, 19.0), (1, 4)),  # along the longer side
+        (bumps(20, 20, (0, 0)), (19.0, 19.0), (0, 0)),  # there is no other contact
+    ],
+)
+def test_sections_run_through_the_contact(
+    heights: np.ndarray, sides: tuple[float, float], expected: tuple[int, int]
+) -> None:
+    assert section_line(bem.solve(heights, side=sides, delta=0.1)) == expected
+
+
+@pytest.mark.parametrize(("boundary", "first"), [("free", 0.0), ("mirror", 0.5)])
+def test_sections_place_nodes_on_the_borders_or_at_the_centres_of_cells(
+    boundary: Any, first: float
+) -> None:
+    contact = bem.solve(FRACTAL, 100.0, 1.0, boundary=boundary)
+    section = titled(drawn([contact]), "section at")
+    (along, place), spacing = section_line(contact), contact.problem.spacing
+    touching = section.lines[0].get_xdata()
+    np.testing.assert_allclose(touching, (first + np.arange(33)) * spacing[along])
+    assert section.get_xlim() == pytest.approx((0.0, 100.0))
+    expected = f"= {(first + place) * spacing[1 - along]:.4g} µm"
+    assert section.get_title(loc="left").endswith(expected)
+
+
+def test_spots_and_the_open_gap_replace_heights_and_pressure() -> None:
+    contacts = list(bem.ladder(FRACTAL, 100.0, [1.0, 4.0], modulus=E_STAR))
+    figure = drawn(contacts, spots=True)
+    assert titled(figure, f"{contacts[-1].spots.number} spots")
+    gap = titled(figure, "gap: connects opposite sides, closed")
+    closed = (contacts[-1].spots.labels == 0) & ~contacts[-1].spots.open_gap
+    assert len(gap.get_images()) == 1 + closed.any()
+    full = bem.solve(FRACTAL, 100.0, pressure=1e7, modulus=E_STAR)
+    assert titled(drawn([full], spots=True), "gap: connects no sides")
+
+
+def test_colours_number_spots_from_the_largest_one_without_a_colour_bar() -> None:
+    (contact,) = bem.ladder(FRACTAL, 100.0, [1.0], modulus=E_STAR)
+    axis = titled(drawn([contact], spots=True), f"{contact.spots.number} spots")
+    (image,) = axis.get_images()
+    assert image.get_clim() == (0, COLOURS - 1)
+    assert image.colorbar is None
+    largest = contact.spots.labels.T == 1
+    assert (image.get_array()[largest] == 0).all()
