@@ -21,12 +21,6 @@ Columns = dict[str, NDArray[Any]]
 
 
 def refuse_masked(name: str, given: Any) -> None:
-    """Refuse an array of which some entries are masked; with a mask of nothing it is as any other.
-
-    Raises
-    ------
-    InputError
-        With the name of the array.
-    """
+    """Refuse an array with masked entries; one with a mask of nothing is as any other."""
     if np.ma.is_masked(given):
         raise InputError(f"{name} are masked in places: fill or crop them")

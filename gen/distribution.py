@@ -149,15 +149,7 @@ TABLES: dict[str, type[LogUniform | Normal | Choice]] = {
 
 @dataclass(frozen=True)
 class Drawn:
-    """Validator of a number or a distribution whose values are all within limits.
-
-    Attributes
-    ----------
-    low, high : float
-        Smallest and largest allowed value.
-    beyond : bool
-        Whether values have to be above `low`, and not only at least `low`.
-    """
+    """Validator of a number or a distribution whose values are all within limits."""
 
     low: float = -sys.float_info.max
     high: float = sys.float_info.max
@@ -262,20 +254,7 @@ def is_drawn(distribution: Distribution) -> bool:
 
 
 def quantiles(distribution: Distribution, uniform: Values) -> Values:
-    """Map numbers in [0, 1) to the values of a distribution.
-
-    Parameters
-    ----------
-    distribution : Distribution
-        A number, a pair, which is uniform, or a table, as a scene has it.
-    uniform : ndarray
-        Numbers in [0, 1).
-
-    Returns
-    -------
-    ndarray, shape of `uniform`
-        Values that are within the distribution's limits.
-    """
+    """Map numbers in [0, 1) to the values of a distribution, which are within its limits."""
     match distribution:
         case LogUniform():
             return log_within(*distribution.log_uniform, uniform)
@@ -289,11 +268,7 @@ def quantiles(distribution: Distribution, uniform: Values) -> Values:
 
 
 def within(low: Values | float, high: Values | float, uniform: Values) -> Values:
-    """Map numbers in [0, 1) linearly to [low, high].
-
-    Rounding cannot exceed the upper end: the largest number, 1 - 2^-53, takes off as much as the
-    rounding of high - low can add.
-    """
+    """Map numbers in [0, 1) linearly to [low, high], whose upper end rounding cannot exceed."""
     return low + (high - low) * uniform
 
 

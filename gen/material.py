@@ -89,46 +89,16 @@ class Bodies(NamedTuple):
 
 
 def plane_strain_modulus(young: float, poisson: float) -> float:
-    """Compute E* = E / (1 - nu^2) of one elastic body.
-
-    Parameters
-    ----------
-    young : float
-        Young's modulus E [MPa].
-    poisson : float
-        Poisson's ratio nu [1].
-
-    Returns
-    -------
-    float
-        E* [MPa].
-    """
+    """Compute E* = E / (1 - nu^2) of one elastic body [MPa]."""
     return young / (1 - poisson**2)
 
 
 def combined_modulus(
     young: Sequence[float], poisson: Sequence[float], e_star: float | None = None
 ) -> float:
-    """Compute E* of a contact, 1/E* = 1/E1* + 1/E2*; the second term is 0 if one body is rigid.
+    """Compute E* of a contact [MPa], 1/E* = 1/E1* + 1/E2*; the second term is 0 if one body is rigid.
 
-    Parameters
-    ----------
-    young : sequence of float
-        One or two Young's moduli [MPa]; 1 MPa if empty.
-    poisson : sequence of float
-        As many Poisson's ratios as moduli [1]; 0 if empty.
-    e_star : float, optional
-        E* itself, in place of `young` and `poisson` [MPa].
-
-    Returns
-    -------
-    float
-        E* [MPa].
-
-    Raises
-    ------
-    InputError
-        If a number is impossible for a material, or the numbers of moduli and ratios do not fit.
+    Without numbers it is 1 MPa; `e_star` stands in place of moduli and ratios.
     """
     if e_star is not None:
         if young or poisson:
@@ -152,25 +122,7 @@ def combined_modulus(
 
 
 def require_hardness(hardness: float | None, *, material: bool) -> float | None:
-    """Refuse a hardness that is impossible, or that no modulus goes with.
-
-    Parameters
-    ----------
-    hardness : float or None
-        Hardness of the softer body [MPa]; None for elastic bodies.
-    material : bool
-        Whether the user gave a modulus.
-
-    Returns
-    -------
-    float or None
-        The hardness [MPa].
-
-    Raises
-    ------
-    InputError
-        If the hardness is not above 0 and finite, or there is no modulus.
-    """
+    """Return a hardness [MPa]; refuse one that is impossible, or that no modulus goes with."""
     if hardness is None:
         return None
     if not magnitude(hardness):

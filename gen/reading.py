@@ -25,13 +25,7 @@ INSTRUMENTS = {
 
 
 def files_in(paths: Sequence[Path]) -> tuple[list[Path], int]:
-    """Return the files, with those of folders that can hold surfaces, and the number left out.
-
-    Raises
-    ------
-    InputError
-        If there is no file.
-    """
+    """Return the files, with those of folders that can hold surfaces, and the number left out."""
     files: list[Path] = []
     others = 0
     for path in paths:

@@ -163,16 +163,10 @@ def _check_grid(
 def _wavevectors(
     shape: tuple[int, int], sides: tuple[float, float], spectrum: SelfAffineSpectrum
 ) -> tuple[Values, Values]:
-    """List the wavevectors up to the cut-off along both axes, one of each pair of opposites.
+    """List the wavevectors (2 kx + 1, 1) and (1, ky + 1) up to the cut-off, one of opposites [1/um].
 
-    Waves of exactly two nodes a wavelength are left out: the grid does not hold their phase.
-
-    Returns
-    -------
-    qx : ndarray, shape (2 kx + 1, 1)
-        Components along x, in the order 0, 1, ..., kx, -kx, ..., -1 [1/um].
-    qy : ndarray, shape (1, ky + 1)
-        Components along y, in the order 0, 1, ..., ky [1/um].
+    Components along x are in the order 0, 1, ..., kx, -kx, ..., -1. Waves of exactly two nodes a
+    wavelength are left out: the grid does not hold their phase.
     """
     shortest = spectrum.cut_off * spectrum.stretch, spectrum.cut_off
     periods = [

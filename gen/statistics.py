@@ -228,19 +228,7 @@ def rms_slope(heights: NDArray[np.float64], spacing: tuple[float, float]) -> flo
 
 
 def _peak_values(peaks: Summits, nodes: int, unit: float, per_length: float) -> tuple[float, ...]:
-    """Return the eight statistics of peaks in the order of Table 1.
-
-    Parameters
-    ----------
-    peaks : Summits
-        Peaks of all profiles, in units of the scaled heights.
-    nodes : int
-        Number of nodes of the surface.
-    unit : float
-        Unit of the heights [um].
-    per_length : float
-        Unit of the curvatures [1/um].
-    """
+    """Return the eight statistics of peaks in the order of Table 1, given the units of lengths."""
     heights, curvatures = peaks.heights, peaks.curvatures
     return (
         heights.mean * unit,
@@ -424,11 +412,7 @@ def _spread(values: NDArray[np.float64], origin: float) -> tuple[float, NDArray[
 
 
 def _sum_of_products(first: NDArray[np.float64], second: NDArray[np.float64]) -> float:
-    """Sum the products of (count,) values by einsum.
-
-    BLAS would split long sums among its threads: the last bits of a database would then depend on
-    the number of threads that a rank was given.
-    """
+    """Sum products by einsum: BLAS's last bits would depend on the number of a rank's threads."""
     return float(np.einsum("i,i->", first, second))
 
 

@@ -197,24 +197,7 @@ def _displaced(means: Heights, amplitude: float, random: np.random.Generator) ->
 
 
 def _refined(corners: Heights, centres: Heights, edges_x: Heights, edges_y: Heights) -> Heights:
-    """Join nodes of one level into a surface of half the spacing.
-
-    Parameters
-    ----------
-    corners : ndarray, shape (m + 1, m + 1)
-        Heights of the nodes of the coarser level.
-    centres : ndarray, shape (m, m)
-        Heights at the centres of its squares.
-    edges_x : ndarray, shape (m, m + 1)
-        Heights at the midpoints of its edges along x (axis 0).
-    edges_y : ndarray, shape (m + 1, m)
-        Heights at the midpoints of its edges along y (axis 1).
-
-    Returns
-    -------
-    ndarray, shape (2 m + 1, 2 m + 1)
-        Heights of the finer level.
-    """
+    """Join the nodes, centres and edges of one level into a surface of half the spacing."""
     nodes = 2 * len(centres) + 1
     heights = np.empty((nodes, nodes))
     heights[::2, ::2] = corners

@@ -51,22 +51,7 @@ class Opened(NamedTuple):
 
 
 def create(path: Path, scene: Scene, rows: range | None = None) -> None:
-    """Create a database with all rows pending; the caller holds `lock(path)`.
-
-    Parameters
-    ----------
-    path : Path
-        File to create.
-    scene : Scene
-        Scene of its rows.
-    rows : range, optional
-        Rows of the scene that the file holds, all by default; fewer make a part.
-
-    Raises
-    ------
-    InputError
-        If the file exists, its folder is missing or cannot be written, or the disk is full.
-    """
+    """Create a database of some rows, all pending; the caller holds `lock(path)`."""
     rows = range(scene.samples) if rows is None else rows
     with new_file(path, scene, rows) as temporary:
         lay_out(temporary, scene, rows, provenance(scene))
@@ -79,29 +64,8 @@ def open_or_create(
 ) -> Opened:
     """Create, resume or extend a database for a run; the caller holds `lock(path)`.
 
-    A file with more rows than requested keeps them.
-
-    Parameters
-    ----------
-    path : Path
-        Database.
-    scene : Scene
-        Scene to generate.
-    rows : range, optional
-        Rows of the scene that the file has to hold, all by default.
-    force : bool
-        Accept a file with another physics number, whose rows were computed by other code.
-
-    Returns
-    -------
-    Opened
-        Action that was taken, and number of rows.
-
-    Raises
-    ------
-    InputError
-        If the path cannot be written, or is not a database of this scene, layout and physics
-        number. Nothing is overwritten.
+    A file with more rows than requested keeps them. With `force` it may have another physics
+    number. Nothing is overwritten: an InputError names another scene, layout or physics number.
     """
     wanted = range(scene.samples) if rows is None else rows
     if not path.exists():
@@ -125,28 +89,6 @@ def extend(path: Path, scene: Scene, rows: range | None = None, *, force: bool =
     Contiguous datasets cannot grow, so the rows are copied into a new file, which then takes name,
     owner, group and mode of the old one. A kill at any moment leaves one of the two files, whole.
     Rows between those of a part and the requested ones are added as pending.
-
-    Parameters
-    ----------
-    path : Path
-        Database.
-    scene : Scene
-        Its scene, perhaps with more samples.
-    rows : range, optional
-        Rows that it has to hold too, all of the scene by default.
-    force : bool
-        See `open_or_create`.
-
-    Returns
-    -------
-    range
-        Rows that it holds now.
-
-    Raises
-    ------
-    InputError
-        If the database is not of this scene, has these rows already, may not be written or
-        replaced, or is being written; if the disk is full.
     """
     with HeldFile(path) as held, open_file(path) as old:
         present = checked_for(old, path, scene, force=force)
@@ -178,27 +120,8 @@ def merge(target: Path, sources: Sequence[Path]) -> Counts:
     """Merge databases of one scene whose rows were computed in different places.
 
     The new file holds all rows of the scene. A row is done if it is done in any source, otherwise
-    failed if it failed in any. The largest number of samples counts; attributes are those of the
-    first source that has it.
-
-    Parameters
-    ----------
-    target : Path
-        File to create, which is locked meanwhile.
-    sources : sequence of Path
-        Databases to merge, whole ones or parts.
-
-    Returns
-    -------
-    Counts
-        Numbers of pending, done and failed rows of the new file.
-
-    Raises
-    ------
-    InputError
-        If the target exists, there are no sources, one cannot be read or is of another scene or
-        physics number, a row that is done in two sources differs in a deterministic column, or the
-        disk is full.
+    failed if it failed in any; rows that are done twice have to agree. The largest number of
+    samples counts; attributes are those of the first source that has it.
     """
     if not sources:
         raise InputError(f"{target}: nothing to merge; give at least one database")
@@ -309,29 +232,8 @@ def new_file(
     """Make an empty file beside a database, and rename it to the database if the block succeeds.
 
     Its name, `X.h5.0123456789abcdef.part`, is drawn at random. The next attempt, which holds the
-    same lock, removes the remains of a killed one.
-
-    Parameters
-    ----------
-    path : Path
-        Database.
-    scene : Scene
-        Scene of the rows, which decides the size.
-    rows : range
-        Rows that the file will hold.
-    replaced : HeldFile, optional
-        Existing file of this name to replace; None if there must be none.
-
-    Yields
-    ------
-    Path
-        Name of the new file.
-
-    Raises
-    ------
-    InputError
-        If the folder cannot be written, there is no room, or an existing file may not be replaced:
-        it is not `replaced`, or this user cannot pass on its owner and group.
+    same lock, removes the remains of a killed one. `replaced` is the file of this name that may be
+    replaced; without it there must be none.
     """
     real = place_of(path)
     if replaced is None and real.exists():

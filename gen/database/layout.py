@@ -57,10 +57,7 @@ FLAGS: dict[Column, dict[int, str]] = {
 
 
 def chunks(rows: int, bytes_per_row: int, first: int = 0) -> Iterator[tuple[int, int]]:
-    """Split the rows from `first` on, up to `rows`, into chunks (start, stop) of a few megabytes.
-
-    A chunk has `CHUNK_BYTES` at most, and one row at least.
-    """
+    """Split the rows from `first` on into chunks of `CHUNK_BYTES` at most, or one row."""
     step = max(1, CHUNK_BYTES // bytes_per_row)
     for start in range(first, rows, step):
         yield start, min(start + step, rows)
@@ -109,10 +106,7 @@ def _with_rows(
 
 
 def rows_of(attributes: Mapping[str, str | int]) -> range:
-    """Return the rows of a file in the numbers of its scene's plan.
-
-    A ValueError says that the attributes name rows that the scene does not have.
-    """
+    """Return the rows of a file in the numbers of its scene's plan."""
     samples = int(attributes["samples"])
     if attributes["schema"] != PART:
         return range(samples)
@@ -150,10 +144,7 @@ def _add(
 
 
 def fill(file: h5py.File, scene: Scene, first: int, last: int) -> None:
-    """Write fill values (NaN, 0 and empty texts) into the rows first..last - 1 of a file.
-
-    They take up the rows' disk space.
-    """
+    """Write fill values into the rows first..last - 1, which take up their disk space."""
     for column in columns_for(scene):
         dataset = file[column.path]
         for start, stop in chunks(last, column.row_bytes(scene.shape), first):
@@ -207,10 +198,7 @@ def provenance(scene: Scene) -> dict[str, str | int]:
 
 
 def read_attributes(file: h5py.File) -> dict[str, str | int]:
-    """Read the attributes of a file: texts and integers by their names.
-
-    A ValueError names an attribute that is neither a text of fixed length nor a single integer.
-    """
+    """Read a file's attributes: texts of fixed length and single integers, nothing else."""
     for name in file.attrs:
         attribute = h5py.h5a.open(file.id, name.encode("utf-8", "surrogateescape"))
         kind = attribute.get_type()
@@ -228,11 +216,7 @@ def read_attributes(file: h5py.File) -> dict[str, str | int]:
 
 
 def check_columns(file: h5py.File, path: Path, scene: Scene, rows: int) -> None:
-    """Refuse a file whose columns for some rows of a scene `gen` cannot have laid out.
-
-    Time and memory do not depend on the number of rows that the file declares. An InputError names
-    a column that is missing or laid out otherwise.
-    """
+    """Refuse a file whose columns `gen` cannot have laid out; no declared size costs time."""
     size = path.stat().st_size
     places = []
     for column in columns_for(scene):

@@ -38,12 +38,10 @@ class Counts(NamedTuple):
 
 
 def open_file(path: Path, *, writing: bool = False, communicator: Any = None) -> h5py.File:
-    """Open an HDF5 file without checking its content.
+    """Open an HDF5 file unchecked; all processes of a communicator open it together.
 
     HDF5's buffer for small writes is off, so that data reach the kernel in the order of the calls,
-    and a failed write leaves nothing that would make closing fail as well. With a communicator of
-    mpi4py all its processes open the file together. An InputError says that the file is missing,
-    unreadable, read-only or no HDF5.
+    and a failed write leaves nothing that would make closing fail as well.
     """
     if path.is_dir():
         raise InputError(f"{path} is a folder; give the name of a database")
@@ -86,10 +84,7 @@ def first_line(error: Exception) -> str:
 
 
 def checked(file: h5py.File, path: Path) -> Scene:
-    """Check that an open file is a database of this layout, and return its scene.
-
-    An InputError says that it is damaged, or no such database.
-    """
+    """Check that an open file is a database of this layout, and return its scene."""
     try:
         return _scene_of(file, path)
     except InputError:
@@ -130,11 +125,7 @@ def _scene_of(file: h5py.File, path: Path) -> Scene:
 
 
 def checked_for(file: h5py.File, path: Path, scene: Scene, *, force: bool) -> Scene:
-    """Check that rows of a scene can be written into an open file, and return the file's own scene.
-
-    That may have another number of samples; with `force` the file may have another physics number.
-    An InputError says that the file is no database of this layout, scene and physics number.
-    """
+    """Check that rows of a scene can be written into an open file; return the file's own scene."""
     present = checked(file, path)
     if different := differences(present, scene):
         raise InputError(
@@ -161,19 +152,7 @@ def counts(status: h5py.Dataset) -> Counts:
 
 
 class OpenDatabase:
-    """An open file with its scene and its rows, for readers and writers.
-
-    Rows have the numbers of the scene's plan everywhere, also in a part.
-
-    Parameters
-    ----------
-    path : Path
-        Database.
-    scene : Scene
-        Its scene.
-    file : h5py.File
-        The open file.
-    """
+    """An open file with its scene and its rows, which have the numbers of the scene's plan."""
 
     def __init__(self, path: Path, scene: Scene, file: h5py.File) -> None:
         self.path = path
@@ -341,13 +320,7 @@ class Reader(OpenDatabase):
 
 
 def is_database(path: Path) -> bool:
-    """Tell whether a file is a readable database.
-
-    Parameters
-    ----------
-    path : Path
-        File, which need not exist.
-    """
+    """Tell whether there is a file that is a readable database."""
     try:
         with require_file(path).open("rb") as file:
             if file.read(len(SIGNATURE)) != SIGNATURE:

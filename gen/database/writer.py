@@ -32,20 +32,7 @@ INCOHERENT = frozenset({"nfs", "nfs4", "cifs", "smb3"})
 
 
 class HeldFile:
-    """A file to be written, held by device and inode; a context manager.
-
-    `gen.runtime.lock` keeps writers apart, by name.
-
-    Parameters
-    ----------
-    path : Path
-        Database.
-
-    Raises
-    ------
-    InputError
-        If the file is missing or read-only.
-    """
+    """A file to be written, held by device and inode; a lock keeps writers apart, by name."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -110,29 +97,6 @@ class Writer(OpenDatabase):
     """A database open for writing rows; a context manager; the caller holds `lock(path)`.
 
     No call changes metadata, so that `ParallelWriter` can write rows from many processes at once.
-
-    Parameters
-    ----------
-    path : Path
-        Database, from `open_or_create`.
-    scene : Scene
-        Scene of the rows to be written.
-    force : bool
-        Accept another physics number.
-
-    Attributes
-    ----------
-    path : Path
-        Database.
-    scene : Scene
-        Scene of the file, which may have more samples than the requested one.
-    rows : range
-        Rows of the scene that the file holds.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be opened or written, or is not of this scene, layout and physics.
     """
 
     def __init__(self, path: Path, scene: Scene, *, force: bool = False) -> None:
@@ -176,24 +140,10 @@ class Writer(OpenDatabase):
         return open_file(path, writing=True)
 
     def write_block(self, start: int, stop: int, columns: Mapping[str, ArrayLike]) -> None:
-        """Write finished rows: first all other columns, then the status.
+        """Write finished rows, all columns by name: first all others, then the status.
 
-        Parameters
-        ----------
-        start, stop : int
-            First row, and one past the last.
-        columns : mapping of array_like, shape (stop - start,) or (stop - start, nx, ny)
-            All columns of the file by name, in the units of `gen.schema`; every status is done or
-            failed.
-
-        Raises
-        ------
-        ValueError
-            If a column is missing, unknown, or of another shape, or the file has no such rows;
-            nothing is written then.
-        InputError
-            If the disk is full or fails, with the number of rows that are safe, or if the file has
-            been replaced.
+        A ValueError says that columns or rows are not the file's. An InputError says that the disk is
+        full or fails, with the number of rows that are safe, or that the file has been replaced.
         """
         if not self.rows.start <= start < stop <= self.rows.stop:
             raise ValueError(f"rows {start} to {stop} of {self.rows.start} to {self.rows.stop}")
@@ -229,18 +179,7 @@ class Writer(OpenDatabase):
         self._file.flush()
 
     def pending(self, first: int = 0, last: int | None = None) -> list[tuple[int, int]]:
-        """Find the rows that are neither done nor failed.
-
-        Parameters
-        ----------
-        first, last : int, optional
-            First row of the search and one past the last, all rows by default.
-
-        Returns
-        -------
-        list of (int, int)
-            First row and one past the last of every longest run of pending rows, in order.
-        """
+        """Find the longest runs of pending rows, as first row and one past the last."""
         begin, end = self._places(first, last)
         runs: list[tuple[int, int]] = []
         for start, stop in chunks(end, 1, begin):
@@ -255,18 +194,7 @@ class Writer(OpenDatabase):
         return runs
 
     def retry_failed(self, first: int = 0, last: int | None = None) -> int:
-        """Make failed rows pending again.
-
-        Parameters
-        ----------
-        first, last : int, optional
-            First row and one past the last, all rows by default.
-
-        Returns
-        -------
-        int
-            Number of rows that were failed.
-        """
+        """Make failed rows pending again, and return their number."""
         self.confirm()
         retried = 0
         begin, end = self._places(first, last)
@@ -284,24 +212,8 @@ class Writer(OpenDatabase):
 class ParallelWriter(Writer):
     """A database open for writing on all processes at once; the master holds `lock(path)`.
 
-    Opening and closing are collective calls. In between, every process writes its own rows
-    independently.
-
-    Parameters
-    ----------
-    path : Path
-        Database, from `open_or_create` on one process.
-    scene : Scene
-        Scene of the rows to be written.
-    communicator : mpi4py.MPI.Comm
-        Processes that write.
-    force : bool
-        Accept another physics number.
-
-    Raises
-    ------
-    InputError
-        On all processes, if one of them sees another file or cannot open it.
+    Opening and closing are collective calls, and fail on all processes if they do on one. In
+    between, every process writes its own rows independently.
     """
 
     def __init__(self, path: Path, scene: Scene, communicator: Any, *, force: bool = False) -> None:
@@ -371,11 +283,7 @@ def parallel_hdf5() -> bool:
 
 
 def coherent(path: Path) -> bool:
-    """Tell whether several machines can write neighbouring rows of a file at the same time.
-
-    Local disks and parallel file systems allow it, NFS and SMB do not. The kind of file system is
-    known on Linux only; elsewhere and in doubt the answer is yes.
-    """
+    """Tell whether several machines can write neighbouring rows: NFS and SMB do not allow it."""
     real = Path(os.path.realpath(path))  # raises nothing for loops of links
     try:
         mounts = MOUNTS.read_text(errors="surrogateescape").splitlines()
@@ -392,8 +300,7 @@ def coherent(path: Path) -> bool:
 def disk_trouble(error: Exception) -> str | None:
     """Describe an error of the disk in words; None if the error is not about the disk.
 
-    h5py raises OSError, RuntimeError or ValueError for the same error of the system, depending on
-    the call; its number is part of the message.
+    h5py raises OSError, RuntimeError or ValueError for the same error, whose number it writes out.
     """
     match = re.search(r"errno = (\d+)", str(error))
     number = int(match[1]) if match else getattr(error, "errno", None)

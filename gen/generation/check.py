@@ -35,27 +35,7 @@ ROUNDING = 1e-9
 
 
 def faults(path: Path, recompute: int, seed: int = 0) -> Iterator[str]:
-    """Find the faults of a database.
-
-    Parameters
-    ----------
-    path : Path
-        The database.
-    recompute : int
-        Number of finished rows, drawn at random, to compute again.
-    seed : int
-        Seed of the draw.
-
-    Yields
-    ------
-    str
-        One line for each fault, with the row; nothing for a sound file.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read or is not a database of this layout.
-    """
+    """Yield a line for each fault of a database; `recompute` finished rows are computed again."""
     with Reader(path) as reader:
         finished = []
         for start in reader.rows[::CHUNK_ROWS]:
@@ -79,11 +59,7 @@ def faults(path: Path, recompute: int, seed: int = 0) -> Iterator[str]:
 def _chunk_faults(
     reader: Reader, start: int, stop: int, status: NDArray[np.uint8]
 ) -> Iterator[str]:
-    """Compare the columns of a chunk with its plan, and done rows with what holds for all of them.
-
-    A fault is a mask of rows and what is wrong with them. Fields are compared by recomputation
-    only.
-    """
+    """Compare a chunk's columns with its plan, and done rows with what holds for all of them."""
     scene, reason = reader.scene, reader.column("reason", start, stop)
     done, failed = status == Status.DONE, status == Status.FAILED
     solved, known = (
@@ -170,10 +146,7 @@ def _row_faults(wrong: Mask, start: int, fault: str) -> Iterator[str]:
 
 
 def comparable(reader: Reader) -> list[Column]:
-    """Return the columns that computing a row again has to find bit for bit.
-
-    Where another solver made the rows, these are the columns of their surfaces.
-    """
+    """Return the columns that a row has to have again; the surface's, if others solved it."""
     columns = [column for column in reader.columns() if column.deterministic]
     if not made_by_another(int(reader.attributes["physics"])):
         return columns

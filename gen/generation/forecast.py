@@ -46,29 +46,13 @@ class Estimate:
 
 
 def planned_loads(scene: Scene) -> tuple[float, float, float]:
-    """Return the smallest, the mean and the largest load of the planned rows, in a bounded time.
-
-    They count in the scene's quantity; of many rows, the first `COUNTED_ROWS` are taken.
-    """
+    """Return smallest, mean and largest load of the first `COUNTED_ROWS` planned rows."""
     load = parameters(scene, 0, min(scene.samples, COUNTED_ROWS)).load
     return float(load.min()), float(load.mean()), float(load.max())
 
 
 def estimate(scene: Scene, ranks: int) -> Estimate:
-    """Measure a few samples on this machine and extrapolate to a run.
-
-    Parameters
-    ----------
-    scene : Scene
-        Description of the samples.
-    ranks : int
-        Number of processes under mpiexec, of which rank 0 hands out the work; 1 works alone.
-
-    Returns
-    -------
-    Estimate
-        Time and memory of the run.
-    """
+    """Measure a few samples on this machine and extrapolate to a run with `ranks` processes."""
     m = scene.samples_per_surface
     surfaces = np.unique(np.linspace(0, scene.surfaces - 1, MEASURED_SURFACES).astype(int)).tolist()
     compute_rows(scene, 0, 1)  # plans are made once a run, not once a sample

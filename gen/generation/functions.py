@@ -28,27 +28,9 @@ class Output(NamedTuple):
 
 
 def outputs_of(store: Store, contact: bem.Contact, row: int) -> dict[str, float]:
-    """Call the user's function for a contact.
+    """Call the user's function for a contact, and return the outputs that its database has.
 
-    Parameters
-    ----------
-    store : Store
-        The scene's table, with the outputs that its database has.
-    contact : bem.Contact
-        The contact; its arrays cannot be changed.
-    row : int
-        Number of its row, for messages.
-
-    Returns
-    -------
-    dict of str to float
-        The outputs by name, in the units of `store.outputs`; perhaps not finite.
-
-    Raises
-    ------
-    SourceError
-        If the function is gone or has changed, raises an exception, or returns anything but these
-        outputs.
+    A SourceError says that it is gone, has changed, fails, or returns anything else.
     """
     expected = store.outputs or {}
     found = called(store, contact, row)
@@ -73,10 +55,7 @@ def outputs_of(store: Store, contact: bem.Contact, row: int) -> dict[str, float]
 
 
 def called(store: Store, contact: bem.Contact, row: int) -> dict[str, Output]:
-    """Call the user's function for a contact, whatever its outputs are.
-
-    Parameters and errors are those of `outputs_of`.
-    """
+    """Call the user's function for a contact, whose arrays cannot be changed."""
     contact.pressure.setflags(write=False)
     place = f"{store.function}, row {row}"
     assert store.function is not None
@@ -118,28 +97,10 @@ def _listed(names: Mapping[str, object]) -> str:
 
 
 def completed(scene: Scene, home: Path | None = None) -> Scene:
-    """Complete a scene by the entries that its database records, and try the user's functions.
+    """Complete a scene by what its database records, and load the user's functions.
 
     The outputs that a scene does not list are those of its first row that has a solution, which is
     solved here. The result depends on the scene and the functions' sources only.
-
-    Parameters
-    ----------
-    scene : Scene
-        A scene that has been read from a file.
-    home : Path, optional
-        Folder of the database, for maps that are prepared; a temporary folder if it is left out.
-
-    Returns
-    -------
-    Scene
-        The scene as a database records it; the same one if everything stands in the scene.
-
-    Raises
-    ------
-    InputError
-        If something that the scene names is missing, a function cannot be loaded, or fails for the
-        first row, or names of parameters or outputs are those of other columns.
     """
     require_own_names(scene)
     scene = scene.resolved(home)
@@ -158,11 +119,7 @@ def completed(scene: Scene, home: Path | None = None) -> Scene:
 
 
 def rehearse(scene: Scene) -> None:
-    """Call the functions of a completed scene once, so that one that fails does so beforehand.
-
-    A SourceError says that one fails for the first surface, or for the first contact that has a
-    solution.
-    """
+    """Call the user's functions once, so that one that fails does so before a file is made."""
     if scene.store.function is None and not isinstance(scene.surface, PythonSurface):
         return
     from gen.generation.sample import first_contact, first_surface

@@ -66,13 +66,7 @@ class Parameters:
 
     @property
     def delta(self) -> Values:
-        """Far-field displacements (rows,) of a scene that gives them [um].
-
-        Raises
-        ------
-        ValueError
-            If the scene gives its loads in another quantity.
-        """
+        """Far-field displacements (rows,) of a scene that gives them [um]."""
         if self.quantity != "delta":
             raise ValueError(f"this scene gives {self.quantity}, not Delta")
         return self.load
@@ -87,26 +81,7 @@ class Parameters:
 
 
 def parameters(scene: Scene, start: int, stop: int) -> Parameters:
-    """Draw the parameters of the rows start to stop - 1, a slice of the whole plan.
-
-    Parameters
-    ----------
-    scene : Scene
-        Description of the samples.
-    start, stop : int
-        First row, and one past the last. Rows beyond `scene.samples` are those that more samples
-        of the same scene would add.
-
-    Returns
-    -------
-    dataclass of ndarray
-        The values of stop - start rows, see `Parameters`.
-
-    Raises
-    ------
-    ValueError
-        Unless 0 <= start <= stop.
-    """
+    """Draw the parameters of the rows start to stop - 1; those beyond `scene.samples` exist too."""
     if not 0 <= start <= stop:
         raise ValueError(f"rows {start} to {stop}: wanted 0 <= start <= stop")
     m = scene.samples_per_surface
@@ -131,20 +106,7 @@ def parameters(scene: Scene, start: int, stop: int) -> Parameters:
 
 
 def planned_columns(scene: Scene, plan: Parameters) -> Columns:
-    """Return the columns of a scene's database that its plan decides.
-
-    Parameters
-    ----------
-    scene : Scene
-        Description of the samples.
-    plan : Parameters
-        Parameters of some rows of the scene.
-
-    Returns
-    -------
-    Columns
-        The values of these rows for each planned column.
-    """
+    """Return the columns of a scene's database that its plan decides."""
     drawn = {column: plan.drawn[name] for name, column in parameter_columns(scene).items()}
     columns: Columns = {"surface": plan.surface, **drawn, **plan.places}
     columns["delta" if plan.quantity == "delta" else "load"] = plan.load
@@ -154,28 +116,12 @@ def planned_columns(scene: Scene, plan: Parameters) -> Columns:
 
 
 def surface_random(scene: Scene, surface: int | np.int64) -> np.random.Generator:
-    """Make the random generator that one surface is made with.
-
-    Parameters
-    ----------
-    scene : Scene
-        Description of the samples, of which only the seed counts.
-    surface : int
-        Index of the surface, below 2^32.
-    """
+    """Make the random generator that a surface is made with; its index is below 2^32."""
     return np.random.Generator(_stream(scene.seed, int(surface)))
 
 
 def opposite_random(scene: Scene, surface: int | np.int64) -> np.random.Generator:
-    """Make the random generator of the second rough body that a surface is pressed against.
-
-    Parameters
-    ----------
-    scene : Scene
-        Description of the samples, of which only the seed counts.
-    surface : int
-        Index of the surface, below 2^32.
-    """
+    """Make the random generator of the second rough body that a surface is pressed against."""
     # A key of two words like that of a chunk, whose second word is never this one.
     return np.random.Generator(_stream(scene.seed, int(surface), 4))
 
@@ -191,27 +137,9 @@ def blocks(
     """Cut pending rows into blocks, the tasks of workers, which become smaller towards the end.
 
     Guided self-scheduling (Polychronopoulos and Kuck, 1987): a block is a third of one worker's
-    share of the remaining rows, so that a slow block at the end delays the run little. A block
-    ends with a surface if possible, so that few surfaces are generated twice.
-
-    Parameters
-    ----------
-    pending : iterable of (int, int)
-        Ranges (start, stop) of rows, ascending, without overlap.
-    samples_per_surface : int
-        Rows of one surface.
-    workers : int
-        Number of workers that share the blocks.
-    largest : int
-        Largest number of rows of a block.
-    smallest : int
-        Smallest number of rows of a block while that many rows are left: one master cannot serve
-        many workers row by row.
-
-    Yields
-    ------
-    tuple of int and int
-        Ranges (start, stop) of rows, ascending, that hold every pending row once and no other.
+    share of the remaining rows, so that a slow block at the end delays the run little. It has at
+    least `smallest` rows while there are as many: one master cannot serve many workers row by row.
+    A block ends with a surface if possible, so that few surfaces are generated twice.
     """
     ranges = list(pending)
     remaining = sum(stop - start for start, stop in ranges)
@@ -238,15 +166,7 @@ def _stream(seed: int, *key: int) -> np.random.PCG64:
 
 
 def _uniform_numbers(scene: Scene, first: int, last: int) -> tuple[dict[str, Values], Values]:
-    """Draw numbers in [0, 1) for the surfaces first to last - 1.
-
-    Returns
-    -------
-    dict of str to ndarray, shape (last - first,)
-        One number for each surface and each of its parameters.
-    ndarray, shape (last - first, samples_per_surface, 2)
-        Two numbers for each sample's load.
-    """
+    """Draw numbers in [0, 1): one for each surface and parameter, two for each sample's load."""
     m = scene.samples_per_surface
     draw = functools.partial(_drawn, scene.seed, first, last, CHUNK)
     load = draw((1,), per=2 * m, before=2 * CHUNK).reshape(-1, m, 2)
@@ -304,20 +224,7 @@ def _hardness(scene: Scene, start: int, stop: int) -> Values | None:
 
 
 def _loads(pieces: tuple[Piece, ...], uniform: Values) -> Values:
-    """Turn pairs of numbers in [0, 1) into loads: one chooses the piece, one the place.
-
-    Parameters
-    ----------
-    pieces : tuple of Piece
-        Shares and distributions.
-    uniform : ndarray, shape (rows, 2)
-        The pairs of numbers.
-
-    Returns
-    -------
-    ndarray, shape (rows,)
-        Loads in the unit of the pieces.
-    """
+    """Turn pairs of numbers in [0, 1) into loads: one chooses the piece, one the place in it."""
     # The last piece takes the rest: rounded shares cannot leave a gap below 1.
     borders = np.cumsum([piece.share for piece in pieces])[:-1]
     chosen = np.searchsorted(borders, uniform[:, 0], side="right")

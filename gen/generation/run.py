@@ -220,13 +220,7 @@ class Delivery:
 
 
 def in_parallel(choice: Choice, path: Path, world: farm.World) -> bool:
-    """Decide whether workers write; `auto` means the parallel writer wherever it is safe.
-
-    Raises
-    ------
-    InputError
-        If the parallel writer is asked for and not available.
-    """
+    """Decide whether workers write; `auto` means the parallel writer wherever it is safe."""
     from gen import database
 
     if choice == "parallel":
@@ -248,24 +242,8 @@ def in_parallel(choice: Choice, path: Path, world: farm.World) -> bool:
 def generate_database(request: Request, world: farm.World) -> RunResult:
     """Create or continue a database; every process of the world has to call it.
 
-    Parameters
-    ----------
-    request : Request
-        Scene, file and options.
-    world : farm.World
-        The processes: the master reads, checks and hands out work, the workers compute.
-
-    Returns
-    -------
-    RunResult
-        State of the file at the end of the run.
-
-    Raises
-    ------
-    InputError
-        On the master, for a scene or a file that cannot be used, or a full disk.
-    gen.runtime.farm.MasterLeft
-        On the workers in these cases.
+    On the master, an InputError names a scene or a file that cannot be used, or a full disk; the
+    workers raise `gen.runtime.farm.MasterLeft` then.
     """
     with ExitStack() as stack:
         # From here on a signal is noted; it takes effect between two blocks, not in a broadcast.
@@ -365,22 +343,7 @@ def _hand_out(job: _Job, delivered: Delivery, world: farm.World, interruption: I
 
 
 def blocks_of(scene: Scene, pending: list[Block], workers: int) -> Iterator[Block]:
-    """Cut pending rows into the blocks of a run, as large as the size of a row allows.
-
-    Parameters
-    ----------
-    scene : Scene
-        Description of the samples.
-    pending : list of (int, int)
-        Ranges (start, stop) of rows, ascending.
-    workers : int
-        Number of workers that share the blocks.
-
-    Returns
-    -------
-    iterator of (int, int)
-        The blocks, see `gen.generation.plan.blocks`.
-    """
+    """Cut pending rows into the blocks of a run, as large as the size of a row allows."""
     nodes = math.prod(scene.shape)
     fitting = max(1, min(BLOCK_ROWS, BLOCK_NODES // nodes))
     most = max(1, BLOCK_BYTES // row_bytes(scene))

@@ -60,33 +60,12 @@ UNSOLVED = (
 def compute_rows(
     scene: Scene, start: int, stop: int, rank: int = 0, limit: float | None = None
 ) -> Columns:
-    """Generate, describe and solve the samples start to stop - 1.
+    """Generate, describe and solve the samples start to stop - 1, and return all their columns.
 
     A surface is generated and described once for all its samples. A statistic that the surface
     does not define is NaN, with the reason, and the row is done. A sample that cannot be solved
-    becomes a failed row with its reason; every other exception is a bug and passes through.
-
-    Parameters
-    ----------
-    scene : Scene
-        Description of the samples.
-    start, stop : int
-        First row, and one past the last.
-    rank : int
-        MPI rank of this process, for the record.
-    limit : float or None
-        Wall-clock time allowed for a surface, and for each contact on it [s]; a sample that takes
-        longer is left pending. None for no limit.
-
-    Returns
-    -------
-    Columns
-        Every column of `gen.scene.columns_for(scene)`, with stop - start rows.
-
-    Raises
-    ------
-    InputError
-        If memory runs out: that is not the sample's fault, so no row has failed.
+    becomes a failed row with its reason; every other exception is a bug and passes through. A
+    surface or a contact that takes longer than `limit` [s] leaves its rows pending.
     """
     plan = parameters(scene, start, stop)
     rows: Columns = {
@@ -106,20 +85,7 @@ def compute_rows(
 
 
 def finished_parts(start: int, rows: Columns) -> Iterator[tuple[int, int, Columns]]:
-    """Cut pending rows out of the result of `compute_rows`.
-
-    Parameters
-    ----------
-    start : int
-        Number of the first row.
-    rows : Columns
-        Every column of the rows.
-
-    Yields
-    ------
-    tuple of int, int and Columns
-        First row, one past the last, and the columns of every longest run of finished rows.
-    """
+    """Yield first row, one past the last, and columns of every longest run of finished rows."""
     finished = rows["status"] != Status.PENDING
     edges = np.flatnonzero(np.diff(finished, prepend=False, append=False)).tolist()
     for first, last in zip(edges[::2], edges[1::2], strict=True):
@@ -131,7 +97,7 @@ def surface_of(scene: Scene, plan: Parameters, row: int) -> Heights:
     """Make the surface of one row of a plan: heights of the scene's shape [um].
 
     Of two rough bodies it is the composite surface, the sum of both heights. The second one is
-    drawn as it faces the first, so neither is turned over. An InputError says what cannot be made.
+    drawn as it faces the first, so neither is turned over.
     """
     number, drawn, table = int(plan.surface[row]), plan.parameters_of(row), scene.surface
     try:
@@ -150,15 +116,7 @@ def surface_of(scene: Scene, plan: Parameters, row: int) -> Heights:
 
 
 def surface_numbered(scene: Scene, number: int) -> Heights:
-    """Make the surface of an index, as rows of the scene's database have it [um].
-
-    Parameters
-    ----------
-    scene : Scene
-        The scene, in which `Scene.with_parameters` may have fixed what it draws.
-    number : int
-        Index of the surface, from 0 on.
-    """
+    """Make the surface of an index, as rows of the scene's database have it [um]."""
     row = number * scene.samples_per_surface
     return surface_of(scene, parameters(scene, row, row + 1), 0)
 
@@ -174,30 +132,8 @@ def solve_contact(
 ) -> bem.Contact:
     """Solve the contact of a surface at one load, with the scene's settings.
 
-    Parameters
-    ----------
-    scene : Scene
-        Description of the samples.
-    heights : ndarray, shape (nx, ny)
-        Heights of the surface [um].
-    delta : float or None
-        Far-field displacement [um]; this, `pressure` or `force` is given.
-    hardness : float or None
-        Hardness of the softer body [MPa]. None takes the scene's, which must not be drawn.
-    pressure : float or None
-        Nominal pressure [MPa].
-    force : float or None
-        Normal force [uN].
-
-    Returns
-    -------
-    bem.Contact
-        The solution; the exceptions of `bem.solve` pass through.
-
-    Raises
-    ------
-    ValueError
-        If no hardness is given and every sample of the scene has one of its own.
+    The load is `delta` [um], `pressure` [MPa] or `force` [uN]. A scene that draws its hardness
+    needs that of the sample [MPa]. The exceptions of `bem.solve` pass through.
     """
     settings = scene.contact
     if hardness is None and settings.hardness_limits is not None:
@@ -224,22 +160,7 @@ def solve_contact(
 
 
 def load_of(scene: Scene, heights: Heights, load: float) -> dict[str, float]:
-    """Turn a load in the scene's quantity into an argument of `solve_contact`.
-
-    Parameters
-    ----------
-    scene : Scene
-        The scene.
-    heights : ndarray, shape (nx, ny)
-        Heights of the surface [um].
-    load : float
-        Load in the scene's quantity.
-
-    Returns
-    -------
-    dict of str to float
-        "delta" [um], "pressure" [MPa] or "force" [uN] with its value.
-    """
+    """Turn a load in the scene's quantity into an argument of `solve_contact`."""
     match scene.quantity:
         case "delta/height_rms":
             return {"delta": load * float(heights.std())}
@@ -346,10 +267,7 @@ def _contact(scene: Scene, heights: Heights, plan: Parameters, row: int) -> bem.
 
 
 def first_surface(scene: Scene) -> Heights | None:
-    """Make a scene's first surface; None if that leaves the range of numbers.
-
-    A SourceError says that what it is made of is missing or has changed.
-    """
+    """Make a scene's first surface; None if that leaves the range of numbers."""
     try:
         return surface_of(scene, parameters(scene, 0, 1), 0)
     except SourceError:
@@ -359,10 +277,7 @@ def first_surface(scene: Scene) -> Heights | None:
 
 
 def first_contact(scene: Scene, rows: int) -> tuple[int, bem.Contact] | None:
-    """Solve the first of a scene's first rows that has a solution; None if none of them has.
-
-    A SourceError says that what the surfaces are made of is missing or has changed.
-    """
+    """Solve the first of a scene's first rows that has a solution; None if none of them has."""
     plan = parameters(scene, 0, rows)
     for row in range(rows):
         try:

@@ -142,10 +142,7 @@ class GeneratedSurface(Table):
         raise NotImplementedError
 
     def sides(self, *, cells: bool) -> tuple[float, float]:
-        """Return the lengths of the patch along x and y [um].
-
-        `cells` tells whether they are those of all cells rather than of the outer nodes.
-        """
+        """Return the patch's lengths along x and y [um], of all cells or between outer nodes."""
         raise NotImplementedError
 
     def heights(
@@ -155,28 +152,10 @@ class GeneratedSurface(Table):
         parameters: Mapping[str, float],
         random: np.random.Generator,
     ) -> Heights:
-        """Make one surface, a pure function of the table, the grid and the surface's index.
+        """Make a surface: heights above the lowest node [um], a pure function of these arguments.
 
-        Parameters
-        ----------
-        grid : Grid
-            Grid of the scene.
-        surface : int
-            Index of the surface.
-        parameters : mapping of str to float
-            The parameters that were drawn for this surface, by their names.
-        random : numpy.random.Generator
-            The surface's own stream of random numbers.
-
-        Returns
-        -------
-        ndarray, shape of `grid.shape`
-            Heights above the lowest node [um].
-
-        Raises
-        ------
-        InputError
-            If the surface cannot be made, for example of a map that is gone.
+        `surface` is its index, `parameters` were drawn for it, and `random` is a stream of its own.
+        An InputError says that it cannot be made, for example of a map that is gone.
         """
         raise NotImplementedError
 
@@ -223,22 +202,10 @@ class GeneratedSurface(Table):
         return self
 
     def make_ready(self, home: Path | None, *, sources: bool = False, verify: bool = True) -> None:
-        """Open the files that the surfaces of a database are made from, in this process.
+        """Open the files that surfaces are made from; a SourceError names what is missing or another.
 
-        Parameters
-        ----------
-        home : Path or None
-            Folder of the database.
-        sources : bool
-            Whether files that the surfaces come from have to be there, even if what was prepared
-            of them is kept.
-        verify : bool
-            Whether to look for damage in what is kept; the master does, and its workers follow it.
-
-        Raises
-        ------
-        SourceError
-            If something is missing, or another one than the database was made of.
+        With `sources` the original files have to be there, even if what was prepared of them is kept
+        in `home`. The master looks for damage in that (`verify`), and its workers follow it.
         """
 
     def remarks(self) -> list[str]:

@@ -230,14 +230,7 @@ class ScanSurface(GeneratedSurface):
         return self.model_copy(update=update)
 
     def resolved(self, home: Path | None) -> Self:
-        """Search for the maps, and prepare them unless that has been done.
-
-        Raises
-        ------
-        InputError
-            If a map is missing, cannot be prepared, is smaller than the window, or has another
-            spacing.
-        """
+        """Search for the maps, and prepare them unless that has been done."""
         if self.found is not None:
             self.make_ready(home, sources=True)
             return self

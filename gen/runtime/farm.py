@@ -86,45 +86,16 @@ class World:
         return max(self.size - 1, 1)
 
     def broadcast(self, value: Any) -> Any:
-        """Return the master's value on every process; a collective call.
-
-        Parameters
-        ----------
-        value : object
-            Value to send; ignored on the workers.
-
-        Returns
-        -------
-        object
-            Value of the master.
-
-        Raises
-        ------
-        MasterLeft
-            On the workers, if the master has ended the command instead.
-        """
+        """Return the master's value everywhere; MasterLeft if it has ended the command instead."""
         value, code = self._exchange((value, None))
         if code is not None:
             raise MasterLeft(code)
         return value
 
     def end(self, code: int) -> int:
-        """End the command on all processes; the last call of those that raised no `MasterLeft`.
+        """End the command on all processes, with the master's exit code, which is returned.
 
-        Parameters
-        ----------
-        code : int
-            Exit code of this process's own command; only the master's counts.
-
-        Returns
-        -------
-        int
-            Exit code of the master.
-
-        Raises
-        ------
-        RuntimeError
-            On a worker whose command has ended although the master continues it.
+        It is the last call of those that raised no `MasterLeft`.
         """
         _, agreed = self._exchange((None, code))
         if agreed is None:
@@ -154,18 +125,7 @@ class World:
 
 
 def this_world() -> World:
-    """Join the other processes if an MPI launcher started this one; otherwise import no MPI.
-
-    Returns
-    -------
-    World
-        All processes of the run.
-
-    Raises
-    ------
-    InputError
-        If a launcher started this process but mpi4py is not installed or of another MPI.
-    """
+    """Join the other processes if an MPI launcher started this one; otherwise import no MPI."""
     launched = any(name in os.environ for name in LAUNCHERS)
     if not launched and "mpi4py" not in sys.modules:
         return World()
@@ -187,13 +147,7 @@ def this_world() -> World:
 
 
 def _check_launcher() -> None:
-    """Refuse variables of a launcher that does not exist, for which MPI would end the process.
-
-    Raises
-    ------
-    InputError
-        With the variable to take out of the environment.
-    """
+    """Refuse variables of a launcher that does not exist, for which MPI would end the process."""
     size, descriptor = (os.environ.get(name) for name in ("PMI_SIZE", "PMI_FD"))
     fault = ""
     if size is not None and not size.isdecimal():
@@ -232,10 +186,7 @@ def leave() -> None:
 
 
 def abort_all() -> NoReturn:
-    """Print the traceback of a bug and end all processes, also where this one has not joined them.
-
-    What `python -m mpi4py` does for `python -m gen`, the command `asperity` does with this.
-    """
+    """Do what `python -m mpi4py` does for a bug, also if this process has not joined MPI."""
     communicator = None
     with suppress(InputError):
         communicator = this_world().communicator
@@ -252,29 +203,12 @@ def run(
 ) -> None:
     """Do all tasks; a collective call, each process with its own copy of the work.
 
-    Parameters
-    ----------
-    work : callable
-        Function from a task to its result. It is never sent and may hold an open file; tasks and
-        results are pickled.
-    tasks : iterator
-        Tasks, drawn on the master only, when workers become free.
-    on_result : callable
-        Function of a task and its result, called on the master in the order of completion.
-    world : World
-        All processes, from `this_world`.
-    stopping : callable
-        Function that the master calls before handing out a task; once it returns True, the tasks
-        in flight are finished and no more are handed out.
-
-    Raises
-    ------
-    Exception
-        An exception of `on_result` or `tasks`, or an InputError of `work`: on the master, after
-        the tasks in flight have ended. Any other exception of `work` is a bug and ends all
-        processes.
-    MasterLeft
-        On the workers, if the master has ended the command instead of calling this.
+    `work`, from a task to its result, is never sent and may hold an open file; tasks and results
+    are pickled. Tasks are drawn on the master, when workers become free, and `on_result` is called
+    there in the order of completion. Once `stopping` returns True, the tasks in flight are finished
+    and no more are handed out. An exception of `on_result` or `tasks`, or an InputError of `work`,
+    is raised on the master after the tasks in flight; any other one of `work` is a bug and ends all
+    processes. Workers raise MasterLeft if the master has ended the command instead of calling this.
     """
     if world.size == 1:
         for task in tasks:

@@ -59,19 +59,7 @@ RESERVED = frozenset(
 
 
 def columns_for(scene: Scene) -> tuple[Column, ...]:
-    """Return the columns of a scene's database, in the order of the file.
-
-    Parameters
-    ----------
-    scene : Scene
-        The scene, whose `optional_columns` names the optional columns that it asks for.
-
-    Returns
-    -------
-    tuple of Column
-        The columns that every database has, the optional ones that the scene asks for, and those
-        of the parameters and outputs of a user's functions.
-    """
+    """Return a scene's columns in the file's order: common, asked for, the user's own."""
     parameters = parameter_columns(scene)
     asked_for = {parameters.get(name, name) for name in scene.optional_columns}
     chosen = [column for column in ALL_COLUMNS if not column.optional or column.name in asked_for]
@@ -104,16 +92,6 @@ def require_own_names(scene: Scene) -> None:
     """Refuse parameters and outputs of a user's functions that have the names of other columns.
 
     Parameters of a user's generator may have the names that other generators' parameters have.
-
-    Parameters
-    ----------
-    scene : Scene
-        The scene.
-
-    Raises
-    ------
-    InputError
-        With the first name that is taken.
     """
     known = {name for table in GENERATORS for name in table.known_parameters()}
     for name in scene.drawn_parameters:
