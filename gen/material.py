@@ -96,7 +96,7 @@ def plane_strain_modulus(young: float, poisson: float) -> float:
 def combined_modulus(
     young: Sequence[float], poisson: Sequence[float], e_star: float | None = None
 ) -> float:
-    """Compute E* of a contact [MPa], 1/E* = 1/E1* + 1/E2*; the second term is 0 if one body is rigid.
+    """Compute E* of a contact [MPa], 1/E* = 1/E1* + 1/E2*, or 1/E1* if one body is rigid.
 
     Without numbers it is 1 MPa; `e_star` stands in place of moduli and ratios.
     """

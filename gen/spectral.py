@@ -163,7 +163,7 @@ def _check_grid(
 def _wavevectors(
     shape: tuple[int, int], sides: tuple[float, float], spectrum: SelfAffineSpectrum
 ) -> tuple[Values, Values]:
-    """List the wavevectors (2 kx + 1, 1) and (1, ky + 1) up to the cut-off, one of opposites [1/um].
+    """List the wavevectors (2 kx + 1, 1) and (1, ky + 1) up to the cut-off [1/um].
 
     Components along x are in the order 0, 1, ..., kx, -kx, ..., -1. Waves of exactly two nodes a
     wavelength are left out: the grid does not hold their phase.

@@ -142,8 +142,8 @@ class Writer(OpenDatabase):
     def write_block(self, start: int, stop: int, columns: Mapping[str, ArrayLike]) -> None:
         """Write finished rows, all columns by name: first all others, then the status.
 
-        A ValueError says that columns or rows are not the file's. An InputError says that the disk is
-        full or fails, with the number of rows that are safe, or that the file has been replaced.
+        A ValueError says that columns or rows are not the file's. An InputError says that the disk
+        is full or fails, with the number of safe rows, or that the file has been replaced.
         """
         if not self.rows.start <= start < stop <= self.rows.stop:
             raise ValueError(f"rows {start} to {stop} of {self.rows.start} to {self.rows.stop}")

@@ -202,10 +202,10 @@ class GeneratedSurface(Table):
         return self
 
     def make_ready(self, home: Path | None, *, sources: bool = False, verify: bool = True) -> None:
-        """Open the files that surfaces are made from; a SourceError names what is missing or another.
+        """Open the files that surfaces are made from; a SourceError names one that is not there.
 
-        With `sources` the original files have to be there, even if what was prepared of them is kept
-        in `home`. The master looks for damage in that (`verify`), and its workers follow it.
+        With `sources` the original files have to be there, even if `home` has what was prepared
+        of them. The master looks for damage in that (`verify`), and its workers follow it.
         """
 
     def remarks(self) -> list[str]:
