@@ -1,4 +1,4 @@
-"""Propose a scene whose surfaces are windows of measured maps: spacing, windows and loads."""
+"""Propose a scene for measured maps: windows, or surfaces like one, and loads."""
 
 from __future__ import annotations
 
@@ -8,16 +8,23 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
+from gen.arrays import Heights
 from gen.draft.survey import FORM, MapSurvey, Texture, common_threshold, survey, with_texture
-from gen.maps.prepare import is_same
-from gen.maps.read import Sides
+from gen.maps.areal import areal_parameters
+from gen.maps.prepare import is_same, prepare
+from gen.maps.read import Sides, Topography, read
+from gen.maps.self_affine import SelfAffineFit, fit_self_affine, radial_spectrum
 from gen.maps.settings import Reading
 from gen.maps.windows import Tiling
 from gen.material import Bodies, plane_strain_modulus
 from gen.runtime.errors import InputError
+from gen.spectral import SelfAffineSpectrum, generate_spectral
+from gen.statistics import rms_slope
 
-LOADS_PER_WINDOW = 5
-"""Loads of each window: a ladder of loads on one surface costs less than as many surfaces."""
+LOADS_PER_SURFACE = 5
+"""Loads of each surface: a ladder of loads on one surface costs less than as many surfaces."""
 
 OVERLAP = 4
 """Windows over the number that lie side by side: more would show the same heights again."""
@@ -79,7 +86,10 @@ def propose(
     looks = survey(paths, reading, looked)
     require_used(looks)
     spacing = common_spacing([look.spacing for look in looks if not look.fault])
-    looks = [_without_coarse(look, spacing) for look in looks]
+    for index, look in enumerate(looks):
+        if not look.fault and spacing is not None and max(look.spacing) > 1.001 * spacing:
+            fault = f"a node every {max(look.spacing):.4g} um, most others have one every"
+            looks[index] = replace(look, fault=f"{fault} {spacing:g}")
     reading = with_steps(reading, [look for look in looks if not look.fault])
     target = None if spacing is None else (spacing, spacing)
     for index, look in enumerate(looks):
@@ -94,7 +104,10 @@ def propose(
         raise InputError(
             f"the maps are too small for windows: all have fewer than {SIZES[-1]} nodes a side"
         )
-    looks = [_without_small(look, nodes) for look in looks]
+    for index, look in enumerate(looks):
+        if not look.fault and min(shape := known_texture(look).shape) < nodes:
+            fault = f"{shape[0]} x {shape[1]} nodes hold no window of {nodes} x {nodes}"
+            looks[index] = replace(look, fault=fault)
     textures = [known_texture(look) for look in require_used(looks)]
     loads = choose_loads(material, [each.rms_slope for each in textures], nodes**2)
     windows = _windows([each.shape for each in textures], nodes)
@@ -119,22 +132,6 @@ def with_steps(reading: Reading, looks: Sequence[MapSurvey]) -> Reading:
         level="quadratic" if any(look.form > FORM for look in looks) else "plane",
         fill=any(look.missing for look in looks),
     )
-
-
-def _without_coarse(look: MapSurvey, spacing: float | None) -> MapSurvey:
-    """Leave out a map that is coarser than the spacing of all."""
-    if look.fault or spacing is None or max(look.spacing) <= 1.001 * spacing:
-        return look
-    fault = f"a node every {max(look.spacing):.4g} um, most others have one every {spacing:g}"
-    return replace(look, fault=fault)
-
-
-def _without_small(look: MapSurvey, nodes: int) -> MapSurvey:
-    """Leave out a map that holds no window."""
-    if look.fault or min(known_texture(look).shape) >= nodes:
-        return look
-    nx, ny = known_texture(look).shape
-    return replace(look, fault=f"{nx} x {ny} nodes hold no window of {nodes} x {nodes}")
 
 
 def _usual_length(textures: Sequence[Texture]) -> float:
@@ -295,3 +292,148 @@ def choose_loads(material: Material, slopes: Sequence[float], nodes: int) -> Loa
 def rounded(value: float, digits: int = 2) -> float:
     """Round a number to some significant digits."""
     return float(f"{value:.{digits}g}")
+
+
+NODES = 128
+"""Nodes along each side of the surfaces."""
+
+SURFACES = 600
+"""Number of surfaces."""
+
+AROUND = 1.25
+"""Factor by which the lengths and the slope of the population differ from the map's, at most."""
+
+EXPONENTS = 0.05
+"""Distance of the population's Hurst exponents from the map's, at most."""
+
+UNLIKE = 1.4
+"""Factor by which a spectrum is off its law, or heights are off the map's, if the law is doubtful:
+isotropic made maps have 1.1."""
+
+LAY = 1.25
+"""Ratio of the slopes along both axes from which a map has a lay."""
+
+TRIED = 8
+"""Surfaces that are generated to compare them with the map."""
+
+PERIOD = 2
+"""Period of the surfaces in sides of the patch, the generator's for patches without a period."""
+
+
+@dataclass(frozen=True)
+class Likeness:
+    """A self-affine law for a map, and surfaces that follow it."""
+
+    look: MapSurvey  # the map
+    reading: Reading  # how it is read and prepared
+    fit: SelfAffineFit  # law of its spectrum
+    # the same law as the generator takes it, with the stretch of a lay
+    spectrum: SelfAffineSpectrum
+    step: float  # distance of the nodes [um]
+    # rms slope of the waves with which generated surfaces have the map's slope between nodes [1]
+    slope: float
+    # rms height [um] and rms slope between nodes [1] of windows of the map, medians
+    windows: tuple[float, float]
+    height: float  # rms height of the generated surfaces, median [um]
+    loads: Loads  # loads of the scene
+    material: Material  # elastic constants and hardness
+
+    @property
+    def doubt(self) -> str:
+        """Why the surfaces are not like the map, "" if they are."""
+        off = max(self.height / self.windows[0], self.windows[0] / self.height)
+        if off > UNLIKE:
+            return (
+                f"rms heights of the generated surfaces are off the map's by a factor of {off:.2g}"
+            )
+        if self.fit.scatter > UNLIKE:
+            return f"the map's spectrum is off the law by a factor of {self.fit.scatter:.2g}"
+        return ""
+
+
+def propose_like(path: Path, reading: Reading, material: Material) -> Likeness:
+    """Fit a self-affine law to a map, and generate a few surfaces to see how like they are.
+
+    Raises InputError if the map cannot be read, or no self-affine law fits its spectrum.
+    """
+    [look] = require_used(survey([path], reading))
+    reading = with_steps(reading, [look])
+    [look] = require_used([with_texture(look, reading, None)])
+    topography = prepare(read(path, reading), reading)
+    stretch = _stretch(topography)
+    fit = _fit(topography, stretch)
+    if isinstance(fit, str):
+        raise InputError(f"{path}: no self-affine law fits it: {fit}")
+    step = float(f"{min(topography.spacing):.6g}")
+    spectrum = _on_grid(fit.spectrum, stretch, step)
+    windows = _medians(_cut(topography.heights), topography.spacing)
+    height, unscaled = _medians(_generated(spectrum, step), (step, step))
+    slope = windows[1] / unscaled  # of the waves, where that between nodes is the map's
+    return Likeness(
+        look=look,
+        reading=reading,
+        fit=fit,
+        spectrum=spectrum,
+        step=step,
+        slope=rounded(slope, 3),
+        windows=windows,
+        height=slope * height,
+        loads=choose_loads(material, [known_texture(look).rms_slope], NODES**2),
+        material=material,
+    )
+
+
+def _cut(heights: Heights) -> list[Heights]:
+    """Cut a map into windows of the surfaces' nodes; a smaller map is one window."""
+    x, y = (range(0, max(1, nodes - NODES + 1), NODES) for nodes in heights.shape)
+    return [heights[i : i + NODES, j : j + NODES] for i in x for j in y]
+
+
+def _generated(spectrum: SelfAffineSpectrum, step: float) -> list[Heights]:
+    """Generate some surfaces as the scene will, whose waves have an rms slope of 1."""
+    nodes = PERIOD * NODES
+    whole = (
+        generate_spectral(
+            (nodes, nodes), nodes * step, spectrum, np.random.default_rng(seed), rms_slope=1.0
+        )
+        for seed in range(TRIED)
+    )
+    return [surface[:NODES, :NODES] for surface in whole]
+
+
+def _stretch(topography: Topography) -> float:
+    """Return wavelengths along x over those along y, from the rms slopes; 1 if it is near that."""
+    heights, spacing = topography.heights, topography.spacing
+    along_x, along_y = (
+        float(np.sqrt(np.mean((np.diff(heights, axis=axis) / spacing[axis]) ** 2)))
+        for axis in (0, 1)
+    )
+    lay = along_y / along_x if along_x else 1.0
+    return 1.0 if 1 / LAY < lay < LAY else rounded(lay)
+
+
+def _fit(topography: Topography, stretch: float) -> SelfAffineFit | str:
+    """Fit the law to a map whose lengths along x are divided by the stretch: it has no lay.
+
+    Wavelengths of a stretched spectrum are those along y, which stay as they are.
+    """
+    sides = (topography.sides[0] / stretch, topography.sides[1])
+    isotropic = replace(topography, sides=sides)
+    aspect = areal_parameters(isotropic).values["Str"]
+    return fit_self_affine(isotropic, radial_spectrum(isotropic), aspect)
+
+
+def _on_grid(law: SelfAffineSpectrum, stretch: float, step: float) -> SelfAffineSpectrum:
+    """Give a law a stretch, and no waves that the grid does not hold."""
+    shortest = 2.02 * step * max(1.0, 1 / stretch)
+    cut_off = rounded(max(law.cut_off, shortest), 3)
+    roll_off = max(rounded(law.roll_off, 3), cut_off)
+    return SelfAffineSpectrum(rounded(law.hurst), roll_off, cut_off, stretch)
+
+
+def _medians(surfaces: list[Heights], spacing: tuple[float, float]) -> tuple[float, float]:
+    """Return the medians of rms height [um] and rms slope."""
+    return (
+        float(np.median([surface.std() for surface in surfaces])),
+        float(np.median([rms_slope(surface, spacing) for surface in surfaces])),
+    )

@@ -15,8 +15,8 @@ from gen.arrays import Heights, Values
 from gen.maps import filters
 from gen.maps.areal import areal_parameters
 from gen.maps.doubts import FLAT, STEEP, tilt
-from gen.maps.files import digest
 from gen.maps.filters import scaled_distances
+from gen.maps.library import digest
 from gen.maps.prepare import MANY_SPIKES, MOST_HOLES, prepare, resampled
 from gen.maps.read import Sides, Topography, in_words, read
 from gen.maps.settings import SPIKE, Reading
@@ -174,7 +174,6 @@ class Spikes(NamedTuple):
     surface: float  # largest distance of a node of the surface, in units of the scatter
     nearest: float  # smallest distance of a spike, infinite if there is none
     number: int  # number of spikes
-    distances: Values  # the distances above `SPIKE`, falling, shape (further,)
 
 
 def find_spikes(heights: Heights) -> Spikes:
@@ -187,7 +186,7 @@ def find_spikes(heights: Heights) -> Spikes:
     if not number and high[0] > APART * high[few]:
         number = _before_gap(high, FEW, 1.0)
     nearest = float(high[number - 1]) if number else math.inf
-    return Spikes(float(high[number]), nearest, number, distances[distances > SPIKE])
+    return Spikes(float(high[number]), nearest, number)
 
 
 def _before_gap(high: Values, share: float, least: float) -> int:

@@ -244,7 +244,7 @@ class ScanSurface(GeneratedSurface):
     def _search(self, home: Path | None) -> Found:
         """Search for the maps of one body, and prepare them unless that has been done."""
         from gen.maps import library
-        from gen.maps.files import digests, map_files
+        from gen.maps.library import digests, map_files
 
         paths = map_files(self.files, Path.cwd())
         sha256s = digests(paths)
@@ -284,7 +284,7 @@ class ScanSurface(GeneratedSurface):
     def _prepared(self, home: Path | None) -> Library:
         """Find the files of the maps of a database again, and prepare them if need be."""
         from gen.maps import library
-        from gen.maps.files import located
+        from gen.maps.library import located
 
         maps = self.known().maps
         paths = [located(Path(each.file), each.sha256, home) for each in maps]

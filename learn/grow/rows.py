@@ -16,14 +16,13 @@ import numpy as np
 from gen import database
 from gen.arrays import Columns
 from gen.database import Reader, Writer
-from gen.draft import proposal, scene_text
-from gen.draft.proposal import Material
-from gen.draft.scene_text import Key
+from gen.draft import Key, keys, write
+from gen.draft.proposal import Material, propose
 from gen.draft.survey import print_looks
 from gen.generation.functions import rehearse
 from gen.generation.run import blocks_of
 from gen.generation.sample import compute_rows, finished_parts
-from gen.maps.files import digest, map_files
+from gen.maps.library import digest, map_files
 from gen.maps.settings import Reading
 from gen.runtime import farm
 from gen.runtime.errors import InputError
@@ -85,12 +84,12 @@ def scene_of(population: Population, file: Path, say: Callable[[str], None]) -> 
         say(f"{file}: the scene of {population.name}, as before")
         return load(str(file))
     with RunProgress(2 * len(paths), noun="readings") as progress:
-        proposed = proposal.propose(
+        proposed = propose(
             paths, population.reading, population.material, lambda: progress.advance(1, 0)
         )
     print_looks(proposed.looks)
-    keys = scene_text.keys(proposed, [population.name], population.command, file)
-    scene_text.write(file, [*keys, Key(origin)])
+    proposed_keys = keys(proposed, [population.name], population.command, file)
+    write(file, [*proposed_keys, Key(origin)])
     say(f"wrote {file}: {to_type(f'gen run {file}')} gives its database more rows")
     return load(str(file))
 

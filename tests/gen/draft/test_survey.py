@@ -71,11 +71,6 @@ def test_files_that_are_no_use_say_why(tmp_path):
     assert not any(str(tmp_path) in fault for fault in faults)
 
 
-def test_lengths_of_files_are_not_overruled(tmp_path):
-    [look] = survey([write(MADE["ground-3"], tmp_path)], Reading.of_options(side="5"))
-    assert look.fault.endswith("--side says 5; leave that out")
-
-
 def test_maps_without_heights_are_left_out(saved):
     rough = np.random.default_rng(2).normal(size=(20, 20))
     assert "missing" in saved(np.where(rough > -0.5, np.nan, rough)).fault
@@ -94,7 +89,6 @@ def test_a_bowl_has_a_form_and_a_wave_has_none(saved):
 
 
 SOME = [made for made in MAPS if made.number in {2, 3}]
-NONE = np.empty(0)
 
 
 @pytest.mark.parametrize("made", SOME, ids=lambda made: made.name)
@@ -113,12 +107,9 @@ def test_the_threshold_takes_out_the_spikes_of_all_maps_and_nothing_else():
         assert np.count_nonzero(spikes) == made.faults.spikes
 
 
-def test_maps_without_spikes_need_no_threshold():
-    assert common_threshold([Spikes(20.0, math.inf, 0, NONE)] * 3) is None
-
-
 def test_where_no_number_parts_them_the_spikes_decide():
-    ridges, spiky = Spikes(90.0, math.inf, 0, NONE), Spikes(8.0, 60.0, 3, NONE)
+    assert common_threshold([Spikes(20.0, math.inf, 0)] * 3) is None
+    ridges, spiky = Spikes(90.0, math.inf, 0), Spikes(8.0, 60.0, 3)
     threshold = common_threshold([ridges, spiky])
     assert threshold is not None
     assert 0.9 * 60 < threshold < 60
