@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gen.distribution import limits
 from gen.runtime.memory import size
 from gen.runtime.terminal import echo, print_columns, to_type
-from gen.schema import PHYSICS_CHANGES, REASONS, RUNTIME, Column, Status, made_by_another
+from gen.schema import PHYSICS_CHANGES, REASONS, RUNTIME, Status, made_by_another
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -67,10 +66,7 @@ def print_database(reader: Reader) -> None:
     for line in _changes_since(int(attributes["physics"])):
         echo(f"            {line}")
     if counts.done:
-        papers = _is_papers(reader.scene)
-        _print_ranges(reader, papers=papers)
-        if papers:
-            echo("paper: its Table 1, whose bandwidth is defined otherwise and areas end early")
+        _print_ranges(reader)
 
 
 def print_plan(scene: Scene, path: Path | None = None) -> None:
@@ -156,41 +152,12 @@ def _times(reader: Reader) -> str:
     )
 
 
-def _is_papers(scene: Scene) -> bool:
-    """Tell whether a scene draws the paper's parameters, from its ranges or narrower ones."""
-    from gen.scene import DisplacedSurface, Scene
-
-    paper, surface = Scene(samples=1), scene.surface
-    if not isinstance(surface, DisplacedSurface) or scene.quantity != "delta":
-        return False
-    own, theirs = _ends_of(scene), _ends_of(paper)
-    return (
-        (surface.side, surface.against) == (paper.sides[0], None)
-        and not scene.edgeless
-        and scene.contact.hardness_limits is None
-        and all(low <= a <= b <= high for (a, b), (low, high) in zip(own, theirs, strict=True))
+def _print_ranges(reader: Reader) -> None:
+    """Print the range of every column over the done rows."""
+    ranges = reader.ranges()
+    rows = (
+        (column.name, column.unit, *(f"{limit:.6g}" for limit in ranges[column.name]))
+        for column in reader.columns()
+        if column.name in ranges and column.group != RUNTIME
     )
-
-
-def _ends_of(scene: Scene) -> list[tuple[float, float]]:
-    """Return the smallest and the largest value of each parameter of the surfaces, and of loads."""
-    ends = [limits(each) for each in scene.drawn_parameters.values()]
-    loads = [limits(piece.range) for piece in scene.pieces]
-    return [*ends, (min(low for low, _ in loads), max(high for _, high in loads))]
-
-
-def _print_ranges(reader: Reader, *, papers: bool) -> None:
-    """Print the range of every column over the done rows, beside that of the paper if wanted."""
-    numbers = ("from", "to", *(("paper from", "paper to") if papers else ()))
-    ranges, rows = reader.ranges(), []
-    for column in reader.columns():
-        if column.name in ranges and column.group != RUNTIME:
-            cells = _limits(ranges[column.name], column)
-            rows.append([column.name, column.unit, *cells[: len(numbers)]])
-    print_columns(rows, ("column", "unit", *numbers), right=numbers)
-
-
-def _limits(limits_here: tuple[float, float], column: Column) -> list[str]:
-    """Return four cells: the range here, then that of the paper, empty if it has none."""
-    limits = [*limits_here, *(column.paper_range or ())]
-    return [f"{limit:.6g}" for limit in limits] + [""] * (4 - len(limits))
+    print_columns(rows, ("column", "unit", "from", "to"), right=("from", "to"))

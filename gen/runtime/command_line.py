@@ -14,7 +14,6 @@ from contextlib import suppress
 from dataclasses import fields, is_dataclass
 from functools import cache, wraps
 from inspect import Parameter, Signature, signature
-from pathlib import Path
 from typing import Annotated, Any, get_type_hints
 
 import typer
@@ -89,7 +88,11 @@ def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
     annotation with `help` and `metavar`.
     """
     kinds = get_type_hints(command, include_extras=True)
-    groups = {name: kind for name, kind in kinds.items() if _is_group(kind)}
+    groups = {
+        name: kind
+        for name, kind in kinds.items()
+        if hasattr(kind, "_field_defaults") or is_dataclass(kind)
+    }
     parameters: list[Parameter] = []
     for parameter in signature(command).parameters.values():
         name, kind = parameter.name, kinds[parameter.name]
@@ -108,11 +111,6 @@ def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
     return called
 
 
-def _is_group(kind: Any) -> bool:
-    """Tell whether the annotation of an argument is that of a group of options."""
-    return hasattr(kind, "_field_defaults") or is_dataclass(kind)
-
-
 @cache
 def _options(group: Any) -> list[Parameter]:
     """Return the fields of a group as parameters of a function."""
@@ -120,20 +118,22 @@ def _options(group: Any) -> list[Parameter]:
     defaults = getattr(group, "_field_defaults", None)
     if defaults is None:
         defaults = {each.name: each.default for each in fields(group)}
-        kinds = {name: _option(name, kinds[name]) for name in defaults}
+        kinds = {name: _option(name, kinds[name]) for name in defaults if _said(kinds[name])}
     return [
-        Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=kinds[name])
-        for name, default in defaults.items()
-        if kinds[name] is not None
+        Parameter(name, Parameter.KEYWORD_ONLY, default=defaults[name], annotation=kinds[name])
+        for name in defaults
+        if name in kinds
     ]
 
 
+def _said(kind: Any) -> Any:
+    """Return what an annotation says beside the type, as `help` and `metavar`; None if nothing."""
+    return next(iter(getattr(kind, "__metadata__", ())), None)
+
+
 def _option(name: str, kind: Any) -> Any:
-    """Return the annotation of an option for a field with `help` and `metavar`; else None."""
-    said = next(iter(getattr(kind, "__metadata__", ())), None)
-    if said is None:
-        return None
-    flag = f"--{name.replace('_', '-')}"
+    """Return the annotation of an option for a field that has `help` and `metavar`."""
+    said, flag = _said(kind), f"--{name.replace('_', '-')}"
     return Annotated[
         kind.__origin__, typer.Option(flag, metavar=said.metavar or None, help=said.help)
     ]
@@ -209,8 +209,11 @@ def _run(app: typer.Typer, name: str, arguments: Sequence[str]) -> tuple[int, st
     """Run a command on this process; return its exit code, and a message to the user or ""."""
     try:
         _require_values(arguments)
-        with started_as(name):
-            code = _invoke(app, name, arguments)
+        started_as(name)
+        command = _built(app)
+        with command.make_context(name, list(arguments)) as context:
+            code = command.invoke(context)
+        put("", sys.stdout)  # so that errors of what is left of the output are raised here
     except typer.Exit as left:  # --help
         code = left.exit_code
     except farm.MasterLeft:
@@ -228,7 +231,7 @@ def _run(app: typer.Typer, name: str, arguments: Sequence[str]) -> tuple[int, st
         allowed = memory.size(memory.allowed())
         fault = f"{str(error) or 'no more is given'}; {allowed} are allowed here"
         return 2, f"{name}: this needs more memory than there is: {fault}, shared with all else"
-    return code, ""
+    return code if isinstance(code, int) else 0, ""
 
 
 def _require_values(arguments: Sequence[str]) -> None:
@@ -238,15 +241,6 @@ def _require_values(arguments: Sequence[str]) -> None:
         if not argument or (option.startswith("--") and equals and not value):
             place = f"after {shown(before)} " if before and not argument else ""
             raise InputError(f"{shown(argument)} {place}is empty: give a value, or leave it out")
-
-
-def _invoke(app: typer.Typer, name: str, arguments: Sequence[str]) -> int:
-    """Run a command; print what is left of its output, so that its errors are raised here."""
-    command = _built(app)
-    with command.make_context(name, list(arguments)) as context:
-        code = command.invoke(context)
-    put("", sys.stdout)
-    return code if isinstance(code, int) else 0
 
 
 @cache
@@ -262,7 +256,10 @@ def _in_words(name: str, error: Exception) -> str:
         path = context.command_path if context else name
         return f"{name}: {error.format_message()} (see {to_type(path)} --help)"
     if isinstance(error, OSError):  # a name too long, a full device, a folder without rights
-        return f"{name}: {_place(error)}{error.strerror or error}"
+        place = (
+            f"{os.fsdecode(error.filename)}: " if isinstance(error.filename, str | bytes) else ""
+        )
+        return f"{name}: {place}{error.strerror or error}"
     if isinstance(error, ModuleNotFoundError):
         package = (error.name or "").partition(".")[0]
         if package not in EXTRAS:
@@ -272,17 +269,6 @@ def _in_words(name: str, error: Exception) -> str:
         extra = EXTRAS[package]
         return f"{name}: needs {package}, which is not installed: {command_for(extra)}"
     return f"{name}: {error}"
-
-
-def _place(error: OSError) -> str:
-    """Return the path that an error of the system is about, or ""."""
-    if isinstance(error.filename, str | bytes):
-        return f"{os.fsdecode(error.filename)}: "
-    try:
-        Path.cwd()
-    except OSError:
-        return "the working folder: "
-    return ""
 
 
 def _complain(message: str) -> None:

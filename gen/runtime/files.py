@@ -9,7 +9,7 @@ import os
 import stat
 import zipfile
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Literal, NamedTuple
 
@@ -45,13 +45,6 @@ TEXT = bytes({7, 8, 9, 10, 12, 13, 27} | set(range(32, 256)))
 
 SURROGATE = b"asperity surrogate\n"
 """First bytes of a surrogate; before format 3 surrogates were zip archives."""
-
-NOT_TEXT = {
-    *(".xlsx", ".xlsm", ".xlsb", ".xls", ".ods", ".docx", ".doc", ".odt", ".pdf", ".zip", ".gz"),
-    *(".png", ".jpg", ".jpeg", ".tif", ".tiff", ".npy", ".npz", ".mat", ".parquet", ".feather"),
-    *(".h5", ".hdf5", ".nc", ".surrogate", ".pickle", ".pkl"),
-}
-"""Suffixes that promise something other than text, so that programs fail to open text there."""
 
 MAPS = b"asperity prepared maps\n"
 """First bytes of a file of prepared maps."""
@@ -92,12 +85,10 @@ def require_file(path: Path) -> Path:
 
 
 class Output(NamedTuple):
-    """A file that a command is going to write: None if the user named none, the option, the
-    content.
-    """
+    """A file that a command is going to write."""
 
-    path: Path | None
-    option: str
+    path: Path | None  # None if the user named none
+    option: str  # that named it
     kind: Kind = "text"
 
 
@@ -128,27 +119,26 @@ def check_folder(folder: Path, *names: str) -> None:
     Raise InputError if the path is no folder, files cannot be written there, or one of these names,
     pictures (.png) and texts, cannot be replaced.
     """
-    if folder.is_dir():
-        with _in_words(folder, "cannot be written to"):
-            _try_beside(folder / "any")
-        for name in names:
-            _try(folder / name, "picture" if name.endswith(".png") else "text")
-        return
-    real = _followed(folder)
-    if real.exists():
-        raise InputError(f"{folder} is a file: give a folder")
+    real = _folder(folder)
+    existing = next(each for each in (real, *real.parents) if each.exists())
     with _in_words(folder, "cannot be written to"):
-        existing = next(above for above in real.parents if above.exists())
         _try_beside(existing / "any")
+    for name in names if real.is_dir() else ():
+        _try(folder / name, "picture" if name.endswith(".png") else "text")
 
 
 def make_folder(folder: Path) -> None:
     """Make a folder, or the one that a link leads to, and those above it, unless they exist."""
+    with _in_words(folder, "cannot be written to"):
+        _folder(folder).mkdir(parents=True, exist_ok=True)
+
+
+def _folder(folder: Path) -> Path:
+    """Follow all links to the place of a folder, which need not exist yet."""
     real = _followed(folder)
     if real.exists() and not real.is_dir():
         raise InputError(f"{folder} is a file: give a folder")
-    with _in_words(folder, "cannot be written to"):
-        real.mkdir(parents=True, exist_ok=True)
+    return real
 
 
 def write(path: Path, content: str | bytes, kind: Kind = "text") -> None:
@@ -193,27 +183,22 @@ def unfinished(real: Path, present: Present = "replace", end: str = "") -> Itera
     descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, mode)
     try:
         if old is not None:
-            hand_on(old, descriptor)
+            _hand_on(old, descriptor)
         yield temporary
         os.fsync(descriptor)
         if present == "replace":
             temporary.replace(real)
-        else:
-            with suppress(FileExistsError) if present == "keep" else nullcontext():
-                _name_unless_taken(temporary, real)
+            return
+        try:
+            real.hardlink_to(temporary)
+        except FileExistsError:
+            if present == "refuse":
+                raise
+        except OSError:  # no links on this file system
+            temporary.replace(real)
     finally:
         os.close(descriptor)
         temporary.unlink(missing_ok=True)
-
-
-def _name_unless_taken(temporary: Path, real: Path) -> None:
-    """Give a file its name, or raise FileExistsError if a file has that name."""
-    try:
-        real.hardlink_to(temporary)
-    except FileExistsError:
-        raise
-    except OSError:  # no links on this file system
-        temporary.replace(real)
 
 
 def place_of(path: Path) -> Path:
@@ -253,10 +238,8 @@ def require_writable(path: Path) -> None:
         os.close(os.open(path, os.O_WRONLY | os.O_NONBLOCK | os.O_CLOEXEC))
 
 
-def hand_on(old: os.stat_result, descriptor: int) -> None:
-    """Give a new file, open for writing, the mode of the one it replaces and, if allowed, its owner
-    and group.
-    """
+def _hand_on(old: os.stat_result, descriptor: int) -> None:
+    """Give a new open file the mode of the one it replaces and, if allowed, owner and group."""
     for owner, group in ((old.st_uid, -1), (-1, old.st_gid)):
         with suppress(PermissionError):
             os.fchown(descriptor, owner, group)
@@ -271,19 +254,10 @@ def _try(path: Path, kind: Kind) -> None:
 
 
 def _place(path: Path, kind: Kind) -> Path:
-    """Return the place of a file; refuse a suffix of another kind, and what cannot be replaced."""
+    """Return the place of a file; refuse what is no regular file, of another kind, or read-only."""
     real = place_of(path)
-    if real.exists():
-        _require_replaceable(path, kind)
-    if kind == "text" and path.suffix.lower() in NOT_TEXT:
-        raise InputError(
-            f"{path}: holds text, which {path.suffix} does not promise: give .csv, .txt"
-        )
-    return real
-
-
-def _require_replaceable(path: Path, kind: Kind) -> None:
-    """Refuse to replace a path that is no regular file, of another kind, or not writable."""
+    if not real.exists():
+        return real
     if not path.is_file():
         raise InputError(f"{path}: is no regular file: not replaced")
     require_writable(path)
@@ -291,12 +265,11 @@ def _require_replaceable(path: Path, kind: Kind) -> None:
         present = kind_of(path)
     if present not in {kind, ""}:
         raise InputError(f"{path}: holds {WORDS[present]}, not {WORDS[kind]}: not replaced")
+    return real
 
 
 def kind_of(path: Path) -> str:
-    """Return the kind of a file's content, a key of `WORDS`, by its beginning; "" for an empty
-    file.
-    """
+    """Return the kind of a file, a key of `WORDS`, by its beginning; "" for an empty file."""
     with path.open("rb") as file:
         start = file.read(BEGINNING)
     for signature, kind in SIGNATURES.items():

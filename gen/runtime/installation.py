@@ -1,11 +1,10 @@
 """The installation: its versions, its commit, and the command that adds a missing package.
 
 A package index may not have the name asperity, or somebody else's package under it. So the commands
-name this clone, the file or the address that Asperity was installed from, or else the libraries.
+name this clone or the libraries.
 """
 
 import importlib.metadata
-import json
 import platform
 import re
 import shlex
@@ -14,7 +13,6 @@ import sys
 from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
-from urllib.parse import unquote, urlsplit
 
 from gen.runtime import VERSION
 
@@ -71,25 +69,14 @@ def command_for(extra: str) -> str:
 
 
 def _packages(extra: str) -> list[str]:
-    """Return the arguments of `pip install`."""
+    """Return the arguments of `pip install`: this clone, or else the libraries of the extra."""
     if (REPOSITORY / "pyproject.toml").is_file():
         return ["-e", f"{REPOSITORY}[{extra}]"]
     try:
-        ours = importlib.metadata.distribution("asperity")
+        requirements = importlib.metadata.requires("asperity") or []
     except importlib.metadata.PackageNotFoundError:
         return [f"{REPOSITORY}[{extra}]"]
-    origin = json.loads(ours.read_text("direct_url.json") or "{}")
-    url = str(origin.get("url", ""))
-    local = Path(unquote(urlsplit(url).path))
-    if url.startswith("file:"):
-        if local.exists():
-            return [f"{local}[{extra}]"]
-    elif url:
-        version = origin.get("vcs_info", {})
-        prefix = f"{version['vcs']}+" if version else ""
-        commit = f"@{version['commit_id']}" if version else ""
-        return [f"asperity[{extra}] @ {prefix}{url}{commit}"]
-    return _libraries(ours.requires or [], extra)
+    return _libraries(requirements, extra)
 
 
 def _libraries(requirements: list[str], extra: str) -> list[str]:

@@ -106,23 +106,18 @@ def _opened(path: Path, lock_path: Path) -> int:
     try:
         descriptor = os.open(lock_path, flags, 0o666)
     except OSError as error:
-        if os.path.lexists(lock_path):
-            raise _foreign(path, lock_path) from None
-        raise InputError(
-            f"{path} cannot be written: {error.strerror}: {lock_path.parent}; "
-            "give a folder that exists and is yours to write"
-        ) from None
-    if stat.S_ISREG(os.fstat(descriptor).st_mode):
-        content = os.pread(descriptor, LONGEST + 1, 0)
-        if not content or (len(content) <= LONGEST and OURS.fullmatch(content)):
-            return descriptor
-    os.close(descriptor)
-    raise _foreign(path, lock_path)
-
-
-def _foreign(path: Path, lock_path: Path) -> InputError:
-    """Return the error for a file of the user's that has the name of the lock."""
-    return InputError(
+        if not os.path.lexists(lock_path):
+            raise InputError(
+                f"{path} cannot be written: {error.strerror}: {lock_path.parent}; "
+                "give a folder that exists and is yours to write"
+            ) from None
+    else:
+        if stat.S_ISREG(os.fstat(descriptor).st_mode):
+            content = os.pread(descriptor, LONGEST + 1, 0)
+            if not content or (len(content) <= LONGEST and OURS.fullmatch(content)):
+                return descriptor
+        os.close(descriptor)
+    raise InputError(
         f"{path} cannot be written: {lock_path} is there and not a lock that can be taken; move it"
         " away"
     )
@@ -138,7 +133,6 @@ def _leads_to(path: Path, descriptor: int) -> bool:
 def _this_process() -> str:
     """Return one line with host, process, Slurm job if any, and time."""
     job = os.environ.get("SLURM_JOB_ID")
-    parts = [f"host {socket.gethostname()}", f"process {os.getpid()}"]
-    parts += [f"job {job}"] if job else []
     now = datetime.now(UTC).isoformat(timespec="seconds")
-    return ", ".join([*parts, f"since {now}"]) + "\n"
+    place = f"host {socket.gethostname()}, process {os.getpid()}"
+    return f"{place}{f', job {job}' if job else ''}, since {now}\n"

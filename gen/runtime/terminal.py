@@ -8,9 +8,8 @@ printed passes through `printable`.
 import os
 import sys
 import time
-from collections.abc import Collection, Iterable, Iterator, Sequence
-from contextlib import contextmanager, suppress
-from contextvars import ContextVar
+from collections.abc import Collection, Iterable, Sequence
+from contextlib import suppress
 from typing import Any, Self
 
 from gen.runtime.errors import InputError
@@ -30,7 +29,7 @@ LINE_SECONDS = 30.0
 COMMAND = "asperity"
 """Name of the installed command, under which all programs run too."""
 
-_start: ContextVar[str] = ContextVar("_start", default="python -m")
+_start = "python -m"
 """The words before the name of a program on the command line."""
 
 
@@ -114,21 +113,15 @@ def brief(reasons: str) -> str:
     return f"{first}; and {others.count('; ') + 1} more" if others else first
 
 
-@contextmanager
-def started_as(name: str) -> Iterator[None]:
-    """Let messages name commands as the user has typed the running one: as "gen", or "asperity
-    gen".
-    """
-    own = _start.set(COMMAND if name.partition(" ")[0] == COMMAND else "python -m")
-    try:
-        yield
-    finally:
-        _start.reset(own)
+def started_as(name: str) -> None:
+    """Let messages name commands as the user has typed the running one: "gen", "asperity gen"."""
+    global _start  # noqa: PLW0603
+    _start = COMMAND if name.partition(" ")[0] == COMMAND else "python -m"
 
 
 def to_type(words: str) -> str:
     """Return a command, as "gen info FILE" or "asperity gen info FILE", as the user can type it."""
-    return words if words.partition(" ")[0] == COMMAND else f"{_start.get()} {words}"
+    return words if words.partition(" ")[0] == COMMAND else f"{_start} {words}"
 
 
 class RunProgress:

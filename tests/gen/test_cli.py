@@ -29,28 +29,8 @@ def test_run_info_and_plot(folder, capsys):
     for column in columns_for(small_scene(folder)):
         if not column.group and column.name not in {"status", "reason"}:
             assert column.name in text
-    assert "47.51" in text, "the paper's range stands beside ours"
     assert cli.main(["plot", "small.h5", "-o", "small.png"]) == 0
     assert (folder / "small.png").read_bytes().startswith(b"\x89PNG")
-
-
-@pytest.mark.parametrize(
-    ("keys", "shown"),
-    [
-        ("hurst = [0.6, 0.8]\n", True),
-        ("hurst = [0.2, 0.8]\n", False),
-        ("sigma0 = { log_uniform = [1.0, 15.0] }\n", False),
-        ("[contact]\nboundary = 'mirror'\n", False),
-        ("[load]\nquantity = 'pressure'\nrange = 0.001\n", False),
-        ("generator = 'spectral'\nroll_off = 500.0\ncut_off = 200.0\nrms_height = 9.0\n", False),
-    ],
-)
-def test_the_papers_ranges_stand_beside_its_populations_alone(folder, capsys, keys, shown):
-    (folder / "other.toml").write_text(SMALL.replace("24", "2") + keys)
-    assert cli.main(["run", "other.toml", "-o", "other.h5"]) == 0
-    assert cli.main(["info", "other.h5"]) == 0
-    text = capsys.readouterr().out
-    assert ("47.51" in text, "paper" in text) == (shown, shown)
 
 
 def small_scene(folder):

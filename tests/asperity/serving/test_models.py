@@ -3,7 +3,6 @@
 import textwrap
 from pathlib import Path
 
-import numpy as np
 import pytest
 from small_populations import POPULATIONS
 
@@ -137,15 +136,3 @@ def test_windows_of_maps_keep_their_nodes(folder):
     model = model_of(str(folder / "scans.surrogate"))
     with pytest.raises(InputError, match=r"config\.nodes.*windows"):
         model.evaluate([[1.0]], Configuration(nodes=30))
-
-
-@pytest.mark.parametrize("name", ["scans", "spectral", "soft"])
-def test_the_stiffness_of_any_scene_is_that_of_the_solver(folder, name, monkeypatch):
-    monkeypatch.chdir(Path((folder / f"{name}.toml").resolve()).parent)
-    model = SolverModel(load(f"{name}.toml"), name)
-    scene, columns = columns_of(folder / f"{name}.h5")
-    given = columns["delta" if scene.quantity == "delta" else "load"]
-    config = Configuration(surface=int(columns["surface"][0]), stiffness=True)
-    *_, (stiffness,) = model.evaluate(asked(name, columns, 0, given), config)
-    assert np.isfinite(stiffness)
-    assert stiffness > 0

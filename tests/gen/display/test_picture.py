@@ -13,7 +13,7 @@ pytest.importorskip("matplotlib", reason="needs the extra plot")
 from gen.display import picture
 
 
-@pytest.mark.parametrize("hardness", ["", "hardness = [0.01, 0.05]", "hardness_ratio = 0.03"])
+@pytest.mark.parametrize("hardness", ["", "hardness = [0.01, 0.05]"])
 def test_a_database_shows_its_median_area(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, hardness: str
 ) -> None:

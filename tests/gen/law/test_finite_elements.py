@@ -11,7 +11,7 @@ from strict import json_of, rows_of
 from bench.calculix import DECK, DOWN, QUANTITIES, YOUNG, pressed
 from gen import cli
 from gen.law import finite_elements
-from gen.law.finite_elements import FAR, UNITS
+from gen.law.finite_elements import FAR
 from gen.runtime.errors import InputError
 
 STEEL = ["--young", "210e3", "--poisson", "0.3", "--hardness", "2000"]
@@ -97,13 +97,6 @@ def test_abaqus_is_told_that_the_second_column_is_a_pressure(law):
     assert "m, N, s, Pa" in (folder / "9.inp").read_text()
 
 
-def test_units_are_consistent():
-    """N/mm2 over mm, mW over mm2 K; N/m2 over m, W over m2 K."""
-    assert UNITS["mm"].pressure / UNITS["mm"].length == pytest.approx(1e3)
-    assert UNITS["si"].pressure / UNITS["si"].length == pytest.approx(1e12)
-    assert UNITS["si"].conductance == pytest.approx(1e6)
-
-
 def test_conductances_fit_into_the_room_that_calculix_has(tmp_path):
     """It has room for 20 and overwrites other numbers with the rest; Abaqus takes all."""
     np.save(tmp_path / "s.npy", np.random.default_rng(1).normal(size=(8, 8)))
@@ -147,19 +140,6 @@ def said(path):
     """The comment of an input file as one line."""
     lines = path.read_text().splitlines()
     return " ".join(" ".join(line.strip("* ") for line in lines if line.startswith("**")).split())
-
-
-def test_the_files_say_where_nothing_was_computed(law):
-    folder, _ = law
-    for name in ("joint-calculix.inp", "joint-abaqus.inp"):
-        text = said(folder / name)
-        assert "From 0 to the first pressure, 5 MPa, nothing was computed" in text
-        assert "straight line" in text
-        assert "The law ends at 320 MPa. No contact was computed beyond" in text
-        assert "follows the last slope there and the conductance stays the last one" in text
-    assert "CalculiX (2.20 and its source of August 2026) reads 20 points" in said(
-        folder / "joint-calculix.inp"
-    )
 
 
 VALUES = {"closure_um", "area_percent", "mean_gap_um", "conductance_W_per_mm2_K"}
@@ -300,19 +280,6 @@ def test_calculix_follows_the_last_slope_past_the_end_of_the_table(law):
 
 
 @needs_calculix
-@pytest.mark.parametrize("share", [0.02, 0.5, 0.99])
-def test_calculix_reaches_any_pressure_of_the_table_in_one_step(law, share):
-    folder, table = law
-    behaviour = read(folder / "joint-calculix.inp")[TABLE]
-    pressure = share * table.pressure_MPa.iloc[-1]
-    closure = 1e3 * np.interp(pressure, *behaviour.T)
-    row = {"pressure_MPa": pressure, "closure_um": closure, "conductance_W_per_mm2_K": 1.0}
-    (found,) = pressed(folder, [row])
-    assert found["pressure_MPa_calculix"] == pytest.approx(pressure, rel=1e-3)
-    assert found["closure_um_calculix"] == pytest.approx(closure, rel=1e-3)
-
-
-@needs_calculix
 def test_the_deck_of_the_manual_runs_as_it_stands_and_without_heat(law, tmp_path):
     folder, _ = law
     heat = DECK.read_text()
@@ -337,7 +304,7 @@ def test_the_deck_of_the_manual_runs_as_it_stands_and_without_heat(law, tmp_path
     np.testing.assert_allclose(forces, wanted, rtol=1e-3)
 
 
-@pytest.mark.parametrize("points", [2, 18, 19, 20, 200])
+@pytest.mark.parametrize("points", [2, 19, 200])
 def test_calculix_gets_nineteen_points_of_any_law(points):
     closures = np.linspace(0, 3e-3, points) ** 1.2
     pressures = 4e9 * closures**2.5

@@ -40,9 +40,7 @@ def test_loops_of_links_and_the_root_are_no_files(folder, capsys):
     cases = (
         ["run", "scene.toml", "-o", "/"],
         ["run", "scene.toml", "-o", "one"],
-        ["run", "one", "-o", "rows.h5"],
         ["info", "one"],
-        ["merge", "one", "-o", "rows.h5"],
         ["describe", "one", "--side", "9"],
     )
     for arguments in cases:
@@ -66,8 +64,6 @@ def test_a_complaint_about_a_long_text_is_short(folder, capsys):
         (["run", "quick", "-o", "x.h5", "--rows", ""], "'' after '--rows' is empty"),
         (["run", "quick", "-o", "x.h5", "--rows="], "'--rows=' is empty"),
         (["run", "", "-o", "x.h5"], "'' after 'run' is empty"),
-        (["contact", "h.npy", "--side", "", "--delta", "1"], "'' after '--side' is empty"),
-        (["check", "x.h5", "--recompute", ""], "'' after '--recompute' is empty"),
     ],
 )
 def test_an_empty_argument_chooses_nothing(tmp_path, monkeypatch, capsys, arguments, said):
@@ -78,7 +74,7 @@ def test_an_empty_argument_chooses_nothing(tmp_path, monkeypatch, capsys, argume
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("delta", ["1e308", "1,1e61", "1e-61"])
+@pytest.mark.parametrize("delta", ["1,1e61", "1e-61"])
 def test_a_displacement_beyond_what_is_computed_is_told_what_is_allowed(
     tmp_path, monkeypatch, capsys, delta
 ):

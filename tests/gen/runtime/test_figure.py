@@ -12,7 +12,7 @@ from gen import cli
 from gen.runtime.figure import draw_parity, log_axis, new_figure, parity_axes
 
 
-@pytest.mark.parametrize("values", [(2.1, 4.4), (5.0, 60.0), (7.0, 45.0), (1e-4, 4e-4), (1, 1e6)])
+@pytest.mark.parametrize("values", [(2.1, 4.4), (7.0, 45.0), (1, 1e6)])
 def test_a_logarithmic_axis_has_two_numbers_or_more_that_keep_apart(values):
     figure = new_figure(4, 3)
     panel = figure.subplots()
@@ -33,7 +33,7 @@ def test_a_logarithmic_axis_has_two_numbers_or_more_that_keep_apart(values):
 
 @pytest.mark.parametrize(
     ("truth", "scale"),
-    [([0.01, 1.0, 90.0], "log"), ([3.0, 4.0, 5.0], "linear"), ([-5.0, 2.0, 700.0], "linear")],
+    [([0.01, 1.0, 90.0], "log"), ([-5.0, 2.0, 700.0], "linear")],
 )
 def test_predictions_over_decades_have_logarithmic_axes_and_none_is_lost(truth, scale):
     panel = new_figure(4, 3).subplots()
@@ -63,29 +63,11 @@ DRAWING = {
     "describe": ["describe", f"{LATIN}.npy", "--side", "9", "--plot", f"{LATIN}.png"],
     "contact": ["contact", f"{LATIN}.npy", "--side", "9", "--delta", "0.1", "--plot", "a.svg"],
     "law": ["law", f"{LATIN}.npy", "--side", "9", "--pressure", "0.1,0.2", "--plot", "a.pdf"],
-    "two bodies": [
-        "contact",
-        f"{LATIN}.npy",
-        "--against",
-        f"{LATIN}.npy",
-        "--side",
-        "9",
-        "--delta",
-        "0.1",
-        "--plot",
-        "a.png",
-    ],
     "plot": ["plot", f"{LATIN}.h5", "-o", f"{LATIN}.svg"],
 }
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(n, marks=pytest.mark.long if n in {"law", "two bodies"} else ())
-        for n in DRAWING
-    ],
-)
+@pytest.mark.parametrize("name", DRAWING)
 def test_every_name_of_a_file_can_be_drawn(tmp_path, monkeypatch, name):
     monkeypatch.chdir(tmp_path)
     np.save(f"{LATIN}.npy", np.random.default_rng(0).random((16, 16)))

@@ -2,7 +2,6 @@
 
 import ast
 import importlib.metadata
-import json
 import re
 import shlex
 import shutil
@@ -26,17 +25,10 @@ REQUIREMENTS = [
 ]
 
 
-class Installed:
-    """An installed distribution: what pip has written down of its origin, and its requirements."""
-
-    requires = REQUIREMENTS
-
-    def __init__(self, origin: dict[str, object] | None):
-        self.origin = origin
-
-    def read_text(self, name: str) -> str | None:
-        assert name == "direct_url.json"
-        return None if self.origin is None else json.dumps(self.origin)
+def test_a_clone_is_named_by_its_path():
+    assert f"pip install -e '{ROOT}[plot]'" in installation.command_for("plot").replace(
+        f"{sys.executable} -m ", ""
+    )
 
 
 @pytest.fixture
@@ -44,48 +36,15 @@ def advised(monkeypatch, tmp_path):
     """What is advised for an extra where the packages stand alone in a folder."""
     monkeypatch.setattr(installation, "REPOSITORY", tmp_path)
     monkeypatch.setattr(shutil, "which", lambda _: str(Path(sys.executable).with_name("pip")))
-
-    def advise(origin: dict[str, object] | None, extra: str = "learn") -> list[str]:
-        monkeypatch.setattr(importlib.metadata, "distribution", lambda _: Installed(origin))
-        return shlex.split(installation.command_for(extra))
-
-    return advise
+    monkeypatch.setattr(importlib.metadata, "requires", lambda _: REQUIREMENTS)
+    return lambda extra: shlex.split(installation.command_for(extra))
 
 
-def test_a_clone_is_named_by_its_path():
-    assert f"pip install -e '{ROOT}[plot]'" in installation.command_for("plot").replace(
-        f"{sys.executable} -m ", ""
-    )
-
-
-def test_the_file_of_a_wheel_is_named_while_it_is_there(advised, tmp_path):
-    wheel = tmp_path / "my wheels" / "asperity-1.0-py3-none-any.whl"
-    wheel.parent.mkdir()
-    wheel.write_bytes(b"")
-    origin = {"url": wheel.as_uri(), "archive_info": {}}
-    assert advised(origin) == ["pip", "install", f"{wheel}[learn]"]
-    wheel.unlink()
-    assert advised(origin) == ["pip", "install", "scikit-learn>=1.5", "xgboost-cpu>=2.1"]
-
-
-def test_an_address_is_named_with_its_commit(advised):
-    vcs = {"vcs": "git", "commit_id": "0123abc"}
-    origin = {"url": "https://example.org/asperity.git", "vcs_info": vcs}
-    wanted = "asperity[learn] @ git+https://example.org/asperity.git@0123abc"
-    assert advised(origin) == ["pip", "install", wanted]
-    plain = {"url": "https://example.org/asperity.whl", "archive_info": {}}
-    assert advised(plain)[-1] == "asperity[learn] @ https://example.org/asperity.whl"
-
-
-def test_of_an_unknown_origin_only_libraries_are_named(advised):
+def test_beside_a_clone_only_libraries_are_named(advised, monkeypatch):
     """Whoever asks an index for `asperity` may get somebody else's."""
-    assert advised(None) == ["pip", "install", "scikit-learn>=1.5", "xgboost-cpu>=2.1"]
-    assert advised(None, "mpi") == ["pip", "install", "mpi4py>=4.0"]
-
-
-def test_another_pip_is_not_taken(advised, monkeypatch):
+    assert advised("learn") == ["pip", "install", "scikit-learn>=1.5", "xgboost-cpu>=2.1"]
     monkeypatch.setattr(shutil, "which", lambda _: "/elsewhere/pip")
-    assert advised(None, "mpi") == [sys.executable, "-m", "pip", "install", "mpi4py>=4.0"]
+    assert advised("mpi") == [sys.executable, "-m", "pip", "install", "mpi4py>=4.0"]
 
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
@@ -145,8 +104,3 @@ def test_the_commit_is_that_of_the_checkout() -> None:
         ["git", "rev-parse", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=True
     )
     assert installation.git_commit() == asked.stdout.strip()
-
-
-def test_missing_packages_are_left_out() -> None:
-    found = installation.versions(("numpy", "a-package-that-nobody-has"))
-    assert found.keys() == {"python", "numpy"}

@@ -11,19 +11,16 @@ from gen.runtime.numbers import DIGITS, MOST, integer, magnitude, rows_from, sho
 from gen.schema import RUNTIME
 
 HUGE = "9" * 5000
-ODD = ["", "x", "-1", "1.5", "1e3", "0x10", "1_0", "٣", HUGE, "9" * (DIGITS + 1)]
+ODD = ["", "-1", "1_0", "٣", "9" * (DIGITS + 1)]
 
 
 @pytest.mark.parametrize("text", ODD)
 def test_what_is_no_whole_number_is_none(text):
     assert integer(text) is None
-
-
-def test_whole_numbers_are_read():
     assert [integer(text) for text in ("0", " 7 ", "0010")] == [0, 7, 10]
 
 
-@pytest.mark.parametrize("odd", ODD)
+@pytest.mark.parametrize("odd", ["x", HUGE])
 def test_odd_rows_are_refused_in_one_line(odd):
     with pytest.raises(InputError, match=r"^--rows .*give two row numbers") as refused:
         rows_from(f"0:{odd}")
@@ -50,8 +47,7 @@ def test_values_are_those_of_linspace():
 @pytest.mark.parametrize(
     "text",
     [
-        *("", "x", "1:2", "1:2:1", "1:2:0x3", "1:inf:3", "1:2:3:4", "1,", ":" * 3000),
-        *("0:1:3:log", "1:log", "1:2:log", "1:2:3:x"),
+        *("", "1:2", "1:2:1", "1:inf:3", "1,", ":" * 3000, "0:1:3:log", "1:log", f"1:2:{HUGE}"),
     ],
 )
 def test_what_is_no_value_is_refused(text):
@@ -65,11 +61,6 @@ def test_more_values_than_any_use_are_refused_before_they_take_memory(text):
         values_from(text, "--delta", "advice")
 
 
-def test_a_count_of_too_many_digits_is_no_number():
-    with pytest.raises(InputError, match="advice"):
-        values_from(f"1:2:{HUGE}", "--delta", "advice")
-
-
 def test_long_texts_are_cut():
     assert shown("1:2") == "'1:2'"
     assert shown(HUGE) == "'" + "9" * 60 + "'... (5000 characters)"
@@ -81,14 +72,7 @@ def test_magnitudes_leave_room_for_arithmetic():
 
 
 @pytest.mark.parametrize(
-    ("number", "words"),
-    [
-        (0, "0 bytes"),
-        (330, "330 bytes"),
-        (66_000, "66.0 kB"),
-        (1.5e9, "1.5 GB"),
-        (2e15, "2,000.0 TB"),
-    ],
+    ("number", "words"), [(330, "330 bytes"), (1.5e9, "1.5 GB"), (2e15, "2,000.0 TB")]
 )
 def test_sizes_have_a_unit_that_suits_them(number, words):
     assert memory.size(number) == words

@@ -71,12 +71,10 @@ def test_modules_may_define_dataclasses_and_import_their_neighbours(here):
     ("text", "fault"),
     [
         ("def g():\n    pass\n", "of_the_user.py has no function f"),
-        ("def f(:\n", "importing of_the_user failed: SyntaxError"),
         (
             "raise ValueError('two\\nlines')\n",
             "importing of_the_user failed: ValueError: two lines",
         ),
-        ("import no_such_module_here\n", "ModuleNotFoundError"),
         ("import sys\nsys.exit(3)\n", "importing of_the_user failed: SystemExit: 3"),
     ],
 )
