@@ -26,6 +26,9 @@ robust standard deviations of this quantity over all nodes; self-affine surfaces
 HIGHEST_DEGREE = 20
 """Largest total degree of a form: higher ones follow the waviness, which is for an L-filter."""
 
+STEPS = "preparation"
+"""Table of a scene with the steps from a map to a surface."""
+
 LEVELS = ("mean", "plane", "quadratic")
 
 
@@ -54,39 +57,24 @@ def numbers_in(text: str, separator: str = ",") -> list[float]:
 class Key(NamedTuple):
     """What is said of a key of `Reading`."""
 
-    help: str  # help of the option
+    help: str  # of the option, and in the manual
     metavar: str = ""  # value of the option in its help; "" for a flag
-    # {"reading", "preparation", ""}: table of `[surface]` in a scene that has the key; "" for one
-    # that no scene has
-    table: str = ""
-    allowed: str = ""  # what a scene may say
+    table: str = ""  # of `[surface]` in a scene that has the key; "" for one that no scene has
+    allowed: str = "true or false"  # what a scene may say
     least: int | None = None  # least whole number
     choices: tuple[str, ...] = ()  # allowed words; () for any text
-    # the option's value, and what it does, in the table of the manual; "" for no line there
-    example: str = ""
-    meaning: str = ""
-
-
-def _read(help_: str, metavar: str, allowed: str) -> Key:
-    """Return a key of the table `reading`."""
-    return Key(help_, metavar, "reading", allowed)
-
-
-def _step(help_: str, metavar: str, allowed: str, example: str, meaning: str, **more: Any) -> Key:
-    """Return a key of the table `preparation`."""
-    return Key(help_, metavar, "preparation", allowed, example=example, meaning=meaning, **more)
 
 
 @dataclass(frozen=True)
 class FileReading:
     """How the file of a map is read where it does not say it itself; by default, as it says."""
 
-    # scan length, or two with a comma, for a file without lengths [um]
     side: Annotated[
         str,
-        _read(
+        Key(
             "Scan length in um for a file without lengths; two for an oblong patch: 1000,500.",
             "UM",
+            "reading",
             "the scan length in um, or two as [1000, 500] or '1000,500'",
         ),
     ] = ""
@@ -94,22 +82,23 @@ class FileReading:
     # are in um by default
     unit: Annotated[
         str,
-        _read(
+        Key(
             "Unit of a file that names none, as um, nm or inch.",
             "UNIT",
+            "reading",
             "text, the unit of the heights, as 'nm'",
         ),
     ] = ""
     # name or index of the channel; the first one with heights by default
     channel: Annotated[
         str,
-        _read(
+        Key(
             "Name or index of a channel of the file.",
             "NAME",
+            "reading",
             "text, a channel's name or its index",
         ),
     ] = ""
-    # {"option", "key", "keyword"}: who asks, for messages
     asked: Asked = field(default="keyword", kw_only=True)
 
     @classmethod
@@ -126,119 +115,76 @@ class FileReading:
 class Reading(FileReading):
     """How a map is read, and what is done to it before it is used; by default nothing."""
 
-    # True to let `side` and `unit` overrule the file, with a warning
     override_scale: Annotated[bool, Key("Let --side and --unit overrule the file's own.")] = False
-    # True to close holes harmonically: no filled node is above or below the rim of its hole
     fill: Annotated[
         bool,
-        _step(
-            "Close holes by Laplace's equation.",
-            "",
-            "true or false",
-            "",
-            "Fill holes by Laplace's equation between the heights of their rims. Holes at the"
-            " border of a periodic map are filled across the border.",
-        ),
+        Key("Close holes by Laplace's equation between the heights of their rims.", "", STEPS),
     ] = False
-    # True to fill even if more than half of the heights are missing
-    fill_most: Annotated[
-        bool,
-        _step("Fill even if more than half is missing.", "", "true or false", "", ""),
-    ] = False
-    # {"", "mean", "plane", "quadratic"}: least-squares fit of the measured nodes to subtract
+    fill_most: Annotated[bool, Key("Fill even if more than half is missing.", "", STEPS)] = False
     level: Annotated[
         str,
-        _step(
-            "Subtract the mean, plane or quadratic fit.",
+        Key(
+            "Subtract the mean, plane or quadratic fit over the measured nodes.",
             "HOW",
+            STEPS,
             "'mean', 'plane' or 'quadratic'",
-            "mean`, `plane` or `quadratic",
-            "Subtract this least-squares fit over the measured nodes.",
             choices=LEVELS,
         ),
     ] = ""
-    # part to keep, "x0:x1,y0:y1" from the first node on [um]
     crop: Annotated[
         str,
-        _step(
-            "Keep only this part, in um from the first node.",
+        Key(
+            "Keep only this part, in um from the first node, as 100:900,0:500.",
             "X0:X1,Y0:Y1",
+            STEPS,
             "text, 'x0:x1,y0:y1' [um]",
-            "100:900,0:500",
-            "Keep only this part of the map, in um.",
         ),
     ] = ""
-    # True to turn the surface upside down, for files whose heights point into the material
     invert: Annotated[
-        bool,
-        _step(
-            "Turn upside down: heights point into the material.",
-            "",
-            "true or false",
-            "",
-            "Turn the map upside down, for heights that point into the material.",
-        ),
+        bool, Key("Turn upside down: heights point into the material.", "", STEPS)
     ] = False
-    # heights to keep, "below:above" [um]; all others become holes. Either end may be empty
     mask: Annotated[
         str,
-        _step(
-            "Heights outside these, in um, become holes.",
+        Key(
+            "Heights outside these, in um, become holes, as -5:3.",
             "BELOW:ABOVE",
+            STEPS,
             "text, 'below:above' [um]",
-            "-5:3",
-            "Turn nodes with heights outside this range [um] into holes.",
         ),
     ] = ""
-    # distance from the local median from which a node is a spike, in units of the scatter of these
-    # distances
     despike: Annotated[
         float | None,
-        _step(
-            "Replace nodes further from the local median than this times the scatter, as 7.",
+        Key(
+            "Replace nodes further from the local median than this times the scatter, as 7, by it.",
             "THRESHOLD",
+            STEPS,
             "a number above 0, as 7",
-            "7",
-            "Replace spikes by their local median. A spike is further from its local median than 7"
-            " times the robust scatter of these distances. A slope is no spike.",
         ),
     ] = None
-    # total degree of the least-squares polynomial to subtract instead of a level
     form: Annotated[
         int | None,
-        _step(
+        Key(
             f"Subtract the fitted polynomial of total degree N, 1 to {HIGHEST_DEGREE}.",
             "N",
+            STEPS,
             "the degree of a polynomial, a whole number from 1 on",
-            "N",
-            "Subtract a fitted polynomial of degree N; give it instead of `--level`.",
             least=1,
         ),
     ] = None
-    # cut-off wavelengths of the S-filter and the L-filter, "short:long" [um]. Either may be empty,
-    # which leaves its filter out
     filter: Annotated[
         str,
-        _step(
-            "Gaussian filter (ISO 16610-61): cut-offs of the S- and L-filter in um; one may be left"
-            " out.",
+        Key(
+            "Gaussian filter (ISO 16610-61): cut-offs of the S- and L-filter in um, as 2.5:80; one"
+            " may be left out.",
             "S:L",
+            STEPS,
             "text, 'short:long' [um]",
-            "2.5:80",
-            "Apply the Gaussian S-filter and L-filter of ISO 16610-61 with these cut-offs in um."
-            " Either cut-off may be left out.",
         ),
     ] = ""
-    # nodes along each side of the blocks whose means become the nodes
     downsample: Annotated[
         int | None,
-        _step(
-            "Take the means of N x N nodes as nodes.",
-            "N",
-            "a whole number of 2 or more",
-            "N",
-            "Replace each N x N nodes by their mean.",
-            least=2,
+        Key(
+            "Take the means of N x N nodes as nodes.", "N", STEPS, "a whole number of 2 or more", 2
         ),
     ] = None
 
@@ -248,29 +194,25 @@ class Reading(FileReading):
         Raises InputError if a setting is out of its range, or a level and a form are asked
         for together.
         """
-        if self.mask:
-            self.kept_heights()
-        if self.filter:
-            self.cutoffs()
-        if self.despike is not None and not 0 < self.despike < math.inf:
-            raise InputError(
-                f"{self.said('despike')} {self.despike:g}: give a number above 0, as 7"
-            )
-        if self.level and self.level not in LEVELS:
-            allowed = ", ".join(LEVELS)
-            raise InputError(f"{self.said('level')} {self.level!r}: give one of {allowed}")
-        if self.form is not None and not 1 <= self.form <= HIGHEST_DEGREE:
-            named = self.said(f"form {self.form}")
-            raise InputError(f"{named}: give a degree from 1 to {HIGHEST_DEGREE}")
+        self.kept_heights()
+        self.cutoffs()
+        wrong = {
+            f"despike {self.despike}": self.despike is not None and not 0 < self.despike < math.inf,
+            f"level {self.level!r}": bool(self.level) and self.level not in LEVELS,
+            f"form {self.form}": self.form is not None and not 1 <= self.form <= HIGHEST_DEGREE,
+            f"downsample {self.downsample}": self.downsample is not None and self.downsample < 2,
+        }
+        advice = {
+            "despike": "a number above 0, as 7",
+            "level": f"one of {', '.join(LEVELS)}",
+            "form": f"a degree from 1 to {HIGHEST_DEGREE}",
+            "downsample": "a whole number of 2 or more",
+        }
+        for phrase in (phrase for phrase, is_wrong in wrong.items() if is_wrong):
+            raise InputError(f"{self.said(phrase)}: give {advice[phrase.partition(' ')[0]]}")
         if self.level and self.form is not None:
             both = f"{self.said(f'level {self.level}')} and {self.said(f'form {self.form}')}"
-            raise InputError(
-                f"{both} given: give one, a form of degree 1 is a plane and one of degree 2 a"
-                " quadratic"
-            )
-        if self.downsample is not None and self.downsample < 2:
-            named = self.said(f"downsample {self.downsample}")
-            raise InputError(f"{named}: give a whole number of 2 or more")
+            raise InputError(f"{both} given: give one; forms of degree 1 and 2 are levels too")
 
     @property
     def followed(self) -> frozenset[str]:
@@ -349,7 +291,6 @@ def markdown_table() -> str:
     """Write the steps of the preparation as a table in Markdown."""
     lines = ["| option | what it does |", "|---|---|"]
     for name, key in keys("preparation").items():
-        if key.meaning:
-            option = f"{said(name, 'option')} {key.example}".rstrip()
-            lines.append(f"| `{option}` | {key.meaning} |")
+        option = f"{said(name, 'option')} {key.metavar}".rstrip()
+        lines.append(f"| `{option}` | {key.help} |")
     return "\n".join(lines)

@@ -44,14 +44,12 @@ def test_settings_within_their_ranges_are_taken() -> None:
 
 
 REFUSED: list[tuple[dict[str, Any], str]] = [
-    *(({"mask": text}, "--mask") for text in (":", "5", "a:b", "3:-5", "2:2", "nan:1", "1:2:3")),
-    *(({"mask": text}, "--mask") for text in ("-inf:1", "9" * 400, "1:" + "9" * 400)),
-    *(({"filter": text}, "--filter") for text in (":", "5", "x:", "80:2", "0:8", "-1:8", ":0")),
-    *(({"filter": text}, "--filter") for text in ("inf:", ":nan", "1:2:3", "5:5", "2,5:8")),
-    *(({"despike": number}, "--despike") for number in (0.0, -3.0, float("nan"), float("inf"))),
-    *(({"form": degree}, "--form") for degree in (0, -1, 21, 10**9)),
-    *(({"downsample": nodes}, "--downsample") for nodes in (1, 0, -2)),
-    *(({"level": level}, "--level") for level in ("up", "Plane", "0")),
+    *(({"mask": text}, "--mask") for text in ("5", "a:b", "3:-5", "nan:1", "1:2:3", "9" * 400)),
+    *(({"filter": text}, "--filter") for text in (":", "80:2", "0:8", "inf:")),
+    *(({"despike": number}, "--despike") for number in (0.0, float("nan"))),
+    *(({"form": degree}, "--form") for degree in (0, 21)),
+    ({"downsample": 1}, "--downsample"),
+    ({"level": "up"}, "--level"),
     ({"level": "plane", "form": 3}, "--level plane and --form 3"),
 ]
 
@@ -86,4 +84,4 @@ def test_commands_scenes_and_the_manual_have_every_key(
         for name, key in keys(table).items():
             assert said(name, "option") in described
             assert model.model_fields[name].description == key.allowed
-            assert not key.meaning or f"| `{said(name, 'option')}" in markdown_table()
+            assert table == "reading" or f"| `{said(name, 'option')}" in markdown_table()
