@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from bem.problem import Boundary
-from gen.maps.doubts import surface_warnings
-from gen.maps.prepare import prepare
+from gen.maps.prepare import prepare, surface_warnings
 from gen.maps.read import OWN_SUFFIXES, Topography, read
 from gen.maps.settings import Reading
 from gen.runtime.errors import InputError

@@ -40,8 +40,8 @@ def describe(
     from gen.display import surfaces
     from gen.maps.areal import areal_parameters
     from gen.maps.bodies import surface_of
-    from gen.maps.doubts import surface_warnings
     from gen.maps.pictures import draw_surface
+    from gen.maps.prepare import surface_warnings
     from gen.maps.self_affine import fit_self_affine, radial_spectrum
     from gen.runtime.documents import write_csv
 
@@ -155,7 +155,7 @@ def contact(
         solve_loads,
         write_flattened,
     )
-    from gen.maps.doubts import surface_warnings
+    from gen.maps.prepare import surface_warnings
     from gen.material import Bodies
     from gen.runtime.documents import write_csv
 

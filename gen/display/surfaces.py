@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gen.maps.areal import PARAMETERS
-from gen.maps.doubts import tilt
+from gen.maps.prepare import tilt
 from gen.runtime.terminal import RunProgress, echo, print_columns
 from gen.schema import statistics_columns
 

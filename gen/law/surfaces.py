@@ -11,7 +11,7 @@ from bem.problem import Boundary
 from gen.arrays import Values
 from gen.distribution import LogUniform, limits
 from gen.maps.bodies import Opposite, composite
-from gen.maps.doubts import surface_warnings
+from gen.maps.prepare import surface_warnings
 from gen.maps.read import Topography
 from gen.maps.settings import Reading
 from gen.material import plane_strain_modulus

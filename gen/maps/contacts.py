@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from gen.maps.doubts import is_tilted
+from gen.maps.prepare import is_tilted
 from gen.maps.read import Topography
 from gen.material import Bodies
 from gen.runtime import memory

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 from bem.problem import Boundary
 from gen import cli
-from gen.maps.doubts import surface_warnings, tilt
 from gen.maps.filters import filled_harmonically
 from gen.maps.prepare import (
     despiked,
@@ -23,6 +22,8 @@ from gen.maps.prepare import (
     prepare,
     require_useful_heights,
     resampled,
+    surface_warnings,
+    tilt,
     without_form,
 )
 from gen.maps.read import Topography
