@@ -1,6 +1,6 @@
 """Prepare a measured topography for contact: only the steps that the user asks for, recorded.
 
-Reasons to distrust what is left are its tilt, a spike, its slopes, borders that differ, a lost unit.
+Reasons to distrust what is left are a tilt, a spike, slopes, borders that differ, a lost unit.
 """
 
 from __future__ import annotations
