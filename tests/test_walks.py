@@ -8,6 +8,8 @@ import os
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from types import FrameType
 from typing import Any, NamedTuple
@@ -58,40 +60,31 @@ COROUTINE_OR_GENERATOR = 0x20
 UNNAMED = {"<module>", "<genexpr>", "<listcomp>", "<dictcomp>", "<setcomp>", "<lambda>"}
 
 
-class Walk:
-    """Counts what is called inside a `with` block."""
+def counted(walk: Callable[[], None]) -> Counts:
+    """Count what a walk calls of ours."""
+    root = str(Path(__file__).parents[1]) + os.sep
+    modules, functions, on_stack, depth = set(), set(), 0, 0
 
-    def __enter__(self) -> "Walk":
-        self._root = str(Path(__file__).parents[1]) + os.sep
-        self._modules: set[str] = set()
-        self._functions: set[tuple[str, str]] = set()
-        self._on_stack = self._depth = 0
-        sys.setprofile(self._look)
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        sys.setprofile(None)
-
-    def _look(self, frame: FrameType, event: str, _: object) -> None:
+    def look(frame: FrameType, event: str, _: object) -> None:
+        nonlocal on_stack, depth
         code = frame.f_code
-        if event not in {"call", "return"} or not code.co_filename.startswith(self._root):
+        if event not in {"call", "return"} or not code.co_filename.startswith(root):
             return
-        module = code.co_filename[len(self._root) :]
+        module = code.co_filename[len(root) :]
         hidden = code.co_name in UNNAMED or code.co_flags & COROUTINE_OR_GENERATOR
         if Path(module).parts[0] not in PACKAGES or hidden:
             return
-        if event == "return":
-            self._on_stack = max(0, self._on_stack - 1)
-            return
-        self._on_stack += 1
-        self._depth = max(self._depth, self._on_stack)
-        self._modules.add(module)
-        self._functions.add((module, getattr(code, "co_qualname", code.co_name)))
+        on_stack = max(0, on_stack + (1 if event == "call" else -1))
+        depth = max(depth, on_stack)
+        modules.add(module)
+        functions.add((module, getattr(code, "co_qualname", code.co_name)))
 
-    @property
-    def counts(self) -> Counts:
-        """What was counted."""
-        return Counts(len(self._modules), len(self._functions), self._depth)
+    sys.setprofile(look)
+    try:
+        walk()
+    finally:
+        sys.setprofile(None)
+    return Counts(len(modules), len(functions), depth)
 
 
 def run(name: str) -> None:
@@ -119,40 +112,29 @@ def walk_all() -> dict[str, Counts]:
     found = {}
     for name in MOST:
         run(name)
-        with Walk() as walk:
-            run(name)
-        found[name] = walk.counts
+        found[name] = counted(partial(run, name))
     return found
 
 
 @pytest.fixture(scope="module")
-def counted() -> Any:
+def walked() -> Any:
     """Counts of a fresh process, whose caches no other test has filled."""
     pytest.importorskip("sklearn")
-    done = subprocess.run(
-        [sys.executable, __file__],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=300,
-    )
+    command = [sys.executable, __file__]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout.splitlines()[-1])
 
 
 @pytest.mark.parametrize("name", MOST)
-def test_a_main_path_passes_few_rooms(counted: Any, name: str) -> None:
-    counts = Counts(*counted[name])
+def test_a_main_path_passes_few_rooms(walked: Any, name: str) -> None:
+    counts = Counts(*walked[name])
     over = [each for each in Counts._fields if getattr(counts, each) > getattr(MOST[name], each)]
     assert not over, f"{name}: {counts}, and at most {MOST[name]}"
 
 
 if __name__ == "__main__":
-    sys.path[0] = str(
-        Path(__file__).parents[1]
-    )  # not tests/, whose folders have our packages' names
+    sys.path[0] = str(Path(__file__).parents[1])  # tests/ has folders of our packages' names
     with tempfile.TemporaryDirectory() as empty:
         os.chdir(empty)
-        walked = walk_all()
-    sys.stdout.write(json.dumps(walked) + "\n")
-    sys.stdout.flush()
+        sys.stdout.write(json.dumps(walk_all()) + "\n")
