@@ -49,15 +49,7 @@ class Ended:
 
 
 class Run:
-    """A run under way; a context manager that leaves no process behind.
-
-    Parameters
-    ----------
-    folder : where it works
-    ranks : processes under mpiexec; 0 runs alone, without MPI
-    arguments : of the program
-    program : what Python runs
-    """
+    """A run under way, alone (no ranks) or under mpiexec; on leaving, no process is left behind."""
 
     def __init__(
         self, folder: Path, ranks: int, *arguments: str, program: tuple[str, ...] = PROGRAM
@@ -103,10 +95,7 @@ class Run:
     def send(self, victim: str, number: int) -> bool:
         """Send a signal; say whether the victim was there to get it.
 
-        Parameters
-        ----------
-        victim : "launcher" (which a run alone is, too), "everybody", or a rank as text
-        number : of the signal
+        The victim is "launcher" (which a run alone is, too), "everybody", or a rank as text.
         """
         targets = self._targets(victim)
         while not targets and self.alive():  # ranks take a moment to start
@@ -178,28 +167,22 @@ def _environment() -> dict[str, str]:
 def _rank(process: int) -> str:
     """The rank of a process as text; "" if it has none."""
     try:
-        variables = Path(f"/proc/{process}/environ").read_bytes().split(b"\0")
+        variables = Path(f"/proc/{process}/environ").read_text(errors="replace").split("\0")
         executable = Path(f"/proc/{process}/comm").read_text()
     except OSError:
         return ""
     if not executable.startswith("python"):  # some launchers start a rank through a shell
         return ""
-    for variable in variables:
-        name, _, value = variable.decode(errors="replace").partition("=")
-        if name in RANKS:
-            return value
-    return ""
+    named = (variable.partition("=") for variable in variables)
+    return next((value for name, _, value in named if name in RANKS), "")
 
 
 def _descendants(ancestor: int) -> Iterator[int]:
     """All processes that a process has started, directly or through others."""
     parents: dict[int, list[int]] = {}
-    for entry in Path("/proc").iterdir():
-        if entry.name.isdecimal():
-            try:
-                fields = (entry / "stat").read_text().rpartition(")")[2].split()
-            except OSError:
-                continue
+    for entry in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError):
+            fields = (entry / "stat").read_text().rpartition(")")[2].split()
             parents.setdefault(int(fields[1]), []).append(int(entry.name))
     waiting = [ancestor]
     while waiting:

@@ -22,6 +22,8 @@ PACKAGES = ("munge", "slurmctld", "slurmd", "slurm-client", "libpmix2")
 WAIT = 180.0
 """Seconds after which a state of a job that should come counts as never coming."""
 
+Parameters = Mapping[str, object] | None
+
 FINAL = {"COMPLETED", "FAILED", "CANCELLED", "TIMEOUT", "NODE_FAIL", "OUT_OF_MEMORY"}
 
 CONFIGURATION = """\
@@ -63,17 +65,11 @@ def missing() -> list[str]:
 
 
 def install() -> None:
-    """Install Slurm from Debian's packages, as root, without starting its services.
-
-    Raises
-    ------
-    OSError, subprocess.SubprocessError
-        If that is impossible here.
-    """
+    """Install Slurm from Debian's packages, as root, without starting its services."""
     if os.getuid() != 0:
         raise PermissionError("only root can install packages")
     policy = Path("/usr/sbin/policy-rc.d")
-    before = (policy.read_bytes(), policy.stat().st_mode) if policy.exists() else None
+    before = policy.read_bytes() if policy.exists() else None
     policy.write_text("#!/bin/sh\nexit 101\n")
     policy.chmod(0o755)
     quiet = os.environ | {"DEBIAN_FRONTEND": "noninteractive"}
@@ -84,11 +80,7 @@ def install() -> None:
                 [*apt, *arguments], env=quiet, capture_output=True, timeout=300, check=True
             )
     finally:
-        if before is None:
-            policy.unlink()
-        else:
-            policy.write_bytes(before[0])
-            policy.chmod(before[1])
+        policy.unlink() if before is None else policy.write_bytes(before)
 
 
 class Cluster:
@@ -120,55 +112,50 @@ class Cluster:
         """Cancel what runs and end the daemons."""
         self._stop()
 
-    def sbatch(
-        self, *arguments: object, folder: Path, parameters: Mapping[str, object] | None = None
-    ) -> str:
+    def sbatch(self, *arguments: object, folder: Path, parameters: Parameters = None) -> str:
         """Submit a job from a folder, with parameters in the environment; return its number."""
         return self.ask("sbatch", "--parsable", *arguments, folder=folder, parameters=parameters)
 
     def ask(
-        self,
-        *command: object,
-        folder: Path | None = None,
-        parameters: Mapping[str, object] | None = None,
+        self, *command: object, folder: Path | None = None, parameters: Parameters = None
     ) -> str:
         """Run one of Slurm's commands, or a script of them, and return what it prints."""
-        given = {name: str(value) for name, value in (parameters or {}).items()}
-        done = subprocess.run(
-            [str(word) for word in command],
+        done = self._run([str(word) for word in command], folder, parameters)
+        assert done.returncode == 0, f"{command}: {done.stderr}"
+        return done.stdout.strip()
+
+    def _run(
+        self, command: list[str], folder: Path | None = None, parameters: Parameters = None
+    ) -> "subprocess.CompletedProcess[str]":
+        return subprocess.run(
+            command,
             cwd=folder or self.folder,
-            env=self._environment | given,
+            env=self._environment
+            | {name: str(value) for name, value in (parameters or {}).items()},
             capture_output=True,
             text=True,
             timeout=WAIT,
             check=False,
         )
-        assert done.returncode == 0, f"{command}: {done.stderr}"
-        return done.stdout.strip()
 
     def job(self, number: str) -> dict[str, str]:
         """What `scontrol show job` says about a job, key by key."""
         words = self.ask("scontrol", "--oneliner", "show", "job", number).split()
         return dict(word.split("=", 1) for word in words if "=" in word)
 
-    def wait(self, number: str, seconds: float = WAIT) -> dict[str, str]:
+    def wait(self, number: str) -> dict[str, str]:
         """Wait for the end of a job, requeued or not; return what Slurm says about it."""
-        self.wait_until(lambda: self.job(number)["JobState"] in FINAL, f"job {number}", seconds)
+        self.wait_until(lambda: self.job(number)["JobState"] in FINAL, f"job {number}")
         return self.job(number)
 
-    def wait_until(
-        self,
-        condition: Callable[[], bool],
-        what: str,
-        seconds: float = WAIT,
-        every: float = 0.2,
-    ) -> None:
+    def wait_until(self, condition: Callable[[], bool], what: str, every: float = 0.2) -> None:
         """Wait for something, within limits."""
-        limit = time.monotonic() + seconds
+        limit = time.monotonic() + WAIT
         while not condition():
             if time.monotonic() > limit:
-                queue = self.ask("squeue", "--all", "--long")
-                raise AssertionError(f"waited {seconds} s in vain for {what}:\n{queue}")
+                logs = "".join(path.read_text()[-2000:] for path in self.folder.glob("*.log"))
+                queue = self._run(["squeue", "--all", "--long"]).stdout
+                raise AssertionError(f"waited {WAIT} s in vain for {what}:\n{queue}{logs}")
             time.sleep(every)
 
     def _start(self) -> None:
@@ -189,30 +176,15 @@ class Cluster:
         munge |= {"log-file": "munge.log", "seed-file": "munge.seed"}
         options = [f"--{option}={folder / name}" for option, name in munge.items()]
         self._launch("munged", "--foreground", "--force", *options)
-        self._wait_for_daemon((folder / "munge.sock").exists, "munged")
+        self.wait_until((folder / "munge.sock").exists, "munged")
         self._launch("slurmctld", "-D", "-c")
         for node in ("n1", "n2"):
             self._launch("slurmd", "-D", "-N", node)
-        self._wait_for_daemon(self._two_idle_nodes, "two idle nodes")
+        self.wait_until(self._two_idle_nodes, "two idle nodes")
 
     def _two_idle_nodes(self) -> bool:
-        sinfo = subprocess.run(
-            ["sinfo", "--noheader", "--Node", "--format=%T"],
-            env=self._environment,
-            capture_output=True,
-            text=True,
-            timeout=WAIT,
-            check=False,
-        )
+        sinfo = self._run(["sinfo", "--noheader", "--Node", "--format=%T"])
         return sinfo.stdout.split() == ["idle", "idle"]
-
-    def _wait_for_daemon(self, condition: Callable[[], bool], what: str) -> None:
-        limit = time.monotonic() + WAIT
-        while not condition():
-            if time.monotonic() > limit:
-                logs = "".join(path.read_text()[-2000:] for path in self.folder.glob("*.log"))
-                raise AssertionError(f"waited {WAIT} s in vain for {what}:\n{logs}")
-            time.sleep(0.1)
 
     def _launch(self, *command: str) -> None:
         log = (self.folder / f"{len(self._processes)}-{command[0]}.log").open("wb")
@@ -224,11 +196,7 @@ class Cluster:
 
     def _stop(self) -> None:
         if len(self._processes) == 4:
-            user = getpass.getuser()
-            scancel = ["scancel", "--full", "--signal=KILL", f"--user={user}"]
-            subprocess.run(
-                scancel, env=self._environment, capture_output=True, timeout=WAIT, check=False
-            )
+            self._run(["scancel", "--full", "--signal=KILL", f"--user={getpass.getuser()}"])
         for process in reversed(self._processes):
             process.terminate()
         for process in self._processes:
