@@ -3,7 +3,7 @@
 import csv
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,7 +23,7 @@ from gen.runtime.terminal import brief, echo, print_table, to_type
 from learn.features import Undefined
 from learn.features.sets import STATISTICS
 from learn.surrogate import flag
-from learn.surrogate.model import Prediction, Surrogate
+from learn.surrogate.model import Prediction, Rows, Surrogate
 
 REASONS = 12
 """Reasons that are printed at most."""
@@ -94,42 +94,48 @@ def answers(
             table = read_table(path, question.reading.side)
             yield from _rows(surrogate, table.name, _of_table(surrogate, table, question))
         else:
-            topography, warnings = read_surface(path, question.reading, surrogate.boundary)
-            if question.deltas is None:
-                raise InputError(f"{path}: give --delta, the far-field displacement in um")
-            say(f"{path}: {'; '.join(topography.steps)}")
-            for line in warnings:
-                say(f"  warning: {line}")
-            on_surface = surrogate.for_surface(topography.heights, topography.sides, str(path))
-            try:
-                prediction = on_surface.predict(
-                    question.deltas,
-                    e_star=question.e_star,
-                    hardness=question.hardness,
-                    level=question.level,
-                    std=True,
-                )
-            except Undefined as error:
-                if len(files) == 1:
-                    raise
-                say(f"  warning: {error}: no prediction")
-                reason = on_surface.surface.description.reason
-                prediction = _unpredicted(surrogate, question.deltas, (UNDEFINED.format(reason),))
-            yield from _rows(surrogate, str(path), prediction, warnings)
+            yield from _of_surface(surrogate, path, question, say, alone=len(files) == 1)
 
 
-def _unpredicted(surrogate: Surrogate, delta: Values, reasons: tuple[str, ...]) -> Prediction:
-    """Return NaN for rows that lack statistics, with the reason, or the reasons, of the rows."""
+def _of_surface(
+    surrogate: Surrogate,
+    path: Path,
+    question: Question,
+    say: Callable[[str], None],
+    *,
+    alone: bool,
+) -> Iterator[Row]:
+    """Predict a surface; one whose statistics are undefined has no values, and is refused alone."""
+    topography, warnings = read_surface(path, question.reading, surrogate.boundary)
+    if question.deltas is None:
+        raise InputError(f"{path}: give --delta, the far-field displacement in um")
+    say(f"{path}: {'; '.join(topography.steps)}")
+    for line in warnings:
+        say(f"  warning: {line}")
+    on_surface = surrogate.for_surface(topography.heights, topography.sides, str(path))
+    ratio = flag.hardness_ratio(surrogate.card, question.hardness, question.e_star)
+    try:
+        rows = on_surface.rows(question.deltas, ratio)
+    except Undefined as error:
+        if alone:
+            raise
+        say(f"  warning: {error}: no prediction")
+        reason = UNDEFINED.format(on_surface.surface.description.reason)
+        rows = _unknown(surrogate, question.deltas, (reason,))
+    yield from _rows(surrogate, str(path), _predicted(surrogate, rows, question), warnings)
 
-    def nothing(names: Iterable[str]) -> dict[str, Values]:
-        return {name: np.full(delta.size, np.nan) for name in names}
 
-    learnt = surrogate.learnt
-    spread = [name for name, each in learnt.items() if each.has_spread]
-    reasons = reasons * (delta.size // len(reasons))
-    return Prediction(
-        delta, nothing(learnt), nothing(learnt), nothing(learnt), nothing(spread), reasons
+def _unknown(surrogate: Surrogate, delta: Values, notes: tuple[str, ...]) -> Rows:
+    """Return rows without statistics and features, of which nothing is predicted."""
+    inputs, statistics = (
+        np.full((delta.size, width), np.nan) for width in (surrogate.low.size, len(STATISTICS))
     )
+    return Rows(inputs, statistics, delta, 1.0, notes)
+
+
+def _predicted(surrogate: Surrogate, rows: Rows, question: Question) -> Prediction:
+    """Predict rows of features as it is asked."""
+    return surrogate.predict_rows(rows, e_star=question.e_star, level=question.level, std=True)
 
 
 def _of_table(surrogate: Surrogate, table: Table, question: Question) -> Prediction:
@@ -149,38 +155,41 @@ def _of_table(surrogate: Surrogate, table: Table, question: Question) -> Predict
     rows = np.repeat(np.arange(len(table.statistics)), repeated)
     delta = table.delta if deltas is None else np.tile(deltas, len(table.statistics))
     assert delta is not None
-    unknown = np.isnan(table.sides).any()
-    if unknown and surrogate.features.scaled:
+    if np.isnan(table.sides).any() and surrogate.features.scaled:
         raise InputError(f"{table.name}: names no sides: give --side, the scan length in um")
     known = ~np.isnan(table.statistics[rows]).any(axis=1)
     if not known.any():
         raise InputError(f"{table.name}: every row lacks statistics: nothing can be predicted")
-    predicted = _of_known(surrogate, table, question, rows[known], delta[known])
-    if known.all():
-        return predicted
-    reasons = np.full(known.size, UNDEFINED.format("nan in the table"), dtype=object)
-    reasons[known] = predicted.reasons
-    whole = _unpredicted(surrogate, delta, tuple(reasons.tolist()))
-    for name in ("values", "low", "high", "std"):
-        for target, numbers in getattr(predicted, name).items():
-            getattr(whole, name)[target][known] = numbers
-    return whole
+    ready = _features_of(surrogate, table, question, rows[known], delta[known])
+    notes = np.full(known.size, UNDEFINED.format("nan in the table"), dtype=object)
+    notes[known] = ready.notes
+    whole = _unknown(surrogate, delta, tuple(notes.tolist()))
+    whole.inputs[known], whole.statistics[known] = ready.inputs, ready.statistics
+    length = _lengths(table, rows)
+    return _predicted(
+        surrogate,
+        whole._replace(length=length, hardness_ratio=ready.hardness_ratio),
+        question,
+    )
 
 
-def _of_known(
+def _lengths(table: Table, rows: Indices) -> Values:
+    """Return the scan lengths of some rows, (n,), the geometric means of both sides [um]."""
+    return np.asarray(np.sqrt(table.sides[rows, 0] * table.sides[rows, 1]))
+
+
+def _features_of(
     surrogate: Surrogate, table: Table, question: Question, rows: Indices, delta: Values
-) -> Prediction:
-    """Predict rows of a table that have all statistics."""
+) -> Rows:
+    """Return the features of rows of a table that have all statistics."""
     notes = tuple(_note(surrogate, table, int(row)) for row in rows)
-    length = np.sqrt(table.sides[rows, 0] * table.sides[rows, 1])
     try:
         ratio = flag.hardness_ratio(surrogate.card, question.hardness, question.e_star)
         nodes = np.sqrt(table.nodes[rows].prod(axis=1))
-        statistics = table.statistics[rows]
-        ready = surrogate.of_statistics(statistics, delta, length, notes, ratio, nodes)
+        statistics, lengths = table.statistics[rows], _lengths(table, rows)
+        return surrogate.of_statistics(statistics, delta, lengths, notes, ratio, nodes)
     except InputError as error:
         raise InputError(f"{table.name}: {error}") from None
-    return surrogate.predict_rows(ready, e_star=question.e_star, level=question.level, std=True)
 
 
 def _note(surrogate: Surrogate, table: Table, row: int) -> str:

@@ -1,7 +1,7 @@
 """The model of one target: scaling, estimator and intervals, with a fast kernel ridge."""
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -60,12 +60,11 @@ class Learnt:
         return np.clip(values, *self.bounds)
 
     def raw(self, inputs: Values) -> Values:
-        """Predict the target over its scale, (n,), at the features, (n, d)."""
+        """Predict the target over its scale, (n,), at the features, (n, d); NaN where one is."""
         if self.clip is not None:
             inputs = np.clip(inputs, *self.clip)
         with np.errstate(over="ignore", invalid="ignore"):  # said by `predict_rows`, row by row
-            predicted = [self._predict(part) for part in _parts(inputs)]
-            return self.scaling.restored(np.concatenate(predicted))
+            return self.scaling.restored(_by_parts(self._predict, inputs))
 
     def ends(self, inputs: Values, raw: Values, level: float) -> tuple[Values, Values]:
         """Return both ends, each (n,), of the interval over the scale around `raw` predictions."""
@@ -111,12 +110,13 @@ class Learnt:
         process = self.pipeline.named_steps[STEP]
         if process.L_ is None:
             process.L_ = _factor(process)
+
+        def deviations(part: Values) -> Values:
+            return np.asarray(self.pipeline.predict(part, return_std=True)[1]).reshape(-1)
+
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # variances below 0 by rounding become 0
-            deviations = [
-                self.pipeline.predict(part, return_std=True)[1] for part in _parts(inputs)
-            ]
-        spread = np.concatenate(deviations).reshape(-1) * self.scaling.deviation
+            spread = _by_parts(deviations, inputs) * self.scaling.deviation
         if not self.scaling.root:
             return spread
         # The deviation of the square of a normally distributed number with this spread.
@@ -147,6 +147,11 @@ def _factor(process: Any) -> Values:
         raise InputError(f"the surrogate's Gaussian process is none: {error}") from None
 
 
-def _parts(inputs: Values) -> list[Values]:
-    """Cut rows into one or more parts."""
-    return [inputs[start : start + PART] for start in range(0, max(len(inputs), 1), PART)]
+def _by_parts(predict: Callable[[Values], Values], inputs: Values) -> Values:
+    """Predict rows without NaN, (n,), some at a time; NaN for the others."""
+    found = np.full(len(inputs), np.nan)
+    known = np.flatnonzero(~np.isnan(inputs).any(axis=1))
+    for start in range(0, known.size, PART):
+        rows = known[start : start + PART]
+        found[rows] = predict(inputs[rows])
+    return found

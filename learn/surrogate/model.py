@@ -336,6 +336,7 @@ class Surrogate:
         ratio = 1.0 if e_star is None else e_star / self.modulus
         said = list(self._reasons(rows) if reasons else ("",) * len(rows.delta))
         prediction = Prediction(rows.delta.copy(), {})
+        known = ~np.isnan(rows.inputs).any(axis=1)
         for name, learnt in self.learnt.items():
             scale = target_scale(
                 self.features, learnt.column, rows.statistics, rows.delta, rows.length, self.modulus
@@ -345,7 +346,7 @@ class Surrogate:
             raw = learnt.raw(rows.inputs)
             with np.errstate(over="ignore", invalid="ignore"):
                 raw[~np.isfinite(raw * scale)] = np.nan
-            for row in np.flatnonzero(np.isnan(raw)):
+            for row in np.flatnonzero(np.isnan(raw) & known):
                 said[row] = flag.joined(f"the surrogate has no finite {name}", said[row])
             prediction.values[name] = learnt.within(raw * scale)
             if level is not None:
