@@ -1,6 +1,6 @@
 """The model card: data, settings, scores, intervals and training ranges of a surrogate."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
@@ -49,12 +49,18 @@ def make(
     boundary = scene.contact.boundary
     features = features_of(scenes, request.features, roots=request.roots, blocks=request.blocks)
     (model,) = request.models
+    sometimes = {
+        "roots": features.rooted,
+        "blocks": features.blocks,
+        "boundary": boundary if boundary != "free" else "",
+        "hardness_ratio": None if limits is None else list(limits),
+        "elastic": features.elastic,
+        "databases": databases(rows) if len(scenes) > 1 else [],
+    }
     return {
         "title": f"{MODELS[model].title} for {', '.join(request.targets)}",
         "model": model,
         "features": features.name,
-        **({"roots": True} if features.rooted else {}),
-        **({"blocks": features.blocks} if features.blocks else {}),
         "columns": [list(pair) for pair in zip(features.columns, features.units, strict=True)],
         "normalisation": request.normalisation,
         "targets": judged,
@@ -63,10 +69,7 @@ def make(
         "side": list(scene.sides),
         "spacing": list(scene.spacing),
         "modulus": modulus(scene),
-        **({} if boundary == "free" else {"boundary": boundary}),
-        **({} if limits is None else {"hardness_ratio": list(limits)}),
-        **({"elastic": True} if features.elastic else {}),
-        **({"databases": databases(rows)} if len(scenes) > 1 else {}),
+        **{name: value for name, value in sometimes.items() if value},
         "delta": _ends(rows.described[train, 0]),
         "area_max": request.area_max,
         "rows": {
@@ -85,10 +88,9 @@ def make(
 
 def databases(rows: Dataset) -> list[dict[str, Any]]:
     """Return an entry of the card for each database: rows, generator and grid."""
-    found = []
-    for origin in rows.origins:
-        scene = Scene.from_text(origin.scene)
-        entry = {
+    scenes = [Scene.from_text(origin.scene) for origin in rows.origins]
+    return [
+        {
             "database": origin.database,
             "sha256": origin.sha256,
             "rows": origin.rows,
@@ -97,15 +99,14 @@ def databases(rows: Dataset) -> list[dict[str, Any]]:
             "side": list(scene.sides),
             "scene": origin.scene,
         }
-        found.append(entry)
-    return found
+        for origin, scene in zip(rows.origins, scenes, strict=True)
+    ]
 
 
 def judge(learnt: Learnt, rows: Dataset, test: Indices) -> dict[str, Any]:
     """Score the model of a target and its intervals on the test rows, in the target's unit."""
     raw, scale = learnt.raw(rows.inputs[test]), rows.scale[test]
     truth = rows.target[test]
-    scored = vars(scores(truth * scale, learnt.within(raw * scale)))
     covered = []
     for level in LEVELS:
         share, *ends = learnt.calibration.coverage(raw, truth, level, rows.inputs[test])
@@ -118,10 +119,21 @@ def judge(learnt: Learnt, rows: Dataset, test: Indices) -> dict[str, Any]:
         "column": learnt.column,
         "unit": learnt.unit,
         "range": _ends(truth * scale),
-        "scores": {name: float(value) for name, value in scored.items()},
+        "scores": _scores_of(learnt, raw, truth, scale),
         "intervals": covered,
         "ranges_of_prediction": int(learnt.calibration.borders.size + 1),
     }
+
+
+def left_out(learnt: Learnt, rows: Dataset, crossed: Values) -> dict[str, float]:
+    """Score predictions of training rows over their scale, (n,), by models without their groups."""
+    return _scores_of(learnt, crossed, rows.target, rows.scale)
+
+
+def _scores_of(learnt: Learnt, raw: Values, truth: Values, scale: Values) -> dict[str, float]:
+    """Return scores of predictions of a truth, both over their scale, each (n,) [%]."""
+    found = scores(truth * scale, learnt.within(raw * scale))
+    return {name: float(value) for name, value in vars(found).items()}
 
 
 def _by_database(learnt: Learnt, rows: Dataset, test: Indices) -> list[dict[str, Any]]:
@@ -143,30 +155,37 @@ def _by_database(learnt: Learnt, rows: Dataset, test: Indices) -> list[dict[str,
     return found
 
 
-def left_out(learnt: Learnt, rows: Dataset, crossed: Values) -> dict[str, float]:
-    """Score predictions of training rows, (n,), by models that have not seen their groups [%].
+def show(card: Mapping[str, Any], low: Values, high: Values) -> None:
+    """Print a card with its tables, with the training ranges of the features, each end (d,).
 
-    The predictions are over their scale.
+    InputError is raised if an entry of the card is missing, so that the file is not from
+    `learn fit`.
     """
-    predicted = learnt.within(crossed * rows.scale)
-    found = scores(rows.target * rows.scale, predicted)
-    return {name: float(value) for name, value in vars(found).items()}
+    from gen.runtime.terminal import echo, print_table
+
+    try:
+        texts = list(lines(card))
+        tables = [_scores(card), _intervals(card), _ranges(card, low, high)]
+        if "databases" in card:
+            tables.insert(0, _databases(card))
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
+        fault = printable(f"{type(error).__name__}: {error}")
+        raise InputError(f"the surrogate's card is not whole ({fault}): fit it anew") from None
+    for text in texts:
+        echo(text)
+    for table in tables:
+        print_table(table, WIDTH)
 
 
 def lines(card: Mapping[str, Any]) -> Iterator[str]:
     """Yield the lines of a card, without its tables."""
     yield f"{card['title']}, {card['features']} features, normalised: {card['normalisation']}"
     rows, by = card["rows"], card["rows"].get("split_by", "surface")
-    left_out = sum(rows["left_out"].values())
     yield (
         f"rows      {rows['train']} trained, {rows['calibration']} calibrated, {rows['test']}"
-        f" tested (split by {by}, seed {card['seed']}); {left_out} left out"
+        f" tested (split by {by}, seed {card['seed']}); {sum(rows['left_out'].values())} left out"
     )
-    limit = "" if card["area_max"] is None else f", areas to {card['area_max']:g} %"
-    yield (
-        f"trained   on {_patch(card)}, Delta {card['delta'][0]:.4g} to {card['delta'][1]:.4g} um,"
-        f" E* {card['modulus']:g} MPa{limit}{_hardness(card)}{_boundary(card)}"
-    )
+    yield f"trained   on {_training(card)}"
     for name, target in card["targets"].items():
         settings = ", ".join(f"{key}={value}" for key, value in target["settings"].items())
         yield f"{name:9} {settings} ({target['settings_from']})"
@@ -175,30 +194,45 @@ def lines(card: Mapping[str, Any]) -> Iterator[str]:
             yield f"          left out in turn: R2 {r2:.3f} %, nMAE {nmae:.2f} %"
         for remark in target["remarks"]:
             yield f"          warning: {remark}"
-    if said := _calibration(card):
-        yield f"intervals {said}"
+    if "calibration" in card:
+        yield f"intervals {_calibration(card['calibration'], card['rows']['calibration'])}"
     if "grown" in card:
         yield f"grown     {_grown(card['grown'])}"
-    for entry in card.get("databases", []):
+    alone = {**card, "sha256": card["database_sha256"]}
+    for entry in card.get("databases", [alone]):
         yield f"data      {entry['database']}, sha256 {entry['sha256'][:16]}"
         yield f"scene     {entry['scene']}"
-    if "databases" not in card:
-        yield f"data      {card['database']}, sha256 {card['database_sha256'][:16]}"
-        yield f"scene     {card['scene']}"
     named = ", ".join(f"{name} {number}" for name, number in card["versions"].items() if number)
     yield f"versions  {named}"
     yield f"made      {card['made']}, licence {card['licence']}"
 
 
-def _calibration(card: Mapping[str, Any]) -> str:
-    """Say by what intervals are calibrated and what they hold for; "" for held-out rows."""
-    if "calibration" not in card:
-        return ""
-    entry = card["calibration"]
+def _training(card: Mapping[str, Any]) -> str:
+    """Describe patches, loads and bodies of the training."""
+    patches = []
+    for entry in card.get("databases", [card]):
+        (nx, ny), (x, y) = flag.pair(entry, "nodes"), flag.pair(entry, "side")
+        sides = f"side {x:g} um" if x == y else f"sides {x:g} x {y:g} um"
+        patches.append(f"{nx:g} x {ny:g} nodes, {sides}")
+    text = (
+        f"{' and '.join(dict.fromkeys(patches))}, Delta {card['delta'][0]:.4g} to"
+        f" {card['delta'][1]:.4g} um, E* {card['modulus']:g} MPa"
+    )
+    if card["area_max"] is not None:
+        text += f", areas to {card['area_max']:g} %"
+    if (limits := flag.hardness_limits(card)) is not None:
+        also = ", and elastic bodies" if card.get("elastic") else ""
+        text += f", hardness {flag.between(limits)} E*{also}"
+    boundary = flag.boundary_of(card)
+    return text if boundary == "free" else f"{text}, {boundary} boundary"
+
+
+def _calibration(entry: Mapping[str, Any], rows: int) -> str:
+    """Say by what intervals are calibrated and what they hold for."""
     groups, kinds = entry["groups"], f"{entry['kind']}s"
     origin = f" of {entry['database']}" if entry["database"] else ""
     if entry["scheme"] == "ranges":
-        return f"calibrated by {card['rows']['calibration']} rows{origin}: hold for rows like these"
+        return f"calibrated by {rows} rows{origin}: hold for rows like these"
     if entry["scheme"] == "each":
         return (
             f"calibrated on each of {groups} {kinds}{origin}: hold for further surfaces of these"
@@ -220,123 +254,69 @@ def _grown(record: dict[str, Any]) -> str:
     )
 
 
-def _patch(card: Mapping[str, Any]) -> str:
-    """Describe nodes and sides of the training's patches, as many as there are."""
+def _table(title: str, names: str, numbers: str, rows: Iterable[Sequence[object]]) -> "Table":
+    """Make a table of columns of names and of numbers, whose headings are separated by bars."""
+    from rich.table import Table
 
-    def patch(entry: Mapping[str, Any]) -> str:
-        (nx, ny), (x, y) = flag.pair(entry, "nodes"), flag.pair(entry, "side")
-        sides = f"side {x:g} um" if x == y else f"sides {x:g} x {y:g} um"
-        return f"{nx:g} x {ny:g} nodes, {sides}"
-
-    return " and ".join(dict.fromkeys(patch(entry) for entry in card.get("databases", [card])))
-
-
-def _hardness(card: Mapping[str, Any]) -> str:
-    """Describe the hardness of the training; "" for elastic bodies."""
-    limits = card.get("hardness_ratio")
-    also = ", and elastic bodies" if card.get("elastic") else ""
-    return "" if limits is None else f", hardness {flag.between(limits)} E*{also}"
-
-
-def _boundary(card: Mapping[str, Any]) -> str:
-    """Describe the boundary of patches without edges; "" for free ones."""
-    boundary = flag.boundary_of(card)
-    return "" if boundary == "free" else f", {boundary} boundary"
-
-
-def show(card: Mapping[str, Any], low: Values, high: Values) -> None:
-    """Print a card with its tables, with the training ranges of the features, each end (d,).
-
-    InputError is raised if an entry of the card is missing, so that the file is not from `learn
-    fit`.
-    """
-    from gen.runtime.terminal import echo, print_table
-
-    try:
-        texts = list(lines(card))
-        tables = [_scores(card), _intervals(card), _ranges(card, low, high)]
-        if "databases" in card:
-            tables.insert(0, _databases(card))
-    except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
-        fault = printable(f"{type(error).__name__}: {error}")
-        raise InputError(f"the surrogate's card is not whole ({fault}): fit it anew") from None
-    for text in texts:
-        echo(text)
-    for table in tables:
-        print_table(table, WIDTH)
+    table = Table(title=title)
+    for name in names.split("|"):
+        table.add_column(name)
+    for name in numbers.split("|"):
+        table.add_column(printable(name), justify="right")
+    for row in rows:
+        table.add_row(*(printable(str(cell)) for cell in row))
+    return table
 
 
 def _scores(card: Mapping[str, Any]) -> "Table":
-    table = _table("Scores on the test rows [%]", "Target", "Unit")
-    for column in ("from", "to", "nMSE", "nMAE", "nMaxE", "R2"):
-        table.add_column(column, justify="right")
+    rows = []
     for name, target in card["targets"].items():
         scores, (low, high) = target["scores"], target["range"]
         nmse = f"{scores['nmse']:.3f}" if target["column"] == "area_percent" else "-"
         others = (f"{scores[score]:.3f}" for score in ("nmae", "nmaxe", "r2"))
-        ends = f"{low:.4g}", f"{high:.4g}"
-        table.add_row(_plain(name), _plain(target["unit"]), *ends, nmse, *others)
-    return table
+        rows.append((name, target["unit"], f"{low:.4g}", f"{high:.4g}", nmse, *others))
+    title = "Scores on the test rows [%]"
+    return _table(title, "Target|Unit", "from|to|nMSE|nMAE|nMaxE|R2", rows)
 
 
 def _databases(card: Mapping[str, Any]) -> "Table":
     """Return the table of the databases, with scores on the test rows of each."""
-    table = _table("Databases, and scores on their test rows", "Database", "Generator", "Nodes")
-    for column in ("rows", "tested"):
-        table.add_column(column, justify="right")
-    targets = card["targets"]
-    for name in targets:
-        unit = _plain(targets[name]["unit"])
-        table.add_column(f"{_plain(name)}: nMAE [%]", justify="right")
-        table.add_column(f"mean error [{unit}]".replace("[1]", "").strip(), justify="right")
-        table.add_column(f"in {LEVELS[1]:.0%}", justify="right")
+    headings = ["rows", "tested"]
+    for name, target in card["targets"].items():
+        error = "mean error" if target["unit"] == "1" else f"mean error [{target['unit']}]"
+        headings += [f"{name}: nMAE [%]", error, f"in {LEVELS[1]:.0%}"]
+    rows = []
     for place, entry in enumerate(card["databases"]):
-        judged = [target["databases"][place] for target in targets.values()]
+        judged = [target["databases"][place] for target in card["targets"].values()]
         nodes = f"{entry['nodes'][0]:g} x {entry['nodes'][1]:g}"
-        cells = [_plain(entry["database"]), _plain(entry["generator"]), nodes]
-        cells += [f"{entry['rows']}", f"{judged[0]['rows']}"]
+        row = [entry["database"], entry["generator"], nodes, entry["rows"], judged[0]["rows"]]
         for each in judged:
-            known = np.isfinite(each["nmae"])  # older files say inf where a target is always 0
-            cells.append(f"{each['nmae']:.3f}" if known else "-")
-            cells.append(f"{each['mae']:.3g}" if "mae" in each else "-")
-            cells.append(f"{100 * each['coverage']:.1f} %")
-        table.add_row(*cells)
-    return table
+            nmae = f"{each['nmae']:.3f}" if np.isfinite(each["nmae"]) else "-"
+            row += [nmae, f"{each['mae']:.3g}", f"{100 * each['coverage']:.1f} %"]
+        rows.append(row)
+    title = "Databases, and scores on their test rows"
+    return _table(title, "Database|Generator|Nodes", "|".join(headings), rows)
 
 
 def _intervals(card: Mapping[str, Any]) -> "Table":
-    table = _table("Conformal intervals on the test rows", "Target")
-    for column in ("wanted", "covered", "mean width"):
-        table.add_column(column, justify="right")
-    for name, target in card["targets"].items():
-        for each in target["intervals"]:
-            wanted, covered = f"{100 * each['level']:.0f} %", f"{100 * each['coverage']:.1f} %"
-            width = f"{each['mean_width']:.4g} {target['unit']}"
-            table.add_row(_plain(name), wanted, covered, _plain(width))
-    return table
+    rows = [
+        (
+            name,
+            f"{100 * each['level']:.0f} %",
+            f"{100 * each['coverage']:.1f} %",
+            f"{each['mean_width']:.4g} {target['unit']}",
+        )
+        for name, target in card["targets"].items()
+        for each in target["intervals"]
+    ]
+    title = "Conformal intervals on the test rows"
+    return _table(title, "Target", "wanted|covered|mean width", rows)
 
 
 def _ranges(card: Mapping[str, Any], low: Values, high: Values) -> "Table":
-    table = _table("Inputs and their training ranges", "Input", "Unit")
-    for column in ("from", "to"):
-        table.add_column(column, justify="right")
-    for (name, unit), least, most in zip(card["columns"], low, high, strict=True):
-        table.add_row(_plain(name), _plain(unit), f"{least:.5g}", f"{most:.5g}")
-    return table
-
-
-def _table(title: str, *names: str) -> "Table":
-    from rich.table import Table
-
-    table = Table(title=title)
-    for name in names:
-        table.add_column(name)
-    return table
-
-
-def _plain(text: Any) -> str:
-    """Return a text of the file as a cell, without markup and control characters."""
-    return printable(str(text))
+    columns = zip(card["columns"], low, high, strict=True)
+    rows = [(name, unit, f"{least:.5g}", f"{most:.5g}") for (name, unit), least, most in columns]
+    return _table("Inputs and their training ranges", "Input|Unit", "from|to", rows)
 
 
 def _ends(values: Values) -> list[float]:
