@@ -7,7 +7,7 @@
   solve on 33 x 33 blocks (`pytest bench -k features` times them). They have no units either.
 
 Surrogates see more: square roots with both sets without units, and more of the coarse solve with
-`hybrid` (`FeatureSet.with_roots`, `learn.features.sets`).
+`hybrid` (`learn.features.sets.chosen`).
 """
 
 from learn.features.sets import SETS, FeatureSet, chosen

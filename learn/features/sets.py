@@ -1,4 +1,4 @@
-"""The feature sets: their columns, and the formulas from Delta and the 22 statistics to features.
+"""The feature sets: names of columns, of which each has one formula from the numbers of a row.
 
 The scan length L of an oblong patch is the geometric mean of both sides, so that a square of the
 same area has the same L; models learn the shape of the patch from no feature, as all rows of a
@@ -12,22 +12,19 @@ height, which is small for some surfaces, the error of kernel ridge is half as l
 Curvatures are multiplied by L^2 / h and, like the bandwidths, taken as logarithms, because they
 span decades. Densities are per node; the other features are pure numbers.
 
-The hardness adds one number: pressures scale with E* h / L, so the feature is the hardness over
-this pressure. Its logarithm is taken, because it spans decades: on 3,000 rows of the paper's
-surfaces with a hardness from 0.003 to 0.1 E*, kernel ridge without hybrid features then has an nMAE
-of the area of 7.5 %; with the number itself it is 9.1 %, with the logarithm of the hardness over E*
-8.1 %.
+The hardness adds one number: pressures scale with E* h / L, so the feature is the logarithm of the
+hardness over this pressure. (With the number itself, or the hardness over E*, errors are larger.)
 
 The hybrid set adds columns from the heights themselves and from a coarse contact solve. Of 4,000
 rows of the paper preset (kernel ridge, areas to 16.56 %, 2,540 rows train, three splits) those of
 `COARSE` have an nMSE of the area of 0.28 %, with roots 0.26 %. `LOCAL` makes this 0.14 %; the
-shares by Persson's theory alone make it 0.16 %. The number of spots and bearing shares at parts of
-Delta changed nothing and are left out.
+shares by Persson's theory alone make it 0.16 %.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -40,14 +37,14 @@ from gen.schema import statistics_columns
 STATISTICS: tuple[str, ...] = tuple(column.name for column in statistics_columns())
 """The 22 statistics, in the order of the paper's Table 1."""
 
-_UNITS = {column.name: column.unit for column in statistics_columns()}
+_UNITS = {"delta": "um"} | {column.name: column.unit for column in statistics_columns()}
 HEIGHTS = tuple(name for name in STATISTICS if _UNITS[name] == "um")
 CURVATURES = tuple(name for name in STATISTICS if _UNITS[name] == "um-1")
 BANDWIDTHS = ("bandwidth_x", "bandwidth_y")
 PURE = tuple(name for name in STATISTICS if name not in {*HEIGHTS, *CURVATURES, *BANDWIDTHS})
 
 ROOT = "sqrt(delta/h)"
-"""Further inputs of surrogates with dimensionless features, beside the root of the area."""
+"""Further input of surrogates with dimensionless features, beside the root of the area."""
 
 HARDNESS = "hardness/E*"
 """The hardness as a feature of sets with units."""
@@ -61,7 +58,8 @@ contact of bodies that yield has a smaller area; it is 0 for elastic bodies.
 """
 
 NODES = "log2(nodes)"
-"""The nodes along a side as a feature, where grids differ; the geometric mean of both axes."""
+"""The nodes along a side as a feature, where grids differ; the geometric mean of both axes. A
+coarser grid leaves out short waves, and counts a contact in larger cells."""
 
 BLOCKS = 33
 """Blocks per side; on a surface with fewer nodes every node is a block."""
@@ -70,11 +68,13 @@ BLOCK_COUNTS = (BLOCKS, 65)
 """Blocks per side that a user can choose from. A patch without edges has one less: those of 2^k
 nodes a side are then equal, and transforms of their number fast."""
 
+FORCE = "coarse_force/(E*.L.delta)"
+
 COARSE = (
     "bearing_share",
     "bearing_interference/delta",
     "coarse_area_percent",
-    "coarse_force/(E*.L.delta)",
+    FORCE,
     "coarse_displacement/delta",
     "refined_share",
     "refined_interference/delta",
@@ -92,12 +92,14 @@ which nodes are counted."""
 POWERS = (2, 3)
 """Powers of the mean interference of the nodes that stand above the displacement."""
 
-_LOCAL_AREAS = tuple(f"local_area({factor:g}p)" for factor in FACTORS)
-_SHIFTED_SHARES = tuple(f"refined_share({shift:+g}s)" for shift in SHIFTS)
+ROOTED_LOCAL = (
+    *(f"local_area({factor:g}p)" for factor in FACTORS),
+    *(f"refined_share({shift:+g}s)" for shift in SHIFTS),
+)
+"""Columns of `LOCAL` whose square roots surrogates see too."""
 
 LOCAL = (
-    *_LOCAL_AREAS,
-    *_SHIFTED_SHARES,
+    *ROOTED_LOCAL,
     *(f"refined_interference_{power}/delta" for power in POWERS),
     "coarse_perimeter/L",
 )
@@ -106,77 +108,124 @@ LOCAL = (
 HYBRID = (*COARSE, *LOCAL)
 """All columns, in the order in which `SurfaceFeatures.hybrid` returns them."""
 
-ROOTED = (
-    "bearing_share",
-    "coarse_area_percent",
-    "coarse_force/(E*.L.delta)",
-    "refined_share",
-    "refined_interference/delta",
-)
+ROOTED = ("bearing_share", "coarse_area_percent", FORCE, *COARSE[-2:])
 """Columns of `COARSE` whose square roots surrogates see too: like the area they begin at first
 touch and span decades, and the roots tell small values apart."""
-
-ROOTED_LOCAL = (*_LOCAL_AREAS, *_SHIFTED_SHARES)
-"""Columns of `LOCAL` whose square roots surrogates see too."""
 
 Limits = tuple[float, float]
 
 
-def _coarse_names(*, roots: bool, blocks: int) -> tuple[str, ...]:
-    """Name the columns that a set adds for a surface; parameters as of `_coarse_values`."""
-    found: tuple[str, ...] = COARSE
-    if roots:
-        found += tuple(f"sqrt({name})" for name in ROOTED)
-    if blocks:
-        found += (*LOCAL, *(f"sqrt({name})" for name in ROOTED_LOCAL))
-    return found
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """The numbers of n rows that features are computed from; see `build`."""
+
+    statistics: Values
+    delta: Values
+    length: Values | float
+    hybrid: Values | None
+    hardness_ratio: Values | float | None
+    nodes: Values | float | None
+    elastic: bool
+
+    def statistic(self, name: str) -> Values:
+        """Return a statistic, (n,)."""
+        return np.asarray(self.statistics[:, STATISTICS.index(name)])
+
+    def coarse(self, name: str) -> Values:
+        """Return a column of the coarse solve, (n,)."""
+        if self.hybrid is None:
+            raise ValueError("these features need the surface")
+        return np.asarray(self.hybrid[:, HYBRID.index(name)])
+
+    def over_unit(self, name: str) -> Values:
+        """Return a height over h, (n,)."""
+        return self.statistic(name) / self.unit
+
+    def curvature(self, name: str) -> Values:
+        """Return the logarithm of a curvature over h / L^2, (n,)."""
+        return np.asarray(np.log(self.statistic(name) * self.length * self.length / self.unit))
+
+    def logarithm(self, name: str) -> Values:
+        """Return the logarithm of a statistic, (n,)."""
+        return np.asarray(np.log(self.statistic(name)))
+
+    def root(self, name: str) -> Values:
+        """Return the root of a column of the coarse solve, (n,)."""
+        return np.asarray(np.sqrt(self.coarse(name)))
+
+    @cached_property
+    def unit(self) -> Values:
+        """The height h, (n,) [um]."""
+        return height_unit(self.statistics, self.delta)
+
+    @property
+    def grid(self) -> Values:
+        """Nodes along a side, (n,)."""
+        if self.nodes is None:
+            raise ValueError("these features need the number of nodes")
+        return np.ones(len(self.delta)) * self.nodes
+
+    @property
+    def ratio(self) -> Values:
+        """The hardness over E*, (n,), infinite for elastic bodies among those that yield."""
+        if self.hardness_ratio is None and not self.elastic:
+            raise ValueError("these features need the hardness")
+        given = np.inf if self.hardness_ratio is None else self.hardness_ratio
+        return np.ones(len(self.delta)) * given
+
+    @property
+    def capped_ratio(self) -> Values:
+        """The same, up to a hardness that no elastic contact reaches, if there are any."""
+        if not self.elastic:
+            return self.ratio
+        return np.minimum(self.ratio, no_yield(self.delta, self.length, self.grid))
 
 
-def _coarse_values(hybrid: Values, *, roots: bool, blocks: int) -> Values:
-    """Return the columns that a set adds, (n, d), of the columns of `HYBRID`, (n, 17).
+Formula = Callable[[_Rows], Values]
 
-    Square roots of `ROOTED` are added with `roots`, the columns of `LOCAL` with `blocks`.
-    """
-
-    def column(name: str) -> Values:
-        return hybrid[:, HYBRID.index(name)]
-
-    parts = [column(name) for name in COARSE]
-    if roots:
-        parts += [np.sqrt(column(name)) for name in ROOTED]
-    if blocks:
-        parts += [column(name) for name in LOCAL]
-        parts += [np.sqrt(column(name)) for name in ROOTED_LOCAL]
-    return np.column_stack(parts)
+FORMULAS: Mapping[str, Formula] = {
+    "delta": lambda rows: rows.delta,
+    **{name: partial(_Rows.statistic, name=name) for name in STATISTICS},
+    "delta/h": lambda rows: rows.delta / rows.unit,
+    **{f"{name}/h": partial(_Rows.over_unit, name=name) for name in HEIGHTS},
+    **{f"log({name}.L2/h)": partial(_Rows.curvature, name=name) for name in CURVATURES},
+    **{f"log({name})": partial(_Rows.logarithm, name=name) for name in BANDWIDTHS},
+    **{name: partial(_Rows.coarse, name=name) for name in HYBRID},
+    **{f"sqrt({name})": partial(_Rows.root, name=name) for name in (*ROOTED, *ROOTED_LOCAL)},
+    ROOT: lambda rows: np.sqrt(rows.delta / rows.unit),
+    HARDNESS: lambda rows: rows.capped_ratio,
+    SCALED_HARDNESS: lambda rows: np.log(rows.capped_ratio * rows.length / rows.unit),
+    PLASTIC: lambda rows: np.sqrt(rows.coarse(FORCE) * rows.delta / (rows.length * rows.ratio)),
+    NODES: lambda rows: np.log2(rows.grid),
+}
+"""Every feature by its name, (n,)."""
 
 
 @dataclass(frozen=True)
 class FeatureSet:
-    """A named set of features."""
+    """A named set of features, of which each has a formula."""
 
     name: str  # on the command line and in files
     columns: tuple[str, ...]  # names of the features, in order
-    units: tuple[str, ...]  # of the features
     normalisation: str  # the default, of `learn.models.NORMALISATIONS`
     scaled: bool  # True if features and targets have no units (`target_scale`)
-    needs_surface: bool  # True if the features need the heights of the surface
-    rooted: bool = False  # True if square roots of some columns follow the other features
-    blocks: int = 0  # per side of the coarse solve, if `LOCAL` follows; else 0
+    blocks: int = 0  # per side of the coarse solve, if `LOCAL` is among the features
     elastic: bool = False  # True if elastic bodies are among those that yield
 
-    def with_roots(self, blocks: int = BLOCKS) -> "FeatureSet":
-        """Return the set that surrogates see; itself if it has units.
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Units of the features."""
+        return tuple(_UNITS.get(name, "1") for name in self.columns)
 
-        With 0 blocks per side of the coarse solve it has no columns of `LOCAL`.
-        """
-        if not self.scaled:
-            return self
-        columns, blocks = (*self.columns, ROOT), blocks if self.needs_surface else 0
-        if self.needs_surface:
-            columns = (*_WITHOUT_UNITS, *_coarse_names(roots=True, blocks=blocks))
-        return replace(
-            self, columns=columns, units=("1",) * len(columns), rooted=True, blocks=blocks
-        )
+    @property
+    def needs_surface(self) -> bool:
+        """True if the features need the heights of the surface."""
+        return COARSE[0] in self.columns
+
+    @property
+    def rooted(self) -> bool:
+        """True if square roots of some columns are among the features."""
+        return bool({ROOT, f"sqrt({ROOTED[0]})"} & set(self.columns))
 
     @property
     def solved_blocks(self) -> int:
@@ -188,21 +237,6 @@ class FeatureSet:
         """True if the hardness is one of the features."""
         return bool({HARDNESS, SCALED_HARDNESS} & set(self.columns))
 
-    def with_hardness(self, limits: Limits | None, *, elastic: bool = False) -> "FeatureSet":
-        """Return the set for bodies that yield at these limits of the hardness over E*.
-
-        A set with units gains the hardness if it varies. A set without units always gains it,
-        because its other features lack the scale of the heights, and with it the pressure;
-        `elastic` says that elastic bodies are among its rows. Without limits all bodies are
-        elastic.
-        """
-        if limits is None or not (self.scaled or limits[0] < limits[1]):
-            return self
-        column = SCALED_HARDNESS if self.scaled else HARDNESS
-        added = (column, PLASTIC) if elastic and self.needs_surface else (column,)
-        columns, units = (*self.columns, *added), (*self.units, *("1",) * len(added))
-        return replace(self, columns=columns, units=units, elastic=elastic)
-
     @property
     def needs_nodes(self) -> bool:
         """True if the number of nodes is one of the features."""
@@ -212,14 +246,6 @@ class FeatureSet:
     def needs_grid(self) -> bool:
         """True if the features depend on the number of nodes."""
         return self.needs_nodes or self.elastic
-
-    def with_nodes(self) -> "FeatureSet":
-        """Return the set for patches of different grids: the number of nodes is the last feature.
-
-        A coarser grid leaves out short waves, and counts a contact in larger cells: a surface that
-        is described by the same statistics has another area there.
-        """
-        return replace(self, columns=(*self.columns, NODES), units=(*self.units, "1"))
 
 
 _WITHOUT_UNITS = (
@@ -232,30 +258,9 @@ _WITHOUT_UNITS = (
 SETS: Mapping[str, FeatureSet] = {
     each.name: each
     for each in (
-        FeatureSet(
-            "paper",
-            ("delta", *STATISTICS),
-            ("um", *(_UNITS[name] for name in STATISTICS)),
-            "l2",
-            scaled=False,
-            needs_surface=False,
-        ),
-        FeatureSet(
-            "dimensionless",
-            _WITHOUT_UNITS,
-            ("1",) * len(_WITHOUT_UNITS),
-            "standard",
-            scaled=True,
-            needs_surface=False,
-        ),
-        FeatureSet(
-            "hybrid",
-            (*_WITHOUT_UNITS, *COARSE),
-            ("1",) * (len(_WITHOUT_UNITS) + len(COARSE)),
-            "standard",
-            scaled=True,
-            needs_surface=True,
-        ),
+        FeatureSet("paper", ("delta", *STATISTICS), "l2", scaled=False),
+        FeatureSet("dimensionless", _WITHOUT_UNITS, "standard", scaled=True),
+        FeatureSet("hybrid", (*_WITHOUT_UNITS, *COARSE), "standard", scaled=True),
     )
 }
 
@@ -267,20 +272,40 @@ def chosen(
     roots: bool = False,
     blocks: int = BLOCKS,
     elastic: bool = False,
+    nodes: bool = False,
 ) -> FeatureSet:
-    """Return the feature set of a name.
+    """Return the feature set of a name, with what rows and models need besides.
 
     Bodies that yield have limits of their hardness over E*, perhaps with `elastic` ones among them.
-    With `roots` it is the set that surrogates see, with a number of blocks per side of the coarse
-    solve. InputError is raised if no set has this name, or no coarse solve this number of blocks.
+    A set with units gains the hardness if it varies; one without always does, because its other
+    features lack the scale of the heights, and with it the pressure. With `roots` it is the set
+    that surrogates see, with a number of blocks per side of the coarse solve (0: without `LOCAL`);
+    with `nodes` their number is a feature. InputError is raised if no set has this name, or no
+    coarse solve this number of blocks.
     """
     if blocks not in {0, *BLOCK_COUNTS}:
         known = " or ".join(map(str, BLOCK_COUNTS))
         raise InputError(f"--blocks {blocks}: give {known}, the blocks along a side")
     if name not in SETS:
         raise InputError(f"--features {name!r}: give one of {', '.join(SETS)}")
-    features = SETS[name].with_roots(blocks) if roots else SETS[name]
-    return features.with_hardness(hardness_ratio, elastic=elastic)
+    features = SETS[name]
+    blocks = blocks if roots and features.needs_surface else 0
+    added: list[str] = []
+    if roots and features.needs_surface:
+        added += [f"sqrt({column})" for column in ROOTED]
+        if blocks:
+            added += [*LOCAL, *(f"sqrt({column})" for column in ROOTED_LOCAL)]
+    elif roots and features.scaled:
+        added.append(ROOT)
+    yields = hardness_ratio is not None and (
+        features.scaled or hardness_ratio[0] < hardness_ratio[1]
+    )
+    if yields:
+        added.append(SCALED_HARDNESS if features.scaled else HARDNESS)
+        added += [PLASTIC] if elastic and features.needs_surface else []
+    added += [NODES] if nodes else []
+    columns = (*features.columns, *added)
+    return replace(features, columns=columns, blocks=blocks, elastic=yields and elastic)
 
 
 def patch_length(sides: tuple[float, float]) -> float:
@@ -322,64 +347,19 @@ def build(
     ndarray, shape (n, d)
         The features.
     """
-    given, ratio = _hardness(features, delta, length, hardness_ratio, nodes)
-    grid = np.empty((len(delta), 0))
-    if features.needs_nodes:
-        if nodes is None:
-            raise ValueError(f"{features.name} features need the number of nodes")
-        grid = np.ones((len(delta), 1)) * np.log2(np.reshape(nodes, (-1, 1)))
-    if not features.scaled:
-        return np.column_stack([delta, statistics, ratio, grid])
-    column = {name: statistics[:, place] for place, name in enumerate(STATISTICS)}
-    unit = height_unit(statistics, delta)
+    rows = _Rows(statistics, delta, length, hybrid, hardness_ratio, nodes, features.elastic)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        parts = [delta / unit, *(column[name] / unit for name in HEIGHTS)]
-        parts += [np.log(column[name] * length * length / unit) for name in CURVATURES]
-        parts += [np.log(column[name]) for name in BANDWIDTHS]
-    parts += [column[name] for name in PURE]
-    if features.needs_surface:
-        if hybrid is None:
-            raise ValueError(f"{features.name} features need the surface")
-        added = _coarse_values(hybrid, roots=features.rooted, blocks=features.blocks)
-        parts += list(added.T)
-    elif features.rooted:
-        parts.append(np.sqrt(delta / unit))
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        parts += list(np.log(ratio.T * length / unit))
-    if PLASTIC in features.columns:
-        assert hybrid is not None  # refused above
-        force = hybrid[:, HYBRID.index("coarse_force/(E*.L.delta)")]
-        parts.append(np.sqrt(force * delta / (length * given[:, 0])))
-    return np.column_stack([*parts, grid])
+        return np.column_stack([FORMULAS[name](rows) for name in features.columns])
 
 
-def _hardness(
-    features: FeatureSet,
-    delta: Values,
-    length: Values | float,
-    hardness_ratio: Values | float | None,
-    nodes: Values | float | None,
-) -> tuple[Values, Values]:
-    """Return the hardness over E* as given, and up to that of `no_yield`, each (n, 0 or 1)."""
-    given = np.ones((len(delta), int(features.needs_hardness)))
-    if not features.needs_hardness:
-        return given, given
-    if hardness_ratio is None and not features.elastic:
-        raise ValueError(f"{features.name} features need the hardness")
-    given *= np.reshape(np.inf if hardness_ratio is None else hardness_ratio, (-1, 1))
-    return given, np.minimum(given, no_yield(delta, length, nodes)) if features.elastic else given
-
-
-def no_yield(delta: Values, length: Values | float, nodes: Values | float | None) -> Values:
-    """Return a hardness over E* that no elastic contact reaches with `nodes` along a side, (n, 1).
+def no_yield(delta: Values, length: Values | float, nodes: Values) -> Values:
+    """Return a hardness over E* that no elastic contact reaches with `nodes` along a side, (n,).
 
     All pressures push a node down, so its own is at most the interference over its own influence
     coefficient: p <= E* Delta / (1.12 spacing) in square cells, less than E* Delta n / L. Harder
     bodies are elastic: with this ceiling, rows with the same contact have the same feature.
     """
-    if nodes is None:
-        raise ValueError("features of elastic bodies among others need the number of nodes")
-    return np.reshape(delta * nodes / length, (-1, 1))
+    return np.asarray(delta * nodes / length)
 
 
 def height_unit(statistics: Values, delta: Values) -> Values:
@@ -441,8 +421,9 @@ def features_of(
     Bodies that yield add the hardness, patches that differ in their nodes the number of these.
     """
     elastic = len({scene.contact.hardness_limits is None for scene in scenes}) > 1
-    wanted = chosen(name, limits_of(scenes), roots=roots, blocks=blocks, elastic=elastic)
-    return wanted.with_nodes() if len({node_count(scene) for scene in scenes}) > 1 else wanted
+    nodes = len({node_count(scene) for scene in scenes}) > 1
+    limits = limits_of(scenes)
+    return chosen(name, limits, roots=roots, blocks=blocks, elastic=elastic, nodes=nodes)
 
 
 def node_count(scene: Scene) -> float:

@@ -149,14 +149,14 @@ class Surrogate:
     def features(self) -> FeatureSet:
         """The feature set that the models were trained on."""
         card, roots = self.card, bool(self.card.get("roots"))
-        found = chosen(
+        return chosen(
             str(card["features"]),
             self.hardness_limits,
             roots=roots,
             blocks=int(card.get("blocks", 0)),
             elastic=bool(card.get("elastic")),
+            nodes=NODES in (name for name, _ in card["columns"]),
         )
-        return found.with_nodes() if NODES in (name for name, _ in card["columns"]) else found
 
     @property
     def hardness_limits(self) -> tuple[float, float] | None:

@@ -130,7 +130,7 @@ def test_limits_are_those_of_the_scene_over_its_modulus():
 @pytest.mark.parametrize("name", list(SETS))
 def test_the_hardness_is_a_feature_where_it_says_something(name):
     fixed, varied = chosen(name, (0.01, 0.01)), chosen(name, (0.01, 0.1))
-    assert chosen(name) is SETS[name]
+    assert chosen(name) == SETS[name]
     assert not SETS[name].needs_hardness
     own = SCALED_HARDNESS if SETS[name].scaled else HARDNESS
     assert varied.columns == (*SETS[name].columns, own)
@@ -190,7 +190,7 @@ def test_rows_of_a_database_have_the_features_of_their_own_hardness(yielding):
 def test_no_elastic_pressure_reaches_the_ceiling_of_the_hardness(seed, hurst, nodes, delta):
     heights = generate("diamond-square", nodes, hurst, 12.0, np.random.default_rng(seed))
     contact = bem.solve(heights, (1000.0, 1000.0), delta)
-    ceiling = float(no_yield(np.array([delta]), 1000.0, float(nodes))[0, 0])
+    ceiling = float(no_yield(np.array([delta]), 1000.0, np.array([float(nodes)]))[0])
     assert contact.pressure.max() < ceiling  # E* is 1 MPa
 
 
