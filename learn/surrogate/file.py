@@ -7,8 +7,8 @@
     card: JSON with the card and the training ranges of the features
     models: a zip archive of skops, with pipelines of scikit-learn, arrays and numbers
 
-The checksum detects damage. A file names types; those that are neither scikit-learn's estimators
-nor `REVIEWED` are refused before anything is imported or made, so that no code of a stranger runs.
+The checksum detects damage. A file names types; those that are not numbers, arrays or `REVIEWED`
+are refused before anything is imported or made, so that no code of a stranger runs.
 It is no protection against a file that was forged with a right checksum: compiled code of
 scikit-learn and XGBoost trusts the numbers of trees and vectors, and such a file may end the
 process or give any number.
@@ -50,18 +50,47 @@ OLDER = range(3, FORMAT)
 HEAD = re.compile(SURROGATE + rb"format (\d{1,9})\nsha256 ([0-9a-f]{64})\n")
 
 REVIEWED = (
+    "sklearn.dummy.DummyRegressor",
+    "sklearn.ensemble._forest.RandomForestRegressor",
+    "sklearn.ensemble._gb.GradientBoostingRegressor",
+    "sklearn.ensemble._weight_boosting.AdaBoostRegressor",
+    "sklearn.gaussian_process._gpr.GaussianProcessRegressor",
     "sklearn.gaussian_process.kernels.ConstantKernel",
     "sklearn.gaussian_process.kernels.Product",
     "sklearn.gaussian_process.kernels.RBF",
     "sklearn.gaussian_process.kernels.Sum",
     "sklearn.gaussian_process.kernels.WhiteKernel",
+    "sklearn.kernel_ridge.KernelRidge",
+    "sklearn.neural_network._multilayer_perceptron.MLPRegressor",
     "sklearn.neural_network._stochastic_optimizers.AdamOptimizer",
     "sklearn.neural_network._stochastic_optimizers.SGDOptimizer",
+    "sklearn.pipeline.Pipeline",
+    "sklearn.preprocessing._data.MinMaxScaler",
+    "sklearn.preprocessing._data.Normalizer",
+    "sklearn.preprocessing._data.StandardScaler",
+    "sklearn.svm._classes.SVR",
+    "sklearn.tree._classes.DecisionTreeRegressor",
     "sklearn.tree._tree.Tree",
     "xgboost.core.Booster",
     "xgboost.sklearn.XGBRegressor",
 )
-"""Types besides those that skops knows as safe, of which models are made."""
+"""Types, besides numbers and arrays, of which models are made."""
+
+
+def _skops() -> Any:
+    """Import skops, without the list of all estimators that it would trust too.
+
+    To make this list it imports all of scikit-learn.
+    """
+    from sklearn import utils
+
+    every = utils.all_estimators
+    utils.all_estimators = lambda *_, **__: []
+    try:
+        from skops import io
+    finally:
+        utils.all_estimators = every
+    return io
 
 
 def save(path: Path, surrogate: Surrogate) -> None:
@@ -70,9 +99,7 @@ def save(path: Path, surrogate: Surrogate) -> None:
     InputError is raised if it cannot be written, ValueError if a model is made of types that are
     not reviewed.
     """
-    from skops import io
-
-    distance = surrogate.distance
+    io, distance = _skops(), surrogate.distance
     models = {
         "distance": vars(distance),
         "targets": {name: _packed(each, distance) for name, each in surrogate.learnt.items()},
@@ -175,8 +202,7 @@ def load(path: Path) -> dict[str, Any]:
     """
     card, low, high, archive = _content(path)
     try:
-        from skops import io
-
+        io = _skops()
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")  # models of another version of their library
             models = io.loads(archive, trusted=list(REVIEWED))
