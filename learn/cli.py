@@ -8,8 +8,7 @@ from gen.runtime import command_line
 from learn.commands.comparison import compare, show, tune
 from learn.commands.fit import fit
 from learn.commands.grow import grow
-from learn.commands.law import law
-from learn.commands.predict import card, predict
+from learn.commands.predict import card, law, predict
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None)
 

@@ -1,4 +1,1 @@
-"""The commands of `python -m learn`. Each module imports only what its commands need.
-
-`options` holds the options that several commands share.
-"""
+"""The commands of `python -m learn`. Each module imports only what its commands need."""

@@ -3,29 +3,114 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
+from gen.options import Trust
 from gen.runtime import farm
 from gen.runtime.command_line import grouped
 from gen.runtime.errors import InputError
+from gen.runtime.files import check_folder
 from gen.runtime.lock import lock_folder
 from gen.runtime.terminal import echo, to_type
-from learn.commands.options import (
-    Again,
-    Comparison,
-    Database,
-    Models,
-    Output,
-    Selection,
-    Target,
-    requested,
-)
+from learn.commands.fit import SEEDS, AreaMax
 
 if TYPE_CHECKING:
     from learn.dataset import Request
     from learn.executor import Executor
+
+Database = Annotated[Path, typer.Argument(metavar="FILE", help="A database made by gen (HDF5).")]
+Output = Annotated[
+    Path, typer.Option("--output", "-o", metavar="DIR", help="The comparison folder.")
+]
+Comparison = Annotated[Path, typer.Argument(metavar="DIR", help="A comparison folder.")]
+Models = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--model",
+        metavar="NAME",
+        help="decision-tree, random-forest, adaboost, xgboost, gradient-boost, svm,"
+        " gaussian-process, kernel-ridge or mlp; may be repeated; all nine if left out.",
+    ),
+]
+Target = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME",
+        help="area, force, both, or the column of another result that is stored, as mean_gap.",
+    ),
+]
+Normalise = Annotated[
+    str,
+    typer.Option(
+        metavar="HOW",
+        help="l2 (each row to unit length, the paper's), standard, min-max or none; l2 for paper"
+        " features and standard for others if left out.",
+    ),
+]
+Features = Annotated[
+    str,
+    typer.Option(
+        metavar="SET",
+        help="paper (Delta and the 22 statistics), dimensionless (the same without units: any scan"
+        " length), or hybrid (with bearing area and a coarse contact solve of each surface).",
+    ),
+]
+Seed = Annotated[int, typer.Option(min=0, max=SEEDS, help="Seed of the split and of the models.")]
+TrainRows = Annotated[
+    int | None, typer.Option(metavar="N", help="Train on N rows at most, drawn with the seed.")
+]
+Again = Annotated[
+    bool, typer.Option("--again", help="Measure again, also where a result is there.")
+]
+
+
+class Selection(NamedTuple):
+    """Rows and features that a comparison rests on; see the help of the options."""
+
+    area_max: AreaMax = None
+    features: Features = "paper"
+    normalise: Normalise = ""
+    seed: Seed = 0
+    train_rows: TrainRows = None
+    trust: Trust = False
+
+
+def requested(
+    file: Path,
+    output: Path,
+    models: list[str] | None,
+    target: str,
+    selection: Selection,
+    *,
+    again: bool = False,
+    limit: float | None = None,
+) -> Request:
+    """Return the request of a comparison, after a look at its folder.
+
+    InputError is raised if the folder cannot be written, or an option has no meaning.
+    """
+    from learn.dataset import Request
+    from learn.features import chosen
+    from learn.surrogate.fitting import normalisation_of
+
+    check_folder(output)
+    return Request(
+        database=file,
+        output=output,
+        targets=("area", "force") if target == "both" else (target,),
+        models=tuple(models or ()),
+        area_max=selection.area_max,
+        normalisation=normalisation_of(
+            chosen(selection.features).normalisation, selection.normalise
+        ),
+        features=selection.features,
+        seed=selection.seed,
+        train_rows=selection.train_rows,
+        again=again,
+        limit=limit,
+    )
 
 
 @grouped

@@ -13,12 +13,18 @@ from gen.runtime.command_line import grouped
 from gen.runtime.errors import InputError
 from gen.runtime.files import Output, check_outputs
 from gen.runtime.terminal import echo, to_type
-from learn.commands.options import SEEDS, AreaMax, note
 
 if TYPE_CHECKING:
     from learn.dataset import Request
     from learn.executor import Executor
 
+SEEDS = 2**32 - 1
+"""The largest seed that all libraries of models take."""
+
+AreaMax = Annotated[
+    float | None,
+    typer.Option(metavar="PERCENT", help="Leave larger areas out; 16.56 is the paper's range."),
+]
 Databases = Annotated[
     list[Path], typer.Argument(metavar="FILE...", help="One or more databases made by gen (HDF5).")
 ]
@@ -184,3 +190,8 @@ def targets_in(text: str) -> tuple[str, ...]:
     if len(set(targets)) < len(targets) or not all(targets):
         raise InputError(f"--target {text!r}: give each once, as area,force")
     return targets
+
+
+def note(line: str) -> None:
+    """Print a line for the user on standard error."""
+    echo(line, err=True)

@@ -14,8 +14,7 @@ from gen.runtime.command_line import grouped, typed
 from gen.runtime.errors import InputError
 from gen.runtime.files import Output, check_outputs
 from gen.runtime.terminal import echo
-from learn.commands.fit import targets_in
-from learn.commands.options import SEEDS, note
+from learn.commands.fit import SEEDS, note, targets_in
 
 if TYPE_CHECKING:
     from learn.executor import Executor

@@ -1,19 +1,89 @@
-"""`learn predict` and `card`: ask a surrogate about surfaces, or about itself."""
+"""`learn predict`, `law` and `card`: ask a surrogate about surfaces, or about itself."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal, NamedTuple
 
 import typer
 
+from gen import options
 from gen.maps.settings import Reading
-from gen.runtime.command_line import grouped
-from gen.runtime.files import Output, check_outputs
+from gen.runtime.command_line import grouped, typed
+from gen.runtime.errors import InputError
+from gen.runtime.figure import empty_figure
+from gen.runtime.files import Output, check_outputs, kind_of
 from gen.runtime.terminal import echo
-from learn.commands.options import Coverage, Deltas, File, Inputs, Material
+from learn.commands.fit import note
 
+File = Annotated[Path, typer.Argument(metavar="FILE", help="A surrogate made by learn fit.")]
+Inputs = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="INPUT...",
+        help="Surfaces (.npy, text, instruments' files), folders of them, or tables of statistics"
+        " as gen describe --csv writes them.",
+    ),
+]
+Deltas = Annotated[
+    str,
+    typer.Option(metavar="UM", help="Far-field displacement: 2, 1,2,5 or start:stop:count[:log]."),
+]
+Coverage = Annotated[
+    float, typer.Option(metavar="SHARE", help="Coverage of the intervals, as 0.9.")
+]
 TableFile = Annotated[
     Path | None, typer.Option("--output", "-o", metavar="CSV", help="Write all rows.")
 ]
+
+
+SurrogateAndInputs = Annotated[
+    list[str],
+    typer.Argument(
+        metavar="[SURROGATE] INPUT...",
+        help="A surrogate made by learn fit, which --solver does not need; then one surface, or"
+        " folders of them, databases or scenes: a population.",
+    ),
+]
+Solver = Annotated[
+    bool, typer.Option("--solver", help="Solve every contact instead of predicting it.")
+]
+LawBoundary = Annotated[
+    Literal["free", "periodic", "mirror"] | None,
+    typer.Option(
+        help="Boundary of the patches, see gen contact; that of the training or the scene if left"
+        " out, else mirror."
+    ),
+]
+
+
+class Material(NamedTuple):
+    """Elastic constants of one body on a rigid plane, or of two bodies, and their hardness."""
+
+    young: Annotated[
+        list[float] | None,
+        typer.Option(metavar="MPA", help="Young's modulus, twice for two elastic bodies."),
+    ] = None
+    poisson: Annotated[
+        list[float] | None, typer.Option(metavar="NU", help="Poisson's ratio, as often.")
+    ] = None
+    e_star: Annotated[
+        float | None, typer.Option(metavar="MPA", help="Or E*; that of the training if left out.")
+    ] = None
+    hardness: Annotated[
+        float | None,
+        typer.Option(
+            metavar="MPA",
+            help="Hardness of the softer body, where bodies yield; that of the training if it has"
+            " only one.",
+        ),
+    ] = None
+
+    def modulus(self) -> float | None:
+        """Return E* [MPa], or None if none was given."""
+        if self.young is None and self.poisson is None and self.e_star is None:
+            return None
+        from gen.material import combined_modulus
+
+        return combined_modulus(self.young or [], self.poisson or [], self.e_star)
 
 
 @grouped
@@ -62,3 +132,76 @@ def card(file: File) -> None:
     from learn.surrogate.file import read_card
 
     show(*read_card(file))
+
+
+@grouped
+def law(
+    context: typer.Context,
+    inputs: SurrogateAndInputs,
+    delta: Deltas = "",
+    pressure: options.Pressures = "",
+    conductivity: options.Conductivity = None,
+    solver: Solver = False,
+    surfaces: options.Population = 50,
+    boundary: LawBoundary = None,
+    interval: Coverage = 0.9,
+    output: options.LawFiles = None,
+    trust: options.Trust = False,
+    *,
+    files: options.LawOutputs,
+    reading: Reading,
+    material: Material,
+) -> None:
+    """Tabulate area, force, gap and closure against Delta and pressure, monotone, with slopes.
+
+    Bands are the surrogate's intervals for one surface, and quantiles over the surfaces of a
+    population. There is none for one surface that is solved, or outside the surrogate's training.
+    The solver solves at the given Delta or pressures; its E* is by default that of the surrogate's
+    training or of a scene, else 1 MPa. With --conductivity there is the conductance too. Surrogates
+    that have not learnt the stiffness take it from the slope of the force, for elastic bodies only.
+    """
+    from gen.law.files import show, write_files
+    from gen.maps.contacts import require_conductivities
+    from learn.surrogate import Surrogate
+    from learn.surrogate.interval import checked_level
+    from learn.surrogate.law import Order, make
+    from learn.surrogate.model import require_level
+
+    files = files.filled(output)
+    check_outputs(files.outputs, inputs)
+    figure = empty_figure(files.picture, 12.0, 7.0)
+    file, wanted = _surrogate_and_inputs(inputs, solver=solver)
+    order = Order(
+        inputs=tuple(wanted),
+        delta=delta,
+        pressure=pressure,
+        solver=solver,
+        surfaces=surfaces,
+        level=checked_level(interval),
+        e_star=material.modulus(),
+        hardness=material.hardness,
+        boundary=boundary,
+        conductivities=require_conductivities(conductivity or []),
+        reading=reading,
+        command=typed(context, "learn"),
+    )
+    surrogate = None if file is None else Surrogate.load(file)
+    if surrogate is not None and not solver:
+        require_level(surrogate, order.level)
+    tables = make(surrogate, order, note)
+    show(tables)
+    for written in write_files(tables, files, figure):
+        echo(f"wrote {written}")
+
+
+def _surrogate_and_inputs(given: list[str], *, solver: bool) -> tuple[Path | None, list[str]]:
+    """Return the surrogate, which the solver does not need, and the inputs after it."""
+    first, *others = given
+    if solver and not (Path(first).is_file() and kind_of(Path(first)) == "surrogate"):
+        return None, given
+    if not others:
+        raise InputError(
+            f"{first}: nothing else given: give a surrogate and then surfaces, or surfaces and"
+            " --solver"
+        )
+    return Path(first), others
