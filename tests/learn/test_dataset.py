@@ -8,7 +8,6 @@ from gen.database import Reader
 from gen.runtime.errors import InputError
 from gen.schema import statistics_columns
 from learn import dataset
-from learn.models import pipeline
 from learn.stored import INPUTS, results
 
 
@@ -45,12 +44,6 @@ def test_rows_are_left_out_and_counted_by_reason(database, change):
     assert found.size == 90 - sum(found.dropped.values())
     assert set(found.rows.tolist()) == set(range(8, 90)) - large
     assert found.unit == "uN"
-
-
-def test_a_nan_in_the_area_does_not_matter_to_the_force(database, change):
-    change("area_percent", [3], np.nan)
-    assert dataset.read(database, "force").size == 90
-    assert dataset.read(database, "area").dropped == {"target not finite": 1}
 
 
 def test_times_and_hosts_do_not_change_the_fingerprint(solved, database, change):
@@ -100,18 +93,6 @@ def test_rows_that_lack_a_statistic_which_the_features_need_are_left_out(undefin
     assert f"left out {rows.size} rows: {why}" in dataset.remarks(found, "l2")
     assert set(found.rows.tolist()) == set(range(120)) - set(rows.tolist())
     assert np.isfinite(found.inputs).all()
-
-
-def test_features_that_do_not_need_the_statistic_use_the_row(undefined, monkeypatch):
-    def heights(wanted, statistics, delta, *_, **__):
-        return np.column_stack([delta, statistics[:, -3:]])  # these every surface has
-
-    monkeypatch.setattr(dataset, "build", heights)
-    found = dataset.read(undefined)
-    assert found.dropped == {}
-    assert found.size == 120
-    np.testing.assert_array_equal(found.groups[::2], found.groups[1::2])
-    assert np.unique(found.groups).size == 60  # statistics that are NaN do not tear samples apart
 
 
 @pytest.mark.parametrize("features", ["dimensionless", "hybrid"])
@@ -164,21 +145,6 @@ def test_the_user_is_told_of_what_is_odd(database, change, solved):
     assert "standard" not in "\n".join(dataset.remarks(dataset.read(database), "standard"))
 
 
-@pytest.mark.parametrize("normalisation", ["standard", "min-max"])
-def test_one_huge_input_hides_the_others_only_from_unit_length(solved, normalisation):
-    from learn.models import MODELS
-
-    rows = dataset.read(solved)
-    huge = rows.inputs.copy()
-    huge[:, 5] *= 1e12 / np.median(huge[:, 5])
-    scores = {}
-    for name, inputs in (("as it is", rows.inputs), ("huge", huge)):
-        model = pipeline(MODELS["svm"], {"C": 100.0}, normalisation=normalisation)
-        scores[name] = model.fit(inputs, rows.target).score(inputs, rows.target)
-    assert scores["huge"] == pytest.approx(scores["as it is"], abs=1e-6)
-    assert scores["huge"] > 0.9
-
-
 def test_targets_that_are_read_together_are_those_that_are_read_alone(change):
     path = change("force", [3], np.nan)
     together = dataset.read_together((path,), ("area", "force"), 40.0)
@@ -215,12 +181,6 @@ def test_targets_are_results_and_no_parameters(populations):
             InputError, match=r"stores area, force, contact_nodes, yielded_percent$"
         ):
             dataset.read(populations / "python.h5", target)
-
-
-def test_generated_surfaces_lie_in_no_tile(populations):
-    found = dataset.read(populations / "python.h5")
-    assert not found.by_tile
-    assert np.unique(found.groups).size == 20
 
 
 def test_windows_of_one_tile_are_one_group(populations):

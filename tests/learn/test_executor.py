@@ -17,10 +17,6 @@ def test_results_arrive_with_their_tasks():
     assert results == [(1, 10), (2, 20), (3, 30)]
 
 
-def test_one_task_returns_its_result():
-    assert Executor().call(scaled, 10, 4) == 40
-
-
 def test_no_task_is_begun_once_it_is_told_to_stop():
     results = []
     executor = Executor()

@@ -22,7 +22,6 @@ from learn.executor import Executor
 from learn.models import (
     AT_BOUND,
     MODELS,
-    NORMALISATIONS,
     UNFINISHED,
     UNSCALED,
     models_named,
@@ -81,15 +80,6 @@ def test_spelled_out_defaults_are_defaults(samples):
         np.testing.assert_array_equal(ours, expected)
 
 
-def test_rows_have_unit_length_by_default(samples):
-    inputs, target = samples
-    fitted = pipeline(MODELS["kernel-ridge"]).fit(inputs, target)
-    scaled = fitted[:-1].transform(inputs)
-    expected = inputs / np.sqrt((inputs**2).sum(axis=1, keepdims=True))
-    np.testing.assert_allclose(scaled, expected, rtol=1e-15)
-    assert NORMALISATIONS[0] == "l2"
-
-
 def test_wrong_names_are_refused():
     with pytest.raises(InputError, match="decision-tree, random-forest"):
         models_named(["forest"])
@@ -144,14 +134,6 @@ def test_targets_of_another_size_are_brought_to_an_areas_by_a_power_of_two(
     assert np.log2(scaling.deviation) % 1 == 0
     assert 4 <= np.median(scaling.scaled(forces.target)) < 8
     np.testing.assert_array_equal(scaling.restored(scaling.scaled(forces.target)), forces.target)
-
-
-def test_targets_without_units_are_standardised_over_the_training_rows(solved):
-    rows = dataset.read(solved, "area", features="dimensionless")
-    train = split.draw(rows).train
-    scaled = scaling_of(rows, train).scaled(rows.target[train])
-    assert scaled.mean() == pytest.approx(0, abs=1e-12)
-    assert scaled.std() == pytest.approx(1)
 
 
 def test_roots_of_areas_are_standardised_and_squared_again(solved):
@@ -235,21 +217,6 @@ def test_columns_are_cut_at_their_own_bounds_only(kinds, tmp_path):
     loaded = Surrogate.load(tmp_path / "b.surrogate").learnt["signed"]
     assert loaded.bounds == (-4.0, 96.0)
     assert loaded.within(np.array([-9.0, 5.0, 99.0])).tolist() == [-4.0, 5.0, 96.0]
-
-
-@pytest.mark.parametrize(
-    ("further", "said"),
-    [
-        ("least = { signed = -1 }", "signed is -"),
-        ("most = { other = 1 }", "other has bounds"),
-        ("least = { signed = 2 }\nmost = { signed = 2 }", "is not below"),
-    ],
-)
-def test_bounds_that_do_not_hold_are_refused(kinds, monkeypatch, capsys, further, said):
-    monkeypatch.chdir(kinds)
-    Path("wrong.toml").write_text(f"{(kinds / 'free.toml').read_text()}{further}\n")
-    assert gen.main(["run", "wrong.toml", "-o", "wrong.h5", "--trust"]) == 2
-    assert said in capsys.readouterr().err
 
 
 def test_too_little_memory_is_refused_with_the_numbers(solved, tmp_path, capsys, monkeypatch):

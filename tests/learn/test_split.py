@@ -78,14 +78,6 @@ def test_too_few_tiles_are_refused_where_a_single_surface_is_split_by_rows():
         split.require_tiles(three, 4)
 
 
-def test_some_rows_of_a_dataset_are_split_like_a_dataset():
-    some = rows_of([3] * 40).at(np.arange(0, 120, 2))
-    drawn = split.draw(some)
-    together = np.concatenate([drawn.train, drawn.test])
-    np.testing.assert_array_equal(np.sort(together), np.arange(60))
-    assert not set(some.groups[drawn.train]) & set(some.groups[drawn.test])
-
-
 def test_a_seed_gives_the_same_split_another_one_another():
     rows = rows_of([1] * 50)
     first, again, other = split.draw(rows, 1), split.draw(rows, 1), split.draw(rows, 2)
@@ -132,15 +124,6 @@ def test_every_target_varies_in_every_part(number, surfaces, seed):
         for part in (drawn.train, drawn.test):
             assert np.ptp(rare.target[part]) > 0
             assert np.ptp(rows.target[part]) > 0
-
-
-@given(st.integers(0, 99))
-def test_further_targets_change_no_split_in_which_they_vary(seed):
-    rows = rows_of([2] * 30)
-    other = replace(rows, target=-rows.target)
-    alone, both = split.draw(rows, seed), split.draw(rows, seed, others=[other])
-    np.testing.assert_array_equal(alone.train, both.train)
-    np.testing.assert_array_equal(alone.test, both.test)
 
 
 def test_a_target_that_no_split_can_have_in_both_parts_is_named():

@@ -1,7 +1,5 @@
 """Several databases in one fit: what goes together, and which rows no split may divide."""
 
-import itertools
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,7 +7,7 @@ from hypothesis import strategies as st
 
 from gen import cli
 from gen.runtime.errors import InputError
-from learn import dataset, split, stored
+from learn import dataset, stored
 from learn.features.sets import NODES
 
 SCENES = {
@@ -79,11 +77,6 @@ def test_rows_are_those_of_each_database_and_nodes_are_a_feature(made):
     assert np.unique(rows.keys).size == rows.size
 
 
-def test_one_grid_adds_no_feature(made):
-    rows = together(made, "coarse", "spectral")
-    assert NODES not in rows.names
-
-
 def test_surfaces_of_one_seed_and_number_are_one_group_on_every_grid(made):
     rows = together(made, "coarse", "fine")
     coarse, fine = (rows.groups[rows.database == number] for number in (0, 1))
@@ -92,30 +85,6 @@ def test_surfaces_of_one_seed_and_number_are_one_group_on_every_grid(made):
     assert np.unique(rows.groups).size == 30
     strangers = together(made, "coarse", "stranger")
     assert np.unique(strangers.groups).size == 30 + 20
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_no_surface_is_on_both_sides_of_a_split(made, seed):
-    rows = together(made, "coarse", "fine", "stranger")
-    parts = split.draw(rows, seed)
-    surface = np.where(rows.database == 0, rows.rows // 2, rows.rows) + 100 * (rows.database == 2)
-    assert not set(surface[parts.train]) & set(surface[parts.test])
-    folds = [set(surface[parts.train][parts.folds == fold]) for fold in range(split.FOLDS)]
-    for one, other in itertools.combinations(folds, 2):
-        assert not one & other
-
-
-def test_populations_are_databases_with_their_generators(made):
-    rows = together(made, "coarse", "stranger", "spectral")
-    assert [each.generator for each in rows.populations] == [
-        "diamond-square",
-        "midpoint",
-        "spectral",
-    ]
-    assert [each.database for each in rows.populations] == [
-        str(made[name]) for name in ("coarse", "stranger", "spectral")
-    ]
-    np.testing.assert_array_equal(rows.population, rows.database)
 
 
 def test_populations_of_windows_are_their_maps(populations):

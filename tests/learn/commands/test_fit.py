@@ -160,17 +160,6 @@ def test_tables_have_to_name_their_nodes(capsys):
     assert "bare.csv: names no nodes_x and nodes_y" in capsys.readouterr().err
 
 
-@pytest.mark.usefixtures("trial")
-def test_databases_that_cannot_be_learnt_together_are_one_line(capsys):
-    assert run("fit", "coarse.h5", "coarse.h5", "-o", "x.surrogate") == 2
-    assert "is given twice" in capsys.readouterr().err
-    assert run("fit", "coarse.h5", "soft.h5", "--features", "paper", "-o", "x.surrogate") == 2
-    (line,) = capsys.readouterr().err.strip().splitlines()
-    assert "soft.h5: contact.hardness is 'given', 'none' in coarse.h5" in line
-    assert run("fit", "coarse.h5", "fine.h5", "-o", "coarse.h5") == 2
-    assert not Path("x.surrogate").exists()
-
-
 @pytest.mark.parametrize(
     ("options", "word"),
     [

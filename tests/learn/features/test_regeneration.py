@@ -3,7 +3,6 @@
 import io
 import zipfile
 
-import h5py
 import numpy as np
 import pytest
 
@@ -14,7 +13,7 @@ from gen.generation.sample import surface_of
 from gen.runtime.errors import InputError
 from learn import dataset
 from learn.executor import Executor
-from learn.features import SETS, SurfaceFeatures, regeneration
+from learn.features import SurfaceFeatures, regeneration
 from learn.features.regeneration import hybrid_rows
 from learn.features.sets import BLOCK_COUNTS, HYBRID, STATISTICS
 
@@ -38,38 +37,6 @@ def test_rows_have_what_surrogates_see_of_their_surfaces(population, blocks):
     wanted = dataset.chosen("hybrid", ratio and (ratio,) * 2, roots=True, blocks=blocks)
     again = own.features(wanted, deltas[row : row + 1], ratio)
     np.testing.assert_array_equal(rows.inputs[17], again[0])
-
-
-@pytest.mark.parametrize("name", list(SETS))
-def test_rows_without_edges_have_the_features_of_their_cells(mirrored, name):
-    hybrid = hybrid_rows(mirrored, Executor(), never) if SETS[name].needs_surface else None
-    rows = dataset.read(mirrored, "area", features=name, hybrid=hybrid)
-    with Reader(mirrored) as reader:
-        scene = reader.scene
-    plan = parameters(scene, 0, scene.samples)
-    for row in (0, 17, 59):
-        heights, sides = surface_of(scene, plan, row), (scene.surface.side,) * 2
-        own = SurfaceFeatures(heights, sides, boundary="mirror")
-        assert own.steps == (1000.0 / 32,) * 2
-        again = own.features(SETS[name], plan.delta[row : row + 1])
-        np.testing.assert_array_equal(rows.inputs[row], again[0])
-
-
-@pytest.mark.parametrize("name", list(SETS))
-def test_rows_of_every_population_have_the_features_of_their_surfaces(population, name):
-    """At the displacement that the database holds, whatever quantity was given."""
-    hybrid = hybrid_rows(population, Executor(), never) if SETS[name].needs_surface else None
-    rows = dataset.read(population, "area", features=name, hybrid=hybrid)
-    with Reader(population) as reader:
-        scene, deltas = reader.scene, reader.column("delta")
-    plan = parameters(scene, 0, scene.samples)
-    ratio = 0.1 if scene.contact.hardness else None
-    for place in (0, 17, rows.size - 1):
-        row = rows.rows[place]
-        own = regeneration.of_scene(scene, surface_of(scene, plan, row), "it")
-        wanted = dataset.chosen(name, None if ratio is None else (ratio, ratio))
-        again = own.features(wanted, deltas[row : row + 1], ratio)
-        np.testing.assert_array_equal(rows.inputs[place], again[0])
 
 
 def test_an_oblong_patch_is_as_long_as_the_square_of_its_area():
@@ -131,14 +98,6 @@ def test_an_interrupted_run_keeps_what_was_finished(database):
     with np.load(database.with_name(f"{database.name}.pressed.npz")) as file:
         np.testing.assert_array_equal(np.isfinite(file["values"]).all(axis=1), finished)
     assert np.isfinite(hybrid_rows(database, Executor(), never)).all()
-
-
-def test_surfaces_of_an_earlier_solver_are_generated_anew(database):
-    expected = hybrid_rows(database, Executor(), never)
-    with h5py.File(database, "r+") as file:
-        file.attrs.modify("physics", 4)
-    database.with_name(f"{database.name}.pressed.npz").unlink()
-    np.testing.assert_array_equal(hybrid_rows(database, Executor(), never), expected)
 
 
 def test_surfaces_that_cannot_be_generated_anew_are_refused(database, change):

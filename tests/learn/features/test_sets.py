@@ -18,8 +18,6 @@ from learn.features.sets import (
     PLASTIC,
     SCALED_HARDNESS,
     height_unit,
-    limits_of,
-    modulus,
     no_yield,
     target_scale,
 )
@@ -79,13 +77,6 @@ def test_what_surrogates_see_has_no_units_either(name, blocks):
         np.testing.assert_allclose(first[:, wanted.columns.index(root)] ** 2, first[:, column])
 
 
-def test_the_papers_features_know_their_units():
-    z = surface(3)
-    small = SurfaceFeatures(z / 1000, (1.0, 1.0)).features(SETS["paper"], np.array([0.01]))
-    large = SurfaceFeatures(z, (1000.0, 1000.0)).features(SETS["paper"], np.array([10.0]))
-    assert not np.allclose(small, large)
-
-
 def test_force_over_its_scale_has_no_unit():
     z = surface(5)
     found = []
@@ -118,15 +109,6 @@ def scene(text):
     return Scene.parse(f"samples = 8\n[surface]\nnodes = 17\n[contact]\n{text}", "test")
 
 
-def test_limits_are_those_of_the_scene_over_its_modulus():
-    assert limits_of([scene("")]) is None
-    assert limits_of([scene("hardness_ratio = 0.01")]) == pytest.approx((0.01, 0.01))
-    steel = scene("modulus = 210e3\npoisson = 0.3\nhardness = [1000.0, 4000.0]")
-    e_star = 210e3 / 0.91
-    assert modulus(steel) == pytest.approx(e_star)
-    assert limits_of([steel, scene("")]) == pytest.approx((1000 / e_star, 4000 / e_star))
-
-
 @pytest.mark.parametrize("name", list(SETS))
 def test_the_hardness_is_a_feature_where_it_says_something(name):
     fixed, varied = chosen(name, (0.01, 0.01)), chosen(name, (0.01, 0.1))
@@ -147,23 +129,6 @@ def test_areas_at_the_same_features_are_the_same(name):
     longer = SurfaceFeatures(z, (2000.0, 2000.0)).features(wanted, DELTA, 0.005)
     np.testing.assert_allclose(higher, first, rtol=1e-9)
     np.testing.assert_allclose(longer, first, rtol=1e-9)
-
-
-def test_the_coarse_contact_is_capped_by_the_hardness():
-    rough = SurfaceFeatures(surface(4, 65), (1000.0, 1000.0))
-    elastic = rough.coarse_contact(20.0)
-    capped = rough.coarse_contact(20.0, 0.01)
-    assert elastic.largest_pressure > 0.01
-    assert capped.largest_pressure <= 0.01
-    assert capped.area_percent > elastic.area_percent
-    again = rough.coarse_contact(20.0, 2 * elastic.largest_pressure)
-    assert again.pressure.tobytes() == elastic.pressure.tobytes()
-    assert rough.coarse_means(20.0, 0.01)[1] > 0
-
-
-def test_features_without_a_hardness_are_a_bug():
-    with pytest.raises(ValueError, match="need the hardness"):
-        SurfaceFeatures(surface(4), (1.0, 1.0)).features(chosen("paper", (0.1, 0.2)), DELTA)
 
 
 def test_rows_of_a_database_have_the_features_of_their_own_hardness(yielding):

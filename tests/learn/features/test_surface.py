@@ -66,11 +66,6 @@ def test_a_delta_that_no_contact_has_is_refused(delta):
         SurfaceFeatures(surface(0), (1.0, 1.0)).features(SETS["paper"], np.array([delta]))
 
 
-def test_a_flat_surface_is_refused_with_its_reason():
-    with pytest.raises(InputError, match="flat surface"):
-        SurfaceFeatures(np.ones((9, 9)), (1.0, 1.0)).features(SETS["paper"], np.array([1.0]))
-
-
 @pytest.mark.parametrize("boundary", ["periodic", "mirror"])
 @pytest.mark.parametrize("shape", [(32, 32), (20, 27), (64, 64), (70, 100)])
 def test_patches_without_edges_have_features_up_to_full_contact(shape, boundary):
@@ -89,20 +84,6 @@ def test_patches_without_edges_have_features_up_to_full_contact(shape, boundary)
             assert values["coarse_area_percent"] == pytest.approx(solved.area_percent, abs=0.5)
     assert values["coarse_area_percent"] > 80
     assert rough.coarse_means(0.9 * full, 0.05)[1] > 0
-
-
-def test_shares_fall_with_the_shift_and_local_areas_rise_with_the_pressure():
-    rough = SurfaceFeatures(surface(2, 129), (1000.0, 1000.0))
-    for blocks in BLOCK_COUNTS:
-        values = dict(zip(HYBRID, rough.hybrid(12.0, blocks=blocks), strict=True))
-        shares = [values[f"refined_share({shift}s)"] for shift in ("-1", "-0.5", "+0.5", "+1")]
-        assert shares == sorted(shares, reverse=True)
-        assert shares[1] > values["refined_share"] > shares[2]
-        areas = [values[f"local_area({factor}p)"] for factor in ("0.5", "1", "2")]
-        assert areas == sorted(areas)
-        assert 100 * areas[2] < values["coarse_area_percent"]
-        mean, square, cube = (values[f"refined_interference{n}/delta"] for n in ("", "_2", "_3"))
-        assert mean < square < cube < 1
 
 
 def test_finer_blocks_come_nearer_to_the_solution():
@@ -136,11 +117,6 @@ def test_what_surrogates_see_is_finite_on_any_patch(boundary, blocks, hardness_r
     np.testing.assert_allclose(a, b, rtol=1e-6)
 
 
-def test_another_number_of_blocks_is_refused():
-    with pytest.raises(InputError, match="--blocks 64: give 33 or 65"):
-        chosen("hybrid", roots=True, blocks=64)
-
-
 def test_means_and_slopes_are_those_of_the_nodes_of_each_block():
     z = np.random.default_rng(0).normal(size=(12, 8))
     blocks = Blocks(z, (0.5, 2.0), 4)
@@ -153,22 +129,6 @@ def test_means_and_slopes_are_those_of_the_nodes_of_each_block():
     squares = (along_x[:-1] ** 2 + along_x[1:] ** 2) / 2
     squares = squares + (along_y[:, :-1] ** 2 + along_y[:, 1:] ** 2) / 2
     assert blocks.slopes[1, 2] == pytest.approx(np.sqrt(squares.mean()))
-
-
-def test_an_inclined_plane_is_resolved_but_at_its_border():
-    """Interpolation is linear between the blocks' centres."""
-    blocks = Blocks(np.add.outer(np.arange(32.0), 2 * np.arange(32.0)), (1.0, 1.0), 8)
-    assert np.abs(blocks.slopes[1:-1, 1:-1]).max() < 1e-12
-    assert blocks.slopes[0, 4] > 0
-
-
-def test_where_every_node_is_a_block_nothing_is_left_out():
-    z = np.random.default_rng(0).normal(size=(7, 9))
-    blocks = Blocks(z, (1.0, 1.0), 33)
-    assert blocks.means.tobytes() == z.tobytes()
-    assert blocks.roughness == 0.0
-    pressure = np.maximum(z, 0.0)
-    assert blocks.local_area(pressure, 1.0) == np.count_nonzero(pressure) / z.size
 
 
 def test_the_area_inside_the_blocks_is_perssons():

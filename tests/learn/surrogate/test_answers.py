@@ -67,21 +67,6 @@ def test_a_surface_without_asperities_has_no_prediction_and_the_others_have(work
     assert float(other["area_percent"]) > 0
 
 
-def test_single_precision_and_oblong_surfaces_are_taken_and_named(work):
-    assert run(*PREDICT, "oblong.npy") == 2  # one length fits no grid that is not square
-    for name in ("many/s0.npy", "single.npy", "oblong.npy"):
-        sides = ["--side", "1000,593.75"] if name == "oblong.npy" else []
-        assert run(*PREDICT, *sides, name, "-o", "p.csv") == 0
-        (row,) = table("p.csv")
-        if name == "many/s0.npy":
-            first = row
-        elif name == "single.npy":
-            assert float(row["area_percent"]) == pytest.approx(float(first["area_percent"]), 1e-2)
-            assert row["flag"] == first["flag"]
-        else:
-            assert "33 x 20 nodes, trained on 33 x 33" in row["reason"]
-
-
 def test_statistics_give_what_the_surface_gives(work):
     for features in ("dimensionless", "paper"):
         ask = ["predict", f"{features}.surrogate"]
@@ -126,25 +111,6 @@ def test_rows_of_a_table_that_lack_statistics_have_no_prediction(work, capsys):
     capsys.readouterr()
     assert run(*ask, "none.csv") == 2
     assert "none.csv: every row lacks statistics" in capsys.readouterr().err
-
-
-def test_force_follows_the_modulus_and_area_does_not(work):
-    ask = ["predict", "hybrid.surrogate", "many/s0.npy", "--side", 1000, "--delta", "9"]
-    assert run(*ask, "-o", "a.csv") == 0
-    assert run(*ask, "--young", "210e3", "--poisson", "0.3", "-o", "b.csv") == 0
-    (soft,), (steel,) = table("a.csv"), table("b.csv")
-    assert soft["area_percent"] == steel["area_percent"]
-    for key in ("force_uN", "force_uN_low", "force_uN_high"):
-        assert float(steel[key]) == pytest.approx(float(soft[key]) * 210e3 / (1 - 0.09))
-
-
-def test_a_process_writes_its_standard_deviation(work):
-    arguments = ["database.h5", "--model", "gaussian-process", "--target", "area"]
-    assert run("fit", *arguments, "-o", "gp.surrogate") == 0
-    ask = ["predict", "gp.surrogate", "table.csv", "--delta", "9", "-o", "p.csv"]
-    assert run(*ask) == 0
-    (row,) = table("p.csv")
-    assert 0 < float(row["area_percent_std"]) < 10
 
 
 def test_a_prediction_names_modulus_and_reasons(work, capsys):

@@ -85,14 +85,6 @@ def test_databases_of_the_same_surfaces_are_not_left_out_whole(rows):
     assert calibration.groups_of(alone) is None, "all rows share surfaces"
 
 
-def test_small_groups_are_joined_where_intervals_hold_for_each():
-    labels = np.repeat([0, 1, 2, 3], [60, 7, 9, 50])
-    values, sizes = np.unique(calibration._large(labels), return_counts=True)
-    assert sizes.min() >= calibration.SMALLEST
-    assert sizes.sum() == labels.size
-    assert values.size == 2
-
-
 def fitted(solved, number, target="area"):
     request = replace(request_of(solved), targets=(target,))
     sets = [of_maps(rows, number) for rows in fitting.read(request, None)]
@@ -130,18 +122,6 @@ def test_the_card_says_by_what_intervals_are_calibrated(solved, capsys):
     assert np.isfinite(surrogate.distance.limit)
 
 
-def test_rows_of_a_surface_are_of_one_cluster(solved, monkeypatch):
-    rows = dataset.read(solved, "area", features="dimensionless", roots=True)
-    assert np.unique(rows.groups).size < calibration.FEWEST_SURFACES
-    assert calibration.clusters_of(rows) is None
-    monkeypatch.setattr(calibration, "FEWEST_SURFACES", 20)
-    twice = replace(rows, groups=rows.groups // 2)
-    found = calibration.clusters_of(twice)
-    assert np.unique(found).size == calibration.CLUSTERS
-    for group in np.unique(twice.groups):
-        assert np.unique(found[twice.groups == group]).size == 1
-
-
 @pytest.mark.parametrize("model", ["kernel-ridge", "decision-tree"])
 def test_intervals_of_a_file_widen_as_those_that_were_fitted(solved, tmp_path, model, monkeypatch):
     monkeypatch.setattr(calibration, "FEWEST_SURFACES", 20)
@@ -166,16 +146,6 @@ def test_intervals_of_a_file_widen_as_those_that_were_fitted(solved, tmp_path, m
     assert (widths[~near] >= before[~near]).all()
     with pytest.raises(ValueError, match="other distances"):
         replace(found, distance=from_rows(rows.inputs)).save(tmp_path / "y.surrogate")
-
-
-def test_calibration_rows_train_nothing(solved):
-    rows = dataset.read(solved, "area", features="dimensionless")
-    parts = split.draw(rows)
-    train, held = calibration.without_calibration(rows, parts.train)
-    assert held.size == 14
-    everything = np.concatenate([train, held, parts.test])
-    np.testing.assert_array_equal(np.sort(everything), np.arange(90))
-    assert not set(rows.groups[train]) & set(rows.groups[held])
 
 
 def run(*arguments):
@@ -204,23 +174,6 @@ def test_rows_of_another_database_calibrate(solved, other, tmp_path, monkeypatch
     assert f"calibrated by 40 rows of {other}" in capsys.readouterr().out
     assert run("predict", "a.surrogate", "x.npy", "--delta", "3", "--interval", "0.98") == 2
     assert "calibrated by 40 rows, which reach 0.975 at most" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ((), "has another grid or hardness than the training"),
-        (("--features", "paper"), "contact.hardness"),
-    ],
-)
-def test_another_kind_of_database_is_refused(
-    solved, yielding, tmp_path, monkeypatch, capsys, options, words
-):
-    monkeypatch.chdir(tmp_path)
-    assert run("fit", solved, "--calibrate-on", yielding, "-o", "a.surrogate", *options) == 2
-    said = capsys.readouterr().err.strip()
-    assert words in said
-    assert not list(tmp_path.iterdir())
 
 
 def test_the_same_rows_are_no_calibration(solved, mirrored, tmp_path, monkeypatch, capsys):

@@ -288,16 +288,3 @@ def test_a_card_is_read_without_the_libraries_of_models(path):
         print({"skops", "sklearn", "xgboost"} & sys.modules.keys(), file=sys.stderr)
     """
     assert run(script, path).stderr == "set()\n"
-
-
-def test_an_old_file_stays_whole_until_the_new_one_is(ridge, path, monkeypatch):
-    before = path.read_bytes()
-
-    def fail(descriptor):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(os, "fsync", fail)
-    with pytest.raises(InputError, match="No space left"):
-        ridge.save(path)
-    assert path.read_bytes() == before
-    assert list(path.parent.iterdir()) == [path]

@@ -89,24 +89,6 @@ def test_rows_between_two_databases_are_far_from_both():
     assert (nearest.of(fresh) <= nearest.limit).mean() == pytest.approx(INSIDE, abs=0.01)
 
 
-def test_a_feature_that_is_constant_in_each_database_is_left_to_its_range():
-    inputs, kinds = clouds(200, 3)
-    nearest = from_groups(inputs, kinds, np.arange(200) % 5)
-    moved = inputs.copy()
-    moved[:, -1] = 7.5
-    np.testing.assert_array_equal(nearest.of(moved), nearest.of(inputs))
-
-
-def test_a_single_group_is_measured_as_rows_are():
-    inputs = correlated(100, 5)
-    one = from_groups(inputs, np.zeros(100, dtype=np.int64), np.arange(100) % 5)
-    whole = from_rows(inputs)
-    assert one.limit == whole.limit
-    np.testing.assert_array_equal(one.of(inputs), whole.of(inputs))
-    apart = from_groups(inputs, np.arange(100), np.arange(100))
-    assert apart.limit == whole.limit, "no group lies in two parts"
-
-
 def test_a_database_with_fewer_rows_than_features_has_distances():
     random = np.random.default_rng(6)
     inputs = random.normal(size=(320, 40))

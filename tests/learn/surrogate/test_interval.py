@@ -86,25 +86,6 @@ def test_the_rate_of_the_growth_is_found_among_kinds_with_errors_of_their_own():
     assert found.rate == pytest.approx(0.4, abs=0.1)
 
 
-def test_errors_that_do_not_grow_leave_intervals_as_wide_everywhere():
-    inputs, distance, errors = spread_out(6000, 1, -0.4)
-    found = fit_growth(distance, distance.of(inputs) ** 2, errors, np.zeros(6000, dtype=np.int64))
-    assert found.rate == 0
-    np.testing.assert_array_equal(found.at(inputs), 1.0)
-    few = fit_growth(distance, np.ones(2), np.ones(2), np.arange(2))
-    assert few.rate == 0, "nothing to compare"
-
-
-def test_few_rows_say_little():
-    found = []
-    for seed in range(40):
-        inputs, distance, errors = spread_out(20, seed, 0.0)
-        kinds = np.zeros(20, dtype=np.int64)
-        found.append(fit_growth(distance, distance.of(inputs) ** 2, errors, kinds))
-    factors = [np.exp(each.rate * each.distance.limit**2) for each in found]
-    assert np.median(factors) < 1.6
-
-
 def test_no_error_grows_beyond_the_limit_of_the_flag():
     inputs, distance, _ = spread_out(500, 2, 0.0)
     growth = Growth(distance, 0.5)

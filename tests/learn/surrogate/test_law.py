@@ -1,7 +1,6 @@
 """Laws at the given loads, their bands, and no band outside the training."""
 
 import re
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -10,14 +9,12 @@ from laws import LOADS, STEEL, column, rows_of, run
 from scipy.interpolate import PchipInterpolator
 from strict import json_of
 
-import bem
 from gen import cli as gen_cli
 from gen.generation.plan import parameters
 from gen.generation.sample import solve_contact, surface_of
-from gen.law.curves import Points, monotone, tabulated
+from gen.law.curves import Points
 from gen.scene import Scene
-from learn import Surrogate
-from learn.surrogate.law import _corrected, at_pressures
+from learn.surrogate.law import at_pressures
 
 COLUMNS = ("delta_um", "area_percent", "mean_gap_um")
 FREE = ["--boundary", "free"]
@@ -224,20 +221,6 @@ def test_no_interval_is_given_on_unknown_ground(work, capsys, monkeypatch):
         assert "delta/h" in plain
 
 
-def test_a_file_name_is_no_markup(work, capsys):
-    shutil.copy("many/s0.npy", "a[red]b.npy")
-    run("predict", "hybrid.surrogate", "a[red]b.npy", "--side", "1000", "--delta", "20")
-    assert "a[red]b.npy" in capsys.readouterr().out
-
-
-def test_the_surrogates_own_answers_keep_their_intervals(made):
-    """What is withheld is what is shown; in Python, `reasons` tells where they do not hold."""
-    surrogate = Surrogate.load(made / "hybrid.surrogate")
-    answer = surrogate.predict(np.load(made / "many/s0.npy"), 1000.0, [0.5])
-    assert answer.reasons[0]
-    assert answer.low["area"].shape == (1,)
-
-
 @pytest.mark.parametrize("how", [["--solver"], []])
 @pytest.mark.parametrize("inputs", [["many/s0.npy", "--side", 1000], ["many", "--side", 1000]])
 def test_a_law_is_monotone_and_consistent(work, how, inputs):
@@ -267,43 +250,6 @@ def test_a_law_is_monotone_and_consistent(work, how, inputs):
     np.testing.assert_allclose(back, pressure, atol=0.02 * pressure[-1])
     assert (np.diff(column(by_pressure, "area_percent")) >= 0).all()
     assert (np.diff(column(by_pressure, "mean_gap_um")) <= 0).all()
-
-
-def test_a_solved_law_is_the_solvers_and_the_predicted_one_near_it(work):
-    ask = ["law", "hybrid.surrogate", "many/s1.npy", "--side", 1000, "--delta", "5:40:8", "--csv"]
-    run(*ask, "solved.csv", "--solver")
-    run(*ask, "predicted.csv")
-    heights = np.load("many/s1.npy")
-    solved, predicted = (
-        [row for row in rows_of(name) if row["against"] == "delta_um"][1:]
-        for name in ("solved.csv", "predicted.csv")
-    )
-    for one, two in zip(solved, predicted, strict=True):
-        contact = bem.solve(heights, 1000.0, float(one["delta_um"]))
-        for name, value in (
-            ("area_percent", contact.area_percent),
-            ("force_uN", contact.force),
-            ("mean_gap_um", contact.mean_gap),
-        ):
-            assert float(one[name]) == pytest.approx(value, rel=1e-5)
-        assert float(two["force_uN"]) == pytest.approx(contact.force, rel=0.2)
-        assert float(two["mean_gap_um"]) == pytest.approx(contact.mean_gap, abs=0.5)
-
-
-def test_a_law_says_where_it_is_outside(work):
-    ask = ["law", "hybrid.surrogate", "many", "--side", 1000, "--delta", "10,400", "--csv"]
-    run(*ask, "law.csv")
-    rows = [row for row in rows_of("law.csv") if row["against"] == "delta_um"]
-    own = Surrogate.load("hybrid.surrogate")
-    surfaces = [np.load(f"many/s{seed}.npy") for seed in range(3)]
-    inside = [own.for_surface(each, 1000.0).predict([10.0, 400.0]).inside for each in surfaces]
-    expected = [0.0, *(1 - np.mean(inside, axis=0))]
-    np.testing.assert_allclose([float(row["outside"]) for row in rows], expected)
-    assert expected[2] == 1
-    assert [bool(row["reason"]) for row in rows] == [share > 0 for share in expected]
-    others = [row for row in rows_of("law.csv") if row["against"] != "delta_um"]
-    assert float(others[0]["outside"]) == 0
-    assert float(others[-1]["outside"]) == 1
 
 
 def test_laws_of_scenes_databases_and_given_pressures(work, capsys):
@@ -406,19 +352,6 @@ def test_what_follows_from_predictions_is_withheld_outside_the_training(work, ca
     run(*ask, "--delta", "0.02,0.03", "-o", "law", ends=2)
     assert "no load lies inside the surrogate's training; --solver" in capsys.readouterr().err
     assert not list(Path().glob("law*"))
-
-
-def test_a_curve_that_turned_back_is_told_in_a_sentence():
-    deltas = np.array([0.0, 1.0, 2.0, 3.0])
-    raw = {"force_uN": [0, 5, 2, 6], "area_percent": [0, 1, 2, 3], "mean_gap_um": [3, 1, 2, 0]}
-    columns = {name: np.array(each, dtype=float) for name, each in raw.items()}
-    smooth, changes = monotone(Points({"delta_um": deltas, **columns}, reasons=("",) * 4))
-    warned = _corrected(tabulated("delta_um", deltas, [smooth], 0.9, 3.0), [changes])
-    curve = "warning: the surrogate's curve of "
-    assert warned == [
-        f"{curve}force_uN fell with the load; shown is the nearest rising one",
-        f"{curve}mean_gap_um rose with the load; shown is the nearest falling one",
-    ]
 
 
 def test_the_conductance_of_elastic_bodies_is_the_slope_of_their_force(work):

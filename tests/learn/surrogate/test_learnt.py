@@ -53,15 +53,6 @@ def test_a_moment_beyond_the_training_is_that_at_the_end_of_its_range(
     assert [name in reason for reason in asked.reasons] == [False, True, True, False]
 
 
-def test_other_features_are_left_as_they_are(surrogate, middle):
-    place = surrogate.features.columns.index("coarse_area_percent")
-    end, beyond = middle.copy(), middle.copy()
-    end[place] = surrogate.high[place]
-    beyond[place] = 1.5 * surrogate.high[place]
-    asked = surrogate.predict_rows(rows_of(surrogate, np.array([end, beyond])))
-    assert asked.area[0] != asked.area[1]
-
-
 def test_a_file_holds_the_same_moments(surrogate, middle, tmp_path):
     surrogate.save(tmp_path / "x.surrogate")
     read = Surrogate.load(tmp_path / "x.surrogate")
@@ -70,10 +61,6 @@ def test_a_file_holds_the_same_moments(surrogate, middle, tmp_path):
     for one, other in zip(read.learnt["area"].clip, surrogate.learnt["area"].clip, strict=True):
         np.testing.assert_array_equal(one, other)
         assert np.isfinite(one).sum() == 8
-
-
-def test_the_paper_s_features_are_as_they_were(solved):
-    assert fitted(solved, "paper").learnt["area"].clip is None
 
 
 @pytest.mark.parametrize("features", ["paper", "dimensionless"])

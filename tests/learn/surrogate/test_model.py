@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import bem
-import learn
 from gen import cli
 from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
@@ -15,7 +14,7 @@ from learn import Surrogate, split
 from learn.comparison.paper import OPTIMA
 from learn.dataset import Request
 from learn.executor import Executor
-from learn.features.sets import BLOCK_COUNTS, ROOTED_LOCAL
+from learn.features.sets import ROOTED_LOCAL
 from learn.models import MODELS
 from learn.surrogate import fitting, law
 from learn.surrogate.card import lines
@@ -215,35 +214,10 @@ def test_a_prediction_that_is_not_finite_is_never_inside(ridge, heights, tmp_pat
             law.make(spoilt, order, say)
 
 
-def test_the_package_offers_the_class_and_nothing_else():
-    assert learn.Surrogate is Surrogate
-    with pytest.raises(AttributeError, match="Oracle"):
-        _ = learn.Oracle
-
-
 @pytest.fixture(scope="module")
 def plastic(yielding):
     """A surrogate of bodies that yield at 0.003 to 0.1 E*."""
     return fitted(yielding, features="hybrid", targets=("area", "force", "yielded_percent"))
-
-
-def test_finer_blocks_are_kept_and_answer_the_same(tmp_path):
-    from gen.cli import main
-
-    (tmp_path / "s.toml").write_text("samples = 50\n[surface]\nnodes = 65\n")
-    assert main(["run", str(tmp_path / "s.toml"), "-o", str(tmp_path / "s.h5")]) == 0
-    path, surface = tmp_path / "s.h5", generate("midpoint", 65, 0.7, 12.0, np.random.default_rng(1))
-    found = []
-    for blocks in BLOCK_COUNTS:
-        made = fitted(path, features="hybrid", roots=True, blocks=blocks, targets=("area",))
-        made.save(tmp_path / "s.surrogate")
-        loaded = Surrogate.load(tmp_path / "s.surrogate")
-        assert loaded.card["blocks"] == loaded.features.solved_blocks == blocks
-        found.append(made.predict(surface, 1000.0, [8.0, 20.0]).area)
-        np.testing.assert_array_equal(loaded.predict(surface, 1000.0, [8.0, 20.0]).area, found[-1])
-    solved = [bem.solve(surface, 1000.0, delta).area_percent for delta in (8.0, 20.0)]
-    np.testing.assert_allclose(found[1], solved, rtol=0.2)
-    assert (found[0] != found[1]).all()
 
 
 def test_bodies_that_yield_touch_more_at_a_smaller_hardness(plastic, heights, tmp_path):
@@ -258,13 +232,6 @@ def test_bodies_that_yield_touch_more_at_a_smaller_hardness(plastic, heights, tm
     assert (soft.values["yielded_percent"] <= 100).all()
     same = plastic.predict(heights, 1000.0, [8.0, 20.0], hardness=0.004)
     np.testing.assert_array_equal(same.area, soft.area)
-
-
-def test_hardness_and_modulus_count_by_their_ratio(plastic, heights):
-    unit = plastic.predict(heights, 1000.0, 12.0, hardness=0.01)
-    steel = plastic.predict(heights, 1000.0, 12.0, hardness=2000.0, e_star=200e3)
-    np.testing.assert_allclose(steel.area, unit.area, rtol=1e-9)
-    np.testing.assert_allclose(steel.force, 200e3 * unit.force, rtol=1e-9)
 
 
 def test_a_hardness_outside_the_training_is_flagged_and_none_is_refused(plastic, heights):
