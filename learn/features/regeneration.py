@@ -52,44 +52,34 @@ def hybrid_rows(
     surfaces cannot be generated again.
     """
     job = _Job(path, blocks)
-    if job.blocks:
-        _work_off(job, executor, stopping)
-    return job.values
-
-
-def _work_off(job: "_Job", executor: Executor, stopping: Callable[[], bool]) -> None:
-    """Compute the missing blocks; raise InputError for a wrong surface."""
-    scene, folder, *_ = job.shared
+    if not job.blocks:
+        return job.values
+    scene, folder, _ = job.shared
     # Maps are prepared here before many processes ask for them at once.
     scene.surface.make_ready(folder)
-    faults: list[str] = []
     rows = sum(stop - start for start, stop, _ in job.blocks)
     with RunProgress(rows, "surfaces") as progress:
         progress.say(
-            f"{job.path}: generating {rows} surfaces anew for their hybrid features; they are kept"
-            f" in {job.cache}"
+            f"{path}: generating {rows} surfaces anew for their hybrid features; they are kept in"
+            f" {job.cache}"
         )
 
         def keep(block: Block, result: tuple[Values, Values]) -> None:
-            fault = job.keep(block, *result)
-            if fault:
-                faults.append(fault)
+            job.keep(block, *result)
             progress.advance(block[1] - block[0], 0)
 
+        def ended() -> bool:
+            return stopping() or bool(job.fault)
+
         try:
-            executor.run(
-                _compute,
-                job.shared,
-                job.blocks,
-                keep,
-                stopping=lambda: stopping() or bool(faults),
-            )
+            executor.run(_compute, job.shared, job.blocks, keep, stopping=ended)
         finally:
-            note = "" if faults else job.save()
+            note = "" if job.fault else job.save()
             if note:
                 progress.say(note)
-    if faults:
-        raise InputError(faults[0])
+    if job.fault:
+        raise InputError(job.fault)
+    return job.values
 
 
 def _compute(shared: tuple[Scene, Path, int], block: Block) -> tuple[Values, Values]:
@@ -155,41 +145,42 @@ class _Job:
 
     def __init__(self, path: Path, blocks: int = BLOCKS) -> None:
         with Reader(path) as reader:
-            self.scene, self.first = reader.scene, reader.rows.start
+            scene, self.first = reader.scene, reader.rows.start
             done = reader.column("status") == Status.DONE
-            columns = [reader.column(name) for name in _inputs(self.scene)]
-            self.inputs = np.stack(columns, axis=1)
+            self.inputs = np.stack([reader.column(name) for name in _inputs(scene)], axis=1)
         finer = "" if blocks == BLOCKS else f"-{blocks}"
         self.path, self.cache = path, path.with_name(f"{path.name}.pressed{finer}.npz")
-        self.shared = self.scene, path.parent, blocks
-        self.key = _key(self.scene, blocks)
-        self.values = self._kept()
+        self.shared = scene, path.parent, blocks
+        # A fingerprint of all that the features depend on besides the inputs.
+        text = f"{VERSION} {blocks} {LOOSE} {','.join(HYBRID)} {PHYSICS} {scene.fingerprint()}"
+        self.key = hashlib.sha256(text.encode()).hexdigest()
+        self.values, self.fault = self._kept(), ""
         self.last_save = time.monotonic()
         usable = done & np.isfinite(self.inputs).all(axis=1)
         lacking = np.flatnonzero(usable & ~np.isfinite(self.values).all(axis=1))
         self.left = set((self.first + lacking).tolist())
         self.blocks = [
             (start, stop, tuple(self.inputs[start - self.first : stop - self.first, 0].tolist()))
-            for start, stop in _blocks(self.left, self.scene.samples_per_surface)
+            for start, stop in _blocks(self.left, scene.samples_per_surface)
         ]
 
-    def keep(self, block: Block, inputs: Values, values: Values) -> str:
-        """Store the features of a block; return why they cannot be the database's, or ""."""
+    def keep(self, block: Block, inputs: Values, values: Values) -> None:
+        """Store the features of a block, or say why they cannot be the database's."""
         start, stop, _ = block
         for row in range(start, stop):
             if row not in self.left:
                 continue
             own, again = self.inputs[row - self.first], inputs[row - start]
             if not np.allclose(own, again, rtol=AGREEMENT, atol=AGREEMENT * 1e-3):
-                return (
+                self.fault = self.fault or (
                     f"{self.path}: row {row}, generated anew from its scene, is another surface:"
                     " use --features paper or dimensionless"
                 )
+                return
             self.values[row - self.first] = values[row - start]
             self.left.discard(row)
         if time.monotonic() > self.last_save + SAVE_SECONDS:
             self.save()
-        return ""
 
     def save(self) -> str:
         """Write the file beside the database; return why that was not possible, or ""."""
@@ -204,29 +195,20 @@ class _Job:
     def _kept(self) -> Values:
         """Return the features that the file has for rows whose inputs have not changed."""
         values = np.full((len(self.inputs), len(HYBRID)), np.nan)
-        try:
-            content = BytesIO(
-                require_file(self.cache).read_bytes()
-            )  # numpy leaves a broken file open
+        try:  # numpy leaves a broken file open
+            content = BytesIO(require_file(self.cache).read_bytes())
             with np.load(content, allow_pickle=False) as kept:
-                if str(kept["key"]) != self.key:
-                    return values
-                inputs, known = kept["inputs"], kept["values"]
+                key, inputs, known = str(kept["key"]), kept["inputs"], kept["values"]
         except (OSError, ValueError, KeyError, BadZipFile, EOFError, MemoryError, zlib.error):
             return values
-        if inputs.ndim != 2 or {inputs.dtype, known.dtype} != {np.dtype(np.float64)}:
+        if key != self.key or {inputs.dtype, known.dtype} != {np.dtype(np.float64)}:
             return values
-        rows = min(len(inputs), len(values))
-        if inputs.shape[1:] == self.inputs.shape[1:] and known.shape == (len(inputs), len(HYBRID)):
+        if inputs.ndim == 2 and inputs.shape[1] == self.inputs.shape[1]:
+            rows = min(len(inputs), len(values))
             same = (inputs[:rows] == self.inputs[:rows]).all(axis=1)
-            values[:rows][same] = known[:rows][same]
+            if known.shape == (len(inputs), len(HYBRID)):
+                values[:rows][same] = known[:rows][same]
         return values
-
-
-def _key(scene: Scene, blocks: int) -> str:
-    """Return a fingerprint of all settings that the features depend on besides the inputs."""
-    text = f"{VERSION} {blocks} {LOOSE} {','.join(HYBRID)} {PHYSICS} {scene.fingerprint()}"
-    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _blocks(rows: set[int], samples_per_surface: int) -> Iterator[tuple[int, int]]:

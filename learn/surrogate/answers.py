@@ -242,32 +242,24 @@ def show(rows: Sequence[Row], level: float, bodies: Bodies) -> None:
     print_table(table, WIDTH)
     for doubt in bodies.doubts:
         echo(f"warning: {doubt}")
-    outside = sum(row["flag"] == "outside" for row in rows)
     if len(rows) > SHOWN:
         echo(f"... and {len(rows) - SHOWN} more: -o writes all of them")
+    outside = [row for row in rows if row["flag"] == "outside"]
     if outside:
-        text = (
-            f"{outside} of {len(rows)} rows lie outside what the surrogate was trained on: no"
+        echo(
+            f"{len(outside)} of {len(rows)} rows lie outside what the surrogate was trained on: no"
             " interval holds there, and none is given (-)"
         )
-        echo(text)
-        for line in _reasons(rows):
-            echo(f"  {line}")
-
-
-def _reasons(rows: Sequence[Row]) -> Iterator[str]:
-    """Yield a line for each feature that is outside its range, with the first value."""
     numbers: Counter[str] = Counter()
     first: dict[str, str] = {}
-    for row in rows:
-        for reason in filter(None, str(row["reason"]).split("; ")):
-            kind = VALUE.sub(" outside", reason)
-            numbers[kind] += 1
-            first.setdefault(kind, reason)
+    for reason in (each for row in outside for each in str(row["reason"]).split("; ")):
+        kind = VALUE.sub(" outside", reason)
+        numbers[kind] += 1
+        first.setdefault(kind, reason)
     for kind, number in numbers.most_common(REASONS):
-        yield f"{number} of {len(rows)}: {first[kind]}"
+        echo(f"  {number} of {len(rows)}: {first[kind]}")
     if len(numbers) > REASONS:
-        yield f"and {len(numbers) - REASONS} more: -o writes all of them"
+        echo(f"  and {len(numbers) - REASONS} more: -o writes all of them")
 
 
 def _cell(row: Row, name: str) -> str:
@@ -309,52 +301,39 @@ def read_table(path: Path, side: str = "") -> Table:
         )
     if not rows:
         raise InputError(f"{path}: has a header and no rows")
-    deltas = [name for name in DELTA_NAMES if name in names]
-    sides = np.full((len(rows), 2), np.nan)
-    if all(name in names for name in SIDE_NAMES):
-        sides = _columns(path, rows, SIDE_NAMES)
+
+    def columns(wanted: Sequence[str], otherwise: float = np.nan) -> Values:
+        if not set(wanted) <= set(names):
+            return np.full((len(rows), len(wanted)), otherwise)
+        return np.array([[_number(path, row, each, name) for name in wanted] for row, each in told])
+
+    told = list(enumerate(rows, 1))
+    deltas = [name for name in DELTA_NAMES if name in names][:1]
+    sides = columns(SIDE_NAMES)
     if side:
         given = sides_from(side)
         if not np.allclose(sides[~np.isnan(sides[:, 0])], given, rtol=1e-3):
             raise InputError(f"{path}: names other sides than --side {side}: leave that out")
         sides[:] = given
-    nodes = np.zeros((len(rows), 2))
-    if all(name in names for name in NODE_NAMES):
-        nodes = _columns(path, rows, NODE_NAMES)
     return Table(
         name=str(path),
-        statistics=_columns(path, rows, STATISTICS, undefined=True),
-        delta=_columns(path, rows, deltas[:1])[:, 0] if deltas else None,
+        statistics=columns(STATISTICS),
+        delta=columns(deltas)[:, 0] if deltas else None,
         sides=sides,
-        nodes=nodes.astype(np.int64),
+        nodes=columns(NODE_NAMES, 0.0).astype(np.int64),
         boundaries=tuple(sorted({row.get("boundary") or "free" for row in rows})),
     )
 
 
-def _columns(
-    path: Path, rows: list[dict[str, str]], names: Sequence[str], *, undefined: bool = False
-) -> Values:
-    """Return the finite numbers of some columns, (n, k); an empty cell or "nan" has none."""
-    return np.array(
-        [
-            list(_numbers(path, number, row, names, undefined=undefined))
-            for number, row in enumerate(rows)
-        ]
-    )
-
-
-def _numbers(
-    path: Path, number: int, row: dict[str, str], names: Sequence[str], *, undefined: bool
-) -> Iterator[float]:
-    for name in names:
-        if undefined and str(row[name]).strip().lower() in {"", "nan"}:
-            yield np.nan
-            continue
-        try:
-            value = float(row[name])
-        except (TypeError, ValueError):
-            value = np.nan
-        if not np.isfinite(value):
-            text = str(row.get(name))[:40]
-            raise InputError(f"{path}, row {number + 1}: {name} is {text!r}; give finite numbers")
-        yield value
+def _number(path: Path, row: int, cells: dict[str, str], name: str) -> float:
+    """Return the finite number of a cell; NaN for a statistic that is empty or "nan"."""
+    text = str(cells.get(name))
+    if name in STATISTICS and text.strip().lower() in {"", "nan"}:
+        return np.nan
+    try:
+        value = float(text)
+    except ValueError:
+        value = np.nan
+    if not np.isfinite(value):
+        raise InputError(f"{path}, row {row}: {name} is {text[:40]!r}; give finite numbers")
+    return value
