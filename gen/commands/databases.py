@@ -58,12 +58,12 @@ def estimate(
 ) -> None:
     """Measure a few samples and predict time, memory and disk space of a run."""
     from gen.display import databases
-    from gen.generation import forecast
     from gen.generation.functions import completed
+    from gen.generation.run import estimate as measured
     from gen.scene import load
 
     loaded = completed(load(scene))
-    databases.print_estimate(loaded, forecast.estimate(loaded, ranks))
+    databases.print_estimate(loaded, measured(loaded, ranks))
 
 
 def info(file: options.Database) -> None:

@@ -16,8 +16,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from gen.database import Reader
-    from gen.generation.forecast import Estimate
-    from gen.generation.run import RunResult
+    from gen.generation.run import Estimate, RunResult
     from gen.scene import Scene
 
 MAPS = {"found": "map", "against_found": "the second body's map"}
@@ -71,7 +70,7 @@ def print_database(reader: Reader) -> None:
 
 def print_plan(scene: Scene, path: Path | None = None) -> None:
     """Print samples, surfaces, nodes and loads of a completed scene, and its database's size."""
-    from gen.generation.forecast import planned_loads
+    from gen.generation.run import planned_loads
     from gen.scene import row_bytes
 
     contact, (nx, ny) = scene.contact, scene.shape

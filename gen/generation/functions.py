@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from numbers import Real
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -20,11 +20,8 @@ TRIED_ROWS = 16
 """Rows of which the first one with a solution shows the outputs of the user's function."""
 
 
-class Output(NamedTuple):
-    """One output of a user's function: its value, and its unit where it gives one."""
-
-    value: float
-    unit: str | None
+Output = tuple[float, str | None]
+"""One output of a user's function: its value, and its unit where it gives one."""
 
 
 def outputs_of(store: Store, contact: bem.Contact, row: int) -> dict[str, float]:
@@ -39,19 +36,16 @@ def outputs_of(store: Store, contact: bem.Contact, row: int) -> dict[str, float]
             f"{store.function}, row {row}: returned {_listed(found)}; the database has"
             f" {_listed(expected)}"
         )
-    for name, output in found.items():
-        if output.unit not in {None, expected[name]}:
-            raise SourceError(
-                f"{store.function}, row {row}: {name} is in {output.unit!r}; the database has it in"
-                f" {expected[name]!r}"
-            )
+    for name, (value, unit) in found.items():
+        place = f"{store.function}, row {row}: {name} is"
+        if unit not in {None, expected[name]}:
+            raise SourceError(f"{place} in {unit!r}; the database has it in {expected[name]!r}")
         least, most = store.bounds(name)
-        if output.value < least or output.value > most:
+        if value < least or value > most:
             raise SourceError(
-                f"{store.function}, row {row}: {name} is {output.value:g}; the scene's bounds of it"
-                f" are {least:g} and {most:g}"
+                f"{place} {value:g}; the scene's bounds of it are {least:g} and {most:g}"
             )
-    return {name: output.value for name, output in found.items()}
+    return {name: value for name, (value, _) in found.items()}
 
 
 def called(store: Store, contact: bem.Contact, row: int) -> dict[str, Output]:
@@ -86,9 +80,9 @@ def _output(name: str, returned: Any, place: str) -> Output:
             " unit"
         )
     try:
-        return Output(float(value), unit)
+        return float(value), unit
     except OverflowError:  # a whole number of hundreds of digits
-        return Output(math.inf, unit)
+        return math.inf, unit
 
 
 def _listed(names: Mapping[str, object]) -> str:
@@ -122,11 +116,10 @@ def rehearse(scene: Scene) -> None:
     """Call the user's functions once, so that one that fails does so before a file is made."""
     if scene.store.function is None and not isinstance(scene.surface, PythonSurface):
         return
-    from gen.generation.sample import first_contact, first_surface
+    from gen.generation.sample import first_contact
 
-    if scene.store.function is None:
-        first_surface(scene)
-    elif found := first_contact(scene, TRIED_ROWS):
+    found = first_contact(scene, TRIED_ROWS)
+    if found and scene.store.function is not None:
         with suppress(ArithmeticError):
             outputs_of(scene.store, found[1], found[0])
 
@@ -163,4 +156,4 @@ def _first_outputs(scene: Scene) -> dict[str, str]:
             f"{scene.store.function}, row {row}: {type(error).__name__}, so its outputs are"
             " unknown; give store.outputs = { name = 'unit' }"
         ) from error
-    return {name: output.unit or "1" for name, output in outputs.items()}
+    return {name: unit or "1" for name, (_, unit) in outputs.items()}

@@ -1,8 +1,10 @@
-"""The farm: generate the rows that a database lacks, on one process or on many."""
+"""The farm: generate the rows that a database lacks, by one process or many, or forecast it."""
 
 from __future__ import annotations
 
 import math
+import resource
+import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -41,6 +43,12 @@ MASTER_SHARE = 1.5
 BLOCK_BYTES = 8 * 2**20
 """Largest size of a block [bytes], unless one row has more: fields make blocks small."""
 
+MEASURED_SURFACES, MEASURED_LOADS = 16, 4
+"""Surfaces computed for an estimate, spread evenly over the plan, and loads on each at most."""
+
+COUNTED_ROWS = 1_000_000
+"""Largest number of planned rows whose loads are drawn: more would hardly change the summary."""
+
 Block = tuple[int, int]
 """First row of a task, and one past the last."""
 
@@ -50,89 +58,37 @@ Choice = Literal["auto", "single", "parallel"]
 
 @dataclass(frozen=True)
 class Request:
-    """Request to generate rows of a scene into a file.
+    """Request to generate rows of a scene into a file."""
 
-    Attributes
-    ----------
-    scene : str
-        Name of a shipped scene, or path of a TOML file.
-    path : Path
-        The database.
-    rows : tuple of int or None
-        First row to compute and one past the last, as for a share of a job array; None for all.
-    retry_failed : bool
-        Whether failed rows are computed again.
-    force : bool
-        Whether a file of another physics number may be continued.
-    sample_limit : float or None
-        Wall-clock time allowed for a surface, and for each contact on it [s]; a sample that takes
-        longer is left pending. None for no limit.
-    writer : str
-        Writer of the rows: the master ("single"), every worker its own rows ("parallel"), or the
-        latter if this h5py and the file system allow it ("auto").
-    """
-
-    scene: str
-    path: Path
-    rows: tuple[int, int] | None = None
+    scene: str  # name of a shipped one, or path of a TOML file
+    path: Path  # of the database
+    rows: tuple[int, int] | None = None  # first row to compute and one past the last; None for all
     retry_failed: bool = False
-    force: bool = False
-    sample_limit: float | None = None
-    writer: Choice = "auto"
+    force: bool = False  # continue a file of another physics number
+    sample_limit: float | None = None  # time for a surface, and for each contact on it [s]
+    writer: Choice = "auto"  # every worker its own rows if h5py and the file system allow it
 
 
 @dataclass(frozen=True)
 class RunResult:
-    """State in which a run left its database, the same on every process.
-
-    Attributes
-    ----------
-    counts : Counts
-        Numbers of pending, done and failed rows in the file.
-    signal : int
-        Number of the signal that interrupted the run; 0 if none did.
-    overdue : int
-        Number of rows left pending because they took longer than the limit.
-    """
+    """State in which a run left its database, the same on every process."""
 
     counts: Counts
-    signal: int
-    overdue: int = 0
+    signal: int  # that interrupted the run; 0 if none did
+    overdue: int = 0  # rows left pending because they took longer than the limit
 
 
 class Target(NamedTuple):
-    """The file to write and its writer: the master's decision, the same on every process.
-
-    Attributes
-    ----------
-    path : Path
-        The database, from `gen.database.open_or_create`.
-    scene : Scene
-        Scene of the file.
-    parallel : bool
-        Whether every worker writes its own rows.
-    force : bool
-        Whether rows may be added to those of another physics number.
-    """
+    """The file to write and its writer: the master's decision, the same on every process."""
 
     path: Path
-    scene: Scene
-    parallel: bool
-    force: bool = False
+    scene: Scene  # of the file
+    parallel: bool  # whether every worker writes its own rows
+    force: bool = False  # whether rows may be added to those of another physics number
 
 
 class Tally(NamedTuple):
-    """Counts of the rows of a block by their fate.
-
-    Attributes
-    ----------
-    failed : int
-        Number of failed rows.
-    overdue : int
-        Number of rows that took longer than the limit and are still pending.
-    trouble : str
-        Reason why the rows could not be written; "" if they were.
-    """
+    """Numbers of rows of a block that failed, or took too long; and why none could be written."""
 
     failed: int
     overdue: int
@@ -144,20 +100,6 @@ class Delivery:
 
     All processes make one of these and leave its block together, because the parallel writer opens
     and closes the file on all of them.
-
-    Parameters
-    ----------
-    target : Target
-        The file, and who writes it.
-    world : farm.World
-        The processes.
-    compute : callable
-        Function that computes every column of a block's rows; pending rows are not written.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be opened: on the master, or on every process that writes.
     """
 
     def __init__(
@@ -209,14 +151,12 @@ class Delivery:
 
     def _write(self, block: Block, rows: Columns) -> Tally:
         """Write the finished rows of a block, and count its rows."""
-        if self._writer is None:
-            raise ValueError("rows are taken on the master only")
-        finished = 0
+        assert self._writer is not None  # workers that have none return their rows
         for start, stop, part in finished_parts(block[0], rows):
             self._writer.write_block(start, stop, part)
-            finished += stop - start
-        failed = int(np.count_nonzero(rows["status"] == Status.FAILED))
-        return Tally(failed, block[1] - block[0] - finished)
+        status = rows["status"]
+        failed, overdue = (np.count_nonzero(status == s) for s in (Status.FAILED, Status.PENDING))
+        return Tally(int(failed), int(overdue))
 
 
 def in_parallel(choice: Choice, path: Path, world: farm.World) -> bool:
@@ -320,15 +260,15 @@ def _hand_out(job: _Job, delivered: Delivery, world: farm.World, interruption: I
     from gen.runtime.terminal import RunProgress
 
     overdue, scene = 0, job.target.scene
-    todo = sum(stop - start for start, stop in job.pending)
-    with RunProgress(todo) as progress:
-        progress.say(job.begun)
-        for function in functions(scene):
-            progress.say(f"runs {function}")
-        for doubt in scene.contact.doubts:
-            progress.say(f"  warning: {doubt}")
-        for line in scene.surface.remarks():
-            progress.say(f"  {line}")
+    said = [
+        job.begun,
+        *(f"runs {function}" for function in functions(scene)),
+        *(f"  warning: {doubt}" for doubt in scene.contact.doubts),
+        *(f"  {line}" for line in scene.surface.remarks()),
+    ]
+    with RunProgress(sum(stop - start for start, stop in job.pending)) as progress:
+        for line in said:
+            progress.say(line)
 
         def take(block: Block, result: Columns | Tally) -> None:
             nonlocal overdue
@@ -343,11 +283,18 @@ def _hand_out(job: _Job, delivered: Delivery, world: farm.World, interruption: I
 
 
 def blocks_of(scene: Scene, pending: list[Block], workers: int) -> Iterator[Block]:
-    """Cut pending rows into the blocks of a run, as large as the size of a row allows."""
+    """Cut pending rows into the blocks of a run, as large as the size of a row allows.
+
+    The master has to answer all workers in the time of a block. If there are few rows for each
+    worker, it is enough to deal with all blocks in that time: larger blocks would idle workers.
+    """
     nodes = math.prod(scene.shape)
-    fitting = max(1, min(BLOCK_ROWS, BLOCK_NODES // nodes))
+    rows = sum(stop - start for start, stop in pending)
+    answer = ANSWER_NODES / nodes  # the master's time for a block, in solves
+    answered = int(min(MASTER_SHARE * workers * answer, math.sqrt(rows * answer)))
     most = max(1, BLOCK_BYTES // row_bytes(scene))
-    least = max(1, min(most, _least_rows(nodes, sum(b - a for a, b in pending), workers)))
+    least = max(1, min(most, answered))
+    fitting = max(1, min(BLOCK_ROWS, BLOCK_NODES // nodes))
     return plan.blocks(
         pending,
         samples_per_surface=scene.samples_per_surface,
@@ -357,11 +304,35 @@ def blocks_of(scene: Scene, pending: list[Block], workers: int) -> Iterator[Bloc
     )
 
 
-def _least_rows(nodes: int, rows: int, workers: int) -> int:
-    """Return the number of rows of a block below which many workers would wait for the master.
+@dataclass(frozen=True)
+class Estimate:
+    """Cost of a run, extrapolated from measured samples."""
 
-    The master has to answer all workers in the time of a block. If there are few rows for each
-    worker, it is enough to deal with all blocks in that time: larger blocks would idle workers.
-    """
-    answer = ANSWER_NODES / nodes  # the master's time for a block, in solves
-    return int(min(MASTER_SHARE * workers * answer, math.sqrt(rows * answer)))
+    measured: int  # rows that were computed
+    milliseconds: float  # mean time of a sample on one worker
+    workers: int
+    seconds: float  # time of the run
+    memory_bytes: int  # of all processes
+
+
+def planned_loads(scene: Scene) -> tuple[float, float, float]:
+    """Return smallest, mean and largest load of the first `COUNTED_ROWS` planned rows."""
+    loads = plan.parameters(scene, 0, min(scene.samples, COUNTED_ROWS)).load
+    return float(loads.min()), float(loads.mean()), float(loads.max())
+
+
+def estimate(scene: Scene, ranks: int) -> Estimate:
+    """Measure a few samples on this machine and extrapolate to a run with `ranks` processes."""
+    m = scene.samples_per_surface
+    surfaces = np.unique(np.linspace(0, scene.surfaces - 1, MEASURED_SURFACES).astype(int)).tolist()
+    compute_rows(scene, 0, 1)  # plans are made once a run, not once a sample
+    began, measured = time.perf_counter(), 0
+    for surface in surfaces:
+        stop = min(surface * m + min(m, MEASURED_LOADS), scene.samples)
+        compute_rows(scene, surface * m, stop)
+        measured += stop - surface * m
+    mean = (time.perf_counter() - began) / measured
+    workers = max(ranks - 1, 1)
+    # Linux counts the largest resident set in KiB. A master holds less than a worker.
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 * max(ranks, 1)
+    return Estimate(measured, 1e3 * mean, workers, scene.samples * mean / workers, memory)

@@ -3,7 +3,7 @@
 import itertools
 import socket
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from gen.runtime.signals import Overtime, at_most
 from gen.scene import Scene
 from gen.scene.columns import columns_for
 from gen.schema import DONE_REASONS, Reason, Status
-from gen.statistics import Description, describe, rms_slope
+from gen.statistics import describe, rms_slope
 
 EFFORT = ("iterations", "convolutions", "residual")
 """Columns of the cost and the residual of a solve, converged or not."""
@@ -177,14 +177,16 @@ def _compute_surface(
     began = time.perf_counter()
     try:
         with at_most(limit):
-            described = _described(scene, plan, first)
+            heights = surface_of(scene, plan, first)
+            description = describe(heights, scene.spacing)
     except Overtime:
         return
-    if described is None:
+    except SourceError:
+        raise
+    except (ArithmeticError, InputError):  # beyond the range of numbers
         rows["reason"][first:last] = Reason.ARITHMETIC
         rows["status"][first:last] = Status.FAILED
         return
-    heights, description = described
     for name, value in description.values.items():
         rows[name][first:last] = value
     if scene.store.heights:
@@ -204,42 +206,24 @@ def _compute_surface(
         rows["status"][row] = Status.DONE if reason in DONE_REASONS else Status.FAILED
 
 
-def _described(scene: Scene, plan: Parameters, row: int) -> tuple[Heights, Description] | None:
-    """Generate and describe a row's surface; return None if that leaves the range of numbers."""
-    try:
-        heights = surface_of(scene, plan, row)
-        return heights, describe(heights, scene.spacing)
-    except SourceError:
-        raise
-    except (ArithmeticError, InputError):
-        return None
-
-
 def _solve(scene: Scene, heights: Heights, plan: Parameters, rows: Columns, row: int) -> Reason:
     """Solve one contact problem and fill in its row; return the reason if that is impossible."""
     try:
-        contact = _contact(scene, heights, plan, row)
+        contact = contact_of(scene, heights, plan, row)
+        for name in EFFORT:
+            rows[name][row] = getattr(contact, name)
+        if not np.isfinite(contact.force):
+            return Reason.NOT_FINITE
+        return _add_results(scene, contact, rows, plan.first + row, row)
     except bem.NotConverged as failure:
-        _record(failure.contact, EFFORT, rows, row)
+        for name in EFFORT:
+            rows[name][row] = getattr(failure.contact, name)
         return Reason.NOT_CONVERGED
     except bem.NoSolution:
         elastic = Reason.FULL_CONTACT if scene.edgeless else Reason.NO_SOLUTION
         return elastic if scene.contact.hardness_limits is None else Reason.BEYOND_HARDNESS
     except (ArithmeticError, np.linalg.LinAlgError):
         return Reason.ARITHMETIC
-    _record(contact, EFFORT, rows, row)
-    if not np.isfinite(contact.force):
-        return Reason.NOT_FINITE
-    try:
-        return _add_results(scene, contact, rows, plan.first + row, row)
-    except ArithmeticError:
-        return Reason.ARITHMETIC
-
-
-def _record(contact: bem.Contact, names: Iterable[str], rows: Columns, row: int) -> None:
-    """Store numbers of a contact under their names."""
-    for name in names:
-        rows[name][row] = getattr(contact, name)
 
 
 def _add_results(
@@ -249,7 +233,8 @@ def _add_results(
     wanted = scene.optional_columns
     if scene.quantity != "delta":
         rows["delta"][row] = contact.delta
-    _record(contact, (*ANSWERS, *(OPTIONAL_ANSWERS & wanted)), rows, row)
+    for name in (*ANSWERS, *(OPTIONAL_ANSWERS & wanted)):
+        rows[name][row] = getattr(contact, name)
     for name in SPOT_ANSWERS.keys() & wanted:
         rows[name][row] = SPOT_ANSWERS[name](contact.spots)
     if scene.store.function is None:
@@ -260,20 +245,10 @@ def _add_results(
     return Reason.NONE if np.isfinite(list(outputs.values())).all() else Reason.NOT_FINITE
 
 
-def _contact(scene: Scene, heights: Heights, plan: Parameters, row: int) -> bem.Contact:
+def contact_of(scene: Scene, heights: Heights, plan: Parameters, row: int) -> bem.Contact:
     """Solve the contact of one row of a plan; the exceptions of `bem.solve` pass through."""
     load = load_of(scene, heights, float(plan.load[row]))
     return solve_contact(scene, heights, hardness=plan.hardness_of(row), **load)
-
-
-def first_surface(scene: Scene) -> Heights | None:
-    """Make a scene's first surface; None if that leaves the range of numbers."""
-    try:
-        return surface_of(scene, parameters(scene, 0, 1), 0)
-    except SourceError:
-        raise
-    except UNSOLVED:
-        return None
 
 
 def first_contact(scene: Scene, rows: int) -> tuple[int, bem.Contact] | None:
@@ -281,7 +256,7 @@ def first_contact(scene: Scene, rows: int) -> tuple[int, bem.Contact] | None:
     plan = parameters(scene, 0, rows)
     for row in range(rows):
         try:
-            return row, _contact(scene, surface_of(scene, plan, row), plan, row)
+            return row, contact_of(scene, surface_of(scene, plan, row), plan, row)
         except SourceError:
             raise
         except UNSOLVED:

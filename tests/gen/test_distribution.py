@@ -43,25 +43,6 @@ def test_quantiles_are_those_of_the_distribution(name):
     assert (np.diff(values) >= 0).all()
 
 
-@pytest.mark.parametrize("name", DISTRIBUTIONS)
-def test_drawn_numbers_pass_the_test_of_kolmogorov_and_smirnov(name):
-    given_as, reference = DISTRIBUTIONS[name]
-    uniform = np.random.default_rng(5).random(20_000)
-    assert stats.kstest(quantiles(READ(given_as), uniform), reference.cdf).pvalue > 1e-3
-
-
-@pytest.mark.parametrize("shares", [None, [0.2, 0.5, 0.3]])
-def test_choices_have_their_shares(shares):
-    given_as = {"choice": [7.0, -1.0, 7.5]} | ({"shares": shares} if shares else {})
-    values = quantiles(READ(given_as), EVEN)
-    found = [np.mean(values == number) for number in (7.0, -1.0, 7.5)]
-    assert found == pytest.approx(shares or [1 / 3] * 3, abs=1e-5)
-
-
-def test_a_number_is_itself():
-    assert set(quantiles(READ(3.25), EVEN[:100])) == {3.25}
-
-
 finite = st.floats(allow_nan=False, allow_infinity=False)
 positive = st.floats(5e-324, 1.7e308)
 pairs = st.tuples(finite, finite).map(sorted)
@@ -144,16 +125,6 @@ def test_parameters_are_independent_and_an_added_one_shifts_no_other():
     fewer = Scene.parse(DRAWN.format(m=1).replace("c = [0, 1]\n", ""), "test")
     for name, values in parameters(fewer, 0, 100).drawn.items():
         assert values.tobytes() == plan.drawn[name][:100].tobytes()
-
-
-def test_pieces_have_their_shares_and_their_distributions():
-    scene = Scene.parse(DRAWN.format(m=1), "test")
-    load_ = parameters(scene, 0, 40_000).load
-
-    def cdf(x):
-        return 0.25 * stats.loguniform(1, 10).cdf(x) + 0.75 * truncated(5, 1, 2, 8).cdf(x)
-
-    assert stats.kstest(load_, cdf).pvalue > 1e-3
 
 
 FINGERPRINTS = {

@@ -20,7 +20,6 @@ def test_moduli_combine() -> None:
     ("young", "poisson", "e_star", "message"),
     [
         ([1.0, 2.0], [0.3], None, "--young was given 2 times, --poisson 1 times"),
-        ([1.0] * 3, [], None, "--young was given 3 times"),
         ([0.0], [], None, "--young 0"),
         ([1.0], [0.6], None, "--poisson 0.6"),
         ([1.0], [], 2.0, "--e-star stands in place"),
@@ -58,28 +57,6 @@ def test_solids_are_not_doubted_and_slips_of_their_units_are(young: float, hardn
         assert line.startswith(f"hardness over E* is {ratio:.3g}, solids have 0.0001 to 0.2: ")
         # A ratio cannot tell a modulus in GPa from a hardness in kPa: several slips may fit it.
         assert slip in line or any(other in line for _, other in SLIPS)
-
-
-@pytest.mark.parametrize(
-    ("young", "hardness", "slip"),
-    [
-        (210.0, 2000.0, "is the modulus in GPa?"),
-        (210e9, 2000.0, "is the modulus in Pa?"),
-        (210e3, 2.0, "is the hardness in GPa?"),
-        (210e3, 2e9, "is the hardness in Pa?"),
-        (210e9, None, "is the modulus in Pa?"),
-    ],
-)
-def test_the_likely_slip_of_steel_is_named(young: float, hardness: float | None, slip: str) -> None:
-    (line,) = Bodies.of_options([young], [], None, hardness).doubts
-    assert slip in line
-    assert "in MPa" in line
-
-
-def test_only_a_modulus_that_nobody_states_is_asked_for() -> None:
-    assert Bodies(1.0).stated == "E* is 1 MPa, as no modulus is given (--young or --e-star)"
-    assert Bodies(1.0, known=True).stated == "E* is 1 MPa"
-    assert Bodies(100.0).stated == "E* is 100 MPa", "of a scene"
 
 
 def test_scenes_are_doubted_by_the_hardness_in_megapascals_alone() -> None:

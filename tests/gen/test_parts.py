@@ -8,7 +8,7 @@ import pytest
 from databases import deterministic_bytes, status
 
 from gen import cli
-from gen.database import Reader, Writer, create, merge, open_or_create
+from gen.database import Reader, Writer, create, merge
 from gen.runtime.errors import InputError
 from gen.scene import Scene
 from gen.scene.columns import row_bytes
@@ -108,15 +108,6 @@ def test_parts_merge_whatever_they_overlap(folder, monkeypatch):
     assert merge(folder / "gap.h5", parts[1:]) == (24, 36, 0)
 
 
-def test_a_bit_that_differs_in_two_parts_is_told_by_its_row(folder):
-    for number, rows in enumerate(["5:15", "10:20"]):
-        assert run("60.toml", f"part{number}.h5", "--rows", rows) == 0
-    with h5py.File("part1.h5", "r+") as file:
-        file["force"][2] *= 1.5
-    with pytest.raises(InputError, match=r"row 12: force differs between .*part0.h5 and .*part1"):
-        merge(folder / "merged.h5", [folder / "part0.h5", folder / "part1.h5"])
-
-
 def test_failed_rows_of_a_part_are_tried_again(folder):
     assert run("60.toml", "part.h5", "--rows", "20:30") == 0
     with h5py.File("part.h5", "r+") as file:
@@ -147,14 +138,3 @@ def test_a_part_that_says_it_holds_other_rows_is_refused(folder, numbers):
         file.attrs["first_row"], file.attrs["rows"] = numbers
     with pytest.raises(InputError, match="is damaged"):
         Reader(folder / "part.h5")
-
-
-def test_rows_outside_a_part_are_not_written(folder):
-    scene = Scene.parse(SCENE.format(60), "60.toml")
-    assert open_or_create(folder / "part.h5", scene, range(50, 60)) == ("created", 10)
-    before = (folder / "part.h5").read_bytes()
-    with Writer(folder / "part.h5", scene) as writer:
-        for start, stop in ((0, 1), (49, 51), (59, 61)):
-            with pytest.raises(ValueError, match="of 50 to 60"):
-                writer.write_block(start, stop, {})
-    assert (folder / "part.h5").read_bytes() == before

@@ -3,7 +3,7 @@ import pytest
 
 from gen.scene import Scene, Store, flags
 from gen.scene.columns import ALL_COLUMNS, columns_for, markdown_table
-from gen.schema import PHYSICS, PHYSICS_CHANGES, REASON, RUNTIME, STATUS
+from gen.schema import PHYSICS, PHYSICS_CHANGES, REASON, STATUS
 
 STORED = (
     *(
@@ -35,11 +35,6 @@ def test_every_column_is_a_type_of_numpy_and_explained():
         assert column.unit or column.dtype[0] == "S"
 
 
-def test_only_runtime_differs_between_runs():
-    assert {column.group for column in ALL_COLUMNS if not column.deterministic} == {RUNTIME}
-    assert {column.group for column in ALL_COLUMNS if column.deterministic} == {""}
-
-
 def test_scene_flags_are_the_optional_columns():
     optional = tuple(column for column in ALL_COLUMNS if column.optional)
     assert tuple(column.name for column in optional) == PLACES + DRAWN + YIELDING + STORED
@@ -53,12 +48,6 @@ def test_flag_adds_its_column(flag):
     least = columns_for(Scene(samples=1))
     more = columns_for(Scene(samples=1, store=Store(**{flag: True})))
     assert {column.name for column in more} - {column.name for column in least} == {flag}
-
-
-def test_fields_have_nodes():
-    shapes = {column.name: column.shape(7, (9, 8)) for column in ALL_COLUMNS}
-    assert shapes["heights"] == shapes["pressure"] == (7, 9, 8)
-    assert shapes["force"] == (7,)
 
 
 def test_every_physics_number_says_what_it_changed():

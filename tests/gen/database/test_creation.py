@@ -45,30 +45,6 @@ def test_more_samples_extend_the_file(path):
     assert list(path.parent.iterdir()) == [path]
 
 
-def test_extended_file_is_the_same_as_a_large_one(path, tmp_path):
-    runs = (0, 6, Status.DONE), (6, 8, Status.FAILED)
-    filled(path, small(10), *runs)
-    open_or_create(path, small(30))
-    large = filled(tmp_path / "large.h5", small(30), *runs)
-    with Reader(path) as one, Reader(large) as other:
-        for column in one.columns():
-            assert one.column(column.name).tobytes() == other.column(column.name).tobytes()
-
-
-def test_failed_extension_leaves_the_old_file(path, monkeypatch):
-    filled(path, small(), (0, 3, Status.DONE))
-    before = path.read_bytes()
-
-    def interrupt(*_, **__):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(database.creation, "fill", interrupt)
-    with pytest.raises(KeyboardInterrupt):
-        open_or_create(path, small(15))
-    assert path.read_bytes() == before
-    assert list(path.parent.iterdir()) == [path]
-
-
 def test_kill_while_extending_leaves_the_old_file(path):
     filled(path, small(), (0, 3, Status.DONE))
     before = path.read_bytes()
@@ -86,27 +62,6 @@ def test_extension_keeps_a_link(path, tmp_path):
     assert link.is_symlink()
     with Reader(path) as reader:
         assert reader.counts() == (12, 3, 0)
-
-
-def test_fewer_samples_keep_the_larger_file(path):
-    filled(path, small(10), (0, 3, Status.DONE))
-    before = path.read_bytes()
-    assert open_or_create(path, small(5)) == ("resumed", 10)
-    assert path.read_bytes() == before
-    with Writer(path, small(5)) as writer:
-        assert writer.scene.samples == 10
-        assert writer.pending(last=5) == [(3, 5)]
-
-
-def test_extension_without_room_leaves_the_old_file(path):
-    filled(path, Scene(samples=100), (0, 100, Status.DONE))
-    action = "forbid_growth_beyond(200_000); open_or_create(path, Scene(samples=10_000))"
-    result = run(NO_ROOM.format(action=action), path)
-    assert "disk is full" in result.stdout
-    assert (result.returncode, result.stderr) == (0, "")
-    with Reader(path) as reader:
-        assert reader.counts() == (0, 100, 0)
-    assert list(path.parent.iterdir()) == [path]
 
 
 def test_creation_never_overwrites(path):
@@ -175,18 +130,6 @@ def test_merge_takes_the_best_of_every_row(tmp_path, monkeypatch):
     with Writer(target, scene) as writer:
         assert writer.pending() == [(9, 14)]
     assert sorted(tmp_path.iterdir()) == sorted([one, two, target])
-
-
-def test_merge_does_not_mind_other_times_and_hosts(tmp_path):
-    scene = small()
-    one = filled(tmp_path / "one.h5", scene, (0, 4, Status.DONE))
-    two = filled(tmp_path / "two.h5", scene)
-    values = block(scene, 0, 4)
-    values["solve_seconds"] += 1.0
-    values["host"][:] = b"elsewhere"
-    with Writer(two, scene) as writer:
-        writer.write_block(0, 4, values)
-    assert merge(tmp_path / "both.h5", [one, two]) == (6, 4, 0)
 
 
 def test_merge_refuses_rows_that_differ_in_one_bit(tmp_path):

@@ -99,11 +99,6 @@ def test_refusing_asks_for_no_memory(paths, opening):
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 20_000  # kB
 
 
-def test_what_gen_wrote_passes(paths):
-    with Reader(paths["huge"].parent / "whole.h5") as reader:
-        assert reader.counts().pending == 24
-
-
 @pytest.mark.parametrize(("older", "drawn"), DRAWN_NAMES.items())
 def test_files_with_older_names_are_read_continued_extended_and_merged(tmp_path, older, drawn):
     """The columns of drawn heights and slopes had the names of the parameters."""

@@ -1,7 +1,5 @@
 """The reader: columns, ranges, and other programs that read the same file."""
 
-import os
-
 import h5py
 import numpy as np
 import pytest
@@ -13,17 +11,6 @@ from gen.runtime.errors import InputError
 from gen.scene import DisplacedSurface, Scene, Store
 from gen.scene.columns import columns_for
 from gen.schema import Reason, Status
-
-
-def test_ranges_are_those_of_done_rows(path, monkeypatch):
-    monkeypatch.setattr(database.layout, "CHUNK_BYTES", 24)
-    scene = small()
-    filled(path, scene, (2, 5, Status.DONE), (7, 8, Status.FAILED), (9, 10, Status.DONE))
-    force = block(scene, 0, 10)["force"]
-    with Reader(path) as reader:
-        ranges = reader.ranges()
-    assert ranges["force"] == (force[2], force[9])
-    assert not {"status", "reason", "host"} & ranges.keys()
 
 
 def test_ranges_pass_over_undefined_values(path):
@@ -58,30 +45,10 @@ def test_reading_while_another_process_writes(path):
     assert other.stdout.split() == ["7", "3", "0", str(block(scene, 0, 1)["force"][0])]
 
 
-def test_reader_changes_nothing(path):
-    scene = small()
-    filled(path, scene, (0, 3, Status.DONE))
-    before = path.read_bytes()
-    path.chmod(0o444)
-    with Reader(path) as reader:
-        reader.ranges()
-    assert path.read_bytes() == before
-
-
 def test_unknown_column_names_those_there_are(path):
     create(path, small())
     with Reader(path) as reader, pytest.raises(InputError, match=r"'heights'; it has status, .*"):
         reader.column("heights")
-
-
-def test_data_frame_in_three_lines(path):
-    pandas = pytest.importorskip("pandas")
-    filled(path, small(), (0, 3, Status.DONE))
-    with Reader(path) as reader:
-        frame = pandas.DataFrame({c.name: reader.column(c.name) for c in reader.columns()})
-    done = frame[frame.status == Status.DONE]
-    assert len(done) == 3
-    assert done.force.notna().all()
 
 
 def test_xarray_reads_both_groups_with_units(path):
@@ -109,13 +76,6 @@ def test_xarray_reads_both_groups_with_units(path):
         assert runtime.surface_seconds.dims == ("sample",)
         assert runtime.surface_seconds.attrs["units"] == "s"
         assert runtime.surface_seconds.dtype == "f8"
-
-
-def test_a_name_may_be_a_text(path):
-    filled(path, small(), (0, 10, Status.DONE))
-    with Reader(str(path)) as reader:
-        assert reader.counts().done == 10
-        assert reader.path == path
 
 
 def bad_file(path, kind):
@@ -178,20 +138,6 @@ def test_missing_file(path):
             opening(path)
 
 
-def test_missing_folder(tmp_path):
-    path = tmp_path / "nowhere" / "some.h5"
-    with pytest.raises(InputError, match="there is no folder"):
-        create(path, small())
-
-
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may read and write everything")
-def test_forbidden_file(path):
-    create(path, small())
-    path.chmod(0)
-    with pytest.raises(InputError, match="Permission denied"):
-        Reader(path)
-
-
 def test_other_scene_is_refused_key_by_key(path):
     create(path, small(seed=1))
     before = path.read_bytes()
@@ -203,11 +149,6 @@ def test_other_scene_is_refused_key_by_key(path):
     with pytest.raises(InputError, match="seed"):
         Writer(path, other)
     assert path.read_bytes() == before
-
-
-def test_title_does_not_make_another_scene(path):
-    create(path, small(title="one"))
-    assert open_or_create(path, small(title="two")) == ("resumed", 10)
 
 
 def test_other_layout_is_refused(path, monkeypatch):

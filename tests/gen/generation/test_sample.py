@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 
 import bem
-import gen.generation.sample
-import gen.runtime.signals
 from bem.operators import patch
 from gen.generation.plan import parameters
 from gen.generation.sample import compute_rows, solve_contact, surface_of
@@ -43,38 +41,6 @@ def test_a_row_is_what_its_parts_say():
     assert set(rows["rank"]) == {7}
 
 
-@pytest.mark.parametrize("hardness", ["hardness = 0.05", "hardness_ratio = [0.003, 0.1]"])
-def test_a_row_on_a_body_that_yields_is_what_its_parts_say(hardness):
-    made = scene(f"samples_per_surface = 2\nstore = {STORE_ALL}\n[contact]\n{hardness}")
-    rows = compute_rows(made, 3, 9)
-    assert rows.keys() == {column.name for column in columns_for(made)}
-    assert ("hardness" in rows) == made.contact.draws_hardness
-    plan = parameters(made, 3, 9)
-    for row in range(6):
-        contact = bem.solve(
-            surface_of(made, plan, row), 1000.0, plan.delta[row], hardness=plan.hardness[row]
-        )
-        for name in ("area_percent", "force", "yielded_percent", "largest_pressure", "mean_gap"):
-            assert rows[name][row] == getattr(contact, name)
-        np.testing.assert_array_equal(rows["pressure"][row], contact.pressure)
-        assert 0 < rows["yielded_percent"][row] <= rows["area_percent"][row]
-        assert rows["largest_pressure"][row] == plan.hardness[row]
-        if made.contact.draws_hardness:
-            assert rows["hardness"][row] == plan.hardness[row]
-    assert set(rows["status"]) == {Status.DONE}
-
-
-def test_a_contact_of_a_range_of_hardness_needs_one():
-    made = scene("[contact]\nhardness = [0.01, 0.05]")
-    heights = surface_of(made, parameters(made, 0, 1), 0)
-    with pytest.raises(ValueError, match="hardness of its own"):
-        solve_contact(made, heights, 5.0)
-    fixed = scene("[contact]\nhardness = 0.05")
-    contact = solve_contact(fixed, heights, 5.0)
-    assert contact.problem.hardness == 0.05
-    assert contact.force == solve_contact(made, heights, 5.0, hardness=0.05).force
-
-
 SHALLOW = "[delta]\npieces = [{share = 1.0, range = [0.5, 4.0]}]"
 
 
@@ -101,14 +67,6 @@ def test_a_row_without_edges_is_what_its_parts_say(boundary, hardness):
     assert set(rows["status"]) == {Status.DONE}
 
 
-def test_a_surface_without_edges_is_that_of_a_free_patch_without_its_last_nodes():
-    free, mirror = scene(), scene("[contact]\nboundary = 'mirror'")
-    whole = surface_of(free, parameters(free, 4, 5), 0)
-    cells = surface_of(mirror, parameters(mirror, 4, 5), 0)
-    np.testing.assert_array_equal(cells, whole[:-1, :-1] - whole[:-1, :-1].min())
-    assert mirror.spacing == free.spacing
-
-
 @pytest.mark.parametrize("boundary", ["periodic", "mirror"])
 def test_full_contact_without_edges_is_a_reason(boundary):
     beyond = "[delta]\npieces = [{share = 1.0, range = [200.0, 300.0]}]"
@@ -129,27 +87,6 @@ def test_a_load_beyond_the_hardness_is_a_reason(monkeypatch):
     assert set(rows["reason"]) == {Reason.BEYOND_HARDNESS}
 
 
-@pytest.mark.parametrize("m", [1, 5])
-def test_blocks_do_not_change_rows(m):
-    made = scene(f"samples_per_surface = {m}", samples=10)
-    whole = compute_rows(made, 0, 10)
-    parts = [compute_rows(made, start, start + 5) for start in (0, 5)]
-    for column in columns_for(made):
-        if column.deterministic:
-            joined = np.concatenate([part[column.name] for part in parts])
-            assert joined.tobytes() == whole[column.name].tobytes(), column.name
-
-
-def test_a_surface_is_made_once_for_its_samples(monkeypatch):
-    made = scene("samples_per_surface = 4")
-    calls = []
-    monkeypatch.setattr(
-        gen.generation.sample, "describe", lambda *a: calls.append(a) or describe(*a)
-    )
-    compute_rows(made, 0, 12)
-    assert len(calls) == 3
-
-
 SPECTRAL = """
 samples = 60
 [surface]
@@ -163,8 +100,9 @@ rms_height = [0.5, 1.5]
 AGAINST = "against = 'another'\n"
 
 
-@pytest.mark.parametrize("boundary", ["free", "periodic", "mirror"])
-@pytest.mark.parametrize("text", [SPECTRAL, "samples = 60\n[surface]\nnodes = 17\n"])
+@pytest.mark.parametrize(
+    ("text", "boundary"), [(SPECTRAL, "mirror"), ("samples = 60\n[surface]\nnodes = 17\n", "free")]
+)
 def test_two_rough_bodies_are_the_sum_of_two_surfaces(text, boundary):
     contact = f"[contact]\nboundary = '{boundary}'\n"
     alone, pair = (Scene.parse(text + key + contact, "test") for key in ("", AGAINST))
@@ -185,16 +123,6 @@ def test_two_rough_bodies_are_the_sum_of_two_surfaces(text, boundary):
         ratios.append(second.var() / first.var())
     assert abs(np.mean(likeness)) < 3 * np.std(likeness) / np.sqrt(60)  # none
     assert abs(np.mean(np.log(ratios))) < 4 * np.std(np.log(ratios)) / np.sqrt(60)
-
-
-def test_the_second_body_is_another_one_for_each_surface():
-    made = Scene.parse(SPECTRAL + AGAINST + "[contact]\nboundary = 'periodic'\n", "test")
-    plan = parameters(made, 0, 2)
-    whole = [surface_of(made, plan, row) for row in (0, 1)]
-    alone = Scene.parse(SPECTRAL + "[contact]\nboundary = 'periodic'\n", "test")
-    second = [heights - surface_of(alone, plan, row) for row, heights in enumerate(whole)]
-    assert not np.allclose(second[0] - second[0].mean(), second[1] - second[1].mean())
-    np.testing.assert_array_equal(surface_of(made, parameters(made, 1, 2), 0), whole[1])
 
 
 def test_failures_are_rows_with_a_reason(monkeypatch):
@@ -226,7 +154,7 @@ def test_a_flat_surface_has_an_area_but_no_statistics():
     assert np.isnan(rows["peak_mean"]).all()
 
 
-@pytest.mark.parametrize("error", [ZeroDivisionError, OverflowError, np.linalg.LinAlgError])
+@pytest.mark.parametrize("error", [OverflowError, np.linalg.LinAlgError])
 def test_numerical_errors_are_rows(monkeypatch, error):
     def fail(*_, **__):
         raise error("no")
@@ -235,7 +163,7 @@ def test_numerical_errors_are_rows(monkeypatch, error):
     assert set(compute_rows(scene(), 0, 2)["reason"]) == {Reason.ARITHMETIC}
 
 
-@pytest.mark.parametrize("error", [TypeError, ValueError, IndexError])
+@pytest.mark.parametrize("error", [TypeError, ValueError])
 def test_a_bug_is_not_a_row(monkeypatch, error):
     def fail(*_, **__):
         raise error("bug")
@@ -248,26 +176,6 @@ def test_a_bug_is_not_a_row(monkeypatch, error):
 def test_a_spacing_beyond_all_statistics_is_a_reason():
     made = Scene.parse("samples = 2\n[surface]\nnodes = 9\nside = 1e300", "test")
     assert set(compute_rows(made, 0, 2)["reason"]) == {Reason.ARITHMETIC}
-
-
-def test_a_force_beyond_all_numbers_is_a_reason():
-    made = scene("[contact]\nmodulus = 1e308\n[delta]\npieces = [{share=1.0, range=[9e9, 9e9]}]")
-    assert set(compute_rows(made, 0, 2)["reason"]) == {Reason.ARITHMETIC}
-
-
-def test_a_bug_in_the_timer_is_not_a_row(monkeypatch):
-    def fail(_, seconds, *repeated):
-        if seconds:
-            raise OverflowError("timestamp out of range")
-
-    monkeypatch.setattr(gen.runtime.signals.signal, "setitimer", fail)
-    with pytest.raises(OverflowError):
-        compute_rows(scene(), 0, 1, limit=5.0)
-
-
-def test_a_limit_that_no_timer_takes_is_no_failed_row():
-    with pytest.raises(ValueError, match="at most"):
-        compute_rows(scene(), 0, 1, limit=1e10)
 
 
 DECIDED = (
@@ -295,22 +203,6 @@ def test_what_contact_decides_is_what_the_contact_says(boundary):
     assert set(rows["status"]) == {Status.DONE}
 
 
-def test_a_stiffness_that_cannot_be_solved_for_is_a_reason(monkeypatch):
-    def fail(*_):
-        raise ArithmeticError
-
-    monkeypatch.setattr(bem.contact, "punch_of", fail)
-    rows = compute_rows(scene("store = {stiffness=true}", samples=1), 0, 1)
-    assert rows["reason"][0] == Reason.ARITHMETIC
-
-
-def test_absent_and_false_keys_are_one_scene():
-    """Later keys of [store] stand in no text where they are off, so that older scenes stay."""
-    off = scene("store = {stiffness=false, mean_gap=false}")
-    assert off.fingerprint() == scene().fingerprint()
-    assert "stiffness" not in off.text()
-
-
 LOADED = """samples = 6
 samples_per_surface = 2
 [surface]
@@ -331,18 +223,19 @@ boundary = "{}"
 """
 
 
-@pytest.mark.parametrize("boundary", ["free", "periodic", "mirror"])
+YIELDS = "hardness = { normal = [0.3, 0.03] }"
+
+
 @pytest.mark.parametrize(
-    ("quantity", "span"),
+    ("quantity", "span", "boundary", "further"),
     [
-        ("delta", "[0.0, 1.0]"),
-        ("delta/height_rms", "[0.0, 1.0]"),
-        ("pressure", "{ log_uniform = [1e-3, 0.03] }"),
-        ("pressure/(E* slope_rms)", "[0.0, 0.05]"),
-        ("force", "{ choice = [0.0, 5.0, 60.0] }"),
+        ("delta", "[0.0, 1.0]", "free", YIELDS),
+        ("delta/height_rms", "[0.0, 1.0]", "mirror", ""),
+        ("pressure", "{ log_uniform = [1e-3, 0.03] }", "periodic", YIELDS),
+        ("pressure/(E* slope_rms)", "[0.0, 0.05]", "free", ""),
+        ("force", "{ choice = [0.0, 5.0, 60.0] }", "mirror", YIELDS),
     ],
 )
-@pytest.mark.parametrize("further", ["", "hardness = { normal = [0.3, 0.03] }"])
 def test_loads_in_every_quantity_are_those_of_bem_solve(boundary, quantity, span, further):
     """Against the surface pressed by `bem.solve`, loads worked out here from the heights."""
     scene = Scene.parse(LOADED.format(quantity, span, boundary, further), "test")

@@ -1,6 +1,5 @@
 """Surfaces of a function of the user's: what it is called with, and everything that it may do."""
 
-import numpy as np
 import pytest
 import user_functions
 
@@ -49,8 +48,6 @@ def test_a_function_gets_the_grid_its_random_numbers_and_its_parameters(here):
         "return [[0.0, 1.0] * 12] * 20",
         "return np.arange(480, dtype=np.int16).reshape(shape)",
         "return np.arange(480.0).reshape(shape[::-1]).T",
-        "return rng.random(shape).astype(np.float32)",
-        "return rng.random(shape) > 0.5",
     ],
 )
 def test_heights_may_be_any_real_numbers_in_any_layout(here, body):
@@ -69,10 +66,7 @@ def test_an_array_that_the_function_keeps_is_not_changed(here):
     ("body", "fault"),
     [
         ("return np.zeros(shape + (1,))", r"surface 0: heights are of shape \(20, 24, 1\), not"),
-        ("return np.zeros(shape).T", r"heights are of shape \(24, 20\), not \(20, 24\)"),
-        ("return 3.0", r"heights are of shape \(\), not"),
         ("return None", "returned nothing, not heights"),
-        ("return 'heights'", "returned a str, not heights"),
         ("return np.zeros(shape, complex)", "returned a ndarray, not heights"),
         ("return [[1], [1, 2]]", "surface 0: ValueError: "),
         ("return unknown", "surface 0: NameError: name 'unknown' is not defined"),
@@ -103,14 +97,6 @@ def test_a_function_that_takes_too_long_leaves_its_rows_pending(here):
     assert slow.any()
     rows = compute_rows(scene, 0, 4, limit=0.5)
     assert (rows["status"][slow] == Status.PENDING).all()
-
-
-def test_a_function_that_is_not_pure_is_found_by_recomputing(here, capsys):
-    (here / "mine.py").write_text(user_functions.MODULE.replace("rng.", "np.random."))
-    np.random.seed(5)  # noqa: NPY002
-    assert cli.main(["run", "mine.toml", "-o", "a.h5"]) == 0
-    assert cli.main(["check", "a.h5"]) == 1
-    assert "is not what this machine and these versions compute" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -2,18 +2,15 @@
 
 import json
 import shutil
-from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from bench.made_maps import Faults, MadeMap, write_all
 from gen import cli
 from gen.database import Reader
 from gen.generation.plan import parameters, surface_random
-from gen.generation.sample import compute_rows, surface_of
+from gen.generation.sample import surface_of
 from gen.generators import scans
 from gen.generators.scans import Found, ScannedMap
 from gen.maps.prepare import prepare
@@ -22,7 +19,6 @@ from gen.maps.settings import Reading
 from gen.maps.windows import Tiling, drawn, turned
 from gen.runtime.errors import InputError, SourceError
 from gen.scene import ScanSurface, Scene, differences, load
-from gen.schema import Reason
 from tests.maps import read
 
 MAPS = (
@@ -92,55 +88,6 @@ def test_a_surface_is_a_window_of_a_prepared_map(folder, nodes, symmetries):
     assert seen == set(range(symmetries))
 
 
-def with_tables(folder, tables):
-    """Write the scene with other tables of loads, of the contact and of columns."""
-    text = SCENE.format(samples=8, nodes="16", keys="").partition("[load]")[0]
-    (folder / "s.toml").write_text(text + tables)
-
-
-@pytest.mark.parametrize(
-    ("tables", "message"),
-    [
-        (
-            "[load]\nquantity = 'force'\nrange = 1e9\n[contact]\nhardness = 1.0\n",
-            "load: every force is 1e\\+09 uN or more",
-        ),
-    ],
-)
-def test_rules_that_need_the_spacing_hold_before_there_is_a_database(
-    folder, capsys, tables, message
-):
-    shutil.rmtree(folder / "maps")
-    write_all(folder / "maps", [MadeMap("fractal", 0, (60, 60), 0.5, 15.0, (0.5, 0.8))])
-    with_tables(folder, tables)
-    with pytest.raises(InputError, match=message):
-        scene_of(folder)
-    assert run(folder, "run", folder / "s.toml", "-o", folder / "a.h5") == 2
-    assert capsys.readouterr().err.count("\n") == 1
-    assert not (folder / "a.h5").exists()
-
-
-def test_rows_know_their_maps_and_tiles_without_the_files(folder):
-    scene = scene_of(folder)
-    before = scene.surface.places(surface_random(scene, n) for n in range(50))
-    shutil.rmtree(folder / "maps")
-    scans._OPEN.clear()
-    after = scene.surface.places(surface_random(scene, n) for n in range(50))
-    for name in ("map", "tile"):
-        assert np.array_equal(before[name], after[name])
-    assert set(before["map"]) == {0, 1, 2}
-
-
-def test_an_extended_scene_keeps_its_rows(folder):
-    write_scene(folder, samples=500, name="more.toml")
-    few, many = scene_of(folder), scene_of(folder, "more.toml")
-    assert few.fingerprint() == many.fingerprint()
-    one, other = compute_rows(few, 4, 8), compute_rows(many, 4, 8)
-    for name in ("map", "tile", "area_percent", "delta", "height_rms"):
-        assert one[name].tobytes() == other[name].tobytes()
-    assert (one["reason"] != Reason.ARITHMETIC).all()
-
-
 def test_a_run_is_checked_extended_and_resumed(folder, capsys):
     assert run(folder, "run", folder / "s.toml", "-o", folder / "a.h5") == 0
     said = capsys.readouterr()
@@ -187,16 +134,6 @@ def test_a_changed_or_added_map_is_another_scene(folder, capsys):
     assert (folder / "a.h5").read_bytes() == before
 
 
-def test_moved_maps_go_on_with_a_database(folder):
-    run(folder, "run", folder / "s.toml", "-o", folder / "a.h5")
-    (folder / "maps").rename(folder / "moved")
-    text = SCENE.format(samples=40, nodes=16, keys="").replace('"maps"', '"moved"')
-    (folder / "s.toml").write_text(text)
-    assert run(folder, "run", folder / "s.toml", "-o", folder / "a.h5") == 0
-    with Reader(folder / "a.h5") as reader:
-        assert reader.counts().done == 40
-
-
 def test_prepared_maps_are_enough_for_a_process_that_goes_on(folder):
     scene = scene_of(folder)
     expected = surface_of(scene, parameters(scene, 0, 2), 0)
@@ -213,14 +150,6 @@ def test_prepared_maps_are_enough_for_a_process_that_goes_on(folder):
         surface_of(scene, parameters(scene, 0, 2), 0)
 
 
-def test_a_database_of_a_surface_that_is_read_otherwise_is_refused(folder):
-    scene = scene_of(folder)
-    found = scene.surface.found.model_copy(update={"spacing": (2.0, 2.0)})
-    other = scene.model_copy(update={"surface": scene.surface.model_copy(update={"found": found})})
-    with pytest.raises(SourceError, match="with other nodes or another spacing than when"):
-        other.surface.make_ready(folder)
-
-
 @pytest.mark.parametrize(
     ("keys", "message"),
     [
@@ -233,27 +162,6 @@ def test_maps_that_do_not_fit_are_refused(folder, keys, message):
     write_scene(folder, nodes=nodes, keys="" if keys.startswith("nodes") else keys)
     with pytest.raises(InputError, match=message or "36 x 64 nodes .* window of 41 x 41|40 x 40"):
         scene_of(folder)
-
-
-def test_steps_that_make_no_sense_are_refused(folder):
-    text = (folder / "s.toml").read_text()
-    (folder / "s.toml").write_text(text.replace("fill = true", 'mask = "3:1"'))
-    with pytest.raises(InputError, match=r"surface.preparation: mask '3:1': the first number is"):
-        scene_of(folder)
-
-
-def test_a_dry_run_writes_nothing_beside_the_scene(folder, capsys):
-    before = {path.name for path in folder.iterdir()}
-    command = ["run", folder / "s.toml", "-o", folder / "a.h5", "--dry-run"]
-    assert run(folder, *command) == 0
-    assert {path.name for path in folder.iterdir()} == before
-
-
-def test_warnings_of_the_maps_are_said(folder):
-    write_all(folder / "maps", [MadeMap("honed", 5, (40, 30), 0.5, 10.0, faults=Faults(holes=6))])
-    lines = scene_of(folder).surface.remarks()
-    assert lines[0].startswith("4 maps")
-    assert any("honed-5.x3p" in line and "were missing" in line for line in lines)
 
 
 SECOND = (
@@ -349,15 +257,6 @@ def test_maps_of_two_bodies_that_do_not_go_together_are_refused(second):
         scene_of(second)
 
 
-def test_other_scenes_have_nothing_to_open(tmp_path):
-    scene = load("quick")
-    assert scene.resolved(tmp_path) is scene
-    scene.surface.make_ready(Path("none"))
-    assert scene.surface.remarks() == []
-    assert scene.surface.places([]) == {}
-    assert parameters(scene, 0, 3).places == {}
-
-
 SCANS = """samples = 10
 [surface]
 generator = "scans"
@@ -396,15 +295,6 @@ def test_windows_are_mirrored_unless_the_scene_says_otherwise():
     assert Scene.parse("samples = 1", "a").contact.boundary == "free"
 
 
-def test_a_scene_with_its_maps_is_written_and_read():
-    made = with_maps(parsed())
-    again = Scene.from_text(made.text())
-    assert again == made
-    assert isinstance(again.surface, ScanSurface)
-    assert again.optional_columns >= {"map", "tile"}
-    assert not again.drawn_parameters
-
-
 @pytest.mark.parametrize(
     ("boundary", "sides"),
     [("mirror", (10.0, 24.0)), ("free", (9.5, 23.2)), ("periodic", (10.0, 24.0))],
@@ -414,11 +304,6 @@ def test_the_spacing_is_that_of_the_maps(boundary, sides):
     assert made.shape == (20, 30)
     assert made.sides == pytest.approx(sides, rel=1e-12)
     assert made.spacing == pytest.approx((0.5, 0.8), rel=1e-12)
-
-
-def test_nobody_knows_the_sides_before_the_maps_are_found():
-    with pytest.raises(InputError, match="the maps of this scene have not been looked for"):
-        _ = parsed().sides
 
 
 def test_moved_maps_are_the_same_scene_and_changed_ones_another():
@@ -445,27 +330,14 @@ def test_files_start_from_the_folder_of_the_scene(tmp_path):
     ("old", "new", "message"),
     [
         ('files = "maps"', "files = []", "surface.files = []; allowed: a file, a folder"),
-        ('files = "maps"', "files = ['']", "surface.files = ['']; allowed: a file"),
-        ('files = "maps"', "files = 3", "surface.files = 3; allowed: a file"),
         ('files = "maps"\n', "", "surface.files is missing; allowed: a file"),
         ("nodes = [20, 30]", "nodes = [20, 1]", "surface.nodes = [20, 1]; allowed: a whole"),
-        ("nodes", "spacing = 0\nnodes", "surface.spacing = 0; allowed: a finite number above 0"),
         ("nodes", "hurst = 0.8\nnodes", "surface.hurst = 0.8 of this generator; it is one of"),
-        ("nodes", "against = true\nnodes", "'another', for a second window of a tile, or maps"),
         ("nodes", "against = []\nnodes", "surface.against"),
         ('"plane"', '"flat"', "surface.preparation.level = 'flat'; allowed: 'mean', 'plane'"),
-        ("level", "despike = 0\nlevel", "surface.preparation.despike = 0; allowed: a number above"),
         ("level", "form = 1.5\nlevel", "surface.preparation.form = 1.5; allowed: the degree"),
-        ("level", "downsample = 1\nlevel", "surface.preparation.downsample = 1; allowed: a whole"),
         ("level", "despik = 7\nlevel", "key surface.preparation.despik = 7; the closest known"),
-        (
-            "[load]",
-            "[surface.reading]\nunits = 'nm'\n[load]",
-            "the closest known key is surface.re",
-        ),
         ("[load]", "[surface.reading]\nside = [9, true]\n[load]", "side = [9, True]; allowed: the"),
-        ("[load]", "[surface.reading]\nside = 0\n[load]", "side = 0; allowed: the scan length"),
-        ("[load]", "[contact]\nfar_field = 'compliant'\n[load]", "needs far_field = 'rigid'"),
     ],
 )
 def test_faults_are_one_line(old, new, message):
@@ -475,12 +347,6 @@ def test_faults_are_one_line(old, new, message):
         Scene.parse(text.replace(old, new, 1), "a.toml")
     assert message in str(refusal.value)
     assert len(str(refusal.value).splitlines()) == 1
-
-
-def test_scans_need_loads():
-    text = SCANS[: SCANS.index("[load]")].format(files='"maps"', nodes="9")
-    with pytest.raises(InputError, match=r"a.toml: surfaces of scans need loads: give \[load\]"):
-        Scene.parse(text, "a.toml")
 
 
 @pytest.mark.parametrize(
@@ -505,39 +371,3 @@ def test_keys_that_are_not_given_stay_out_of_the_text():
         "preparation": {"level": "plane"},
         "reading": {},
     }
-
-
-KEYS = (
-    *("files", "nodes", "spacing", "reading", "preparation", "found", "against", "generator"),
-    *("reading.side", "reading.unit", "reading.channel", "reading.other"),
-    *("preparation.crop", "preparation.invert", "preparation.mask", "preparation.despike"),
-    *("preparation.level", "preparation.form", "preparation.fill", "preparation.filter"),
-    *("preparation.downsample", "found.maps", "found.spacing"),
-)
-junk = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=20),
-    lambda inner: (
-        st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=2)
-    ),
-    max_leaves=5,
-)
-
-
-@settings(max_examples=200)
-@given(st.sampled_from(KEYS), junk)
-def test_any_value_of_any_key_is_taken_or_refused_in_one_line(key, value):
-    content = json.loads(with_maps(parsed()).text())
-    table = content["surface"]
-    *above, last = key.split(".")
-    for name in above:
-        table = table[name]
-    table[last] = value
-    said = ""
-    try:
-        taken = Scene.from_text(json.dumps(content), "a.toml")
-    except InputError as refusal:
-        said = str(refusal)
-    else:
-        assert Scene.from_text(taken.text()) == taken
-    assert said == "" or (said.startswith("a.toml: ") and len(said) < 1000)
-    assert len(said.splitlines()) <= 1

@@ -34,14 +34,6 @@ def test_stopping_ends_before_the_next_task():
     assert done == [0, 1, 2]
 
 
-def test_errors_pass_through():
-    def fail(task):
-        raise ZeroDivisionError(task)
-
-    with pytest.raises(ZeroDivisionError):
-        farm.run(fail, iter([1]), lambda *_: None, farm.World())
-
-
 def test_the_world_is_one_process_unless_a_launcher_says_otherwise(monkeypatch):
     for name in farm.LAUNCHERS:
         monkeypatch.delenv(name, raising=False)
