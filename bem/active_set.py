@@ -15,17 +15,15 @@ projected gradients lower it for certain (Bertsekas 1976), so that every solve e
 """
 
 import math
-from functools import partial
 
 import numpy as np
 
 from bem.arrays import Field, Mask, Nodes, Real
-from bem.dense import MOST_SETS, ContactFactor, softer
+from bem.dense import MOST_SETS, ContactFactor
 from bem.iterate import (
     BELOW_HARDNESS,
     CERTAIN,
     CLOSE,
-    Effort,
     Iterate,
     Violation,
     cut_to_load,
@@ -103,54 +101,46 @@ class ActiveSet(Iterate):
 
     # Dense algebra
 
-    @on_one_blas_thread()
     def settle_few(self) -> bool:
-        """Solve by dense algebra if few nodes are in contact; return whether the tolerance is
-        met.
-        """
-        nodes = np.flatnonzero(self.touching())
-        few = 0 < nodes.size <= self.patch.few
-        if self._yields or not few or self.effort.iterations >= self.most:
+        """Solve by dense algebra if few nodes are in contact; return whether that succeeded."""
+        touching = self.touching()
+        nodes = np.flatnonzero(touching)
+        many = min(math.ceil(SPARE * nodes.size), touching.size - nodes.size)
+        few = 0 < nodes.size <= self.patch.few - many
+        if self.yields or not few or self.iterations >= self.most:
             return False
-        gaps = np.where(self.touching(), np.inf, -self.residual).reshape(-1)
-        many = min(math.ceil(SPARE * nodes.size), gaps.size - nodes.size)
+        gaps = np.where(touching, np.inf, -self.residual).reshape(-1)
         spare: Nodes = np.argpartition(gaps, many)[:many] if many < gaps.size else nodes[:0]
-        before = self.pressure, self.residual, self.shift, self.exact, self.violation().largest
+        before, largest = (self.pressure, self.residual, self.shift), max(self.violation())
         try:
-            with np.errstate(over="raise"):
+            with on_one_blas_thread(), np.errstate(over="raise"):
                 settled = self._settle(np.concatenate([nodes, spare]))
         except (np.linalg.LinAlgError, FloatingPointError):
             settled = False
-        if not settled and not self.violation().largest <= before[-1]:
-            self.pressure, self.residual, self.shift, self.exact, _ = before
+        if not settled and not max(self.violation()) <= largest:
+            (self.pressure, self.residual, self.shift), self.exact = before, False
         return settled and not self._exceeds()
-
-    def _entries(self, nodes: Nodes, dtype: str) -> Real:
-        """Return the lower triangle of the matrix of some nodes, in Fortran's order."""
-        return softer(self.patch.entries(nodes, dtype), self._give)
 
     def _settle(self, nodes: Nodes) -> bool:
         """Solve on the candidate set, then check all nodes.
 
         If nodes outside penetrate, enlarge the set and factorise again; otherwise correct rounding.
         """
-        factor, interference = (
-            None,
-            (self.below + (self.shift if self.load is None else 0)).reshape(-1),
-        )
+        factor, shift = None, self.shift if self.load is None else 0.0
+        interference = (self.below + shift).reshape(-1)
         for _ in range(RENEWALS):
             if factor is None:
-                if nodes.size > self.patch.few or self.effort.iterations >= self.most:
+                if nodes.size > self.patch.few or self.iterations >= self.most:
                     return False
                 order = np.lexsort((-self.residual.flat[nodes], -self.pressure.flat[nodes]))
                 precision = "float64" if nodes.size <= DOUBLE_SHARE * self.patch.few else "float32"
                 factor = ContactFactor(
-                    partial(self._entries, dtype=precision),
+                    lambda some, dtype=precision: self.patch.entries(some, dtype),  # type: ignore[misc]
                     nodes[order],
                 )
-                sets = min(MOST_SETS, self.most - self.effort.iterations)
+                sets = min(MOST_SETS, self.most - self.iterations)
                 solution = factor.solve(interference, self.load, sets)
-                self.effort += Effort(iterations=solution.sets)
+                self.iterations += solution.sets
                 values = solution.pressure
                 if not solution.settled:
                     return False
@@ -162,7 +152,7 @@ class ActiveSet(Iterate):
             self.pressure = np.zeros(self.below.shape)
             self.pressure.reshape(-1)[factor.nodes] = np.maximum(values, 0)
             self.renew()
-            if self.violation().largest <= self.tolerance:
+            if max(self.violation()) <= self.tolerance:
                 return True
             touching = np.flatnonzero(self.touching())
             if not np.isin(touching, factor.nodes, assume_unique=True).all():
@@ -177,30 +167,32 @@ class ActiveSet(Iterate):
         The residual has then been recomputed from the pressure.
         """
         violation = self.violation()
-        renewed = violation.largest if self.exact else 1.0
+        largest = max(violation)
+        renewed = largest if self.exact else 1.0
         energy, reduction, following = math.inf, REDUCTION, False
         smallest, patience, smallest_renewed, idle = math.inf, PATIENCE, math.inf, 0
         rounds = -1
         while True:
             rounds += 1
-            certain = violation.largest <= CERTAIN * max(self.shift, self._least)
-            if certain and self._exceeds():
+            certain = largest <= CERTAIN * max(self.shift, self.least)
+            if certain and self.hardness < math.inf and self._exceeds():
                 self._let_yield()
                 violation, renewed = self.violation(), 1.0
+                largest = max(violation)
                 energy, smallest, patience, following = math.inf, math.inf, PATIENCE, False
             floor = max(AIM * self.tolerance, ROUNDING * renewed)
-            out_of_steps = max(self.effort.iterations, rounds) >= self.most
-            if not violation.largest > floor or out_of_steps:
+            out_of_steps = max(self.iterations, rounds) >= self.most
+            if not largest > floor or out_of_steps:
                 if not self.exact:
                     self.renew()
                     violation = self.violation()
-                    renewed = violation.largest
+                    renewed = largest = max(violation)
                     idle = 0 if renewed < smallest_renewed / 2 else idle + 1
                     smallest_renewed = min(smallest_renewed, renewed)
                     smallest, patience = math.inf, PATIENCE
                 self.stalled = idle >= IDLE
-                met = violation.largest <= self.tolerance
-                if met or self.stalled or out_of_steps or math.isnan(violation.largest):
+                met = largest <= self.tolerance
+                if met or self.stalled or out_of_steps or math.isnan(largest):
                     return met
                 continue
             if patience <= 0 or rounds % ROUNDS == ROUNDS - 1:
@@ -208,15 +200,16 @@ class ActiveSet(Iterate):
                     self._descend()
                 smallest, patience, following = math.inf, PATIENCE, False
             yielded = self._take_sets(violation, floor, following, slowly=patience <= PATIENCE // 2)
-            polishing = ROUNDING * renewed > self.tolerance / 2 and violation.largest <= POLISHED
+            polishing = ROUNDING * renewed > self.tolerance / 2 and largest <= POLISHED
             damped = self._soft or patience <= PATIENCE - DAMPED
             following = self._round(yielded, (reduction, REACHED * floor), damped, polishing)
             energy, last = self._energy(), energy
             reduction *= TIGHTENING if energy > last else 1.0
             violation = self.violation()
-            renewed = violation.largest if self.exact else renewed
-            patience = PATIENCE if violation.largest < smallest else patience - 1
-            smallest = min(smallest, violation.largest)
+            largest = max(violation)
+            renewed = largest if self.exact else renewed
+            patience = PATIENCE if largest < smallest else patience - 1
+            smallest = min(smallest, largest)
 
     def _take_sets(
         self, violation: Violation, floor: float, following: bool, *, slowly: bool
@@ -225,7 +218,7 @@ class ActiveSet(Iterate):
 
         After a step ahead on a set, no other nodes join it, so that sets do not flicker.
         """
-        if not self._yields:
+        if not self.yields:
             if not (following and self.load is not None):
                 self.patch.take_contact(self.touching())
                 self._rescale()
@@ -237,7 +230,7 @@ class ActiveSet(Iterate):
             yielded &= self.residual >= -np.float32(share * violation.opening)
         free = self.touching() & ~yielded
         if following:
-            free &= (self.patch.contact > 0) | (self.pressure > 0)
+            free &= self.patch.contact | (self.pressure > 0)
         self.patch.take_contact(free)
         if not yielded.any():
             self._rescale()
@@ -251,10 +244,11 @@ class ActiveSet(Iterate):
         Returns whether a step ahead was taken on the next set.
         """
         before, shift, residual, energy = self.pressure, self.shift, self.residual, 0.0
+        self.exact = False
         if damped:  # else nothing is kept, to save memory
             residual, energy = residual.copy(), self._energy()
             self.pressure = before.copy()
-        dense = self._yields and self._solve_few_free()
+        dense = self.yields and self._solve_few_free()
         if not dense:
             self._solve_free(yielded, goals)
             if self._soft:
@@ -266,16 +260,17 @@ class ActiveSet(Iterate):
             return False
         ahead = self.pressure if ahead is None else ahead
         self.pressure = ahead
-        if polishing and not self._yields:
+        if polishing and not self.yields:
             self.renew()
             return True
         change = np.subtract(ahead, solved, out=None if damped or dense else solved)
-        self.residual -= self._displace(change)
+        self.residual -= self.patch.displace(change)
         if self._soft:
             self._rescale()
         if damped and self._energy() > energy:
             self._shorten(before, residual, shift, self.pressure if dense else solved)
-        self._balance()
+        if self.load is not None:
+            self._balance()
         return changed
 
     def solve_on(self, nodes: Mask, rtol: float) -> float:
@@ -309,17 +304,14 @@ class ActiveSet(Iterate):
         pressure displaces nothing, so that a stage ends with the first pressure out of bounds.
         """
         patch, residual, (reduction, floor) = self.patch, self.residual, goals
-        base = patch.in_contact(self.pressure).astype(np.float32)
-        if self.load is not None and not base.any():
-            base = patch.in_contact(np.ones_like(residual))
-        carried = float(base.sum(dtype=np.float64)) if self.load is not None else 0.0
-        deflation = self._deflation(base, yielded)
+        base, carried, deflation = self._constraint(yielded)
         direction, change = np.zeros_like(base), np.zeros_like(base)
         previous, goal, mean = math.inf, 0.0, 0.0
         singular = self.load is None and patch.singular
-        bounded = self._yields and singular
-        while self.effort.iterations < self.most:
-            here, mean = self._levelled(base, carried)
+        while self.iterations < self.most:
+            here = patch.in_contact(residual)
+            if carried:
+                mean = self._take_mean(here, base, carried)
             largest = max(float(here.max()), -float(here.min())) if here.size else 0.0
             if not largest > floor:
                 break
@@ -333,22 +325,45 @@ class ActiveSet(Iterate):
             direction *= np.float32(product / previous)
             direction += correction
             previous = product
-            moved = self._displace(direction, patch.displace_by)
+            moved = patch.displace(direction)
             curvature = inner(direction, patch.in_contact(moved))
             if not (product > 0 and curvature > 0):  # only rounding is left
                 break
             length = np.float32(product / curvature)
-            if bounded:
+            if singular and self.yields:
                 length = min(length, np.float32(self.hardness / np.abs(direction).max()))
             moved *= length
             residual -= moved
             change += length * direction
-            self.effort += Effort(iterations=1)
+            self.iterations += 1
             if singular and (length < product / curvature * 0.999 or (base + change).min() < 0):
                 break
         if carried:
-            self._level(self._levelled(base, carried)[1])
+            mean = self._take_mean(patch.in_contact(residual), base, carried)
+            residual -= np.float32(mean)
+            self.shift -= mean
         patch.add_to(self.pressure, change)
+
+    def _constraint(self, yielded: Mask | None) -> tuple[Real, float, tuple[Real, float]]:
+        """Return a pressure on the free nodes, the load that it carries, and its deflation.
+
+        The load is 0 at a given displacement. The deflation is the displacement by an elastic
+        pressure and their product: rounding puts errors along the pressure back into the residual,
+        and every correction removes them again (A-DEF2 of Tang, Nabben, Vuik and Erlangga 2009).
+        The product is 0 where the displacement is not known, or the load is given.
+        """
+        patch = self.patch
+        base = patch.in_contact(self.pressure)
+        if self.load is not None:
+            if not base.any():
+                base = patch.in_contact(np.ones_like(self.residual))
+            return base, float(base.sum(dtype=np.float64)), (base, 0.0)
+        if yielded is not None and yielded.any():
+            return base, 0.0, (base, 0.0)
+        image = patch.in_contact(self.below) - patch.in_contact(self.residual)
+        image += np.float32(self.shift) * (1 if image.ndim == 1 else patch.contact)
+        stiffness = inner(base, image)
+        return base, 0.0, (image, stiffness if stiffness > 0 else 0.0)
 
     def _constrained(
         self, correction: Real, here: Real, base: Real, carried: float, by: tuple[Real, float]
@@ -362,28 +377,11 @@ class ActiveSet(Iterate):
             correction += np.float32(along / stiffness) * base
         return correction
 
-    def _levelled(self, base: Real, carried: float) -> tuple[Real, float]:
-        """Return the residual in contact less its mean, weighted by a pressure with a load."""
-        here = self.patch.in_contact(self.residual)
-        if not carried:
-            return here, 0.0
+    def _take_mean(self, here: Real, base: Real, carried: float) -> float:
+        """Take the mean off a residual in contact, weighted by a pressure, and return it."""
         mean = inner(base, here) / carried
         here -= np.float32(mean) if here.ndim == 1 else np.float32(mean) * self.patch.contact
-        return here, mean
-
-    def _deflation(self, weights: Real, yielded: Mask | None) -> tuple[Real, float]:
-        """Return the displacement by an elastic pressure on the free nodes, and their product.
-
-        Rounding puts errors along the pressure back into the residual, and every correction removes
-        them again (A-DEF2 of Tang, Nabben, Vuik and Erlangga 2009). The product is 0 where the
-        displacement is not known, or the load is given.
-        """
-        if self.load is not None or (yielded is not None and yielded.any()):
-            return weights, 0.0
-        interference = self.patch.in_contact(self.below + self.shift)
-        image = (interference - self.patch.in_contact(self.residual)).astype(np.float32)
-        stiffness = inner(weights, image)
-        return image, stiffness if stiffness > 0 else 0.0
+        return mean
 
     def _has_to_change(
         self, pressure: Real, yielded: Mask | None, floor: float, largest: float, mean: float
@@ -395,7 +393,7 @@ class ActiveSet(Iterate):
         """
         if pressure.min() < 0:
             return True
-        outside = self.residual * self.patch.outside
+        outside = self.residual * ~self.patch.contact
         if yielded is None:
             return bool(outside.max() > floor + mean)
         if pressure.max() > self.hardness:
@@ -404,15 +402,14 @@ class ActiveSet(Iterate):
             return True
         return bool((outside * ~yielded).max() > floor + mean)
 
-    @on_one_blas_thread()
     def _solve_few_free(self) -> bool:
         """Solve for few free nodes by dense algebra; the residual is left as it is."""
         if not 0 < self.patch.count <= FEW_FREE * self.patch.few:
             return False
         nodes = np.flatnonzero(self.patch.contact)
         try:
-            with np.errstate(over="raise"):
-                factor = ContactFactor(lambda some: self._entries(some, "float64"), nodes)
+            with on_one_blas_thread(), np.errstate(over="raise"):
+                factor = ContactFactor(lambda some: self.patch.entries(some, "float64"), nodes)
                 change = factor.correct(
                     self.residual.reshape(-1).astype(np.float64), None if self.load is None else 0.0
                 )
@@ -420,7 +417,7 @@ class ActiveSet(Iterate):
             return False
         self.pressure = self.pressure.copy()
         self.pressure.reshape(-1)[nodes] += change
-        self.effort += Effort(iterations=1)
+        self.iterations += 1
         return True
 
     def _between_bounds(self, yielded: Mask | None, *, onwards: bool) -> Field | None:
@@ -430,7 +427,7 @@ class ActiveSet(Iterate):
         """
         patch, pressure = self.patch, self.pressure
         tension = pressure < 0
-        excess = self._yields and bool((pressure > self.hardness).any())
+        excess = self.yields and bool((pressure > self.hardness).any())
         pulled = np.count_nonzero(tension)
         self._tension = pulled / max(patch.count, 1)
         if not (pulled or excess):
@@ -439,16 +436,16 @@ class ActiveSet(Iterate):
         if excess and yielded is not None:
             ahead = self._capped(ahead, float(pressure.sum()), yielded)
         following = ((ahead > 0) | (self.residual > 0)) & ~tension
-        if self._yields:
+        if self.yields:
             following &= ahead < self.hardness
         patch.take_contact(following)
         if onwards:
             residual = patch.in_contact(self.residual)
             patch.add_to(ahead, np.float32(ADVANCE) * patch.correct(residual))
             np.maximum(ahead, 0, out=ahead)
-        if self._yields:
+        if self.yields:
             np.minimum(ahead, np.maximum(pressure, BELOW_HARDNESS * self.hardness), out=ahead)
-        self._carry(ahead)
+        self._admit(ahead)
         return ahead
 
     def _capped(self, pressure: Field, carried: float, yielded: Mask) -> Field:
@@ -502,25 +499,26 @@ class ActiveSet(Iterate):
             image = image + np.float32(self.shift - shift)
         slope, curvature = inner(residual, change), inner(change, image)
         step = min(max(slope / curvature, 0.0), 1.0) if curvature > 0 else 1.0
-        self.pressure = np.clip(pressure + step * (solved - pressure), 0, self._most_pressure)
-        self._carry(self.pressure)
-        self._snap()
+        self.pressure = np.clip(pressure + step * (solved - pressure), 0, self.limit)
+        self._admit(self.pressure)
         self.shift = shift
-        self.residual = residual - self._displace(self.pressure - pressure)
+        self.residual = residual - self.patch.displace(self.pressure - pressure)
         if self._soft:
             self._rescale()
 
     def _descend(self) -> None:
         """Take projected gradients, of which each lowers the energy for certain."""
+        self.exact = False
         for _ in range(SAFE_STEPS):
             ahead = self._projected(self.pressure + self.residual / self.patch.norm)
             change = ahead - self.pressure
-            image = self._displace(change)
+            image = self.patch.displace(change)
             if not (inner(self.residual, change) > 0 and inner(change, image) > 0):
                 return
             self.residual -= image
             self.pressure = ahead
-            self._balance()
+            if self.load is not None:
+                self._balance()
 
     def _split(self) -> bool:
         """Solve by waves and bounds in turn, without edges; return whether the patch allows it.
@@ -542,21 +540,22 @@ class ActiveSet(Iterate):
             if self.load is not None:
                 free = free + (self.load / free.size - free.mean())
             mixed = OVER * free + (1 - OVER) * within
-            within = np.clip(mixed + price, 0, self._most_pressure)
+            within = np.clip(mixed + price, 0, self.limit)
             price = price + mixed - within
             if number % CHECKED == 0 and within.any():
-                self.effort += Effort(convolutions=CHECKED)
+                self.patch.convolutions += CHECKED
                 self.pressure = within.copy()
-                self._snap(CLOSE)
+                if self.yields:
+                    self._snap(self.pressure, CLOSE)
                 self.renew()
-                if self.violation().largest <= self.tolerance:
+                if max(self.violation()) <= self.tolerance:
                     break
         return True
 
     def _projected(self, pressure: Field) -> Field:
         """Return the nearest pressure between the bounds that carries the load."""
         if self.load is None:
-            return np.clip(pressure, 0, self._most_pressure)
-        cut = cut_to_load(pressure, self.load, self._most_pressure)
-        self._carry(cut)
+            return np.clip(pressure, 0, self.limit)
+        cut = cut_to_load(pressure, self.load, self.limit)
+        self._admit(cut)
         return cut

@@ -219,13 +219,6 @@ class ContactFactor:
         return solved
 
 
-def softer(entries: Real, give: float) -> Real:
-    """Take what a far field gives way off the lower triangle of a matrix, if it does."""
-    if not give:
-        return entries
-    return np.asfortranarray(np.tril(entries) - entries.dtype.type(give))
-
-
 class Routines(NamedTuple):
     """The routines of LAPACK that this package uses, in one precision.
 

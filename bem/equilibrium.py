@@ -15,7 +15,7 @@ import numpy as np
 
 from bem.active_set import ActiveSet
 from bem.arrays import Field
-from bem.dense import MOST_SETS, ContactFactor, softer
+from bem.dense import MOST_SETS, ContactFactor
 from bem.influence import InfluenceMatrix, Kernel
 from bem.iterate import Effort, cut_to_load
 from bem.operators.patch import Patch
@@ -28,7 +28,7 @@ FEW_NODES = 250
 
 # Nodes a side from which on a solve starts from a loose solve on a coarser grid, and the tolerance
 # of that one (`python -m bench growth`).
-NESTED, NESTED_RTOL = 1000, 3e-2
+NESTED, NESTED_RTOL = 500, 3e-2
 
 # Mean pressure, over E* times the rms slope, up to which a start on the highest nodes of a patch
 # without edges is nearer to the solution than one from full contact; and the share of nodes that it
@@ -104,10 +104,13 @@ class Start(NamedTuple):
         Pressure [E*].
     displacement : ndarray, shape (nx, ny), or None
         Displacement under that pressure, nan where it is unknown; it saves a convolution [um].
+    spent : int
+        Convolutions that it took.
     """
 
     pressure: Field
     displacement: Field | None = None
+    spent: int = 0
 
 
 class BeyondCriticalDelta(NoSolution):
@@ -148,18 +151,16 @@ def equilibrium_of(problem: Problem, near: Start | None = None) -> Equilibrium |
     if not (problem.force if problem.delta is None else problem.delta > 0):
         return None
     compliant = problem.far_field == "compliant"
-    if problem.delta is not None and compliant:
-        critical = critical_delta(problem.heights, problem.kernel, problem.aspect)
-        if problem.delta >= critical:
-            raise BeyondCriticalDelta(problem.delta, critical)
-    found = _on_few_nodes(problem) if problem.boundary == "free" else None
+    give = _give(problem) if compliant else 0.0
+    found = _on_few_nodes(problem, give) if problem.boundary == "free" else None
     if found is None:
         at = _under_load if problem.delta is None else _at_displacement
-        found = at(problem, near)
-        if found.presumably_elastic and (problem.delta is None or _has_elastic(problem)):
-            found = _elastic_after_all(problem, found, at(replace(problem, hardness=None), near))
+        nested = near is None and min(problem.heights.shape) >= NESTED
+        found = at(problem, _on_coarser_grid(problem) if nested else near, give)
+    if found.presumably_elastic and (problem.delta is None or _has_elastic(problem)):
+        found = _elastic_after_all(problem, found, near)
     if compliant and problem.delta is None:
-        given_way = _give(problem) * _reduced_load(problem)
+        given_way = give * _reduced_load(problem)
         found = replace(found, delta=max(found.approach - given_way, 0.0))
     return found
 
@@ -170,26 +171,29 @@ def _has_elastic(problem: Problem) -> bool:
     return problem.boundary == "free" or (problem.delta or 0.0) < depth
 
 
-def _elastic_after_all(problem: Problem, found: Equilibrium, elastic: Equilibrium) -> Equilibrium:
-    """Return the elastic solution, to the last bit, unless it exceeds the hardness within
-    rounding.
-    """
-    largest = float(elastic.pressure.max())
+def _elastic_after_all(problem: Problem, found: Equilibrium, near: Start | None) -> Equilibrium:
+    """Return the elastic solution, to the last bit, unless it exceeds the hardness."""
+    elastic = equilibrium_of(replace(problem, hardness=None), near)
+    assert elastic is not None
     effort = found.effort + elastic.effort
+    largest = float(elastic.pressure.max())
     if elastic.converged and not largest > problem.reduced_hardness(elastic.length):
         return replace(elastic, effort=effort)
     return replace(found, effort=effort)
 
 
-def _given_way(problem: Problem, solve: ActiveSet) -> float:
-    """Return how far a compliant far field gives way at a given displacement [reduced]."""
-    return 0.0 if problem.delta is None else _give(problem) * float(solve.pressure.sum())
-
-
 def _give(problem: Problem) -> float:
-    """Return how far a compliant far field gives way under a unit reduced load [1]."""
-    if problem.far_field == "rigid":
-        return 0.0
+    """Return how far a compliant far field gives way under a unit reduced load [1].
+
+    Raises
+    ------
+    BeyondCriticalDelta
+        If a displacement is given that it has no equilibrium at.
+    """
+    if problem.delta is not None:
+        critical = critical_delta(problem.heights, problem.kernel, problem.aspect)
+        if problem.delta >= critical:
+            raise BeyondCriticalDelta(problem.delta, critical)
     return 1 / float(flat_punch(problem.heights.shape, problem.kernel, problem.aspect).sum())
 
 
@@ -202,7 +206,7 @@ def _reduced_load(problem: Problem) -> float:
 # Few nodes that may touch
 
 
-def _on_few_nodes(problem: Problem) -> Equilibrium | None:
+def _on_few_nodes(problem: Problem, give: float) -> Equilibrium | None:
     """Solve by dense algebra where few nodes of a free patch may touch; None if more may.
 
     Nothing touches where the undeformed bodies do not overlap: pressure displaces every node
@@ -218,16 +222,17 @@ def _on_few_nodes(problem: Problem) -> Equilibrium | None:
     touching = overlap(problem, delta)
     if touching.nodes.size > FEW_NODES:
         return None
-    return _solve_densely(problem, touching, delta)
+    return _solve_densely(problem, touching, delta, 0.0 if problem.delta is None else give)
 
 
 @on_one_blas_thread()
-def _solve_densely(problem: Problem, touching: Overlap, delta: float) -> Equilibrium | None:
+def _solve_densely(
+    problem: Problem, touching: Overlap, delta: float, give: float
+) -> Equilibrium | None:
     """Solve on all nodes that may touch; None if the load needs more, or no solution is found."""
     load = None if problem.delta is not None else _reduced_load(problem) / delta
-    give = 0.0 if problem.delta is None else _give(problem)
-    hardness = problem.reduced_hardness(delta)
-    matrix = InfluenceMatrix(touching.shape, problem.kernel, problem.aspect)
+    hardness = math.inf if problem.hardness is None else problem.reduced_hardness(delta)
+    matrix = InfluenceMatrix(touching.below.shape, problem.kernel, problem.aspect)
     below = touching.below.reshape(-1)
     shift = 0.0 if problem.delta is None else problem.delta / delta
     interference = below + shift
@@ -235,7 +240,7 @@ def _solve_densely(problem: Problem, touching: Overlap, delta: float) -> Equilib
     nodes = touching.nodes[np.argsort(-below[touching.nodes], kind="stable")]
     try:  # elastic bodies first, to the last bit
         with np.errstate(over="raise"):
-            factor = ContactFactor(lambda some: softer(matrix.among(some), give), nodes)
+            factor = ContactFactor(lambda some: matrix.among(some, give), nodes)
             solution = factor.solve(interference, load, sets)
             if float(solution.pressure.max()) > hardness:
                 factor = ContactFactor(matrix.among, nodes, hardness)
@@ -258,7 +263,7 @@ def _solve_densely(problem: Problem, touching: Overlap, delta: float) -> Equilib
     if not violation <= problem.rtol:
         return None
     return Equilibrium(
-        pressure=touching.unfolded(values.reshape(touching.shape)),
+        pressure=touching.unfolded(values.reshape(touching.below.shape)),
         length=delta,
         delta=shift * delta if problem.delta is None else problem.delta,
         approach=approach * delta,
@@ -271,42 +276,43 @@ def _solve_densely(problem: Problem, touching: Overlap, delta: float) -> Equilib
 # At a given displacement
 
 
-def _at_displacement(problem: Problem, near: Start | None) -> Equilibrium:
-    """Solve at a given displacement."""
+def _at_displacement(problem: Problem, near: Start | None, give: float) -> Equilibrium:
+    """Solve at a given displacement; a compliant far field gives way under a unit load."""
     delta = problem.delta
     assert delta is not None
     whole = problem.boundary != "free"
     if whole and problem.hardness is not None and np.ptp(problem.heights) <= delta:
         return _all_yielded(problem, delta)
-    everywhere = whole or problem.far_field == "compliant"
-    touching = whole_grid(problem, delta) if everywhere else overlap(problem, delta)
-    near, spent = (near, Effort()) if near is not None else _on_coarser_grid(problem)
-    below, patch = touching.below, Patch.of(problem, touching.shape)
-    solve = _new(problem, patch, below, delta, shift=1.0)
+    touching = whole_grid(problem, delta) if whole or give else overlap(problem, delta)
+    solve = _new(problem, touching, delta, give=give)
     with np.errstate(over="ignore", invalid="ignore"):
         if near is not None:
             solve.begin(*_reduced(problem, near, touching, delta))
-            poor, near = solve.worthless(FARTHEST), None  # whose memory is free again
+            poor = solve.worthless(FARTHEST)
         else:
-            poor = not whole or not _begun_nearly_full(solve, below)
+            poor = whole and not _begun_nearly_full(solve)
     if poor:
-        solve = _new(problem, patch, below, delta, shift=1.0)
+        solve = _new(problem, touching, delta, give=give)
+    spent = 0 if near is None else near.spent
+    del near  # its memory is free again
     if whole and problem.hardness is not None:
         solve.expect_yielding()  # elastic contacts may be full before this displacement
     if not solve.pressure.any():
-        solve.take_first_steps(patch.few / 2)
+        solve.take_first_steps(solve.patch.few / 2)
+    elif spent:
+        solve.approach(solve.patch.few / 2, interpolated=True)
     if not solve.settle_few():
         solve.run()
-    solve.effort += spent
-    return _result(problem, solve, touching, delta)
+    return _result(problem, solve, touching, delta, spent)
 
 
-def _begun_nearly_full(solve: ActiveSet, below: Field) -> bool:
+def _begun_nearly_full(solve: ActiveSet) -> bool:
     """Begin from the pressure of full contact plus a constant, cut off below zero.
 
     The mean gap falls nearly exponentially with the load (Persson 2007); trials tell how fast.
     Returns whether that is a start, which it is not too far from full contact.
     """
+    below = solve.below
     depth = -float(below.mean())
     if depth < 1 or 1 / depth < NEARLY_FULL:
         return False
@@ -343,78 +349,81 @@ def _all_yielded(problem: Problem, delta: float) -> Equilibrium:
 
 def _new(
     problem: Problem,
-    patch: Patch,
-    below: Field,
+    touching: Overlap,
     length: float,
     *,
-    shift: float | None = None,
     load: float | None = None,
+    give: float = 0.0,
 ) -> ActiveSet:
     """Return an active set for a problem in units of a length, without any pressure."""
+    below = touching.below
+    shape = below.shape[0], below.shape[1]
     return ActiveSet(
-        patch,
+        Patch(shape, problem.boundary, problem.kernel, problem.aspect, give),
         below,
-        shift=shift,
+        shift=1.0 if load is None else None,
         load=load,
-        hardness=problem.reduced_hardness(length),
+        hardness=math.inf if problem.hardness is None else problem.reduced_hardness(length),
         rtol=problem.rtol,
         most=problem.max_iterations,
         least=LEAST,
-        give=0.0 if load is not None else _give(problem),
     )
 
 
-def _result(problem: Problem, solve: ActiveSet, touching: Overlap, length: float) -> Equilibrium:
-    """Put the result of an active set on the grid."""
+def _result(
+    problem: Problem, solve: ActiveSet, touching: Overlap, length: float, spent: int
+) -> Equilibrium:
+    """Put the result of an active set on the grid, and add the convolutions spent before it."""
     if not solve.exact:
         solve.renew()
-    unit = 1.0 if problem.delta is not None else solve.shift if solve.shift > 0 else LEAST
-    violation = solve.exact_violation().largest / unit
-    known = solve.displacement
+    assert solve.displacement is not None
+    unit = 1.0 if solve.load is None else solve.shift if solve.shift > 0 else LEAST
+    exact = solve.below + solve.shift
+    exact -= solve.displacement
+    violation = max(solve.violation(exact)) / unit
+    give = solve.patch.give
+    given_way = give * float(solve.pressure.sum()) if give else 0.0
     return Equilibrium(
         pressure=touching.unfolded(solve.pressure),
         length=length,
         delta=problem.delta if problem.delta is not None else solve.shift * length,
-        approach=(solve.shift + _given_way(problem, solve)) * length,
+        approach=(solve.shift + given_way) * length,
         violation=violation,
-        effort=solve.effort,
+        effort=Effort(solve.iterations, solve.patch.convolutions + spent),
         converged=violation <= problem.rtol,
         stalled=solve.stalled,
-        displacement=None if known is None else touching.unfolded(known, np.nan),
-        presumably_elastic=solve.presumably_elastic(),
+        displacement=touching.unfolded(solve.displacement.copy(), np.nan),
+        presumably_elastic=solve.yields and solve.depth() <= solve.tolerance,
     )
 
 
 # Under a given load
 
 
-def _under_load(problem: Problem, near: Start | None) -> Equilibrium:
+def _under_load(problem: Problem, near: Start | None, _: float) -> Equilibrium:
     """Solve under a given force; the displacement follows from the balance of the free nodes."""
     load = _reduced_load(problem)
     depth = float((problem.heights.max() - problem.heights).mean())
     length = min(depth or problem.spacing[0], REACH * load)
     touching = whole_grid(problem, length)
-    near, spent = (near, Effort()) if near is not None else _on_coarser_grid(problem)
-    patch = Patch.of(problem)
-    solve = _new(problem, patch, touching.below, length, load=load / length)
+    solve = _new(problem, touching, length, load=load / length)
     if near is not None and near.pressure.any():
         solve.begin(*_reduced(problem, near, touching, length))
-        near = None  # its memory is free again
     else:
-        pressure, closed = _first_pressure(problem, patch, touching.below, load / length)
+        pressure, closed = _first_pressure(problem, solve)
         if closed:
             return _full_contact(problem, pressure, length)
         solve.begin(pressure)
-        solve.approach(patch.few / 2)
+    spent = 0 if near is None else near.spent
+    if near is None or spent:
+        solve.approach(solve.patch.few / 2, interpolated=spent > 0)
+    del near  # its memory is free again
     if not solve.settle_few():
         solve.run()
-    solve.effort += spent
-    return _result(problem, solve, touching, length)
+    return _result(problem, solve, touching, length, spent)
 
 
-def _first_pressure(
-    problem: Problem, patch: Patch, below: Field, load: float
-) -> tuple[Field, bool]:
+def _first_pressure(problem: Problem, solve: ActiveSet) -> tuple[Field, bool]:
     """Guess a pressure that carries a load; also return whether it is that of full contact.
 
     Without edges, the pressure of full contact is known, and its projection onto pressures that are
@@ -422,13 +431,12 @@ def _first_pressure(
     plane at their foot would, and a constant is subtracted from their pressure until it carries the
     load.
     """
-    hardness = math.inf
-    if problem.hardness is not None:
-        hardness = problem.hardness / _mean_pressure(problem) * load / below.size
+    patch, below, load = solve.patch, solve.below, solve.load
+    assert load is not None
     light = _relative_load(below, load, problem.aspect)
     if problem.boundary != "free" and light >= LIGHT:
         full = patch.unbalanced(below) + load / below.size
-        if full.min() >= 0 and full.max() <= hardness:
+        if full.min() >= 0 and full.max() <= solve.hardness:
             return full, True
         return cut_to_load(full, load), False
     share = min(PEAKS * light, 1.0)
@@ -436,19 +444,12 @@ def _first_pressure(
     foot = np.partition(below, -number, axis=None)[-number]
     high = below >= foot
     patch.take_contact(high)
-    correction = np.zeros(below.shape, np.float32)
-    patch.spread(patch.correct(patch.in_contact((below - foot).astype(np.float32))), correction)
     pressed: Field = np.zeros(below.shape)
-    pressed[high] = cut_to_load(correction[high].astype(np.float64), load)
+    patch.add_to(pressed, patch.correct(patch.in_contact(below - foot)))
+    pressed[high] = cut_to_load(pressed[high], load)
     if not pressed.any():
         pressed[high] = 1.0
     return pressed, False
-
-
-def _mean_pressure(problem: Problem) -> float:
-    """Return the mean pressure over all cells [MPa]."""
-    assert problem.force is not None
-    return problem.force / (problem.heights.size * problem.spacing[0] * problem.spacing[1])
 
 
 def _relative_load(below: Field, load: float, aspect: float) -> float:
@@ -478,16 +479,13 @@ def _full_contact(problem: Problem, pressure: Field, length: float) -> Equilibri
 # Starts on coarser grids
 
 
-def _on_coarser_grid(problem: Problem) -> tuple[Start | None, Effort]:
-    """Solve loosely on a grid with twice the spacing; None where that gains nothing.
-
-    The effort is in convolutions of the whole grid.
-    """
+def _on_coarser_grid(problem: Problem) -> Start | None:
+    """Solve loosely on a grid with twice the spacing; None where that gains nothing."""
     rows, columns = problem.heights.shape
     compliant = problem.far_field == "compliant"
     free = problem.boundary == "free"
-    if min(rows, columns) < NESTED or (not free and (rows % 2 or columns % 2)):
-        return None, Effort()
+    if not free and (rows % 2 or columns % 2):
+        return None
     if free:
         heights = problem.heights[::2, ::2]
     else:
@@ -501,7 +499,7 @@ def _on_coarser_grid(problem: Problem) -> tuple[Start | None, Effort]:
         elif not free and problem.hardness is None:
             most = float((heights.max() - heights).mean())
         if delta <= 0 or delta >= 0.97 * most:
-            return None, Effort()
+            return None
     spacing = 2 * problem.spacing[0], 2 * problem.spacing[1]
     coarse = replace(problem, heights=heights, spacing=spacing, delta=delta, rtol=NESTED_RTOL)
     loose = equilibrium_of(coarse)
@@ -510,7 +508,7 @@ def _on_coarser_grid(problem: Problem) -> tuple[Start | None, Effort]:
     for axis, nodes in enumerate(problem.heights.shape):
         pressure = _between(pressure, axis, nodes) if free else pressure.repeat(2, axis=axis)
     share = heights.size / problem.heights.size
-    return Start(pressure), Effort(convolutions=math.ceil(share * loose.effort.convolutions))
+    return Start(pressure, spent=math.ceil(share * loose.effort.convolutions))
 
 
 def _between(values: Field, axis: int, nodes: int) -> Field:
@@ -561,7 +559,7 @@ def flat_punch(shape: tuple[int, int], kernel: Kernel, aspect: float = 1.0) -> F
     if not solve.run():
         raise ArithmeticError(
             f"flat punch on {shape[0]} x {shape[1]} nodes, kernel {kernel}: residual"
-            f" {solve.violation().largest:.1e} after {solve.effort.iterations} iterations"
+            f" {max(solve.violation()):.1e} after {solve.iterations} iterations"
         )
     pressure = solve.pressure
     pressure.setflags(write=False)

@@ -202,8 +202,16 @@ class InfluenceMatrix:
         entries: Real = self._coefficients.take(self._offsets(nodes, loaded), mode="clip")
         return entries
 
-    def among(self, nodes: Nodes) -> Real:
-        """Return the lower triangle of the (n, n) matrix of (n,) nodes, in Fortran's order."""
+    def among(self, nodes: Nodes, give: float = 0.0) -> Real:
+        """Return the lower triangle of the (n, n) matrix of (n,) nodes, in Fortran's order.
+
+        Parameters
+        ----------
+        nodes : ndarray, shape (n,)
+            Flat indices of the nodes.
+        give : float
+            How far the far field gives way under a unit load, which is taken off every entry.
+        """
         n = len(nodes)
         matrix = np.empty((n, n), self.dtype)
         if self._mirrored:
@@ -215,6 +223,8 @@ class InfluenceMatrix:
             else:
                 offsets = self._offsets(nodes[rows], nodes[first:])
             np.take(self._coefficients, offsets, out=matrix[rows, first:], mode="clip")
+            if give:
+                matrix[rows, first:] -= self.dtype.type(give)
         return matrix.T
 
     def _indices(self, nodes: Nodes, loaded: Nodes) -> tuple[Nodes, Nodes]:

@@ -5,7 +5,6 @@ residual is -w. Energies, balances and bounds here serve the rounds of `bem.acti
 """
 
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -26,7 +25,7 @@ MOSTLY_ELASTIC, CERTAIN = 0.02, 1e-2
 
 # Violation, over the displacement, from which no further first step is taken, and the share of the
 # last one below which another one follows: each costs a convolution, a stage about twice as much.
-NEAR, NEARER, FIRST_STEPS = 5e-3, 0.7, 4
+NEAR, NEARER, FIRST_STEPS, INTERPOLATED_STEPS = 5e-3, 0.7, 4, 3
 
 # Share of the preconditioned residual that a first step under a load adds: eigenvalues between 1
 # and 2 then leave a third of an error at most.
@@ -41,7 +40,7 @@ LOST = 1e-11
 
 
 class Effort(NamedTuple):
-    """The work that a solve has taken; efforts add up.
+    """The work that a solve has taken.
 
     Attributes
     ----------
@@ -60,7 +59,7 @@ class Effort(NamedTuple):
 
 
 class Violation(NamedTuple):
-    """The largest departures from equilibrium [unit of displacement].
+    """The departures from equilibrium, none negative; the largest counts [unit of displacement].
 
     Attributes
     ----------
@@ -75,11 +74,6 @@ class Violation(NamedTuple):
     penetration: float
     gap: float
     opening: float
-
-    @property
-    def largest(self) -> float:
-        """The largest of the three departures."""
-        return max(self)
 
 
 class Iterate:
@@ -103,9 +97,6 @@ class Iterate:
         Bound on the iterations.
     least : float
         Displacement that the tolerance refers to while a load has brought none.
-    give : float
-        How far a compliant far field gives way under a unit load, 0 if it is rigid: one term of
-        the matrix, H - give [unit of displacement / reduced load].
 
     Attributes
     ----------
@@ -115,10 +106,15 @@ class Iterate:
         u + s - H p: zero in contact, negative where a gap is open.
     shift : float
         Displacement s of the far field.
+    yields : bool
+        Whether bodies may yield: they count as elastic until the hardness is certain to be
+        exceeded.
+    limit : float
+        Largest pressure allowed now: the hardness once bodies may yield, else inf.
     displacement : ndarray, shape (nx, ny), or None
-        H p of the last exact residual.
-    effort : Effort
-        Work so far.
+        H p of the last exact residual, while `exact`.
+    iterations : int
+        Steps of conjugate gradients, and sets of dense algebra.
     exact : bool
         Whether the residual was computed in double precision from this pressure.
     stalled : bool
@@ -136,59 +132,41 @@ class Iterate:
         rtol: float,
         most: int,
         least: float = 0.0,
-        give: float = 0.0,
     ) -> None:
         self.patch, self.below, self.load, self.hardness = patch, below, load, hardness
-        self.rtol, self.most, self._least, self._give = rtol, most, least, give
-        self._yields = False  # bodies count as elastic until the hardness is certain to be exceeded
+        self.rtol, self.most, self.least = rtol, most, least
+        self.yields, self.limit = False, math.inf
+        self._soft = load is None and patch.soft
         self.pressure = np.zeros(below.shape)
         self.shift = 0.0 if shift is None else shift
-        self.residual: Real = (below + self.shift).astype(np.float32)
+        self.residual: Real = np.add(below, self.shift, dtype=np.float32, casting="same_kind")
         self.displacement: Field | None = None
-        self.effort = Effort()
-        self.exact, self.stalled = False, False
+        self.iterations, self.exact, self.stalled = 0, False, False
         self._tension = 0.0
 
-    @property
-    def _most_pressure(self) -> float:
-        """Largest pressure allowed now."""
-        return self.hardness if self._yields else math.inf
-
-    @property
-    def _soft(self) -> bool:
-        """Whether a displacement barely fixes the load: on a compliant far field near Delta*, or
-        without edges near full contact.
-        """
-        rigid = self._give == 0 and self.patch.boundary == "free"
-        return self.load is None and not self._yields and not rigid
+    def expect_yielding(self) -> None:
+        """Let bodies yield from now on, whatever their pressures are."""
+        self.yields, self.limit, self._soft = True, self.hardness, False
 
     # What there is
 
     @property
     def tolerance(self) -> float:
         """Largest violation accepted [unit of displacement]."""
-        return self.rtol * (self.shift if self.shift > 0 else self._least)
+        return self.rtol * (self.shift if self.shift > 0 else self.least)
 
-    def exact_violation(self) -> Violation:
-        """Measure the departures in double precision, after `renew`."""
-        assert self.displacement is not None
-        given_way = self._give * float(self.pressure.sum())
-        return self._violation_of(self.below + (self.shift + given_way) - self.displacement)
-
-    def violation(self) -> Violation:
-        """Measure the departures from equilibrium."""
-        return self._violation_of(self.residual)
-
-    def _violation_of(self, residual: Real) -> Violation:
-        """Measure the departures from equilibrium that a residual shows."""
-        loaded = self.pressure > 0
-        if not self._yields:
-            gap = -float((residual * loaded).min())
-            return Violation(max(float(residual.max()), 0.0), max(gap, 0.0), 0.0)
-        yielded = self.pressure >= self.hardness
-        gap = -float((residual * (loaded & ~yielded)).min())
-        opening = -float((residual * yielded).min())
-        penetration = float((residual * ~yielded).max())
+    def violation(self, residual: Real | None = None) -> Violation:
+        """Measure the departures from equilibrium that the residual, or a better one, shows."""
+        residual = self.residual if residual is None else residual
+        loaded, opening = self.pressure > 0, 0.0
+        if self.yields:
+            yielded = self.pressure >= self.hardness
+            opening = -float((residual * yielded).min())
+            penetration = float((residual * ~yielded).max())
+            loaded &= ~yielded
+        else:
+            penetration = float(residual.max())
+        gap = -float((residual * loaded).min())
         return Violation(max(penetration, 0.0), max(gap, 0.0), max(opening, 0.0))
 
     def worthless(self, farthest: float) -> bool:
@@ -199,18 +177,12 @@ class Iterate:
         farthest : float
             Largest violation of a start that is better than none [unit of displacement].
         """
-        work = inner(self.pressure, self.below + self.shift)
-        return not (work > 0 and self.violation().largest <= farthest)
+        work = inner(self.pressure, self.below) + self.shift * float(self.pressure.sum())
+        return not (work > 0 and max(self.violation()) <= farthest)
 
     def depth(self) -> float:
-        """Return the largest penetration of a node at the hardness: the depth that it has
-        yielded.
-        """
+        """Return the largest penetration of a node at the hardness: how deep it has yielded."""
         return max(float((self.residual * (self.pressure >= self.hardness)).max()), 0.0)
-
-    def presumably_elastic(self) -> bool:
-        """Return whether bodies may yield, and no node is certain to have yielded."""
-        return self._yields and self.depth() <= self.tolerance
 
     def touching(self) -> Mask:
         """Return the nodes that are under pressure or would penetrate."""
@@ -220,24 +192,10 @@ class Iterate:
     def _energy(self) -> float:
         """Compute p H p / 2 - p u, which is least for the solution."""
         carried = float(self.pressure.sum()) if self.load is None else -self.load
-        return -inner(self.pressure, self.below + self.residual) / 2 - self.shift * carried / 2
+        work = inner(self.pressure, self.below) + inner(self.pressure, self.residual)
+        return -(work + self.shift * carried) / 2
 
-    def _free_pressure(self) -> Field:
-        """Return the pressure of the nodes below the hardness, and zero at the others."""
-        if not self._yields:
-            return self.pressure
-        return np.where(self.pressure < self.hardness, self.pressure, 0.0)
-
-    # Pressures and what they displace
-
-    def _displace(self, change: Real, by: Callable[[Real], Real] | None = None) -> Real:
-        """Compute a displacement to 1e-7; the next call overwrites it."""
-        self.effort += Effort(convolutions=1)
-        self.exact = False
-        displaced = (by or self.patch.displace_roughly)(change)
-        if self._give:
-            displaced -= np.float32(self._give * float(change.sum(dtype=np.float64)))
-        return displaced
+    # Pressures between the bounds, and the far field that balances them
 
     def begin(self, pressure: Field, displacement: Field | None = None) -> None:
         """Start from a pressure that is not negative, brought to the bounds and to the load.
@@ -250,24 +208,32 @@ class Iterate:
             Displacement by it, nan where it is not known; it saves a convolution.
         """
         at_hardness = float(pressure.max()) >= self.hardness * (1 - CLOSE)
-        if self._excess(pressure) > MOSTLY_ELASTIC or at_hardness:
-            self._yields = True
-        self.pressure = np.minimum(pressure, self._most_pressure)
-        self._snap()
+        if at_hardness or self._excess(pressure) > MOSTLY_ELASTIC:
+            self.expect_yielding()
+        self.pressure = np.minimum(pressure, self.limit)
         carried = float(self.pressure.sum())
-        self._carry(self.pressure)
-        if displacement is None or self._yields or not np.isfinite(displacement).all():
-            displacement = self._displace(self.pressure)
+        self._admit(self.pressure)
+        if displacement is None or self.yields or not np.isfinite(displacement).all():
+            displacement = self.patch.displace(self.pressure)
         elif self.load is not None:
             displacement = displacement * (self.load / carried)
-        elif self._give:
-            displacement = displacement - self._give * carried
-        self.residual = (self.below - displacement).astype(np.float32)
+        self.residual = np.empty(self.below.shape, np.float32)
+        np.subtract(self.below, displacement, out=self.residual, casting="same_kind")
         if self.load is None:
             self.residual += np.float32(self.shift)
         else:
             self.shift = 0.0
             self._balance()
+
+    def renew(self) -> None:
+        """Bring the pressure to the load, and compute the residual in double precision."""
+        self._admit(self.pressure)
+        self.displacement = self.patch.displace(self.pressure, exactly=True)
+        gaps = self.below - self.displacement
+        if self.load is not None:
+            self.shift = -self._imbalance(gaps)
+        gaps += self.shift
+        self.residual, self.exact = gaps.astype(np.float32), True
 
     def _excess(self, pressure: Real) -> float:
         """Return the share of a pressure's load that exceeds the hardness [1]."""
@@ -279,49 +245,23 @@ class Iterate:
 
     def _exceeds(self) -> bool:
         """Return whether bodies that counted as elastic exceed the hardness."""
-        return not self._yields and float(self.pressure.max()) > self.hardness
-
-    def _correction(self) -> Field:
-        """Return the preconditioned residual on the set that was taken last, zero elsewhere."""
-        correction = np.zeros_like(self.residual)
-        self.patch.spread(self.patch.correct(self.patch.in_contact(self.residual)), correction)
-        return correction
-
-    def expect_yielding(self) -> None:
-        """Let bodies yield from the start, whatever their first pressures are."""
-        self._yields = True
+        return not self.yields and float(self.pressure.max()) > self.hardness
 
     def _let_yield(self) -> None:
         """Take pressures to the hardness, and let bodies yield from now on."""
-        self._yields = True
+        self.expect_yielding()
         before, self.pressure = self.pressure, np.minimum(self.pressure, self.hardness)
-        self._carry(self.pressure)
-        self.residual = self.residual - self._displace(self.pressure - before)
-        self._balance()
-
-    def renew(self) -> None:
-        """Bring the pressure to the load, and compute the residual in double precision."""
-        self._carry(self.pressure)
-        self._snap()
-        self.displacement = self.patch.displace(self.pressure).copy()
-        self.effort += Effort(convolutions=1)
-        gaps = self.below - self.displacement
-        if self._give:
-            gaps += self._give * float(self.pressure.sum())
+        self._admit(self.pressure)
+        self.residual = self.residual - self.patch.displace(self.pressure - before)
+        self.exact = False
         if self.load is not None:
-            self.shift = -self._imbalance(gaps)
-        self.residual = (gaps + self.shift).astype(np.float32)
-        self.exact = True
-
-    def _level(self, mean: float) -> None:
-        """Shift the far field by a mean of the residual, which is zero from then."""
-        self.residual -= np.float32(mean)
-        self.shift -= mean
+            self._balance()
 
     def _balance(self) -> None:
         """Shift the far field under a load so that the free nodes are in balance."""
-        if self.load is not None:
-            self._level(self._imbalance(self.residual))
+        mean = self._imbalance(self.residual)
+        self.residual -= np.float32(mean)
+        self.shift -= mean
 
     def _imbalance(self, residual: Real) -> float:
         """Return the mean of a residual that a shift of the far field takes away under a load.
@@ -330,7 +270,9 @@ class Iterate:
         more than one displacement is in balance, and the least one that leaves no gap there is
         taken; unless nodes outside would penetrate, which then have to exchange load with them.
         """
-        weights = self._free_pressure()
+        weights = self.pressure
+        if self.yields:
+            weights = np.where(weights < self.hardness, weights, 0.0)
         carried = float(weights.sum())
         if carried > 0:
             return inner(weights, residual) / carried
@@ -339,21 +281,26 @@ class Iterate:
         outside = float(residual.max(where=~loaded, initial=-math.inf))
         return inside if outside <= inside else (inside + outside) / 2
 
-    def _carry(self, pressure: Field) -> None:
-        """Scale a pressure in place so that it carries the load, between the bounds."""
-        if self.load is None:
-            return
-        carried = float(pressure.sum())
-        if not carried > 0:
-            pressure[:] = self.load / pressure.size
-        elif not self._yields:
-            pressure *= self.load / carried
-        else:
-            self._carry_within(pressure)
+    def _admit(self, pressure: Field) -> None:
+        """Bring a pressure in place to the load, and to a bound where rounding left it beside."""
+        if self.load is not None:
+            carried = float(pressure.sum())
+            if not carried > 0:
+                pressure[:] = self.load / pressure.size
+            elif self.yields:
+                self._carry_within(pressure, self.load)
+            else:
+                pressure *= self.load / carried
+        if self.yields:
+            self._snap(pressure)
 
-    def _carry_within(self, pressure: Field) -> None:
+    def _snap(self, pressure: Field, share: float = LOST) -> None:
+        """Take pressures just beside zero or the hardness to it, in place."""
+        pressure[pressure < share * self.hardness] = 0
+        pressure[pressure > (1 - share) * self.hardness] = self.hardness
+
+    def _carry_within(self, pressure: Field, load: float) -> None:
         """Scale the free pressures; all of them where the yielded nodes alone carry too much."""
-        assert self.load is not None
         limit, flat = BELOW_HARDNESS * self.hardness, pressure.reshape(-1)
         loaded = np.flatnonzero(flat)
         values = flat[loaded]
@@ -362,10 +309,10 @@ class Iterate:
             fixed = self.hardness * np.count_nonzero(yielded)
             before = values[~yielded]
             free = float(before.sum())
-            left = self.load - fixed
+            left = load - fixed
             if left < 0:
                 order = np.argsort(self.residual.reshape(-1)[loaded], kind="stable")
-                over, taken = fixed + free - self.load, values[order]
+                over, taken = fixed + free - load, values[order]
                 values[order] -= np.minimum(taken, np.maximum(over - (np.cumsum(taken) - taken), 0))
                 flat[loaded] = values
                 return
@@ -377,8 +324,8 @@ class Iterate:
                 flat[loaded] = values
                 return
         flat[loaded] = values
-        missing = self.load - float(values.sum())
-        if missing > LOST * self.load:
+        missing = load - float(values.sum())
+        if missing > LOST * load:
             self._load_next(flat, missing)
 
     def _load_next(self, pressure: Values, missing: float) -> None:
@@ -401,20 +348,15 @@ class Iterate:
         """
         if self.load is not None:
             return
-        interference = self.below + self.shift
-        stiffness = inner(self.pressure, interference - self.residual)
-        work = inner(self.pressure, interference)
+        work = inner(self.pressure, self.below) + self.shift * float(self.pressure.sum())
+        stiffness = work - inner(self.pressure, self.residual)
         if not (stiffness > 0 and work > 0):
             return
         factor = work / stiffness
-        self.pressure = factor * self.pressure
-        self.residual = (interference * (1 - factor) + factor * self.residual).astype(np.float32)
-
-    def _snap(self, share: float = LOST) -> None:
-        """Take pressures that rounding left just beside zero or the hardness to it."""
-        if self._yields:
-            self.pressure[self.pressure < share * self.hardness] = 0
-            self.pressure[self.pressure > (1 - share) * self.hardness] = self.hardness
+        self.pressure *= factor
+        self.residual *= np.float32(factor)
+        self.residual += np.multiply(self.below, 1 - factor, dtype=np.float32, casting="same_kind")
+        self.residual += np.float32((1 - factor) * self.shift)
 
     # First steps
 
@@ -424,68 +366,71 @@ class Iterate:
         They find most of the nodes out of contact for one convolution a step. None is taken once
         the contact set is as small as `enough`.
         """
-        interference = (self.below + self.shift).astype(np.float32)
+        patch, interference = self.patch, self.residual
         for step in range(FIRST_STEPS):
             touching = self.touching()
             if np.count_nonzero(touching) <= enough:
                 return
-            free = touching & (self.pressure < self._most_pressure)
-            self.patch.take_contact(free)
-            pressure = np.maximum(self.pressure + self._correction(), 0)
-            if step == 0 and self._excess(pressure) > MOSTLY_ELASTIC:
-                self._yields = True
-            limit = self._most_pressure
-            np.minimum(pressure, limit, out=pressure)
-            capped = pressure >= limit
-            damped = float(pressure[capped].sum()) > MOSTLY_CAPPED * float(pressure.sum())
-            change = pressure - self.pressure if damped else pressure
-            image = self._displace(change)
+            patch.take_contact(touching & (self.pressure < self.limit))
+            ahead = self.pressure.copy()
+            patch.add_to(ahead, patch.correct(patch.in_contact(self.residual)))
+            np.maximum(ahead, 0, out=ahead)
+            if step == 0 and self.hardness < math.inf and self._excess(ahead) > MOSTLY_ELASTIC:
+                self.expect_yielding()
+            np.minimum(ahead, self.limit, out=ahead)
+            capped = float(ahead.sum(where=ahead >= self.limit)) if self.yields else 0.0
+            damped = capped > MOSTLY_CAPPED * float(ahead.sum())
+            change = ahead - self.pressure if damped else ahead
+            image = patch.displace(change)
             stiffness = inner(change, image)
-            if not stiffness > 0:
+            work = inner(self.residual if damped else interference, change)
+            if not (stiffness > 0 and (damped or work > 0)):
                 return
+            scale = work / stiffness
             if damped:
-                scale = min(max(inner(self.residual, change) / stiffness, 0.0), 1.0)
+                scale = min(max(scale, 0.0), 1.0)
                 self.residual = self.residual - np.float32(scale) * image
                 self.pressure = self.pressure + scale * change
-            else:
-                scale = inner(interference, pressure) / stiffness
-                if not scale > 0:
-                    return
-                if capped.any():
-                    scale = 1.0 if step == FIRST_STEPS - 1 else min(max(scale, 0.8), 1.0)
-                self.residual = interference - np.float32(scale) * image
-                self.pressure = scale * pressure
-        self._cap()
+                continue
+            if capped:
+                scale = 1.0 if step == FIRST_STEPS - 1 else min(max(scale, 0.8), 1.0)
+            self.residual = interference - np.float32(scale) * image
+            self.pressure = scale * ahead
+        if self.yields:
+            self._cap()
 
     def _cap(self) -> None:
         """Take pressures above the hardness, or above it but for rounding, to it."""
-        if not self._yields:
-            return
-        close = self.pressure > self.hardness * (1 - LOST)
         before = self.pressure.copy()
-        self.pressure[close] = self.hardness
+        self.pressure[self.pressure > self.hardness * (1 - LOST)] = self.hardness
         if (self.pressure < before).any():
-            self.residual -= self._displace(self.pressure - before)
+            self.residual -= self.patch.displace(self.pressure - before)
 
-    def approach(self, enough: float = 0.0) -> None:
-        """Take preconditioned steps between the bounds under a load, while they come nearer fast.
+    def approach(self, enough: float = 0.0, *, interpolated: bool = False) -> None:
+        """Take preconditioned steps between the bounds, while they come nearer fast.
 
-        None is taken once the contact set is as small as `enough`.
+        None is taken once the contact set is as small as `enough`. A pressure that was interpolated
+        from a coarser grid touches on too many nodes: the steps then take those under pressure
+        alone, and violations may rise at first.
         """
-        largest = self.violation().largest
-        for _ in range(FIRST_STEPS):
-            if largest <= NEAR * self.shift or np.count_nonzero(self.touching()) <= enough:
+        patch, largest = self.patch, max(self.violation())
+        for _ in range(INTERPOLATED_STEPS if interpolated else FIRST_STEPS):
+            touching = self.pressure > 0 if interpolated else self.touching()
+            if largest <= NEAR * self.shift or np.count_nonzero(touching) <= enough:
                 return
             last, before = largest, self.pressure
-            self.patch.take_contact(self.touching() & (before < self._most_pressure))
-            ahead = before + np.float32(APPROACH) * self._correction()
-            ahead = np.clip(ahead, 0, self._most_pressure)
-            self._carry(ahead)
-            self.pressure = ahead
-            self.residual -= self._displace(ahead - before)
-            self._balance()
-            largest = self.violation().largest
-            if not largest < NEARER * last:
+            patch.take_contact(touching & (before < self.limit))
+            ahead, correction = before.copy(), patch.correct(patch.in_contact(self.residual))
+            patch.add_to(ahead, np.float32(APPROACH) * correction)
+            self.pressure = np.clip(ahead, 0, self.limit, out=ahead)
+            self._admit(ahead)
+            self.residual -= patch.displace(ahead - before)
+            if self.load is not None:
+                self._balance()
+            elif not self.yields:
+                self._rescale()
+            largest = max(self.violation())
+            if not (interpolated or largest < NEARER * last):
                 return
 
 

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, field
-from typing import Any, Literal, NamedTuple, TypeVar, cast, get_args
+from typing import Any, Literal, NamedTuple, cast, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,10 +14,6 @@ Boundary = Literal["free", "periodic", "mirror"]
 BOUNDARIES: tuple[Boundary, ...] = get_args(Boundary)
 FarField = Literal["rigid", "compliant"]
 FAR_FIELDS: tuple[FarField, ...] = get_args(FarField)
-Name = TypeVar("Name", bound=str)
-
-# Bounds of a length, both excluded, and their wording in messages.
-LENGTHS = (0.0, math.inf, "above 0 um")
 
 # Default tolerance: the loosest of a ladder that counts the contact nodes of 99.9 % of the paper
 # preset's samples exactly (measured by the code up to commit 10684ff, `bench solver
@@ -31,8 +27,44 @@ MAX_ITERATIONS = 1000
 # surface, and products of two such depths have to stay within single precision.
 DEEPEST = 1e10
 
-# Lower bound, excluded, of numbers that may be zero.
+
+class Range(NamedTuple):
+    """The numbers that an argument may have.
+
+    Attributes
+    ----------
+    low, high : float
+        Bounds, both excluded.
+    words : str
+        Their wording in messages.
+    whole : bool
+        Whether it has to be a whole number.
+    """
+
+    low: float
+    high: float
+    words: str
+    whole: bool = False
+
+
 BELOW_ZERO = math.nextafter(0, -1)
+ARGUMENTS: dict[str, Range | tuple[str, ...]] = {
+    "side": Range(0, math.inf, "above 0 um"),
+    "spacing": Range(0, math.inf, "above 0 um"),
+    "delta": Range(-math.inf, math.inf, "a finite number of um"),
+    "force": Range(BELOW_ZERO, math.inf, "at least 0 uN"),
+    "pressure": Range(BELOW_ZERO, math.inf, "at least 0 MPa"),
+    "modulus": Range(0, math.inf, "above 0 MPa"),
+    "poisson": Range(-1, math.nextafter(0.5, 1), "above -1 and at most 0.5"),
+    "hardness": Range(0, math.inf, "above 0 MPa, and finite"),
+    "rtol": Range(1e-15, 1, "between 1e-15 and 1, both excluded"),
+    "max_iterations": Range(0, math.inf, "a whole number of at least 1", whole=True),
+    "threads": Range(0, math.inf, "a whole number of at least 1", whole=True),
+    "kernel": KERNELS,
+    "far_field": FAR_FIELDS,
+    "boundary": BOUNDARIES,
+}
+"""What the arguments of `bem.solve` may be: a number in a range, or one of some names."""
 
 # Bounds of numbers in um, MPa and uN, with a margin to the range of double precision.
 NUMBERS = (1e-305, 1e305)
@@ -179,22 +211,20 @@ def pose(
         bodies on a patch without edges is that of full contact or more.
     """
     surface = checked_heights(heights)
-    boundary = _checked_choice("boundary", boundary, BOUNDARIES)
+    boundary = checked("boundary", boundary)
     cells = _checked_spacing(surface.shape, side, spacing, boundary)
-    patch = surface.size * cells[0] * cells[1]
-    delta, force = _checked_load(delta, force, pressure, patch)
+    delta, force = _checked_load(surface.size * cells[0] * cells[1], delta, force, pressure)
     problem = Problem(
         heights=surface,
         delta=delta,
         force=force,
         spacing=cells,
-        modulus=_checked("modulus", modulus, 0, math.inf, "above 0 MPa")
-        / (1 - _checked_poisson(poisson) ** 2),
-        kernel=_checked_choice("kernel", kernel, KERNELS),
-        far_field=_checked_choice("far_field", far_field, FAR_FIELDS),
-        hardness=_checked_hardness(hardness),
-        rtol=_checked("rtol", rtol, 1e-15, 1, "between 1e-15 and 1, both excluded"),
-        max_iterations=checked_count("max_iterations", max_iterations),
+        modulus=checked("modulus", modulus) / (1 - checked("poisson", poisson) ** 2),
+        kernel=checked("kernel", kernel),
+        far_field=checked("far_field", far_field),
+        hardness=None if hardness is None else checked("hardness", hardness),
+        rtol=checked("rtol", rtol),
+        max_iterations=checked("max_iterations", max_iterations),
         boundary=boundary,
     )
     _check_range(problem)
@@ -208,13 +238,6 @@ def pose(
     if problem.hardness is not None:
         _check_yielding(problem, problem.hardness, pressure)
     return problem
-
-
-def _checked_hardness(hardness: Any) -> float | None:
-    """Return the hardness [MPa], or None if there is none."""
-    if hardness is None:
-        return None
-    return _checked("hardness", hardness, 0, math.inf, "above 0 MPa, and finite")
 
 
 def _check_edgeless(problem: Problem) -> None:
@@ -287,9 +310,9 @@ def checked_start(near: ArrayLike, problem: Problem) -> Field:
 
 
 def _checked_load(
-    delta: Any, force: Any, pressure: Any, patch: float
+    patch: float, delta: Any, force: Any, pressure: Any
 ) -> tuple[float | None, float | None]:
-    """Return (delta, None) or (None, force); a mean pressure becomes a force."""
+    """Return (delta, None) or (None, force); a mean pressure on the patch becomes a force."""
     loads = {"delta": delta, "force": force, "pressure": pressure}
     given = [name for name, load in loads.items() if load is not None]
     if len(given) != 1:
@@ -297,12 +320,12 @@ def _checked_load(
             f"{' and '.join(given) or 'no load'} given: give one of delta [um], force [uN] and"
             " pressure [MPa]"
         )
+    load = checked(given[0], loads[given[0]])
     if delta is not None:
-        return _checked("delta", delta, -math.inf, math.inf, "a finite number of um"), None
-    if force is not None:
-        return None, _checked("force", force, BELOW_ZERO, math.inf, "at least 0 uN")
-    mean = _checked("pressure", pressure, BELOW_ZERO, math.inf, "at least 0 MPa")
-    return None, max(patch * mean, math.ulp(0.0)) if mean else 0.0
+        return load, None
+    if pressure is not None:
+        load = max(patch * load, math.ulp(0.0)) if load else 0.0
+    return None, load
 
 
 def _check_range(problem: Problem) -> None:
@@ -371,67 +394,48 @@ def _is_nullable_table(heights: Any) -> bool:
 
 
 def _checked_spacing(
-    shape: tuple[int, int], side: Any, spacing: Any, boundary: Boundary
+    shape: tuple[int, ...], side: Any, spacing: Any, boundary: Boundary
 ) -> tuple[float, float]:
     """Return the spacing along both axes, from the sides unless it is given."""
-    sides = _checked_pair("side", side)
+    for name, given in (("side", side), ("spacing", spacing)):
+        if name == "side" or given is not None:
+            refuse_masked(name, given)
+            pair = (given, given) if np.ndim(given) == 0 else tuple(given)
+            if len(pair) != 2:
+                raise ValueError(f"{name} = {given!r}: one length or two are needed, in um")
+            lengths = checked(name, pair[0]), checked(name, pair[1])
     if spacing is not None:
-        return _checked_pair("spacing", spacing)
+        return lengths
     if min(shape) < 2 and boundary == "free":
         raise ValueError(
             f"a grid of {shape[0]} x {shape[1]} nodes has no side / (nodes - 1): give the spacing"
         )
-    cells = tuple(
-        node_spacing(nodes, length, boundary) for nodes, length in zip(shape, sides, strict=True)
-    )
+    cells = tuple(map(node_spacing, shape, lengths, (boundary, boundary)))
     if np.ndim(side) == 0 and shape[0] != shape[1]:
-        other = sides[1] * cells[0] / cells[1]
+        other = lengths[1] * cells[0] / cells[1]
         raise ValueError(
             f"side = {side!r} for {shape[0]} x {shape[1]} nodes: give two,"
-            f" ({sides[0]:g}, {other:g}) for square cells or ({sides[0]:g}, {sides[0]:g}) for a"
-            " square patch"
+            f" ({lengths[0]:g}, {other:g}) for square cells or ({lengths[0]:g}, {lengths[0]:g}) for"
+            " a square patch"
         )
     return cells[0], cells[1]
 
 
-def _checked_pair(name: str, given: Any) -> tuple[float, float]:
-    """Return two lengths, from a pair or from one length for both axes."""
-    refuse_masked(name, given)
-    pair = (given, given) if np.ndim(given) == 0 else tuple(given)
-    if len(pair) != 2:
-        raise ValueError(f"{name} = {given!r}: one length or two are needed, in um")
-    return _checked(name, pair[0], *LENGTHS), _checked(name, pair[1], *LENGTHS)
-
-
-def _checked(name: str, value: Any, low: float, high: float, allowed: str) -> float:
-    """Return a float strictly between low and high, or refuse the value."""
+def checked(name: str, value: Any) -> Any:
+    """Return the value of an argument as a number, or the name that it is, or refuse it."""
+    allowed = ARGUMENTS[name]
+    if not isinstance(allowed, Range):
+        if not isinstance(value, str) or value not in allowed:
+            raise ValueError(f"{name} = {value!r}: must be one of {', '.join(allowed)}")
+        return value
     try:
         number = math.nan if isinstance(value, bool | np.bool_) else float(value)
     except (TypeError, ValueError, OverflowError):
-        raise ValueError(f"{name} = {value!r}: must be {allowed}") from None
-    if not low < number < high:
-        raise ValueError(f"{name} = {value!r}: must be {allowed}")
-    return number
-
-
-def _checked_poisson(poisson: Any) -> float:
-    """Return Poisson's ratio, or refuse it."""
-    allowed = "above -1 and at most 0.5"
-    return _checked("poisson", poisson, -1, math.nextafter(0.5, 1), allowed)
-
-
-def checked_count(name: str, value: Any) -> int:
-    """Return a whole number of one or more, or refuse the value."""
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
-        raise ValueError(f"{name} = {value!r}: must be a whole number of at least 1")
-    return int(value)
-
-
-def _checked_choice(name: str, value: Name, choices: tuple[Name, ...]) -> Name:
-    """Return one of the choices, or refuse the value."""
-    if not isinstance(value, str) or value not in choices:
-        raise ValueError(f"{name} = {value!r}: must be one of {', '.join(choices)}")
-    return value
+        number = math.nan
+    inside = allowed.low < number < allowed.high
+    if not inside or (allowed.whole and not isinstance(value, int | np.integer)):
+        raise ValueError(f"{name} = {value!r}: must be {allowed.words}")
+    return int(value) if allowed.whole else number
 
 
 class Overlap(NamedTuple):
@@ -454,13 +458,10 @@ class Overlap(NamedTuple):
     nodes: Nodes
     below: Field
 
-    @property
-    def shape(self) -> tuple[int, int]:
-        """Number of rows and columns of the box."""
-        return self.below.shape[0], self.below.shape[1]
-
     def unfolded(self, values: Field, beyond: float = 0.0) -> Field:
-        """Put the values of the box back on the grid."""
+        """Put the values of the box back on the grid, unless they are on all of it."""
+        if values.shape == self.grid:
+            return values
         whole = np.full(self.grid, beyond)
         whole[self.box] = values
         return whole
@@ -495,22 +496,13 @@ def boxed(marked: Mask) -> tuple[tuple[slice, slice], Nodes]:
     inside : ndarray, shape (m,)
         Flat indices of the nodes in the box, ascending.
     """
-    rows, columns = (np.flatnonzero(marked.any(axis=axis)) for axis in (1, 0))
-    box = (
-        _span(int(rows[0]), int(rows[-1]), marked.shape[0]),
-        _span(int(columns[0]), int(columns[-1]), marked.shape[1]),
-    )
+    spans = []
+    for axis, size in enumerate(marked.shape):
+        inside = np.flatnonzero(marked.any(axis=1 - axis))
+        first, length = int(inside[0]), int(inside[-1] - inside[0])
+        unit = 2 ** max(length.bit_length() - 3, 0)  # nodes are 1 + (4, 5, 6, 7) unit
+        nodes = min(-(-length // unit) * unit + 1, size)
+        start = min(first, size - nodes)
+        spans.append(slice(start, start + nodes))
+    box = spans[0], spans[1]
     return box, np.flatnonzero(marked[box])
-
-
-def _span(first: int, last: int, size: int) -> slice:
-    """Return a slice from first to last, widened to one of a few lengths to reuse FFT plans.
-
-    The lengths are 1 + (4, 5, 6, 7) 2^j nodes, or all `size` nodes of the grid.
-    """
-    unit = 2 ** max((last - first).bit_length() - 3, 0)
-    nodes = -(-(last - first) // unit) * unit + 1
-    if nodes >= size:
-        return slice(0, size)
-    start = min(first, size - nodes)
-    return slice(start, start + nodes)

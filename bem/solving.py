@@ -21,7 +21,7 @@ from bem.problem import (
     Boundary,
     FarField,
     Problem,
-    checked_count,
+    checked,
     checked_heights,
     checked_start,
     pose,
@@ -186,10 +186,9 @@ def solve(
         rtol=rtol,
         max_iterations=max_iterations,
     )
-    if near is not None:
-        near = checked_start(near, problem)
-    with on_threads(None if threads is None else checked_count("threads", threads)):
-        return solve_posed(problem, near)
+    start = None if near is None else Start(checked_start(near, problem) / problem.modulus)
+    with on_threads(None if threads is None else checked("threads", threads)):
+        return contact_of(problem, equilibrium_of(problem, start))
 
 
 def solve_posed(problem: Problem, near: Field | None = None) -> Contact:
@@ -326,7 +325,7 @@ def ladder(
     name, loads = _chosen(delta=deltas, force=forces, pressure=pressures)
     side, settings = deepcopy((side, settings))  # arrays that the caller may fill anew
     if threads is not None:
-        threads = checked_count("threads", threads)
+        threads = checked("threads", threads)
     return _Ladder(checked_heights(heights), side, name, loads, threads, settings)
 
 

@@ -29,7 +29,7 @@ class Counts(NamedTuple):
 
 
 MOST = {
-    "heights": Counts(11, 94, 9),  # heights to the pressure on a free patch
+    "heights": Counts(8, 49, 8),  # heights to the pressure on a free patch
     "scene": Counts(46, 341, 27),  # a scene to the rows of a database
     "fit": Counts(43, 242, 24),  # a database to a surrogate
     "predict": Counts(30, 170, 18),  # a surrogate and a map to a prediction

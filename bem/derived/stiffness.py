@@ -71,7 +71,8 @@ def punch_of(problem: Problem, nodes: Nodes) -> Punch:
     marked.reshape(-1)[nodes] = True
     if problem.boundary == "free":
         marked = marked[boxed(marked)[0]]
-    patch = Patch.of(problem, (len(marked), len(marked[0])))
+    shape = len(marked), len(marked[0])
+    patch = Patch(shape, problem.boundary, problem.kernel, problem.aspect)
     solve = ActiveSet(
         patch, np.zeros(marked.shape), shift=1.0, rtol=PUNCH_RTOL, most=MAX_ITERATIONS
     )
@@ -79,7 +80,7 @@ def punch_of(problem: Problem, nodes: Nodes) -> Punch:
     if not residual <= PUNCH_RTOL:
         raise ArithmeticError(
             f"stiffness of {nodes.size} nodes in contact: residual {residual:.1e} after"
-            f" {solve.effort.iterations} iterations, asked for {PUNCH_RTOL:g}"
+            f" {solve.iterations} iterations, asked for {PUNCH_RTOL:g}"
         )
     # The pressure is wrong in proportion to the residual r, the energy p (1 + r) in its square.
     pressure = solve.pressure[marked]
@@ -88,7 +89,7 @@ def punch_of(problem: Problem, nodes: Nodes) -> Punch:
         stiffness=force * problem.modulus * problem.spacing[1],
         pressure=pressure * (problem.modulus / problem.spacing[0]),
         residual=residual,
-        effort=solve.effort,
+        effort=Effort(solve.iterations, patch.convolutions),
     )
 
 

@@ -9,7 +9,7 @@ import threading
 from collections import OrderedDict
 from collections.abc import Callable
 from copy import copy
-from typing import Any, ClassVar, Protocol, TypeVar, cast
+from typing import Any, Protocol, TypeVar, cast
 from weakref import WeakSet
 
 import numpy as np
@@ -350,57 +350,46 @@ def _aligned(shape: tuple[int, ...], dtype: Any) -> Real:
     return zeros
 
 
-def kept_filter(make: Callable[..., Kind], *arguments: Any) -> Kind:
-    """Return the filter that `make` makes from the arguments; this thread keeps it for later."""
-    return _FILTERS.get(make, arguments)
-
-
-class _Kept:
-    """The filters of one thread in the order of their last use, and their memory."""
+class _Kept(threading.local):
+    """The filters last used on this thread, in the order of their last use, and their memory."""
 
     def __init__(self) -> None:
+        self.memory = _Memory()
         self.filters: OrderedDict[tuple[Any, ...], Any] = OrderedDict()
-        self.bytes = 0
+        with unforked(), _COUNTING:
+            _MEMORIES.add(self.memory)
 
 
-class _Filters(threading.local):
-    """The filters last used on this thread, as many as `KEPT_BYTES` for all threads allow.
+class _Memory:
+    """The memory of the filters that one thread keeps; it is gone with the thread."""
 
-    Filters hold scratch space too, so that no two threads can share one.
+    bytes = 0
+
+
+_MEMORIES: WeakSet[_Memory] = WeakSet()
+_COUNTING = threading.Lock()
+_KEPT = _Kept()
+
+
+def kept_filter(make: Callable[..., Kind], *arguments: Any) -> Kind:
+    """Return the filter that `make` makes from the arguments; this thread keeps it for later.
+
+    Filters hold scratch space too, so that no two threads can share one. All threads keep as many
+    as `KEPT_BYTES` allow.
     """
-
-    _threads: ClassVar[WeakSet[_Kept]] = WeakSet()
-    _changing = threading.Lock()
-
-    def __init__(self) -> None:
-        self._kept = _Kept()
-        with unforked(), self._changing:
-            self._threads.add(self._kept)
-
-    def get(self, make: Callable[..., Kind], arguments: tuple[Any, ...]) -> Kind:
-        """Return a kept filter, or make one and keep it."""
-        filters, key = self._kept.filters, (make, *arguments)
-        kept = filters.get(key)
-        if kept is not None:
-            filters.move_to_end(key)
-            found: Kind = kept
-            return found
-        with unforked():  # plans and transforms are made under locks
-            made = filters[key] = make(*arguments)
-            self._kept.bytes += made.bytes
-            self._forget()
-        return made
-
-    def _forget(self) -> None:
-        """Drop this thread's oldest filters while those of all threads take too much memory."""
-        filters = self._kept.filters
-        bound = max(KEPT_BYTES, KEPT_LARGEST * max(made.bytes for made in filters.values()))
-        with self._changing:
-            excess = sum(kept.bytes for kept in self._threads) - bound
+    filters, key = _KEPT.filters, (make, *arguments)
+    if key in filters:
+        filters.move_to_end(key)
+        found: Kind = filters[key]
+        return found
+    with unforked():  # plans and transforms are made under locks
+        made = filters[key] = make(*arguments)
+        _KEPT.memory.bytes += made.bytes
+        bound = max(KEPT_BYTES, KEPT_LARGEST * max(each.bytes for each in filters.values()))
+        with _COUNTING:
+            excess = sum(memory.bytes for memory in _MEMORIES) - bound
         while excess > 0 and len(filters) > FEWEST_KEPT:
             _, oldest = filters.popitem(last=False)
-            self._kept.bytes -= oldest.bytes
+            _KEPT.memory.bytes -= oldest.bytes
             excess -= oldest.bytes
-
-
-_FILTERS = _Filters()
+    return made

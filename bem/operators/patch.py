@@ -32,7 +32,7 @@ from bem.operators.filters import (
     kept_filter,
     spectral_filter,
 )
-from bem.problem import Boundary, Problem
+from bem.problem import Boundary
 from bem.threads import share
 
 # The following four were chosen by the iterations of conjugate gradients on the paper's surfaces,
@@ -63,7 +63,10 @@ FEW_FREE, FEW_EDGELESS = ((27.0, 1 / 3),), ((0.105, 5 / 6), (9.0, 0.4))
 
 # Share of all nodes up to which vectors of a contact set hold its nodes alone: reading listed nodes
 # takes about as long as ten passes over as many whole values.
-LISTED = 0.06
+LISTED = 0.12
+
+# Rows of blocks that are corrected at a time.
+BAND = 32
 
 # Rows of a spectrum or of a dense matrix that are tabulated at a time: they fit into the cache.
 ROWS, TABULATED_ROWS, TABULATED_COLUMNS = 64, 64, 16
@@ -85,6 +88,9 @@ class Patch:
         Influence coefficients of a free patch, see `bem.influence.influence_coefficients`.
     aspect : float
         Second side of a cell over its first [1].
+    give : float
+        How far a compliant far field gives way under a unit load, 0 if it is rigid: one term of
+        the matrix, H - give.
 
     Attributes
     ----------
@@ -92,84 +98,105 @@ class Patch:
         Upper bound of the matrix's largest eigenvalue.
     few : int
         Largest contact set worth factorising.
+    soft : bool
+        Whether a displacement may barely fix the load: on a compliant far field near Delta*, or
+        without edges near full contact.
+    convolutions : int
+        Applications of the matrix so far.
+    contact : ndarray of bool, shape (nx, ny)
+        The contact set that was taken last.
     count : int
-        Number of nodes of the contact set that was taken last.
-    contact, outside : ndarray, shape (nx, ny)
-        One on the contact set that was taken last and zero elsewhere; and the reverse.
+        Number of its nodes.
+    singular : bool
+        Whether it is all of a patch without edges.
     """
 
+    contact: Mask
+
     def __init__(
-        self, shape: tuple[int, int], boundary: Boundary, kernel: Kernel, aspect: float
+        self,
+        shape: tuple[int, int],
+        boundary: Boundary,
+        kernel: Kernel,
+        aspect: float,
+        give: float = 0.0,
     ) -> None:
-        self.shape, self.boundary = shape, boundary
-        self._grid = shape, kernel, aspect
-        self._double = displacement_filter(shape, boundary, kernel, aspect)
-        self._single = displacement_filter(shape, boundary, kernel, aspect, "float32")
-        self._inverse = kept_filter(_make_inverse, *inverse_of(shape, boundary, kernel, aspect))
+        self.shape, self.boundary, self.give = shape, boundary, give
+        self._cells = shape, kernel, aspect
+        self._exact, self._rough = (
+            kept_filter(_make_displacement, shape, boundary, kernel, aspect, dtype)
+            for dtype in ("float64", "float32")
+        )
+        self._inverse = kept_filter(_make_inverse, shape, boundary, kernel, aspect)
         self._means = kept_filter(_make_means, shape, boundary, aspect)
-        self.norm = self._double.largest
+        self.norm = self._exact.largest
         limits = FEW_FREE if boundary == "free" else FEW_EDGELESS
         self.few = min(int(factor * (shape[0] * shape[1]) ** power) for factor, power in limits)
-        self._contact, self._outside, self._correction = (
-            np.zeros(self._inverse.field.shape, np.float32) for _ in range(3)
-        )
-        inside = slice(0, shape[0]), slice(0, shape[1])
-        self._outside.fill(1)
-        self.contact, self.outside = self._contact[inside], self._outside[inside]
-        self._corrected, self.count = self._correction[inside], 0
+        self.soft = give != 0 or boundary != "free"
+        self.convolutions, self.count, self.singular = 0, 0, False
+        self._outside = np.zeros((0, 0), np.float32)
         self._listed: tuple[Nodes, Nodes] | None = None
 
-    @classmethod
-    def of(cls, problem: Problem, shape: tuple[int, int] | None = None) -> "Patch":
-        """Return the influence matrix of a problem's grid, or of another one with its cells."""
-        shape = (problem.heights.shape[0], problem.heights.shape[1]) if shape is None else shape
-        return cls(shape, problem.boundary, problem.kernel, problem.aspect)
+    def displace(self, pressure: Real, *, exactly: bool = False) -> Real:
+        """Compute the (nx, ny) displacement by a field or by values of `in_contact`.
 
-    def displace(self, pressure: Real) -> Real:
-        """Compute the (nx, ny) displacement in double precision; the next call overwrites it."""
-        return filtered(self._double, pressure)
+        It is right to 1e-7, or in double precision; the next call overwrites it.
+        """
+        self.convolutions += 1
+        by = self._exact if exactly else self._rough
+        displacement = self._put(pressure, by.field)
+        by.transform()
+        if self.give:
+            given_way = self.give * float(pressure.sum(dtype=np.float64))
+            displacement -= displacement.dtype.type(given_way)
+        return displacement
 
-    def displace_roughly(self, pressure: Real) -> Real:
-        """Compute the (nx, ny) displacement to 1e-7; the next call overwrites it."""
-        return filtered(self._single, pressure)
-
-    @property
-    def singular(self) -> bool:
-        """Whether the set that was taken last is all of a patch without edges."""
-        return self.boundary != "free" and self.count == self.shape[0] * self.shape[1]
+    def _put(self, values: Real, buffer: Real) -> Real:
+        """Write a field, or values of `in_contact`, among zeros, and return the field's part."""
+        rows, columns = self.shape
+        buffer[rows:], buffer[:, columns:] = 0, 0
+        inside: Real = buffer[:rows, :columns]
+        if values.ndim == 1:
+            inside.fill(0)
+            inside[self._listed] = values
+        else:
+            inside[:] = values
+        return inside
 
     def take_contact(self, nodes: Mask) -> None:
         """Take a set of nodes, an (nx, ny) mask, for `in_contact` and `correct`."""
-        self.count = int(np.count_nonzero(nodes))
-        self._listed = None
+        self.contact, self.count = nodes, int(np.count_nonzero(nodes))
+        self.singular = self.boundary != "free" and self.count == nodes.size
+        means, self._listed = self._means, None
         if self.count <= LISTED * nodes.size:
-            rows, columns = np.divmod(np.flatnonzero(nodes), self.shape[1])
-            self._listed = rows, columns
-        self.contact[:] = nodes
-        np.subtract(1, self.contact, out=self.outside)
-        means = self._means
-        means.field[:] = BLOCK**2 - _block_sums(self._outside)
+            rows, columns = self._listed = np.divmod(np.flatnonzero(nodes), self.shape[1])
+            self._blocks = rows // BLOCK * means.shape[1] + columns // BLOCK
+            self._sum_listed(None)
+        else:
+            if not self._outside.size:
+                self._outside = np.ones(self._inverse.field.shape, np.float32)
+            np.logical_not(nodes, out=self._outside[: self.shape[0], : self.shape[1]])
+            means.field[:] = BLOCK**2 - _block_sums(self._outside)
         means.transform()
         self._weights = 1 / (means.field + VACANT)
+
+    def _sum_listed(self, values: Real | None) -> None:
+        """Sum values of listed nodes over blocks, or count the nodes."""
+        size = self._means.field.size
+        self._means.field.reshape(-1)[:] = np.bincount(self._blocks, values, minlength=size)
 
     def in_contact(self, field: Real) -> Real:
         """Return the values of an (nx, ny) field on the contact set, as `correct` takes them.
 
         Returns
         -------
-        ndarray, shape (n,) or (nx, ny)
+        ndarray of float32, shape (n,) or (nx, ny)
             The values of the n nodes of a small set, else the field with zeros outside.
         """
-        values: Real = field * self.contact if self._listed is None else field[self._listed]
-        return values
-
-    def spread(self, values: Real, field: Real) -> None:
-        """Write values of `in_contact` into an (nx, ny) field, and zero elsewhere."""
-        if self._listed is None:
-            field[:] = values
-        else:
-            field[:] = 0
-            field[self._listed] = values
+        if self._listed is not None:
+            values: Real = field[self._listed].astype(np.float32, copy=False)
+            return values
+        return np.multiply(field, self.contact, dtype=np.float32, casting="same_kind")
 
     def add_to(self, field: Real, values: Real) -> None:
         """Add values of `in_contact` to an (nx, ny) field."""
@@ -178,47 +205,51 @@ class Patch:
         else:
             field[self._listed] += values
 
-    def displace_by(self, values: Real) -> Real:
-        """Compute the (nx, ny) displacement to 1e-7 by values of `in_contact`."""
-        field, columns = self._single.field, self.shape[1]
-        field[:, columns:] = 0
-        self.spread(values, field[:, :columns])
-        self._single.transform()
-        displacement: Real = field[:, :columns]
-        return displacement
-
     def correct(self, residual: Real) -> Real:
         """Apply the approximate inverse to a residual in contact, as `in_contact` returns it.
 
         Returns
         -------
-        ndarray, shape (n,) or (nx, ny)
+        ndarray of float32, shape (n,) or (nx, ny)
             Correction of the pressure, zero outside; the next call overwrites it.
         """
-        field, means, (rows, width) = self._inverse.field, self._means, self.shape
-        field[rows:], field[:, width:] = 0, 0
-        self.spread(residual, field[:rows, :width])
-        blocks, outside, contact, correction = (
-            array.reshape(-1, BLOCK, field.shape[1])
-            for array in (field, self._outside, self._contact, self._correction)
-        )
-        means.field[:] = _block_sums(field)
+        field, means, outside = self._inverse.field, self._means, self._outside
+        listed, width = self._listed, self._inverse.field.shape[1]
+        blocks = field.reshape(-1, BLOCK, width)
+        if listed is None:
+            inside = self._put(residual, field)
+            means.field[:] = _block_sums(field)
+        else:
+            self._sum_listed(residual)
         means.transform()
         means.field[:] *= self._weights
-        np.multiply(outside, _columns(means.field), out=correction)
-        blocks += correction
+        columns = np.repeat(means.field, BLOCK, axis=1)[:, np.newaxis]
+        if listed is None:
+            vacant = outside.reshape(-1, BLOCK, width)
+            for first in range(0, len(blocks), BAND):  # so that what is added stays in the cache
+                some = slice(first, first + BAND)
+                blocks[some] += vacant[some] * columns[some]
+        else:
+            blocks[:] = columns
+            field[listed] = residual
         self._inverse.transform()
-        np.multiply(self._weights, _block_sums(field, self._outside), out=means.field)
+        if listed is None:
+            means.field[:] = self._weights * _block_sums(field, outside)
+            means.transform()
+            blocks += np.repeat(means.field, BLOCK, axis=1)[:, np.newaxis]
+            inside *= self.contact
+            return inside
+        corrected: Real = field[listed]
+        everywhere = _block_sums(field)
+        self._sum_listed(corrected)
+        means.field[:] = self._weights * (everywhere - means.field)
         means.transform()
-        np.add(blocks, _columns(means.field), out=correction)
-        if self._listed is not None:
-            return self.in_contact(self._corrected)
-        correction *= contact
-        return self._corrected
+        corrected += means.field.reshape(-1)[self._blocks]
+        return corrected
 
     def unbalanced(self, displacement: Field) -> Field:
         """Compute the zero-mean pressure whose displacement equals the given one but for a mean."""
-        inverse = edgeless_filter(self.shape, self.boundary, self._grid[2], inverse=True)
+        inverse = edgeless_filter(self.shape, self.boundary, self._cells[2], inverse=True)
         pressure: Field = filtered(inverse, displacement).copy()
         return pressure
 
@@ -229,15 +260,14 @@ class Patch:
         """
         if self.boundary == "free":
             return None
-        return kept_filter(_make_splitting, self.shape, self.boundary, self._grid[2]), _penalty(
-            self.shape, self.boundary, self._grid[2]
-        )
+        grid = self.shape, self.boundary, self._cells[2]
+        return kept_filter(_make_splitting, *grid), _penalty(*grid)
 
     def entries(self, nodes: Nodes, dtype: str) -> Real:
         """Return the lower triangle of the (n, n) matrix of (n,) nodes, in Fortran's order."""
         if self.boundary == "free":
-            return InfluenceMatrix(*self._grid, dtype).among(nodes)
-        return _edgeless_entries(self.shape, self.boundary, self._grid[2], dtype, nodes)
+            return InfluenceMatrix(*self._cells, dtype).among(nodes, self.give)
+        return _edgeless_entries(self.shape, self.boundary, self._cells[2], dtype, nodes)
 
 
 def displacement_filter(
@@ -256,9 +286,7 @@ def displacement_filter(
     dtype : str
         Precision, "float64" or "float32".
     """
-    if boundary == "free":
-        return kept_filter(_make_free, shape, kernel, aspect, dtype)
-    return edgeless_filter(shape, boundary, aspect, dtype)
+    return kept_filter(_make_displacement, shape, boundary, kernel, aspect, dtype)
 
 
 def edgeless_filter(
@@ -298,8 +326,12 @@ def wave_numbers(shape: tuple[int, int], boundary: Boundary, aspect: float) -> F
     return length
 
 
-def _make_free(shape: tuple[int, int], kernel: Kernel, aspect: float, dtype: str) -> FieldFilter:
-    """Tabulate the spectrum of H, a real transform of its even table in both directions."""
+def _make_displacement(
+    shape: tuple[int, int], boundary: Boundary, kernel: Kernel, aspect: float, dtype: str
+) -> FieldFilter:
+    """Tabulate the spectrum of H: of a free patch, a real transform of its even table."""
+    if boundary != "free":
+        return edgeless_filter(shape, boundary, aspect, dtype)
     if dtype == "float32":
         double: Any = displacement_filter(shape, "free", kernel, aspect)
         single: FieldFilter = double.in_single_precision()
@@ -334,10 +366,11 @@ def _make_edgeless(
     shape: tuple[int, int], boundary: Boundary, aspect: float, dtype: str, inverse: bool
 ) -> FieldFilter:
     """Tabulate 2 / |q|, and zero for the mean; or |q| / 2."""
-    numbers = wave_numbers(shape, boundary, aspect)
-    if not inverse:
-        numbers[0, 0] = math.inf
-    return _even_filter(shape, boundary, numbers / 2 if inverse else 2 / numbers, dtype)
+    if inverse:
+        spectrum = wave_numbers(shape, boundary, aspect) / 2
+    else:
+        spectrum = _compliances(shape, boundary, aspect)
+    return _even_filter(shape, boundary, spectrum, dtype)
 
 
 def _compliances(shape: tuple[int, int], boundary: Boundary, aspect: float) -> Field:
@@ -370,15 +403,6 @@ def _even_filter(
     return spectral_filter(shape, spectrum, dtype, shape[1])
 
 
-def inverse_of(
-    shape: tuple[int, int], boundary: Boundary, kernel: Kernel, aspect: float
-) -> tuple[tuple[int, int], Boundary, Kernel, float]:
-    """Return the grid of whole blocks, the boundary and the kernel of C^-1."""
-    if boundary == "free":
-        return (_whole_blocks(shape[0]), shape[1]), boundary, kernel, aspect
-    return (_whole_blocks(shape[0]), _whole_blocks(shape[1])), boundary, kernel, aspect
-
-
 def _make_inverse(
     shape: tuple[int, int], boundary: Boundary, kernel: Kernel, aspect: float
 ) -> FieldFilter:
@@ -388,33 +412,30 @@ def _make_inverse(
     grid hardly wider than the patch, a quarter of the grid that H needs. Without edges it is H
     itself where both sides are whole blocks, else that of the next larger patch.
     """
+    rows, columns = map(_whole_blocks, shape)
     if boundary != "free":
-        return edgeless_filter(shape, boundary, aspect, "float32", inverse=True)
-    periods = _circulant_periods(shape)
+        return edgeless_filter((rows, columns), boundary, aspect, "float32", inverse=True)
+    periods = _fast_length(rows), _fast_length(shape[1])
     table = influence_coefficients(periods, kernel, aspect)
     for axis, period in enumerate(periods):
         # Along an axis c_k = ((m - k) t_k + k t_(m - k)) / m, the mean over a wrapped diagonal.
         steps = np.arange(period)
         share = (steps / period).reshape([-1 if a == axis else 1 for a in (0, 1)])
         table = (1 - share) * table + share * np.take(table, -steps % period, axis=axis)
-    whole = shape[0], periods[1]
-    return spectral_filter(whole, 1 / fft.rfft2(table).real, "float32", periods[1])
+    return spectral_filter((rows, periods[1]), 1 / fft.rfft2(table).real, "float32", periods[1])
 
 
 def _make_means(shape: tuple[int, int], boundary: Boundary, aspect: float) -> FieldFilter:
     """Tabulate the spectrum of weighted means over the blocks of the approximate inverse."""
     rows, columns = _whole_blocks(shape[0]) // BLOCK, _whole_blocks(shape[1]) // BLOCK
     if boundary == "free":
-        periods = _circulant_periods((BLOCK * rows, shape[1]))
-        repeating = periods[0] // BLOCK, periods[1] // BLOCK
+        repeating = _fast_length(BLOCK * rows) // BLOCK, _fast_length(shape[1]) // BLOCK
         spectrum = _block_means(repeating, aspect)
         return spectral_filter((rows, repeating[1]), spectrum, "float32", repeating[1])
-    if boundary == "periodic":
-        return _even_filter(
-            (rows, columns), boundary, _block_means((rows, columns), aspect), "float32"
-        )
-    mirrored = _block_means((2 * rows, 2 * columns), aspect)[:rows, :columns]
-    return _even_filter((rows, columns), boundary, mirrored, "float32")
+    spectrum = _block_means((rows, columns), aspect)
+    if boundary == "mirror":
+        spectrum = _block_means((2 * rows, 2 * columns), aspect)[:rows, :columns]
+    return _even_filter((rows, columns), boundary, spectrum, "float32")
 
 
 def _block_means(blocks: tuple[int, int], aspect: float) -> Field:
@@ -437,11 +458,6 @@ def _whole_blocks(nodes: int) -> int:
     return -(-nodes // BLOCK) * BLOCK
 
 
-def _circulant_periods(shape: tuple[int, int]) -> tuple[int, int]:
-    """Return even periods of whole blocks, at least (nx, ny), that FFTW transforms fast."""
-    return _fast_length(shape[0]), _fast_length(shape[1])
-
-
 def _fast_length(nodes: int) -> int:
     """Return a multiple of 16; long ones have no factor of 3, which would save FFTW no time."""
     if nodes <= 256:
@@ -460,12 +476,6 @@ def _block_sums(field: Real, factors: Real | None = None) -> Real:
     for node in range(2, BLOCK):
         sums += rows[:, node::BLOCK]
     return sums
-
-
-def _columns(blocks: Real) -> Real:
-    """Repeat the values of blocks along their columns, for rows of blocks."""
-    repeated: Real = np.repeat(blocks, BLOCK, axis=1)[:, np.newaxis]
-    return repeated
 
 
 def _edgeless_entries(

@@ -48,11 +48,11 @@ def test_a_grid_that_starts_from_coarser_ones_keeps_its_own_filters(
 
     def kept_by_a_solve() -> list[tuple[int, int]]:
         bem.solve(ROUGH, SIDE, 2 * float(ROUGH.max() - ROUGH.min()))
-        return [arguments[0] for _, *arguments in filters._FILTERS._kept.filters]
+        return [arguments[0] for _, *arguments in filters._KEPT.filters]
 
     with ThreadPoolExecutor(1) as fresh:  # it keeps no filters of earlier tests
         shapes = fresh.submit(kept_by_a_solve).result()
-    assert shapes.count((65, 65)) == 3  # in both precisions, and means over blocks
+    assert shapes.count((65, 65)) == 4  # both precisions, the inverse, and means over blocks
     assert {shape[1] for shape in shapes} == {65}
 
 

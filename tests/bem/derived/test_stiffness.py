@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import bem
@@ -181,6 +181,7 @@ def test_any_set_has_the_stiffness_of_dense_algebra(seed, share, aspect):
     shape = 11, 14
     rng = np.random.default_rng(seed)
     nodes = np.flatnonzero(rng.random(shape) < share)
+    assume(nodes.size < shape[0] * shape[1])  # else infinite without edges
     for boundary in ("free", "periodic", "mirror"):
         problem = pose(
             np.zeros(shape), SIDE, None, force=1.0, spacing=(1.5, 1.5 * aspect), modulus=E,
@@ -192,7 +193,9 @@ def test_any_set_has_the_stiffness_of_dense_algebra(seed, share, aspect):
         else:
             patch = Patch(shape, boundary, "uniform-pressure", aspect)
             units = np.eye(problem.heights.size).reshape(-1, *shape)
-            matrix = np.stack([patch.displace(unit).reshape(-1).copy() for unit in units])
+            matrix = np.stack(
+                [patch.displace(unit, exactly=True).reshape(-1).copy() for unit in units]
+            )
         inside = matrix[np.ix_(nodes, nodes)]
         dense = np.linalg.solve(inside, np.ones(nodes.size)).sum() * E * 1.5 * aspect
         punch = punch_of(problem, nodes)

@@ -159,10 +159,10 @@ def test_what_filters_occupy_is_bounded_for_all_threads_together(
 ) -> None:
     monkeypatch.setattr(filters, "KEPT_BYTES", 3 * 2**20)
     ready, done = threading.Barrier(4), threading.Event()
-    earlier = set(filters._Filters._threads)  # this thread keeps filters of earlier tests
+    earlier = set(filters._MEMORIES)  # this thread keeps filters of earlier tests
 
     def occupied_here() -> int:
-        return sum(kept.bytes for kept in filters._Filters._threads if kept not in earlier)
+        return sum(each.bytes for each in filters._MEMORIES if each not in earlier)
 
     def solve() -> None:
         for nodes in range(20, 60):
