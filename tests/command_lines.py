@@ -208,7 +208,6 @@ COMMANDS: dict[str, dict[str, Command]] = {
                 ("--target area,area", "area,area"),
                 ("--blocks 7", "7"),
                 ("--features paper --blocks 65", "--blocks 65"),
-                ("--young 1", "--young"),
                 ("-o good.h5", "good.h5"),
             ),
         ),

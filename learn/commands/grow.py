@@ -8,32 +8,26 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import typer
 
 from gen import options
-from gen.maps.settings import FileReading, Reading
 from gen.runtime import farm
-from gen.runtime.command_line import grouped, typed
+from gen.runtime.command_line import grouped
 from gen.runtime.errors import InputError
 from gen.runtime.files import Output, check_outputs
-from gen.runtime.terminal import echo
+from gen.runtime.terminal import echo, to_type
 from learn.commands.fit import SEEDS, note, targets_in
 
 if TYPE_CHECKING:
+    from gen.scene import Scene
     from learn.executor import Executor
     from learn.grow.rounds import Order
-    from learn.grow.rows import Population
 
-SceneOrMaps = Annotated[
-    str,
-    typer.Argument(
-        metavar="SCENE", help="A shipped scene, a TOML file, or a folder of measured maps."
-    ),
-]
+SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A shipped scene, or a TOML file.")]
 SurrogateFile = Annotated[
     Path,
     typer.Option(
         "--output",
         "-o",
         metavar="FILE",
-        help="The surrogate to write; database, scene of maps and picture stand beside it.",
+        help="The surrogate to write; database and picture stand beside it.",
     ),
 ]
 
@@ -71,24 +65,12 @@ class Goal(NamedTuple):
     seed: Annotated[int, typer.Option(min=0, max=SEEDS, help="Seed of the model.")] = 0
 
 
-class OfMaps(NamedTuple):
-    """Material for a folder of maps, as `gen scene` takes it."""
-
-    young: options.Young = None
-    poisson: options.Poisson = None
-    e_star: options.EStar = None
-    hardness: options.Hardness = None
-
-
 @grouped
 def grow(
-    context: typer.Context,
-    scene: SceneOrMaps,
+    scene: SceneName,
     output: SurrogateFile,
     *,
     goal: Goal,
-    maps: OfMaps,
-    reading: FileReading,
     trust: options.Trust = False,
 ) -> int:
     """Generate rows of a scene and fit to them until a surrogate is as accurate as asked for.
@@ -101,36 +83,32 @@ def grow(
     """
     from learn.executor import lead
 
-    command = typed(context, "learn")
-
     def job(executor: Executor) -> int:
-        order = _order(output, goal)
-        return _grow(order, _population(scene, maps, reading, command), goal.budget, executor)
+        return _grow(_order(output, goal), scene, goal.budget, executor)
 
     return lead(job, farm.this_world())
 
 
-def _grow(order: Order, population: Population, budget: str, executor: Executor) -> int:
+def _grow(order: Order, scene: str, budget: str, executor: Executor) -> int:
     """Grow on the master; return the exit code."""
     from gen.runtime.figure import new_figure, save
     from gen.runtime.signals import Interruption
     from learn.bounded import seconds
     from learn.grow import report, rounds
-    from learn.grow.rows import Pace, scene_of
+    from learn.grow.rows import Pace
     from learn.surrogate.fitting import require_better
 
     pace = Pace(seconds(budget) if budget else None, executor.workers)
     output, database = order.request.output, order.request.database
-    drawing, scene = _beside(output, ".png"), population.name
-    population.check(output)
+    drawing = _beside(output, ".png")
     check_outputs(
         [Output(output, "--output", "surrogate"), Output(drawing, "--output", "picture")],
-        [] if population.is_folder or not Path(scene).is_file() else [scene],
+        [scene] if Path(scene).is_file() else [],
     )
     _require_own(database, output, drawing)
     figure = new_figure(report.WIDTH, report.HEIGHT, dpi=110)
     with Interruption(listening=True) as interruption:
-        whole = scene_of(population, _beside(output, ".toml"), note)
+        whole = _scene(scene)
         for doubt in whole.contact.doubts:
             note(f"warning: {doubt}")
         grown = rounds.grow(order, whole, executor, pace, note, interruption.requested)
@@ -197,13 +175,11 @@ def _beside(output: Path, suffix: str) -> Path:
     return output.with_suffix(suffix)
 
 
-def _population(scene: str, maps: OfMaps, reading: FileReading, command: str) -> Population:
-    """Return the surfaces and loads that the command names."""
-    from gen.draft.proposal import Material
-    from learn.grow.rows import Population
+def _scene(name: str) -> Scene:
+    """Read the scene of the rows; a folder of maps needs one first."""
+    from gen.scene import load, preset_names
 
-    how = Reading.of_options(**vars(reading))
-    given = maps._asdict() | how.of("reading")
-    material = Material.of_options(maps.young or [], maps.poisson or [], maps.e_star, maps.hardness)
-    names = tuple(f"--{name.replace('_', '-')}" for name, each in given.items() if each)
-    return Population(scene, how, material, names, command)
+    if name not in preset_names() and Path(name).is_dir():
+        command = to_type(f"gen scene {name} -o mine.toml")
+        raise InputError(f"{name}: is a folder; {command} writes the scene of a folder of maps")
+    return load(name)

@@ -1,9 +1,8 @@
-"""The database of a growth: the scene that it is of, and new rows, as many as the time allows.
+"""New rows of a growing database, as many as the time allows.
 
 The processes of the run compute the rows, the master writes them.
 """
 
-import hashlib
 import math
 import time
 from bisect import bisect
@@ -16,18 +15,13 @@ import numpy as np
 from gen import database
 from gen.arrays import Columns
 from gen.database import Reader, Writer
-from gen.draft import Key, keys, write
-from gen.draft.proposal import Material, propose
-from gen.draft.survey import print_looks
 from gen.generation.functions import rehearse
 from gen.generation.run import blocks_of
 from gen.generation.sample import compute_rows, finished_parts
-from gen.maps.library import digest, map_files
-from gen.maps.settings import Reading
 from gen.runtime import farm
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import RunProgress, to_type
-from gen.scene import Scene, load, preset_names
+from gen.scene import Scene
 from gen.schema import Status
 from learn.executor import Executor
 
@@ -39,80 +33,6 @@ PART = 8
 
 GROWTH = 2.0
 """Exponent with which the time of a fit grows with the rows."""
-
-
-@dataclass(frozen=True)
-class Population:
-    """Surfaces and loads that a surrogate is to know, as the user names them."""
-
-    name: str  # of a shipped scene, or path of a scene or of a folder of maps
-    reading: Reading  # how the files of a folder are read
-    material: Material  # of a folder of maps
-    given: tuple[str, ...]  # options of both that the user gave: scenes hold these themselves
-    command: str  # for the record in a scene that is written
-
-    @property
-    def is_folder(self) -> bool:
-        """Whether this is a folder of maps."""
-        return self.name not in preset_names() and Path(self.name).is_dir()
-
-    def check(self, output: Path) -> None:
-        """Refuse options that scenes do not take, and outputs in the folder of the maps."""
-        if self.given and not self.is_folder:
-            raise InputError(
-                f"{self.given[0]}: is for a folder of maps; the scene {self.name} holds material"
-                " and files itself"
-            )
-        if self.is_folder and output.absolute().parent.resolve() == Path(self.name).resolve():
-            raise InputError(
-                f"--output {output}: would stand among the maps of {self.name}: give another folder"
-            )
-
-
-def scene_of(population: Population, file: Path, say: Callable[[str], None]) -> Scene:
-    """Return the scene of a population; that of a folder of maps is written to a file (.toml).
-
-    A file that is there has to be of these maps and options. InputError is raised if it is not, if
-    the scene is not valid, or no map can be used.
-    """
-    if not population.is_folder:
-        return load(population.name)
-    paths = map_files([population.name], Path.cwd())
-    origin = _origin(paths, population)
-    if file.exists():
-        _require_origin(file, origin, population)
-        say(f"{file}: the scene of {population.name}, as before")
-        return load(str(file))
-    with RunProgress(2 * len(paths), noun="readings") as progress:
-        proposed = propose(
-            paths, population.reading, population.material, lambda: progress.advance(1, 0)
-        )
-    print_looks(proposed.looks)
-    proposed_keys = keys(proposed, [population.name], population.command, file)
-    write(file, [*proposed_keys, Key(origin)])
-    say(f"wrote {file}: {to_type(f'gen run {file}')} gives its database more rows")
-    return load(str(file))
-
-
-def _origin(paths: list[Path], population: Population) -> str:
-    """Return a comment that tells from which maps and options a scene was drafted."""
-    keys = population.reading.of("reading").items()
-    reading = f"Reading({', '.join(f'{name}={value!r}' for name, value in keys)})"
-    told = [*map(digest, paths), reading, str(population.material)]
-    return f"Drafted from maps and options {hashlib.sha256(' '.join(told).encode()).hexdigest()}"
-
-
-def _require_origin(file: Path, origin: str, population: Population) -> None:
-    """Refuse a scene of other maps or options; use an edited scene unchanged."""
-    try:
-        present = file.read_text(encoding="utf-8")
-    except (OSError, ValueError) as error:
-        raise InputError(f"{file}: is there already and cannot be read: {error}") from None
-    if f"# {origin}\n" not in present:
-        raise InputError(
-            f"{file}: is there already, and not the scene of the maps in {population.name} with"
-            " these options: to go on with it give it as SCENE, or give another --output"
-        )
 
 
 @dataclass
