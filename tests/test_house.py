@@ -12,7 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gen.database import create
 from gen.runtime.installation import command_for
+from gen.scene import load
 
 ROOT = Path(__file__).resolve().parents[1]
 MAY_IMPORT = {
@@ -189,92 +191,59 @@ def test_one_place_prints(package):
             assert not re.search(r"\bConsole\(|typer\.s?echo|\bprint\(", text), path
 
 
-@pytest.mark.parametrize(
-    "command", ["learn fit none.h5 -o a", "learn compare none.h5 -o b", "bench cost -o c"]
-)
-def test_a_missing_extra_is_one_line(command: str, tmp_path: Path) -> None:
-    """As after `make quickstart`, which installs what databases need and no more."""
-    package, *arguments = command.split()
-    home = {"learn": "learn.cli", "bench": "bench.__main__"}[package]
-    code = "import sys; sys.modules['sklearn'] = sys.modules['sklearn.metrics'] = None\n"
-    code += f"from {home} import main; sys.exit(main({arguments!r}))"
-    done = subprocess.run(
+def told_by(code: str, folder: Path) -> "subprocess.CompletedProcess[str]":
+    """Run code in a fresh interpreter."""
+    return subprocess.run(
         [sys.executable, "-c", code],
-        check=False,
+        cwd=folder,
         capture_output=True,
         text=True,
-        cwd=tmp_path,
+        check=False,
         timeout=120,
     )
+
+
+@pytest.mark.parametrize("line", ["learn fit none.h5 -o a", "bench cost -o c"])
+def test_a_missing_extra_is_one_line(line: str, tmp_path: Path) -> None:
+    """As after `make quickstart`, which installs what databases need and no more."""
+    package, *arguments = line.split()
+    home = {"learn": "learn.cli", "bench": "bench.__main__"}[package]
+    code = "import sys; sys.modules['sklearn'] = sys.modules['sklearn.metrics'] = None\n"
+    done = told_by(f"{code}from {home} import main; sys.exit(main({arguments!r}))", tmp_path)
     assert done.returncode == 2
-    (line,) = done.stderr.splitlines()
-    assert line.endswith(f"which is not installed: {command_for('learn')}")
+    (said,) = done.stderr.splitlines()
+    assert said.endswith(f"which is not installed: {command_for('learn')}")
 
 
-def loaded_by(code: str, folder: Path) -> set[str]:
-    """Top-level modules that a fresh interpreter has loaded after some code."""
-    code = f"{code}\nimport sys; print(sorted(n for n in sys.modules if '.' not in n))"
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    return set(ast.literal_eval(done.stdout.splitlines()[-1]))
+QUICK = NUMERICS | {"bem", "bench", "importlib.metadata", "rich", "pydantic"}
+LEAVES_OUT = {
+    "import bem": NUMERICS - BEM_NEEDS | {"gen", "pydantic", "typer", "rich"},
+    "import gen.generation.sample, gen.generation.run": {
+        *("scipy.optimize", "h5py", "rich", "typer", "mpi4py"),
+    },
+    "--version": QUICK | {"learn"},
+    "learn --help": QUICK,
+    "gen --version": QUICK | {"learn"},
+    "gen run --help": NUMERICS,
+    "gen describe surface.npy --side 100": NUMERICS - {"numpy"},
+    "gen contact surface.npy --side 9 --delta 1": NUMERICS - {"numpy", "scipy", "pyfftw"},
+    "gen run small.toml -o small.h5": {"mpi4py", "matplotlib", "sklearn", "pandas"},
+    "gen info made.h5": {"mpi4py", "pyfftw", "matplotlib", "sklearn"},
+}
+"""What a statement, or a command line of `asperity`, must not import."""
 
 
-def command(*arguments: str) -> str:
-    return f"from gen import cli; assert cli.main({list(arguments)!r}) == 0"
-
-
-@pytest.fixture
-def surface(tmp_path):
-    heights = np.random.default_rng(1).normal(size=(9, 9))
-    np.save(tmp_path / "surface.npy", heights)
-    return "surface.npy"
-
-
-@pytest.mark.parametrize("arguments", ["--version", "--help", "gen --version", "learn --help"])
-def test_the_command_asperity_is_quick(arguments, tmp_path):
-    """Nor does it import the packages of programs that do not run."""
-    line = f"import sys; sys.argv[1:] = {arguments.split()!r}"
-    loaded = loaded_by(f"{line}\nfrom asperity.command import main; assert main() == 0", tmp_path)
-    others = {"bem", "learn", "bench"} - set(arguments.split())
-    assert not loaded & (NUMERICS | others | {"importlib.metadata", "rich", "pydantic"})
-
-
-@pytest.mark.parametrize("arguments", [["--help"], ["run", "--help"]])
-def test_help_imports_no_numerics(arguments, tmp_path):
-    assert not loaded_by(command(*arguments), tmp_path) & NUMERICS
-
-
-def test_importing_the_solver_imports_no_more(tmp_path):
-    loaded = loaded_by("import bem", tmp_path)
-    assert not loaded & (NUMERICS - BEM_NEEDS | {"gen", "pydantic", "typer", "rich"})
-
-
-def test_a_worker_starts_without_what_few_runs_need(tmp_path):
-    script = (
-        "import sys, gen.generation.sample, gen.generation.run;"
-        "assert not {'scipy.optimize', 'h5py', 'rich', 'typer', 'mpi4py'} & sys.modules.keys()"
-    )
-    subprocess.run([sys.executable, "-c", script], cwd=tmp_path, check=True, timeout=60)
-
-
-def test_describe_needs_numpy_only(tmp_path, surface):
-    loaded = loaded_by(command("describe", surface, "--side", "100"), tmp_path)
-    assert loaded & NUMERICS == {"numpy"}
-
-
-def test_contact_needs_no_database(tmp_path, surface):
-    loaded = loaded_by(command("contact", surface, "--side", "9", "--delta", "1"), tmp_path)
-    assert loaded & NUMERICS == {"numpy", "scipy", "pyfftw"}
-
-
-def test_a_serial_run_imports_no_mpi_and_no_learning(tmp_path):
+@pytest.mark.parametrize("line", LEAVES_OUT)
+def test_what_is_not_needed_is_not_imported(line: str, tmp_path: Path) -> None:
+    np.save(tmp_path / "surface.npy", np.random.default_rng(1).normal(size=(9, 9)))
     (tmp_path / "small.toml").write_text("samples = 3\n[surface]\nnodes = 9\n")
-    run = command("run", "small.toml", "-o", "small.h5")
-    assert not loaded_by(run, tmp_path) & {"mpi4py", "matplotlib", "sklearn", "pandas"}
-    info = command("info", "small.h5")
-    assert not loaded_by(info, tmp_path) & {"mpi4py", "pyfftw", "matplotlib", "sklearn"}
+    if "made.h5" in line:
+        create(tmp_path / "made.h5", load(str(tmp_path / "small.toml")))
+    start = f"import sys; sys.argv[1:] = {line.split()!r}\nfrom asperity.command import main"
+    code = line if line.startswith("import ") else f"{start}; assert main() == 0"
+    done = told_by(f"{code}\nimport sys; print(sorted(sys.modules))", tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert not set(ast.literal_eval(done.stdout.splitlines()[-1])) & LEAVES_OUT[line]
 
 
 def test_no_data_lie_in_the_top_folder():
