@@ -61,10 +61,8 @@ def test_tables_and_reports_are_filled_in(extension, tmp_path):
 @pytest.mark.parametrize(
     ("block", "fault"),
     [
-        ("```{result} none\n```", KeyError),
         ("```{report} none\n```", KeyError),
         ("```{result} cost\nbench/results/peers/peers.csv\n```", ValueError),
-        ("```{result} cost\nbench/results/none.csv\n```", ValueError),
     ],
 )
 def test_a_block_that_names_what_is_not_there_stops_the_build(extension, tmp_path, block, fault):

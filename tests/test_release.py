@@ -92,13 +92,3 @@ def test_names_that_stay_are_there(name):
         assert reduce(getattr, parts[count:], module) is not None
         return
     pytest.fail(name)
-
-
-def test_hooks_before_commits_are_what_is_checked_anyway():
-    hooks = re.findall(
-        r"entry: \.venv/bin/(\S+(?: check| format --check)?)", text(".pre-commit-config.yaml")
-    )
-    checked = text("Makefile").split("\ncheck:")[1].split("\n\n")[0]
-    for hook in hooks[:-1]:
-        assert f"$(BIN)/{hook}" in checked
-    assert hooks == ["ruff check", "ruff format --check", "mypy", "python"]
