@@ -183,38 +183,6 @@ def test_searches_are_faster_as_is_said() -> None:
     assert said == [round(found[f"search: {name}"], 1) for name in names]
 
 
-def test_the_nearest_readings_are_those_of_the_search_as_is_said() -> None:
-    page = "docs/results/unstated.md"
-    says = "at distances of #, # and # over three splits, are equally near: another split changes"
-    *distances, spread = stated(page, f"{says} a distance by up to #")
-    finalists, search = rows("nearest/finalists.csv"), rows("nearest/search.csv")
-    assert distances == [round(float(row["mean"]), 3) for row in finalists]
-    splits = [[float(row[f"seed_{seed}"]) for seed in range(3)] for row in finalists]
-    assert spread == round(max(max(each) - min(each) for each in splits), 2)
-    assert max(distances) - min(distances) < spread
-    first = [row for row in search if row["seed"] == "0"]
-    assert [len(first)] == stated(page, "five of the nine models and tried #")
-    uniform = [float(row["distance"]) for row in first if "uniform" in row["kernel"]]
-    assert [round(min(uniform), 2)] == stated(page, "uniform pressure is at # and more")
-    scene = tomllib.loads((ROOT / "gen" / "scenes" / "paper-nearest.toml").read_text("utf-8"))
-    (shipped,) = (
-        float(row["distance"])
-        for row in first
-        if row["split"] == '"surfaces"'
-        and row["loads"] == "10"
-        and json.loads(row["delta"]) == scene["delta"]["pieces"]
-        and json.loads(row["hurst"]) == scene["surface"]["hurst"]
-        and json.loads(row["sigma0"]) == scene["surface"]["sigma0"]
-    )
-    assert [round(shipped, 3)] == stated(page, "is as near, at # with ten loads a surface")
-    assert shipped < max(max(each) for each in splits)
-    all_nine = {
-        (row["database"], row["split"]): float(row["table_1"]) + float(row["table_4"])
-        for row in rows("nearest/costs.csv")
-    }
-    assert all_nine["as shipped", "surfaces"] < all_nine["10 loads a surface", "surfaces"]
-
-
 def test_no_fault_did_harm_as_is_said() -> None:
     page, faults = "docs/results/reports.md", rows("faults/faults.csv")
     injected = sum(int(row["injected"]) for row in faults)
