@@ -18,7 +18,7 @@ from gen.runtime.terminal import echo
 
 if TYPE_CHECKING:
     from gen.maps.read import Topography
-    from gen.maps.self_affine import SelfAffineFit
+    from gen.maps.texture import SelfAffineFit
     from gen.runtime.documents import Row
     from gen.statistics import Description
 
@@ -38,11 +38,10 @@ def describe(
     """Print the 22 roughness statistics, the parameters of ISO 25178 and the self-affine law."""
     from gen import statistics
     from gen.display import surfaces
-    from gen.maps.areal import areal_parameters
     from gen.maps.bodies import surface_of
     from gen.maps.pictures import draw_surface
     from gen.maps.prepare import surface_warnings
-    from gen.maps.self_affine import fit_self_affine, radial_spectrum
+    from gen.maps.texture import areal_parameters, fit_self_affine, radial_spectrum
     from gen.runtime.documents import write_csv
 
     outputs = [Output(table, "--csv"), Output(spectrum, "--spectrum")]
@@ -91,7 +90,7 @@ def _statistics_row(
 
 def _areal_row(areal: Description, depth: float | None, fit: SelfAffineFit | str) -> Row:
     """Return the further cells of a table of statistics: ISO 25178, and the self-affine law."""
-    from gen.maps.self_affine import LAW
+    from gen.maps.texture import LAW
 
     row: Row = {**areal.values, **({} if depth is None else {"Smr_depth": depth})}
     if isinstance(fit, str):
@@ -101,8 +100,7 @@ def _areal_row(areal: Description, depth: float | None, fit: SelfAffineFit | str
 
 def _units_of(names: Iterable[str]) -> str:
     """Return the units of columns of a table of statistics, as "Sa um; Sk um"."""
-    from gen.maps.areal import PARAMETERS
-    from gen.maps.self_affine import LAW
+    from gen.maps.texture import LAW, PARAMETERS
     from gen.schema import statistics_columns
 
     units = {column.name: column.unit for column in statistics_columns()}

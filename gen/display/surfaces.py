@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gen.maps.areal import PARAMETERS
 from gen.maps.prepare import tilt
+from gen.maps.texture import PARAMETERS
 from gen.runtime.terminal import RunProgress, echo, print_columns
 from gen.schema import statistics_columns
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:  # statistics are printed without the solver
     from bem import Contact
     from gen.maps.contacts import Solution, Wanted
     from gen.maps.read import Topography
-    from gen.maps.self_affine import SelfAffineFit
+    from gen.maps.texture import SelfAffineFit
     from gen.statistics import Description
 
 

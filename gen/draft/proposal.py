@@ -12,11 +12,10 @@ import numpy as np
 
 from gen.arrays import Heights
 from gen.draft.survey import FORM, MapSurvey, Texture, common_threshold, survey, with_texture
-from gen.maps.areal import areal_parameters
 from gen.maps.prepare import is_same, prepare
 from gen.maps.read import Sides, Topography, read
-from gen.maps.self_affine import SelfAffineFit, fit_self_affine, radial_spectrum
 from gen.maps.settings import Reading
+from gen.maps.texture import SelfAffineFit, areal_parameters, fit_self_affine, radial_spectrum
 from gen.maps.windows import Tiling
 from gen.material import Bodies, plane_strain_modulus
 from gen.runtime.errors import InputError

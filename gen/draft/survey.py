@@ -13,12 +13,12 @@ from rich.table import Table
 
 from gen.arrays import Heights, Values
 from gen.maps import filters
-from gen.maps.areal import areal_parameters
 from gen.maps.filters import scaled_distances
 from gen.maps.library import digest
 from gen.maps.prepare import FLAT, MANY_SPIKES, MOST_HOLES, STEEP, prepare, resampled, tilt
 from gen.maps.read import Sides, Topography, in_words, read
 from gen.maps.settings import SPIKE, Reading
+from gen.maps.texture import areal_parameters
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import print_table
 from gen.statistics import rms_slope

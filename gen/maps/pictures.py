@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gen.arrays import Heights, Values
 from gen.maps.read import Sides, Topography
-from gen.maps.self_affine import RadialSpectrum, SelfAffineFit
+from gen.maps.texture import RadialSpectrum, SelfAffineFit
 from gen.runtime.figure import log_axis, save
 from gen.runtime.terminal import shortened
 

@@ -1,7 +1,10 @@
-"""Instruments' files: the same heights back, lengths in um, one line where something is missing."""
+"""Maps read from files: heights and lengths in um, what is missing, what is contradicted."""
 
+import re
+import struct
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -11,7 +14,6 @@ from scipy.io import savemat
 
 from bem.problem import BOUNDARIES, node_spacing
 from gen import cli
-from gen.maps import instruments
 from gen.maps.read import intervals
 from gen.runtime.errors import InputError
 from gen.runtime.installation import command_for
@@ -111,18 +113,6 @@ def test_what_is_no_surface_is_refused(tmp_path: Path, heights: np.ndarray, mess
         read(tmp_path / "scan.npy", "9")
 
 
-def test_broken_and_missing_files_are_one_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "broken.x3p").write_bytes(b"PK not a zip" * 99)
-    for name in ("broken.x3p", "missing.sur"):
-        assert cli.main(["describe", str(tmp_path / name)]) == 2
-        captured = capsys.readouterr()
-        assert captured.out == ""
-        assert captured.err.count("\n") == 1
-        assert name in captured.err
-
-
 def test_without_the_extra_the_message_names_it(tmp_path: Path) -> None:
     program = (
         "import sys; sys.modules['SurfaceTopography'] = None\n"
@@ -190,7 +180,7 @@ def test_channels_without_heights_are_passed_over(
         format=lambda: "x3p",
         topography=lambda channel_index: whole.topography(channel_index=0),
     )
-    monkeypatch.setattr(instruments, "_opened", lambda *_: (scan, ""))
+    monkeypatch.setattr("gen.maps.read._opened", lambda *_: (scan, ""))
     said = read(tmp_path / "scan.x3p").steps[0]
     assert "channel 1 'Height' (not 0 'Phase' (in deg, no heights), 2 'Error' (in V, no" in said
     for wanted, why in (("Phase", "holds no heights"), ("Height", "several channels have this")):
@@ -207,3 +197,126 @@ def test_heights_at_the_end_of_numbers_are_read_with_a_warning(tmp_path: Path) -
     np.save(tmp_path / "scan.npy", np.where(HOLES, -1.5e308, 1.5e308))
     [said] = read(tmp_path / "scan.npy", "12,2").warnings
     assert said.startswith("its heights span inf um, which no instrument measures")
+
+
+SMOOTH = np.random.default_rng(4).normal(scale=0.1, size=(9, 7))  # um
+DASH = "ISO5436 \N{EN DASH} 2000".encode()
+
+
+def nms(path: Path, step: float, lowest: float, highest: float) -> Path:
+    """Write SMOOTH as NanoFocus does: 16-bit numbers behind a header with the spacing in nm."""
+    header = bytearray(3468)
+    header[:16] = struct.pack("<4i", 2, 1, 0, 65535)
+    struct.pack_into("<2d", header, 16, lowest, highest)
+    struct.pack_into("<2I2d", header, 1368, *SMOOTH.shape, step, step)
+    numbers = np.rint((SMOOTH.T - lowest) / (highest - lowest) * (2**16 - 2)).astype("<u2")
+    path.write_bytes(bytes(header) + numbers.tobytes())
+    return path
+
+
+@pytest.mark.parametrize("lowest", [-1.1, float(np.float32(-1.7))])
+def test_nanofocus_files_have_their_spacing_in_nm(tmp_path: Path, lowest: float) -> None:
+    """A reader of files of MATLAB takes the second one for its own, without channels."""
+    topography = read(nms(tmp_path / "scan.nms", 312.5, lowest, 1.0))
+    assert topography.spacing == pytest.approx((0.3125, 0.3125))
+    np.testing.assert_allclose(topography.heights, SMOOTH, atol=2e-5)
+    assert "spacing in its header in nm" in topography.steps[0]
+    assert not topography.warnings
+
+
+def test_the_number_that_is_absurd_is_named(tmp_path: Path) -> None:
+    wide = SurfaceTopography.Topography(SMOOTH, (9e6, 7e6), unit="um")
+    wide.to_netcdf(str(tmp_path / "wide.nc"))
+    [said] = read(tmp_path / "wide.nc").warnings
+    assert said.startswith("its nodes are 1e+06 um apart, which no instrument measures")
+    high = SurfaceTopography.Topography(1e6 * SMOOTH, (9.0, 7.0), unit="um")
+    high.to_netcdf(str(tmp_path / "high.nc"))
+    [said] = read(tmp_path / "high.nc").warnings
+    assert re.match(r"its heights span \S+ um, which no instrument", said)
+    scale = {"side": "8,6", "override_scale": True}
+    assert all("overruled" in said for said in read(tmp_path / "wide.nc", **scale).warnings)
+
+
+def x3p(path: Path, replaced: tuple[bytes, bytes] = (b"", b""), folder: str = "") -> Path:
+    """Write SMOOTH as x3p; replace a text in the XML, and put the entries into a folder."""
+    plain = path.with_name("plain.x3p")
+    SurfaceTopography.Topography(SMOOTH, (9.0, 7.0), unit="um").to_x3p(str(plain))
+    with zipfile.ZipFile(plain) as archive, zipfile.ZipFile(path, "w") as other:
+        for name in archive.namelist():
+            content = archive.read(name)
+            if name == "main.xml":
+                content = content.replace(*replaced)
+            other.writestr(folder + name, content)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("replaced", "folder", "remark"),
+    [
+        ((b"ISO5436 - 2000", DASH), "", "its revision is written with another dash"),
+        (
+            (b"ISO5436 - 2000", DASH),
+            "a/b/",
+            "its entries lie in the folder 'a/b' and its revision is written with another dash",
+        ),
+    ],
+)
+def test_x3p_of_other_programs_is_read(
+    tmp_path: Path, replaced: tuple[bytes, bytes], folder: str, remark: str
+) -> None:
+    topography = read(x3p(tmp_path / "scan.x3p", replaced, folder))
+    np.testing.assert_allclose(topography.heights, SMOOTH, rtol=1e-9)
+    assert topography.spacing == pytest.approx((1, 1))
+    assert f"({remark})" in topography.steps[0]
+
+
+AS_X3P = r"SurfaceTopography cannot read it as XML 3D surface profile \(X3P\): "
+TIFF = b"II*\0\x08\0\0\0\0\0\0\0\0\0"
+DAMAGED = TIFF[:8] + struct.pack("<HHHII", 1, 256, 4, 1000, 30) + bytes(4)
+FAULTS = {
+    "another revision": (
+        ".x3p",
+        {"replaced": (b"ISO5436 - 2000", b"ISO 25178")},
+        f"{AS_X3P}CorruptFile: Revision should be 'ISO5436 - 2000'",
+    ),
+    "empty map": (".x3p", {"replaced": (b"<SizeX>9<", b"<SizeX>0<")}, "holds 0 x 7 heights; give"),
+    "no zip": (".x3p", b"PK not a zip" * 99, f"{AS_X3P}.*valid ZIP"),
+    "empty file": (".x3p", b"", "is empty; give a file"),
+    "cut sur": (".sur", b"DIGITAL SURF" + bytes(9), "as Digital Surf SUR: .*truncated"),
+    "damaged tif": (".tif", DAMAGED, "as Park Systems TIFF: "),
+    "unknown": (".bin", bytes(range(256)), "no reader of SurfaceTopography knows its format"),
+    "unknown text": (".log", b"1 2 3\n4 5 bang\n", "line 2: 'bang' is not a number"),
+}
+
+
+@pytest.mark.parametrize(("suffix", "content", "message"), FAULTS.values(), ids=FAULTS)
+def test_the_reason_is_that_of_the_reader_of_the_suffix(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    caplog: pytest.LogCaptureFixture,
+    suffix: str,
+    content,
+    message: str,
+) -> None:
+    path = tmp_path / f"scan{suffix}"
+    if isinstance(content, bytes):
+        path.write_bytes(content)
+    else:
+        x3p(path, **content)
+    with pytest.raises(InputError, match=message) as refusal:
+        read(path)
+    assert "tried" not in str(refusal.value)
+    assert "line scans" not in str(refusal.value)
+    assert not caplog.records
+    assert cli.main(["describe", str(path)]) == 2
+    said = capsys.readouterr()
+    assert (said.out, said.err.count("\n")) == ("", 1)
+    assert said.err.startswith(f"gen: {path}")
+
+
+def test_the_rule_for_points_stands_before_other_readers(tmp_path: Path) -> None:
+    from scipy.io import savemat
+
+    savemat(tmp_path / "points.mat", {"points": np.random.default_rng(1).normal(size=(300, 3))})
+    with pytest.raises(InputError, match="looks like a list of points, x, y and z, on no"):
+        read(tmp_path / "points.mat", "9", "um")

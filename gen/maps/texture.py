@@ -1,0 +1,470 @@
+"""Texture of a surface: areal parameters by ISO 25178-2, and the self-affine law of its spectrum.
+
+SurfaceTopography has Sq and Sdq of these parameters only, with which the tests compare; the others
+follow the definitions of the standard, whose clauses (edition of 2012) the functions name. Heights
+count from their mean. No plane and no form is subtracted and no filter applied beyond the
+preparation that the user asks for, which decides what these parameters are parameters of.
+
+The law is that of `gen.spectral`: constant up to the roll-off, then |q|^(-2 - 2 H), up to the
+cut-off. It is fitted as a piecewise straight line to the logarithm of the radially averaged
+spectrum by least squares: all roll-offs and ends of the law are tried, and the constant and the
+slope follow in closed form. A bin beyond the end costs as much as one that is off by a factor of
+`OUTLYING`, so that the law ends where the spectrum leaves it for good: at a cut-off or in a floor
+of noise. Towards a floor the spectrum flattens before it leaves the law, and the Hurst exponent is
+up to 0.1 too low: filter noise first.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from gen.arrays import Heights, Values
+from gen.maps.read import Topography
+from gen.runtime.documents import Row
+from gen.spectral import SelfAffineSpectrum
+from gen.statistics import LOST, Description
+
+DECAY = 0.2
+"""Value s to which the autocorrelation falls at Sal, the default of ISO 25178-3."""
+
+CORE = 0.4
+"""Share of the material ratio over which the core of the curve is sought (ISO 13565-2)."""
+
+RAYS = 360
+"""Directions over half a turn in which the autocorrelation is followed."""
+
+
+class Parameter(NamedTuple):
+    """Name, unit and meaning of an areal parameter."""
+
+    name: str
+    unit: str
+    meaning: str
+
+
+PARAMETERS = (
+    Parameter("Sa", "um", "arithmetical mean height: mean distance from the mean"),
+    Parameter("Sq", "um", "root mean square height"),
+    Parameter("Sz", "um", "maximum height: Sp + Sv"),
+    Parameter("Sp", "um", "maximum peak height above the mean"),
+    Parameter("Sv", "um", "maximum pit height below the mean"),
+    Parameter("Ssk", "1", "skewness of the heights: negative if pits prevail"),
+    Parameter("Sku", "1", "kurtosis of the heights: 3 if they are normal"),
+    Parameter("Sdq", "1", "root mean square gradient"),
+    Parameter("Sdr", "%", "developed interfacial area ratio: area gained over a plane"),
+    Parameter("Sal", "um", "autocorrelation length: fastest decay to 0.2"),
+    Parameter("Str", "1", "texture aspect ratio: 1 isotropic, 0 one direction"),
+    Parameter("Sk", "um", "core height, of the flattest 40 % of the material ratio curve"),
+    Parameter("Spk", "um", "reduced peak height, above the core"),
+    Parameter("Svk", "um", "reduced dale depth, below the core"),
+    Parameter("Smr1", "%", "material ratio of the peaks"),
+    Parameter("Smr2", "%", "material ratio above the dales"),
+    Parameter("Smr", "%", "material ratio at the depth asked for, below the highest node"),
+)
+"""The parameters in the order in which they are printed and written."""
+
+
+def areal_parameters(topography: Topography, depth: float | None = None) -> Description:
+    """Compute the areal parameters of a surface by ISO 25178-2.
+
+    Smr is left out without a depth below the highest node [um]. What a surface does not have is
+    NaN: of a flat one all but the heights, and Sal and Str where the autocorrelation does not fall
+    to `DECAY` within half of the sides; the reason says so.
+    """
+    heights, periodic = topography.heights, topography.boundary == "periodic"
+    lowest, highest = float(heights.min()), float(heights.max())
+    unit = 2.0 ** min(max(math.frexp(highest - lowest)[1], -1000), 1000)
+    scaled = (heights - (lowest + 0.5 * (highest - lowest))) / unit
+    scaled -= scaled.mean()
+    values = {name: value * unit for name, value in _amplitudes(scaled).items()}
+    shape = {name: math.nan for name, *_ in PARAMETERS[len(values) :]}
+    if depth is None:
+        del shape["Smr"]
+    if lowest == highest:
+        return Description(values | shape | {"Sdq": 0.0, "Sdr": 0.0}, "flat surface")
+    if is_lost(heights):
+        return Description(values | shape, "heights lost in rounding beside their offset")
+    squares = scaled**2
+    square = squares.mean()
+    shape["Ssk"] = float(np.mean(squares * scaled) / square**1.5)
+    shape["Sku"] = float(np.mean(squares**2) / square**2)
+    shape["Sdq"], shape["Sdr"] = gradients(scaled * unit, topography.spacing, periodic=periodic)
+    shape["Sal"], shape["Str"], reason = _lengths(scaled, topography.spacing, periodic=periodic)
+    shape.update(_of_curve(scaled, unit, depth))
+    return Description(values | shape, reason)
+
+
+def is_lost(heights: Heights) -> bool:
+    """Tell whether the offset of heights has left too few of their digits to have a shape."""
+    largest = max(abs(float(heights.min())), abs(float(heights.max())))
+    return float(np.std(heights / largest)) <= LOST * float(np.finfo(heights.dtype).eps)
+
+
+def _amplitudes(heights: Heights) -> dict[str, float]:
+    """Compute Sa, Sq, Sz, Sp and Sv of heights about their mean (ISO 25178-2:2012, 4.1)."""
+    peak, pit = float(heights.max()), 0.0 - float(heights.min())
+    rms = math.sqrt(np.mean(heights**2))
+    return {"Sa": float(np.abs(heights).mean()), "Sq": rms, "Sz": peak + pit, "Sp": peak, "Sv": pit}
+
+
+def _of_curve(heights: Heights, unit: float, depth: float | None) -> dict[str, float]:
+    """Compute the parameters of the material ratio curve (ISO 25178-2:2012, 4.4; ISO 13565-2).
+
+    The equivalent line is the least-squares line through the part of the curve over `CORE` of the
+    material ratio that falls least, the first of several. Sk is its fall from 0 to 100 %; Spk and
+    Svk are the heights of triangles over Smr1 and beyond Smr2 with the areas of the curve there.
+    """
+    falling = np.sort(heights, axis=None)[::-1]
+    ratios = np.linspace(0.0, 100.0, falling.size)
+    width = max(1, round(CORE * (falling.size - 1)))
+    first = int(np.argmin(falling[:-width] - falling[width:]))
+    start, at = float(falling[first]), ratios[first : first + width + 1]
+    core = falling[first : first + width + 1] - start  # of a plateau exactly 0
+    slope = float((at - at.mean()) @ core / np.sum((at - at.mean()) ** 2))
+    top = start + (float(core.mean()) - slope * float(at.mean()))
+    peaks, above = _reduced(falling, ratios, top)
+    dales, below = _reduced(-falling[::-1], ratios, -(top + 100.0 * slope))
+    found = {"Sk": -100.0 * slope * unit, "Spk": peaks * unit, "Svk": dales * unit}
+    found |= {"Smr1": above, "Smr2": 100.0 - below}
+    if depth is not None:
+        found["Smr"] = float(np.interp(falling[0] - depth / unit, falling[::-1], ratios[::-1]))
+    return found
+
+
+def _reduced(falling: Values, ratios: Values, level: float) -> tuple[float, float]:
+    """Return the reduced height of what a curve has above a level, and its material ratio [%]."""
+    ratio = float(np.interp(level, falling[::-1], ratios[::-1]))
+    nodes = int(np.count_nonzero(falling > level))
+    above, at = np.append(falling[:nodes] - level, 0.0), np.append(ratios[:nodes], ratio)
+    area = float(np.trapezoid(above, at))
+    return (2.0 * area / ratio if ratio else 0.0), ratio
+
+
+def gradients(
+    heights: Heights, spacing: tuple[float, float], *, periodic: bool
+) -> tuple[float, float]:
+    """Return Sdq [1] and Sdr [%], gradient and developed area (ISO 25178-2:2012, 4.3).
+
+    Sdq^2 is the mean over the patch of the squared gradient, (dz/dx)^2 + (dz/dy)^2, and Sdr the
+    mean of sqrt(1 + squared gradient) - 1. The surface is made of plane triangles: a cell is
+    cut along one diagonal and along the other, and both count half.
+    """
+    closed = np.pad(heights, (0, 1), mode="wrap") if periodic else heights
+    with np.errstate(over="ignore", invalid="ignore"):  # heights of 1e300 um
+        along_x = np.abs(np.diff(closed, axis=0)) / spacing[0]
+        along_y = np.abs(np.diff(closed, axis=1)) / spacing[1]
+        largest = max(along_x.max(), along_y.max())
+        squares, areas = 0.0, 0.0
+        for edge_x in (along_x[:, :-1], along_x[:, 1:]):
+            for edge_y in (along_y[:-1], along_y[1:]):
+                gradient = np.hypot(edge_x, edge_y)
+                squares += 0.25 * float(np.mean((gradient / (largest or 1.0)) ** 2))
+                # sqrt(1 + square) - 1 without the cancellation of small gradients.
+                areas += 0.25 * float(np.mean(gradient * (gradient / (1 + np.hypot(1, gradient)))))
+        return float(largest * math.sqrt(squares)), 100.0 * areas
+
+
+def _lengths(
+    heights: Heights, spacing: tuple[float, float], *, periodic: bool
+) -> tuple[float, float, str]:
+    """Compute Sal [um] and Str (ISO 25178-2:2012, 4.2), and the reason why one is NaN.
+
+    Sal is the shortest distance from the origin at which the autocorrelation has fallen to
+    `DECAY`, and Str the ratio of it to the longest distance of a point that a straight line of
+    values above `DECAY` connects with the origin.
+    """
+    decays, reaches = decay_lengths(autocorrelation(heights, periodic=periodic), spacing)
+    fallen = np.isfinite(decays)
+    if not fallen.any():
+        reason = f"the autocorrelation does not fall to {DECAY:g} within half of the sides"
+        return math.nan, math.nan, reason
+    shortest = float(decays[fallen].min())
+    if fallen.all():
+        return shortest, shortest / float(decays.max()), ""
+    bound = min(shortest / float(reaches[~fallen].max()), 1.0)
+    reason = (
+        f"the autocorrelation does not fall to {DECAY:g} along all directions within half of the"
+        f" sides, so Str is below {bound:.2g}"
+    )
+    return shortest, math.nan, reason
+
+
+def autocorrelation(heights: Heights, *, periodic: bool) -> Values:
+    """Compute the autocorrelation of heights for lags up to half of the sides."""
+    nx, ny = heights.shape
+    kx, ky = nx // 2, ny // 2
+    # Lengths with small factors only, beyond which no wanted lag meets the next period.
+    sizes = (nx, ny) if periodic else (32 * -(-(nx + kx) // 32), 32 * -(-(ny + ky) // 32))
+    transform = np.fft.rfft2(heights, s=sizes)
+    products = np.fft.irfft2(transform.real**2 + transform.imag**2, s=sizes)
+    x, y = np.arange(kx + 1), np.arange(-ky, ky + 1)
+    overlap = float(nx * ny) if periodic else np.outer(nx - x, ny - abs(y))
+    means = products[np.ix_(x, y)] / overlap
+    return np.asarray(means / means[0, ky])
+
+
+def decay_lengths(correlation: Values, spacing: tuple[float, float]) -> tuple[Values, Values]:
+    """Follow the autocorrelation from the origin in all directions until it has decayed.
+
+    Return for each of `RAYS` directions the distance at which it first falls to `DECAY`, infinite
+    if it does not, and the distance to the largest lag [um].
+    """
+    kx, ky = correlation.shape[0] - 1, correlation.shape[1] // 2
+    decays, reaches = np.full(RAYS, math.inf), np.empty(RAYS)
+    for index in range(RAYS):
+        angle = math.pi * (index / RAYS - 0.5)
+        x, y = math.cos(angle) / spacing[0], math.sin(angle) / spacing[1]
+        farthest = min(
+            kx / x if x > 1e-12 / spacing[0] else math.inf,
+            ky / abs(y) if abs(y) > 1e-12 / spacing[1] else math.inf,
+        )
+        steps = 2 * math.ceil(farthest * max(x, abs(y)))  # half a cell each
+        distances = np.linspace(0.0, farthest, steps + 1)
+        values = _interpolated(correlation, distances * x, distances * y + ky)
+        reaches[index] = farthest
+        below = np.flatnonzero(values <= DECAY)
+        if below.size:
+            last = below[0]
+            share = (values[last - 1] - DECAY) / (values[last - 1] - values[last])
+            decays[index] = distances[last - 1] + share * (distances[last] - distances[last - 1])
+    return decays, reaches
+
+
+def _interpolated(field: Values, x: Values, y: Values) -> Values:
+    """Interpolate a field bilinearly at places (count,), in nodes of its two axes."""
+    left = np.clip(np.floor(x).astype(int), 0, field.shape[0] - 2)
+    lower = np.clip(np.floor(y).astype(int), 0, field.shape[1] - 2)
+    u, v = x - left, y - lower
+    near = (1 - v) * field[left, lower] + v * field[left, lower + 1]
+    far = (1 - v) * field[left + 1, lower] + v * field[left + 1, lower + 1]
+    return np.asarray((1 - u) * near + u * far)
+
+
+RATIO = 1.05
+"""Ratio of the ends of a bin of wavenumbers where it holds more than one wave along an axis."""
+
+OUTLYING = 1.3
+"""Factor by which bins beyond the end of the law count as off it."""
+
+MISFIT = 0.1
+"""Scatter of the logarithm that no number of waves averages out, as no surface follows a law."""
+
+LEAST = 4
+"""Smallest number of bins in the power law."""
+
+LARGEST_SCATTER = 2.0
+"""Root mean square factor between spectrum and law beyond which there is none."""
+
+LEAST_DECADES = 1.0
+"""Decades that a law has to hold over: shorter pieces of any spectrum are straight."""
+
+DIRECTIONAL = (0.5, 0.2)
+"""Slopes along a lay over those across it, and Str, below which a surface is directional: isotropic
+made surfaces have 0.8 and 0.27 or more, with few long waves and without a roll-off."""
+
+LAW = {"hurst": "1", "roll_off": "um", "cut_off": "um", "law_decades": "1", "law_scatter": "1"}
+"""Units of the numbers of a law, by their names in tables."""
+
+ROLL_OFFS = 400
+"""Number of roll-offs that are tried."""
+
+
+@dataclass(frozen=True, eq=False)
+class RadialSpectrum:
+    """Power spectrum of a surface, averaged over directions."""
+
+    wavenumbers: Values  # geometric mean of the wavenumbers of each bin [1/um], shape (bins,)
+    edges: Values  # smallest and largest wavenumber of each bin [1/um], shape (bins, 2)
+    # mean spectral density C; the mean square height is its integral over the wavevectors, divided
+    # by (2 pi)^2 [um^4], shape (bins,)
+    density: Values
+    waves: Values  # number of waves, opposite ones counted once, shape (bins,)
+
+    def rows(self) -> list[Row]:
+        """Return a row of a table for each bin, with the units in the names."""
+        names = "wavenumber_per_um", "wavelength_um", "density_um4", "waves"
+        columns = self.wavenumbers, 2 * math.pi / self.wavenumbers, self.density, self.waves
+        bins = zip(*(column.tolist() for column in columns), strict=True)
+        return [dict(zip(names, each, strict=True)) for each in bins]
+
+
+@dataclass(frozen=True)
+class SelfAffineFit:
+    """Self-affine law of a surface, in the terms of the generator `spectral`."""
+
+    spectrum: SelfAffineSpectrum  # hurst exponent, roll-off and cut-off
+    rms_height: float  # root mean square of the heights of the surface [um]
+    level: float  # spectral density of the flat part [um^4]
+    # longest wavelength of the spectrum [um]; a roll-off of this length was not found
+    longest: float
+    scatter: float  # root mean square factor between spectrum and law [1]
+    remarks: tuple[str, ...]  # what the fit could not find, one short text each
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The numbers of the law, in the units of `LAW`."""
+        law = self.spectrum
+        numbers = law.hurst, law.roll_off, law.cut_off, self.decades, self.scatter
+        return dict(zip(LAW, numbers, strict=True))
+
+    @property
+    def decades(self) -> float:
+        """Decades of wavelengths between roll-off and cut-off, on which the exponent rests."""
+        return math.log10(self.spectrum.roll_off / self.spectrum.cut_off)
+
+
+def radial_spectrum(topography: Topography) -> RadialSpectrum:
+    """Compute the power spectrum of a surface and average it over directions.
+
+    A patch that is not periodic is multiplied by a Hann window along both axes, or its borders
+    would add waves; the longest wave that is left is then half of the shorter side.
+    """
+    heights, spacing = topography.heights, topography.spacing
+    periodic = topography.boundary == "periodic"
+    window = np.ones(heights.shape) if periodic else _hann(heights.shape)
+    with np.errstate(over="ignore", invalid="ignore"):  # heights of 1e300 um
+        heights = window * (heights - np.average(heights, weights=window))
+        density = np.abs(np.fft.rfft2(heights)) ** 2 * math.prod(spacing) / np.sum(window**2)
+    qx, qy = (
+        2 * math.pi * frequencies(nodes, length)
+        for frequencies, nodes, length in zip(
+            (np.fft.fftfreq, np.fft.rfftfreq), heights.shape, spacing, strict=True
+        )
+    )
+    step = 2 * math.pi / min(n * d for n, d in zip(heights.shape, spacing, strict=True))
+    edges = _edges(step, math.pi / max(spacing), 1 if periodic else 2)
+    if edges.size < 2:
+        empty = np.empty(0)
+        return RadialSpectrum(empty, np.empty((0, 2)), empty, empty)
+    return _averaged(np.hypot(qx[:, None], qy[None, :]), density, edges, heights.shape[1])
+
+
+def _hann(shape: tuple[int, ...]) -> Values:
+    """Return Hann windows along both axes, zero half a node beyond the outer nodes."""
+    x, y = (np.sin(math.pi * (np.arange(nodes) + 0.5) / nodes) ** 2 for nodes in shape)
+    return np.outer(x, y)
+
+
+def _edges(step: float, largest: float, first: int) -> Values:
+    """Return the ends of the bins: one wave of the shorter side wide at first, then by `RATIO`."""
+    edges = [(first - 0.5) * step]
+    while edges[-1] < largest:
+        edges.append(max(edges[-1] + step, edges[-1] * RATIO))
+    return np.array(edges[:-1])
+
+
+def _averaged(wavenumbers: Values, density: Values, edges: Values, columns: int) -> RadialSpectrum:
+    """Average the density of all waves between the ends of each bin."""
+    # All waves of a real transform but those of the first and of the middle column have opposites.
+    count = np.ones(density.shape)
+    count[:, 0] = 0.5
+    if columns % 2 == 0:
+        count[:, -1] = 0.5
+    places = np.searchsorted(edges, wavenumbers.ravel(), side="right") - 1
+    inside = (places >= 0) & (places < edges.size - 1)
+    places, count = places[inside], count.ravel()[inside]
+    bins = edges.size - 1
+    waves = np.bincount(places, count, minlength=bins).astype(np.float64)
+    power = np.bincount(places, count * density.ravel()[inside], minlength=bins)
+    logs = np.bincount(places, count * np.log(wavenumbers.ravel()[inside]), minlength=bins)
+    full = waves > 0
+    waves, ends = waves[full], np.column_stack((edges[:-1], edges[1:]))[full]
+    return RadialSpectrum(np.exp(logs[full] / waves), ends, power[full] / waves, waves)
+
+
+def fit_self_affine(
+    topography: Topography, spectrum: RadialSpectrum, aspect: float = math.nan
+) -> SelfAffineFit | str:
+    """Fit the self-affine law to the radial power spectrum of a surface."""
+    if reason := _without_law(topography, spectrum) or _lay(topography, aspect):
+        return reason
+    largest = float(spectrum.density.max())
+    q = np.log(spectrum.wavenumbers)
+    c = np.log(np.maximum(spectrum.density, 1e-30 * largest) / largest)
+    weights = 1.0 / (1.0 / spectrum.waves + MISFIT**2)
+    roll, level, slope, bins, error = _best_law(q, c, weights)
+    if math.exp(error) > LARGEST_SCATTER:
+        return f"the spectrum is off the nearest one by a factor of {math.exp(error):.2g}"
+    longest = float(2 * math.pi / spectrum.wavenumbers[0])
+    cut_off = float(2 * math.pi / spectrum.edges[bins - 1, 1])
+    roll_off = longest if roll <= q[1] else 2 * math.pi / math.exp(roll)
+    if roll <= q[1]:
+        level += slope * (roll - q[0])
+    fit = SelfAffineFit(
+        SelfAffineSpectrum(float(slope / 2 - 1), max(roll_off, cut_off), cut_off),
+        float(np.std(topography.heights)),
+        largest * math.exp(level),
+        longest,
+        math.exp(error),
+        _remarks(roll <= q[1], bins == q.size, slope),
+    )
+    if fit.decades < LEAST_DECADES:
+        said = f"a power law would hold over {fit.decades:.3g} decades, from {roll_off:.4g} to"
+        return f"{said} {cut_off:.4g} um, and a Hurst exponent takes one or more"
+    return fit if slope > 2.0 else "the spectrum is flatter than any Hurst exponent's, as of noise"
+
+
+def _without_law(topography: Topography, spectrum: RadialSpectrum) -> str:
+    """Say why a spectrum cannot be fitted, "" if it can."""
+    heights = topography.heights
+    if np.ptp(heights) == 0.0:
+        return "flat surface"
+    if is_lost(heights):
+        return "heights lost in rounding beside their offset"
+    if spectrum.wavenumbers.size <= LEAST:
+        return "too few nodes: give 16 x 16 or more"
+    if not 0.0 < float(spectrum.density.max()) < math.inf:
+        return "its power spectrum is beyond what numbers hold"
+    return ""
+
+
+def _lay(topography: Topography, aspect: float) -> str:
+    """Say that a surface is directional, "" if it is not."""
+    heights, (dx, dy) = topography.heights, topography.spacing
+    along_x, along_y = np.diff(heights, axis=0) / dx, np.diff(heights, axis=1) / dy
+    at_cells = along_x[:, 1:] + along_x[:, :-1], along_y[1:] + along_y[:-1]
+    low, high = np.linalg.eigvalsh(np.cov(np.stack([each.ravel() for each in at_cells])))
+    ratio = math.sqrt(max(low, 0.0) / high)
+    if ratio >= DIRECTIONAL[0] and not aspect < DIRECTIONAL[1]:
+        return ""
+    known = "" if math.isnan(aspect) else f"Str {aspect:.2g}, "
+    return (
+        f"the surface is directional ({known}slopes along its lay {ratio:.2g} of those across it),"
+        " and its spectrum depends on the direction"
+    )
+
+
+def _best_law(q: Values, c: Values, weights: Values) -> tuple[float, float, float, int, float]:
+    """Find the law with the least squares."""
+    best = (math.inf, 0.0, 0.0, 0.0, 0, 0.0)
+    outside = math.log(OUTLYING) ** 2 * (weights.sum() - np.cumsum(weights))
+    for roll in np.linspace(q[0], q[-LEAST], ROLL_OFFS):
+        fall = np.maximum(q - roll, 0.0)
+        w, wf, wff, wc, wfc, wcc = (
+            np.cumsum(weights * term) for term in (1 + 0 * q, fall, fall**2, c, fall * c, c**2)
+        )
+        spread = wff - wf**2 / w
+        valid = np.arange(q.size) >= np.searchsorted(q, roll) + LEAST - 1
+        slopes = np.where(valid, (wf * wc / w - wfc) / np.where(valid, spread, 1.0), 2.0)
+        slopes = np.clip(slopes, 2.0, 4.0)  # Hurst exponents from 0 to 1
+        levels = (wc + slopes * wf) / w
+        squares = wcc + slopes**2 * wff + levels**2 * w
+        squares += 2 * (slopes * wfc - levels * wc - levels * slopes * wf)
+        costs = np.where(valid, squares + outside, math.inf)
+        end = int(np.argmin(costs))
+        if costs[end] < best[0]:
+            error = math.sqrt(max(squares[end] / w[end], 0.0))
+            best = (costs[end], roll, levels[end], slopes[end], end + 1, error)
+    return best[1:]
+
+
+def _remarks(no_roll_off: bool, no_cut_off: bool, slope: float) -> tuple[str, ...]:
+    """Say what the fit could not find."""
+    texts = (
+        (no_roll_off, "no roll-off within the patch"),
+        (no_cut_off, "no cut-off above two nodes a wavelength"),
+        (slope >= 4.0, "steeper than any Hurst exponent: held at 1"),
+    )
+    return tuple(text for found, text in texts if found)
