@@ -128,6 +128,18 @@ def test_a_full_disk_keeps_the_old_picture(folder):
     assert contents(folder) == before
 
 
+def test_a_file_is_on_the_disk_before_it_takes_its_name(tmp_path, monkeypatch):
+    target, synced, sync = tmp_path / "rows.csv", [], os.fsync
+
+    def noted(descriptor):
+        sync(descriptor)
+        synced.append((os.fstat(descriptor).st_size, target.exists()))
+
+    monkeypatch.setattr(os, "fsync", noted)
+    files.write(target, "a,b\n")
+    assert synced == [(4, False)]
+
+
 @pytest.mark.parametrize(
     ("present", "left"), [("replace", "ours"), ("keep", "theirs"), ("refuse", "theirs")]
 )
