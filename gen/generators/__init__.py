@@ -1,14 +1,13 @@
-"""Generators of rough surfaces: one file each, with its table in a scene, its draws and heights."""
+"""All generators of rough surfaces, and those of maps and of functions of the user's."""
 
 from typing import TYPE_CHECKING, Annotated, Union
 
 from pydantic import Discriminator, Tag
 
-from gen.generators.displaced import DisplacedSurface
 from gen.generators.function import PythonSurface
-from gen.generators.rules import GeneratedSurface
 from gen.generators.scans import ScanSurface
-from gen.generators.spectral import SpectralSurface
+from gen.spectral import SpectralSurface
+from gen.surface import DisplacedSurface, GeneratedSurface
 
 __all__ = ["DisplacedSurface", "PythonSurface", "ScanSurface", "SpectralSurface"]
 

@@ -10,9 +10,9 @@ from pydantic import AfterValidator, Field
 
 from gen.arrays import Heights
 from gen.distribution import AnyNumber, Distribution
-from gen.generators.rules import Grid, GridSurface
 from gen.runtime.errors import InputError, SourceError
 from gen.runtime.user_code import faults_of, load_function, source_hash
+from gen.surface import Grid, GridSurface
 
 T = TypeVar("T")
 

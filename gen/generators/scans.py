@@ -18,7 +18,9 @@ from pydantic_core import PydanticCustomError
 
 from gen.arrays import Heights
 from gen.distribution import Positive, Table
-from gen.generators.rules import (
+from gen.maps.settings import Reading, keys, kind_of
+from gen.runtime.errors import InputError, SourceError
+from gen.surface import (
     ANOTHER,
     NODES,
     SIDE,
@@ -28,8 +30,6 @@ from gen.generators.rules import (
     Side,
     pair,
 )
-from gen.maps.settings import Reading, keys, kind_of
-from gen.runtime.errors import InputError, SourceError
 
 if TYPE_CHECKING:  # scenes of other surfaces need nothing of maps
     from gen.maps.library import Library, Wanted

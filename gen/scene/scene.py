@@ -20,11 +20,11 @@ from pydantic_core import PydanticCustomError
 
 from gen.distribution import Distribution, Table, limits
 from gen.generators import TAGS, DisplacedSurface, Surface, tag_of
-from gen.generators.rules import Grid
 from gen.runtime.errors import InputError
 from gen.runtime.files import require_file
 from gen.scene.faults import Location, dotted, first_fault, one_line, require_simple, shown
 from gen.scene.tables import UNITS, Contact, Delta, Load, Piece, Quantity, Store
+from gen.surface import Grid
 
 INERT = {"samples", "title", "creator", "licence"}
 """Keys of a scene that change no row."""
