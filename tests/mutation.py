@@ -72,7 +72,7 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
     ),
     "gen/generation/plan.py": (
         ("stream.advance(before + offset * per)", "stream.advance(before + offset)"),
-        ("border = min(border, stop)", "border = min(border, stop - 1)"),
+        ("border = min(border, stop)", "border = min(border, stop + 1)"),
         ('borders, uniform[:, 0], side="right")', 'borders, uniform[:, 1], side="right")'),
     ),
     "gen/generation/sample.py": (

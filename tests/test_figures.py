@@ -186,7 +186,7 @@ def test_searches_are_faster_as_is_said() -> None:
 def test_no_fault_did_harm_as_is_said() -> None:
     page, faults = "docs/results/reports.md", rows("faults/faults.csv")
     injected = sum(int(row["injected"]) for row in faults)
-    assert [injected, len(faults)] == stated(page, "injects # faults of # kinds")
+    assert [injected, len(faults)] == stated(page, "has disturbed runs by # faults of # kinds")
     assert {(row["wrong"], row["verdict"]) for row in faults} == {("0", "passed")}
     longest = max(float(row["longest_end_s"]) for row in faults)
     assert [round(longest, 1)] == stated(page, "The longest end of a run came # s after the fault")
