@@ -48,7 +48,9 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
         ('if boundary == "free" else side / nodes', 'if boundary != "mirror" else side / nodes'),
         ("* self.spacing[0] / length", "* self.spacing[1] / length"),
     ),
-    "bem/active_set.py": (("met = violation.largest <=", "met = violation.largest <= 100 *"),),
+    "bem/active_set.py": (
+        ("met = largest <= self.tolerance", "met = largest <= 100 * self.tolerance"),
+    ),
     "bem/analytic/persson.py": (
         ("shape = gamma + 3 * (1 - gamma)", "shape = gamma + 2 * (1 - gamma)"),
     ),
