@@ -15,14 +15,11 @@ from typer.core import TyperGroup
 from gen.runtime import command_line, farm
 from gen.runtime.command_line import Version
 
-COMPLETING = "_ASPERITY_COMPLETE"
-"""Environment variable by which a shell asks for completions."""
+COMPLETING = "_ASPERITY_COMPLETE"  # environment variable by which a shell asks for completions
 
 
 class Program(NamedTuple):
-    """A program: the module with its `app` and `main`, whether Ctrl-C ends it at once, a line of
-    help.
-    """
+    """A program: the module of its `app` and `main`, whether Ctrl-C ends it at once, its help."""
 
     module: str
     default_sigint: bool

@@ -262,8 +262,7 @@ class Against(NamedTuple):
         return [*surfaces, *([self.against] if self.against else [])]
 
     def body(self, first: Reading) -> "Opposite | None":
-        """Return the second body, read as the first one unless it has options of its own; None
-        without one.
+        """Return the second body, if any, read as the first unless it has options of its own.
 
         Raise InputError if an option of the second body comes without it, or cannot be used.
         """
@@ -311,9 +310,7 @@ def sides_of(path: Path) -> list[Path]:
 
 
 class LawOutputs(NamedTuple):
-    """Files to write a law to, each None if it is not asked for, and the system of units for two of
-    them.
-    """
+    """Files to write a law to, each None if it is not asked for, and units for two of them."""
 
     table: Annotated[
         Path | None, typer.Option("--csv", metavar="FILE", help="Write the table.")
@@ -343,19 +340,14 @@ class LawOutputs(NamedTuple):
     def outputs(self) -> list[Output]:
         """The outputs, for `gen.runtime.files.check_outputs`, with those of a band's sides."""
         models = {"--calculix": self.calculix, "--abaqus": self.abaqus}
-        return [
-            Output(self.table, "--csv"),
-            Output(self.json, "--json"),
-            Output(self.header, "--header"),
-            *(Output(path, option) for option, path in models.items()),
-            *(
-                Output(side, option)
-                for option, path in models.items()
-                if path
-                for side in sides_of(path)
-            ),
-            Output(self.picture, "--plot", "picture"),
+        sides = [
+            Output(each, option)
+            for option, path in models.items()
+            for each in ([path, *sides_of(path)] if path else [])
         ]
+        texts = Output(self.table, "--csv"), Output(self.json, "--json")
+        header, picture = Output(self.header, "--header"), Output(self.picture, "--plot", "picture")
+        return [*texts, header, *sides, picture]
 
     def filled(self, stem: Path | None) -> "LawOutputs":
         """Return the files, with missing names made from a stem, but no picture."""
@@ -365,11 +357,7 @@ class LawOutputs(NamedTuple):
             raise InputError(
                 f"--output {stem}: give what the names of the files begin with, as law"
             )
-        place, name = stem.parent, stem.name
-        return self._replace(
-            table=self.table or place / f"{name}.csv",
-            json=self.json or place / f"{name}.json",
-            header=self.header or place / f"{name}.h",
-            calculix=self.calculix or place / f"{name}-calculix.inp",
-            abaqus=self.abaqus or place / f"{name}-abaqus.inp",
-        )
+        ends = {"table": ".csv", "json": ".json", "header": ".h"}
+        ends |= {"calculix": "-calculix.inp", "abaqus": "-abaqus.inp"}
+        named = {each: stem.with_name(f"{stem.name}{end}") for each, end in ends.items()}
+        return self._replace(**{each: getattr(self, each) or path for each, path in named.items()})

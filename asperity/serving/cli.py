@@ -19,8 +19,7 @@ from gen.runtime.terminal import echo
 if TYPE_CHECKING:
     from aiohttp import web
 
-PATIENCE = 5.0
-"""Seconds that clients get to take their last answers after a second Ctrl-C."""
+PATIENCE = 5.0  # seconds that clients get to take their last answers after a second Ctrl-C
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None)
 

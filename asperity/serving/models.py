@@ -16,53 +16,28 @@ from gen.runtime.errors import InputError
 from gen.runtime.files import kind_of
 from gen.scene import PythonSurface, ScanSurface, Scene, load, preset_names
 
-AREA_FORCE_DELTA = 3
-"""Number of the solver's outputs: area [%], force [uN] and Delta [um]."""
-
-Vectors = list[list[FiniteFloat]]
-"""Input or output of a model: vectors, each of one size."""
+AREA_FORCE_DELTA = 3  # number of the solver's outputs: area [%], force [uN] and Delta [um]
+Vectors = list[list[FiniteFloat]]  # input or output of a model: vectors, each of one size
 
 
 class Configuration(BaseModel):
-    """Settings that a client may send with its input.
-
-    Attributes
-    ----------
-    surface : int
-        Index of the surface, which decides its random numbers; that of a database's column.
-    seed : int, optional
-        Seed of the scene.
-    nodes : int or list of int, optional
-        Nodes of the grid along x and y, the fidelity of the model.
-    stiffness : bool
-        Whether the solver tells the stiffness too, as a fourth output.
-    """
+    """Settings that a client may send with its input."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
-    surface: int = Field(default=0, ge=0, lt=2**32)
-    seed: int | None = None
-    nodes: int | Annotated[list[int], Field(min_length=2, max_length=2)] | None = None
-    stiffness: bool = False
+    surface: int = Field(default=0, ge=0, lt=2**32)  # its index, which decides its random numbers
+    seed: int | None = None  # of the scene
+    nodes: int | Annotated[list[int], Field(min_length=2, max_length=2)] | None = None  # x and y
+    stiffness: bool = False  # whether the solver tells it too, as a fourth output
 
 
 @dataclass(frozen=True)
 class Inputs:
-    """The inputs of a model: drawn parameters of the surface, load and hardness.
+    """The inputs of a model: drawn parameters of the surface, load and hardness."""
 
-    Attributes
-    ----------
-    parameters : tuple of str
-        Parameters of the surface that the scene draws, the first vector if there are any.
-    load : str
-        Quantity of the load in its own vector, see `gen.scene.load`.
-    hardness : bool
-        Whether the hardness is an input, the last vector.
-    """
-
-    parameters: tuple[str, ...]
-    load: str
-    hardness: bool
+    parameters: tuple[str, ...]  # the first vector if there are any
+    load: str  # its quantity, see `gen.scene.load`; a vector of its own
+    hardness: bool  # whether it is an input, the last vector
 
     @classmethod
     def of(cls, scene: Scene) -> "Inputs":
@@ -79,24 +54,12 @@ class Inputs:
 
 @dataclass(frozen=True)
 class Question:
-    """One contact problem that a client asks for.
+    """One contact problem that a client asks for."""
 
-    Attributes
-    ----------
-    scene : Scene
-        The scene with the client's parameters and configuration.
-    heights : ndarray, shape (nx, ny)
-        Heights of its surface [um].
-    load : dict of str to float
-        "delta" [um], "pressure" [MPa] or "force" [uN] with its value.
-    hardness : float or None
-        Hardness [MPa] if it is an input.
-    """
-
-    scene: Scene
-    heights: Heights
-    load: dict[str, float]
-    hardness: float | None
+    scene: Scene  # with the client's parameters and configuration
+    heights: Heights  # of its surface [um], (nx, ny)
+    load: dict[str, float]  # "delta" [um], "pressure" [MPa] or "force" [uN]
+    hardness: float | None  # [MPa], if it is an input
 
 
 def question(

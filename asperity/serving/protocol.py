@@ -19,14 +19,9 @@ from gen.runtime.terminal import printable
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
-VERSION = 1.0
-"""Version of the protocol."""
-
-LARGEST = 2**20
-"""Most bytes of a question, more than any has."""
-
-SLOW = 60.0
-"""Seconds in which a client has to send a question."""
+VERSION = 1.0  # version of the protocol
+LARGEST = 2**20  # most bytes of a question, more than any has
+SLOW = 60.0  # seconds in which a client has to send a question
 
 
 class Body(BaseModel):
@@ -42,8 +37,7 @@ class Body(BaseModel):
 
 
 class Server:
-    """The server's answers: the models' names and sizes from this process, their values from
-    workers.
+    """The server's answers: names and sizes of models from this process, values from workers.
 
     `hosts` are the names of this server in addresses that are answered, IP addresses besides;
     without names every one is answered.

@@ -16,11 +16,8 @@ from asperity.serving.models import Configuration, Model, Unsolved, Vectors, mod
 from gen.runtime.errors import InputError
 from gen.runtime.user_code import TRUSTED
 
-ATTEMPTS = 2
-"""Times that a question is asked; a worker that was killed is replaced in between."""
-
-WAITING = 1000
-"""Most questions that wait for a free process."""
+ATTEMPTS = 2  # times that a question is asked; a worker that was killed is replaced in between
+WAITING = 1000  # most questions that wait for a free process
 
 GRACE = 5.0
 """Seconds in which a process may end a question whose client is gone; then it is replaced. A new
@@ -31,9 +28,7 @@ STATUS = {"ModelError": 500, "InvalidOutput": 500, "Busy": 503}
 
 
 class Refusal(Exception):
-    """An answer that is an error of the protocol: its type, as "InvalidInput", and a line for the
-    client.
-    """
+    """An answer that is an error of the protocol: its type, as "InvalidInput", and one line."""
 
     def __init__(self, kind: str, message: str) -> None:
         super().__init__(kind, message)  # both, so that it can be pickled
@@ -53,8 +48,7 @@ class Call(NamedTuple):
     config: Configuration
 
 
-_MODELS: dict[str, Model] = {}
-"""Models of this worker by their names."""
+_MODELS: dict[str, Model] = {}  # models of this worker by their names
 
 
 class Workers:

@@ -18,11 +18,8 @@ from gen.scene import Scene
 from gen.scene.columns import columns_for, parameter_columns
 from gen.schema import Status
 
-WIDTH = 11.0
-"""Width of the picture [inches]."""
-
-LETTERS = 50
-"""Letters in a line above a map that fills its half of the picture."""
+WIDTH = 11.0  # width of the picture [inches]
+LETTERS = 50  # letters in a line above a map that fills its half of the picture
 
 
 def draw_database(file: Path, picture: Path) -> None:

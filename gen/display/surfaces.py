@@ -134,16 +134,27 @@ def print_contact(contact: Contact, seconds: float, wanted: Wanted) -> None:
     from gen.maps.contacts import answers
 
     problem = contact.problem
-    nodes = contact.pressure.shape
+    nx, ny = contact.pressure.shape
     cell = problem.spacing[0] * problem.spacing[1]
-    # A_e is a share of nodes, so the patch counts as the cells of all its nodes.
-    nominal = contact.pressure.size * cell
+    nominal = nx * ny * cell  # A_e is a share of nodes, so the patch counts as their cells
     touching = contact.contact_nodes * cell
+    boundary = [] if problem.boundary == "free" else [("boundary", problem.boundary, "")]
+    yielding, far_field = [], []
+    if problem.hardness is not None:
+        yielding = [
+            ("hardness", f"{problem.hardness:.6g}", "MPa"),
+            ("yielded nodes", f"{contact.yielded_percent:.6g}", "% of all nodes"),
+            ("largest yielded depth", f"{contact.yielded_depth.max():.6g}", "um"),
+        ]
+    delta, approach = f"{contact.delta:.10g}", f"{contact.approach:.10g}"
+    if approach != delta:  # as it is not on a rigid far field
+        words = "um, Delta and the compliance of the far field"
+        far_field = [("far-field displacement", approach, words)]
     lines = (
         ("effective contact area", f"{contact.area_percent:.6g}", "%"),
-        ("contact nodes", f"{contact.contact_nodes}", f"of {nodes[0]} x {nodes[1]}"),
+        ("contact nodes", f"{contact.contact_nodes}", f"of {nx} x {ny}"),
         ("spacing", f"{problem.spacing[0]:.6g} x {problem.spacing[1]:.6g}", "um"),
-        *_boundary_lines(contact),
+        *boundary,
         ("modulus E*", f"{problem.modulus:.6g}", "MPa"),
         ("force", f"{contact.force:.8g}", "uN"),
         ("nominal pressure", f"{contact.force / nominal:.6g}", "MPa, force over the whole patch"),
@@ -153,25 +164,17 @@ def print_contact(contact: Contact, seconds: float, wanted: Wanted) -> None:
             "MPa, mean where in contact",
         ),
         ("largest pressure", f"{contact.largest_pressure:.6g}", "MPa"),
-        *_yielding_lines(contact),
+        *yielding,
         *((each.label, each.shown, each.unit) for each in answers(contact, wanted)),
         ("mean gap", f"{contact.mean_gap:.6g}", "um"),
         ("contact perimeter", f"{contact.perimeter:.6g}", "um"),
-        ("displacement Delta", f"{contact.delta:.10g}", "um"),
-        *_far_field_lines(contact),
+        ("displacement Delta", delta, "um"),
+        *far_field,
         ("residual", f"{contact.residual:.2e}", "of Delta"),
         ("iterations", f"{contact.iterations}", f"({contact.convolutions} convolutions)"),
         ("time", f"{1e3 * seconds:.1f}", "ms, the set-up of a first solve included"),
     )
     print_columns(lines)
-
-
-def _far_field_lines(contact: Contact) -> list[tuple[str, str, str]]:
-    """Return the line of the far field's displacement, if it is another number than Delta."""
-    approach = f"{contact.approach:.10g}"
-    if approach == f"{contact.delta:.10g}":
-        return []
-    return [("far-field displacement", approach, "um, Delta and the compliance of the far field")]
 
 
 def print_law(contacts: Sequence[Contact], wanted: Wanted) -> None:
@@ -199,20 +202,3 @@ def print_law(contacts: Sequence[Contact], wanted: Wanted) -> None:
         more = [each.shown for each in answers(contact, wanted)]
         rows.append([*(f"{number:.6g}" for number in numbers), *more])
     print_columns(rows, titles, right=titles)
-
-
-def _boundary_lines(contact: Contact) -> list[tuple[str, str, str]]:
-    """Return the line about a patch without edges: name, value and unit; none for a free one."""
-    boundary = contact.problem.boundary
-    return [] if boundary == "free" else [("boundary", boundary, "")]
-
-
-def _yielding_lines(contact: Contact) -> list[tuple[str, str, str]]:
-    """Return the lines about yielding: name, value and unit; none for elastic bodies."""
-    if contact.problem.hardness is None:
-        return []
-    return [
-        ("hardness", f"{contact.problem.hardness:.6g}", "MPa"),
-        ("yielded nodes", f"{contact.yielded_percent:.6g}", "% of all nodes"),
-        ("largest yielded depth", f"{contact.yielded_depth.max():.6g}", "um"),
-    ]

@@ -13,9 +13,7 @@ from gen.runtime.terminal import RunProgress
 
 
 class Exported(NamedTuple):
-    """The outcome of an export: rows written, rows that failed or are pending, size of all files
-    [bytes].
-    """
+    """The outcome of an export: rows written and left out, and the size of all files [bytes]."""
 
     rows: int
     left_out: int

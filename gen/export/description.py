@@ -34,14 +34,9 @@ LICENCE = re.compile(r"https?://\S+|[\w.+-]+( (AND|OR|WITH) [\w.+-]+)*", re.ASCI
 PREFIXES = ("https://doi.org/", "http://doi.org/", "doi:")
 """Beginnings that people put in front of an identifier."""
 
-CARD_NAME = "README.md"
-"""Name of the card in the folder of an export."""
-
-SCENE_NAME = "scene.toml"
-"""Name of the scene in the folder of an export."""
-
-TEXTS = {"title", "creator", "licence"}
-"""Keys of a scene with texts of anybody's."""
+CARD_NAME = "README.md"  # name of the card in the folder of an export
+SCENE_NAME = "scene.toml"  # name of the scene in the folder of an export
+TEXTS = {"title", "creator", "licence"}  # keys of a scene with texts of anybody's
 
 PATCHES = {
     "free": "a patch with free edges",
@@ -50,11 +45,8 @@ PATCHES = {
 }
 """Words for the boundaries of a patch."""
 
-CROISSANT_NAME = "croissant.json"
-"""Name of the description in the folder of an export."""
-
-PARQUET = "application/x-parquet"
-"""Media type of Parquet files, as Croissant's loader knows it."""
+CROISSANT_NAME = "croissant.json"  # name of the description in the folder of an export
+PARQUET = "application/x-parquet"  # media type of Parquet files, as Croissant's loader knows it
 
 
 @dataclass(frozen=True)

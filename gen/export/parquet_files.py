@@ -16,25 +16,17 @@ from gen.runtime.errors import InputError
 from gen.runtime.files import atomic, kind_of
 from gen.schema import STATUS, Column, Status
 
-Mask = NDArray[np.bool_]
-"""One truth value for each row of a file."""
+Mask = NDArray[np.bool_]  # one truth value for each row of a file
 
 KEPT_BACK = frozenset(("status", "rank", "host"))
 """Columns that are not exported: the status, since all exported rows are done, and the machine that
 computed a row, which is private.
 """
 
-TABLE_ROWS = 50_000
-"""Number of rows that are in memory at once, and in one row group of a file."""
-
-KEY = b"asperity"
-"""Key of a file's metadata under which its origin stands."""
-
-ROWS = "rows.parquet"
-"""File of all columns with one value a row."""
-
-FIELDS = "fields"
-"""Folder of the files of columns with one field a row."""
+TABLE_ROWS = 50_000  # number of rows that are in memory at once, and in one row group of a file
+KEY = b"asperity"  # key of a file's metadata under which its origin stands
+ROWS = "rows.parquet"  # file of all columns with one value a row
+FIELDS = "fields"  # folder of the files of columns with one field a row
 
 FILE_BYTES = 2**28
 """Most bytes of a field's file before compression, so that an interrupted export loses little."""

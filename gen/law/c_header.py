@@ -93,15 +93,11 @@ def write(path: Path, law: Law) -> None:
 
     Raise InputError if it cannot be written, or everything is outside the training.
     """
-    tables = {name: getattr(law, name) for name in ("over_delta", "over_pressure")}
+    tables = {"over_delta": law.over_delta, "over_pressure": law.over_pressure}
     law = replace(law, **{name: each.chosen(~each.flagged) for name, each in tables.items()})
-    files.write(path, "\n".join(_lines(law, _name(path))) + "\n")
-
-
-def _name(path: Path) -> str:
-    """Return the beginning of all names: asperity_steel_2 for steel-2.h."""
     own = re.sub(r"[^0-9A-Za-z]+", "_", path.stem).strip("_")
-    return f"asperity_{own or 'law'}"
+    name = f"asperity_{own or 'law'}"  # asperity_steel_2 for steel-2.h
+    files.write(path, "\n".join(_lines(law, name)) + "\n")
 
 
 def _lines(law: Law, name: str) -> Iterator[str]:
@@ -183,13 +179,14 @@ def _tables(name: str, argument: str, at: Values, columns: dict[str, Values]) ->
         yield from _array(f"{own}_table", size, values)
         yield from _array(f"{own}_slopes", size, slopes(at, values, float(values[0])))
         tangent = not column.endswith(("_low", "_high"))
-        yield from _functions(name, own, over, size, argument, tangent=tangent)
+        tables = f"{over}, {own}_table, {own}_slopes, {size}, {argument}"
+        for end, function in (("", "interpolate"), ("_tangent", "slope"))[: 1 + tangent]:
+            yield f"static inline double {own}{end}(double {argument})"
+            yield f"{{ return {name}_{function}({tables}); }}"
 
 
 def _columns(curves: Curves, suffix: str, gap: Curve) -> tuple[Values, dict[str, Values]]:
-    """Return arguments and columns of a table from first touch on, by the functions' names; `gap`
-    is the mean gap against Delta.
-    """
+    """Return arguments and columns from first touch on; `gap` is the curve against Delta."""
     missing = curves.at[:1] > 0  # first touch, where pressures were given
     columns = {}
     for name in curves.names:
@@ -205,28 +202,12 @@ def _columns(curves: Curves, suffix: str, gap: Curve) -> tuple[Values, dict[str,
 
 def _array(name: str, size: str, values: Values) -> Iterator[str]:
     yield f"static const double {name}[{size}] = {{"
-    texts = [_number(value) for value in values.tolist()]
+    texts = ["NAN" if np.isnan(value) else f"{value:.17g}" for value in values.tolist()]
     for start in range(0, len(texts), PER_LINE):
         yield "    " + ", ".join(texts[start : start + PER_LINE]) + ","
     yield "};"
 
 
-def _number(value: float) -> str:
-    """Return a constant of C99."""
-    return "NAN" if np.isnan(value) else f"{value:.17g}"
-
-
-def _functions(
-    name: str, own: str, over: str, size: str, argument: str, *, tangent: bool
-) -> Iterator[str]:
-    tables = f"{over}, {own}_table, {own}_slopes, {size}, {argument}"
-    for suffix, function in (("", "interpolate"), ("_tangent", "slope"))[: 1 + tangent]:
-        yield f"static inline double {own}{suffix}(double {argument})"
-        yield f"{{ return {name}_{function}({tables}); }}"
-
-
 def _comment(text: str) -> str:
-    """Replace what could end a comment, splice lines or make a compiler warn: names hold any
-    character.
-    """
+    """Replace what could end a comment, splice lines or make a compiler warn, as names may."""
     return re.sub(r"[^ -~]|[\\?]|\*(?=/)|(?<=/)\*", "_", text)

@@ -41,8 +41,7 @@ if TYPE_CHECKING:
 ARGUMENTS: dict[Load, str] = {"delta": "delta_um", "pressure": "pressure_MPa"}
 """Quantity of the arguments of a table by the kind of load."""
 
-FEW = 10
-"""Nodes in contact below which a law shows the grid rather than the surface."""
+FEW = 10  # nodes in contact below which a law shows the grid rather than the surface
 
 STEPS = 40
 """Number of displacements over the range of a scene or a training, where no load is given."""
@@ -368,8 +367,7 @@ def _solve(
     *,
     stiffness: bool = False,
 ) -> Points:
-    """Solve the law of one surface at ascending loads of 0 or more: "delta" [um] or "pressure"
-    [MPa].
+    """Solve the law of one surface at ascending loads: "delta" [um] or "pressure" [MPa].
 
     Points are NaN where the solver did not converge. Raise InputError if a load has no solution, or
     the solver converges under none of them.

@@ -33,8 +33,7 @@ COLUMNS = {
 }
 """Quantities of a table by what they are tabulated against; the last two only where asked for."""
 
-INFINITE_AT_FULL_CONTACT = {STIFFNESS, CONDUCTANCE}
-"""Quantities that full contact makes infinite."""
+INFINITE_AT_FULL_CONTACT = {STIFFNESS, CONDUCTANCE}  # quantities that full contact makes infinite
 
 DERIVED = {"closure_um", *INFINITE_AT_FULL_CONTACT}
 """Quantities that follow from the predicted ones, so that they miss by more than those: outside the
@@ -43,11 +42,8 @@ training they are not given at all."""
 MOST = 0.5
 """Share of surfaces outside the training above which a row tells nothing about an interface."""
 
-UNITS = {"delta_um": "um", "pressure_MPa": "MPa"}
-"""Unit of a table's arguments."""
-
-APART = 1e-9
-"""Relative distance within which two numbers are one: rounding lies between them."""
+UNITS = {"delta_um": "um", "pressure_MPa": "MPa"}  # of a table's arguments
+APART = 1e-9  # relative distance within which two numbers are one: rounding lies between them
 
 OUTSIDE_WEIGHT = 1e-9
 """Weight of a point outside the training, over one inside, where curves are made monotone."""
@@ -90,9 +86,7 @@ class Points:
         return Points(values, low, high, self.reasons + more.reasons)
 
     def from_rest(self, gap_at_rest: float) -> Points:
-        """Put first touch before these loads: Delta = 0 with this mean gap [um], and no value
-        uncertain.
-        """
+        """Put first touch, Delta = 0 with this mean gap [um], before these loads."""
         rest = {name: np.zeros(1) for name in self.values}
         rest["mean_gap_um"] = np.array([gap_at_rest])
         ends = {name: rest[name] for name in self.low}
@@ -157,8 +151,7 @@ class Curves:
         return replace(self, at=at, curves=curves, outside=outside, reasons=reasons)
 
     def below_full_contact(self, bodies: Bodies) -> tuple[Curves, list[str]]:
-        """Return the table up to full contact, where nothing is left of an interface, and a line
-        about it.
+        """Return the table up to full contact, where nothing is left of an interface, and a line.
 
         Full contact is where every node touches, or where the stiffness of one surface is infinite.
         Raise InputError, with E*, if nothing is left of the table.
@@ -239,8 +232,7 @@ def _summary(reasons: Sequence[str]) -> str:
 
 
 def monotone(points: Points) -> tuple[Points, Points]:
-    """Make the curves of one surface monotone, by least squares; return the changes of the values
-    too.
+    """Make the curves of one surface monotone, by least squares; return the changes too.
 
     The mean gap falls with Delta, and all other quantities rise. Points outside the training follow
     those inside, which they hardly move.
@@ -290,9 +282,7 @@ def _held(part: dict[str, Values]) -> dict[str, Values]:
 
 
 def risen(values: Values, apart: float = APART) -> NDArray[np.bool_]:
-    """Return where values, none of them NaN, rise by a relative distance above 0 and all before,
-    (k,).
-    """
+    """Return where values are above 0 and, by a relative distance, above all before them, (k,)."""
     kept, last = np.zeros(values.size, dtype=bool), 0.0
     for place, value in enumerate(values.tolist()):
         if value > last * (1 + apart):
@@ -323,9 +313,7 @@ def slopes(at: Values, values: Values, rest: float) -> Values:
 
 
 def with_conductance(curves: Curves, per_stiffness: float) -> Curves:
-    """Add the conductance to a table that has the stiffness, by the conductivity over E* [W / (m K
-    MPa)].
-    """
+    """Add the conductance: the stiffness by the conductivity over E* [W / (m K MPa)]."""
     if STIFFNESS not in curves.curves:
         return curves
     own = curves.curves[STIFFNESS]

@@ -25,14 +25,13 @@ from gen.runtime.terminal import brief, echo, print_table
 if TYPE_CHECKING:
     from rich.table import Table
 
-WIDTH = 140
-"""Width of a printed table without a terminal [characters]."""
+WIDTH = 140  # width of a printed table without a terminal [characters]
 
-ENDS = ("", "_low", "_high", "_slope")
+PARTS = ("value", "low", "high", "slope")
+ENDS = ("", "_low", "_high", "_slope")  # ends of the columns' names of these parts
 
 FORMAT = "asperity contact law"
-FORMAT_VERSION = 1
-"""Raised whenever a reader of the last version would misread a file."""
+FORMAT_VERSION = 1  # raised whenever a reader of the last version would misread a file
 
 LABELS = {
     "closure_um": "closure [µm]",
@@ -49,15 +48,14 @@ def write_files(law: Law, files: LawOutputs, figure: Any) -> Iterator[Path]:
     """
     if any((files.header, files.calculix, files.abaqus, files.picture)):
         finite_elements.rising(law)  # refused before any file is written
-    if files.table is not None:
-        write_table(files.table, law)
-        yield files.table
-    if files.json is not None:
-        write_json(files.json, law)
-        yield files.json
-    if files.header is not None:
-        c_header.write(files.header, law)
-        yield files.header
+    for path, write_one in (
+        (files.table, write_table),
+        (files.json, write_json),
+        (files.header, c_header.write),
+    ):
+        if path is not None:
+            write_one(path, law)
+            yield path
     if files.calculix is not None:
         yield from finite_elements.write(files.calculix, law, "calculix", files.units)
     if files.abaqus is not None:
@@ -93,7 +91,7 @@ def _printed(curves: Curves, title: str) -> Table:
     from rich.table import Table
 
     table = Table(title=title)
-    names = [name for name in curves.names if name not in _beside_the_point(curves)]
+    names = [name for name in curves.names if name not in _left_out(curves)]
     for name in (curves.against, *names):
         table.add_column(name, justify="right")
     reasons = any(curves.reasons)
@@ -108,11 +106,8 @@ def _printed(curves: Curves, title: str) -> Table:
     return table
 
 
-def _beside_the_point(curves: Curves) -> set[str]:
-    """Return the names of curves that are not printed, so that rows fit the width of a terminal.
-
-    Against Delta that is the closure; against pressure it is Delta, where it equals the closure.
-    """
+def _left_out(curves: Curves) -> set[str]:
+    """Return the curves that are not printed, so that rows fit: a Delta that is the closure too."""
     if curves.against == "delta_um":
         return {"closure_um"}
     delta, closure = (curves.curves[name].value for name in ("delta_um", "closure_um"))
@@ -144,21 +139,15 @@ def _rows(law: Law) -> Iterator[Row]:
                 if name == curves.against:
                     row[name] = float(argument)
                 elif name in curves.curves:
-                    row |= _cells(name, curves.curves[name], place)
+                    curve = curves.curves[name]
+                    for end, part in zip(ENDS, PARTS, strict=True):
+                        number = float(getattr(curve, part)[place])
+                        row[f"{name}{end}"] = "" if np.isnan(number) else number
             yield {**row, "reason": curves.reasons[place]}
 
 
-def _cells(name: str, curve: Curve, place: int) -> Row:
-    """Return the cells of a value, its band and its slope; what is unknown is empty."""
-    parts = curve.value, curve.low, curve.high, curve.slope
-    numbers = zip(ENDS, (float(part[place]) for part in parts), strict=True)
-    return {f"{name}{end}": "" if np.isnan(number) else number for end, number in numbers}
-
-
 def write_json(path: Path, law: Law) -> None:
-    """Write a law as JSON, with null for numbers that are not finite; names of quantities have
-    units.
-    """
+    """Write a law as JSON, with null for numbers that are not finite."""
     content = {
         "format": FORMAT,
         "version": FORMAT_VERSION,
@@ -187,10 +176,7 @@ def _json_table(curves: Curves) -> dict[str, Any]:
         "share_of_surfaces_outside_the_training": _numbers(curves.outside),
         "reasons": list(curves.reasons),
         "curves": {
-            name: {
-                part: _numbers(getattr(curves.curves[name], part))
-                for part in ("value", "low", "high", "slope")
-            }
+            name: {part: _numbers(getattr(curves.curves[name], part)) for part in PARTS}
             for name in curves.names
         },
     }
@@ -201,9 +187,7 @@ def _numbers(values: Values) -> list[float | None]:
 
 
 def draw(figure: Any, law: Law, picture: Path) -> None:
-    """Draw closure, area and stiffness or conductance over pressure with their bands, inside the
-    training.
-    """
+    """Draw closure, area and stiffness or conductance over pressure, inside the training."""
     curves = law.over_pressure.chosen(~law.over_pressure.flagged)
     names = ["closure_um", "area_percent"]
     names += [name for name in (CONDUCTANCE, STIFFNESS) if name in curves.curves][:1]

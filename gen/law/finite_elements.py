@@ -34,15 +34,13 @@ from gen.runtime.installation import git_commit
 
 Program = Literal["calculix", "abaqus"]
 
-POINTS = 20
-"""Points that CalculiX has room for; all but the last one are points of the law."""
+POINTS = 20  # points that CalculiX has room for; all but the last one are points of the law
 
 FAR = np.linspace(10, POINTS + 0.5, POINTS + 2)
 """Overclosures of the 20th to the 41st point, of which the last has the number of points in it
 [unit of length]."""
 
-CLOSER = 1e-6
-"""Relative rise of the closure below which a point is left out."""
+CLOSER = 1e-6  # relative rise of the closure below which a point is left out
 
 WIDTH = 100
 LONGEST_NAME = 60
@@ -85,8 +83,7 @@ def write(path: Path, law: Law, program: Program, units: Units) -> list[Path]:
 
 
 def rising(law: Law, side: str = "") -> tuple[Values, Values, Values | None]:
-    """Return the points at which closure and pressure rise, from first touch on, inside the
-    training.
+    """Return the points inside the training at which closure and pressure rise, from first touch.
 
     They are pressures [MPa], closures [um] and, if the law has them, conductances [W/(mm2 K)], of
     the law itself ("") or of the "soft" or "stiff" side of its band. Raise InputError if no point

@@ -20,8 +20,7 @@ from gen.runtime.errors import InputError
 from gen.scene import Scene, preset_names
 
 Sides = tuple[float, float]
-Load = Literal["delta", "pressure"]
-"""Quantities that a law can be solved at."""
+Load = Literal["delta", "pressure"]  # quantities that a law can be solved at
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +37,7 @@ class LawSurface:
     scene: Scene | None = None  # that it was generated from
 
     def loads(self, e_star: float) -> tuple[float, float]:
-        """Return the smallest and largest load of a scene's surface, as Delta [um] or as pressure
+        """Return the smallest and largest load of a scene's surface, as Delta [um] or pressure
         [MPa].
 
         Pressures that the scene gives relative to its own E* are scaled to that of the law.

@@ -26,8 +26,7 @@ from gen.runtime.terminal import drop, echo, put, started_as, to_type
 CommandLineError: Any = typer.BadParameter.__mro__[2]
 """Base class of typer's errors about a command line; typer has moved it twice."""
 
-LONGEST = 1200
-"""Most characters of a message; the middle of longer ones is left out."""
+LONGEST = 1200  # most characters of a message; the middle of longer ones is left out
 
 EXTRAS = {
     "aiohttp": "serve",

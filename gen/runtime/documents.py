@@ -17,11 +17,8 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from gen.runtime.errors import InputError
 from gen.runtime.files import require_file, write
 
-LARGEST = 64 * 2**20
-"""Most bytes of a document; those of this project have some thousands."""
-
-Row = dict[str, float | int | str]
-"""One line of a table: values by the names of the columns."""
+LARGEST = 64 * 2**20  # most bytes of a document; those of this project have some thousands
+Row = dict[str, float | int | str]  # one line of a table: values by the names of the columns
 
 FORMULAS = ("=", "+", "-", "@", "\t", "\r", "\n")
 """First characters of a text that a spreadsheet would compute."""

@@ -12,8 +12,8 @@ SUFFIXES = (".png", ".svg", ".pdf")
 
 
 def new_figure(width: float, height: float, *, dpi: float | None = None) -> Any:
-    """Make an empty figure of this size [inches] and resolution [1 / inch]; its panels keep clear
-    of each other.
+    """Make an empty figure, in inches and with dots per inch, whose panels keep clear of each
+    other.
 
     Raise InputError if matplotlib is not installed.
     """
@@ -81,9 +81,7 @@ def require_picture_name(path: Path) -> None:
 
 
 def save(figure: Any, path: Path, *, dpi: float | str = "figure") -> Path:
-    """Draw a figure in memory, then write the file whole or not at all; its suffix gives the
-    format.
-    """
+    """Draw a figure in memory, then write the file, whose suffix gives the format, whole or not."""
     from matplotlib.text import Text
 
     for text in figure.findobj(Text):  # names of files may hold bytes that are no UTF-8

@@ -18,11 +18,8 @@ from gen.runtime.errors import InputError
 Kind = Literal["text", "picture", "surrogate", "heights", "arrays", "maps", "parquet"]
 """Kinds of output besides databases; `arrays` are NumPy's zip archives, `maps` prepared maps."""
 
-Present = Literal["replace", "keep", "refuse"]
-"""What a new file does to one that has its name."""
-
-_LONGEST_HEADER = 100_000
-"""Number of characters within which the header of a table ends."""
+Present = Literal["replace", "keep", "refuse"]  # what a new file does to one that has its name
+_LONGEST_HEADER = 100_000  # number of characters within which the header of a table ends
 
 WORDS: dict[str, str] = {
     "text": "text",
@@ -37,8 +34,7 @@ WORDS: dict[str, str] = {
 }
 """Name of each kind of content in messages."""
 
-BEGINNING = 4096
-"""Bytes at the beginning of a file that decide its kind."""
+BEGINNING = 4096  # bytes at the beginning of a file that decide its kind
 
 TEXT = bytes({7, 8, 9, 10, 12, 13, 27} | set(range(32, 256)))
 """Bytes of texts; the beginnings of nearly all binary files have further ones."""
@@ -46,8 +42,7 @@ TEXT = bytes({7, 8, 9, 10, 12, 13, 27} | set(range(32, 256)))
 SURROGATE = b"asperity surrogate\n"
 """First bytes of a surrogate; before format 3 surrogates were zip archives."""
 
-MAPS = b"asperity prepared maps\n"
-"""First bytes of a file of prepared maps."""
+MAPS = b"asperity prepared maps\n"  # first bytes of a file of prepared maps
 
 SIGNATURES = {
     b"\x89PNG\r\n": "picture",
@@ -202,8 +197,7 @@ def unfinished(real: Path, present: Present = "replace", end: str = "") -> Itera
 
 
 def place_of(path: Path) -> Path:
-    """Follow all links, perhaps to scratch folders, to the place of a file, which need not exist
-    yet.
+    """Follow all links, perhaps to scratch folders, to the place of a file, which may not exist.
 
     Raise InputError if the path cannot be a file's: a loop of links, a folder, the root.
     """

@@ -24,9 +24,7 @@ REPOSITORY = Path(__file__).resolve().parents[2]
 
 
 def versions(packages: Iterable[str]) -> dict[str, str]:
-    """Return the versions of Python and of those packages that are installed, without importing
-    them.
-    """
+    """Return the versions of Python and of the installed ones among packages, without imports."""
     installed = {"python": platform.python_version()}
     for name in packages:
         with suppress(importlib.metadata.PackageNotFoundError):

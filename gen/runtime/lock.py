@@ -16,8 +16,7 @@ from gen.runtime.files import make_folder, place_of
 OURS = re.compile(rb"host .+, process [0-9]+(, job .+)?, since .+\n?")
 """Content of our lock files: their holder in one line."""
 
-LONGEST = 500
-"""Most bytes of that line."""
+LONGEST = 500  # most bytes of that line
 
 
 @contextmanager

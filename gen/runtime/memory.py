@@ -13,8 +13,7 @@ SOLVE_BYTES = 400
 """Peak memory of a solve per node [bytes]: 360 were measured on 513 to 2,049 nodes a side with
 areas of 2 to 3 %."""
 
-CONTACT_BYTES = 32
-"""Memory of a solution per node [bytes]: heights, pressure, displacement, gap."""
+CONTACT_BYTES = 32  # memory of a solution per node [bytes]: heights, pressure, displacement, gap
 
 
 def allowed() -> int:

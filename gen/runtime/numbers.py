@@ -4,11 +4,8 @@ import math
 
 from gen.runtime.errors import InputError
 
-MOST = 100_000
-"""Most values of one option."""
-
-DIGITS = 18
-"""Most digits of a whole number: enough for 2^59, and few enough for 64 bits."""
+MOST = 100_000  # most values of one option
+DIGITS = 18  # most digits of a whole number: enough for 2^59, and few enough for 64 bits
 
 MAGNITUDES = (1e-60, 1e60)
 """Range of useful lengths [um] and moduli [MPa]; their squares, products and ratios stay finite."""

@@ -19,11 +19,8 @@ from typing import Any, Self
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1)
 """Signals of Ctrl-C, of the end of a batch job, and of Slurm's warning before that end."""
 
-PATIENCE = 2.0
-"""Time that Python has to handle a signal before the thread answers it [s]."""
-
-LONGEST = 1e8
-"""Longest bound [s], three years; the system's timer ends at 9.2e9 s."""
+PATIENCE = 2.0  # time that Python has to handle a signal before the thread answers it [s]
+LONGEST = 1e8  # longest bound [s], three years; the system's timer ends at 9.2e9 s
 
 REPEATED = 1.0
 """Interval of further alarms [s], since code that catches all exceptions may swallow the first."""
@@ -110,8 +107,7 @@ class Overtime(Exception):
 
 @contextmanager
 def at_most(seconds: float | None) -> Iterator[None]:
-    """Bound the wall-clock time [s] of a block, if there is a bound; on a process's main thread
-    only.
+    """Bound the wall-clock time [s] of a block, if there is a bound, on the main thread.
 
     Python handles the alarm between two of its steps, so a long call of compiled code runs to its
     end. Raise Overtime once the block has taken longer, and ValueError for a bound that is not

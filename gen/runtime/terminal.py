@@ -14,23 +14,15 @@ from typing import Any, Self
 
 from gen.runtime.errors import InputError
 
-OUTPUT = "standard output"
-"""Name of standard output in place of a file's name in errors."""
-
-LETTERS = 110
-"""Letters of a name that fit into a line of a picture's title."""
+OUTPUT = "standard output"  # name of standard output in place of a file's name in errors
+LETTERS = 110  # letters of a name that fit into a line of a picture's title
 
 ENDLESS = 1000
 """Width of a table that goes to a file or a pipe, where no line is broken [characters]."""
 
-LINE_SECONDS = 30.0
-"""Time between two lines of progress in a batch log [s]."""
-
-COMMAND = "asperity"
-"""Name of the installed command, under which all programs run too."""
-
-_start = "python -m"
-"""The words before the name of a program on the command line."""
+LINE_SECONDS = 30.0  # time between two lines of progress in a batch log [s]
+COMMAND = "asperity"  # name of the installed command, under which all programs run too
+_start = "python -m"  # the words before the name of a program on the command line
 
 
 def printable(text: str) -> str:
@@ -158,9 +150,7 @@ class RunProgress:
             self._print_line()
 
     def advance(self, rows: int, failed: int, work: float | None = None) -> None:
-        """Count rows that have been written, failed ones among them, and their cost, by default
-        their number.
-        """
+        """Count rows that have been written, failed ones, and their cost (by default, 1 each)."""
         self._here += rows
         self._failed += failed
         self._worked += rows if work is None else work

@@ -26,8 +26,7 @@ Function = Callable[..., Any]
 TRUSTED: ContextVar[bool] = ContextVar("TRUSTED", default=False)
 """Whether the user trusts the functions that scenes and databases name: the option `--trust`."""
 
-_compiled: dict[str, ModuleType] = {}
-"""Modules that were compiled here, by their names."""
+_compiled: dict[str, ModuleType] = {}  # modules that were compiled here, by their names
 
 
 def source_hash(name: str) -> str:
@@ -41,8 +40,7 @@ def source_hash(name: str) -> str:
 
 @functools.lru_cache(maxsize=16)
 def load_function(name: str, source: str) -> Function:
-    """Import a function "module:function" of the user's, whose module's source must have this
-    SHA-256.
+    """Import a function "module:function" of the user's from a source with this SHA-256.
 
     Raise SourceError if functions are not trusted, there is no such function, its module cannot be
     imported, or its source has changed.
@@ -62,8 +60,8 @@ def load_function(name: str, source: str) -> Function:
 def faults_of(
     place: str, passing: tuple[type[Exception], ...] = (ArithmeticError, MemoryError)
 ) -> Iterator[None]:
-    """Turn what a user's code raises into a SourceError of one line, also what would end the
-    program.
+    """Turn what a user's code raises, also what would end the program, into a SourceError of a
+    line.
 
     A bound on the time passes through, as do the exceptions in `passing`: a surface or a row may
     fail by its numbers.

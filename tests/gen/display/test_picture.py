@@ -69,23 +69,6 @@ def test_areas_stand_over_the_load_that_was_drawn(
     assert "E* = 200 GPa, hardness 2 GPa" in title
 
 
-def test_surfaces_of_the_spectral_generator_are_named_with_their_units(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("small.toml").write_text(
-        "samples = 3\n[surface]\ngenerator = 'spectral'\nnodes = 16\nhurst = 0.8\n"
-        "roll_off = 500.0\ncut_off = 150.0\nrms_height = 2.0\n"
-        "[delta]\npieces = [{share = 1.0, range = [1.0, 3.0]}]"
-    )
-    assert cli.main(["run", "small.toml", "-o", "small.h5"]) == 0
-    figures = []
-    monkeypatch.setattr(picture, "save", lambda figure, _: figures.append(figure))
-    assert cli.main(["plot", "small.h5", "-o", "small.png"]) == 0
-    titles = [" ".join(axis.get_title(loc="left").split()) for axis in figures[0].axes]
-    assert any("rms_height = 2 µm" in title for title in titles)
-
-
 def test_times_beyond_the_picture_are_counted() -> None:
     axis = picture.new_figure(4, 3, dpi=50).subplots()
     seconds = np.append(np.full(300, 0.01), [0.5, 0.7, np.nan])

@@ -29,8 +29,19 @@ def contacts_of(name, boundary, **load):
     return list(bem.ladder(heights, 100.0, modulus=210e3, poisson=0.3, boundary=boundary, **load))
 
 
-def test_a_law_is_that_of_a_piece_between_its_mirror_images(surfaces, run):
-    run("many/s0.npy", "--pressure", "1:100:5:log", *CONDUCTING, "--csv", "law.csv")
+def test_a_law_is_that_of_a_piece_between_its_mirror_images(surfaces, run, capsys):
+    """One command writes it in every format, with the command."""
+    np.save("s0.npy", np.load("many/s0.npy") + np.linspace(0, 15, 20)[:, None])
+    run("s0.npy", "--pressure", "0.001,10", "--json", "law.json")
+    notes = json.loads(Path("law.json").read_text())["notes"]
+    assert any(note.startswith("warning: s0.npy: tilted by") for note in notes)
+    assert any("fewer than 10 nodes touch" in note for note in notes)
+    run("many/s0.npy", "--pressure", "1:100:5:log", *CONDUCTING, "-o", "law")
+    wrote = [line.split()[1] for line in capsys.readouterr().out.splitlines() if "wrote" in line]
+    files = ["law.csv", "law.json", "law.h", "law-calculix.inp", "law-abaqus.inp"]
+    assert wrote == ["law.json", *files]
+    command = json.loads(Path("law.json").read_text())["command"]
+    assert re.match(r"python -m gen law many/s0.npy --pressure 1:100:5:log", command)
     found = table("law.csv")
     contacts = contacts_of("many/s0.npy", "mirror", pressures=np.geomspace(1, 100, 5))
     assert set(found.boundary) == {"mirror"}
@@ -184,16 +195,6 @@ def test_displacements_at_which_all_nodes_of_a_population_yield_are_refused(surf
     assert "every node yields: the pressure is the hardness, 1 MPa, at all displacements" in said
 
 
-def test_one_command_writes_everything(surfaces, run, capsys):
-    run("many/s0.npy", "--pressure", "1:100:5:log", *CONDUCTING, "-o", "steel")
-    wrote = [line.split()[1] for line in capsys.readouterr().out.splitlines() if "wrote" in line]
-    files = ["steel.csv", "steel.json", "steel.h", "steel-calculix.inp", "steel-abaqus.inp"]
-    assert wrote == files
-    assert all(Path(name).stat().st_size for name in files)
-    command = json.loads(Path("steel.json").read_text())["command"]
-    assert re.match(r"python -m gen law many/s0.npy --pressure 1:100:5:log", command)
-
-
 def test_a_map_of_an_input_folder_is_not_replaced(surfaces, run, capsys):
     Path("many/s9.csv").write_text("0,1,0\n1,0,1\n0,1,0\n")
     before = {path.name: path.read_bytes() for path in Path("many").iterdir()}
@@ -218,30 +219,6 @@ def test_what_cannot_be_is_refused_in_one_line(surfaces, run, capsys, arguments,
     assert word in capsys.readouterr().err.splitlines()[-1]
     assert Path("many/s0.npy").read_bytes() == before
     assert not Path("law.csv").exists()
-
-
-def test_a_law_says_where_few_nodes_touch(surfaces, run, capsys):
-    run("many/s0.npy", "--pressure", "0.001:100:12:log", "--csv", "few.csv")
-    said = capsys.readouterr().out
-    (end,) = re.findall(r"^up to (\S+) MPa fewer than 10 nodes touch", said, re.M)
-    found = table("few.csv")
-    touching = found.area_percent * np.load("many/s0.npy").size / 100
-    assert touching[found.pressure_MPa <= float(end) * 1.001].max() < 10
-    assert touching[found.pressure_MPa > float(end) * 1.001].min() >= 9.999
-    run("many/s0.npy", "--pressure", "100", "--csv", "many.csv")
-    assert "nodes touch" not in capsys.readouterr().out
-
-
-def test_warnings_of_a_map_are_notes_of_its_law_and_not_in_its_title(surfaces, run, capsys):
-    heights = np.load("many/s0.npy")
-    np.save("tilted.npy", heights + np.linspace(0, 15, len(heights))[:, None])
-    run("tilted.npy", "--pressure", "10", "--json", "law.json")
-    lines = capsys.readouterr().out.splitlines()
-    assert "tilted.npy" in [line.strip() for line in lines]
-    (note,) = [line for line in lines if line.startswith("warning: tilted.npy: tilted by")]
-    law = json.loads(Path("law.json").read_text())
-    assert note in law["notes"]
-    assert law["surfaces"] == ["tilted.npy"]
 
 
 def test_a_flat_surface_has_no_law(surfaces, capsys):

@@ -67,8 +67,3 @@ def test_curves_and_bands_stand_in_linear_and_log_axes(
         (line,) = axis.get_lines()
         assert len(line.get_xdata()) >= 2
         assert len(axis.collections) == (inputs == ("many",))
-
-
-def test_a_picture_is_written(surfaces, run):
-    run("many", "--pressure", "1,10", "--plot", "law.png")
-    assert Path("law.png").read_bytes().startswith(b"\x89PNG")

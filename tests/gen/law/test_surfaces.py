@@ -49,12 +49,9 @@ def test_forces_become_pressures_and_pressures_stay(tmp_path):
     np.testing.assert_allclose(loads, np.linspace(0.001, 0.02, 3))
 
 
-def test_displacements_and_pressures_do_not_go_together(tmp_path):
+def test_loads_that_scenes_do_not_say_are_asked_for(tmp_path):
     with pytest.raises(InputError, match="others pressures: give --delta or --pressure"):
         subjects(tmp_path, "relative", "spectral").loads(3, 1.0)
-
-
-def test_a_surface_of_a_file_says_no_loads(tmp_path):
     np.save(tmp_path / "s.npy", np.random.default_rng(0).normal(size=(9, 9)))
     found = read_subjects([str(tmp_path / "s.npy")], 3, Reading(side="10"), "free", print)
     assert found.loads(3, 1.0) is None

@@ -50,12 +50,6 @@ def test_predictions_over_decades_have_logarithmic_axes_and_none_is_lost(truth, 
     assert drawn.get_label() == "model\n2 beyond the axes"
 
 
-def test_equal_truths_have_axes_too():
-    panel = new_figure(4, 3).subplots()
-    parity_axes(panel, np.full(3, 7.0))
-    assert panel.get_xlim() == (6.0, 8.0)
-
-
 LATIN = os.fsdecode(b"n\xfcrnberg \x1b")
 """A name of a file that is no UTF-8, and has a control character."""
 

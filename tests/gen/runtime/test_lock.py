@@ -79,11 +79,6 @@ def test_file_system_without_locks(path, monkeypatch):
         pass
 
 
-def test_missing_folder(tmp_path):
-    with pytest.raises(InputError, match="nowhere"), lock(tmp_path / "nowhere" / "some.h5"):
-        pass
-
-
 @pytest.mark.parametrize(
     "kind", ["new", "of several levels", "of the user's", "a link to a new one"]
 )

@@ -7,7 +7,7 @@ import pytest
 from gen import cli
 from gen.runtime import memory
 from gen.runtime.errors import InputError
-from gen.runtime.numbers import DIGITS, MOST, integer, magnitude, rows_from, shown, values_from
+from gen.runtime.numbers import DIGITS, MOST, integer, rows_from, values_from
 from gen.schema import RUNTIME
 
 HUGE = "9" * 5000
@@ -59,16 +59,6 @@ def test_what_is_no_value_is_refused(text):
 def test_more_values_than_any_use_are_refused_before_they_take_memory(text):
     with pytest.raises(InputError, match="give 100,000 values at most"):
         values_from(text, "--delta", "advice")
-
-
-def test_long_texts_are_cut():
-    assert shown("1:2") == "'1:2'"
-    assert shown(HUGE) == "'" + "9" * 60 + "'... (5000 characters)"
-
-
-def test_magnitudes_leave_room_for_arithmetic():
-    assert all(magnitude(value) for value in (1e-9, 1.0, 1e12))
-    assert not any(magnitude(value) for value in (0.0, 1e-320, -1.0, 1e308, np.inf, np.nan))
 
 
 @pytest.mark.parametrize(
