@@ -357,7 +357,10 @@ class LawOutputs(NamedTuple):
             raise InputError(
                 f"--output {stem}: give what the names of the files begin with, as law"
             )
-        ends = {"table": ".csv", "json": ".json", "header": ".h"}
-        ends |= {"calculix": "-calculix.inp", "abaqus": "-abaqus.inp"}
-        named = {each: stem.with_name(f"{stem.name}{end}") for each, end in ends.items()}
-        return self._replace(**{each: getattr(self, each) or path for each, path in named.items()})
+        return self._replace(
+            table=self.table or stem.with_name(f"{stem.name}.csv"),
+            json=self.json or stem.with_name(f"{stem.name}.json"),
+            header=self.header or stem.with_name(f"{stem.name}.h"),
+            calculix=self.calculix or stem.with_name(f"{stem.name}-calculix.inp"),
+            abaqus=self.abaqus or stem.with_name(f"{stem.name}-abaqus.inp"),
+        )

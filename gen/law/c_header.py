@@ -93,8 +93,12 @@ def write(path: Path, law: Law) -> None:
 
     Raise InputError if it cannot be written, or everything is outside the training.
     """
-    tables = {"over_delta": law.over_delta, "over_pressure": law.over_pressure}
-    law = replace(law, **{name: each.chosen(~each.flagged) for name, each in tables.items()})
+    over_delta, over_pressure = law.over_delta, law.over_pressure
+    law = replace(
+        law,
+        over_delta=over_delta.chosen(~over_delta.flagged),
+        over_pressure=over_pressure.chosen(~over_pressure.flagged),
+    )
     own = re.sub(r"[^0-9A-Za-z]+", "_", path.stem).strip("_")
     name = f"asperity_{own or 'law'}"  # asperity_steel_2 for steel-2.h
     files.write(path, "\n".join(_lines(law, name)) + "\n")

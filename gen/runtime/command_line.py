@@ -181,7 +181,15 @@ def main(
             code, message = _run(app, name, arguments)
         if world.is_master and message:
             _complain(message)
-        return _ended(world, code, message)
+        try:
+            return world.end(code)
+        except RuntimeError:  # the command has failed on this worker alone: all end
+            if not message:
+                raise
+            _complain(f"{message} (rank {world.rank})")
+            time.sleep(farm.FORWARDING)
+            world.communicator.Abort(code)
+            sys.exit(code)
     except farm.MasterLeft as left:
         return left.code
     except InputError as error:  # this process could not join the others
@@ -189,19 +197,6 @@ def main(
         return 2
     except Exception:
         world.abort()
-
-
-def _ended(world: farm.World, code: int, message: str) -> int:
-    """Agree on the master's exit code; a command that failed on one worker ends all processes."""
-    try:
-        return world.end(code)
-    except RuntimeError:
-        if not message:
-            raise
-        _complain(f"{message} (rank {world.rank})")
-        time.sleep(farm.FORWARDING)
-        world.communicator.Abort(code)
-        sys.exit(code)
 
 
 def _run(app: typer.Typer, name: str, arguments: Sequence[str]) -> tuple[int, str]:

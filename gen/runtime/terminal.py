@@ -136,14 +136,14 @@ class RunProgress:
     def __enter__(self) -> Self:
         """Start the clock and the bar."""
         self._began = self._last_line = time.monotonic()
-        with _heedless():
+        with suppress(OSError, ValueError):
             if self._bar:
                 self._bar.start()
         return self
 
     def __exit__(self, *error: object) -> None:
         """Stop the bar; print a last line in a batch log, but not above a refusal of the input."""
-        with _heedless():
+        with suppress(OSError, ValueError):
             if self._bar:
                 self._bar.stop()
         if not self._bar and self._here and not isinstance(error[1], InputError):
@@ -155,7 +155,7 @@ class RunProgress:
         self._failed += failed
         self._worked += rows if work is None else work
         if self._bar:
-            with _heedless():
+            with suppress(OSError, ValueError):
                 (task,) = self._bar.task_ids
                 self._bar.update(task, completed=self._here, pace=self._pace())
         elif time.monotonic() > self._last_line + LINE_SECONDS:
@@ -163,7 +163,7 @@ class RunProgress:
 
     def say(self, message: str) -> None:
         """Print a line above the bar."""
-        with _heedless():
+        with suppress(OSError, ValueError):
             if self._bar:
                 self._bar.console.print(
                     printable(message), markup=False, highlight=False, soft_wrap=True
@@ -181,13 +181,12 @@ class RunProgress:
         """Return rate, failures and remaining time in words."""
         elapsed = max(time.monotonic() - self._began, 1e-9)
         left = elapsed * (self._work / self._worked - 1) if self._worked else 0.0
+        minutes, seconds = divmod(round(max(left, 0.0)), 60)
+        clock = f"{minutes}:{seconds:02}"
+        if minutes >= 60:
+            clock = f"{minutes // 60}:{minutes % 60:02}:{seconds:02}"
         rate = f"{self._here / elapsed:.3g} {self._noun.partition(' ')[0]}/s"
-        return f"{rate}, {self._failed} failed, {_duration(max(left, 0.0))} left"
-
-
-def _heedless() -> Any:
-    """Return a guard against errors of a stream that shows progress."""
-    return suppress(OSError, ValueError)
+        return f"{rate}, {self._failed} failed, {clock} left"
 
 
 def _bar(noun: str, total: int) -> Any:
@@ -204,10 +203,3 @@ def _bar(noun: str, total: int) -> Any:
     )
     bar.add_task(noun, total=total, pace="")
     return bar
-
-
-def _duration(seconds: float) -> str:
-    """Format a time as minutes and seconds, with hours if there are any."""
-    minutes, rest = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"
