@@ -122,6 +122,14 @@ def test_perimeter_is_the_length_of_edges_between_contact_and_gap() -> None:
     assert contact.perimeter == pytest.approx(length, rel=1e-14)
 
 
+def test_perimeter_goes_on_past_the_borders_of_a_periodic_patch() -> None:
+    contact = bem.solve(HEIGHTS, (30.0, 70.0), pressure=1e-2, boundary="periodic")
+    touching, (dx, dy) = contact.pressure > 0, contact.problem.spacing
+    across, along = (np.sum(touching != np.roll(touching, 1, axis)) for axis in (0, 1))
+    assert 0 < across != along > 0
+    assert contact.perimeter == pytest.approx(across * dy + along * dx, rel=1e-14)
+
+
 def test_results_cannot_be_rewritten() -> None:
     contact = bem.solve(HEIGHTS, SIDE, 2.0)
     with pytest.raises(dataclasses.FrozenInstanceError):
