@@ -24,105 +24,82 @@ Database = Annotated[Path, typer.Argument(metavar="FILE", help="A database made 
 Output = Annotated[
     Path, typer.Option("--output", "-o", metavar="DIR", help="The comparison folder.")
 ]
-Comparison = Annotated[Path, typer.Argument(metavar="DIR", help="A comparison folder.")]
-Models = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--model",
-        metavar="NAME",
-        help="decision-tree, random-forest, adaboost, xgboost, gradient-boost, svm,"
-        " gaussian-process, kernel-ridge or mlp; may be repeated; all nine if left out.",
-    ),
-]
-Target = Annotated[
-    str,
-    typer.Option(
-        metavar="NAME",
-        help="area, force, both, or the column of another result that is stored, as mean_gap.",
-    ),
-]
-Normalise = Annotated[
-    str,
-    typer.Option(
-        metavar="HOW",
-        help="l2 (each row to unit length, the paper's), standard, min-max or none; l2 for paper"
-        " features and standard for others if left out.",
-    ),
-]
-Features = Annotated[
-    str,
-    typer.Option(
-        metavar="SET",
-        help="paper (Delta and the 22 statistics), dimensionless (the same without units: any scan"
-        " length), or hybrid (with bearing area and a coarse contact solve of each surface).",
-    ),
-]
-Seed = Annotated[int, typer.Option(min=0, max=SEEDS, help="Seed of the split and of the models.")]
-TrainRows = Annotated[
-    int | None, typer.Option(metavar="N", help="Train on N rows at most, drawn with the seed.")
-]
-Again = Annotated[
-    bool, typer.Option("--again", help="Measure again, also where a result is there.")
-]
 
 
 class Selection(NamedTuple):
-    """Rows and features that a comparison rests on; see the help of the options."""
+    """Models, and the rows and features that a comparison rests on; see the help of the options."""
 
+    model: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME",
+            help="decision-tree, random-forest, adaboost, xgboost, gradient-boost, svm,"
+            " gaussian-process, kernel-ridge or mlp; may be repeated; all nine if left out.",
+        ),
+    ] = None
+    target: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            help="area, force, both, or the column of another result that is stored, as mean_gap.",
+        ),
+    ] = "area"
     area_max: AreaMax = None
-    features: Features = "paper"
-    normalise: Normalise = ""
-    seed: Seed = 0
-    train_rows: TrainRows = None
+    features: Annotated[
+        str,
+        typer.Option(
+            metavar="SET",
+            help="paper (Delta and the 22 statistics), dimensionless (the same without units: any"
+            " scan length), or hybrid (with bearing area and a coarse contact solve of each"
+            " surface).",
+        ),
+    ] = "paper"
+    normalise: Annotated[
+        str,
+        typer.Option(
+            metavar="HOW",
+            help="l2 (each row to unit length, the paper's), standard, min-max or none; l2 for"
+            " paper features and standard for others if left out.",
+        ),
+    ] = ""
+    seed: Annotated[
+        int, typer.Option(min=0, max=SEEDS, help="Seed of the split and of the models.")
+    ] = 0
+    train_rows: Annotated[
+        int | None, typer.Option(metavar="N", help="Train on N rows at most, drawn with the seed.")
+    ] = None
+    again: Annotated[
+        bool, typer.Option("--again", help="Measure again, also where a result is there.")
+    ] = False
     trust: Trust = False
 
+    def request(self, file: Path, output: Path, limit: float | None = None) -> Request:
+        """Return the request of a comparison, after a look at its folder.
 
-def requested(
-    file: Path,
-    output: Path,
-    models: list[str] | None,
-    target: str,
-    selection: Selection,
-    *,
-    again: bool = False,
-    limit: float | None = None,
-) -> Request:
-    """Return the request of a comparison, after a look at its folder.
+        InputError is raised if the folder cannot be written, or an option has no meaning.
+        """
+        from learn.dataset import Request
+        from learn.features import chosen
+        from learn.surrogate.fitting import normalisation_of
 
-    InputError is raised if the folder cannot be written, or an option has no meaning.
-    """
-    from learn.dataset import Request
-    from learn.features import chosen
-    from learn.surrogate.fitting import normalisation_of
-
-    check_folder(output)
-    return Request(
-        database=file,
-        output=output,
-        targets=("area", "force") if target == "both" else (target,),
-        models=tuple(models or ()),
-        area_max=selection.area_max,
-        normalisation=normalisation_of(
-            chosen(selection.features).normalisation, selection.normalise
-        ),
-        features=selection.features,
-        seed=selection.seed,
-        train_rows=selection.train_rows,
-        again=again,
-        limit=limit,
-    )
+        check_folder(output)
+        return Request(
+            database=file,
+            output=output,
+            targets=("area", "force") if self.target == "both" else (self.target,),
+            models=tuple(self.model or ()),
+            area_max=self.area_max,
+            normalisation=normalisation_of(chosen(self.features).normalisation, self.normalise),
+            features=self.features,
+            seed=self.seed,
+            train_rows=self.train_rows,
+            again=self.again,
+            limit=limit,
+        )
 
 
 @grouped
-def compare(
-    file: Database,
-    output: Output,
-    model: Models = None,
-    target: Target = "area",
-    *,
-    selection: Selection,
-    again: Again = False,
-) -> int:
+def compare(file: Database, output: Output, *, selection: Selection) -> int:
     """Fit the models with their libraries' settings: errors and times beside the paper's Table 4.
 
     The fits run one after the other, so that their times are those of a process that works alone.
@@ -131,8 +108,8 @@ def compare(
     from learn.executor import lead
 
     def job(executor: Executor) -> int:
-        request = requested(file, output, model, target, selection, again=again)
-        with lock_folder(request.output):
+        request = selection.request(file, output)
+        with lock_folder(output):
             return _show(request, jobs.compare(request, executor))
 
     return lead(job, farm.this_world())
@@ -142,7 +119,6 @@ def compare(
 def tune(
     file: Database,
     output: Output,
-    model: Models = None,
     budget: Annotated[
         str,
         typer.Option(
@@ -151,10 +127,8 @@ def tune(
             " for it, then five folds of all rows. Without it, whole grids.",
         ),
     ] = "",
-    target: Target = "area",
     *,
     selection: Selection,
-    again: Again = False,
 ) -> int:
     """Search the grids of the paper's Table 2, and fit and time the winners.
 
@@ -170,16 +144,15 @@ def tune(
     from learn.executor import lead
 
     def job(executor: Executor) -> int:
-        limit = seconds(budget) if budget else None
-        request = requested(file, output, model, target, selection, again=again, limit=limit)
-        with lock_folder(request.output):
+        request = selection.request(file, output, seconds(budget) if budget else None)
+        with lock_folder(output):
             return _show(request, jobs.tune(request, executor), tuned=True)
 
     return lead(job, farm.this_world())
 
 
 def show(
-    folder: Comparison,
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="A comparison folder.")],
     pictures: Annotated[bool, typer.Option(help="Draw the pictures too.")] = True,
 ) -> None:
     """Print a comparison's tables beside the paper's; write them and the pictures into the folder.
