@@ -1,4 +1,4 @@
-"""Draft a scene for measured maps: survey them, choose, print, write keys and why they are so.
+"""Draft a scene for measured maps: survey them, choose, print, write it.
 
 `gen.draft.survey` looks at maps, `gen.draft.proposal` chooses windows or a law, and loads.
 """
@@ -8,9 +8,7 @@ from __future__ import annotations
 import json
 import math
 import textwrap
-from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import NamedTuple
 
 from gen.draft.proposal import (
     AROUND,
@@ -25,12 +23,11 @@ from gen.draft.proposal import (
     Loads,
     Material,
     Proposal,
-    known_texture,
     propose,
     propose_like,
     rounded,
 )
-from gen.draft.survey import FORM, MapSurvey, print_looks, remarks
+from gen.draft.survey import FORM, print_looks, remarks
 from gen.generators.scans import MOST_PATTERNS
 from gen.maps.library import map_files
 from gen.maps.read import in_words
@@ -41,14 +38,9 @@ from gen.runtime.terminal import RunProgress, echo, to_type
 from gen.scene import Scene
 from gen.scene.faults import one_line
 
-FEW_TILES = 10
-"""Tiles from which the part that tests a surrogate, a fifth, holds two or more."""
-
-WIDTH = 96
-"""Largest length of a line of comments."""
-
-SUFFIX = ".toml"
-"""Suffix of scenes, by which folders of maps know that they are none."""
+FEW_TILES = 10  # tiles from which the part that tests a surrogate, a fifth, holds two or more
+WIDTH = 96  # largest length of a line of comments
+SUFFIX = ".toml"  # suffix of scenes, by which folders of maps know that they are none
 
 
 def draft(
@@ -75,7 +67,7 @@ def draft(
     if like is not None:
         found = propose_like(like, reading, material)
         print_looks([found.look])
-        scene = write(output, keys_like(found, command, output))
+        scene = write(output, scene_like(found, command, output))
         made = f"self-affine surfaces like {like.name}"
         doubts += [f"{found.doubt}: windows of the map are safer"] if found.doubt else []
     else:
@@ -83,7 +75,7 @@ def draft(
         with RunProgress(2 * len(paths), noun="readings") as progress:
             proposed = propose(paths, reading, material, lambda: progress.advance(1, 0))
         print_looks(proposed.looks)
-        scene = write(output, keys(proposed, inputs, command, output))
+        scene = write(output, scene_of_windows(proposed, inputs, command, output))
         made = (
             f"{proposed.windows} windows of {proposed.nodes} x {proposed.nodes} nodes of"
             f" {len(proposed.used)} of {len(paths)} maps, {scene.samples} samples"
@@ -93,98 +85,89 @@ def draft(
     echo(f"wrote {output}: {made}")
 
 
-class Key(NamedTuple):
-    """A key of a scene, or a comment alone."""
-
-    comment: str  # why the key has its value
-    name: str = ""  # name of the key, [name] of a table, or "" of a comment alone
-    value: str = ""  # value in TOML's notation; tables have none
-
-
-def keys(proposal: Proposal, inputs: list[str], command: str, output: Path) -> Iterator[Key]:
-    """Yield the keys of a scene of windows with their comments.
+def scene_of_windows(proposal: Proposal, inputs: list[str], command: str, output: Path) -> str:
+    """Return a scene of windows of maps, with comments that say why it has its values.
 
     The inputs are named as the user did, for scenes of more maps than a list may hold.
     """
     used, left = len(proposal.used), len(proposal.looks) - len(proposal.used)
     title = f"Windows of {used} measured map{'s' * (used != 1)}"
     others = f"; {left} file{'s' * (left != 1)} left out" if left else ""
-    yield from _head(
-        title,
-        f"{title}{others}. Written by\n    {command}\nEvery value is a proposal: change what"
-        " you know better.",
-        output,
-        f"\n    {to_type('learn fit')} {output.with_suffix('.h5')} --features hybrid"
-        f" -o {output.with_suffix('.surrogate')}",
-        proposal.windows,
+    database, surrogate = (
+        one_line(str(output.with_suffix(suffix))) for suffix in (".h5", ".surrogate")
     )
-    yield Key("", "[surface]")
-    yield Key("", "generator", quoted("scans"))
-    yield from _files(proposal, inputs, output.absolute().parent)
-    yield from _windows(proposal)
-    yield from _preparation(proposal)
-    if given := {name: value for name, value in proposal.reading.of("reading").items() if value}:
-        yield Key("As given to the command, for files that do not say it.", "[surface.reading]")
-        yield from (Key("", name, quoted(value)) for name, value in given.items())
-    yield from _load_keys(proposal.loads, proposal.material)
-    yield from _contact_keys(
-        proposal.material,
-        "A window is a piece of a larger surface: its mirror images surround it, so that it has no"
-        ' edges that carry too much. "free" is for bodies that end where the map does.',
-    )
+    then = f"\n#     {to_type('learn fit')} {database} --features hybrid -o {surrogate}"
+    given = [(name, value) for name, value in proposal.reading.of("reading").items() if value]
+    reading = "\n".join(f"{name} = {quoted(value)}" for name, value in given)
+    if given:
+        reading = f"""
+# As given to the command, for files that do not say it.
+[surface.reading]
+{reading}
+"""
+    return document(f"""\
+# {title}{others}. Written by
+#     {one_line(command)}
+# Every value is a proposal: change what you know better. Then
+{_head(title, output, proposal.windows, then)}
+[surface]
+generator = "scans"
+{_files(proposal, inputs, output.absolute().parent)}
+{_windows(proposal)}
+{_preparation(proposal)}{reading}
+{_loads(proposal.loads, proposal.material)}
+[contact]
+# A window is a piece of a larger surface: its mirror images surround it, so that it has no edges
+# that carry too much. "free" is for bodies that end where the map does.
+{_contact(proposal.material)}""")
 
 
-def _head(title: str, about: str, output: Path, then: str, surfaces: int) -> Iterator[Key]:
-    """Yield the comment above a scene, with the commands that use it, and its numbers."""
-    yield Key(
-        f"{about} Then\n    {to_type('gen estimate')} {output}\n"
-        f"    {to_type('gen run')} {output} -o {output.with_suffix('.h5')}{then}"
-    )
-    yield Key("", "title", quoted(title))
-    yield Key(
-        f"{surfaces} surfaces, each under {LOADS_PER_SURFACE} loads, which share its statistics:"
-        " more surfaces teach a surrogate more than more loads do. A database can grow: raise"
-        " samples, and run again.",
-        "samples",
-        str(surfaces * LOADS_PER_SURFACE),
-    )
-    yield Key("", "samples_per_surface", str(LOADS_PER_SURFACE))
-    yield Key("Another seed draws other surfaces and loads.", "seed", "2025")
+def _head(title: str, output: Path, surfaces: int, then: str = "") -> str:
+    """Return the commands that use a scene, and its numbers."""
+    scene, database = (one_line(str(each)) for each in (output, output.with_suffix(".h5")))
+    return f"""\
+#     {to_type("gen estimate")} {scene}
+#     {to_type("gen run")} {scene} -o {database}{then}
+title = {quoted(title)}
+
+# {surfaces} surfaces, each under {LOADS_PER_SURFACE} loads, which share its statistics: more
+# surfaces teach a surrogate more than more loads do. A database can grow: raise samples, and run
+# again.
+samples = {surfaces * LOADS_PER_SURFACE}
+samples_per_surface = {LOADS_PER_SURFACE}
+
+# Another seed draws other surfaces and loads.
+seed = 2025
+"""
 
 
-def _files(proposal: Proposal, inputs: list[str], home: Path) -> Iterator[Key]:
-    """Yield the list of files, those that are left out as comments; `home` is the scene's."""
+def _files(proposal: Proposal, inputs: list[str], home: Path) -> str:
+    """Return the list of files, those that are left out as comments; `home` is the scene's."""
     used = proposal.used
     if len(used) > MOST_PATTERNS:
-        yield Key(
-            f"A list may hold {MOST_PATTERNS} names: these are the folders and patterns as given."
-            " Move the files away that the command has left out.",
-            "files",
-            f"[{', '.join(quoted(str(Path(name).expanduser().absolute())) for name in inputs)}]",
-        )
-        return
-    width = max(len(quoted(_name(look.path, home))) for look in used) + 1
-    lines = ["["]
+        names = ", ".join(quoted(str(Path(name).expanduser().absolute())) for name in inputs)
+        return f"""
+# A list may hold {MOST_PATTERNS} names: these are the folders and patterns as given. Move the files
+# away that the command has left out.
+files = [{names}]
+"""
+    lines, width = [], max(len(quoted(_name(look.path, home))) for look in used) + 1
     for look in proposal.looks:
-        name = quoted(_name(look.path, home))
-        if look.fault:
+        name, texture = quoted(_name(look.path, home)), look.texture
+        if look.fault or texture is None:
             lines.append(f"    # {name} is left out: {one_line(look.fault)}")
-        else:
-            lines.append(f"    {name + ',':<{width}}  # {_words(look)}")
-    yield Key(
-        "All maps count alike: a window comes from each of them with the same probability. Names"
-        " count from the folder of this file on.",
-        "files",
-        "\n".join([*lines, "]"]),
-    )
-
-
-def _words(look: MapSurvey) -> str:
-    """Describe a map that is used."""
-    texture = known_texture(look)
-    nodes = f"{look.shape[0]} x {look.shape[1]} nodes"
-    rough = f"rms height {texture.rms_height:.3g} um, rms slope {texture.rms_slope:.3g}"
-    return "; ".join([f"{nodes}, {rough}", *remarks(look)])
+            continue
+        rough = f"rms height {texture.rms_height:.3g} um, rms slope {texture.rms_slope:.3g}"
+        nodes = f"{look.shape[0]} x {look.shape[1]} nodes, {rough}"
+        lines.append(f"    {name + ',':<{width}}  # {'; '.join([nodes, *remarks(look)])}")
+    listed = "\n".join(lines)
+    return f"""
+# All maps count alike: a window comes from each of them with the same probability. Names count from
+# the folder of this file on.
+files = [
+{listed}
+]
+"""
 
 
 def _name(path: Path, home: Path) -> str:
@@ -196,223 +179,189 @@ def _name(path: Path, home: Path) -> str:
     return f"./{name}" if name.startswith("~") else name  # "~" is somebody's home
 
 
-def _windows(proposal: Proposal) -> Iterator[Key]:
-    """Yield the nodes of a window and the spacing of the maps."""
-    nodes, tiling = proposal.nodes, proposal.tiling
-    side, length = nodes * proposal.step, proposal.length
-    words = (
-        f"Windows of {nodes} x {nodes} nodes, {side:.4g} um wide. The maps are cut into"
-        f" {tiling.total} tile{'s' * (tiling.total != 1)}; a window lies in one of them, and"
-        " training and tests of surrogates share no tile."
-    )
-    if tiling.total < FEW_TILES:
-        words += f" That is few: scores of a surrogate on {tiling.total} tiles mean little."
+def _windows(proposal: Proposal) -> str:
+    """Return the nodes of a window and the spacing of the maps."""
+    nodes, tiles, length = proposal.nodes, proposal.tiling.total, proposal.length
+    few = f" That is few: scores of a surrogate on {tiles} tiles mean little." * (tiles < FEW_TILES)
     if not math.isnan(length):
-        words += (
-            f" The autocorrelation length (Sal) of a middling map is {length:.3g} um: below"
-            f" {WIDE:g} of them in a window its statistics scatter."
-        )
-    yield Key(words, "nodes", str(nodes))
+        few += f"""
+# The autocorrelation length (Sal) of a middling map is {length:.3g} um: below {WIDE:g} of them in a
+# window its statistics scatter."""
+    text = f"""\
+# Windows of {nodes} x {nodes} nodes, {nodes * proposal.step:.4g} um wide. The maps are cut into
+# {tiles} tile{"s" * (tiles != 1)}; a window lies in one of them, and training and tests of
+# surrogates share no tile.{few}
+nodes = {nodes}
+"""
     if proposal.spacing is None:
         spacing = in_words(proposal.used[0].spacing)
-        yield Key(f"All maps have a node every {spacing} um, and keep it.")
-        return
+        return f"{text}\n# All maps have a node every {spacing} um, and keep it.\n"
     spacings = [step for look in proposal.used for step in look.spacing]
-    yield Key(
-        f"um. The maps have a node every {min(spacings):.4g} to {max(spacings):.4g} um and are"
-        " resampled to the coarsest of these: finer maps can lose detail, coarser ones cannot gain"
-        " it. Slopes, and with them elastic areas, are those of this spacing.",
-        "spacing",
-        number(proposal.spacing),
-    )
+    return f"""{text}
+# um. The maps have a node every {min(spacings):.4g} to {max(spacings):.4g} um and are resampled to
+# the coarsest of these: finer maps can lose detail, coarser ones cannot gain it. Slopes, and with
+# them elastic areas, are those of this spacing.
+spacing = {number(proposal.spacing)}
+"""
 
 
-def _preparation(proposal: Proposal) -> Iterator[Key]:
-    """Yield the table of the preparation."""
+def _preparation(proposal: Proposal) -> str:
+    """Return the table of the preparation."""
     used, steps = proposal.used, proposal.reading
-    yield Key(
-        "The options of `gen contact`; every map goes through all steps.", "[surface.preparation]"
-    )
-    if steps.despike is None:
-        yield Key("No map has spikes, single nodes far above all others: no despike.")
-    else:
+    despike = "# No map has spikes, single nodes far above all others: no despike."
+    if steps.despike is not None:
         spikes = [look.spikes for look in used if look.spikes is not None and look.spikes.number]
         nearest, taken = min(each.nearest for each in spikes), sum(each.number for each in spikes)
-        yield Key(
-            f"{len(spikes)} of {len(used)} maps have spikes, {taken} nodes in all, {nearest:.3g} or"
-            " more times the usual scatter away from their local median: the highest would set"
-            " Delta's zero.",
-            "despike",
-            number(steps.despike),
-        )
+        despike = f"""\
+# {len(spikes)} of {len(used)} maps have spikes, {taken} nodes in all, {nearest:.3g} or more times
+# the usual scatter away from their local median: the highest would set Delta's zero.
+despike = {number(steps.despike)}"""
     tilt = max(max(map(abs, look.tilt)) for look in used)
-    why = (
-        f"The maps are tilted by up to {tilt:.2g}, as they lay under the instrument. A higher"
-        ' degree ("quadratic", or form = N) would take long waves out of the roughness.'
-    )
+    level = f"""\
+# The maps are tilted by up to {tilt:.2g}, as they lay under the instrument. A higher degree
+# ("quadratic", or form = N) would take long waves out of the roughness."""
     if steps.level != "plane":
-        curved = next(look.path.name for look in used if look.form > FORM)
-        why = (
-            f"A quadratic form holds over {100 * FORM:g} % of the variance about the mean plane of"
-            f" {curved}: form rather than roughness. Others lose little by it."
-        )
-    yield Key(why, "level", quoted(steps.level))
+        curved = one_line(next(look.path.name for look in used if look.form > FORM))
+        level = f"""\
+# A quadratic form holds over {100 * FORM:g} % of the variance about the mean plane of {curved}:
+# form rather than roughness. Others lose little by it."""
+    fill = "# No map has holes: no fill."
     if steps.fill:
-        holed = sum(look.missing > 0 for look in used)
         share = 100 * max(look.holes for look in used)
-        yield Key(
-            f"{holed} of {len(used)} maps have holes, up to {share:.2g} % of the nodes: filled"
-            " between the heights of their rims.",
-            "fill",
-            "true",
-        )
-    else:
-        yield Key("No map has holes: no fill.")
+        fill = f"""\
+# {sum(look.missing > 0 for look in used)} of {len(used)} maps have holes, up to {share:.2g} % of
+# the nodes: filled between the heights of their rims.
+fill = true"""
     finest = 4 * max(max(look.spacing) for look in used)
-    yield Key(
-        "No filter: the shortest waves carry much of the slope, which decides elastic areas. Where"
-        f' they are an instrument\'s noise, filter = "{finest:.4g}:" would take out those below'
-        f" {finest:.4g} um, four nodes."
-    )
+    return f"""\
+# The options of `gen contact`; every map goes through all steps.
+[surface.preparation]
+{despike}
+
+{level}
+level = {quoted(steps.level)}
+
+{fill}
+
+# No filter: the shortest waves carry much of the slope, which decides elastic areas. Where they are
+# an instrument's noise, filter = "{finest:.4g}:" would take out those below {finest:.4g} um, four
+# nodes.
+"""
 
 
-def keys_like(likeness: Likeness, command: str, output: Path) -> Iterator[Key]:
-    """Yield the keys of a scene of self-affine surfaces like a map, with their comments."""
-    name, steps = likeness.look.path.name, likeness.reading
+def scene_like(likeness: Likeness, command: str, output: Path) -> str:
+    """Return a scene of self-affine surfaces like a map, with comments."""
+    name, steps = one_line(likeness.look.path.name), likeness.reading
     taken = [f"despike {steps.despike:g}"] if steps.despike is not None else []
     taken += [f"level {steps.level}"] + ["fill"] * steps.fill
     prepared = " ".join(said(each, "option") for each in taken)
-    yield from _head(
-        f"Self-affine surfaces like {name}",
-        f"Self-affine surfaces around {name}, a start for a population of your own. Written by\n"
-        f"    {command}\nThe map was prepared by {prepared}.",
-        output,
-        "",
-        SURFACES,
-    )
-    fit, spectrum = likeness.fit, likeness.spectrum
-    yield Key("", "[surface]")
-    yield Key("", "generator", quoted("spectral"))
-    yield Key(f"The map's spacing, {likeness.step:g} um.", "nodes", str(NODES))
-    yield Key("um, nodes times spacing.", "side", number(rounded(NODES * likeness.step, 6)))
-    found = f" The fit says: {'; '.join(fit.remarks)}." if fit.remarks else ""
-    hurst = spectrum.hurst
-    yield Key(
-        f"The fit to the map's radial power spectrum: Hurst exponent {fit.spectrum.hurst:.2f},"
-        f" roll-off {fit.spectrum.roll_off:.3g} um, cut-off {fit.spectrum.cut_off:.3g} um,"
-        f" {fit.decades:.2g} decades; the spectrum is off the law by a factor of"
-        f" {fit.scatter:.2g} (rms).{found} Ranges around it, by {EXPONENTS:g} and a factor of"
-        f" {AROUND:g}, give a surrogate something to tell apart; single numbers give one spectrum.",
-        "hurst",
-        span(rounded(max(0.0, hurst - EXPONENTS), 3), rounded(min(1.0, hurst + EXPONENTS), 3)),
-    )
-    low = max(spectrum.roll_off / AROUND, spectrum.cut_off)
-    yield Key(
-        "um, the longest wavelength of the power law; longer waves have the same density.",
-        "roll_off",
-        span(rounded(low, 4), rounded(spectrum.roll_off * AROUND, 4)),
-    )
-    yield Key("um, the shortest wavelength of all.", "cut_off", number(spectrum.cut_off))
-    height, slope = likeness.windows
-    words = (
-        f"With {likeness.slope:.3g}, generated surfaces have the map's rms slope between nodes,"
-        f" {slope:.3g}, and an rms height of {likeness.height:.3g} um, where windows of the map"
-        f" have {height:.3g} um (medians)."
-    )
+    fit, spectrum, (height, slope) = likeness.fit, likeness.spectrum, likeness.windows
+    remarks_ = f" The fit says: {'; '.join(fit.remarks)}." if fit.remarks else ""
+    hurst = [max(0.0, spectrum.hurst - EXPONENTS), min(1.0, spectrum.hurst + EXPONENTS)]
+    roll_off = [max(spectrum.roll_off / AROUND, spectrum.cut_off), spectrum.roll_off * AROUND]
+    doubt = ""
     if likeness.doubt:
-        words += f" DOUBTFUL: {likeness.doubt}. Windows of the map are safer: `gen scene MAP`."
-    slopes = rounded(likeness.slope / AROUND, 3), rounded(likeness.slope * AROUND, 3)
-    yield Key(words, "rms_slope", span(*slopes))
-    if spectrum.stretch != 1.0:
-        yield Key(
-            "The map has a lay: wavelengths along x over those along y, from its slopes along both"
-            " axes. The wavelengths above are those along y.",
-            "stretch",
-            number(spectrum.stretch),
-        )
-    yield from _load_keys(likeness.loads, likeness.material)
-    yield from _contact_keys(
-        likeness.material,
-        'As for windows of maps, which surrogates of this scene can then predict. "periodic" would'
-        " make each surface its own period.",
-    )
+        doubt = f" DOUBTFUL: {likeness.doubt}. Windows of the map are safer: `gen scene MAP`."
+    stretch = f"""
+# The map has a lay: wavelengths along x over those along y, from its slopes along both axes. The
+# wavelengths above are those along y.
+stretch = {number(spectrum.stretch)}
+"""
+    return document(f"""\
+# Self-affine surfaces around {name}, a start for a population of your own. Written by
+#     {one_line(command)}
+# The map was prepared by {prepared}. Then
+{_head(f"Self-affine surfaces like {likeness.look.path.name}", output, SURFACES)}
+[surface]
+generator = "spectral"
+
+# The map's spacing, {likeness.step:g} um.
+nodes = {NODES}
+side = {number(rounded(NODES * likeness.step, 6))}  # um
+
+# The fit to the map's radial power spectrum: Hurst exponent {fit.spectrum.hurst:.2f}, roll-off
+# {fit.spectrum.roll_off:.3g} um, cut-off {fit.spectrum.cut_off:.3g} um, {fit.decades:.2g} decades;
+# the spectrum is off the law by a factor of {fit.scatter:.2g} (rms).{remarks_} Ranges around it, by
+# {EXPONENTS:g} and a factor of {AROUND:g}, give a surrogate something to tell apart; single numbers
+# give one spectrum. Waves longer than the roll-off have the same density, shorter ones than the
+# cut-off none [um].
+hurst = {span(*(rounded(each, 3) for each in hurst))}
+roll_off = {span(*(rounded(each, 4) for each in roll_off))}
+cut_off = {number(spectrum.cut_off)}
+
+# With {likeness.slope:.3g}, generated surfaces have the map's rms slope between nodes, {slope:.3g},
+# and an rms height of {likeness.height:.3g} um, where windows of the map have {height:.3g} um
+# (medians).{doubt}
+rms_slope = {span(rounded(likeness.slope / AROUND, 3), rounded(likeness.slope * AROUND, 3))}
+{stretch if spectrum.stretch != 1.0 else ""}
+{_loads(likeness.loads, likeness.material)}
+[contact]
+# As for windows of maps, which surrogates of this scene can then predict. "periodic" would make
+# each surface its own period.
+{_contact(likeness.material)}""")
 
 
-def _load_keys(loads: Loads, material: Material) -> Iterator[Key]:
-    """Yield the table of the loads."""
-    yield Key("", "[load]")
+def _loads(loads: Loads, material: Material) -> str:
+    """Return the table of the loads."""
     small, large = loads.areas
+    why = f"""\
+# Mean pressure over E* times the surface's rms slope, from which the area of elastic bodies
+# follows: light loads bring about {KAPPA:g} times this share of a surface into contact, so that
+# rough and smooth ones have the same areas, from about {small:.2g} % on."""
     if loads.quantity == "pressure":
-        why = (
-            f"MPa, mean pressure over the patch. These loads bring about {small:.2g} to"
-            f" {large:.2g} % of a middling surface into contact. The hardness,"
-            f" {material.hardness or math.inf:g} MPa, is the pressure without equilibrium."
-        )
-    else:
-        why = (
-            "Mean pressure over E* times the surface's rms slope, from which the area of elastic"
-            f" bodies follows: light loads bring about {KAPPA:g} times this share of a surface into"
-            f" contact, so that rough and smooth ones have the same areas, from about {small:.2g} %"
-            " on."
-        )
-    yield Key(why, "quantity", quoted(loads.quantity))
-    yield Key(
-        f"From some {FEWEST_NODES} nodes in contact, where areas begin to be more than a count of"
-        " nodes, to a large part of the surface; log-uniform: small areas as often as large ones.",
-        "range",
-        f"{{ log_uniform = {span(loads.low, loads.high)} }}",
-    )
+        why = f"""\
+# MPa, mean pressure over the patch. These loads bring about {small:.2g} to {large:.2g} % of a
+# middling surface into contact. The hardness, {material.hardness:g} MPa, is the pressure without
+# equilibrium."""
+    return f"""\
+[load]
+{why}
+quantity = {quoted(loads.quantity)}
+
+# From some {FEWEST_NODES} nodes in contact, where areas begin to be more than a count of nodes, to
+# a large part of the surface; log-uniform: small areas as often as large ones.
+range = {{ log_uniform = {span(loads.low, loads.high)} }}
+"""
 
 
-def _contact_keys(material: Material, boundary: str) -> Iterator[Key]:
-    """Yield the table of the contact; `boundary` says why patches are mirrored."""
-    yield Key("", "[contact]")
-    yield Key(boundary, "boundary", quoted("mirror"))
-    said = "MPa, Young's modulus of an elastic body on a rigid one; E* = modulus / (1 - poisson^2)."
-    if not material.known:
-        said += (
-            " None was given: with 1 MPa the pressures and forces of an elastic contact are to be"
-            " multiplied by your E*, and its areas hold for any."
-        )
-    yield Key(said, "modulus", number(material.young))
-    yield Key("", "poisson", number(material.poisson))
-    if material.hardness is None:
-        yield Key(
-            "Without a hardness bodies are elastic at any pressure. Metals yield: hardness = 2000.0"
-            " (MPa, steel) with loads as pressures, see the option --hardness of `gen scene`."
-        )
-    else:
-        yield Key(
-            "MPa, of the softer body, which yields there; [low, high] would draw one for each"
-            " sample.",
-            "hardness",
-            number(material.hardness),
-        )
+def _contact(material: Material) -> str:
+    """Return the keys of the contact, the boundary first."""
+    unknown = """ None was given: with 1 MPa the pressures and
+# forces of an elastic contact are to be multiplied by your E*, and its areas hold for any."""
+    hardness = """\
+# Without a hardness bodies are elastic at any pressure. Metals yield: hardness = 2000.0 (MPa,
+# steel) with loads as pressures, see the option --hardness of `gen scene`."""
+    if material.hardness is not None:
+        hardness = f"""\
+# MPa, of the softer body, which yields there; [low, high] would draw one for each sample.
+hardness = {number(material.hardness)}"""
+    return f"""\
+boundary = "mirror"
+
+# MPa, Young's modulus of an elastic body on a rigid one; E* = modulus / (1 - poisson^2).{
+        "" if material.known else unknown
+    }
+modulus = {number(material.young)}
+poisson = {number(material.poisson)}
+
+{hardness}
+"""
 
 
-def document(keys: Iterable[Key]) -> str:
-    """Write keys with their comments, an empty line before each comment and each table."""
+def document(text: str) -> str:
+    """Wrap the comments of a scene anew, but for commands, which are indented in them."""
     lines: list[str] = []
-    for key in keys:
-        comments = [
-            f"# {line}".rstrip()
-            for paragraph in key.comment.splitlines()
-            for line in _wrapped(one_line(paragraph))
-        ]
-        opens = key.name.startswith("[")
-        if lines and (opens or (comments and not lines[-1].startswith("["))):
-            lines.append("")
-        lines += comments
-        if key.name:
-            lines.append(key.name if opens else f"{key.name} = {key.value}")
-    return "\n".join(lines) + "\n"
-
-
-def _wrapped(paragraph: str) -> list[str]:
-    """Wrap a paragraph, but not a command, which is indented."""
-    if paragraph.startswith("    "):
-        return [paragraph]
-    return textwrap.wrap(paragraph, WIDTH, break_long_words=False)
+    paragraph: list[str] = []
+    for line in [*text.splitlines(), ""]:
+        if line.startswith("# ") and not line.startswith("#  "):
+            paragraph.append(line[2:])
+            continue
+        wrapped = textwrap.wrap(" ".join(paragraph), WIDTH, break_long_words=False)
+        lines += [f"# {each}" for each in wrapped]
+        paragraph = []
+        if line or (lines and lines[-1]):
+            lines.append(line)
+    return "\n".join(lines).rstrip() + "\n"
 
 
 def quoted(text: str) -> str:
@@ -456,12 +405,11 @@ def require_new(path: Path) -> None:
         )
 
 
-def write(path: Path, keys: Iterable[Key]) -> Scene:
+def write(path: Path, text: str) -> Scene:
     """Write a scene, never over another file, and return it as `gen run` reads it.
 
     Raises InputError if the file cannot be written, or another process has made it meanwhile.
     """
-    text = document(keys)
     scene = Scene.parse(text, str(path))
     require_new(path)
     with atomic(path, replace=False) as file:

@@ -22,14 +22,10 @@ from gen.runtime.errors import InputError
 from gen.spectral import SelfAffineSpectrum, generate_spectral
 from gen.statistics import rms_slope
 
+# loads of each surface: a ladder of loads on one surface costs less than as many surfaces
 LOADS_PER_SURFACE = 5
-"""Loads of each surface: a ladder of loads on one surface costs less than as many surfaces."""
-
-OVERLAP = 4
-"""Windows over the number that lie side by side: more would show the same heights again."""
-
-WINDOWS = (200, 2000)
-"""Smallest and largest number of windows."""
+OVERLAP = 4  # windows over the number that lie side by side: more would show the same heights again
+WINDOWS = (200, 2000)  # smallest and largest number of windows
 
 
 @dataclass(frozen=True)
@@ -145,23 +141,14 @@ def _windows(shapes: Sequence[tuple[int, int]], nodes: int) -> int:
     return 10 * round(min(max(OVERLAP * beside, WINDOWS[0]), WINDOWS[1]) / 10)
 
 
+# nodes a side of the windows, the best first; cosine transforms of these numbers are fast
 SIZES = (128, 96, 64, 48, 32)
-"""Nodes a side of the windows, the best first; cosine transforms of these numbers are fast."""
-
-WIDER = (192, 256)
-"""Nodes a side where windows of `SIZES` are narrow beside the texture."""
-
+WIDER = (192, 256)  # nodes a side where windows of `SIZES` are narrow beside the texture
+# sides of a window in autocorrelation lengths from which its statistics are those of the map
 WIDE = 5.0
-"""Sides of a window in autocorrelation lengths from which its statistics are those of the map."""
-
-MOST_MAPS = 0.75
-"""Share of the maps that have to hold two windows along both axes."""
-
-FINE = 0.8
-"""Share of the maps that are not coarsened for the sake of the others."""
-
-COARSE = 4.0
-"""Spacing over the median one from which maps are left out, however many they are."""
+MOST_MAPS = 0.75  # share of the maps that have to hold two windows along both axes
+FINE = 0.8  # share of the maps that are not coarsened for the sake of the others
+COARSE = 4.0  # spacing over the median one from which maps are left out, however many they are
 
 
 def common_spacing(spacings: Sequence[Sides]) -> float | None:
@@ -210,17 +197,12 @@ def _share(sides: Sequence[int], nodes: int) -> float:
     return sum(side >= nodes for side in sides) / len(sides)
 
 
+# nodes in contact under the smallest load; fewer count the grid rather than the area
 FEWEST_NODES = 50
-"""Nodes in contact under the smallest load; fewer count the grid rather than the area."""
-
-LARGEST_AREA = 0.4
-"""Share of the patch in contact under the largest load, about."""
-
-YIELDING = 0.5
-"""Largest mean pressure over the hardness; at 1 there is no equilibrium."""
-
+LARGEST_AREA = 0.4  # share of the patch in contact under the largest load, about
+YIELDING = 0.5  # largest mean pressure over the hardness; at 1 there is no equilibrium
+# contact area times E* rms slope over the load for light loads; the theories say 1.6 and 2.5
 KAPPA = 2.0
-"""Contact area times E* rms slope over the load for light loads; the theories say 1.6 and 2.5."""
 
 
 @dataclass(frozen=True)
@@ -293,30 +275,18 @@ def rounded(value: float, digits: int = 2) -> float:
     return float(f"{value:.{digits}g}")
 
 
-NODES = 128
-"""Nodes along each side of the surfaces."""
-
-SURFACES = 600
-"""Number of surfaces."""
-
+NODES = 128  # nodes along each side of the surfaces
+SURFACES = 600  # number of surfaces
+# factor by which the lengths and the slope of the population differ from the map's, at most
 AROUND = 1.25
-"""Factor by which the lengths and the slope of the population differ from the map's, at most."""
-
-EXPONENTS = 0.05
-"""Distance of the population's Hurst exponents from the map's, at most."""
-
+EXPONENTS = 0.05  # distance of the population's Hurst exponents from the map's, at most
+# factor by which a spectrum is off its law, or heights are off the map's, if the law is doubtful:
+# isotropic made maps have 1.1
 UNLIKE = 1.4
-"""Factor by which a spectrum is off its law, or heights are off the map's, if the law is doubtful:
-isotropic made maps have 1.1."""
-
-LAY = 1.25
-"""Ratio of the slopes along both axes from which a map has a lay."""
-
-TRIED = 8
-"""Surfaces that are generated to compare them with the map."""
-
+LAY = 1.25  # ratio of the slopes along both axes from which a map has a lay
+TRIED = 8  # surfaces that are generated to compare them with the map
+# period of the surfaces in sides of the patch, the generator's for patches without a period
 PERIOD = 2
-"""Period of the surfaces in sides of the patch, the generator's for patches without a period."""
 
 
 @dataclass(frozen=True)

@@ -23,9 +23,9 @@ from gen.runtime.errors import InputError
 from gen.runtime.terminal import print_table
 from gen.statistics import rms_slope
 
+# share of the variance about the mean plane that a quadratic form holds at least: less may be a
+# long wave of the roughness
 FORM = 0.9
-"""Share of the variance about the mean plane that a quadratic form holds at least: less may be a
-long wave of the roughness."""
 
 
 @dataclass(frozen=True)
@@ -155,16 +155,14 @@ def remarks(look: MapSurvey) -> list[str]:
     return said
 
 
+# ratio of the nearest spike's distance to that of the furthest other node which tells spikes from
+# a surface whatever their number
 GAP = 2.0
-"""Ratio of the nearest spike's distance to that of the furthest other node which tells spikes from
-a surface whatever their number."""
-
+# largest share of the nodes that may be spikes if no gap separates them from the other nodes
 FEW = 1e-3
-"""Largest share of the nodes that may be spikes if no gap separates them from the other nodes."""
-
+# distance of the furthest of such spikes over that of the furthest share `FEW` of all nodes, at
+# least: on made maps without spikes the ratio is at most 2 (sharp ridges)
 APART = 2.5
-"""Distance of the furthest of such spikes over that of the furthest share `FEW` of all nodes, at
-least: on made maps without spikes the ratio is at most 2 (sharp ridges)."""
 
 
 class Spikes(NamedTuple):
@@ -210,8 +208,7 @@ def common_threshold(found: Sequence[Spikes]) -> float | None:
     return float(f"{middle:.2g}") if surface < float(f"{middle:.2g}") < nearest else middle
 
 
-WIDTH = 132
-"""Width of the table without a terminal [characters]."""
+WIDTH = 132  # width of the table without a terminal [characters]
 
 TITLES = (
     *("map", "nodes", "spacing um", "unit", "holes %", "spikes", "tilt", "rms height um"),

@@ -29,16 +29,13 @@ if TYPE_CHECKING:
 
 TURNS = ("x", "y", "none")
 
+# largest distance of nodes that count as one, in spacings, and relative difference of lengths that
+# count as equal: files round their lengths
 SAME = 1e-6
-"""Largest distance of nodes that count as one, in spacings, and relative difference of lengths that
-count as equal: files round their lengths."""
-
-COARSE = 10.0
-"""Ratio of the spacings of two maps above which one of them probably has another unit."""
-
+COARSE = 10.0  # ratio of the spacings of two maps above which one of them probably has another unit
+# nodes by which a map without edges is continued before it is interpolated: a spline forgets what
+# is further away, by a factor of 0.27 a node
 REACH = 24
-"""Nodes by which a map without edges is continued before it is interpolated: a spline forgets what
-is further away, by a factor of 0.27 a node."""
 
 
 @dataclass(frozen=True)

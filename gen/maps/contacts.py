@@ -156,15 +156,12 @@ def _nominal_area(contact: Contact) -> float:
 LOADS = ("delta", "force", "pressure")
 ADVICE = "give a number, several as 1,2,5, or start:stop:count[:log]"
 
-OUTER = 0.05
-"""Share of the lines of nodes on each side whose load is told apart."""
-
+OUTER = 0.05  # share of the lines of nodes on each side whose load is told apart
+# how messages write a load
 SHOWN = {"delta": "Delta = {:.6g} um", "force": "{:.6g} uN", "pressure": "{:.6g} MPa"}
-"""How messages write a load."""
-
+# E* over the pressure from which a warning is due: the hardness of steel is 2 GPa at 230 GPa, and
+# only glasses, ceramics and rubber bear more than a hundredth of E*
 YIELDING = 100
-"""E* over the pressure from which a warning is due: the hardness of steel is 2 GPa at 230 GPa, and
-only glasses, ceramics and rubber bear more than a hundredth of E*."""
 
 
 class Solution(NamedTuple):

@@ -14,8 +14,7 @@ from gen.arrays import Heights, Values
 if TYPE_CHECKING:
     from bem.problem import Boundary
 
-BLOCK = 1 << 15
-"""Nodes that enter the fit at a time, which bounds the memory."""
+BLOCK = 1 << 15  # nodes that enter the fit at a time, which bounds the memory
 
 
 def number_of_terms(degree: int) -> int:
@@ -46,14 +45,11 @@ def _orthonormal_polynomials(nodes: int, degree: int) -> Values:
     return np.asarray(np.linalg.qr(powers)[0])
 
 
+# nodes along each side of the neighbourhood: its median ignores spikes of up to 3 x 4 nodes
 WINDOW = 5
-"""Nodes along each side of the neighbourhood: its median ignores spikes of up to 3 x 4 nodes."""
-
-ROWS = 64
-"""Rows of nodes whose neighbourhoods are gathered at a time, which bounds the memory."""
-
+ROWS = 64  # rows of nodes whose neighbourhoods are gathered at a time, which bounds the memory
+# scatter of the smoothest surfaces, as a share of the span of the heights: less is rounding
 ROUNDING = 1e-9
-"""Scatter of the smoothest surfaces, as a share of the span of the heights: less is rounding."""
 
 
 def without_spikes(heights: Heights, threshold: float) -> tuple[Heights, NDArray[np.bool_]]:
@@ -116,14 +112,12 @@ def _medians(values: Values) -> Values:
     return np.asarray(np.where(count % 2 == 1, lower, lower / 2 + upper / 2))
 
 
+# constant of the standard's weighting function, for which half of a wave of the cut-off passes
 ALPHA = math.sqrt(math.log(2) / math.pi)
-"""Constant of the standard's weighting function, for which half of a wave of the cut-off passes."""
-
+# reach of the weights in standard deviations, beyond which they are 1e-8 of the largest
 REACH = 6.0
-"""Reach of the weights in standard deviations, beyond which they are 1e-8 of the largest."""
-
+# shortest cut-off in spacings: there the sampled weights let 50.2 % pass, at 3 spacings 56 %
 FINEST = 4.0
-"""Shortest cut-off in spacings: there the sampled weights let 50.2 % pass, at 3 spacings 56 %."""
 
 
 def long_waves(

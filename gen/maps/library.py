@@ -32,17 +32,13 @@ from gen.runtime.errors import InputError
 from gen.runtime.files import MAPS, atomic, kind_of
 from gen.runtime.installation import versions
 
+# suffixes of files that stand in folders of maps and hold none
 OTHERS = {
     *(".toml", ".md", ".rst", ".pdf", ".html", ".json", ".yaml", ".yml", ".log", ".lock"),
     *(".png", ".jpg", ".jpeg", ".svg", ".py", ".xlsx", ".docx", ".surrogate", ".maps"),
 }
-"""Suffixes of files that stand in folders of maps and hold none."""
-
-WILD = re.compile(r"[*?\[]")
-"""Wildcards of a pattern."""
-
-MOST = 100_000
-"""Largest number of files of a scene."""
+WILD = re.compile(r"[*?\[]")  # wildcards of a pattern
+MOST = 100_000  # largest number of files of a scene
 
 
 def map_files(patterns: Sequence[str], folder: Path) -> list[Path]:
@@ -147,8 +143,7 @@ def located(recorded: Path, sha256: str, beside: Path | None) -> Path:
     )
 
 
-READER = 2
-"""Number of this way to read and prepare: raised whenever the code gives other heights."""
+READER = 2  # number of this way to read and prepare: raised whenever the code gives other heights
 
 
 @dataclass(frozen=True)
@@ -307,8 +302,7 @@ def _temporary_folder(*, make: bool) -> Path | None:
     return None
 
 
-PAGE = 4096
-"""Alignment of the maps in the file, that of pages in memory [bytes]."""
+PAGE = 4096  # alignment of the maps in the file, that of pages in memory [bytes]
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,32 +21,19 @@ from gen.runtime.terminal import shortened
 if TYPE_CHECKING:
     from bem import Contact
 
-LETTERS = 50
-"""Letters in a line above a map that fills its half of a picture."""
-
-UPPER_PERCENTILE = 99
-"""Where a colour scale ends if a few outliers would otherwise take most of it."""
-
-COLOURS = 20
-"""Colours of spots, those of the colour map tab20."""
-
+LETTERS = 50  # letters in a line above a map that fills its half of a picture
+UPPER_PERCENTILE = 99  # where a colour scale ends if a few outliers would otherwise take most of it
+COLOURS = 20  # colours of spots, those of the colour map tab20
+# spans below which axes of lengths are in nm, and from which on they are in mm [um]
 FINE, COARSE = 1.0, 2000.0
-"""Spans below which axes of lengths are in nm, and from which on they are in mm [um]."""
-
+# ratio of the largest to the smallest load from which on axes of loads are logarithmic
 DECADES = 99.0
-"""Ratio of the largest to the smallest load from which on axes of loads are logarithmic."""
-
-OBLONG = 4.0
-"""Ratio of the sides beyond which a map fills its panel, as its title then says."""
-
+OBLONG = 4.0  # ratio of the sides beyond which a map fills its panel, as its title then says
+# colour of yielded nodes (red, green, blue): no colour map of these pictures has it
 CYAN = (0.09, 0.75, 0.81)
-"""Colour of yielded nodes (red, green, blue): no colour map of these pictures has it."""
-
+# share of the lines at both borders that a section avoids, since pressures are high there
 BORDER = 0.1
-"""Share of the lines at both borders that a section avoids, since pressures are high there."""
-
-BINS = 80
-"""Number of bars of the height distribution."""
+BINS = 80  # number of bars of the height distribution
 
 
 @dataclass(frozen=True, eq=False)

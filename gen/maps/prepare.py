@@ -10,6 +10,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gen.arrays import Heights
 from gen.maps import filters
@@ -21,23 +22,18 @@ from gen.maps.filters import (
     quadratic,
     without_spikes,
 )
-from gen.maps.read import WIDEST, Topography, in_words, intervals
+from gen.maps.read import WIDEST, Sides, Topography, in_words, intervals
 from gen.maps.settings import SPIKE, Reading, keys, numbers_in
 from gen.runtime.errors import InputError
 from gen.runtime.numbers import MAGNITUDES
 from gen.statistics import rms_slope
 
-ROUNDING = 1e-9
-"""Relative difference of lengths that are taken for the same."""
-
+ROUNDING = 1e-9  # relative difference of lengths that are taken for the same
+# share of nodes above which those taken out as spikes are probably part of the surface
 MANY_SPIKES = 0.01
-"""Share of nodes above which those taken out as spikes are probably part of the surface."""
-
-MANY_HOLES = 0.1
-"""Share of missing heights above which filling them deserves a warning."""
-
+MANY_HOLES = 0.1  # share of missing heights above which filling them deserves a warning
+# share of missing heights above which filling them is refused unless the user insists
 MOST_HOLES = 0.5
-"""Share of missing heights above which filling them is refused unless the user insists."""
 
 
 def prepare(topography: Topography, settings: Reading) -> Topography:
@@ -66,6 +62,7 @@ def prepare(topography: Topography, settings: Reading) -> Topography:
     return with_tilt_warning(topography)
 
 
+# what each key of the preparation does, if it is given
 STEPS: Mapping[str, Callable[[Topography, Any], Topography]] = {
     "crop": lambda given, how: cropped(given, how.crop),
     "invert": lambda given, _: changed(given, -given.heights, "turned upside down"),
@@ -78,7 +75,6 @@ STEPS: Mapping[str, Callable[[Topography, Any], Topography]] = {
     "filter": lambda given, how: filtered(given, *how.cutoffs()),
     "downsample": lambda given, how: downsampled(given, how.downsample),
 }
-"""What each key of the preparation does, if it is given."""
 
 
 def changed(topography: Topography, heights: Heights, step: str) -> Topography:
@@ -95,54 +91,57 @@ def require_useful_heights(topography: Topography) -> None:
 
 def cropped(topography: Topography, text: str) -> Topography:
     """Cut out the nodes within "x0:x1,y0:y1" [um]."""
-    named = topography.said("crop")
+    named, spacing = f"{topography.said('crop')} {text!r}", topography.spacing
     limits = [numbers_in(part, ":") for part in text.split(",")]
-    if len(limits) != 2 or any(len(ends) != 2 for ends in limits):
-        raise InputError(f"{named} {text!r}: give x0:x1,y0:y1 in um, as 100:900,0:500")
-    parts, sides = [], []
-    for (low, high), spacing, nodes in zip(
-        limits, topography.spacing, topography.heights.shape, strict=True
-    ):
-        positions = np.arange(nodes) * spacing
-        rounding = 1e-9 * spacing
-        within = np.flatnonzero((positions >= low - rounding) & (positions <= high + rounding))
-        if within.size < 2:
+    if [len(ends) for ends in limits] != [2, 2]:
+        raise InputError(f"{named}: give x0:x1,y0:y1 in um, as 100:900,0:500")
+    parts = []
+    for (low, high), apart, nodes in zip(limits, spacing, topography.heights.shape, strict=True):
+        places = np.arange(nodes)
+        kept = np.flatnonzero(
+            (places >= low / apart - ROUNDING) & (places <= high / apart + ROUNDING)
+        )
+        if kept.size < 2:
             whole = " x ".join(f"{side:.6g}" for side in topography.sides)
-            raise InputError(f"{named} {text!r}: holds fewer than 2 x 2 nodes of {whole} um")
-        parts.append(slice(int(within[0]), int(within[-1]) + 1))
-        sides.append(intervals(within.size, topography.boundary) * spacing)
+            raise InputError(f"{named}: holds fewer than 2 x 2 nodes of {whole} um")
+        parts.append(slice(int(kept[0]), int(kept[-1]) + 1))
     heights = np.ascontiguousarray(topography.heights[tuple(parts)])
     if np.isnan(heights).all():
-        raise InputError(f"{named} {text!r}: all heights are missing there")
+        raise InputError(f"{named}: all heights are missing there")
     step = f"cropped to {heights.shape[0]} x {heights.shape[1]} nodes, {text} um"
-    part = replace(topography, sides=(sides[0], sides[1]), repeats=False)
-    return changed(part, heights, step)
+    return changed(_on_grid(replace(topography, repeats=False), heights, spacing), heights, step)
 
 
-def masked(topography: Topography, kept: tuple[float, float]) -> Topography:
+def _on_grid(topography: Topography, heights: Heights, spacing: Sides) -> Topography:
+    """Give a patch the lengths of other heights with a spacing [um]."""
+    x, y = (
+        intervals(nodes, topography.boundary) * step
+        for nodes, step in zip(heights.shape, spacing, strict=True)
+    )
+    return replace(topography, sides=(x, y))
+
+
+def masked(topography: Topography, kept: Sides) -> Topography:
     """Make holes of the heights that are outside two ends [um]."""
     heights, (below, above) = topography.heights, kept
     outside = (heights < below) | (heights > above)
-    masked_heights = np.where(outside, np.nan, heights)
-    if np.isnan(masked_heights).all():
-        span = f"{np.nanmin(heights):.6g} to {np.nanmax(heights):.6g} um"
+    left = np.where(outside, np.nan, heights)
+    if np.isnan(left).all():
         raise InputError(
             f"{topography.name}: {topography.said('mask')} {below:g}:{above:g} leaves no height,"
-            f" they are {span}"
+            f" they are {np.nanmin(heights):.6g} to {np.nanmax(heights):.6g} um"
         )
-    count = int(np.count_nonzero(outside))
-    step = f"masked {_share(count, heights.size)} outside {below:g} to {above:g} um"
-    return changed(topography, masked_heights, step)
+    step = f"masked {_share(outside)} outside {below:g} to {above:g} um"
+    return changed(topography, left, step)
 
 
 def despiked(topography: Topography, threshold: float) -> Topography:
     """Replace spikes by their local median; warn if there are too many to be spikes."""
     heights, spikes = without_spikes(topography.heights, threshold)
-    count = int(np.count_nonzero(spikes))
-    taken = _share(count, heights.size)
+    taken = _share(spikes)
     step = f"despiked: {taken} further than {threshold:g} times the scatter from their local median"
     clean = changed(topography, heights, step)
-    if count <= MANY_SPIKES * heights.size:
+    if spikes.mean() <= MANY_SPIKES:
         return clean
     named = topography.said("despike")
     warning = f"{taken} were taken out as spikes: probably a part of the surface; raise {named}"
@@ -152,8 +151,7 @@ def despiked(topography: Topography, threshold: float) -> Topography:
 def without_form(topography: Topography, degree: int) -> Topography:
     """Subtract the least-squares polynomial of a total degree from the measured nodes."""
     heights, terms = topography.heights, filters.number_of_terms(degree)
-    nx, ny = heights.shape
-    measured = heights.size - topography.missing
+    (nx, ny), measured = heights.shape, heights.size - topography.missing
     if degree >= min(nx, ny) or measured <= terms:
         raise InputError(
             f"{topography.name}: {topography.said('form')} {degree} has {terms} coefficients,"
@@ -171,10 +169,10 @@ def levelled(topography: Topography, level: str) -> Topography:
     if level == "mean":
         mean = float(np.nanmean(heights))
         return changed(topography, heights - mean, f"levelled by the mean, {mean:.6g} um")
-    slopes = tilt(topography)
+    x, y = tilt(topography)
     fit, _ = least_squares(heights, plane if level == "plane" else quadratic)
-    was = f"tilt was {slopes[0]:.4g} along x, {slopes[1]:.4g} along y"
-    return changed(topography, heights - fit, f"levelled by a {level} ({was})")
+    step = f"levelled by a {level} (tilt was {x:.4g} along x, {y:.4g} along y)"
+    return changed(topography, heights - fit, step)
 
 
 def filled(topography: Topography, *, insisted: bool) -> Topography:
@@ -200,57 +198,51 @@ def filled(topography: Topography, *, insisted: bool) -> Topography:
 
 def filtered(topography: Topography, short: float | None, long: float | None) -> Topography:
     """Take out waves shorter than the S-filter's cut-off and longer than the L-filter's [um]."""
-    heights, spacing = topography.heights, topography.spacing
+    heights, spacing, boundary = topography.heights, topography.spacing, topography.boundary
     finest, side = filters.FINEST * max(spacing), min(topography.sides)
-    names = []
-    for name, cutoff in (("S-filter", short), ("L-filter", long)):
-        if cutoff is None:
-            continue
+    cutoffs = {"S-filter": short, "L-filter": long}
+    given = {name: cutoff for name, cutoff in cutoffs.items() if cutoff is not None}
+    for name, cutoff in given.items():
         if not finest * (1 - ROUNDING) <= cutoff <= side * (1 + ROUNDING):
             raise InputError(
                 f"{topography.name}: {topography.said('filter')}: the {name}'s cut-off,"
                 f" {cutoff:g} um, is outside {finest:.6g} to {side:.6g} um, four spacings to the"
                 " shorter side"
             )
-        names.append(f"{name} {cutoff:g} um")
-    if short is not None:
-        heights = filters.long_waves(heights, spacing, short, topography.boundary)
-    if long is not None:
-        long_waves = filters.long_waves(heights, spacing, long, topography.boundary)
-        heights = heights - long_waves
+        waves = filters.long_waves(heights, spacing, cutoff, boundary)
+        heights = waves if name == "S-filter" else heights - waves
     beyond = {"periodic": ", on past the borders", "mirror": ", mirrored at the borders"}
-    said = ", ".join(names) + beyond.get(topography.boundary, "")
-    step = f"filtered after ISO 16610-61 (Gaussian): {said}"
+    names = ", ".join(f"{name} {cutoff:g} um" for name, cutoff in given.items())
+    step = f"filtered after ISO 16610-61 (Gaussian): {names}{beyond.get(boundary, '')}"
     return changed(topography, heights, step)
 
 
 def downsampled(topography: Topography, nodes: int) -> Topography:
     """Replace square blocks of nodes by their means; nodes beyond the last block are left out."""
     heights = topography.heights
-    blocks = [length // nodes for length in heights.shape]
-    shape = " x ".join(str(length) for length in heights.shape)
-    if min(blocks) < 2:
+    nx, ny = (length // nodes for length in heights.shape)
+    if min(nx, ny) < 2:
+        shape = " x ".join(map(str, heights.shape))
         raise InputError(
             f"{topography.name}: {topography.said('downsample')} {nodes} leaves fewer than 2 x 2 of"
             f" {shape} nodes"
         )
-    (nx, ny), whole = blocks, heights[: blocks[0] * nodes, : blocks[1] * nodes]
-    means = whole.reshape(nx, nodes, ny, nodes).mean(axis=(1, 3))
+    means = heights[: nx * nodes, : ny * nodes].reshape(nx, nodes, ny, nodes).mean(axis=(1, 3))
     left = tuple(length % nodes for length in heights.shape)
     rest = f", the last {left[0]} and {left[1]} lines left out" if any(left) else ""
-    spacing = [nodes * step for step in topography.spacing]
-    sides = [intervals(n, topography.boundary) * d for n, d in zip(blocks, spacing, strict=True)]
+    dx, dy = topography.spacing
     step = f"downsampled to {nx} x {ny} means of {nodes} x {nodes} nodes{rest}"
-    return changed(replace(topography, sides=(sides[0], sides[1])), means, step)
+    return changed(_on_grid(topography, means, (nodes * dx, nodes * dy)), means, step)
 
 
-def _share(count: int, size: int) -> str:
-    """Say a number of nodes, and which share of all nodes they are."""
-    return f"{count} node{'' if count == 1 else 's'} ({100 * count / size:.3g} %)"
+def _share(chosen: NDArray[np.bool_]) -> str:
+    """Say how many nodes are chosen, and which share of all nodes they are."""
+    count = int(np.count_nonzero(chosen))
+    return f"{count} node{'' if count == 1 else 's'} ({100 * count / chosen.size:.3g} %)"
 
 
+# relative difference of two spacings that are the same but for an instrument's rounding
 SAME = 1e-3
-"""Relative difference of two spacings that are the same but for an instrument's rounding."""
 
 
 def is_same(one: float, other: float) -> bool:
@@ -258,14 +250,14 @@ def is_same(one: float, other: float) -> bool:
     return abs(one - other) <= SAME * max(one, other)
 
 
-def resampled(topography: Topography, spacing: tuple[float, float]) -> Topography:
-    """Give a map another spacing, axis by axis.
+def resampled(topography: Topography, spacing: Sides) -> Topography:
+    """Give a map another spacing [um], axis by axis.
 
     Cubic splines through the nodes are evaluated where the new nodes are closer. Where they are
-    further apart, the splines are averaged over the new cells: values at the new nodes would
-    fold short waves back into long ones. An axis keeps its nodes if the two spacings are the
-    same but for rounding, see `SAME`. Raises InputError if fewer than 2 x 2 nodes are left, or
-    the map has fewer than four along such an axis.
+    further apart, the splines are averaged over the new cells: values at the new nodes would fold
+    short waves back into long ones. An axis keeps its nodes if the two spacings are the same but
+    for rounding, see `SAME`. Raises InputError if fewer than 2 x 2 nodes are left, or the map has
+    fewer than four along such an axis.
     """
     heights = topography.heights
     for axis in (0, 1):
@@ -276,17 +268,11 @@ def resampled(topography: Topography, spacing: tuple[float, float]) -> Topograph
             f"{topography.name}: a spacing of {in_words(spacing)} um leaves {nx} x {ny} nodes,"
             " give one that leaves 2 x 2 or more"
         )
-    sides = tuple(
-        intervals(nodes, topography.boundary) * step
-        for nodes, step in zip(heights.shape, spacing, strict=True)
-    )
-    steps = topography.steps
-    if heights is not topography.heights:
-        steps = (
-            *steps,
-            f"resampled to {nx} x {ny} nodes every {in_words(spacing)} um by cubic splines",
-        )
-    return replace(topography, heights=heights, sides=(sides[0], sides[1]), steps=steps)
+    result = _on_grid(topography, heights, spacing)
+    if heights is topography.heights:
+        return result
+    step = f"resampled to {nx} x {ny} nodes every {in_words(spacing)} um by cubic splines"
+    return changed(result, heights, step)
 
 
 def _along(topography: Topography, heights: Heights, axis: int, new: float) -> Heights:
@@ -309,27 +295,19 @@ def _along(topography: Topography, heights: Heights, axis: int, new: float) -> H
     return np.ascontiguousarray(values)
 
 
+# rms slope above which half-space theory, made for small slopes, is in doubt; the paper's rough
+# surfaces have 0.07 to 0.26
 STEEP = 0.3
-"""Rms slope above which half-space theory, made for small slopes, is in doubt; the paper's rough
-surfaces have 0.07 to 0.26."""
-
-
+# rms slope below which the unit of the heights was probably lost; polished mirrors have 1e-4
 FLAT = 1e-5
-"""Rms slope below which the unit of the heights was probably lost; polished mirrors have 1e-4."""
-
-
+# growth of the steps at the borders of a periodic map from which a level or form deserves a
+# warning: a little is the slope that the map has there by chance
 LEVEL_STEP = 1.5
-"""Growth of the steps at the borders of a periodic map from which a level or form deserves a
-warning: a little is the slope that the map has there by chance."""
-
-
+# share of the variance in the mean plane from which a map is called tilted: the rms height of this
+# plane is twice that of the rest. Pieces of self-affine surfaces without a roll-off rarely do
 TILTED = 0.8
-"""Share of the variance in the mean plane from which a map is called tilted: the rms height of this
-plane is twice that of the rest. Pieces of self-affine surfaces without a roll-off rarely do."""
-
-
+# nodes a side from which a map can be called tilted: a plane fits fewer by chance
 FEWEST_TILTED = 8
-"""Nodes a side from which a map can be called tilted: a plane fits fewer by chance."""
 
 
 def surface_warnings(topography: Topography) -> list[str]:
@@ -358,19 +336,18 @@ def surface_warnings(topography: Topography) -> list[str]:
 
 def _border_warnings(topography: Topography) -> list[str]:
     """Warn of a boundary that the file contradicts, or that the heights do: borders that differ."""
-    if topography.boundary != "periodic" and topography.repeats:
-        fault = (
-            f"the file says that its map is periodic, and it is taken as a {topography.boundary}"
-        )
+    boundary = topography.boundary
+    if boundary != "periodic" and topography.repeats:
+        fault = f"the file says that its map is periodic, and it is taken as a {boundary} patch"
         follows = "boundary periodic", "of gen describe, contact and law follows the file"
-        return [advised(topography, f"{fault} patch", follows)]
-    if topography.boundary != "periodic" or is_tilted(topography):
-        return []
+        return [advised(topography, fault, follows)]
     step, rms = _border_step(topography.heights), float(topography.heights.std())
-    if step <= rms:
+    if boundary != "periodic" or step <= rms or is_tilted(topography):
         return []
-    said = f"opposite borders differ by {step:.4g} um (rms), more than the rms height, {rms:.4g} um"
-    fault = f"{said}: the map is not periodic"
+    fault = (
+        f"opposite borders differ by {step:.4g} um (rms), more than the rms height, {rms:.4g} um:"
+        " the map is not periodic"
+    )
     return [advised(topography, fault, ("boundary mirror", "takes it as it is"))]
 
 
@@ -388,8 +365,10 @@ def with_level_warning(before: Topography, after: Topography) -> Topography:
     step, was = _border_step(after.heights), _border_step(before.heights)
     if step <= LEVEL_STEP * was:
         return after
-    said = f"the fit that was taken out is not periodic: opposite borders differ by {step:.4g} um"
-    fault = f"{said} (rms), {was:.4g} um before"
+    fault = (
+        f"the fit that was taken out is not periodic: opposite borders differ by {step:.4g} um"
+        f" (rms), {was:.4g} um before"
+    )
     warning = advised(after, fault, ("level mean", "keeps the map periodic"))
     return replace(after, warnings=(*after.warnings, warning))
 

@@ -33,18 +33,16 @@ if TYPE_CHECKING:  # surfaces are described without the solver
 
 Sides = tuple[float, float]
 
-AS_THE_FILE_SAYS = Reading()
-"""Nothing but the file says how it is read."""
+AS_THE_FILE_SAYS = Reading()  # nothing but the file says how it is read
 
 METRIC = {"m": 1e6, "cm": 1e4, "mm": 1e3, "um": 1.0, "µm": 1.0, "μm": 1.0, "nm": 1e-3, "pm": 1e-6}
-UNITS = METRIC | {"A": 1e-4, "Å": 1e-4, "inch": 25.4e3}
-"""Length of each unit [um]."""
+UNITS = METRIC | {"A": 1e-4, "Å": 1e-4, "inch": 25.4e3}  # length of each unit [um]
+# units by other names in the singular; those in metres are read by their prefix
 WORDS = {"micron": "um", "angstrom": "A", "ångström": "A", "in": "inch", '"': "inch"}
-"""Units by other names in the singular; those in metres are read by their prefix."""
+# spacings of the nodes of a measured map, at least and at most [um]: 1 pm and 1 cm
 NEAREST, WIDEST = 1e-6, 1e4
-"""Spacings of the nodes of a measured map, at least and at most [um]: 1 pm and 1 cm."""
+# suffixes of files that need no SurfaceTopography
 OWN_SUFFIXES = {".npy", ".txt", ".dat", ".csv", ".asc", ""}
-"""Suffixes of files that need no SurfaceTopography."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -336,21 +334,21 @@ def _own_scan(path: Path, matrices: Sequence[text.Matrix], reading: Reading) -> 
         return replace(scan, heights=factor * scan.heights)
 
 
+# spacing of the nodes above which a NanoFocus file was read in the wrong unit [um]
 WIDEST_NMS = 1e3
-"""Spacing of the nodes above which a NanoFocus file was read in the wrong unit [um]."""
+# readers of tables of numbers, which `gen.maps.text` reads: they take points for heights
 TABLES = {"asc", "xyz"}
-"""Readers of tables of numbers, which `gen.maps.text` reads: they take points for heights."""
+# errors of damaged, encrypted and foreign ZIP archives
 DAMAGED = (OSError, EOFError, RuntimeError, BadZipFile, zlib.error)
-"""Errors of damaged, encrypted and foreign ZIP archives."""
+# readers that take any file for theirs: they are tried for files of their suffix only
 GUESSING = {"nms", "hgt"}
-"""Readers that take any file for theirs: they are tried for files of their suffix only."""
+# letters of a reader's reason that are printed, at most: a reason may quote the file
 MOST_LETTERS = 600
-"""Letters of a reader's reason that are printed, at most: a reason may quote the file."""
+# revision of an x3p file with any dash; SurfaceTopography knows it with one dash only
 REVISION = re.compile(
     rb"(Revision>)\s*ISO ?5436\s*(?:-|\xe2\x80[\x90-\x95]|\x96|\x97|&#(?:8211|x2013);)\s*2000"
     rb"\s*(</)"
 )
-"""Revision of an x3p file with any dash; SurfaceTopography knows it with one dash only."""
 
 
 def _instruments_scan(path: Path, reading: Reading, reason: str) -> Scan:

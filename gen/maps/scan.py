@@ -84,20 +84,18 @@ def choice_in_words(channels: Sequence[Channel], index: int) -> str:
     return f" of channel {index} {name!r} (not {rest})"
 
 
+# columns of a list of points, at most: the three coordinates with three more numbers
 MOST_COLUMNS = 6
-"""Columns of a list of points, at most: the three coordinates with three more numbers."""
+# rows, and rows for each column, from which a table of up to four columns is a list of points
 STRIP, SLENDER = 50, 12
-"""Rows, and rows for each column, from which a table of up to four columns is a list of points."""
+# ratio of the scatter of two columns from which a table of five or six holds not only heights
 UNLIKE = 8
-"""Ratio of the scatter of two columns from which a table of five or six holds not only heights."""
+# numbers that hardly ever rise, fall or lie on a grid throughout, unless they are coordinates
 CHANCE = 8
-"""Numbers that hardly ever rise, fall or lie on a grid throughout, unless they are coordinates."""
-EVEN = 0.02
-"""Largest distance of points or coordinates from an even grid [spacing]."""
+EVEN = 0.02  # largest distance of points or coordinates from an even grid [spacing]
+# largest difference between the steps in a row of heights and those in the next rows [1]
 ALIKE = 0.25
-"""Largest difference between the steps in a row of heights and those in the next rows [1]."""
-COVERED = 0.5
-"""Smallest share of the nodes of a grid that points of a map lie on."""
+COVERED = 0.5  # smallest share of the nodes of a grid that points of a map lie on
 ADVICE = "give the heights as a grid, one row of them a line, or x, y and z of points on a grid"
 
 

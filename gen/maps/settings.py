@@ -16,28 +16,23 @@ from typing import Annotated, Any, Literal, NamedTuple, Self, get_args, get_type
 from gen.runtime.errors import InputError
 from gen.runtime.numbers import shown
 
-Asked = Literal["option", "key", "keyword"]
-"""Who asks: a command line, a scene, or Python."""
-
+Asked = Literal["option", "key", "keyword"]  # who asks: a command line, a scene, or Python
+# height of the highest node above the median of its neighbours from which it is called a spike, in
+# robust standard deviations of this quantity over all nodes; self-affine surfaces stay below 5
 SPIKE = 7.0
-"""Height of the highest node above the median of its neighbours from which it is called a spike, in
-robust standard deviations of this quantity over all nodes; self-affine surfaces stay below 5."""
-
+# largest total degree of a form: higher ones follow the waviness, which is for an L-filter
 HIGHEST_DEGREE = 20
-"""Largest total degree of a form: higher ones follow the waviness, which is for an L-filter."""
-
-STEPS = "preparation"
-"""Table of a scene with the steps from a map to a surface."""
+STEPS = "preparation"  # table of a scene with the steps from a map to a surface
 
 LEVELS = ("mean", "plane", "quadratic")
 
 
+# keys of the preparation in the order in which their steps are taken, which is a metrologist's;
+# that of the fields of `Reading` is the order of the options
 ORDER = (
     *("crop", "invert", "mask", "despike", "level", "form", "fill", "fill_most", "filter"),
     "downsample",
 )
-"""Keys of the preparation in the order in which their steps are taken, which is a metrologist's;
-that of the fields of `Reading` is the order of the options."""
 
 
 def said(phrase: str, asked: Asked) -> str:

@@ -23,6 +23,7 @@ from gen.arrays import Heights, Values
 from gen.runtime.errors import InputError
 from gen.runtime.files import require_file
 
+# labels of a header, in lower case, for each quantity that we read from it
 LABELS: Mapping[str, str] = MappingProxyType(
     {
         "channel": "channel|channel name|display|kanál|kanal|canal|canale|チャネル|채널|канал",
@@ -42,28 +43,25 @@ LABELS: Mapping[str, str] = MappingProxyType(
         "format": "file format",
     }
 )
-"""Labels of a header, in lower case, for each quantity that we read from it."""
+# quantity of each label
 MEANINGS = {word: meaning for meaning, words in LABELS.items() for word in words.split("|")}
-"""Quantity of each label."""
 
 ENTRY = re.compile(r"(?P<label>[^:=：]{1,40}?)\s*[:=：]\s*(?P<value>.*)")
 QUANTITY = re.compile(r"(?P<number>[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?)\s*(?P<unit>.*)")
+# name of a column with its unit: `x`, `X [mm]`, `Z_(microns)`, `y/um`, `x in nm`
 NAME = re.compile(r"\W*(?P<name>[^\W\d_]+)[^\[(/]*?(?:(?:[\[(/]|\bin )\s*(?P<unit>[^\])]*)\W*)?")
-"""Name of a column with its unit: `x`, `X [mm]`, `Z_(microns)`, `y/um`, `x in nm`."""
-HEIGHT = {"z", "h", "height", "heights"}
-"""Names of columns of heights."""
+HEIGHT = {"z", "h", "height", "heights"}  # names of columns of heights
+# beginning of a field that is a number, or meant to be one
 BEGINS = re.compile(r"\W*(\d|(nan|inf)\b)", re.IGNORECASE)
-"""Beginning of a field that is a number, or meant to be one."""
+# control characters, none of which stands in a text file
 CONTROL_CHARACTERS = re.compile("[\0-\x08\x0e-\x1f]")
-"""Control characters, none of which stands in a text file."""
-WITH_COMMA = re.compile(r"[-+]?\d+(,\d+)?([eE][-+]?\d+)?")
-"""Number with a decimal comma."""
+WITH_COMMA = re.compile(r"[-+]?\d+(,\d+)?([eE][-+]?\d+)?")  # number with a decimal comma
+# both parts of such a number, split at its comma
 WHOLE, DECIMALS = re.compile(r"[-+]?(0|[1-9]\d*)"), re.compile(r"\d+([eE][-+]?\d+)?")
-"""Both parts of such a number, split at its comma."""
+# first line of files whose header has no `#` in front
 BARE = re.compile(r"\s*(File Format\s*=|WSxM file)", re.IGNORECASE)
-"""First line of files whose header has no `#` in front."""
+# unit of length in a comment that we do not understand; the user is warned of it
 SAYS_LENGTHS = re.compile(r"\b(mm|um|µm|μm|nm|microns?|micromet\w+|nanomet\w+|\d\s*m)\b|Å")
-"""Unit of length in a comment that we do not understand; the user is warned of it."""
 
 
 @dataclass(eq=False)

@@ -26,14 +26,9 @@ from gen.runtime.documents import Row
 from gen.spectral import SelfAffineSpectrum
 from gen.statistics import LOST, Description
 
-DECAY = 0.2
-"""Value s to which the autocorrelation falls at Sal, the default of ISO 25178-3."""
-
-CORE = 0.4
-"""Share of the material ratio over which the core of the curve is sought (ISO 13565-2)."""
-
-RAYS = 360
-"""Directions over half a turn in which the autocorrelation is followed."""
+DECAY = 0.2  # value s to which the autocorrelation falls at Sal, the default of ISO 25178-3
+CORE = 0.4  # share of the material ratio over which the core of the curve is sought (ISO 13565-2)
+RAYS = 360  # directions over half a turn in which the autocorrelation is followed
 
 
 class Parameter(NamedTuple):
@@ -44,6 +39,7 @@ class Parameter(NamedTuple):
     meaning: str
 
 
+# the parameters in the order in which they are printed and written
 PARAMETERS = (
     Parameter("Sa", "um", "arithmetical mean height: mean distance from the mean"),
     Parameter("Sq", "um", "root mean square height"),
@@ -63,7 +59,6 @@ PARAMETERS = (
     Parameter("Smr2", "%", "material ratio above the dales"),
     Parameter("Smr", "%", "material ratio at the depth asked for, below the highest node"),
 )
-"""The parameters in the order in which they are printed and written."""
 
 
 def areal_parameters(topography: Topography, depth: float | None = None) -> Description:
@@ -242,33 +237,21 @@ def _interpolated(field: Values, x: Values, y: Values) -> Values:
     return np.asarray((1 - u) * near + u * far)
 
 
+# ratio of the ends of a bin of wavenumbers where it holds more than one wave along an axis
 RATIO = 1.05
-"""Ratio of the ends of a bin of wavenumbers where it holds more than one wave along an axis."""
-
-OUTLYING = 1.3
-"""Factor by which bins beyond the end of the law count as off it."""
-
+OUTLYING = 1.3  # factor by which bins beyond the end of the law count as off it
+# scatter of the logarithm that no number of waves averages out, as no surface follows a law
 MISFIT = 0.1
-"""Scatter of the logarithm that no number of waves averages out, as no surface follows a law."""
-
-LEAST = 4
-"""Smallest number of bins in the power law."""
-
-LARGEST_SCATTER = 2.0
-"""Root mean square factor between spectrum and law beyond which there is none."""
-
+LEAST = 4  # smallest number of bins in the power law
+LARGEST_SCATTER = 2.0  # root mean square factor between spectrum and law beyond which there is none
+# decades that a law has to hold over: shorter pieces of any spectrum are straight
 LEAST_DECADES = 1.0
-"""Decades that a law has to hold over: shorter pieces of any spectrum are straight."""
-
+# slopes along a lay over those across it, and Str, below which a surface is directional: isotropic
+# made surfaces have 0.8 and 0.27 or more, with few long waves and without a roll-off
 DIRECTIONAL = (0.5, 0.2)
-"""Slopes along a lay over those across it, and Str, below which a surface is directional: isotropic
-made surfaces have 0.8 and 0.27 or more, with few long waves and without a roll-off."""
-
+# units of the numbers of a law, by their names in tables
 LAW = {"hurst": "1", "roll_off": "um", "cut_off": "um", "law_decades": "1", "law_scatter": "1"}
-"""Units of the numbers of a law, by their names in tables."""
-
-ROLL_OFFS = 400
-"""Number of roll-offs that are tried."""
+ROLL_OFFS = 400  # number of roll-offs that are tried
 
 
 @dataclass(frozen=True, eq=False)

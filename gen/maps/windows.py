@@ -18,11 +18,9 @@ from gen.arrays import Heights, Values
 
 Shape = tuple[int, int]
 
-WIDE = 2
-"""Side of a tile over that of the window, at least, where the map is large enough."""
-
+WIDE = 2  # side of a tile over that of the window, at least, where the map is large enough
+# tiles along an axis that a map has at least, where it holds that many windows side by side
 FEWEST = 2
-"""Tiles along an axis that a map has at least, where it holds that many windows side by side."""
 
 
 def tiles_along(nodes: int, window: int) -> int:
@@ -114,11 +112,8 @@ class Tiling:
         )
 
 
-DRAWS = 5
-"""Random numbers of a window: map, tile, two for the place, symmetry."""
-
-TRANSPOSED = 4
-"""Symmetries from this number on swap the axes: they are those of the square alone."""
+DRAWS = 5  # random numbers of a window: map, tile, two for the place, symmetry
+TRANSPOSED = 4  # symmetries from this number on swap the axes: they are those of the square alone
 
 
 @dataclass(frozen=True)

@@ -2,19 +2,16 @@
 
 import re
 import shlex
-import tomllib
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from bench.made_maps import MAPS, Faults, measured, write
 from gen import cli
 from gen.database import Reader
-from gen.draft import WIDTH, Key, document, number, quoted, span
+from gen.draft import WIDTH, document, quoted
 from gen.draft import write as write_scene
 from gen.draft.survey import find_spikes
 from gen.runtime.errors import InputError
@@ -155,36 +152,11 @@ def test_a_draft_with_a_slipped_unit_says_so(tmp_path, monkeypatch, capsys):
         assert ("is the modulus in GPa?" in capsys.readouterr().err) == told
 
 
-TEXTS = st.text(st.characters(exclude_categories=["Cs"]), max_size=300)
-
-
-@given(TEXTS, TEXTS, st.floats(allow_nan=False, allow_infinity=False))
-def test_values_come_back_and_comments_stay_comments(text, comment, value):
-    written = document(
-        [
-            Key(comment),
-            Key(comment, "first", quoted(text)),
-            Key(comment, "[table]"),
-            Key(comment, "second", number(value)),
-            Key("", "third", span(1.0, 2e300)),
-        ]
-    )
-    table = {"second": value, "third": [1.0, 2e300]}
-    assert tomllib.loads(written) == {"first": text, "table": table}
-
-
-def test_long_comments_are_wrapped_and_commands_keep_their_indentation():
-    written = document([Key("word " * 100 + "\n    python -m gen", "a", "1"), Key("", "b", "2")])
-    lines = written.splitlines()
-    assert max(map(len, lines)) <= WIDTH + 2
-    assert lines[-3:] == ["#     python -m gen", "a = 1", "b = 2"]
-
-
-KEYS = [Key("a row", "samples", "1")]
+TEXT = "# a row\nsamples = 1\n"
 
 
 def test_a_scene_is_written_as_it_is_read(tmp_path):
-    assert write_scene(tmp_path / "a.toml", KEYS).samples == 1
+    assert write_scene(tmp_path / "a.toml", TEXT).samples == 1
     assert (tmp_path / "a.toml").read_text() == "# a row\nsamples = 1\n"
 
 
@@ -197,11 +169,31 @@ def test_what_is_there_stays(tmp_path, kind):
         (tmp_path / "yours").write_text("mine")
         path.symlink_to("yours")
     with pytest.raises(InputError, match="is there already"):
-        write_scene(path, KEYS)
+        write_scene(path, TEXT)
     assert path.read_text() == "mine"
 
 
 def test_what_is_no_scene_is_not_written(tmp_path):
     with pytest.raises(InputError, match="samples"):
-        write_scene(tmp_path / "a.toml", [Key("", "samples", "-1")])
+        write_scene(tmp_path / "a.toml", "samples = -1")
     assert not list(tmp_path.iterdir())
+
+
+def test_comments_are_wrapped_but_commands():
+    written = document(
+        "# " + "word " * 100 + "\n#     gen run " + "x" * 99 + "\na = 1\n\n\n\nb = 2\n"
+    )
+    *comments, command, first, empty, last = written.splitlines()
+    assert max(map(len, comments)) <= WIDTH + 2
+    assert (command[:14], first, empty, last) == ("#     gen run ", "a = 1", "", "b = 2")
+
+
+def test_names_of_maps_stay_names(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    name = 'a"\n[contact] # \x7f.npy'
+    (tmp_path / name).parent.mkdir(exist_ok=True)
+    np.save(tmp_path / name, np.random.default_rng(1).normal(size=(70, 70)).cumsum(0))
+    assert cli.main(["scene", name, "--side", "70", "-o", "mine.toml"]) == 0
+    assert [Path(each).name for each in load("mine.toml").surface.files] == [name]
+    with pytest.raises(InputError, match="rename"):
+        quoted("scan-\udcff.x3p")

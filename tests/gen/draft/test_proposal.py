@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import bem
 from bench.made_maps import MAPS, write
-from gen.draft import keys_like
+from gen.draft import scene_like
 from gen.draft import write as write_scene
 from gen.draft.proposal import (
     FEWEST_NODES,
@@ -137,7 +137,7 @@ def made(spectrum, slope, seed=0):
 def test_the_scene_holds_the_law_that_the_map_was_made_by(tmp_path, hurst):
     path = save(tmp_path, made(SelfAffineSpectrum(hurst, 30.0, 2.5), 0.1))
     like = propose_like(path, READING, Material())
-    scene = write_scene(tmp_path / "a.toml", keys_like(like, "a command", Path("a.toml")))
+    scene = write_scene(tmp_path / "a.toml", scene_like(like, "a command", Path("a.toml")))
     surface = scene.surface
     assert surface.generator == "spectral"
     assert surface.hurst[0] < hurst < surface.hurst[1]
@@ -158,7 +158,7 @@ def test_a_lay_becomes_a_stretch(tmp_path):
     assert like.spectrum.hurst == pytest.approx(0.7, abs=0.1)
     assert like.spectrum.roll_off == pytest.approx(60.0, rel=0.3)
     assert like.height == pytest.approx(like.windows[0], rel=0.25)
-    write_scene(tmp_path / "a.toml", keys_like(like, "a command", Path("a.toml")))
+    write_scene(tmp_path / "a.toml", scene_like(like, "a command", Path("a.toml")))
 
 
 def test_a_map_of_scratches_brings_a_doubt(tmp_path):
@@ -166,7 +166,7 @@ def test_a_map_of_scratches_brings_a_doubt(tmp_path):
     like = propose_like(write(ground, tmp_path), Reading(), Material())
     assert like.doubt
     scene = tmp_path / "a.toml"
-    write_scene(scene, keys_like(like, "a command", Path("a.toml")))
+    write_scene(scene, scene_like(like, "a command", Path("a.toml")))
     assert "DOUBTFUL" in scene.read_text()
 
 
