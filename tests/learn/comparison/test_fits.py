@@ -62,6 +62,11 @@ def test_a_fit_that_diverges_is_a_failure_that_the_next_run_can_read(searching, 
         assert again.finished == trials.finished
 
 
+def test_a_finished_fit_is_in_its_file_at_once(searching, trials):
+    searching("decision-tree", {"max_depth": [2, 3]}).exhaustive()
+    assert trials.path.read_bytes().count(b"\n") == 1 + len(trials.finished) > 5
+
+
 def test_a_machine_without_the_memory_for_a_fit_ends_the_search(searching, monkeypatch):
     monkeypatch.setattr(fits, "memory_available", lambda: models.PROCESS)
     with pytest.raises(InputError, match="svm: too little memory is free for a fit"):
