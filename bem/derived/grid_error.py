@@ -35,6 +35,9 @@ OF_SUMMIT = 0.3
 # the grid: it is 2 for waves much longer than a cell, 1 for edges, and negative for fractals.
 LEAST_ORDER = 0.4
 
+# Relative difference of the mean square slopes below which a surface is smooth: waves of 60 nodes.
+SMOOTH = 3e-3
+
 # Relative difference of the areas of two grids above which neither is near the continuum.
 LARGEST_DIFFERENCE = 0.3
 
@@ -260,10 +263,13 @@ def slope_order(heights: Field, boundary: Boundary) -> float:
             end = nodes if boundary == "periodic" else nodes - first - lag
             start = np.arange(0 if boundary == "periodic" else first, end)
             rise = heights.take((start + lag) % nodes, axis) - heights.take(start, axis)
-            slopes.append(float(np.mean(rise**2)) / lag**2)
+            squares = np.mean(rise**2, axis=1 - axis)
+            ends = (squares[0] + squares[-1]) / 2 if lag > 1 and boundary != "periodic" else 0.0
+            count = squares.size - (lag > 1 and boundary != "periodic")
+            slopes.append(float(squares.sum() - ends) / count / lag**2)
         near, far = abs(slopes[0] - slopes[1]), abs(slopes[1] - slopes[2])
-        if near > 1e-12 * slopes[0]:
-            orders.append(math.log2(max(far, 1e-300) / near))
+        if max(near, far) > SMOOTH * slopes[0]:
+            orders.append(math.log2(max(far, 1e-300) / max(near, 1e-300)))
     return min(orders, default=math.inf)
 
 

@@ -1,0 +1,59 @@
+"""Errors of the area by the nodes in a wave."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bench import resolution
+
+
+@pytest.fixture(scope="module")
+def rows() -> list[dict[str, Any]]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(resolution, "TRUTH", 32)
+        patch.setattr(resolution, "PEERS", ())
+        return resolution.resolution(surfaces=2, finest=8)
+
+
+def error(rows: list[dict[str, Any]], way: str, nodes: int, pressure: float) -> float:
+    (found,) = (
+        row["area_error_percent"]
+        for row in rows
+        if (row["way"], row["nodes_a_wave"], row["pressure"]) == (way, nodes, pressure)
+    )
+    return float(found)
+
+
+@pytest.mark.parametrize(
+    ("nodes", "bounds"), [(4, (3.5, 1.4, 0.6, 0.4)), (8, (1.2, 0.6, 0.3, 0.15))]
+)
+def test_the_area_in_the_continuum_is_right(
+    rows: list[dict[str, Any]], nodes: int, bounds: tuple[float, ...]
+) -> None:
+    for pressure, bound in zip(resolution.PRESSURES, bounds, strict=True):
+        own = error(rows, resolution.CONTINUUM, nodes, pressure)
+        assert own < bound
+        assert own < error(rows, resolution.COUNT, nodes, pressure) / 5
+
+
+def test_every_way_and_grid_has_a_row(rows: list[dict[str, Any]]) -> None:
+    ways = {row["way"] for row in rows}
+    assert ways == {
+        resolution.CONTINUUM,
+        resolution.COUNT,
+        resolution.TWO_GRIDS,
+        *resolution.PERIMETER,
+    }
+    assert all(row["seconds"] > 0 for row in rows)
+    refined = [error(rows, resolution.COUNT, nodes, 0.2) for nodes in (2, 4, 8)]
+    assert refined == sorted(refined, reverse=True)
+
+
+def test_waves_are_the_same_surface_at_any_places() -> None:
+    surface = resolution.random_waves(1, 5, 0.7, np.random.default_rng(0))
+    coarse, fine = (surface(np.arange(n) / n) for n in (32, 64))
+    assert fine[::2, ::2] == pytest.approx(coarse, abs=1e-15)
+    along, across = np.gradient(np.pad(fine, 2, mode="wrap"), 1 / 64)
+    slope = np.sqrt(np.mean(along[2:-2, 2:-2] ** 2 + across[2:-2, 2:-2] ** 2))
+    assert slope == pytest.approx(resolution.SLOPE, rel=0.05)
