@@ -11,6 +11,12 @@ pytestmark = pytest.mark.long  # make docs runs the gallery too
 FOLDER = Path(__file__).parents[1] / "examples" / "gallery"
 
 CLAIMS = {
+    "area": lambda it: (
+        it["error"].resolved
+        and it["areas"][0, 1, 1:] == approx(it["fine"].continuum_area_percent, rel=0.01)
+        and it["areas"][0, 0, 3] > 1.05 * it["fine"].continuum_area_percent
+        and it["areas"][1, 1, -1] < 0.6 * it["areas"][1, 1, 0]
+    ),
     "hertz": lambda it: np.abs(it["force_error"]).max() < 1e-3,
     "scan_to_law": lambda it: (
         it["code"] == 0
