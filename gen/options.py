@@ -104,6 +104,12 @@ Spots = Annotated[
     bool,
     typer.Option("--spots", help="Count spots of contact; see whether contact and gap cross."),
 ]
+GridError = Annotated[
+    bool,
+    typer.Option(
+        help="Give the area in the continuum and the error of the grid, by a coarser contact."
+    ),
+]
 Stiffness = Annotated[
     bool, typer.Option("--stiffness", help="Solve for the stiffness of contact and interface.")
 ]

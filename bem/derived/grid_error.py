@@ -117,11 +117,12 @@ class GridError:
         if self.coarse is None:
             return False, self.fault
         here, there = _area(self.contact), _area(self.coarse)
-        change = abs(there / here - 1) if here else float(there > 0)
-        words = f"half of the nodes change the area by {100 * change:.2g} %"
+        change = there / here - 1 if here else float(there > 0)
+        more = "more" if change > 0 else "less"
+        words = f"half of the nodes give {100 * abs(change):.2g} % {more} area"
         if self.order < LEAST_ORDER:
             return False, f"waves go on down to the grid, so that the area has no limit: {words}"
-        if change > LARGEST_DIFFERENCE:
+        if abs(change) > LARGEST_DIFFERENCE:
             return False, f"too few nodes in a wave, or in contact: {words}"
         return True, words
 

@@ -126,6 +126,7 @@ def contact(
     far_field: options.FarField = "rigid",
     rtol: options.Tolerance = 2e-7,
     max_iterations: options.MaxIterations = 1000,
+    grid_error: options.GridError = True,
     spots: options.Spots = False,
     stiffness: options.Stiffness = False,
     conductivity: options.Conductivity = None,
@@ -136,6 +137,7 @@ def contact(
 ) -> None:
     """Solve contact problems of one surface: area, force, pressure, gap, yielding, residual.
 
+    The area comes as a share of nodes, and in the continuum with the error of the grid.
     With --spots, --stiffness and --conductivity also spots, stiffness and conductance.
 
     Give one of --delta, --force and --pressure: a number, or for a law start:stop:count, with :log
@@ -159,7 +161,9 @@ def contact(
 
     load, values = chosen_load({"delta": delta, "force": force, "pressure": pressure})
     require_yielding(flattened, hardness)
-    wanted = Wanted(spots, stiffness, require_conductivities(conductivity or []))
+    wanted = Wanted(
+        spots, stiffness, require_conductivities(conductivity or []), grid_error=grid_error
+    )
     outputs = [Output(table, "--csv"), Output(picture, "--plot", "picture")]
     outputs.append(Output(flattened, "--flattened", "heights"))
     check_outputs(outputs, facing.with_first(surface))

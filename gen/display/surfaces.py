@@ -133,6 +133,8 @@ def print_contact(contact: Contact, seconds: float, wanted: Wanted) -> None:
     """Print the solution of one contact problem, and the time that it took [s]."""
     from gen.maps.contacts import answers
 
+    found = answers(contact, wanted)
+    area, further = (found[:3:2], found[3:]) if wanted.grid_error else ([], found)
     problem = contact.problem
     nx, ny = contact.pressure.shape
     cell = problem.spacing[0] * problem.spacing[1]
@@ -151,7 +153,8 @@ def print_contact(contact: Contact, seconds: float, wanted: Wanted) -> None:
         words = "um, Delta and the compliance of the far field"
         far_field = [("far-field displacement", approach, words)]
     lines = (
-        ("effective contact area", f"{contact.area_percent:.6g}", "%"),
+        ("effective contact area", f"{contact.area_percent:.6g}", "% of the nodes"),
+        *((each.label, each.shown, each.unit) for each in area),
         ("contact nodes", f"{contact.contact_nodes}", f"of {nx} x {ny}"),
         ("spacing", f"{problem.spacing[0]:.6g} x {problem.spacing[1]:.6g}", "um"),
         *boundary,
@@ -165,7 +168,7 @@ def print_contact(contact: Contact, seconds: float, wanted: Wanted) -> None:
         ),
         ("largest pressure", f"{contact.largest_pressure:.6g}", "MPa"),
         *yielding,
-        *((each.label, each.shown, each.unit) for each in answers(contact, wanted)),
+        *((each.label, each.shown, each.unit) for each in further),
         ("mean gap", f"{contact.mean_gap:.6g}", "um"),
         ("contact perimeter", f"{contact.perimeter:.6g}", "um"),
         ("displacement Delta", delta, "um"),

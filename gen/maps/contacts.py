@@ -30,10 +30,11 @@ if TYPE_CHECKING:
 class Wanted:
     """Answers that are asked for beside area, force and gap."""
 
-    spots: bool = False  # whether spots are counted, and the area in the continuum is given
+    spots: bool = False  # whether spots are counted
     stiffness: bool = False  # whether the stiffness is solved for
     # conductivities of both bodies, which ask for the conductance [W/(m K)]
     conductivities: tuple[float, float] | None = None
+    grid_error: bool = False  # whether the area in the continuum comes with the grid's error
 
 
 class Answer(NamedTuple):
@@ -44,11 +45,16 @@ class Answer(NamedTuple):
     # name and unit for people, with a remark where one is due
     label: str
     unit: str
+    error: float = 0.0  # of the value, from whose second digit on people see none; 0 for rounding
 
     @property
     def shown(self) -> str:
-        """The value as text for people."""
-        return f"{self.value:.6g}" if isinstance(self.value, float) else str(self.value) or "-"
+        """The value as text for people, with as many digits as are true."""
+        if not isinstance(self.value, float):
+            return str(self.value) or "-"
+        if not 0 < self.error < math.inf:
+            return f"{self.value:.6g}"
+        return f"{self.value:.{max(1 - math.floor(math.log10(self.error)), 0)}f}"
 
 
 def require_conductivities(given: Sequence[float]) -> tuple[float, float] | None:
@@ -75,7 +81,8 @@ def answers(contact: Contact, wanted: Wanted) -> list[Answer]:
 
     Raises InputError if the linear solve for the stiffness does not converge.
     """
-    found = _spots(contact) if wanted.spots else []
+    found = _in_the_continuum(contact) if wanted.grid_error else []
+    found += _spots(contact) if wanted.spots else []
     try:
         if wanted.stiffness:
             found += _stiffness(contact)
@@ -84,6 +91,19 @@ def answers(contact: Contact, wanted: Wanted) -> list[Answer]:
     except ArithmeticError as error:
         raise InputError(str(error)) from None
     return found
+
+
+def _in_the_continuum(contact: Contact) -> list[Answer]:
+    """Return the area in the continuum, its error, and whether the grid resolves the surface."""
+    error = contact.grid_error()
+    bar, resolved = error.area_percent, error.resolved
+    unit = f"+- {bar:.2g} %, in 9 of 10 cases" if resolved else "% on this grid"
+    return [
+        Answer("continuum_area_percent", contact.continuum_area_percent, "area in the continuum",
+               unit, bar),
+        Answer("continuum_area_error_percent", bar if resolved else "", "its error", "%", bar),
+        Answer("resolved", "yes" if resolved else "no", "resolved by the grid", error.reason),
+    ]  # fmt: skip
 
 
 def _spots(contact: Contact) -> list[Answer]:
@@ -100,8 +120,6 @@ def _spots(contact: Contact) -> list[Answer]:
         Answer("contact_connects", _directions(spots.contact_connects), "contact connects sides",
                "along x, y"),
         Answer("gap_connects", _directions(spots.gap_connects), "gap connects sides", "along x, y"),
-        Answer("continuum_area_percent", contact.continuum_area_percent, "area in the continuum",
-               "%, edges counted in part"),
     ]  # fmt: skip
 
 

@@ -14,7 +14,8 @@ from gen import cli
 from gen.display.surfaces import print_contact
 from gen.maps import contacts
 from gen.maps.contacts import Wanted, answers
-from gen.surface import generate
+from gen.surface import diamond_square, generate
+from tests.bem.waves import random_waves
 
 ROUGH = generate("diamond-square", 17, 0.7, 5.0, np.random.default_rng(4))
 STEEL = ["--young", "210e3", "--poisson", "0.3"]
@@ -354,3 +355,34 @@ def test_the_far_field_has_a_line_where_it_is_another_number_than_delta(surface,
     print_contact(given, 0.0, Wanted())
     line = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("far-f"))
     assert float(line.split()[2]) == pytest.approx(given.approach) != given.delta
+
+
+def test_the_area_in_the_continuum_stands_beside_the_count_of_nodes(
+    tmp_path, monkeypatch, capsys
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    np.save("waves.npy", 1000 * random_waves(1, 8, 0.8, 1)(64))
+    given = ["contact", "waves.npy", "--side", "1000", "--e-star", "1e4", "--boundary", "periodic"]
+    assert cli.main([*given, "--pressure", "300", "--csv", "one.csv"]) == 0
+    lines = [line.split() for line in capsys.readouterr().out.splitlines()]
+    (area,) = (line for line in lines if line[:4] == ["area", "in", "the", "continuum"])
+    expected = bem.solve(
+        np.load("waves.npy"), 1000.0, pressure=300.0, modulus=1e4, boundary="periodic"
+    )
+    bar = expected.grid_error().area_percent
+    assert float(area[6]) == pytest.approx(bar, rel=0.06)
+    assert float(area[4]) == pytest.approx(expected.continuum_area_percent, abs=bar / 10)
+    assert len(area[4].partition(".")[2]) <= len(f"{bar:.2g}".partition(".")[2])
+    row = pd.read_csv("one.csv").iloc[0]
+    assert row.resolved == "yes"
+    assert row.continuum_area_error_percent == pytest.approx(bar)
+    assert cli.main([*given, "--pressure", "300", "--no-grid-error", "--csv", "one.csv"]) == 0
+    assert "continuum" not in capsys.readouterr().out
+    assert "resolved" not in pd.read_csv("one.csv").columns
+    fractal = diamond_square(65, 0.5, 5.0, np.random.default_rng(0))
+    np.save("rmd.npy", fractal)
+    arguments = ["contact", "rmd.npy", "--side", "1000", "--e-star", "1e4", "--pressure", "10,20"]
+    assert cli.main([*arguments, "--csv", "two.csv"]) == 0
+    rows = pd.read_csv("two.csv")
+    assert (rows.resolved == "no").all()
+    assert rows.continuum_area_error_percent.isna().all()
