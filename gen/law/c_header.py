@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gen.arrays import Values
-from gen.law.curves import CONDUCTANCE, STIFFNESS, slopes
+from gen.law.curves import CONDUCTANCE, CONTINUUM, STIFFNESS, slopes
 from gen.law.finite_elements import rising
 from gen.runtime import VERSION, files
 from gen.runtime.installation import git_commit
@@ -35,6 +35,7 @@ SHORT = {
     "closure_um": "closure",
     STIFFNESS: "stiffness",
     CONDUCTANCE: "conductance",
+    CONTINUUM: "continuum_area",
 }
 ARGUMENTS = {"delta_um": ("delta", ""), "pressure_MPa": ("pressure", "_at_pressure")}
 """Name of the argument, and end of the functions' names, for each table."""
@@ -144,7 +145,9 @@ def _description(law: Law, name: str) -> Iterator[str]:
     if law.over_delta.banded or law.over_pressure.banded:
         yield f"Band (the functions _low and _high): {law.band}. NAN where no band holds."
     else:
-        yield f"No functions _low and _high. Band: {law.band}."
+        banded = any(curve.banded.all() for curve in law.over_pressure.curves.values())
+        few = "Functions _low and _high of the area in the continuum alone"
+        yield f"{few if banded else 'No functions _low and _high'}. Band: {law.band}."
     yield (
         "Delta, closure and mean gap in um, nominal pressure in MPa, area in %, force in uN,"
         " stiffness in MPa/um, conductance in W/(mm2 K)."
@@ -196,7 +199,7 @@ def _columns(curves: Curves, suffix: str, gap: Curve) -> tuple[Values, dict[str,
     for name in curves.names:
         curve = curves.curves[name]
         parts = {"": (curve.value, gap.value)}
-        if curves.banded:
+        if curves.banded or curve.banded.all():
             parts |= {"_low": (curve.low, gap.low), "_high": (curve.high, gap.high)}
         for end, (values, gaps) in parts.items():
             first = gaps[:1] if name == "mean_gap_um" else np.zeros(1)

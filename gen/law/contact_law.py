@@ -16,6 +16,7 @@ from bem.problem import Boundary
 from gen.arrays import Values
 from gen.law.curves import (
     APART,
+    CONTINUUM,
     NAMES,
     STIFFNESS,
     Curves,
@@ -67,6 +68,7 @@ class Order:
         None  # of both bodies, for the conductance [W/(m K)]
     )
     stiffness: bool = False  # whether it is asked for; a conductance brings it along
+    grid_error: bool = False  # whether the area in the continuum is, with the error of the grid
     reading: Reading = field(default_factory=Reading)  # how files are read
     opposite: Opposite | None = None  # second rough body against surfaces from files
     command: str = ""  # command line, for the record
@@ -130,8 +132,17 @@ def solved_law(
     One of both may be None.
     """
     stiffness = order.stiffness or order.conductivities is not None
-    tables = _tables(subjects.surfaces, *loads, order.level, bodies, stiffness=stiffness)
+    tables = _tables(
+        subjects.surfaces,
+        *loads,
+        order.level,
+        bodies,
+        stiffness=stiffness,
+        grid_error=order.grid_error,
+    )
     one = "none, one surface was solved"
+    if order.grid_error:
+        one = "the error of the grid, 9 times in 10, of the area in the continuum; one surface"
     return law_of(order, subjects, bodies, tables, ("solved contact by contact", one))
 
 
@@ -233,6 +244,7 @@ def _tables(
     bodies: Bodies,
     *,
     stiffness: bool = False,
+    grid_error: bool = False,
 ) -> tuple[Curves, Curves, list[str]]:
     """Solve all surfaces under the given loads; tabulate against Delta and against pressure.
 
@@ -240,7 +252,8 @@ def _tables(
     population further contacts are solved for it: a given Delta leads to a pressure on each
     surface, and the second table is at the means of these pressures; likewise the other way round.
     Loads are ascending displacements [um] and pressures [MPa], one of which may be None; `level` is
-    the coverage of a population's band.
+    the coverage of a population's band. With the error of the grid the tables have the area in the
+    continuum, and of one surface its error; of a population the first surface is judged.
 
     Loads under which the solver did not converge on every surface are left out of the tables and
     named among the lines that are returned with them. Raise InputError if a load has no solution,
@@ -252,7 +265,9 @@ def _tables(
     def under(load: Load, loads: Values) -> tuple[Values, list[Points]]:
         if load == "delta":
             loads = _possible_deltas(loads, surfaces, bodies, lost)
-        return _each(surfaces, load, loads, bodies, lost, stiffness=stiffness)
+        return _each(
+            surfaces, load, loads, bodies, lost, stiffness=stiffness, grid_error=grid_error
+        )
 
     solutions = {load: under(load, loads) for load, loads in asked.items() if loads is not None}
     made: dict[Load, Curves] = {}
@@ -296,12 +311,23 @@ def _each(
     lost: list[str],
     *,
     stiffness: bool,
+    grid_error: bool,
 ) -> tuple[Values, list[Points]]:
     """Solve every surface under the same loads; return those solved on all, and say the others."""
     points = []
     with RunProgress(len(surfaces), f"surfaces at given {load}") as progress:
-        for surface in surfaces:
-            points.append(_solve(surface, load, loads.tolist(), bodies, stiffness=stiffness))
+        for number, surface in enumerate(surfaces):
+            points.append(
+                _solve(
+                    surface,
+                    load,
+                    loads.tolist(),
+                    bodies,
+                    stiffness=stiffness,
+                    continuum=grid_error,
+                    judged=grid_error and number == 0,
+                )
+            )
             progress.advance(1, 0)
     kept, before = np.ones(loads.size, dtype=bool), len(lost)
     for place, faults in enumerate(zip(*(part.faults for part in points), strict=True)):
@@ -366,11 +392,14 @@ def _solve(
     bodies: Bodies,
     *,
     stiffness: bool = False,
+    continuum: bool = False,
+    judged: bool = False,
 ) -> Points:
     """Solve the law of one surface at ascending loads: "delta" [um] or "pressure" [MPa].
 
-    Points are NaN where the solver did not converge. Raise InputError if a load has no solution, or
-    the solver converges under none of them.
+    Points are NaN where the solver did not converge. With `continuum` they have the area there, and
+    where it is `judged` its interval by the error of the grid. Raise InputError if a load has no
+    solution, or the solver converges under none of them.
     """
     topography = Topography(subject.name, subject.heights, subject.sides, boundary=subject.boundary)
     settings = {"modulus": bodies.e_star, **subject.settings}
@@ -379,11 +408,13 @@ def _solve(
     compliance = subject.patch_compliance(bodies.e_star)
     rows, faults, last = [], [], None
     notable: dict[int, Contact] = {}  # the first with each number of warnings, which only rises
-    names = [*NAMES, *([STIFFNESS] if stiffness else [])]
+    names = [*NAMES, *([STIFFNESS] if stiffness else []), *([CONTINUUM] if continuum else [])]
+    bars, unresolved = [], ""
     for contact, _, fault in solve_loads(topography, load, loads, **settings):
         faults.append(fault)
         if contact is None:
             rows.append([np.nan] * len(names))
+            bars.append(np.nan)
             continue
         last = contact
         pressure = contact.force / subject.nominal
@@ -395,6 +426,12 @@ def _solve(
                 row.append(contact.interface_stiffness / subject.nominal)
             except ArithmeticError as error:
                 raise InputError(f"{subject.name}: {error}") from None
+        if continuum:
+            row.append(contact.continuum_area_percent)
+        if judged:
+            grid = contact.grid_error()
+            bars.append(grid.area_percent if grid.resolved else np.nan)
+            unresolved = unresolved or ("" if grid.resolved else grid.reason)
         rows.append(row)
         notes = contact_warnings(topography, [contact], material=bodies.known)
         notable.setdefault(len(notes), contact)
@@ -402,4 +439,12 @@ def _solve(
     said = contact_warnings(topography, [*notable.values(), last], material=bodies.known)
     columns = np.array(rows, dtype=np.float64).reshape(-1, len(names)).T
     values = dict(zip(names, columns, strict=True))
-    return Points(values, reasons=("",) * len(rows), warnings=tuple(said), faults=tuple(faults))
+    low: dict[str, Values] = {}
+    high: dict[str, Values] = {}
+    if judged:
+        low[CONTINUUM] = np.clip(values[CONTINUUM] - np.array(bars), 0, 100)
+        high[CONTINUUM] = np.clip(values[CONTINUUM] + np.array(bars), 0, 100)
+    if unresolved:
+        said.append(f"the area is that of this grid: {unresolved}")
+    none = ("",) * len(rows)
+    return Points(values, low, high, none, warnings=tuple(said), faults=tuple(faults))

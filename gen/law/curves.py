@@ -23,15 +23,19 @@ Delta, less what the half-space behind a free patch gives way, which a mesh has 
 STIFFNESS = "stiffness_MPa_per_um"
 """Stiffness of the interface alone, of unloading, per nominal area."""
 
+CONTINUUM = "continuum_area_percent"
+"""Area in the continuum; of one solved surface its band is the error of the grid."""
+
 QUANTITIES = ("area_percent", "force_uN", "mean_gap_um", "pressure_MPa", "closure_um")
 CONDUCTANCE = "conductance_W_per_mm2_K"
 COLUMNS = {
-    "delta_um": (*QUANTITIES, STIFFNESS, CONDUCTANCE),
+    "delta_um": (*QUANTITIES, STIFFNESS, CONDUCTANCE, CONTINUUM),
     "pressure_MPa": (
-        *("delta_um", "closure_um", "area_percent", "mean_gap_um", STIFFNESS, CONDUCTANCE),
+        *("delta_um", "closure_um", "area_percent", "mean_gap_um"),
+        *(STIFFNESS, CONDUCTANCE, CONTINUUM),
     ),
 }
-"""Quantities of a table by what they are tabulated against; the last two only where asked for."""
+"""Quantities of a table by what they are tabulated against; the last three only where asked for."""
 
 INFINITE_AT_FULL_CONTACT = {STIFFNESS, CONDUCTANCE}  # quantities that full contact makes infinite
 
@@ -126,8 +130,10 @@ class Curves:
 
     @property
     def banded(self) -> bool:
-        """True if any value has a band."""
-        return any(bool(curve.banded.any()) for curve in self.curves.values())
+        """True if any value has a band, beside that of the grid."""
+        return any(
+            bool(curve.banded.any()) for name, curve in self.curves.items() if name != CONTINUUM
+        )
 
     def withheld(self, place: int) -> bool:
         """Return True if there is no band at an argument because it lies outside the training."""

@@ -13,7 +13,7 @@ import numpy as np
 from gen.arrays import Values
 from gen.law import c_header, finite_elements
 from gen.law.contact_law import Law
-from gen.law.curves import CONDUCTANCE, STIFFNESS, Curve, Curves
+from gen.law.curves import CONDUCTANCE, CONTINUUM, STIFFNESS, Curve, Curves
 from gen.options import LawOutputs
 from gen.runtime import VERSION
 from gen.runtime.documents import Row, text_of, write_csv
@@ -36,6 +36,7 @@ FORMAT_VERSION = 1  # raised whenever a reader of the last version would misread
 LABELS = {
     "closure_um": "closure [µm]",
     "area_percent": "contact area [%]",
+    CONTINUUM: "area in the continuum [%]",
     CONDUCTANCE: "conductance [W/(mm² K)]",
     STIFFNESS: "stiffness [MPa/µm]",
 }
@@ -189,7 +190,7 @@ def _numbers(values: Values) -> list[float | None]:
 def draw(figure: Any, law: Law, picture: Path) -> None:
     """Draw closure, area and stiffness or conductance over pressure, inside the training."""
     curves = law.over_pressure.chosen(~law.over_pressure.flagged)
-    names = ["closure_um", "area_percent"]
+    names = ["closure_um", CONTINUUM if CONTINUUM in curves.curves else "area_percent"]
     names += [name for name in (CONDUCTANCE, STIFFNESS) if name in curves.curves][:1]
     figure.suptitle(
         f"{law.title}\n{law.bodies.text}; band: {law.band}", fontsize=11, parse_math=False

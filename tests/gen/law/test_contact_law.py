@@ -14,6 +14,7 @@ from bem.contact import mean_conductivity
 from bem.derived.stiffness import patch_stiffness
 from gen import cli
 from gen.law import contact_law
+from tests.bem.waves import random_waves
 
 E_STAR = 210e3 / (1 - 0.3**2)
 CONDUCTING = ["--conductivity", "50", "--conductivity", "20"]
@@ -226,3 +227,23 @@ def test_a_flat_surface_has_no_law(surfaces, capsys):
     assert cli.main(["law", "flat.npy", "--side", "9", "--pressure", "1:10:3", "-o", "flat"]) == 2
     assert "flat.npy: is flat" in capsys.readouterr().err
     assert [path.name for path in Path().glob("flat*")] == ["flat.npy"]
+
+
+def test_the_area_in_the_continuum_has_the_error_of_the_grid(run, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    np.save("waves.npy", 100 * random_waves(1, 4, 0.8, 1)(48))
+    loads = ["--pressure", "50,500,2000", "--boundary", "periodic"]
+    run("waves.npy", *loads, "--csv", "law.csv", "--json", "law.json")
+    found = table("law.csv")
+    contacts = contacts_of("waves.npy", "periodic", pressures=[50, 500, 2000])
+    for row, contact in zip(found.itertuples(), contacts, strict=True):
+        error = contact.grid_error()
+        area = contact.continuum_area_percent
+        assert row.continuum_area_percent == pytest.approx(area, rel=1e-6)
+        assert row.continuum_area_percent_high - area == pytest.approx(error.area_percent, rel=0.01)
+        assert row.continuum_area_percent_low < area
+    assert (
+        "continuum_area_percent" in json.loads(Path("law.json").read_text())["tables"][1]["curves"]
+    )
+    run("waves.npy", *loads, "--csv", "law.csv", "--no-grid-error")
+    assert not [name for name in table("law.csv").columns if "continuum" in name]
