@@ -153,7 +153,7 @@ class Drawn:
 
     low: float = -sys.float_info.max
     high: float = sys.float_info.max
-    beyond: bool = False
+    beyond: bool = False  # whether values have to be above `low`, not only at least `low`
 
     def __call__(self, value: object) -> Distribution:
         """Read a number, a range or a table of a distribution.

@@ -22,21 +22,11 @@ SLIPS = (
 
 
 class Bodies(NamedTuple):
-    """Material of the bodies in contact.
-
-    Attributes
-    ----------
-    e_star : float
-        E* [MPa].
-    hardness : float, optional
-        Hardness of the softer body; None for elastic bodies [MPa].
-    known : bool
-        True if the user gave E*, so that warnings about pressures apply.
-    """
+    """Material of the bodies in contact: E* and the softer one's hardness [MPa]."""
 
     e_star: float
-    hardness: float | None = None
-    known: bool = False
+    hardness: float | None = None  # None for elastic bodies
+    known: bool = False  # whether the user gave E*, so that warnings about pressures apply
 
     @classmethod
     def of_options(

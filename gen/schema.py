@@ -72,42 +72,18 @@ DONE_REASONS = (Reason.NONE, Reason.NO_STATISTICS)
 
 @dataclass(frozen=True)
 class Column:
-    """One quantity that a database holds for every sample.
-
-    Attributes
-    ----------
-    name : str
-        Name of the column.
-    dtype : str
-        Type of one value, in numpy's notation.
-    unit : str
-        Unit of the values; "1" for pure numbers, "" for texts.
-    long_name : str
-        Meaning of the column in words.
-    group : str
-        Group inside the file: "" for results, `RUNTIME` for times, ranks and hosts.
-    deterministic : bool
-        Whether the scene alone decides the bytes.
-    paper_range : tuple of float or None
-        Smallest and largest value in the paper's Table 1; None if the table lacks the quantity.
-    shape_of : str
-        "" for one value per sample, "nodes" for a field of shape (rows, nx, ny).
-    optional : str
-        Key of the scene that adds the column, in Markdown; "" for a column of every database.
-    bounds : tuple of float
-        Least and most that a value can be, where the quantity has bounds.
-    """
+    """One quantity that a database holds for every sample."""
 
     name: str
-    dtype: str
-    unit: str
+    dtype: str  # of one value, in numpy's notation
+    unit: str  # "1" for pure numbers, "" for texts
     long_name: str
-    group: str = ""
-    deterministic: bool = True
-    paper_range: tuple[float, float] | None = None
-    shape_of: Literal["", "nodes"] = ""
-    optional: str = ""
-    bounds: tuple[float, float] = (-math.inf, math.inf)
+    group: str = ""  # inside the file: "" for results, `RUNTIME` for times, ranks and hosts
+    deterministic: bool = True  # whether the scene alone decides the bytes
+    paper_range: tuple[float, float] | None = None  # in the paper's Table 1, if it is there
+    shape_of: Literal["", "nodes"] = ""  # "nodes" for a field of shape (rows, nx, ny)
+    optional: str = ""  # key of the scene that adds the column, in Markdown
+    bounds: tuple[float, float] = (-math.inf, math.inf)  # least and most that a value can be
 
     @property
     def path(self) -> str:

@@ -27,7 +27,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gen.arrays import refuse_masked
+from gen.arrays import Values, refuse_masked
 from gen.runtime.errors import InputError
 from gen.schema import statistics_columns
 
@@ -66,71 +66,35 @@ class Description:
 
 
 class Moments(NamedTuple):
-    """Population moments of a set of values; NaN for moments that the values do not define.
-
-    Attributes
-    ----------
-    mean : float
-        Mean value.
-    rms : float
-        Standard deviation of the population: squares are divided by their number.
-    skewness : float
-        Third standardised moment.
-    kurtosis : float
-        Fourth standardised moment, Pearson's (normal distribution: 3).
-    """
+    """Population moments of a set of values; NaN for moments that the values do not define."""
 
     mean: float
-    rms: float
+    rms: float  # standard deviation of the population: squares are divided by their number
     skewness: float
-    kurtosis: float
+    kurtosis: float  # Pearson's (normal distribution: 3)
 
 
 class Profiles(NamedTuple):
     """All profiles along one axis of a surface whose N nodes are numbered row by row.
 
-    Attributes
-    ----------
-    stride : int
-        Step from a node to the next one of its profile; entry i of the arrays belongs to node
-        i + stride.
-    curvature : ndarray, shape (N - 2 stride,)
-        Minus the second difference of the heights, 0 at the ends of profiles.
-    peaks : ndarray of bool, shape (N - 2 stride,)
-        Whether the node is above both neighbours; false at the ends of profiles.
-    slope_square : float
-        Mean of the squared first differences.
-    curvature_square : float
-        Mean of the squared second differences; NaN for profiles of two nodes.
+    Arrays are of shape (N - 2 stride,); entry i belongs to node i + stride.
     """
 
-    stride: int
-    curvature: NDArray[np.float64]
-    peaks: NDArray[np.bool_]
-    slope_square: float
-    curvature_square: float
+    stride: int  # step from a node to the next one of its profile
+    curvature: Values  # minus the second difference of heights, 0 at the ends of profiles
+    peaks: NDArray[np.bool_]  # whether a node is above both neighbours; false at the ends
+    slope_square: float  # mean of the squared first differences
+    curvature_square: float  # that of the second differences; NaN for profiles of two nodes
 
 
 class Surface(NamedTuple):
-    """Heights in a unit in which no power of them overflows or underflows.
+    """Heights in a unit in which no power of them overflows or underflows."""
 
-    Attributes
-    ----------
-    nodes : ndarray, shape (nx, ny)
-        C-contiguous heights with the offset that they were given with [unit].
-    lowest, highest : float
-        Smallest and largest height [unit].
-    unit : float
-        Length of the unit, a power of two so that scaling is exact [um].
-    spacing : float
-        Distance between neighbouring floating-point numbers at the largest height [unit].
-    """
-
-    nodes: NDArray[np.float64]
+    nodes: Values  # C-contiguous, shape (nx, ny), with the offset that they were given with
     lowest: float
     highest: float
-    unit: float
-    spacing: float
+    unit: float  # a power of two, so that scaling is exact [um]
+    spacing: float  # of floating-point numbers at the largest height [unit]
 
 
 class Summits(NamedTuple):
@@ -141,7 +105,7 @@ class Summits(NamedTuple):
     curvatures: Moments
 
 
-def describe(heights: NDArray[np.float64], spacing: float | tuple[float, float]) -> Description:
+def describe(heights: Values, spacing: float | tuple[float, float]) -> Description:
     """Compute the 22 statistics of a surface by the conventions of this module.
 
     Parameters
@@ -180,10 +144,11 @@ def describe(heights: NDArray[np.float64], spacing: float | tuple[float, float])
     mean, _, variance = _spread(nodes.ravel(), surface.lowest)
     bandwidths = [_bandwidth(variance, along, noise) for along in (along_x, along_y)]
     per_length = unit / spacing_x / spacing_x
+    of_peaks, of_asperities = _values(peaks, asperities, nodes.size, unit, per_length)
     values = (
-        *_peak_values(peaks, nodes.size, unit, per_length),
+        *of_peaks,
         *bandwidths,
-        *_asperity_values(asperities, nodes.size, unit, per_length),
+        *of_asperities,
         mean * unit,
         (surface.highest - surface.lowest) * unit,
         math.sqrt(variance) * unit,
@@ -199,7 +164,7 @@ def describe(heights: NDArray[np.float64], spacing: float | tuple[float, float])
     return Description(named, _reason(surface, peaks, asperities, bandwidths))
 
 
-def rms_slope(heights: NDArray[np.float64], spacing: tuple[float, float]) -> float:
+def rms_slope(heights: Values, spacing: tuple[float, float]) -> float:
     """Compute the root mean square of the slopes between neighbouring nodes.
 
     Parameters
@@ -227,10 +192,12 @@ def rms_slope(heights: NDArray[np.float64], spacing: tuple[float, float]) -> flo
     return math.sqrt(squares)
 
 
-def _peak_values(peaks: Summits, nodes: int, unit: float, per_length: float) -> tuple[float, ...]:
-    """Return the eight statistics of peaks in the order of Table 1, given the units of lengths."""
+def _values(
+    peaks: Summits, asperities: Summits, nodes: int, unit: float, per_length: float
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return the statistics of peaks and of asperities in Table 1's order, from their units."""
     heights, curvatures = peaks.heights, peaks.curvatures
-    return (
+    of_peaks = (
         heights.mean * unit,
         heights.rms * unit,
         heights.kurtosis,
@@ -240,14 +207,8 @@ def _peak_values(peaks: Summits, nodes: int, unit: float, per_length: float) -> 
         curvatures.kurtosis - 3.0,
         curvatures.skewness,
     )
-
-
-def _asperity_values(
-    asperities: Summits, nodes: int, unit: float, per_length: float
-) -> tuple[float, ...]:
-    """Return the nine statistics of asperities in the order of Table 1, as `_peak_values` does."""
     heights, curvatures = asperities.heights, asperities.curvatures
-    return (
+    return of_peaks, (
         heights.mean * unit,
         heights.rms * unit,
         heights.kurtosis - 3.0,
@@ -284,9 +245,13 @@ def _spacings(spacing: float | tuple[float, float]) -> tuple[float, float]:
     return float(pair[0]), float(pair[1])
 
 
-def _normalised(heights: NDArray[np.float64]) -> Surface:
+def _normalised(heights: Values) -> Surface:
     """Scale heights by a power of two so that their range is between 0.5 and 1."""
-    _require_numbers(heights)
+    if heights.ndim != 2 or min(heights.shape) < 2:
+        raise InputError(f"heights of shape {heights.shape}: give 2-D heights, 2 x 2 nodes or more")
+    if heights.dtype.kind not in "buif":
+        raise InputError(f"heights of type {heights.dtype}: give real numbers")
+    refuse_masked("heights", heights)
     lowest, highest = float(heights.min()), float(heights.max())
     if not math.isfinite(highest - lowest):
         raise InputError("heights with NaN, infinities or an infinite range: give finite heights")
@@ -302,16 +267,7 @@ def _normalised(heights: NDArray[np.float64]) -> Surface:
     return Surface(nodes, lowest / unit, highest / unit, unit, eps * largest)
 
 
-def _require_numbers(heights: NDArray[np.float64]) -> None:
-    """Refuse heights that are not a complete 2-D grid of real numbers."""
-    if heights.ndim != 2 or min(heights.shape) < 2:
-        raise InputError(f"heights of shape {heights.shape}: give 2-D heights, 2 x 2 nodes or more")
-    if heights.dtype.kind not in "buif":
-        raise InputError(f"heights of type {heights.dtype}: give real numbers")
-    refuse_masked("heights", heights)
-
-
-def _profiles(surface: NDArray[np.float64], axis: int) -> Profiles:
+def _profiles(surface: Values, axis: int) -> Profiles:
     """Compute the differences and peaks of all profiles along one axis.
 
     The lowest height is not subtracted: that would round heights far above it, and neighbours
@@ -366,8 +322,8 @@ def _asperities(
 
 
 def _summits(
-    heights: NDArray[np.float64],
-    curvatures: NDArray[np.float64],
+    heights: Values,
+    curvatures: Values,
     lowest: float,
     ratio: float,
     noise: float,
@@ -379,7 +335,7 @@ def _summits(
     )
 
 
-def _moments(values: NDArray[np.float64], origin: float, noise: float) -> Moments:
+def _moments(values: Values, origin: float, noise: float) -> Moments:
     """Compute the moments of values (count,); no skewness or kurtosis if their rms is noise."""
     if not values.size:
         return Moments(math.nan, math.nan, math.nan, math.nan)
@@ -393,7 +349,7 @@ def _moments(values: NDArray[np.float64], origin: float, noise: float) -> Moment
     return Moments(mean, rms, third / (variance * rms), fourth / (variance * variance))
 
 
-def _spread(values: NDArray[np.float64], origin: float) -> tuple[float, NDArray[np.float64], float]:
+def _spread(values: Values, origin: float) -> tuple[float, Values, float]:
     """Compute the mean over an origin, the deviations (count,) and the variance of values (count,).
 
     Two passes are enough unless the values are nearly equal, or far from zero for their spread:
@@ -411,7 +367,7 @@ def _spread(values: NDArray[np.float64], origin: float) -> tuple[float, NDArray[
     return (mean - origin) + rest, deviations, variance
 
 
-def _sum_of_products(first: NDArray[np.float64], second: NDArray[np.float64]) -> float:
+def _sum_of_products(first: Values, second: Values) -> float:
     """Sum products by einsum: BLAS's last bits would depend on the number of a rank's threads."""
     return float(np.einsum("i,i->", first, second))
 

@@ -36,15 +36,7 @@ from gen.schema import PHYSICS, STATUS, Column, Status
 
 
 class Opened(NamedTuple):
-    """The outcome of `open_or_create`.
-
-    Attributes
-    ----------
-    how : {"created", "resumed", "extended"}
-        Action that was taken.
-    samples : int
-        Number of rows of the file.
-    """
+    """What `open_or_create` has done, and the number of rows of the file."""
 
     how: Literal["created", "resumed", "extended"]
     samples: int
@@ -138,7 +130,9 @@ def merge(target: Path, sources: Sequence[Path]) -> Counts:
         with new_file(target, scene, range(scene.samples)) as temporary:
             lay_out(temporary, scene, range(scene.samples), attributes)
             with open_file(temporary, writing=True) as merged:
-                _merge_parts(merged, parts, scene)
+                widest = max(column.row_bytes(scene.shape) for column in columns_for(scene))
+                for start, stop in chunks(scene.samples, widest):
+                    _merge_rows(merged, parts, scene, start, stop)
                 return counts(merged[STATUS.path])
 
 
@@ -175,22 +169,15 @@ def _refuse_unequal(files: Mapping[Path, h5py.File], scenes: Mapping[Path, Scene
             )
 
 
-def _merge_parts(target: h5py.File, parts: Sequence[Part], scene: Scene) -> None:
-    """Write all rows of the scene into the target, a chunk of rows after the other."""
-    widest = max(column.row_bytes(scene.shape) for column in columns_for(scene))
-    for start, stop in chunks(scene.samples, widest):
-        overlapping = [part for part in parts if part.rows.start < stop and start < part.rows.stop]
-        if overlapping:
-            _merge_rows(target, overlapping, scene, start, stop)
-        else:
-            fill(target, scene, start, stop)
-
-
 def _merge_rows(
     target: h5py.File, parts: Sequence[Part], scene: Scene, start: int, stop: int
 ) -> None:
     """Write the rows start..stop, each from the first part in which it is done, or else failed."""
     grid = scene.shape
+    parts = [part for part in parts if part.rows.start < stop and start < part.rows.stop]
+    if not parts:
+        fill(target, scene, start, stop)
+        return
     status = np.stack([part.read(STATUS, start, stop, grid) for part in parts])
     done = status == Status.DONE
     merit = 2 * done + (status == Status.FAILED)
@@ -208,7 +195,8 @@ def _merge_rows(
             shared = np.flatnonzero(done[index] & (owner != index))
             if not column.deterministic or not shared.size:
                 continue
-            unequal = shared[_unequal_rows(merged[shared], values[shared])]
+            bits = [each[shared].view("u1").reshape(shared.size, -1) for each in (merged, values)]
+            unequal = shared[(bits[0] != bits[1]).any(axis=1)]  # equal NaNs are equal
             if unequal.size:
                 other = parts[owner[unequal[0]]].path
                 raise InputError(
@@ -216,13 +204,6 @@ def _merge_rows(
                     f"{part.path}, which other code or another machine must have made: not merged"
                 )
         write_rows(target[column.path], start, merged)
-
-
-def _unequal_rows(left: NDArray[Any], right: NDArray[Any]) -> NDArray[np.bool_]:
-    """Tell which rows differ in any bit; equal NaNs are equal."""
-    unequal = left.view(np.uint8) != right.view(np.uint8)
-    rows: NDArray[np.bool_] = unequal.reshape(len(left), -1).any(axis=1)
-    return rows
 
 
 @contextmanager
@@ -243,7 +224,7 @@ def new_file(
         _require_room(path, scene, len(rows))
         with unfinished(real, "refuse" if replaced is None else "replace", ".part") as made:
             if replaced is not None:
-                _require_owner(path, replaced.stat(), made.stat())
+                _require_owner(path, real.stat(), made.stat())
             yield made
             if replaced is not None:
                 replaced.check()

@@ -84,7 +84,11 @@ def lay_out(path: Path, scene: Scene, rows: range, attributes: Mapping[str, str 
     # Version 2 of the superblock: later ones mark a file as open, and a killed writer would leave
     # the mark. Creation order is tracked so that readers list columns in the schema's order.
     with h5py.File(path, "w", libver=("v108", "v110"), track_order=True, locking=False) as file:
-        for name, value in _with_rows(attributes, scene, rows).items():
+        part = rows != range(scene.samples)
+        own = {name: value for name, value in attributes.items() if name not in PART_NUMBERS}
+        own |= {"schema": PART if part else SCHEMA}
+        own |= dict(zip(PART_NUMBERS, (rows.start, len(rows)), strict=True)) if part else {}
+        for name, value in own.items():
             _set(file, name, value)
         axes = {"sample": len(rows)}
         if any(column.shape_of for column in columns):
@@ -93,16 +97,6 @@ def lay_out(path: Path, scene: Scene, rows: range, attributes: Mapping[str, str 
         file.create_group(RUNTIME, track_order=True)
         for column in columns:
             _add(file, column, column.shape(len(rows), scene.shape), dimensions)
-
-
-def _with_rows(
-    attributes: Mapping[str, str | int], scene: Scene, rows: range
-) -> dict[str, str | int]:
-    """Complete the attributes by the layout number and, for a part, its rows."""
-    own = {name: value for name, value in attributes.items() if name not in PART_NUMBERS}
-    if rows == range(scene.samples):
-        return own | {"schema": SCHEMA}
-    return own | {"schema": PART} | dict(zip(PART_NUMBERS, (rows.start, len(rows)), strict=True))
 
 
 def rows_of(attributes: Mapping[str, str | int]) -> range:
@@ -222,7 +216,8 @@ def check_columns(file: h5py.File, path: Path, scene: Scene, rows: int) -> None:
     for column in columns_for(scene):
         dataset = _dataset(file, path, column)
         shape = column.shape(rows, scene.shape)
-        _check_kind(dataset, path, column, shape)
+        if not _is_of(dataset, column, shape):
+            raise _missing(path, column, f" of type {column.dtype} and shape {shape}")
         if fault := _foreign(dataset):
             raise _refusal(path, column, fault)
         first, length = dataset.get_offset(), rows * column.row_bytes(scene.shape)
@@ -262,17 +257,15 @@ def _dataset(file: h5py.File, path: Path, column: Column) -> h5py.h5d.DatasetID:
     return node
 
 
-def _check_kind(
-    dataset: h5py.h5d.DatasetID, path: Path, column: Column, shape: tuple[int, ...]
-) -> None:
-    """Refuse a dataset whose type, shape or rank differs from the schema's."""
-    space = dataset.get_space()
-    simple = space.get_simple_extent_type() == h5py.h5s.SIMPLE
-    if not simple or space.shape != shape or space.get_simple_extent_dims(maxdims=True) != shape:
-        raise _missing(path, column, shape)
-    kind = dataset.get_type()
-    if kind.committed() or not kind.equal(h5py.h5t.py_create(np.dtype(column.dtype))):
-        raise _missing(path, column, shape)
+def _is_of(dataset: h5py.h5d.DatasetID, column: Column, shape: tuple[int, ...]) -> bool:
+    """Tell whether a dataset has the schema's type and a shape that cannot grow."""
+    space, kind = dataset.get_space(), dataset.get_type()
+    return (
+        space.get_simple_extent_type() == h5py.h5s.SIMPLE
+        and space.shape == shape == space.get_simple_extent_dims(maxdims=True)
+        and not kind.committed()
+        and bool(kind.equal(h5py.h5t.py_create(np.dtype(column.dtype))))
+    )
 
 
 def _foreign(dataset: h5py.h5d.DatasetID) -> str:
@@ -296,9 +289,8 @@ def _refusal(path: Path, column: Column, fault: str) -> InputError:
     )
 
 
-def _missing(path: Path, column: Column, shape: tuple[int, ...] = ()) -> InputError:
+def _missing(path: Path, column: Column, wanted: str = "") -> InputError:
     """Return the error for a column that is missing or of another type."""
-    wanted = f" of type {column.dtype} and shape {shape}" if shape else ""
     return InputError(
         f"{path} is damaged (no column {column.path!r}{wanted}); restore it from a copy or remove"
         " it"

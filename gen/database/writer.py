@@ -5,10 +5,10 @@ import os
 import re
 import socket
 import tempfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import h5py
 import numpy as np
@@ -20,6 +20,8 @@ from gen.runtime.errors import InputError
 from gen.runtime.files import require_writable
 from gen.scene import Scene
 from gen.schema import STATUS, Status
+
+T = TypeVar("T")
 
 FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 """Errors of the system for a full disk, an exhausted quota or a file that is too large."""
@@ -83,10 +85,6 @@ class HeldFile:
                 f"{self.path} was {fate} while it was being written; nothing more is written, and"
                 " what this run has computed is in the old file, if that is anywhere"
             )
-
-    def stat(self) -> os.stat_result:
-        """Return owner, mode and size of the file."""
-        return os.fstat(self._descriptor)
 
     def _read(self) -> list[bytes]:
         """Read the bytes before and behind the rows."""
@@ -223,31 +221,32 @@ class ParallelWriter(Writer):
     def _hold(self, path: Path) -> HeldFile:
         """Hold the file; if one process refuses it, all do."""
         _require_one_file(path, self._communicator)
-        held, refusal = None, ""
-        try:
-            held = HeldFile(path)
-        except InputError as error:
-            refusal = str(error)
-        refusals = list(filter(None, self._communicator.allgather(refusal)))
-        if held is None or refusals:
-            if held is not None:
-                held.close()
-            raise InputError(refusals[0])
-        return held
+        held, refusals = self._attempt(lambda: HeldFile(path))
+        if held is not None and not any(refusals):
+            return held
+        if held is not None:
+            held.close()
+        raise InputError(next(filter(None, refusals)))
 
     def _open(self, path: Path) -> h5py.File:
         """Open the file together with the other processes."""
-        file, refusal = None, ""
-        try:
-            file = open_file(path, writing=True, communicator=self._communicator)
-        except InputError as error:
-            refusal = str(error)
-        refusals = self._communicator.allgather(refusal)
+        file, refusals = self._attempt(
+            lambda: open_file(path, writing=True, communicator=self._communicator)
+        )
         if file is None and all(refusals):
             raise InputError(refusals[0])
-        if any(refusals):  # the processes that have opened it would wait in its closing
+        if file is None or any(refusals):  # those that have opened it would wait in its closing
             raise RuntimeError("; ".join(filter(None, refusals)))
         return file
+
+    def _attempt(self, opening: Callable[[], T]) -> tuple[T | None, list[str]]:
+        """Open something, and return it with the refusals on all processes."""
+        opened, refusal = None, ""
+        try:
+            opened = opening()
+        except InputError as error:
+            refusal = str(error)
+        return opened, self._communicator.allgather(refusal)
 
     def _abandon(self) -> None:
         """Do nothing, since closing is a collective call of MPI."""

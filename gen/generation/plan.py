@@ -36,33 +36,15 @@ CHUNK = 65_536
 
 @dataclass(frozen=True, eq=False)
 class Parameters:
-    """Parameters of consecutive rows.
+    """Parameters of consecutive rows: arrays of shape (rows,)."""
 
-    Attributes
-    ----------
-    surface : ndarray of int, shape (rows,)
-        Index of the row's surface.
-    drawn : dict of str to ndarray, shape (rows,)
-        Parameters of the row's surface by their names, as "hurst" [1] and "sigma0" [um].
-    load : ndarray, shape (rows,)
-        Load in the scene's quantity, one of `gen.scene.tables.UNITS`.
-    quantity : str
-        That quantity.
-    hardness : ndarray, shape (rows,), or None
-        Hardness of the softer body [MPa]; None for elastic bodies.
-    first : int
-        Number of the first row.
-    places : dict of str to ndarray of int, shape (rows,)
-        Where the row's surface was taken from, by the names of the columns.
-    """
-
-    surface: NDArray[np.int64]
-    drawn: dict[str, Values]
-    load: Values
+    surface: NDArray[np.int64]  # index of the row's surface
+    drawn: dict[str, Values]  # parameters of that surface by their names, as "hurst"
+    load: Values  # in the scene's quantity, one of `gen.scene.tables.UNITS`
     quantity: Quantity
-    hardness: Values | None = None
-    first: int = 0
-    places: dict[str, NDArray[np.int32]] = field(default_factory=dict)
+    hardness: Values | None = None  # of the softer body [MPa]; None for elastic bodies
+    first: int = 0  # number of the first row
+    places: dict[str, NDArray[np.int32]] = field(default_factory=dict)  # of the row's surface
 
     @property
     def delta(self) -> Values:

@@ -137,13 +137,19 @@ class Found(Table):
         description="the maps in the order of their indices"
     )
 
+    def contents(self) -> dict[str, Any]:
+        """Return what identifies the maps: their spacing, contents and nodes, not their places."""
+        maps = tuple(
+            f"{each.sha256}, {each.nodes[0]} x {each.nodes[1]}"  # short enough for a message
+            for each in self.maps
+        )
+        return {"spacing": self.spacing, "number": len(maps), "maps": maps}
 
-def _another_or_files(value: object) -> str | tuple[str, ...]:
-    """Accept another window of the same maps, or the files of other maps."""
-    return ANOTHER if value == ANOTHER else files(value)
 
-
-AnotherOrFiles = Annotated[str | tuple[str, ...], PlainValidator(_another_or_files)]
+AnotherOrFiles = Annotated[
+    str | tuple[str, ...],
+    PlainValidator(lambda value: ANOTHER if value == ANOTHER else files(value)),
+]
 
 
 class ScanSurface(GeneratedSurface):
@@ -210,23 +216,21 @@ class ScanSurface(GeneratedSurface):
         if self.found is None:
             return content
         kept = {key: value for key, value in content.items() if key != "files"}
-        kept["found"] = _contents(self.found)
+        kept["found"] = self.found.contents()
         if self.against_found is not None:
-            kept["against"] = _contents(self.against_found)
+            kept["against"] = self.against_found.contents()
             del kept["against_found"]
         return kept
 
     def anchored(self, folder: Path) -> Self:
         """Let the files of maps start from the folder of the scene."""
-
-        def moved(names: tuple[str, ...]) -> tuple[str, ...]:
-            return tuple(
+        update = {
+            key: tuple(
                 name if name.startswith("~") else str(folder.absolute() / name) for name in names
             )
-
-        update: dict[str, object] = {"files": moved(self.files)}
-        if isinstance(self.against, tuple):
-            update["against"] = moved(self.against)
+            for key, names in (("files", self.files), ("against", self.against))
+            if isinstance(names, tuple)
+        }
         return self.model_copy(update=update)
 
     def resolved(self, home: Path | None) -> Self:
@@ -244,10 +248,9 @@ class ScanSurface(GeneratedSurface):
     def _search(self, home: Path | None) -> Found:
         """Search for the maps of one body, and prepare them unless that has been done."""
         from gen.maps import library
-        from gen.maps.library import digests, map_files
 
-        paths = map_files(self.files, Path.cwd())
-        sha256s = digests(paths)
+        paths = library.map_files(self.files, Path.cwd())
+        sha256s = library.digests(paths)
         maps = library.prepared(paths, sha256s, self._wanted(), home)
         found = Found(
             spacing=maps.spacing,
@@ -266,29 +269,28 @@ class ScanSurface(GeneratedSurface):
         alone = self.alone()
         if alone in _OPEN and not sources:
             return
+        from gen.maps import library
+
+        found = self.known()
+        sha256s = [each.sha256 for each in found.maps]
         try:
-            kept = None if sources else self._kept(home, verify=verify)
-            _OPEN[alone] = _fitting(kept or self._prepared(home), self.known())
+            wanted = self._wanted()
+            maps = None if sources else library.opened(sha256s, wanted, home, verify=verify)
+            if maps is None:
+                paths = [library.located(Path(each.file), each.sha256, home) for each in found.maps]
+                maps = library.prepared(paths, sha256s, wanted, home)
         except SourceError:
             raise
         except InputError as error:
             raise SourceError(str(error)) from None
-
-    def _kept(self, home: Path | None, *, verify: bool) -> Library | None:
-        """Return the maps of a database that have been prepared; None if none are kept."""
-        from gen.maps import library
-
-        sha256s = [each.sha256 for each in self.known().maps]
-        return library.opened(sha256s, self._wanted(), home, verify=verify)
-
-    def _prepared(self, home: Path | None) -> Library:
-        """Find the files of the maps of a database again, and prepare them if need be."""
-        from gen.maps import library
-        from gen.maps.library import located
-
-        maps = self.known().maps
-        paths = [located(Path(each.file), each.sha256, home) for each in maps]
-        return library.prepared(paths, [each.sha256 for each in maps], self._wanted(), home)
+        shapes = tuple(each.nodes for each in found.maps)
+        if maps.shapes != shapes or maps.spacing != found.spacing:
+            raise SourceError(
+                "the maps are read with other nodes or another spacing than when the database was"
+                f" made: {maps.shapes} every {maps.spacing} um, {shapes} every {found.spacing} um"
+                " then"
+            )
+        _OPEN[alone] = maps
 
     def _wanted(self) -> Wanted:
         """Return how the files are to be read and prepared."""
@@ -307,8 +309,12 @@ class ScanSurface(GeneratedSurface):
         from gen.maps.read import in_words
 
         if isinstance(self.against, tuple):
-            both = enumerate((self.alone(), self.opposite()), start=1)
-            return [_of_body(number, line) for number, body in both for line in body.remarks()]
+            lines = []
+            for number, body in enumerate((self.alone(), self.opposite()), start=1):
+                for line in body.remarks():
+                    warned, rest = line.startswith("warning: "), line.removeprefix("warning: ")
+                    lines.append(f"{'warning: ' * warned}body {number}: {rest}")
+            return lines
         alone = self.alone()
         maps, step = _OPEN[alone], in_words(self.known().spacing)
         tiles = self._tiling().total
@@ -409,30 +415,3 @@ def _require_company(first: Found, second: Found) -> None:
                 " window of the same map, otherwise a surrogate would be tested on nodes that it"
                 " was trained on"
             )
-
-
-def _fitting(maps: Library, known: Found) -> Library:
-    """Refuse maps that are read otherwise than when the database was made."""
-    shapes = tuple(each.nodes for each in known.maps)
-    if maps.shapes != shapes or maps.spacing != known.spacing:
-        raise SourceError(
-            "the maps are read with other nodes or another spacing than when the database was made:"
-            f" {maps.shapes} every {maps.spacing} um, {shapes} every {known.spacing} um then"
-        )
-    return maps
-
-
-def _of_body(number: int, line: str) -> str:
-    """Say in a remark which of two bodies it is about."""
-    warning = "warning: "
-    rest = line.removeprefix(warning)
-    return f"{line[: len(line) - len(rest)]}body {number}: {rest}"
-
-
-def _contents(found: Found) -> dict[str, Any]:
-    """Return what identifies maps: their spacing, contents and nodes, not their places."""
-    maps = tuple(
-        f"{each.sha256}, {each.nodes[0]} x {each.nodes[1]}"  # short enough for a message
-        for each in found.maps
-    )
-    return {"spacing": found.spacing, "number": len(maps), "maps": maps}

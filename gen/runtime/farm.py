@@ -42,15 +42,9 @@ _own_work: ContextVar[Callable[[Any], Any]] = ContextVar("_own_work")
 
 
 class MasterLeft(SystemExit):
-    """The master has ended the command; raised on workers that wait for it, to end them too.
+    """The master has ended the command; raised on workers that wait for it, to end them too."""
 
-    Attributes
-    ----------
-    code : int
-        Exit code of the master.
-    """
-
-    code: int
+    code: int  # exit code of the master
 
 
 @dataclass(frozen=True)
@@ -60,20 +54,11 @@ class World:
     The master sends envelopes to all processes: either a value (`broadcast`) or the exit code with
     which it ends the command (`end`). A master that refuses its input therefore reaches the
     workers wherever they wait.
-
-    Attributes
-    ----------
-    rank : int
-        Rank of this process; 0 is the master.
-    size : int
-        Number of processes; 1 works without MPI.
-    communicator : mpi4py.MPI.Comm, optional
-        Communicator of all processes, None without MPI.
     """
 
-    rank: int = 0
-    size: int = 1
-    communicator: Any = None
+    rank: int = 0  # of this process; 0 is the master
+    size: int = 1  # number of processes; 1 works without MPI
+    communicator: Any = None  # of mpi4py, of all processes
 
     @property
     def is_master(self) -> bool:

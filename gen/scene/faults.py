@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from typing import Any, get_args
 
 from pydantic import ValidationError
-from pydantic_core import ErrorDetails
 
 from gen.distribution import TABLES, Table
 from gen.generators import GENERATORS, TAGS
@@ -74,35 +73,33 @@ def first_fault(error: ValidationError, root: type[Table]) -> str:
     faults = error.errors(include_url=False)
     # A misspelt key makes another one look missing: the misspelt one is the better news.
     fault = min(faults, key=lambda fault: fault["type"] != "extra_forbidden")
-    text = _described(fault, root)
-    if fault["type"] == "value_error":
+    location, value, kind = fault["loc"], shown(fault["input"]), fault["type"]
+    tags = [str(part) for part in location if part in TAGS]
+    parts = tuple(part for part in location if part not in TAGS)
+    key, known = dotted(parts), dict(_known_keys(root, tags[0] if tags else next(iter(TAGS))))
+    if kind == "extra_forbidden":
+        text = _unknown(location, key, value, known)
+    elif kind == "conflict":
+        text = f"{key}: {fault['msg']}".removeprefix(": ")
+    elif not key:
+        text = f"a scene is a table of keys, not {value}"
+    else:
+        names = tuple(part for part in parts if isinstance(part, str))
+        while dotted(names) not in known:  # inside a value that is not a table of keys
+            names = names[:-1]
+        said = "is missing" if kind == "missing" else f"= {value}"
+        text = f"{key} {said}; allowed: {known[dotted(names)]}"
+    if kind == "value_error":
         text += f" ({fault['ctx']['error']})"
     return text if len(faults) == 1 else f"{text} (and {len(faults) - 1} more)"
 
 
-def _described(fault: ErrorDetails, root: type[Table]) -> str:
-    """Describe one fault of a scene."""
-    location, value = fault["loc"], shown(fault["input"])
-    key = dotted(tuple(part for part in location if part not in TAGS))
-    if fault["type"] == "extra_forbidden":
-        return _unknown(location, key, value, root)
-    if fault["type"] == "missing":
-        return f"{key} is missing; allowed: {_allowed(location, root)}"
-    if fault["type"] == "conflict":
-        return f"{key}: {fault['msg']}".removeprefix(": ")
-    if not key:
-        return f"a scene is a table of keys, not {value}"
-    return f"{key} = {value}; allowed: {_allowed(location, root)}"
-
-
-def _unknown(location: Location, key: str, value: str, root: type[Table]) -> str:
+def _unknown(location: Location, key: str, value: str, known: dict[str, str]) -> str:
     """Describe a key that no table has, or only the table of another generator."""
-    tags = [part for part in location if part in TAGS]
     owners = [name for name, table in TAGS.items() if location[-1] in table.model_fields]
-    if len(location) == 3 and tags and owners:
+    if len(location) == 3 and owners and any(part in TAGS for part in location):
         there = " or ".join(f"'{name}'" for owner in owners for name in TAGS[owner].names())
         return f"unknown key {key} = {value} of this generator; it is one of {there}"
-    known = dict(_known_keys(root, str(tags[0]) if tags else next(iter(TAGS))))
     # Of keys with the same last name the one in the same table is meant.
     nearest = sorted(known, key=lambda name: name.startswith(f"{location[0]}."))
     names = {known_key.rpartition(".")[2]: known_key for known_key in nearest}
@@ -110,27 +107,12 @@ def _unknown(location: Location, key: str, value: str, root: type[Table]) -> str
     return f"unknown key {key} = {value}; the closest known key is {closest}"
 
 
-def _allowed(location: Location, root: type[Table]) -> str:
-    """Return the allowed values, in words, of the key that a location belongs to."""
-    tags = [str(part) for part in location if part in TAGS]
-    known = dict(_known_keys(root, tags[0] if tags else next(iter(TAGS))))
-    names = [part for part in location if isinstance(part, str) and part not in TAGS]
-    while dotted(tuple(names)) not in known:  # inside a value that is not a table of keys
-        names.pop()
-    return known[dotted(tuple(names))]
-
-
-def _names_of_generators() -> str:
-    """Name all generators."""
-    *others, last = (f"'{name}'" for each in GENERATORS for name in each.names())
-    return f"{', '.join(others)} or {last}"
-
-
 def _known_keys(table: type[Table], tag: str, prefix: str = "") -> Iterator[tuple[str, str]]:
     """Yield every key of a scene, dotted and without indices, with its allowed values in words."""
+    *others, last = (f"'{name}'" for each in GENERATORS for name in each.names())
     for name, field in table.model_fields.items():
-        words = field.description or ""
-        yield prefix + name, _names_of_generators() if name == "generator" else words
+        words = f"{', '.join(others)} or {last}" if name == "generator" else field.description
+        yield prefix + name, words or ""
         for kind in _tables(field.annotation, tag):
             yield from _known_keys(kind, tag, f"{prefix}{name}.")
 

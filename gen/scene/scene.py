@@ -436,18 +436,14 @@ def differences(in_file: Scene, asked_for: Scene) -> list[str]:
     """
     old = dict(_leaves(in_file._relevant()))
     new = dict(_leaves(asked_for._relevant()))
+    hashes = {("surface", "source"), ("store", "source")}
     return [
-        _difference(key, old.get(key), new.get(key))
+        f"{dotted(key)}: the source of the function's module has changed"
+        if key in hashes and key in old and key in new
+        else f"{dotted(key)}: {shown(old.get(key))} in the file, {shown(new.get(key))} asked for"
         for key in old | new
         if old.get(key) != new.get(key)
     ]
-
-
-def _difference(key: Location, old: object, new: object) -> str:
-    """Return a key of two scenes with both values; the hash of a source says nothing by itself."""
-    if key in {("surface", "source"), ("store", "source")} and None not in {old, new}:
-        return f"{dotted(key)}: the source of the function's module has changed"
-    return f"{dotted(key)}: {shown(old)} in the file, {shown(new)} asked for"
 
 
 def _leaves(value: object, location: Location = ()) -> Iterator[tuple[Location, object]]:

@@ -97,23 +97,6 @@ class Contact(Table):
             return {"spacing": "side/n", **content}
         return content
 
-    @model_validator(mode="after")
-    def _require_free_patch(self) -> Self:
-        """Refuse settings that a patch without edges does not have."""
-        if self.boundary == "free":
-            return self
-        for name, allowed in (
-            ("spacing", "side/n"),
-            ("far_field", "rigid"),
-            ("kernel", "uniform-pressure"),
-        ):
-            if (given := getattr(self, name)) != allowed:
-                raise PydanticCustomError(
-                    "conflict",
-                    f"boundary = '{self.boundary}' needs {name} = '{allowed}', not '{given}'",
-                )
-        return self
-
     @model_serializer(mode="wrap")
     def _without_free_boundary(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         """Leave out the boundary of a free patch."""
@@ -123,8 +106,14 @@ class Contact(Table):
         return content
 
     @model_validator(mode="after")
-    def _require_one_hardness(self) -> Self:
-        """Refuse two hardnesses, and a hardness that the model or the numbers cannot have."""
+    def _require_what_goes_together(self) -> Self:
+        """Refuse what a patch without edges does not have, and impossible hardnesses."""
+        if self.boundary != "free":
+            cells = {"spacing": "side/n", "far_field": "rigid", "kernel": "uniform-pressure"}
+            for name, allowed in cells.items():
+                if (given := getattr(self, name)) != allowed:
+                    said = f"boundary = '{self.boundary}' needs {name} = '{allowed}', not '{given}'"
+                    raise PydanticCustomError("conflict", said)
         if self.hardness is not None and self.hardness_ratio is not None:
             raise PydanticCustomError(
                 "conflict", "hardness [MPa] and hardness_ratio [E*] are both given: give one"

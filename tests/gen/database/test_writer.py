@@ -265,3 +265,17 @@ def test_a_file_in_the_making_is_closed_to_whom_the_old_one_is(held, monkeypatch
     monkeypatch.setattr("gen.database.creation.fill", note_modes)
     extend(held, LARGER)
     assert set(modes) == {0o600}
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root gives files away")
+def test_a_file_whose_owner_cannot_be_kept_is_not_extended(held, monkeypatch):
+    def refuse(*_arguments):
+        raise PermissionError(1, "Operation not permitted")
+
+    os.chown(held, 1234, 4321)
+    monkeypatch.setattr(os, "fchown", refuse)
+    before = held.read_bytes()
+    with pytest.raises(InputError, match="belongs to user 1234"):
+        open_or_create(held, LARGER)
+    assert held.read_bytes() == before
+    assert {each.name for each in held.parent.glob("some*")} == {"some.h5"}
