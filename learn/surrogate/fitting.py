@@ -39,8 +39,7 @@ from learn.stored import TARGETS, results, short_name
 from learn.surrogate import calibration as calibrating
 from learn.surrogate import card, interval
 from learn.surrogate.calibration import Plan, groups_of, holdout_squares, holdouts, near
-from learn.surrogate.flag import Distance
-from learn.surrogate.interval import Calibration, Growth
+from learn.surrogate.interval import Calibration
 from learn.surrogate.learnt import Clip, Learnt, clip_of
 from learn.surrogate.model import Surrogate
 
@@ -140,11 +139,9 @@ def _searched(
     outside = folds == validating
     best: tuple[float, dict[str, Any]] = (np.inf, {})
     for settings in _candidates(name):
-        model = pipeline(
-            MODELS[name], settings, normalisation=request.normalisation, seed=request.seed
-        )
-        with remarks():  # singular with a tiny alpha: the error will tell
-            predicted = model.fit(inputs[inside], target[inside]).predict(inputs[outside])
+        made = Settings(settings, False, "")  # singular with a tiny alpha: the error will tell
+        model, _ = _fitted(request, made, inputs[inside], target[inside])
+        predicted = model.predict(inputs[outside])
         error = float(np.mean((predicted - target[outside]) ** 2))
         if error < best[0]:
             best = error, settings
@@ -180,15 +177,9 @@ def _process(request: Request, lengths: Values, inputs: Values, target: Values) 
 
     kernel = ConstantKernel(10.0, (1e-2, 1e5)) * RBF(lengths, (1e-2, 1e4))
     kernel += WhiteKernel(1e-3, (1e-9, 1.0))
-    settings = {"kernel": kernel, "optimizer": "fmin_l_bfgs_b", "alpha": 1e-10}
-    process = pipeline(
-        MODELS["gaussian-process"],
-        settings,
-        normalisation=request.normalisation,
-        seed=request.seed,
-    )
-    with remarks():  # lengths at their bound: inputs that do not matter
-        return process.fit(inputs, target).named_steps[STEP]
+    given = {"kernel": kernel, "optimizer": "fmin_l_bfgs_b", "alpha": 1e-10}
+    # Lengths at their bound are those of inputs that do not matter.
+    return _fitted(request, Settings(given, False, ""), inputs, target)[0].named_steps[STEP]
 
 
 def _likelihood(process: Any) -> float:
@@ -435,15 +426,13 @@ def _fitted(
 ) -> tuple[Any, tuple[str, ...]]:
     """Return a fitted pipeline and the warnings of its fit."""
     (name,) = request.models
-    unfitted = pipeline(
-        MODELS[name],
-        settings.values,
-        normalisation=request.normalisation,
-        seed=request.seed,
-        tuned=settings.tuned,
-    )
+    own: dict[str, Any] = {
+        "normalisation": request.normalisation,
+        "seed": request.seed,
+        "tuned": settings.tuned,
+    }
     with remarks() as said:
-        fitted = unfitted.fit(inputs, target)
+        fitted = pipeline(MODELS[name], settings.values, **own).fit(inputs, target)
     return fitted, tuple(said)
 
 
@@ -506,7 +495,7 @@ def _calibrated(
     rows = train if calibration is None else calibration
     raw = learnt.raw(rows.inputs) if crossed is None else crossed
     groups, root = groups_of(rows), learnt.scaling.root
-    errors = _errors(raw, rows, root=root)
+    errors, kinds = _errors(raw, rows, root=root)
     if groups is not None and groups.scheme == "others":
         return calibrating.calibrate_by_groups(rows, errors, groups, root=root)
     distance = near(train)
@@ -514,9 +503,17 @@ def _calibrated(
         squares = np.square(distance.of(rows.inputs))
     else:
         squares = holdout_squares(train, list(holdouts(train, groups.left_out(train))))
-    growth = _growth(learnt, distance, train, target) or interval.fit_growth(
-        distance, squares, errors, _kinds(raw, rows)
-    )
+    # By clusters of the training that are left out in turn, where there are many surfaces; models
+    # other than kernel ridge would need a fit for each cluster.
+    clusters, growth = calibrating.clusters_of(train), None
+    if clusters is not None:
+        parts = list(holdouts(train, clusters))
+        unseen = _ridge_left_out(learnt, target, parts)
+        if unseen is not None:
+            growth = interval.fit_growth(
+                distance, holdout_squares(train, parts), *_errors(unseen, train, root=root)
+            )
+    growth = growth or interval.fit_growth(distance, squares, errors, kinds)
     if groups is None:
         return interval.calibrate(
             raw, rows.target, train.target, rows.inputs, root=root, growth=growth
@@ -526,29 +523,11 @@ def _calibrated(
     )
 
 
-def _growth(learnt: Learnt, distance: Distance, train: Dataset, target: Values) -> Growth | None:
-    """Fit the growth of the errors by clusters of the training that are left out in turn.
+def _errors(raw: Values, rows: Dataset, *, root: bool) -> tuple[Values, Indices]:
+    """Return the errors of predictions over their scale, or of their roots, and kinds, each (n,).
 
-    None for models other than kernel ridge, which would need a fit for each cluster, and for few
-    surfaces.
+    Rows of one kind are compared with each other: of one database and range of predictions.
     """
-    clusters = calibrating.clusters_of(train)
-    if clusters is None:
-        return None
-    parts = list(holdouts(train, clusters))
-    raw = _ridge_left_out(learnt, target, parts)
-    if raw is None:
-        return None
-    errors = _errors(raw, train, root=learnt.scaling.root)
-    return interval.fit_growth(distance, holdout_squares(train, parts), errors, _kinds(raw, train))
-
-
-def _errors(raw: Values, rows: Dataset, *, root: bool) -> Values:
-    """Return the absolute errors of predictions over their scale, or of their roots, (n,)."""
     change = np.sqrt if root else np.asarray
-    return np.asarray(np.abs(change(raw) - change(rows.target)))
-
-
-def _kinds(raw: Values, rows: Dataset) -> Indices:
-    """Return the kind of each row, (n,): rows of one kind are compared with each other."""
-    return calibrating.near_labels(rows) * interval.RANGES + interval.ranges_of(raw)
+    kinds = calibrating.near_labels(rows) * interval.RANGES + interval.ranges_of(raw)
+    return np.asarray(np.abs(change(raw) - change(rows.target))), kinds

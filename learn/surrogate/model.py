@@ -223,7 +223,7 @@ class Surrogate:
         Parameters
         ----------
         surface, side : ArrayLike
-            See `predict`; the boundary is that of the training.
+            See `predict`, which also tells what is raised; the boundary is that of the training.
         name : str
             Name of the surface in messages.
 
@@ -231,11 +231,6 @@ class Surrogate:
         -------
         OnSurface
             The surrogate with the features of this surface.
-
-        Raises
-        ------
-        InputError
-            If heights or lengths are impossible, or heights are masked in places.
         """
         heights = _own(name, surface)
         if np.shape(side) not in {(), (2,)}:
