@@ -6,20 +6,8 @@ import pytest
 
 from gen.database import Reader
 from gen.runtime.errors import InputError
-from gen.schema import statistics_columns
 from learn import dataset
 from learn.stored import INPUTS, results
-
-
-def test_the_inputs_are_the_23_of_table_1_in_its_order(solved):
-    names = ("delta", *(column.name for column in statistics_columns()))
-    assert names == INPUTS
-    assert len(names) == 23
-    found = dataset.read(solved)
-    with h5py.File(solved) as file:
-        for place, name in enumerate(names):
-            np.testing.assert_array_equal(found.inputs[:, place], file[name][:])
-        np.testing.assert_array_equal(found.target, file["area_percent"][:])
 
 
 def test_rows_are_left_out_and_counted_by_reason(database, change):
@@ -54,18 +42,6 @@ def test_times_and_hosts_do_not_change_the_fingerprint(solved, database, change)
     assert dataset.read(database).source["database_sha256"] != first.source["database_sha256"]
 
 
-def test_samples_of_one_surface_share_a_group(tmp_path):
-    from gen import cli
-
-    (tmp_path / "s.toml").write_text(
-        "samples = 30\nsamples_per_surface = 3\n[surface]\nnodes = 33\n"
-    )
-    assert cli.main(["run", str(tmp_path / "s.toml"), "-o", str(tmp_path / "s.h5")]) == 0
-    groups = dataset.read(tmp_path / "s.h5").groups
-    np.testing.assert_array_equal(groups[::3], groups[2::3])
-    assert np.unique(groups).size == 10
-
-
 @pytest.fixture(scope="module")
 def undefined(tmp_path_factory):
     """The path of a database of 60 surfaces of 5 x 5 nodes, many of which have no asperity."""
@@ -95,27 +71,12 @@ def test_rows_that_lack_a_statistic_which_the_features_need_are_left_out(undefin
     assert np.isfinite(found.inputs).all()
 
 
-@pytest.mark.parametrize("features", ["dimensionless", "hybrid"])
-def test_surrogates_are_fitted_to_the_other_rows(undefined, tmp_path, capsys, features):
-    from learn import cli
-
-    output = str(tmp_path / "s.surrogate")
-    fit = ["fit", str(undefined), "--features", features, "--target", "force", "-o", output]
-    assert cli.main(fit) == 0
-    said = " ".join(capsys.readouterr().err.split())
-    lost = f"left out {lacking(undefined).size} rows: {features} features need statistics"
-    assert lost in said
-
-
 @pytest.mark.parametrize(
     ("column", "rows", "value", "said"),
     [
         ("status", slice(None), 2, "0 usable rows, 10 at least are needed (left out: 90 failed"),
-        ("status", slice(None), 0, "90 not computed yet"),
-        ("status", slice(5, None), 0, "5 usable rows, 10 at least"),
         ("status", slice(None), 7, "90 status unknown"),
         ("area_percent", slice(None), 3.5, "area_percent is 3.5 in all 90 usable rows"),
-        ("area_percent", slice(None), np.nan, "90 target not finite"),
     ],
 )
 def test_what_nothing_can_be_learnt_from_is_refused(change, column, rows, value, said):

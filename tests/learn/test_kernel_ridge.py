@@ -37,18 +37,6 @@ def test_tiny_alphas_are_answered_with_a_warning(samples, alpha, gamma):
     assert np.abs(model.predict(inputs) - smooth).max() < 5e-3 * np.ptp(target)
 
 
-def test_duplicated_rows_are_no_obstacle(samples):
-    inputs, target = samples
-    twice = SafeKernelRidge(kernel="rbf", gamma=5.0, alpha=1e-3)
-    twice.fit(np.vstack([inputs, inputs]), np.concatenate([target, target]))
-    once = SafeKernelRidge(kernel="rbf", gamma=5.0, alpha=5e-4).fit(inputs, target)
-    np.testing.assert_allclose(twice.predict(inputs), once.predict(inputs), rtol=1e-9)
-    with pytest.warns(IllConditioned):
-        SafeKernelRidge(kernel="rbf", gamma=5.0, alpha=1e-17).fit(
-            np.vstack([inputs, inputs]), np.concatenate([target, target])
-        )
-
-
 @pytest.mark.parametrize("kernel", ["rbf", "linear"])
 def test_all_alphas_at_once_are_those_one_by_one(samples, kernel):
     inputs, target = samples

@@ -105,20 +105,6 @@ def test_libraries_tell_users_nothing_in_their_own_words(model, samples):
         assert all(each in {UNFINISHED, AT_BOUND} for each in said), said
 
 
-def test_warnings_of_libraries_become_sentences_once():
-    from sklearn.exceptions import ConvergenceWarning
-
-    with remarks() as said:
-        for _ in range(2):
-            warnings.warn("Maximum iterations (200) reached", ConvergenceWarning, stacklevel=1)
-            warnings.warn(
-                "close to the specified lower bound 1e-05", ConvergenceWarning, stacklevel=1
-            )
-            warnings.warn("`criterion` is deprecated", FutureWarning, stacklevel=1)
-            warnings.warn("divide by\nzero", RuntimeWarning, stacklevel=1)
-    assert said == [UNFINISHED, AT_BOUND, "divide by zero"]
-
-
 @pytest.mark.parametrize(("factor", "exponent"), [(1.0, 0), (2.0**-40, -40), (2.0**40, 40)])
 def test_targets_of_another_size_are_brought_to_an_areas_by_a_power_of_two(
     database, change, factor, exponent
@@ -217,15 +203,6 @@ def test_columns_are_cut_at_their_own_bounds_only(kinds, tmp_path):
     loaded = Surrogate.load(tmp_path / "b.surrogate").learnt["signed"]
     assert loaded.bounds == (-4.0, 96.0)
     assert loaded.within(np.array([-9.0, 5.0, 99.0])).tolist() == [-4.0, 5.0, 96.0]
-
-
-def test_too_little_memory_is_refused_with_the_numbers(solved, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(models, "memory_available", lambda: models.PROCESS + 50_000)
-    assert run("compare", solved, "-o", tmp_path / "out", "--model", "gaussian-process") == 2
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1
-    assert "GiB for 72 training rows" in said
-    assert "--train-rows" in said
 
 
 def test_a_fit_asks_the_system_and_no_file_that_others_could_make(

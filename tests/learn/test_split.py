@@ -86,14 +86,6 @@ def test_a_seed_gives_the_same_split_another_one_another():
     assert (first.train != other.train).any()
 
 
-def test_fewer_training_rows_are_the_first_of_more():
-    rows = rows_of([1] * 100)
-    few, many = split.draw(rows, 0, 30), split.draw(rows, 0)
-    np.testing.assert_array_equal(few.train, many.train[:30])
-    np.testing.assert_array_equal(few.test, many.test)
-    np.testing.assert_array_equal(np.bincount(few.folds), [6] * 5)
-
-
 def test_rows_of_a_single_surface_are_split_one_by_one():
     drawn = split.draw(rows_of([40]))
     assert not drawn.by_surface

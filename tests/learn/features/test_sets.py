@@ -120,17 +120,6 @@ def test_the_hardness_is_a_feature_where_it_says_something(name):
     assert fixed.columns == (varied.columns if SETS[name].scaled else SETS[name].columns)
 
 
-@pytest.mark.parametrize("name", [name for name, each in SETS.items() if each.scaled])
-def test_areas_at_the_same_features_are_the_same(name):
-    """Heights times 2 at the same length have twice the pressures: so has the hardness."""
-    wanted, z = chosen(name, (0.001, 1.0)), surface(4)
-    first = SurfaceFeatures(z, (1000.0, 1000.0)).features(wanted, DELTA, 0.01)
-    higher = SurfaceFeatures(2 * z, (1000.0, 1000.0)).features(wanted, 2 * DELTA, 0.02)
-    longer = SurfaceFeatures(z, (2000.0, 2000.0)).features(wanted, DELTA, 0.005)
-    np.testing.assert_allclose(higher, first, rtol=1e-9)
-    np.testing.assert_allclose(longer, first, rtol=1e-9)
-
-
 def test_rows_of_a_database_have_the_features_of_their_own_hardness(yielding):
     rows = dataset.read(yielding, features="dimensionless")
     assert rows.names[-1] == SCALED_HARDNESS

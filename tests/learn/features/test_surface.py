@@ -5,7 +5,6 @@ import pytest
 from scipy.special import erf
 
 import bem
-from gen.runtime.errors import InputError
 from gen.surface import generate
 from learn.features import SETS, SurfaceFeatures, chosen
 from learn.features.sets import BLOCK_COUNTS, COARSE, HYBRID, LOCAL
@@ -50,22 +49,6 @@ def test_a_delta_that_reaches_no_block_still_has_features():
     assert local["refined_interference_2/delta"] == pytest.approx(1 / 66)
 
 
-def test_the_mean_displacement_follows_from_the_force():
-    z = surface(7, 129)
-    for delta in (5.0, 15.0, 40.0):
-        solved = bem.solve(z, 1000.0, delta)
-        compliance, yielded = SurfaceFeatures(z, (1000.0, 1000.0)).coarse_means(delta)
-        assert yielded == 0.0
-        predicted = compliance * solved.force / 1000.0
-        assert predicted == pytest.approx(float(solved.displacement.mean()), rel=0.03)
-
-
-@pytest.mark.parametrize("delta", [0.0, -1.0, np.nan, np.inf])
-def test_a_delta_that_no_contact_has_is_refused(delta):
-    with pytest.raises(InputError, match="above 0"):
-        SurfaceFeatures(surface(0), (1.0, 1.0)).features(SETS["paper"], np.array([delta]))
-
-
 @pytest.mark.parametrize("boundary", ["periodic", "mirror"])
 @pytest.mark.parametrize("shape", [(32, 32), (20, 27), (64, 64), (70, 100)])
 def test_patches_without_edges_have_features_up_to_full_contact(shape, boundary):
@@ -84,21 +67,6 @@ def test_patches_without_edges_have_features_up_to_full_contact(shape, boundary)
             assert values["coarse_area_percent"] == pytest.approx(solved.area_percent, abs=0.5)
     assert values["coarse_area_percent"] > 80
     assert rough.coarse_means(0.9 * full, 0.05)[1] > 0
-
-
-def test_finer_blocks_come_nearer_to_the_solution():
-    z = surface(6, 129)
-    solved = bem.solve(z, 1000.0, 14.0)
-    coarse, finer = (
-        dict(zip(HYBRID, SurfaceFeatures(z, (1000.0, 1000.0)).hybrid(14.0, None, n), strict=True))
-        for n in BLOCK_COUNTS
-    )
-    for name, truth in (
-        ("coarse_area_percent", solved.area_percent),
-        ("coarse_force/(E*.L.delta)", solved.force / 14e3),
-        ("coarse_perimeter/L", solved.perimeter / 1000.0),
-    ):
-        assert abs(finer[name] - truth) < abs(coarse[name] - truth)
 
 
 @pytest.mark.parametrize("boundary", ["free", "periodic", "mirror"])

@@ -12,7 +12,6 @@ from learn.dataset import Request
 from learn.executor import Executor
 from learn.stored import Population
 from learn.surrogate import calibration, fitting
-from learn.surrogate.card import show
 from learn.surrogate.fitting import Settings, fit_target
 from learn.surrogate.flag import from_rows
 from learn.surrogate.interval import Growth
@@ -108,18 +107,6 @@ def test_files_keep_intervals_by_maps(solved, tmp_path):
     require_level(again, 0.9)
     with pytest.raises(InputError, match=r"0.95: intervals of area are calibrated by 10 maps, wh"):
         require_level(again, 0.95)
-
-
-def test_the_card_says_by_what_intervals_are_calibrated(solved, capsys):
-    for number, words in {
-        10: "intervals calibrated by whole maps (10 of them, each predicted without it): hold for"
-        " other maps like these, up to 90.9 %",
-        4: "intervals calibrated on each of 4 maps: hold for further surfaces of these maps",
-    }.items():
-        surrogate, _ = fitted(solved, number)
-        show(surrogate.card, surrogate.low, surrogate.high)
-        assert words in capsys.readouterr().out
-    assert np.isfinite(surrogate.distance.limit)
 
 
 @pytest.mark.parametrize("model", ["kernel-ridge", "decision-tree"])

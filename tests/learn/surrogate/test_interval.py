@@ -10,7 +10,6 @@ from learn.surrogate.interval import (
     Growth,
     calibrate,
     fit_growth,
-    fit_scale,
     quantile,
     quantile_over_groups,
 )
@@ -79,13 +78,6 @@ def spread_out(rows, seed, rate):
     return inputs, distance, errors
 
 
-def test_the_rate_of_the_growth_is_found_among_kinds_with_errors_of_their_own():
-    inputs, distance, errors = spread_out(6000, 0, 0.4)
-    kinds = (inputs[:, 0] > 0).astype(np.int64)
-    found = fit_growth(distance, distance.of(inputs) ** 2, errors * (1 + 9 * kinds), kinds)
-    assert found.rate == pytest.approx(0.4, abs=0.1)
-
-
 def test_no_error_grows_beyond_the_limit_of_the_flag():
     inputs, distance, _ = spread_out(500, 2, 0.0)
     growth = Growth(distance, 0.5)
@@ -127,22 +119,3 @@ def test_rows_of_new_groups_are_covered_as_often_as_asked(groups):
         covered.append(abs(sizes[-1] * random.normal()) <= quantile_over_groups(known, 0.9))
     slack = 3 * np.sqrt(0.09 / 2000)
     assert 0.9 - slack < np.mean(covered) < 0.9 + 1 / (groups + 1) + slack
-
-
-def test_a_level_that_the_groups_do_not_reach_has_no_end():
-    scores = tuple(np.arange(1.0, 6.0) for _ in range(9))
-    assert quantile_over_groups(scores, 0.9) == 5.0
-    assert quantile_over_groups(scores, 0.901) == np.inf
-    uneven = (np.ones(1000), *(np.full(1, 2.0) for _ in range(9)))
-    assert quantile_over_groups(uneven, 0.5) == 2.0, "large groups weigh no more than small ones"
-
-
-def test_usual_errors_follow_the_features_and_end_at_known_places():
-    random = np.random.default_rng(1)
-    inputs = np.column_stack([random.uniform(-1, 1, 4000), np.full(4000, 7.0)])
-    errors = np.abs(np.exp(1.5 * inputs[:, 0]) * random.normal(size=4000))
-    found = fit_scale(inputs, errors, random.integers(0, 10, 4000))
-    first, last, beyond = found.at(np.array([[-0.9, 7.0], [0.9, 7.0], [90.0, 7.0]]))
-    assert 1.9 < last / first < np.exp(1.8 * 1.5)  # shrunk
-    assert beyond < 1.2 * last
-    assert (found.at(np.array([[np.nan, 7.0]])) >= last).all()

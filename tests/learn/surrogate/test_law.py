@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from laws import LOADS, STEEL, column, rows_of, run
-from scipy.interpolate import PchipInterpolator
 from strict import json_of
 
 from gen import cli as gen_cli
@@ -169,19 +168,10 @@ ONE = ["hybrid.surrogate", "many/s0.npy", "--side", "1000"]
     ("arguments", "word"),
     [
         (["many/s0.npy", "--side", "1000"], "give a surrogate and then surfaces, or surfaces and"),
-        (["many/s0.npy", "many/s1.npy", "--side", "1000"], "many/s0.npy: is no surrogate"),
-        (["hybrid.surrogate", "--solver"], "give a surrogate and then surfaces, or surfaces and"),
         (["many/s0.npy", "--side", "1000", "--solver"], "give --delta or --pressure"),
-        (["many/s0.npy", "--solver", "--delta", "1"], "--side"),
         (["a.toml", "b.toml", "--solver", "--surfaces", "2"], "E* = 1 and 2 MPa: give one with"),
-        (
-            [*ONE, "--solver", "--pressure", "0"],
-            "--pressure '0': give pressures from 0 to 1e+60 MPa",
-        ),
-        ([], "Missing argument '[SURROGATE] INPUT...'"),
         ([*ONE, "--delta", "5,9", "--pressure", "9"], "give a larger --delta"),
         ([*ONE, "--delta", "5", "--boundary", "mirror"], "--boundary mirror: the surrogate was"),
-        ([*ONE, "--delta", "5", "--boundary", "open"], "'open' is not one of"),
         (["cells.toml", "quick", "--solver"], "quick: has a free boundary, the law a mirror one"),
         (["hybrid.surrogate", "cells.toml"], "cells.toml: has a mirror boundary, the law a free"),
     ],
@@ -193,32 +183,6 @@ def test_a_law_that_cannot_be_is_refused(work, capsys, arguments, word):
     Path("cells.toml").write_text(CELLS)
     run("law", *arguments, ends=2)
     assert word in capsys.readouterr().err.splitlines()[-1]
-
-
-def test_no_interval_is_given_on_unknown_ground(work, capsys, monkeypatch):
-    """Neither in print nor in the CSV; the number stays, dim, with its reason."""
-    monkeypatch.setenv("COLUMNS", "160")
-    ask = ["many/s0.npy", "--side", "1000", "--delta", "0.5,20"]
-    for command, option in (("predict", "-o"), ("law", "--csv")):
-        monkeypatch.delenv("FORCE_COLOR", raising=False)
-        run(command, "hybrid.surrogate", *ask, option, "out.csv")
-        plain = capsys.readouterr().out
-        monkeypatch.setenv("FORCE_COLOR", "1")
-        run(command, "hybrid.surrogate", *ask, option, "out.csv")
-        coloured = capsys.readouterr().out
-        rows = [row for row in rows_of("out.csv") if row.get("against") != "pressure_MPa"]
-        unknown, known = rows[-2:]
-        for name in ("area_percent", "force_uN"):
-            assert unknown[f"{name}_low"] == unknown[f"{name}_high"] == ""
-            assert float(known[f"{name}_low"]) < float(known[f"{name}_high"])
-            value = f"{float(unknown[name]):.4g} (-)"
-            assert value in plain
-            (line,) = [each for each in coloured.splitlines() if value in each]
-            assert "\x1b[2m" in line
-            assert f"{float(known[name]):.4g} ({float(known[f'{name}_low']):.4g} to" in plain
-        assert unknown["reason"].startswith("delta/h")
-        assert known["reason"] == ""
-        assert "delta/h" in plain
 
 
 @pytest.mark.parametrize("how", [["--solver"], []])
@@ -252,19 +216,6 @@ def test_a_law_is_monotone_and_consistent(work, how, inputs):
     assert (np.diff(column(by_pressure, "mean_gap_um")) <= 0).all()
 
 
-def test_laws_of_scenes_databases_and_given_pressures(work, capsys):
-    for text in ("database.h5", "scene.toml"):
-        (work / "scene.toml").write_text("samples = 9\n[surface]\nnodes = 33\n")
-        ask = ["law", "hybrid.surrogate", text, "--surfaces", 3, "--delta", "5:40:5"]
-        run(*ask, "--pressure", "0:0.005:6", "--csv", f"{text}.csv")
-        assert "quantiles of 3 surfaces" in " ".join(capsys.readouterr().out.split())
-    assert (work / "database.h5.csv").read_text() == (work / "scene.toml.csv").read_text()
-    rows = [row for row in rows_of("scene.toml.csv") if row["against"] == "pressure_MPa"]
-    np.testing.assert_allclose(column(rows, "pressure_MPa"), np.linspace(0, 0.005, 6))
-    run(*ask, "--pressure", "9", ends=2)
-    assert "give a larger --delta" in capsys.readouterr().err
-
-
 def test_a_predicted_law_of_bodies_that_yield_is_near_the_solved_one(yielding, work, capsys):
     run("fit", yielding, "--features", "hybrid", "-o", "plastic.surrogate")
     ask = ["many/s0.npy", "--side", "1000", "--delta", "5:25:5"]
@@ -281,23 +232,6 @@ def test_a_predicted_law_of_bodies_that_yield_is_near_the_solved_one(yielding, w
     for name in ("area_percent", "force_uN"):
         true = column(solved, name)
         assert np.abs(column(predicted, name) - true).max() < 0.15 * true.max()
-
-
-def test_a_law_of_a_scene_takes_its_hardness(work, capsys):
-    for name, text in (("one", "0.01"), ("range", "[0.01, 0.1]")):
-        Path(f"{name}.toml").write_text(
-            f"samples = 4\n[surface]\nnodes = 17\n[contact]\nhardness_ratio = {text}\n"
-        )
-    ask = ["--solver", "--surfaces", "2", "--delta", "5,20"]
-    run("law", "one.toml", *ask, "--csv", "law.csv")
-    assert set(column(rows_of("law.csv"), "hardness_MPa")) == {0.01}
-    run("law", "one.toml", *ask, "--e-star", "200e3", "--csv", "law.csv")
-    assert set(column(rows_of("law.csv"), "hardness_MPa")) == {2000.0}
-    capsys.readouterr()
-    run("law", "range.toml", *ask, ends=2)
-    assert "give one with --hardness" in capsys.readouterr().err
-    run("law", "range.toml", *ask, "--hardness", "0.02", "--csv", "law.csv")
-    assert set(column(rows_of("law.csv"), "hardness_MPa")) == {0.02}
 
 
 CONDUCTING = """
@@ -386,23 +320,6 @@ def test_the_conductance_of_bodies_that_yield_is_learnt_from_their_stiffness(wor
     capsys.readouterr()
     run("law", "both.surrogate", *ask, ends=2)
     assert "fit a surrogate with --target area,force,stiffness" in capsys.readouterr().err
-
-
-def test_an_interval_at_given_pressure_is_that_of_the_force_read_the_other_way(work):
-    ask = ["law", "hybrid.surrogate", "many/s1.npy", "--side", "1000", "--delta", "6:40:35"]
-    run(*ask, "--pressure", "0.002:0.017:6", "--csv", "law.csv")
-    over = [row for row in rows_of("law.csv", "delta_um") if row["pressure_MPa_low"]]
-    at = rows_of("law.csv", "pressure_MPa")
-    assert all(row["delta_um_low"] for row in at)
-    delta, pressure = column(over, "delta_um"), column(at, "pressure_MPa")
-    for end, other in (("low", "high"), ("high", "low")):
-        ends = column(at, f"delta_um_{end}")
-        reached = PchipInterpolator(delta, column(over, f"pressure_MPa_{other}"))(ends)
-        np.testing.assert_allclose(reached, pressure, rtol=2e-3)
-        area = PchipInterpolator(delta, column(over, f"area_percent_{end}"))(ends)
-        np.testing.assert_allclose(column(at, f"area_percent_{end}"), area, rtol=2e-3)
-        gap = PchipInterpolator(delta, column(over, f"mean_gap_um_{other}"))(ends)
-        np.testing.assert_allclose(column(at, f"mean_gap_um_{other}"), gap, rtol=2e-3)
 
 
 def test_the_inverse_of_a_law_knows_its_level_stretches():
