@@ -39,12 +39,15 @@ SurrogateAndInputs = Annotated[
     list[str],
     typer.Argument(
         metavar="[SURROGATE] INPUT...",
-        help="A surrogate made by learn fit, which --solver does not need; then one surface, or"
+        help="A surrogate made by learn fit, or --solver instead of it; then one surface, or"
         " folders of them, databases or scenes: a population.",
     ),
 ]
 Solver = Annotated[
-    bool, typer.Option("--solver", help="Solve every contact instead of predicting it.")
+    bool,
+    typer.Option(
+        "--solver", help="Solve every contact, as gen law does, instead of predicting it."
+    ),
 ]
 LawBoundary = Annotated[
     Literal["free", "periodic", "mirror"] | None,
@@ -156,26 +159,36 @@ def law(
 
     Bands are the surrogate's intervals for one surface, and quantiles over the surfaces of a
     population. There is none for one surface that is solved, or outside the surrogate's training.
-    The solver solves at the given Delta or pressures; its E* is by default that of the surrogate's
-    training or of a scene, else 1 MPa. With --conductivity there is the conductance too. Surrogates
-    that have not learnt the stiffness take it from the slope of the force, for elastic bodies only.
+    With --solver it is what gen law makes, with the boundary of the first scene. With
+    --conductivity there is the conductance too. Surrogates that have not learnt the stiffness take
+    it from the slope of the force, for elastic bodies only.
     """
+    from gen.law import Order, by_solver
     from gen.law.files import show, write_files
+    from gen.law.surfaces import is_scene, scene_of
     from gen.maps.contacts import require_conductivities
     from learn.surrogate import Surrogate
     from learn.surrogate.interval import checked_level
-    from learn.surrogate.law import Order, make
+    from learn.surrogate.law import make
     from learn.surrogate.model import require_level
 
     files = files.filled(output)
     check_outputs(files.outputs, inputs)
     figure = empty_figure(files.picture, 12.0, 7.0)
-    file, wanted = _surrogate_and_inputs(inputs, solver=solver)
+    first, *others = inputs
+    if solver and Path(first).is_file() and kind_of(Path(first)) == "surrogate":
+        raise InputError(f"{first}: --solver solves the law without a surrogate: leave it out")
+    if not solver and not others:
+        raise InputError(
+            f"{first}: nothing else given: give a surrogate and then surfaces, or surfaces and"
+            " --solver"
+        )
+    if solver and boundary is None and (scenes := list(filter(is_scene, inputs))):
+        boundary = scene_of(scenes[0]).contact.boundary
     order = Order(
-        inputs=tuple(wanted),
+        inputs=tuple(inputs if solver else others),
         delta=delta,
         pressure=pressure,
-        solver=solver,
         surfaces=surfaces,
         level=checked_level(interval),
         e_star=material.modulus(),
@@ -185,23 +198,12 @@ def law(
         reading=reading,
         command=typed(context, "learn"),
     )
-    surrogate = None if file is None else Surrogate.load(file)
-    if surrogate is not None and not solver:
+    if solver:
+        made = by_solver(order, note)
+    else:
+        surrogate = Surrogate.load(Path(first))
         require_level(surrogate, order.level)
-    tables = make(surrogate, order, note)
-    show(tables)
-    for written in write_files(tables, files, figure):
+        made = make(surrogate, order, note)
+    show(made)
+    for written in write_files(made, files, figure):
         echo(f"wrote {written}")
-
-
-def _surrogate_and_inputs(given: list[str], *, solver: bool) -> tuple[Path | None, list[str]]:
-    """Return the surrogate, which the solver does not need, and the inputs after it."""
-    first, *others = given
-    if solver and not (Path(first).is_file() and kind_of(Path(first)) == "surrogate"):
-        return None, given
-    if not others:
-        raise InputError(
-            f"{first}: nothing else given: give a surrogate and then surfaces, or surfaces and"
-            " --solver"
-        )
-    return Path(first), others

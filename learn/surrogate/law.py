@@ -1,4 +1,4 @@
-"""Contact laws that a surrogate predicts, or the solver with its material and range.
+"""Contact laws that a surrogate predicts.
 
 A law is area, force, mean gap and closure against Delta and nominal pressure: that of one surface,
 or the mean and quantiles over the surfaces of a population, with the numbers and writers of
@@ -20,17 +20,16 @@ results.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from bem.derived.stiffness import without_patch
-from bem.problem import Boundary
 from gen.arrays import Values
-from gen.law import Law, contact_law
-from gen.law.contact_law import STEPS, law_of, solved_law, usual_loads
+from gen.law import Law, Order
+from gen.law.contact_law import STEPS, law_of
 from gen.law.curves import STIFFNESS, Curves, Points, continued, monotone, slopes, tabulated
-from gen.law.surfaces import LawSurface, LawSurfaces, is_scene, read_subjects, scene_of
+from gen.law.surfaces import LawSurface, read_subjects
 from gen.material import Bodies
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import RunProgress
@@ -64,85 +63,38 @@ ROUNDING = 1e-12
 """Relative distance beyond the last pressure within which a pressure counts as the last one."""
 
 
-@dataclass(frozen=True)
-class Order(contact_law.Order):
-    """A request for a law of a surrogate; with `solver` contacts are solved instead.
-
-    E*, hardness, boundary and range of Delta are those of the training where they are not given.
-    """
-
-    solver: bool = False
-
-
-def make(surrogate: Surrogate | None, order: Order, say: Callable[[str], None]) -> Law:
+def make(surrogate: Surrogate, order: Order, say: Callable[[str], None]) -> Law:
     """Make a law; `say` is called with a line for the user about each file.
 
-    Where contacts are solved the surrogate may be None; otherwise its E*, hardness, boundary and
-    range of Delta stand in for those that are not given. InputError is raised for input that cannot
-    be used, or a pressure that the law does not reach.
+    The surrogate's E*, hardness and range of Delta stand in for those that are not given.
+    InputError is raised for input that cannot be used, or a pressure that the law does not reach.
     """
-    if not order.solver:
-        _check_surrogate(surrogate)
-    deltas, pressures = order.loads()
-    boundary = _boundary(surrogate, order)
-    subjects = read_subjects(order.inputs, order.surfaces, order.reading, boundary, say)
-    left_out: list[str] = []
-    if surrogate is not None and not order.solver:
-        kept, left_out = _defined(surrogate, subjects.surfaces)
-        subjects = replace(subjects, surfaces=kept)
-    bodies = _bodies(surrogate, order, subjects)
-    if deltas is None and (pressures is None or not order.solver):
-        if surrogate is None:
-            deltas, pressures = usual_loads(subjects, bodies.e_star)
-        else:
-            low, high = surrogate.card["delta"]
-            deltas = np.unique(np.linspace(float(low), float(high), STEPS))
-    if order.solver:
-        return solved_law(order, subjects, bodies, (deltas, pressures))
-    assert surrogate is not None
-    assert deltas is not None
-    stiffness = order.stiffness or order.conductivities is not None
-    tables = _tables(
-        surrogate, subjects.surfaces, deltas, pressures, order.level, bodies, stiffness=stiffness
-    )
-    tables = (*tables[:2], [*left_out, *tables[2]])
-    said = f"predicted by {surrogate.card['title']}", f"{100 * order.level:g} % conformal interval"
-    return law_of(order, subjects, bodies, tables, said)
-
-
-def _check_surrogate(surrogate: Surrogate | None) -> None:
-    if surrogate is None:
-        raise InputError("a law needs a surrogate, or --solver, which needs none")
     if not {"area", "force"} <= set(surrogate.learnt):
         raise InputError("a law needs a surrogate of both area and force: fit --target both")
-
-
-def _boundary(surrogate: Surrogate | None, order: Order) -> Boundary:
-    """Return the boundary of the options, the surrogate or the first scene; else mirror."""
-    if surrogate is not None and order.boundary in {None, surrogate.boundary}:
-        return surrogate.boundary
-    if surrogate is not None and not order.solver:
+    if order.boundary not in {None, surrogate.boundary}:
         raise InputError(
             f"--boundary {order.boundary}: the surrogate was trained on patches with a"
             f" {surrogate.boundary} one: leave that out, or fit one to a database of this boundary"
         )
-    if order.boundary is not None:
-        return order.boundary
-    scenes = [text for text in order.inputs if is_scene(text)]
-    return scene_of(scenes[0]).contact.boundary if scenes else "mirror"
-
-
-def _bodies(surrogate: Surrogate | None, order: Order, subjects: LawSurfaces) -> Bodies:
-    """Return E* and hardness of the options, the surrogate's training or the scenes; else 1 MPa."""
-    e_star, hardness = order.e_star, order.hardness
-    if e_star is None:
-        e_star = (subjects.modulus() or 1.0) if surrogate is None else surrogate.modulus
-    if hardness is None and (ratio := subjects.hardness_ratio()) is not None:
-        hardness = ratio * e_star
-    if surrogate is not None and not (order.solver and hardness is not None):
-        ratio = flag.hardness_ratio(surrogate.card, hardness, e_star)
-        hardness = None if ratio is None else ratio * e_star
-    return Bodies(e_star, hardness, known=order.e_star is not None)
+    deltas, pressures = order.loads()
+    subjects = read_subjects(order.inputs, order.surfaces, order.reading, surrogate.boundary, say)
+    kept, left_out = _defined(surrogate, subjects.surfaces)
+    subjects = replace(subjects, surfaces=kept)
+    e_star, hardness = order.e_star or surrogate.modulus, order.hardness
+    if hardness is None and (given := subjects.hardness_ratio()) is not None:
+        hardness = given * e_star
+    ratio = flag.hardness_ratio(surrogate.card, hardness, e_star)
+    hardness = None if ratio is None else ratio * e_star
+    bodies = Bodies(e_star, hardness, known=order.e_star is not None)
+    if deltas is None:
+        low, high = surrogate.card["delta"]
+        deltas = np.unique(np.linspace(float(low), float(high), STEPS))
+    stiffness = order.stiffness or order.conductivities is not None
+    over_delta, over_pressure, notes = _tables(
+        surrogate, kept, deltas, pressures, order.level, bodies, stiffness=stiffness
+    )
+    said = f"predicted by {surrogate.card['title']}", f"{100 * order.level:g} % conformal interval"
+    return law_of(order, subjects, bodies, (over_delta, over_pressure, [*left_out, *notes]), said)
 
 
 def _defined(

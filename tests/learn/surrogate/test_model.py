@@ -7,6 +7,7 @@ import pytest
 
 import bem
 from gen import cli
+from gen.law import Order
 from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
 from gen.surface import generate
@@ -19,7 +20,6 @@ from learn.models import MODELS
 from learn.surrogate import fitting, law
 from learn.surrogate.card import lines
 from learn.surrogate.flag import grid_note
-from learn.surrogate.law import Order
 
 
 def say(line):
