@@ -12,6 +12,9 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
+from importlib import import_module
+from inspect import signature
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -48,16 +51,16 @@ class Model:
     ignored: str = ""  # setting of the paper's grid that the library ignores today, and warns of
 
 
-def _tree(seed: int) -> Any:
-    from sklearn.tree import DecisionTreeRegressor
+def _plain(path: str) -> Callable[[int], Any]:
+    """Return what makes an estimator, by its path, with its library's settings."""
+    return partial(_made, path)
 
-    return DecisionTreeRegressor(random_state=seed)
 
-
-def _forest(seed: int) -> Any:
-    from sklearn.ensemble import RandomForestRegressor
-
-    return RandomForestRegressor(random_state=seed)
+def _made(path: str, seed: int) -> Any:
+    """Make an estimator by its path, with the seed if it has one."""
+    home, _, name = path.rpartition(".")
+    kind = getattr(import_module(home), name)
+    return kind(**({"random_state": seed} if "random_state" in signature(kind).parameters else {}))
 
 
 def _ada_boost(seed: int) -> Any:
@@ -66,12 +69,6 @@ def _ada_boost(seed: int) -> Any:
 
     # The library's default tree, written out so that a search can set its depth.
     return AdaBoostRegressor(DecisionTreeRegressor(max_depth=3), random_state=seed)
-
-
-def _gradient_boost(seed: int) -> Any:
-    from sklearn.ensemble import GradientBoostingRegressor
-
-    return GradientBoostingRegressor(random_state=seed)
 
 
 def _xgboost(seed: int) -> Any:
@@ -85,29 +82,11 @@ def _xgboost(seed: int) -> Any:
     return XGBRegressor(n_estimators=100, max_depth=6, learning_rate=0.3, n_jobs=1, seed=seed)
 
 
-def _support_vectors(seed: int) -> Any:
-    from sklearn.svm import SVR
-
-    return SVR()
-
-
 def _gaussian_process(seed: int) -> Any:
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import RBF
 
     return GaussianProcessRegressor(RBF(1.0, "fixed"), optimizer=None, random_state=seed)
-
-
-def _kernel_ridge(seed: int) -> Any:
-    from learn.kernel_ridge import SafeKernelRidge
-
-    return SafeKernelRidge()
-
-
-def _perceptron(seed: int) -> Any:
-    from sklearn.neural_network import MLPRegressor
-
-    return MLPRegressor(random_state=seed)
 
 
 def _fitted_length() -> Any:
@@ -120,29 +99,34 @@ def _fitted_length() -> Any:
 MODELS: dict[str, Model] = {
     model.name: model
     for model in (
-        Model("decision-tree", "Decision Tree", _tree),
-        Model("random-forest", "Random Forest", _forest, staged="n_estimators"),
+        Model("decision-tree", "Decision Tree", _plain("sklearn.tree.DecisionTreeRegressor")),
+        Model(
+            "random-forest",
+            "Random Forest",
+            _plain("sklearn.ensemble.RandomForestRegressor"),
+            staged="n_estimators",
+        ),
         Model("adaboost", "AdaBoost", _ada_boost, staged="n_estimators"),
         Model("xgboost", "XGBoost", _xgboost, staged="n_estimators"),
         Model(
             "gradient-boost",
             "Gradient Boost",
-            _gradient_boost,
+            _plain("sklearn.ensemble.GradientBoostingRegressor"),
             staged="n_estimators",
             ignored="criterion",
         ),
-        Model("svm", "SVM Regressor", _support_vectors),
+        Model("svm", "SVM Regressor", _plain("sklearn.svm.SVR")),
         Model(
             "gaussian-process",
             "GP Regressor",
             _gaussian_process,
             tuned={"kernel": _fitted_length, "optimizer": "fmin_l_bfgs_b"},
         ),
-        Model("kernel-ridge", "Kernel Ridge", _kernel_ridge),
+        Model("kernel-ridge", "Kernel Ridge", _plain("learn.kernel_ridge.SafeKernelRidge")),
         Model(
             "mlp",
             "MLP Regressor",
-            _perceptron,
+            _plain("sklearn.neural_network.MLPRegressor"),
             # L-BFGS counts evaluations too, and its default would end the training before.
             tuned={"max_iter": LONG_TRAINING, "max_fun": 2 * LONG_TRAINING},
         ),

@@ -157,10 +157,6 @@ def _blocks(choice: Choice) -> int:
 
     if choice.blocks is None:
         return BLOCKS
-    if choice.source is not None:
-        raise InputError(
-            f"--blocks {choice.blocks}: --from takes the features of its comparison: leave one out"
-        )
     if choice.features != "hybrid":
         raise InputError(
             f"--blocks {choice.blocks}: only hybrid features have blocks: add --features hybrid"

@@ -16,10 +16,9 @@ Scores, of models that have not seen the group, are kept by group (`learn.surrog
   together: a single one may be covered less.
 - With fewer groups they hold for new rows of each known group: they are as wide as for the worst.
 
-Their guarantee is that for a model of half the groups, calibrated on the other half. Predictions
-come from one model of all groups, and the scores from models of all groups but one, which are a
-little worse: this is the jackknife, not the jackknife+, which would need all these models in every
-prediction (R. F. Barber et al. (2021), Ann. Stat. 49, 486). `bench scans` measures the coverage.
+Their guarantee is that for a model of half the groups, calibrated on the other half; predictions
+come from one model of all groups: this is the jackknife, not the jackknife+ (R. F. Barber et al.
+(2021), Ann. Stat. 49, 486). `bench scans` measures the coverage.
 
 Scores may be over two sizes of the errors (normalised conformal prediction: J. Lei et al. (2018),
 J. Am. Stat. Assoc. 113, 1094, section 5.2). Groups of different kinds have an `ErrorScale`: on

@@ -150,7 +150,9 @@ def answers(surrogate, path):
 
 
 @pytest.mark.few(1)
-@pytest.mark.parametrize("features", ["dimensionless", "paper"])
+@pytest.mark.parametrize(
+    "features", ["dimensionless", pytest.param("paper", marks=pytest.mark.long)]
+)
 @pytest.mark.parametrize("name", KIND_SCENES)
 def test_targets_of_every_kind_are_learnt_or_refused_in_a_line(kinds, tmp_path, name, features):
     """A surrogate is better than a constant and keeps its target's signs, or is not written."""
