@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 import typer
+from typer import Argument, Option
 
 from gen.maps.settings import Reading
 from gen.runtime import command_line
@@ -25,84 +26,78 @@ def _trust(context: typer.Context, wanted: bool) -> bool:
     return wanted
 
 
-Database = Annotated[Path, typer.Argument(metavar="FILE", help="A database (HDF5).")]
+Database = Annotated[Path, Argument(metavar="FILE", help="A database (HDF5).")]
 SurfaceFile = Annotated[
     Path,
-    typer.Argument(
+    Argument(
         metavar="SURFACE",
         help="Heights: .npy, text, or an instrument's file (x3p, sur, al3d, opd, plu, gwy ...).",
     ),
 ]
-Table = Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="Also write a table.")]
+Table = Annotated[Path | None, Option("--csv", metavar="FILE", help="Also write a table.")]
 Scene = Annotated[
     str,
-    typer.Argument(
-        metavar="SCENE",
-        help="A shipped scene, as quick or paper, or the path of a TOML file.",
+    Argument(
+        metavar="SCENE", help="A shipped scene, as quick or paper, or the path of a TOML file."
     ),
 ]
 NewDatabase = Annotated[
-    Path, typer.Option("--output", "-o", metavar="FILE", help="The database to write.")
+    Path, Option("--output", "-o", metavar="FILE", help="The database to write.")
 ]
 ExportFolder = Annotated[
-    Path, typer.Option("--output", "-o", metavar="FOLDER", help="The folder to write.")
+    Path, Option("--output", "-o", metavar="FOLDER", help="The folder to write.")
 ]
-Title = Annotated[str, typer.Option(metavar="TEXT", help="Title of the dataset.")]
-Creator = Annotated[
-    str, typer.Option(metavar="TEXT", help="Who made it, as the dataset is to be cited.")
-]
+Title = Annotated[str, Option(metavar="TEXT", help="Title of the dataset.")]
+Creator = Annotated[str, Option(metavar="TEXT", help="Who made it, as the dataset is to be cited.")]
 Licence = Annotated[
-    str, typer.Option(metavar="NAME", help="Its licence: an SPDX identifier as CC-BY-4.0, or URL.")
+    str, Option(metavar="NAME", help="Its licence: an SPDX identifier as CC-BY-4.0, or URL.")
 ]
-Doi = Annotated[str, typer.Option(metavar="DOI", help="Its identifier, as 10.5281/zenodo.1234567.")]
-Rows = Annotated[str, typer.Option(metavar="A:B", help="Only the rows A to B - 1, for job arrays.")]
-RetryFailed = Annotated[bool, typer.Option("--retry-failed", help="Compute failed rows again.")]
-Force = Annotated[bool, typer.Option("--force", help="Continue a file of another physics number.")]
+Doi = Annotated[str, Option(metavar="DOI", help="Its identifier, as 10.5281/zenodo.1234567.")]
+Rows = Annotated[str, Option(metavar="A:B", help="Only the rows A to B - 1, for job arrays.")]
+RetryFailed = Annotated[bool, Option("--retry-failed", help="Compute failed rows again.")]
+Force = Annotated[bool, Option("--force", help="Continue a file of another physics number.")]
 SampleLimit = Annotated[
     float | None,
-    typer.Option(
+    Option(
         metavar="SECONDS",
         help="Leave slower samples pending; which samples these are depends on the machine.",
     ),
 ]
 Writer = Annotated[
     Literal["auto", "single", "parallel"],
-    typer.Option(
+    Option(
         help="Who writes: rank 0 (single), every worker its own rows (parallel; needs an h5py with"
         " MPI), or parallel if that is possible (auto)."
     ),
 ]
 Trust = Annotated[
     bool,
-    typer.Option(
+    Option(
         "--trust",
         callback=_trust,
         help="Run the functions that a scene or a database names; without it none is run.",
     ),
 ]
-DryRun = Annotated[bool, typer.Option("--dry-run", help="Show the plan and write nothing.")]
-Delta = Annotated[
-    str, typer.Option(metavar="UM", help="Far-field displacement from first touch in um.")
-]
-NormalForce = Annotated[str, typer.Option(metavar="UN", help="Or normal force in uN.")]
+DryRun = Annotated[bool, Option("--dry-run", help="Show the plan and write nothing.")]
+Delta = Annotated[str, Option(metavar="UM", help="Far-field displacement from first touch in um.")]
+NormalForce = Annotated[str, Option(metavar="UN", help="Or normal force in uN.")]
 Pressure = Annotated[
-    str, typer.Option(metavar="MPA", help="Or mean pressure over the whole patch in MPa.")
+    str, Option(metavar="MPA", help="Or mean pressure over the whole patch in MPa.")
 ]
 Young = Annotated[
     list[float] | None,
-    typer.Option(metavar="MPA", help="Young's modulus; give it twice for two elastic bodies [1]."),
+    Option(metavar="MPA", help="Young's modulus; give it twice for two elastic bodies [1]."),
 ]
 Poisson = Annotated[
-    list[float] | None, typer.Option(metavar="NU", help="Poisson's ratio, as often as --young [0].")
+    list[float] | None, Option(metavar="NU", help="Poisson's ratio, as often as --young [0].")
 ]
-EStar = Annotated[float | None, typer.Option(metavar="MPA", help="Or E* of both bodies.")]
+EStar = Annotated[float | None, Option(metavar="MPA", help="Or E* of both bodies.")]
 Hardness = Annotated[
     float | None,
-    typer.Option(metavar="MPA", help="Hardness of the softer body, which yields there [none]."),
+    Option(metavar="MPA", help="Hardness of the softer body, which yields there [none]."),
 ]
 Spots = Annotated[
-    bool,
-    typer.Option("--spots", help="Count spots of contact; see whether contact and gap cross."),
+    bool, Option("--spots", help="Count spots of contact; see whether contact and gap cross.")
 ]
 GridError = Annotated[
     bool,
@@ -111,33 +106,33 @@ GridError = Annotated[
     ),
 ]
 Stiffness = Annotated[
-    bool, typer.Option("--stiffness", help="Solve for the stiffness of contact and interface.")
+    bool, Option("--stiffness", help="Solve for the stiffness of contact and interface.")
 ]
 Conductivity = Annotated[
     list[float] | None,
-    typer.Option(
+    Option(
         metavar="W/MK",
         help="Conductivity of the bodies in W/(m K), for the conductance; twice if they differ.",
     ),
 ]
 Flattened = Annotated[
     Path | None,
-    typer.Option(metavar="NPY", help="Write the heights that the last load leaves, for another."),
+    Option(metavar="NPY", help="Write the heights that the last load leaves, for another."),
 ]
-Kernel = Annotated[str, typer.Option(help="uniform-pressure or concentrated-force.")]
+Kernel = Annotated[str, Option(help="uniform-pressure or concentrated-force.")]
 Boundary = Annotated[
     Literal["free", "periodic", "mirror"],
-    typer.Option(
+    Option(
         help="free: the patch is all there is; periodic: it repeats; mirror: its mirror images"
         " surround it, for a piece of a larger surface."
     ),
 ]
-FarField = Annotated[str, typer.Option(help="rigid or compliant.")]
-Tolerance = Annotated[float, typer.Option(help="Residual to reach, divided by Delta.")]
-MaxIterations = Annotated[int, typer.Option(help="Bound on the solver's iterations.")]
+FarField = Annotated[str, Option(help="rigid or compliant.")]
+Tolerance = Annotated[float, Option(help="Residual to reach, divided by Delta.")]
+MaxIterations = Annotated[int, Option(help="Bound on the solver's iterations.")]
 Threads = Annotated[
     int | None,
-    typer.Option(
+    Option(
         min=1,
         metavar="N",
         help="Threads for grids of some 500 nodes a side or more; the results do not depend on it."
@@ -147,61 +142,52 @@ Threads = Annotated[
 ]
 Depth = Annotated[
     float | None,
-    typer.Option(metavar="UM", min=0, help="Add the material ratio so far below the highest node."),
+    Option(metavar="UM", min=0, help="Add the material ratio so far below the highest node."),
 ]
 SpectrumTable = Annotated[
-    Path | None,
-    typer.Option("--spectrum", metavar="FILE", help="Write the radial power spectrum (CSV)."),
+    Path | None, Option("--spectrum", metavar="FILE", help="Write the radial power spectrum (CSV).")
 ]
 Picture = Annotated[
-    Path | None, typer.Option("--plot", metavar="FILE", help="Draw heights, contact and a section.")
+    Path | None, Option("--plot", metavar="FILE", help="Draw heights, contact and a section.")
 ]
 SurfacePicture = Annotated[
     Path | None,
-    typer.Option(
-        "--plot", metavar="FILE", help="Draw heights, distribution and spectrum with its law."
-    ),
+    Option("--plot", metavar="FILE", help="Draw heights, distribution and spectrum with its law."),
 ]
-NewPicture = Annotated[
-    Path, typer.Option("--output", "-o", metavar="PNG", help="The picture to write.")
-]
+NewPicture = Annotated[Path, Option("--output", "-o", metavar="PNG", help="The picture to write.")]
 Recompute = Annotated[
-    int,
-    typer.Option(metavar="N", min=0, help="Number of rows to recompute and compare bit for bit."),
+    int, Option(metavar="N", min=0, help="Number of rows to recompute and compare bit for bit.")
 ]
-Seed = Annotated[int, typer.Option(min=0, help="Seed of the choice of rows.")]
-Databases = Annotated[list[Path], typer.Argument(metavar="FILES", help="Databases of one scene.")]
-SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A scene's name, or a TOML file.")]
-Ranks = Annotated[int, typer.Option(min=1, help="Processes of the run; rank 0 computes nothing.")]
+Seed = Annotated[int, Option(min=0, help="Seed of the choice of rows.")]
+Databases = Annotated[list[Path], Argument(metavar="FILES", help="Databases of one scene.")]
+SceneName = Annotated[str, Argument(metavar="SCENE", help="A scene's name, or a TOML file.")]
+Ranks = Annotated[int, Option(min=1, help="Processes of the run; rank 0 computes nothing.")]
 
 Surfaces = Annotated[
     list[str],
-    typer.Argument(
+    Argument(
         metavar="INPUT...",
         help="A surface, or for a population several, folders of them, databases or scenes.",
     ),
 ]
 Deltas = Annotated[
-    str,
-    typer.Option(metavar="UM", help="Far-field displacements: 2, 1,2,5 or start:stop:count[:log]."),
+    str, Option(metavar="UM", help="Far-field displacements: 2, 1,2,5 or start:stop:count[:log].")
 ]
 Pressures = Annotated[
-    str, typer.Option(metavar="MPA", help="Nominal pressures: 2, 1,2,5 or start:stop:count[:log].")
+    str, Option(metavar="MPA", help="Nominal pressures: 2, 1,2,5 or start:stop:count[:log].")
 ]
 Population = Annotated[
-    int, typer.Option(min=2, max=10_000, help="Surfaces of a database's or scene's population.")
+    int, Option(min=2, max=10_000, help="Surfaces of a database's or scene's population.")
 ]
 LawBoundary = Annotated[
-    Literal["mirror", "periodic", "free"],
-    typer.Option(help="Boundary of the patches, see gen contact."),
+    Literal["mirror", "periodic", "free"], Option(help="Boundary of the patches, see gen contact.")
 ]
 Band = Annotated[
-    float,
-    typer.Option(metavar="SHARE", help="Share of a population between the ends of its band."),
+    float, Option(metavar="SHARE", help="Share of a population between the ends of its band.")
 ]
 LawFiles = Annotated[
     Path | None,
-    typer.Option(
+    Option(
         "--output",
         "-o",
         metavar="NAME",
@@ -210,21 +196,15 @@ LawFiles = Annotated[
 ]
 Maps = Annotated[
     list[str] | None,
-    typer.Argument(
-        metavar="MAPS", help="Measured maps: files, folders of them, or patterns in quotes."
-    ),
+    Argument(metavar="MAPS", help="Measured maps: files, folders of them, or patterns in quotes."),
 ]
 NewScene = Annotated[
     Path,
-    typer.Option(
-        "--output", "-o", metavar="TOML", help="The scene to write; a file is never replaced."
-    ),
+    Option("--output", "-o", metavar="TOML", help="The scene to write; a file is never replaced."),
 ]
 Like = Annotated[
     Path | None,
-    typer.Option(
-        metavar="MAP", help="Instead: self-affine surfaces fitted to the spectrum of this map."
-    ),
+    Option(metavar="MAP", help="Instead: self-affine surfaces fitted to the spectrum of this map."),
 ]
 
 
@@ -237,7 +217,7 @@ class Against(NamedTuple):
 
     against: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             metavar="SURFACE",
             help="A second rough body instead of a plane: a file, read and prepared alike; for gen"
             " law a folder too, each of which every surface is pressed against.",
@@ -245,22 +225,21 @@ class Against(NamedTuple):
     ] = None
     against_options: Annotated[
         str | None,
-        typer.Option(
+        Option(
             metavar="OPTIONS",
             help="Read and prepare the second body by these alone, in quotes: '--side 500 --fill'.",
         ),
     ] = None
     turned: Annotated[
         str,
-        typer.Option(
+        Option(
             metavar="AXIS",
             help="Axis of the second map that runs backwards as its body is turned over: x, y, or"
             " none for a map seen through its body [x].",
         ),
     ] = ""
     shift: Annotated[
-        str,
-        typer.Option(metavar="X,Y", help="Centre of the second map, in um from that of the first."),
+        str, Option(metavar="X,Y", help="Centre of the second map, in um from that of the first.")
     ] = ""
 
     def with_first(self, *surfaces: Path | str) -> list[Path | str]:
@@ -318,28 +297,23 @@ def sides_of(path: Path) -> list[Path]:
 class LawOutputs(NamedTuple):
     """Files to write a law to, each None if it is not asked for, and units for two of them."""
 
-    table: Annotated[
-        Path | None, typer.Option("--csv", metavar="FILE", help="Write the table.")
-    ] = None
-    json: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the tables as JSON.")] = (
-        None
-    )
+    table: Annotated[Path | None, Option("--csv", metavar="FILE", help="Write the table.")] = None
+    json: Annotated[Path | None, Option(metavar="FILE", help="Write the tables as JSON.")] = None
     header: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Write a C header: monotone cubics and their tangents."),
+        Option(metavar="FILE", help="Write a C header: monotone cubics and their tangents."),
     ] = None
     calculix: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write CalculiX's surface interaction.")
+        Path | None, Option(metavar="FILE", help="Write CalculiX's surface interaction.")
     ] = None
     abaqus: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write Abaqus' surface interaction.")
+        Path | None, Option(metavar="FILE", help="Write Abaqus' surface interaction.")
     ] = None
     picture: Annotated[
-        Path | None,
-        typer.Option("--plot", metavar="FILE", help="Draw the law with its band."),
+        Path | None, Option("--plot", metavar="FILE", help="Draw the law with its band.")
     ] = None
     units: Annotated[
-        Units, typer.Option(help="Units for CalculiX and Abaqus: mm (mm, N, s, MPa) or si.")
+        Units, Option(help="Units for CalculiX and Abaqus: mm (mm, N, s, MPa) or si.")
     ] = "mm"
 
     @property

@@ -52,9 +52,7 @@ def run(
 
 
 def estimate(
-    scene: options.SceneName,
-    ranks: options.Ranks = 1,
-    trust: options.Trust = False,
+    scene: options.SceneName, ranks: options.Ranks = 1, trust: options.Trust = False
 ) -> None:
     """Measure a few samples and predict time, memory and disk space of a run."""
     from gen.display import databases
@@ -75,11 +73,7 @@ def info(file: options.Database) -> None:
         databases.print_database(reader)
 
 
-def plot(
-    file: options.Database,
-    output: options.NewPicture,
-    trust: options.Trust = False,
-) -> None:
+def plot(file: options.Database, output: options.NewPicture, trust: options.Trust = False) -> None:
     """Draw a database: one surface and its pressure, all areas, all solve times."""
     from gen.display.picture import draw_database
 
@@ -130,10 +124,7 @@ def check(
     return 1 if count else 0
 
 
-def merge(
-    files: options.Databases,
-    output: options.NewDatabase,
-) -> None:
+def merge(files: options.Databases, output: options.NewDatabase) -> None:
     """Join databases with rows of one scene that different jobs computed."""
     from gen import database
 

@@ -107,33 +107,29 @@ def print_estimate(scene: Scene, estimate: Estimate) -> None:
 
 
 def _scene_lines(scene: dict[str, Any]) -> list[str]:
-    """Return the lines that show a scene: single keys first, then one line for each table."""
+    """Return the lines that show a scene: single keys, tables, and each map of its surfaces."""
     tables = {name: value for name, value in scene.items() if isinstance(value, dict)}
     single = {name: value for name, value in scene.items() if name not in {"title", *tables}}
-    lines = [", ".join(f"{name} = {json.dumps(value)}" for name, value in single.items())]
+    lines = [_settings(single)]
     for table, keys in tables.items():
-        found = {name: keys[name] for name in MAPS if name in keys and table == "surface"}
-        shown = {name: value for name, value in keys.items() if name not in found}
-        settings = ", ".join(f"{name} = {json.dumps(value)}" for name, value in shown.items())
-        lines.append(f"[{table}] {settings}")
-        for name, maps in found.items():
-            numbered = enumerate(maps["maps"])
-            lines += [
-                f"  {MAPS[name]} {number}: {_map_in_words(each)}" for number, each in numbered
-            ]
+        shown = {name: value for name, value in keys.items() if name not in MAPS}
+        lines.append(f"[{table}] {_settings(shown)}")
+        for name in (each for each in MAPS if each in keys):
+            for number, found in enumerate(keys[name]["maps"]):
+                nx, ny = found["nodes"]
+                known = f"{nx} x {ny} nodes, SHA-256 {found['sha256'][:12]}..., {found['file']}"
+                lines.append(f"  {MAPS[name]} {number}: {known}")
     return lines
 
 
-def _map_in_words(found: dict[str, Any]) -> str:
-    """Return the line that shows a map of a scene."""
-    nx, ny = found["nodes"]
-    return f"{nx} x {ny} nodes, SHA-256 {found['sha256'][:12]}..., {found['file']}"
+def _settings(keys: dict[str, Any]) -> str:
+    """Return keys and their values on one line."""
+    return ", ".join(f"{name} = {json.dumps(value)}" for name, value in keys.items())
 
 
 def _changes_since(physics: int) -> list[str]:
     """Say that another solver made a database, and in one line each what has changed since."""
-    later = [number for number in PHYSICS_CHANGES if number > physics]
-    changes = [f"since physics {number}, {PHYSICS_CHANGES[number]}" for number in later]
+    changes = [f"since physics {n}, {said}" for n, said in PHYSICS_CHANGES.items() if n > physics]
     another = made_by_another(physics)
     return [another, *changes] if another else []
 

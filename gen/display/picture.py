@@ -99,9 +99,7 @@ def _draw_areas(figure: Any, axis: Any, columns: dict[str, NDArray[Any]], scene:
     if coloured:
         figure.colorbar(dots, ax=axis, label="Hurst exponent H")
     axis.set(
-        title=f"{columns['delta'].size} samples",
-        xlabel=label,
-        ylabel="effective contact area [%]",
+        title=f"{columns['delta'].size} samples", xlabel=label, ylabel="effective contact area [%]"
     )
     axis.set_ylim(bottom=0)
     if loads.min() > 0 and loads.max() > DECADES * loads.min():

@@ -54,31 +54,20 @@ def fields(reader: Reader) -> list[Column]:
 def schema_of(reader: Reader, columns: list[Column]) -> pa.Schema:
     """Return the schema of Arrow for columns beside `sample`, the index of the row in the scene.
 
-    The metadata of every column have the keys `unit` and `long_name`.
+    The metadata of every column have the keys `unit` and `long_name`, and `shape` for a field of
+    nodes, which is a list of fixed length.
     """
-    sample = pa.field(
-        "sample",
-        pa.int64(),
-        nullable=False,
-        metadata=_metadata("1", "index of the row in the scene"),
-    )
-    return pa.schema([sample, *(_field(reader, column) for column in columns)])
-
-
-def _field(reader: Reader, column: Column) -> pa.Field:
-    """Return type and metadata of a column; a field of nodes is a list of fixed length."""
-    kind = pa.from_numpy_dtype(np.dtype(column.dtype))
-    metadata = _metadata(column.unit, column.long_name)
-    if column.shape_of:
-        shape = reader.scene.shape
-        kind = pa.list_(kind, shape[0] * shape[1])
-        metadata["shape"] = json.dumps(shape)
-    return pa.field(column.name, kind, nullable=False, metadata=metadata)
-
-
-def _metadata(unit: str, long_name: str) -> dict[str, str]:
-    """Return the metadata of a column."""
-    return {"unit": unit, "long_name": long_name}
+    words = {"unit": "1", "long_name": "index of the row in the scene"}
+    found = [pa.field("sample", pa.int64(), nullable=False, metadata=words)]
+    for column in columns:
+        kind = pa.from_numpy_dtype(np.dtype(column.dtype))
+        words = {"unit": column.unit, "long_name": column.long_name}
+        if column.shape_of:
+            nx, ny = reader.scene.shape
+            kind = pa.list_(kind, nx * ny)
+            words["shape"] = json.dumps([nx, ny])
+        found.append(pa.field(column.name, kind, nullable=False, metadata=words))
+    return pa.schema(found)
 
 
 def done_rows(reader: Reader) -> Mask:

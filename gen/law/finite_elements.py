@@ -103,10 +103,10 @@ def rising(law: Law, side: str = "") -> tuple[Values, Values, Values | None]:
         ends = outside if table.flagged.any() else ""
         raise InputError(f"the law closes nowhere, so that only tables can be written{ends}")
 
-    def some(values: Values) -> Values:
-        return np.append(0.0, values[places])
-
-    return some(table.at), some(closures), None if conductances is None else some(conductances)
+    at, closures = (np.append(0.0, part[places]) for part in (table.at, closures))
+    if conductances is not None:
+        conductances = np.append(0.0, conductances[places])
+    return at, closures, conductances
 
 
 def _lines(path: Path, law: Law, program: Program, units: UnitSystem, side: str) -> Iterator[str]:
@@ -126,16 +126,16 @@ def _lines(path: Path, law: Law, program: Program, units: UnitSystem, side: str)
     if program == "calculix":
         loads, overclosures = _for_calculix(loads, overclosures)
     for load, overclosure in zip(loads, overclosures, strict=True):
-        yield f"{_number(load)}, {_number(overclosure)}"
+        yield f"{load:.10g}, {overclosure:.10g}"  # 20 characters at most, which both programs read
     if conductances is None:
         return
     yield "*GAP CONDUCTANCE" if program == "calculix" else "*GAP CONDUCTANCE, PRESSURE"
-    temperature = f", {_number(TEMPERATURE)}" if program == "calculix" else ""
-    last = pressures.size - 1
+    temperature = f", {TEMPERATURE:.10g}" if program == "calculix" else ""
+    last, loads_at = pressures.size - 1, pressures * units.pressure
     room = POINTS if program == "calculix" else pressures.size
     for place in np.unique(np.rint(np.linspace(0, last, min(last + 1, room))).astype(int)):
-        number = _number(conductances[place] * units.conductance)
-        yield f"{number}, {_number(pressures[place] * units.pressure)}{temperature}"
+        number, load = conductances[place] * units.conductance, loads_at[place]
+        yield f"{number:.10g}, {load:.10g}{temperature}"
 
 
 def _description(
@@ -207,8 +207,3 @@ def _name(path: Path) -> str:
     """Return the name of the interaction: letters, digits and underscores, a letter first."""
     own = re.sub(r"[^0-9A-Za-z]+", "_", path.stem).strip("_").upper()[:LONGEST_NAME]
     return own if own[:1].isalpha() else f"LAW_{own}".rstrip("_")
-
-
-def _number(value: float) -> str:
-    """Return a number of at most 20 characters, which both programs read."""
-    return f"{value:.10g}"

@@ -44,7 +44,12 @@ def values_from(text: str, option: str, advice: str) -> list[float]:
         start, stop, count, log = series
         if len(values) + count > MOST:
             raise InputError(f"{option} {shown(text)}: give {MOST:,} values at most")
-        values += [start] if count == 1 else _spaced(start, stop, count, log=log)
+        if count == 1:
+            values.append(start)
+            continue
+        import numpy as np  # here, so that --help does not wait for it
+
+        values += (np.geomspace if log else np.linspace)(start, stop, count).tolist()
     return values
 
 
@@ -81,11 +86,3 @@ def _series(text: str) -> tuple[float, float, int, bool] | None:
     if len(parts) != 3 or count is None or count < 2 or not all(map(math.isfinite, ends)):
         return None
     return None if log and not min(ends) > 0 else (ends[0], ends[1], count, log)
-
-
-def _spaced(start: float, stop: float, count: int, *, log: bool) -> list[float]:
-    """Return evenly spaced numbers, or those of an even ratio, including both ends."""
-    import numpy as np  # here, so that --help does not wait for it
-
-    spaced = np.geomspace if log else np.linspace
-    return [float(value) for value in spaced(start, stop, count)]

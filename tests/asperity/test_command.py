@@ -71,8 +71,7 @@ def installed(*words: str) -> list[str]:
 
 
 @pytest.mark.parametrize(
-    ("words", "expected"),
-    [("", ["gen", "learn", "bench", "serve"]), ("gen run --ro", ["--rows"])],
+    ("words", "expected"), [("", ["gen", "learn", "bench", "serve"]), ("gen run --ro", ["--rows"])]
 )
 def test_words_are_completed(words, expected, tmp_path):
     line = f"asperity {words}"

@@ -101,7 +101,6 @@ def gone(pid, limit=TIMEOUT):
 def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("served")
     (folder / "small.toml").write_text(SCENE)
-    (folder / "soft.toml").write_text(f"{SCENE}[contact]\nhardness = [0.01, 0.1]\n")
     assert cli.main(["run", str(folder / "small.toml"), "-o", str(folder / "small.h5")]) == 0
     line = ["fit", str(folder / "small.h5"), "-o", str(folder / "learnt.surrogate")]
     assert learning.main([*line, "--target", "area", "--model", "kernel-ridge"]) == 0
@@ -114,7 +113,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def served(folder):
-    served = Served(folder, "small.toml", "soft.toml", "learnt.surrogate", "few.surrogate")
+    served = Served(folder, "small.toml", "learnt.surrogate", "few.surrogate")
     yield served
     assert served.end() == 0
 
@@ -130,7 +129,7 @@ def rows(folder):
 
 def test_the_solver_answers_with_the_rows_of_the_database(folder, served):
     model = umbridge.HTTPModel(served.address, "small")
-    assert umbridge.supported_models(served.address) == ["small", "soft", "learnt", "few"]
+    assert umbridge.supported_models(served.address) == ["small", "learnt", "few"]
     assert model.get_input_sizes() == [2, 1]
     assert model.get_output_sizes() == [1, 1, 1]
     for inputs, config, outputs in list(rows(folder))[:20]:
@@ -154,7 +153,7 @@ def test_models_keep_the_protocol(served, name):
     request = urllib.request.Request(f"{served.address}/Info")
     with urllib.request.urlopen(request, timeout=TIMEOUT) as answer:
         info = json.load(answer)
-    assert info == {"protocolVersion": 1.0, "models": ["small", "soft", "learnt", "few"]}
+    assert info == {"protocolVersion": 1.0, "models": ["small", "learnt", "few"]}
 
     def refused(route, kind, **body):
         status, answer = served.ask(route, body)
@@ -196,13 +195,6 @@ def test_nodes_and_seed_are_settings(served):
     answers = [model(inputs, {**config}) for config in ({}, {"nodes": 33}, {"seed": 5})]
     assert len({answer[0][0] for answer in answers}) == 3
     assert model(inputs, {"nodes": 17, "seed": 2025, "surface": 0}) == answers[0]
-
-
-def test_the_hardness_is_an_input_where_the_scene_draws_it(served):
-    model = umbridge.HTTPModel(served.address, "soft")
-    assert model.get_input_sizes() == [2, 1, 1]
-    hard, soft = (model([[0.7, 12.0], [10.0], [value]])[0][0] for value in (10.0, 0.01))
-    assert soft > hard
 
 
 BAD = [
@@ -388,25 +380,6 @@ def test_a_thousand_calls_eight_at_once_while_workers_and_server_are_killed(fold
         assert all(answer.result() for answer in answers)
     assert all(gone(pid) for pid in orphans)
     assert served.end(signal.SIGINT) in {0, 130}
-
-
-@pytest.mark.long
-def test_questions_of_clients_that_left_do_not_hold_up_others(folder):
-    """Each of them would take the two processes longer than the test has."""
-    served = Served(folder, "small.toml")
-    body = {"name": "small", "input": [[0.7, 12.0], [10.0]], "config": {"nodes": 4097}}
-    text = json.dumps(body).encode()
-    head = f"POST /Evaluate HTTP/1.1\r\nHost: localhost\r\nContent-Length: {len(text)}\r\n\r\n"
-    gone = [socket.create_connection(("127.0.0.1", served.port)) for _ in range(20)]
-    for client in gone:
-        client.sendall(head.encode() + text)
-    while len(children(served.process.pid)) < 2:
-        time.sleep(0.01)
-    for client in gone:
-        client.close()
-    status, _ = served.ask("Evaluate", {**body, "config": {}})
-    assert status == 200
-    assert served.end() == 0
 
 
 @pytest.mark.parametrize(("presses", "nodes"), [(1, 257), (2, 4097)])

@@ -32,8 +32,7 @@ def test_a_logarithmic_axis_has_two_numbers_or_more_that_keep_apart(values):
 
 
 @pytest.mark.parametrize(
-    ("truth", "scale"),
-    [([0.01, 1.0, 90.0], "log"), ([-5.0, 2.0, 700.0], "linear")],
+    ("truth", "scale"), [([0.01, 1.0, 90.0], "log"), ([-5.0, 2.0, 700.0], "linear")]
 )
 def test_predictions_over_decades_have_logarithmic_axes_and_none_is_lost(truth, scale):
     panel = new_figure(4, 3).subplots()

@@ -9,14 +9,7 @@ import pytest
 from rich.table import Table
 
 from gen import cli
-from gen.runtime.terminal import (
-    RunProgress,
-    echo,
-    print_table,
-    printable,
-    started_as,
-    to_type,
-)
+from gen.runtime.terminal import RunProgress, echo, print_table, printable, started_as, to_type
 
 EVIL = "a\x1b[2J\x1b]0;owned\x07\x9b31m\u202eb\r\nx.h5: sound"
 """Clears the screen, names the window, colours, turns the direction, and forges a line."""
