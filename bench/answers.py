@@ -1,14 +1,14 @@
 """Questions about Asperity and the measured answers: the lines at the top of the page.
 
-Each line is made of tables of one report. Its commands are those that the report's records name.
+Each line is made of tables of one report, which names the command that made them.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from bench.files import is_there, named, read_table
-from bench.record import Inputs, read
+from bench.record import Inputs
 from bench.report import Part
 
 Row = dict[str, str]
@@ -18,18 +18,24 @@ NOT_OTHERS = {"bem", "paper's NNLS"}
 """Solvers among the peers that are not another program."""
 
 
-@dataclass(frozen=True)
-class Asked:
+class Line(NamedTuple):
+    """A line of the page: a question, the answer, and the part that it comes from."""
+
+    question: str
+    answer: str
+    part: str
+
+
+class Asked(NamedTuple):
     """A question, and the function that puts rows of the `tables` of a part into words.
 
-    In names of tables a * stands for several; `also` are further reports that add to them.
+    In names of tables a * stands for several.
     """
 
     question: str
     part: str
     tables: str
     answer: Answer
-    also: Sequence[str]
 
     def said(self, folder: Path) -> str:
         """Return the answer, "" if the tables are not there or lack it."""
@@ -45,36 +51,19 @@ ASKED: list[Asked] = []
 """The questions in the order of the page."""
 
 
-@dataclass(frozen=True)
-class Line:
-    """A line of the page; its commands are those that were run, none if no record names one."""
-
-    question: str
-    answer: str
-    part: str
-    commands: tuple[str, ...]
-
-
 def lines(parts: Sequence[Part], inputs: Inputs) -> list[Line]:
     """Answer all questions whose tables are there and hold the answer."""
     known = {part.name: part for part in parts}
-    found = []
-    for asked in ASKED:
-        made_by = [known[each] for each in (asked.part, *asked.also) if each in known]
-        if made_by and (answer := asked.said(inputs.folder(made_by[0]))):
-            records = [(part, read(inputs.making(part).path)) for part in made_by]
-            ran = tuple(inputs.command(part, record.command) for part, record in records if record)
-            found.append(Line(asked.question, answer, asked.part, ran))
-    return found
+    asked = [each for each in ASKED if each.part in known]
+    found = [Line(a.question, a.said(inputs.folder(known[a.part])), a.part) for a in asked]
+    return [line for line in found if line.answer]
 
 
-def asked(
-    question: str, tables: str, also: Sequence[str] = (), part: str = ""
-) -> Callable[[Answer], Answer]:
+def asked(question: str, tables: str, part: str = "") -> Callable[[Answer], Answer]:
     """Let a function answer a question from tables of a report, that of its name unless given."""
 
     def keep(answer: Answer) -> Answer:
-        ASKED.append(Asked(question, part or answer.__name__, tables, answer, also))
+        ASKED.append(Asked(question, part or answer.__name__, tables, answer))
         return answer
 
     return keep
@@ -139,7 +128,7 @@ def growth(rows: list[Row]) -> str:
     )
 
 
-@asked("How near do its models come to the paper's?", "area/scores.csv", also=("tuning",))
+@asked("How near do its models come to the paper's?", "area/scores.csv")
 def comparison(rows: list[Row]) -> str:
     """Best of the nine models with the paper's features, beside the paper's best."""
     ours, theirs = (

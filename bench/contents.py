@@ -109,7 +109,7 @@ def _contents(entry: Mapping[str, Any], folder: Path) -> Iterator[Content]:
         elif may_miss and not is_there(path):
             continue
         elif kind == "figure":
-            data = tuple(folder / each for each in entry.get("data", ()))
+            data = tuple(filter(is_there, (folder / each for each in entry.get("data", ()))))
             yield Figure(path, caption, command, data)
         elif kind == "table":
             columns = tuple(entry.get("columns", ()))

@@ -1,19 +1,14 @@
 """The databases that the reports rest on, generated or given, and what optional outputs cost."""
 
-import re
 import tempfile
 import time
-from contextlib import redirect_stdout
-from importlib.resources import files
-from io import StringIO
 from pathlib import Path
 from statistics import median
 from typing import Any
 
-from bench.report import Report, remark
+from bench.report import remark
 from gen import database
 from gen.database import Reader
-from gen.display.databases import print_database
 from gen.generation.run import Request, generate_database
 from gen.generation.sample import compute_rows
 from gen.runtime.errors import InputError
@@ -78,59 +73,6 @@ def of_the_paper(given: Path | None, folder: Path, rows: int) -> Path:
     if different:
         raise InputError(f"--database {given}: give one of the paper preset ({different[0]})")
     return given
-
-
-def shipped(name: str, rows: int | None = None) -> str:
-    """Return the text of a scene that comes with `gen`, with another number of rows if given."""
-    text = (files("gen") / "scenes" / f"{name}.toml").read_text(encoding="utf-8")
-    return text if rows is None else re.sub(r"(?m)^samples = \d+", f"samples = {rows}", text)
-
-
-def all_of_them(folder: Path, given: Path | None, rows: int | None = None) -> list[Path]:
-    """Return the databases whose summaries are published; generate the missing ones.
-
-    Takes a database of the paper preset, None for one of the folder's own, and the number of rows
-    of each, None for all.
-    """
-    paper = of_the_paper(given, folder, rows or load(PAPER).samples)
-    texts = {name: shipped(name, rows) for name in ("fine", "paper-mirco")}
-    texts["concentrated"] = (
-        CONCENTRATED if rows is None else CONCENTRATED.replace("15878", f"{rows}")
-    )
-    return [paper, *(generated(folder, name, text) for name, text in texts.items())]
-
-
-def summaries(folder: Path, database: Path | None, rows: int) -> Report:
-    """Summarise the published databases: a table, and the output of `gen info` for each.
-
-    The arguments are those of `all_of_them`; 0 stands for all rows.
-    """
-    paths = all_of_them(folder, database, rows or None)
-    found, told = [], []
-    for path in paths:
-        with Reader(path) as reader, redirect_stdout(StringIO()) as text:
-            print_database(reader)
-            found.append(_summary(path.stem, reader))
-        told.append(text.getvalue().strip())
-    return Report({"databases": found}, text="\n\n".join(told), text_name="databases")
-
-
-def _summary(name: str, reader: Reader) -> dict[str, Any]:
-    """Return rows by their status, nodes a side, and times of the solved rows [s]."""
-    done = reader.column("status") == Status.DONE
-    times = reader.column("solve_seconds")[done]
-    counts = reader.counts()
-    return {
-        "scene": name,
-        "nodes": reader.scene.shape[0],
-        "rows": sum(counts),
-        "done": counts.done,
-        "failed": counts.failed,
-        "size_bytes": reader.size_bytes,
-        "solve_mean_s": float(times.mean()),
-        "solve_max_s": float(times.max()),
-        "solves_s": float(times.sum()),
-    }
 
 
 def outputs(scene: str, rounds: int) -> list[dict[str, Any]]:

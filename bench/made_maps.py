@@ -18,72 +18,36 @@ from gen.spectral import SelfAffineSpectrum, generate_spectral
 Kind = Literal["turned", "ground", "sandblasted", "honed", "fractal"]
 Format = Literal["x3p", "nc", "gwy"]
 
-SEED = 2611
-"""First word of the seed of every map."""
-
-FAULTS = 1
-"""Key of the stream of faults: a map with faults is the map without them, and the faults."""
-
-SPIKE = 8.0
-"""Height of the lowest spike in rms heights of the map; the highest is twice as high."""
-
-BLUR = 4
-"""Shortest wavelength of fine roughness in spacings, as the optics of an instrument leave it."""
+SEED = 2611  # first word of the seed of every map
+FAULTS = 1  # key of the stream of faults: a map with faults is the map without them, and the faults
+SPIKE = 8.0  # height of the lowest spike in rms heights of the map; the highest is twice as high
+BLUR = 4  # shortest wavelength of fine roughness in spacings, as an instrument's optics leave it
 
 
 @dataclass(frozen=True)
 class Faults:
-    """The tilt, noise and faults that an instrument adds to a map.
+    """The tilt, noise and faults that an instrument adds to a map."""
 
-    Attributes
-    ----------
-    spikes : int
-        Number of single nodes that stand far above the surface.
-    holes : int
-        Number of round patches without heights; they may overlap.
-    step : float
-        Jump of the heights at a line of constant y, as where fields of view are stitched [um].
-    tilt : tuple of float
-        Slopes of the plane that is added, along x and y [1].
-    """
-
-    spikes: int = 0
-    holes: int = 0
-    step: float = 0.0
-    tilt: tuple[float, float] = (0.0, 0.0)
+    spikes: int = 0  # single nodes that stand far above the surface
+    holes: int = 0  # round patches without heights; they may overlap
+    step: float = 0.0  # jump at a line of constant y, as between fields of view [um]
+    tilt: tuple[float, float] = (0.0, 0.0)  # slopes of the plane that is added, along x and y [1]
 
 
 @dataclass(frozen=True)
 class MadeMap:
     """Description of one map.
 
-    Attributes
-    ----------
-    kind : str
-        How the surface was machined: one of `KINDS`.
-    number : int
-        Number of the map among those of its kind, a word of its seed.
-    shape : tuple of int
-        Nodes along x and y.
-    rms : float
-        Rms height of the surface without faults [um].
-    length : float
-        Length that rules the kind [um]: feed, longest wavelength across the lay, largest diameter
-        of a crater, mean distance of the grooves, roll-off wavelength.
-    spacing : tuple of float
-        Distance of the nodes along x and y [um].
-    faults : Faults
-        What the instrument adds.
-    format : {"x3p", "nc", "gwy"}
-        Format of the file.
+    The length that rules a kind is its feed, the longest wavelength across the lay, the largest
+    diameter of a crater, the mean distance of grooves, or the roll-off wavelength.
     """
 
     kind: Kind
-    number: int
-    shape: tuple[int, int]
-    rms: float
-    length: float
-    spacing: tuple[float, float] = (1.0, 1.0)
+    number: int  # among the maps of its kind, a word of its seed
+    shape: tuple[int, int]  # nodes along x and y
+    rms: float  # rms height without faults [um]
+    length: float  # that rules the kind [um]
+    spacing: tuple[float, float] = (1.0, 1.0)  # of the nodes along x and y [um]
     faults: Faults = Faults()
     format: Format = "x3p"
 

@@ -9,9 +9,10 @@ four cells.
 """
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache, partial
+from itertools import product
 from pathlib import Path
 from statistics import median
 
@@ -23,8 +24,9 @@ from bench.report import Report, remark
 from bench.solvers import others
 from bench.solvers.case import PERIODIC_RTOL, Case, Exact, find_exact
 from bench.solvers.others import OTHERS, installed, missing
-from bench.solvers.own import BEM, PAPERS, press_boundary_elements
 from bench.solvers.solver import (
+    BEM,
+    PAPERS,
     REFERENCE_RTOL,
     Answer,
     Control,
@@ -32,6 +34,7 @@ from bench.solvers.solver import (
     Press,
     Solver,
     back_and_forth,
+    press_boundary_elements,
 )
 from gen.arrays import Heights, Values
 from gen.generation.plan import surface_random
@@ -53,16 +56,14 @@ PAPERS_NODES = 129
 PAPERS_DELTAS = (5.0, 15.0, 25.0)  # um
 
 
-# On periodic patches.
-HURSTS = (0.8, 0.3, 0.5, 0.65, 0.95)  # one surface each; solvers are timed on the first
+PERIODIC_HURST = 0.8
 # Mean pressures over E* times the rms slope: some 1, 10, 50, 90 and 99 % of the nodes touch.
 LOADS = (0.004, 0.04, 0.26, 0.75, 1.2)
-
-CLOSEST = "closest_load_error", "closest_misplaced_nodes", "closest_pressure_error"
-MEASURED = "tolerance", "seconds", "times_ours", "convolutions"
 PERIODIC_LADDER = tuple(10.0**-decade for decade in range(2, 13))
-LARGEST = 512  # nodes a side up to which all surfaces are solved, as closely as each solver can
-LONG, FEW_ROUNDS = 512, 3  # nodes a side from which on solves take long, and rounds at most there
+PERIODIC_COLUMNS = (
+    *("nodes", "hurst", "mean_pressure", "area_percent", "solver", "version"),
+    *("tolerance", "seconds", "times_ours", "convolutions", "remark"),
+)
 
 
 @lru_cache(maxsize=64)  # the same case has its exact solution found once
@@ -336,80 +337,21 @@ def periodic_sample(nodes: int, hurst: float, load: float) -> Case:
     return replace(case, delta=case.solve(PERIODIC_RTOL).delta)
 
 
-def errors_of(solver: Solver, case: Case, tolerance: float) -> Errors:
-    """Solve, and compare with the exact solution; raise `Failure` if the solver fails."""
-    pressure = solver.solve(case, tolerance).pressure
-    return find_errors(pressure, solver.control, case, find_exact(case, REFERENCE_RTOL))
-
-
-def _closest(solver: Solver, case: Case) -> tuple[Errors | None, str]:
-    """Return the errors at the tightest tolerance that a solver reaches, or why there are none."""
-    why = ""
-    for tolerance in (1e-12, 1e-10, 1e-8, 1e-6):
-        try:
-            return errors_of(solver, case, tolerance), ""
-        except Failure as failure:
-            why = f"tolerance {tolerance:.0e}: {failure}"
-    return None, why
-
-
-def rows_of(nodes: int, hurst: float, load: float, rounds: int) -> Iterator[Row]:
-    """Compare all solvers on a contact; without rounds, only how close they come to it."""
-    case, solvers = (
-        periodic_sample(nodes, hurst, load),
-        [PERIODIC_SOLVERS[0], *installed(PERIODIC_SOLVERS[1:])],
-    )
-    share = find_exact(case, REFERENCE_RTOL).contact_share
-    timed = {row["solver"]: row for row in compare([case], solvers, rounds)}
-    for solver in solvers:
-        close, why = _closest(solver, case) if nodes <= LARGEST else (None, "")
-        row = timed[solver.name] if rounds else {"remark": why}
-        yield {
-            "nodes": nodes,
-            "hurst": hurst,
-            "mean_pressure": load,  # over E* times the rms slope
-            "area_percent": 100 * share,
-            "solver": solver.name,
-            "version": solver.version,
-            **{error: getattr(close, error.removeprefix("closest_"), None) for error in CLOSEST},
-            **{name: row.get(name) for name in MEASURED},
-            "remark": "" if close or row.get("tolerance") else row["remark"],
-        }
-
-
 def compare_periodic(nodes: Sequence[int], rounds: int) -> list[Row]:
-    """Compare on all surfaces and loads: closeness of all, CPU time on the first surface."""
+    """Compare on a surface of each grid under all loads."""
     for size in nodes:
         if size < others.COARSEST or size & (size - 1):
             raise InputError(f"nodes {size}: give 2^k from {others.COARSEST} on, as 128, 256, 512")
-    return [
-        row
-        for size in nodes
-        for turns in [rounds if size < LONG else min(rounds, FEW_ROUNDS)]
-        for hurst in (HURSTS if size <= LARGEST else HURSTS[:1])
-        for load in LOADS
-        for row in rows_of(size, hurst, load, turns if hurst == HURSTS[0] else 0)
-    ]
-
-
-def periodic_report(rows: Sequence[Row]) -> Report:
-    """Make a report of the timed contacts, and of how far solvers are from ours at most."""
-    tables = {
-        "periodic": [row for row in rows if row["seconds"] or row["remark"]],
-        "periodic-agreement": list(agreement(rows)),
-    }
-    return Report(tables, of="periodic")
-
-
-def agreement(rows: Sequence[Row]) -> Iterator[Row]:
-    """Yield how far each solver is from ours at most, over all surfaces and loads of a grid."""
-    for nodes, solver in dict.fromkeys((row["nodes"], row["solver"]) for row in rows):
-        own = [row for row in rows if (row["nodes"], row["solver"]) == (nodes, solver)]
-        found = [row for row in own if row[CLOSEST[0]] is not None]
-        if found:
-            largest = {error: max(row[error] for row in found) for error in CLOSEST}
-            counts = {"contacts": len(own), "solved": len(found)}
-            yield {"nodes": nodes, "solver": solver, **counts, **largest}
+    solvers = [PERIODIC_SOLVERS[0], *installed(PERIODIC_SOLVERS[1:])]
+    rows = []
+    for size, pressure in product(nodes, LOADS):
+        case = periodic_sample(size, PERIODIC_HURST, pressure)
+        share = 100 * find_exact(case, REFERENCE_RTOL).contact_share
+        for row in compare([case], solvers, rounds):
+            # the mean pressure is over E* times the rms slope
+            said = {"mean_pressure": pressure, "area_percent": share}
+            rows.append({name: (said | row)[name] for name in PERIODIC_COLUMNS})
+    return rows
 
 
 CONDITIONS = f"""\
@@ -442,7 +384,8 @@ def peers(
     if boundary == "periodic" and hardness:
         raise InputError("hardness with boundary periodic: no other solver knows both, give one")
     if boundary == "periodic":
-        return periodic_report(compare_periodic(nodes or [128, 256], rounds))
+        rows = compare_periodic(nodes or [128, 256], rounds)
+        return Report({"periodic": rows}, of="periodic")
     nodes = nodes or [129, 257]
     _check(nodes, deltas, hardness)
     for package, install in missing().items():

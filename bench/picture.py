@@ -65,8 +65,8 @@ def draw(said: Mapping[str, Any], rows: Sequence[Row]) -> Any:
     """Draw one figure of a report: its panels in `down` rows, those of a facet below each other.
 
     `facet` is a format that tells the columns of panels apart, filled in with a row; `size` is
-    the width and height of a panel [inches], `legend` "figure" or the number of the panel that
-    names the curves.
+    the width and height of a panel [inches], `legend` "figure", "each" for the lowest panel of
+    each facet, or the number of the panel that names the curves.
     """
     facets = _split(rows, said.get("facet", ""))
     panels, (width, height) = said["panels"], said.get("size", (3.7, 3.6))
@@ -82,6 +82,9 @@ def draw(said: Mapping[str, Any], rows: Sequence[Row]) -> Any:
             column[0].set_title(title)
     if said.get("legend") == "figure":
         figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    elif said.get("legend") == "each":
+        for axis in axes[-1]:
+            axis.legend(fontsize="x-small")
     elif "legend" in said:
         axes.flat[said["legend"]].legend(fontsize="small")
     return figure
@@ -103,7 +106,7 @@ def _limits(value: Any) -> Any:
 def draw_panel(axis: Any, panel: Mapping[str, Any], rows: Sequence[Row]) -> None:
     """Draw columns over another one, a curve for each label.
 
-    The keys of a panel: `x` and `y`, columns, where rows without a y are left out; `label`, the
+    The keys of a panel: `x` and `y`, columns, where rows without one are left out; `label`, the
     name of a curve, filled in with a row of it; `dashed`, a further column as a dashed line;
     `dots`, pairs of columns as hollow dots; `look`, properties of the curves; `marks`, levels
     of horizontal lines by name; `ticks`, whether only values of x have ticks; `none`, the text
@@ -115,7 +118,7 @@ def draw_panel(axis: Any, panel: Mapping[str, Any], rows: Sequence[Row]) -> None
     known = [
         {name: none if value in {None, ""} else value for name, value in row.items()}
         for row in rows
-        if row[y] not in {None, ""}
+        if not {row[x], row[y]} & {None, ""}
     ]
     curves = _split(known, panel.get("label", ""))
     for (name, own), style in zip(curves.items(), itertools.cycle(STYLES), strict=False):
@@ -132,6 +135,9 @@ def draw_panel(axis: Any, panel: Mapping[str, Any], rows: Sequence[Row]) -> None
         place = {"xycoords": ("axes fraction", "data"), "ha": "right", "va": "bottom"}
         axis.annotate(name, (0.99, level), fontsize=8, color="0.3", **place)
     axis.set(**{name: _limits(value) for name, value in panel.get("axes", {}).items()})
+    for scale, ruler in (("xscale", axis.xaxis), ("yscale", axis.yaxis)):
+        if panel.get("axes", {}).get(scale) == "log" and f"{scale[0]}lim" not in panel["axes"]:
+            figures.log_axis(ruler)
     if panel.get("ticks"):
         values = sorted({row[x] for row in rows})
         axis.set_xticks(values, [str(each) for each in values])

@@ -138,7 +138,6 @@ class Inputs:
             "database": self.database or self.output / "databases" / "paper.h5",
             "comparison": self.comparison or self.output / "comparison",
             "cost": self.output / "cost",
-            "concentrated": self.output / "databases" / "concentrated.h5",
         }
 
     def folder(self, part: Part) -> Path:

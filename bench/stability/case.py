@@ -188,7 +188,7 @@ TABLES = {
     "loads": Sheet("Random loads", "loads", "loads"),
     "hardness": Sheet("Random contacts that yield", "hardness", "hardness"),
     "edgeless": Sheet("Random contacts without edges", "edgeless", "edgeless"),
-    "models": Sheet("The nine models", "models", "fits"),
+    "models": Sheet("The nine models", "models", "models"),
 }
 """In the order of the page, which is that of the work."""
 

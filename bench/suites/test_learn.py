@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from bench.stability.fitted import fitted, ordinary, rows_of
+from bench.stability.models import fitted, ordinary, rows_of
 from gen.runtime.errors import InputError
 from gen.surface import generate
 from learn.comparison import grid as grids

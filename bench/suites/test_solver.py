@@ -27,7 +27,11 @@ from bem.operators import patch
 from bem.operators.filters import filtered
 from bem.operators.patch import Patch, displacement_filter
 from bem.problem import BOUNDARIES, RTOL, Boundary
+from bench.peers import Trial, find_errors, sample
 from bench.references import half_space as references
+from bench.solvers.case import find_exact
+from bench.solvers.others import OTHERS
+from bench.solvers.solver import BEM, PAPERS, Solver
 from bench.work_precision import paper_case
 
 SIZES = {"smoke": 33, "paper": 129, "large": 513}
@@ -283,3 +287,18 @@ def test_solve_ladder(benchmark: BenchmarkFixture, rungs: int) -> None:
     ratio = convolutions(ladder) / convolutions(alone)
     benchmark.extra_info["convolutions_over_single_solves"] = ratio
     record_time_over(benchmark, "time_over_single_solves", together, apart)
+
+
+@pytest.mark.parametrize("solver", [BEM, PAPERS, *OTHERS], ids=lambda solver: solver.name)
+def test_contact_by_solver(benchmark: BenchmarkFixture, solver: Solver) -> None:
+    """At equal accuracy, with few enough nodes in contact for the paper's algorithm."""
+    if not solver.version:
+        pytest.skip(f"{solver.package} is not installed: {solver.install}")
+    case = sample(129, 15.0)
+    trial = Trial(solver, case)
+    trial.find_tolerance(1e-4)
+    assert trial.tolerance is not None, trial.remark
+    pressure = benchmark(solver.solve, case, trial.tolerance).pressure
+    benchmark.extra_info["tolerance"] = trial.tolerance
+    errors = find_errors(pressure, solver.control, case, find_exact(case))
+    assert errors.good_enough(trial.contact_nodes)

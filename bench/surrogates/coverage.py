@@ -6,7 +6,7 @@ surrogate has not been trained on, and for as many draws of training rows as the
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
 
@@ -28,16 +28,14 @@ from learn.features.regeneration import hybrid_rows
 from learn.split import FOLDS
 from learn.surrogate.calibration import groups_of
 
-HURST_BORDER = 0.7
-"""Surfaces below it train, surfaces above it test."""
+HURST_BORDER = 0.7  # surfaces below it train, surfaces above it test
+FEW = 20  # rows of a finer grid that are learnt together with those of the preset's grid
+HARDNESS = (0.006, 0.05)  # over E*, of the rows that train; the preset has 0.003 to 0.1
+LEVEL = 0.9  # of the intervals whose coverage is counted
+WANTED = 0.88  # smallest coverage of unflagged rows that is asked for, within its standard error
+FEWEST = 300  # smallest number of rows of the preset
 
-FEW = 20
-"""Rows of a finer grid that are learnt together with those of the preset's grid."""
-
-HARDNESS = (0.006, 0.05)
-"""Hardness over E* of the rows that train; the preset has 0.003 to 0.1."""
-
-PAPER, MIDPOINT, SPECTRAL, YIELDING = "paper", "midpoint", "spectral", "paper-yielding"
+PAPER, MIDPOINT, SPECTRAL, YIELDING = "paper", "midpoint", "broad-spectral", "paper-yielding"
 FINE = {257: "fine-257", 513: "fine-513"}
 
 OTHERS = {
@@ -63,31 +61,15 @@ KINDS = {
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """Rows that train a surrogate, and rows of another kind that judge it.
+    """Rows that train a surrogate, and rows of another kind that judge it, by their positions."""
 
-    Attributes
-    ----------
-    trained_on, tested_on : str
-        What it is trained and tested on, in words.
-    pool : tuple of str
-        Databases that are read together.
-    train : ndarray of int
-        Positions of rows that are split into training, calibration and test.
-    judged : ndarray of int, or None
-        Positions of the rows that judge it; None for the test rows of the split.
-    added : ndarray of int
-        Positions of further rows, which all train.
-    flagged : ndarray of bool, shape (rows of the pool,)
-        Rows that are flagged whatever their features are.
-    """
-
-    trained_on: str
+    trained_on: str  # in words
     tested_on: str
-    pool: tuple[str, ...]
-    train: Indices
-    judged: Indices | None
-    added: Indices
-    flagged: NDArray[np.bool_]
+    pool: tuple[str, ...]  # databases that are read together
+    train: Indices  # rows that are split into training, calibration and test
+    judged: Indices | None = None  # rows that judge it; None for the test rows of the split
+    added: Indices = field(default_factory=lambda: np.empty(0, np.int64))  # further training rows
+    flagged: Indices = field(default_factory=lambda: np.empty(0, np.int64))  # whatever they are
 
 
 def databases(folder: Path, rows: int) -> dict[str, Path]:
@@ -110,51 +92,39 @@ def _preset(name: str) -> str:
 def cases(pool: tuple[str, ...], rows: Dataset, seed: int) -> Iterator[Case]:
     """Yield the cases of one pool of databases, whose rows have been read."""
     place = {name: np.flatnonzero(rows.database == index) for index, name in enumerate(pool)}
-    none, never = np.array([], dtype=np.int64), np.zeros(rows.size, dtype=bool)
     if pool == (PAPER,):
-        yield Case("preset", "preset", pool, place[PAPER], None, none, never)
+        yield Case("preset", "preset", pool, place[PAPER])
         low = column(rows, "hurst") <= HURST_BORDER
-        unseen = np.flatnonzero(~low)
-        yield Case(
-            f"preset, H to {HURST_BORDER:g}", "Hurst exponents above", pool,
-            np.flatnonzero(low), unseen, none, never,
-        )  # fmt: skip
+        words = f"preset, H to {HURST_BORDER:g}", "Hurst exponents above"
+        yield Case(*words, pool, np.flatnonzero(low), np.flatnonzero(~low))
     elif pool == (YIELDING,):
         ratio = column(rows, "hardness")  # E* is 1 MPa
         inside = (ratio >= HARDNESS[0]) & (ratio <= HARDNESS[1])
-        words = f"preset, hardness {HARDNESS[0]:g} to {HARDNESS[1]:g} E*"
-        train, judged = np.flatnonzero(inside), np.flatnonzero(~inside)
-        yield Case(words, "other hardness", pool, train, judged, none, ~inside)
+        words = f"preset, hardness {HARDNESS[0]:g} to {HARDNESS[1]:g} E*", "other hardness"
+        outside = np.flatnonzero(~inside)
+        yield Case(*words, pool, np.flatnonzero(inside), outside, flagged=outside)
     elif pool[0] == PAPER:
-        yield from _beside_the_preset(pool, place, seed, never)
+        yield from _beside_the_preset(pool, place, seed)
     else:
-        yield from _of_broad(pool, place, never)
+        every = np.arange(rows.size)
+        yield Case("broad", "broad", pool, every)
+        for kind, names in KINDS.items():
+            judged = np.sort(np.concatenate([place[name] for name in names]))
+            yield Case(f"broad without {kind}", kind, pool, np.setdiff1d(every, judged), judged)
 
 
 def _beside_the_preset(
-    pool: tuple[str, ...], place: dict[str, Indices], seed: int, never: NDArray[np.bool_]
+    pool: tuple[str, ...], place: dict[str, Indices], seed: int
 ) -> Iterator[Case]:
     """Yield the cases of the preset and one other database."""
-    other, none = pool[1], np.array([], dtype=np.int64)
-    yield Case("preset", other, pool, place[PAPER], place[other], none, never)
+    other = pool[1]
+    yield Case("preset", other, pool, place[PAPER], place[other])
     if other in FINE.values():
         few = np.random.default_rng(seed).permutation(place[other])[:FEW]
         judged = np.setdiff1d(place[other], few)
         words = f"preset and {FEW} rows of {other}"
-        yield Case(words, other, pool, place[PAPER], judged, few, never)
-        yield Case(f"{FEW} rows of {other}", other, pool, few, judged, none, never)
-
-
-def _of_broad(
-    pool: tuple[str, ...], place: dict[str, Indices], never: NDArray[np.bool_]
-) -> Iterator[Case]:
-    """Yield the cases of the broad scenes: all together, and each kind left out."""
-    every, none = np.arange(never.size), np.array([], dtype=np.int64)
-    yield Case("broad", "broad", pool, every, None, none, never)
-    for kind, names in KINDS.items():
-        judged = np.concatenate([place[name] for name in names])
-        train = np.setdiff1d(every, judged)
-        yield Case(f"broad without {kind}", kind, pool, train, np.sort(judged), none, never)
+        yield Case(words, other, pool, place[PAPER], judged, few)
+        yield Case(f"{FEW} rows of {other}", other, pool, few, judged)
 
 
 def column(rows: Dataset, name: str) -> Values:
@@ -165,18 +135,8 @@ def column(rows: Dataset, name: str) -> Values:
 
 def pools() -> Sequence[tuple[str, ...]]:
     """Return the databases that are read together for the cases."""
-    beside = (MIDPOINT, "broad-spectral", *FINE.values())
+    beside = (MIDPOINT, SPECTRAL, *FINE.values())
     return ((PAPER,), *((PAPER, other) for other in beside), (YIELDING,), BROAD)
-
-
-LEVEL = 0.9
-"""Of the intervals whose coverage is counted."""
-
-WANTED = 0.88
-"""Smallest coverage of unflagged rows that is asked for, within its standard error."""
-
-FEWEST = 300
-"""Smallest number of rows of the preset."""
 
 
 def coverage(folder: Path, rows: int, seeds: int) -> Report:
@@ -235,7 +195,7 @@ def _judged(case: Case, rows: Dataset, most: int, seed: int) -> list[Row]:
     fitted = fit(_request(Path()), parts.train, calibration, parts.folds)
     judged, always = parts.test, np.zeros(parts.test.size, dtype=bool)
     if case.judged is not None:
-        judged, always = rows.at(case.judged), case.flagged[case.judged]
+        judged, always = rows.at(case.judged), np.isin(case.judged, case.flagged)
     scenes = {case.tested_on: np.arange(judged.size)}
     numbers = np.unique(judged.database)
     if case.judged is not None and numbers.size > 1:

@@ -29,19 +29,11 @@ class Parts:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Fitted(Fit):
-    """A fitted model of the contact area, with the flags for rows of another kind.
+    """A fitted model of the contact area, with the flags for rows of another kind."""
 
-    Attributes
-    ----------
-    low, high : ndarray, shape (d,)
-        Training ranges.
-    distance : Distance
-        Distances from the training.
-    """
-
-    low: Values
+    low: Values  # (d,) ends of the training ranges
     high: Values
-    distance: Distance
+    distance: Distance  # from the training
 
     def predict(self, rows: Dataset) -> Values:
         """Predict the areas of n rows [%]."""
@@ -55,15 +47,6 @@ class Fitted(Fit):
         """Return both ends of the interval of each of n rows [%]."""
         raw = self.learnt.raw(rows.inputs)
         return self.learnt.calibration.ends(raw, level, rows.inputs)
-
-    def covered(self, rows: Dataset, level: float) -> float:
-        """Return the share of rows whose interval of a level holds the truth [1]."""
-        low, high = self.interval(rows, level)
-        return float(np.mean((low <= rows.target) & (rows.target <= high)))
-
-    def flagged(self, rows: Dataset) -> float:
-        """Return the share of rows that are flagged [1]."""
-        return float(self.flags(rows).mean())
 
     def flags(self, rows: Dataset) -> NDArray[np.bool_]:
         """Return whether rows have an input outside the training ranges, or are far away, (n,)."""

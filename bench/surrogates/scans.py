@@ -36,20 +36,11 @@ from learn.dataset import Dataset
 from learn.metrics import scores
 from learn.split import FOLDS
 
-LEVEL = 0.9
-"""Of the intervals whose coverage is counted."""
-
-FEWEST = 200
-"""Smallest number of rows: ten of each map."""
-
-WANTED_R2, WANTED_NMAE = 99.5, 4.0
-"""Smallest R2 and largest nMAE of unseen tiles that are asked for [%]."""
-
-MISSED = 2.0
-"""Times that a wrong row's error is half the width of its interval, at least."""
-
-CHANCE = 0.001
-"""Share of the rows that would be wrong by chance, were errors normal and intervals exact."""
+LEVEL = 0.9  # of the intervals whose coverage is counted
+FEWEST = 200  # smallest number of rows: ten of each map
+WANTED_R2, WANTED_NMAE = 99.5, 4.0  # of unseen tiles, smallest and largest that are asked for [%]
+MISSED = 2.0  # times that a wrong row's error is half the width of its interval, at least
+CHANCE = 0.001  # share of wrong rows by chance, were errors normal and intervals exact
 
 SCENE = """samples = {rows}
 [surface]
@@ -72,33 +63,15 @@ PARTS = {"unseen tiles": "tile", "maps left out": "map"}
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """All rows of a database, each predicted by a surrogate that has not seen its tile, or map.
+    """All rows of a database, each predicted by a surrogate that has not seen its tile, or map."""
 
-    Attributes
-    ----------
-    nodes : int
-        Nodes a side of the windows.
-    left_out : str
-        A key of `PARTS`.
-    maps : ndarray of int, shape (n,)
-        Map of each row.
-    names : tuple of str
-        Names of the maps.
-    truth, prediction : ndarray, shape (n,)
-        Areas [%].
-    low, high : ndarray, shape (n,)
-        Ends of the intervals of 90 % [%].
-    flagged : ndarray of bool, shape (n,)
-        Whether an input is outside the training ranges, or all together are far from the training.
-    """
-
-    nodes: int
-    left_out: str
-    maps: Indices
-    names: tuple[str, ...]
-    truth: Values
+    nodes: int  # a side of the windows
+    left_out: str  # a key of `PARTS`
+    maps: Indices  # (n,) map of each row
+    names: tuple[str, ...]  # of the maps
+    truth: Values  # (n,) areas [%]
     prediction: Values
-    low: Values
+    low: Values  # (n,) ends of the intervals [%]
     high: Values
     flagged: NDArray[np.bool_]
 

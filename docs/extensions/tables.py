@@ -270,11 +270,9 @@ def outputs() -> list[str]:
 
 
 def asked() -> list[str]:
-    """Return what is asked, what is measured, and the commands, as at the top of the page."""
-    return [
-        f"| {each.question} | {each.answer} | {', '.join(f'`{e}`' for e in each.commands)} |"
-        for each in answers(PARTS, Inputs(RESULTS, None, None, full=True))
-    ]
+    """Return what is asked and what is measured, as at the top of the page."""
+    found = answers(PARTS, Inputs(RESULTS, None, None, full=True))
+    return [f"| {each.question} | {each.answer} |" for each in found]
 
 
 def speed() -> list[str]:
@@ -399,7 +397,7 @@ class PageTable:
 
 TABLES = {
     "asked": PageTable(
-        ("asked", "measured", "command"),
+        ("asked", "measured"),
         asked,
         (
             *("hertz/hertz.csv", "peers/peers.csv", "peers/periodic.csv"),

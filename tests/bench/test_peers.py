@@ -22,8 +22,16 @@ from bench.peers import (
 )
 from bench.solvers.case import Case, find_exact
 from bench.solvers.others import OTHERS
-from bench.solvers.own import BEM, PAPERS
-from bench.solvers.solver import LADDER, Answer, Control, Failure, Solver, back_and_forth
+from bench.solvers.solver import (
+    BEM,
+    LADDER,
+    PAPERS,
+    Answer,
+    Control,
+    Failure,
+    Solver,
+    back_and_forth,
+)
 from gen.runtime.errors import InputError
 
 SMALL = sample(33, 25.0)
@@ -180,7 +188,9 @@ def test_periodic_patches_are_the_same_problem_for_all(solver: Solver, load: flo
     """Our own waves, spacing, units and zero mean displacement, up to nearly full contact."""
     if not solver.version:
         pytest.skip(f"{solver.package} is not installed: {solver.install}")
-    errors = periodic.errors_of(solver, periodic.periodic_sample(32, 0.8, load), 1e-11)
+    case = periodic.periodic_sample(32, 0.8, load)
+    pressure = solver.solve(case, 1e-11).pressure
+    errors = find_errors(pressure, solver.control, case, find_exact(case, 1e-12))
     assert errors.load_error < 1e-8
     assert errors.misplaced_nodes == 0
     assert errors.pressure_error < 1e-8
@@ -192,13 +202,10 @@ def test_command_compares_periodic_patches(tmp_path: Path) -> None:
     _, rows = read_table(tmp_path / "periodic.csv")
     ours = [row for row in rows if row["solver"] == "bem"]
     assert [row["times_ours"] for row in ours] == ["1.0"] * 5
-    _, agreement = read_table(tmp_path / "periodic-agreement.csv")
-    assert all(row["contacts"] == row["solved"] == "25" for row in agreement)
-    assert all(float(row["closest_pressure_error"]) < 1e-8 for row in agreement)
     assert float(ours[0]["area_percent"]) < 5
     assert float(ours[4]["area_percent"]) > 95
     shown = contents_of("periodic", tmp_path)
-    assert [len(tables_of(each)) for each in shown] == [1, 1, 1]
+    assert [len(tables_of(each)) for each in shown] == [1, 1]
 
 
 def test_packages_without_a_line_are_named_on_the_page(tmp_path: Path) -> None:

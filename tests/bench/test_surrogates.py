@@ -84,10 +84,11 @@ def test_a_fit_knows_where_it_was_trained(paper):
     request = request_for(paper, "kernel-ridge", "dimensionless", 100.0)
     parts = parted(read(request, 200))
     fitted = fit(request, parts.train, parts.calibration, parts.folds)
-    assert fitted.flagged(parts.train) == 0
+    assert not fitted.flags(parts.train).any()
     far = dataclasses.replace(parts.test, inputs=parts.test.inputs + 100.0)
-    assert fitted.flagged(far) == 1
-    assert fitted.covered(parts.test, 0.9) > 0.7
+    assert fitted.flags(far).all()
+    low, high = fitted.interval(parts.test, 0.9)
+    assert ((low <= parts.test.target) & (parts.test.target <= high)).mean() > 0.7
     assert fitted.predict(far).min() >= 0
 
 

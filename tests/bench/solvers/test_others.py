@@ -5,8 +5,7 @@ import pytest
 from bench.peers import find_errors, sample
 from bench.solvers.case import find_exact
 from bench.solvers.others import OTHERS, installed
-from bench.solvers.own import BEM, PAPERS
-from bench.solvers.solver import Failure, Solver
+from bench.solvers.solver import BEM, PAPERS, Failure, Solver
 
 
 @pytest.mark.parametrize("peer", OTHERS, ids=lambda peer: peer.name)
