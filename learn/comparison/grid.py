@@ -89,6 +89,18 @@ def baseline(model: str, features: str) -> Settings:
     return {}
 
 
+def at_ends(space: Space, settings: Mapping[str, Any]) -> str:
+    """Name the settings that lie at an end of three numbers or more: a better one may be beyond."""
+    numbers = {
+        name: values
+        for name, values in space.items()
+        if len(values) > 2 and all(isinstance(value, int | float) for value in values)
+    }
+    ends = {name: (min(values), max(values)) for name, values in numbers.items()}
+    found = (name for name in ends if settings.get(name) in ends[name])
+    return ", ".join(f"{name} = {settings[name]:g}" for name in found)
+
+
 @dataclass(frozen=True)
 class Grid:
     """A grid of candidates, and those of them that differ."""

@@ -14,7 +14,7 @@ from gen.runtime.errors import InputError
 from gen.runtime.terminal import echo, print_table
 from learn.comparison import paper
 from learn.comparison.folder import Folder
-from learn.comparison.grid import TABLE_2
+from learn.comparison.grid import TABLE_2, at_ends, space_of
 from learn.metrics import BOOTSTRAP, LEVEL, bootstrap, no_better, spread
 from learn.models import MODELS
 
@@ -185,7 +185,7 @@ def show(folder: Folder) -> None:
 
 
 def _remarks(folder: Folder) -> Iterator[str]:
-    """Yield the lines below the tables: useless models, failures, baselines that won."""
+    """Yield the lines below the tables: useless models, failures, baselines or ends that won."""
     for *_, said in no_better_than_constant(folder):
         yield f"warning: {said}"
     for model, kind, result in folder.results():
@@ -193,6 +193,11 @@ def _remarks(folder: Folder) -> Iterator[str]:
             yield f"{MODELS[model].title}, {kind}, failed: {result['failure']}"
         elif kind == "tuned" and result["search"].get("winner") == "baseline":
             yield f"{MODELS[model].title}: {why_baseline(result['search'])}"
+        elif kind == "tuned":
+            _, space = space_of(model, folder.record()["conditions"]["features"])
+            if ends := at_ends(space, result["settings"]):
+                title = MODELS[model].title
+                yield f"{title}: {ends} at an end of the grid: a better one may lie beyond"
 
 
 def why_baseline(report: dict[str, Any]) -> str:

@@ -62,7 +62,7 @@ class Growth:
     last: Appraisal | None = None  # the last surrogate with its errors
     curve: Curve | None = None  # the last learning curve
     advice: Advice | None = None  # the last advice
-    fitting: float = 0.0  # time of the last look [s]
+    fitting: float = 0.0  # time of all looks [s]
 
     @property
     def sizes(self) -> Sizes:
@@ -102,8 +102,9 @@ class Growth:
         if self.curve is not None and not found.met:
             self.advice = advise(found, self.curve, self.sizes, self.order.most)
         self.say(in_words(found, self.advice))
-        self.fitting = time.monotonic() - began - found.reading
-        self.pace.fit = rows, self.fitting
+        spent = time.monotonic() - began - found.reading
+        self.fitting += spent
+        self.pace.fit = rows, spent
         if rows > before:
             self.pace.features = found.reading / (rows - before)
 

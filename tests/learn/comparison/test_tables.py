@@ -11,6 +11,7 @@ from gen import cli as gen_cli
 from gen.runtime.errors import InputError
 from learn.comparison import paper, pictures, tables
 from learn.comparison.folder import Folder
+from learn.comparison.grid import at_ends
 
 SCENE = "samples = 60\nsamples_per_surface = 3\n[surface]\nnodes = 9\n"
 TREE = ["--model", "decision-tree"]
@@ -86,3 +87,14 @@ def test_r2_is_drawn_as_what_is_left_of_it_and_baselines_as_circles(work, monkey
     assert baseline.get_markersize() > tuned.get_markersize()
     assert len(baseline.get_xdata()) == len(tuned.get_xdata()) == 18
     assert list(line.get_xdata()) == list(line.get_ydata())
+
+
+def test_a_winner_at_an_end_of_its_grid_is_said_to_be(work, capsys, monkeypatch):
+    space = {"max_depth": [1, 2, 3], "min_samples_leaf": [1]}
+    monkeypatch.setitem(paper.SPACES, "decision-tree", space)
+    assert run("tune", "database.h5", "-o", "out", "--model", "decision-tree") == 0
+    said = capsys.readouterr().out
+    (row,) = table("out/area/tuning.csv")
+    assert ("max_depth = 3 at an end of the grid" in said) == (row["winner"] != "baseline")
+    assert at_ends(space, {"max_depth": 2, "min_samples_leaf": 1}) == ""
+    assert at_ends({"C": [1.0, 10.0, 100.0], "kernel": ["rbf"]}, {"C": 1.0}) == "C = 1"
