@@ -42,7 +42,7 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
         ("* unit * (problem.spacing[0] * problem.spacing[1])", "* unit * problem.spacing[0] ** 2"),
         ("np.abs(contact.gap), -contact.gap)", "np.abs(contact.gap), contact.gap)"),
         ("not contact.residual <= problem.rtol", "contact.residual > problem.rtol"),
-        ("others = [rung for rung in self._last if rung[0] != load]", "others = self._last"),
+        ("equilibrium.length / problem.spacing[0]", "equilibrium.length / problem.spacing[1]"),
     ),
     "bem/problem.py": (
         ('if boundary == "free" else side / nodes', 'if boundary != "mirror" else side / nodes'),
@@ -89,7 +89,7 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
     "gen/surface.py": (("2.0 ** (-hurst / 2.0)", "2.0 ** (-hurst)"),),
     "gen/spectral.py": (("(-1 - self.hurst)", "(-0.5 - self.hurst)"),),
     "gen/maps/prepare.py": (
-        ("int(within[-1]) + 1)", "int(within[-1]))"),
+        ("int(kept[-1]) + 1))", "int(kept[-1])))"),
         ("(heights < below) | (heights > above)", "(heights < below) & (heights > above)"),
     ),
     "gen/maps/filters.py": (("scatter = 1.4826 *", "scatter = 1.0 *"),),

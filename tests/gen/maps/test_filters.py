@@ -12,6 +12,7 @@ from gen.maps.filters import (
     fitted_polynomial,
     local_medians,
     long_waves,
+    scaled_distances,
     without_spikes,
 )
 from gen.surface import generate
@@ -192,3 +193,8 @@ def test_weights_at_a_border_are_the_normalised_ones() -> None:
         weights = np.exp(-np.pi * squares / (ALPHA * cutoff) ** 2)
         smooth[i, j] = (weights * heights).sum() / weights.sum()
     np.testing.assert_allclose(long_waves(heights, SPACING, cutoff), smooth, atol=1e-7)
+
+
+def test_distances_of_normal_heights_are_counted_in_their_deviation():
+    heights = np.random.default_rng(0).normal(scale=3.0, size=(80, 80))
+    assert np.std(scaled_distances(heights)) == pytest.approx(1, abs=0.1)
