@@ -300,6 +300,7 @@ def _warnings(solutions: Iterable[Sequence[Points]]) -> list[str]:
         many = f"{len(warned)} of {len(parts)} surfaces, the first: " if len(parts) > 1 else ""
         for part in warned[:1]:
             lines |= dict.fromkeys(f"warning: {many}{line}" for line in part.warnings)
+        lines |= dict.fromkeys(note for part in parts for note in part.notes)
     return list(lines)
 
 
@@ -444,7 +445,6 @@ def _solve(
     if judged:
         low[CONTINUUM] = np.clip(values[CONTINUUM] - np.array(bars), 0, 100)
         high[CONTINUUM] = np.clip(values[CONTINUUM] + np.array(bars), 0, 100)
-    if unresolved:
-        said.append(f"the area is that of this grid: {unresolved}")
-    none = ("",) * len(rows)
-    return Points(values, low, high, none, warnings=tuple(said), faults=tuple(faults))
+    said_of = (f"{subject.name}: the area is that of the grid: {unresolved}",) if unresolved else ()
+    none, warnings = ("",) * len(rows), tuple(said)
+    return Points(values, low, high, none, warnings=warnings, faults=tuple(faults), notes=said_of)

@@ -67,6 +67,7 @@ class Points:
     endless: tuple[str, ...] = ()
     faults: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()  # about the solved contacts of this surface
+    notes: tuple[str, ...] = ()  # what else is to be said of them
 
     def chosen(self, places: NDArray[np.bool_] | NDArray[np.int64]) -> Points:
         """Return the points of some of the loads."""
@@ -75,7 +76,7 @@ class Points:
             for part in (self.values, self.low, self.high)
         )
         reasons = tuple(np.array(self.reasons, dtype=object)[places])
-        return Points(values, low, high, reasons, warnings=self.warnings)
+        return Points(values, low, high, reasons, warnings=self.warnings, notes=self.notes)
 
     def joined(self, more: Points) -> Points:
         """Append the points of further loads."""
