@@ -37,7 +37,8 @@ from bench.files import Row
 from bench.report import Report, remark
 from gen import database
 from gen.arrays import Columns
-from gen.generation.run import Block, Delivery, Request, Target, blocks_of, generate_database
+from gen.generation.run import Block, Request, Target, blocks_of, generate_database, opened
+from gen.generation.run import write as write_block
 from gen.generation.sample import compute_rows
 from gen.runtime import farm
 from gen.runtime.errors import InputError
@@ -325,18 +326,19 @@ def write(target: Target, blocks: Sequence[Block], template: Columns, world: far
     float
         Time from the first task to the closed file [s].
     """
+    with opened(target, world) as writer:
 
-    def compute(block: Block) -> Columns:
-        return {name: values[: block[1] - block[0]] for name, values in template.items()}
-
-    with Delivery(target, world, compute) as delivered:
+        def work(block: Block) -> Any:
+            rows = {name: values[: block[1] - block[0]] for name, values in template.items()}
+            return write_block(writer, block, rows) if target.parallel else rows
 
         def take(block: Block, result: Any) -> None:
-            delivered.take(block, result)
+            if not target.parallel:
+                write_block(writer, block, result)
 
         world.broadcast(None)
         began = time.perf_counter()
-        farm.run(delivered.work, iter(blocks), take, world)
+        farm.run(work, iter(blocks), take, world)
     return time.perf_counter() - began
 
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, NamedTuple, Self
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
@@ -95,68 +95,35 @@ class Tally(NamedTuple):
     trouble: str = ""
 
 
-class Delivery:
-    """The way of computed rows into the file: through the master, or from every worker itself.
+@contextmanager
+def opened(target: Target, world: farm.World) -> Iterator[Writer | None]:
+    """Open the file of a run where rows are written: on the master, or on all processes together.
 
-    All processes make one of these and leave its block together, because the parallel writer opens
-    and closes the file on all of them.
+    The parallel writer opens and closes the file on all processes, so that all of them enter and
+    leave this block.
     """
+    if not (target.parallel or world.is_master):  # other workers need no HDF5
+        yield None
+        return
+    from gen.database import ParallelWriter, Writer
 
-    def __init__(
-        self, target: Target, world: farm.World, compute: Callable[[Block], Columns]
-    ) -> None:
-        self._compute = compute
-        self._parallel = target.parallel
-        self._writer: Writer | None = None
-        if target.parallel or world.is_master:  # other workers need no HDF5
-            from gen import database
+    path, scene, force = target.path, target.scene, target.force
+    if target.parallel:
+        with ParallelWriter(path, scene, world.communicator, force=force) as writer:
+            yield writer
+    else:
+        with Writer(path, scene, force=force) as writer:
+            yield writer
 
-            path, scene, force = target.path, target.scene, target.force
-            self._writer = (
-                database.ParallelWriter(path, scene, world.communicator, force=force)
-                if target.parallel
-                else database.Writer(path, scene, force=force)
-            )
 
-    def __enter__(self) -> Self:
-        """Return the delivery, whose file is closed at the end of the block."""
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        """Close the file."""
-        if self._writer is not None:
-            self._writer.close()
-
-    def confirm(self) -> None:
-        """Refuse, where rows are written, a file that has been replaced since it was opened."""
-        if self._writer is not None:
-            self._writer.confirm()
-
-    def work(self, block: Block) -> Columns | Tally:
-        """Compute the rows of a block on a worker, which writes them if every worker does."""
-        rows = self._compute(block)
-        if not self._parallel:
-            return rows
-        try:
-            return self._write(block, rows)
-        except InputError as error:
-            return Tally(0, 0, str(error))
-
-    def take(self, block: Block, result: Columns | Tally) -> Tally:
-        """Take what `work` has returned on the master: write rows, raise a worker's InputError."""
-        tally = result if isinstance(result, Tally) else self._write(block, result)
-        if tally.trouble:
-            raise InputError(tally.trouble)
-        return tally
-
-    def _write(self, block: Block, rows: Columns) -> Tally:
-        """Write the finished rows of a block, and count its rows."""
-        assert self._writer is not None  # workers that have none return their rows
-        for start, stop, part in finished_parts(block[0], rows):
-            self._writer.write_block(start, stop, part)
-        status = rows["status"]
-        failed, overdue = (np.count_nonzero(status == s) for s in (Status.FAILED, Status.PENDING))
-        return Tally(int(failed), int(overdue))
+def write(writer: Writer | None, block: Block, rows: Columns) -> Tally:
+    """Write the finished rows of a block, and count its rows."""
+    assert writer is not None  # workers that have none return their rows
+    for start, stop, part in finished_parts(block[0], rows):
+        writer.write_block(start, stop, part)
+    status = rows["status"]
+    failed, overdue = (np.count_nonzero(status == s) for s in (Status.FAILED, Status.PENDING))
+    return Tally(int(failed), int(overdue))
 
 
 def in_parallel(choice: Choice, path: Path, world: farm.World) -> bool:
@@ -191,18 +158,23 @@ def generate_database(request: Request, world: farm.World) -> RunResult:
         job = stack.enter_context(_prepared(request, world)) if world.is_master else None
         target: Target = world.broadcast(job and job.target)
 
-        def compute(block: Block) -> Columns:
-            target.scene.surface.make_ready(target.path.parent, verify=False)
-            limit = request.sample_limit
-            return compute_rows(target.scene, *block, rank=world.rank, limit=limit)
-
         # If all processes have opened the file, all of them have to close it: between here and the
         # farm the master does nothing that can fail.
-        with Delivery(target, world, compute) as delivered:
+        with opened(target, world) as writer:
+
+            def work(block: Block) -> Columns | Tally:
+                target.scene.surface.make_ready(target.path.parent, verify=False)
+                limit = request.sample_limit
+                rows = compute_rows(target.scene, *block, rank=world.rank, limit=limit)
+                try:
+                    return write(writer, block, rows) if target.parallel else rows
+                except InputError as error:
+                    return Tally(0, 0, str(error))
+
             if job is None:
-                farm.run(delivered.work, iter(()), lambda block, result: None, world)
+                farm.run(work, iter(()), lambda block, result: None, world)
             else:
-                overdue = _hand_out(job, delivered, world, interruption)
+                overdue = _hand_out(job, work, writer, world, interruption)
         # Every writer has closed the file: its rows can be counted now.
         if job is None:
             return world.broadcast(None)  # type: ignore[no-any-return]
@@ -255,7 +227,13 @@ def _prepared(request: Request, world: farm.World) -> Iterator[_Job]:
         yield _Job(Target(path, scene, parallel, force), pending, begun)
 
 
-def _hand_out(job: _Job, delivered: Delivery, world: farm.World, interruption: Interruption) -> int:
+def _hand_out(
+    job: _Job,
+    work: Callable[[Block], Columns | Tally],
+    writer: Writer | None,
+    world: farm.World,
+    interruption: Interruption,
+) -> int:
     """Do the master's part: hand out blocks, take results, note signals; return late rows."""
     from gen.runtime.terminal import RunProgress
 
@@ -272,13 +250,16 @@ def _hand_out(job: _Job, delivered: Delivery, world: farm.World, interruption: I
 
         def take(block: Block, result: Columns | Tally) -> None:
             nonlocal overdue
-            tally = delivered.take(block, result)
+            tally = result if isinstance(result, Tally) else write(writer, block, result)
+            if tally.trouble:
+                raise InputError(tally.trouble)
             overdue += tally.overdue
             progress.advance(block[1] - block[0] - tally.overdue, tally.failed)
 
         blocks = blocks_of(scene, job.pending, world.workers)
-        farm.run(delivered.work, blocks, take, world, stopping=interruption.requested)
-        delivered.confirm()
+        farm.run(work, blocks, take, world, stopping=interruption.requested)
+        if writer is not None:
+            writer.confirm()
     return overdue
 
 

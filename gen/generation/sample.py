@@ -209,7 +209,8 @@ def _compute_surface(
 def _solve(scene: Scene, heights: Heights, plan: Parameters, rows: Columns, row: int) -> Reason:
     """Solve one contact problem and fill in its row; return the reason if that is impossible."""
     try:
-        contact = contact_of(scene, heights, plan, row)
+        load = load_of(scene, heights, float(plan.load[row]))
+        contact = solve_contact(scene, heights, hardness=plan.hardness_of(row), **load)
         for name in EFFORT:
             rows[name][row] = getattr(contact, name)
         if not np.isfinite(contact.force):
@@ -245,18 +246,14 @@ def _add_results(
     return Reason.NONE if np.isfinite(list(outputs.values())).all() else Reason.NOT_FINITE
 
 
-def contact_of(scene: Scene, heights: Heights, plan: Parameters, row: int) -> bem.Contact:
-    """Solve the contact of one row of a plan; the exceptions of `bem.solve` pass through."""
-    load = load_of(scene, heights, float(plan.load[row]))
-    return solve_contact(scene, heights, hardness=plan.hardness_of(row), **load)
-
-
 def first_contact(scene: Scene, rows: int) -> tuple[int, bem.Contact] | None:
     """Solve the first of a scene's first rows that has a solution; None if none of them has."""
     plan = parameters(scene, 0, rows)
     for row in range(rows):
         try:
-            return row, contact_of(scene, surface_of(scene, plan, row), plan, row)
+            heights = surface_of(scene, plan, row)
+            load = load_of(scene, heights, float(plan.load[row]))
+            return row, solve_contact(scene, heights, hardness=plan.hardness_of(row), **load)
         except SourceError:
             raise
         except UNSOLVED:

@@ -111,8 +111,7 @@ class World:
 
 def this_world() -> World:
     """Join the other processes if an MPI launcher started this one; otherwise import no MPI."""
-    launched = any(name in os.environ for name in LAUNCHERS)
-    if not launched and "mpi4py" not in sys.modules:
+    if not any(name in os.environ for name in LAUNCHERS) and "mpi4py" not in sys.modules:
         return World()
     _check_launcher()
     try:
@@ -243,18 +242,10 @@ def _supervise(
                 future.add_done_callback(finished.put)
         if in_flight:
             future = finished.get()
-            error = future.exception()
-            if isinstance(error, InputError):  # for example memory that has run out
-                raise error
-            if error is not None:
-                _abort_with(future, world)
-            on_result(in_flight.pop(future), future.result())
-
-
-def _abort_with(future: "Future[Any]", world: World) -> NoReturn:
-    """Raise a worker's bug here, so that its traceback is printed, and end every process."""
-    try:
-        future.result()
-    except Exception:
-        world.abort()
-    raise AssertionError("a future with an exception did not raise it")
+            try:
+                result = future.result()
+            except InputError:  # for example memory that has run out
+                raise
+            except Exception:  # a worker's bug, whose traceback is printed here
+                world.abort()
+            on_result(in_flight.pop(future), result)

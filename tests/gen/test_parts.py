@@ -108,14 +108,6 @@ def test_parts_merge_whatever_they_overlap(folder, monkeypatch):
     assert merge(folder / "gap.h5", parts[1:]) == (24, 36, 0)
 
 
-def test_failed_rows_of_a_part_are_tried_again(folder):
-    assert run("60.toml", "part.h5", "--rows", "20:30") == 0
-    with h5py.File("part.h5", "r+") as file:
-        file["status"][[2, 7]], file["reason"][[2, 7]] = 2, 1
-    assert run("60.toml", "part.h5", "--rows", "20:25", "--retry-failed") == 0
-    assert np.flatnonzero(status(folder / "part.h5") == 2).tolist() == [7]
-
-
 def test_check_info_plot_and_learn_read_a_part(folder, capsys):
     assert run("60.toml", "part.h5", "--rows", "21:60") == 0
     assert cli.main(["check", "part.h5", "--recompute", "5"]) == 0

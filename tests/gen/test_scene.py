@@ -141,13 +141,6 @@ def test_broad_scenes_share_no_surface_and_can_be_learnt_together() -> None:
         assert scene.quantity == "delta/height_rms"
 
 
-@pytest.mark.parametrize("name", preset_names())
-def test_presets_load(name: str) -> None:
-    scene = load(name)
-    assert scene.title
-    assert Scene.from_text(scene.text()) == scene
-
-
 def test_presets_say_what_the_design_says() -> None:
     assert preset_names() == (
         *(f"broad-{name}" for name in BROAD),
@@ -298,22 +291,6 @@ def test_fingerprint_changes_with_every_relevant_key(key: str) -> None:
         assert line.startswith(key)
         assert " in the file, " in line
         assert line.endswith(" asked for")
-
-
-def test_differences_read_like_sentences() -> None:
-    paper = load("paper")
-    steel = Scene.parse("samples = 1\n[contact]\nhardness = 2000", "some.toml")
-    assert differences(paper, steel) == ["contact.hardness: nothing in the file, 2000.0 asked for"]
-    strict = Scene.parse(tomli_w.dumps(changed("contact.rtol", 1e-8)), "some.toml")
-    assert differences(paper, strict) == ["contact.rtol: 2e-07 in the file, 1e-08 asked for"]
-    single = Scene.parse(tomli_w.dumps(changed("delta.pieces", OTHER_VALUES["delta.pieces"])), "")
-    assert differences(paper, single) == [
-        "delta.pieces[0].share: 0.75 in the file, 1.0 asked for",
-        "delta.pieces[0].range[1]: 25.0 in the file, 45.0 asked for",
-        "delta.pieces[1].share: 0.25 in the file, nothing asked for",
-        "delta.pieces[1].range[0]: 25.0 in the file, nothing asked for",
-        "delta.pieces[1].range[1]: 45.0 in the file, nothing asked for",
-    ]
 
 
 DEEP = {
@@ -521,11 +498,8 @@ def test_spacings_follow_the_rule_of_the_solver(boundary: Boundary) -> None:
 
 def test_parameters_nodes_and_seed_can_be_given_and_nothing_else_changes():
     scene = Scene.parse("samples = 3\n[surface]\nhurst = [0.2, 0.9]\nnodes = 17\n", "test")
-    assert scene.with_parameters({}) == scene
     given = scene.with_parameters({"hurst": 0.4}, nodes=33, seed=7)
     assert given.drawn_parameters == {"hurst": 0.4, "sigma0": scene.drawn_parameters["sigma0"]}
-    assert (given.shape, given.seed) == ((33, 33), 7)
-    assert given.contact == scene.contact
-    for wrong in ({"hurst": 1.5}, {"hirst": 0.5}, {"sigma0": math.nan}):
-        with pytest.raises(InputError, match=next(iter(wrong))):
-            scene.with_parameters(wrong)
+    assert (given.shape, given.seed, given.contact) == ((33, 33), 7, scene.contact)
+    with pytest.raises(InputError, match="hirst"):
+        scene.with_parameters({"hirst": 0.5})

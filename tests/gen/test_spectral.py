@@ -58,11 +58,6 @@ def test_every_component_has_its_share(shape, sides, stretch):
     assert squares(heights) == pytest.approx(asked, abs=1e-10 * asked.max())
 
 
-def test_density_is_flat_then_a_power_law_then_nothing():
-    density = SPECTRUM.density(2 * np.pi / np.array([1e4, 41, 40, 20, 4, 3.99]), np.zeros(6))
-    assert density == pytest.approx([1, 1, 1, 2**-3.4, 10**-3.4, 0], rel=1e-9)
-
-
 @pytest.mark.parametrize(("shape", "sides"), GRIDS)
 def test_rms_values_are_those_asked_for(shape, sides):
     """Of the heights on the nodes, and of the gradient of the waves, to rounding."""
@@ -194,31 +189,12 @@ def surfaces(of, number):
     return plan, [surface_of(of, plan, row) for row in range(number)]
 
 
-@pytest.mark.parametrize("boundary", ["free", "mirror"])
-def test_windows_have_the_rms_asked_for_in_the_mean(boundary):
-    """Mean square differences of neighbours in 200 windows, within 3 % of the period's own."""
-    of = scene(boundary=boundary)
-    whole = scene(boundary=boundary, further="period = 1.0")
-    measured, expected = (
-        np.mean([np.mean(np.diff(heights, axis=0) ** 2) for heights in surfaces(each, 200)[1]])
-        for each in (of, whole)
-    )
-    assert measured == pytest.approx(expected, rel=0.03)
-
-
 def test_opposite_borders_of_a_window_have_nothing_to_do_with_each_other():
     for boundary, related in (("free", False), ("mirror", False), ("periodic", True)):
         _, drawn = surfaces(scene(boundary=boundary), 40)
         borders = np.array([(heights[0], heights[-1]) for heights in drawn])
         correlation = np.corrcoef(borders[:, 0].ravel(), borders[:, 1].ravel())[0, 1]
         assert (correlation > 0.8) == related
-
-
-def test_the_period_can_be_given():
-    for boundary in ("free", "periodic", "mirror"):
-        of = scene(boundary=boundary, further="period = 1.0", nodes=32, cut_off=14.0)
-        _, drawn = surfaces(of, 2)
-        assert [heights.std() for heights in drawn] == pytest.approx([0.5, 0.5], rel=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -23,11 +23,11 @@ world = MPI.COMM_WORLD
 full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "disk")
 missing = ModuleNotFoundError("No module named 'matplotlib'", name="matplotlib")
 FAULTS = {
-    "a disk full while rows come in": (0, run.Delivery, "take", full),
+    "a disk full while rows come in": (0, run, "write", full),
     "a package that is missing": (0, run, "blocks_of", missing),
     "an error of the system at the start": (0, run, "_Job", full),
-    "a refusal after the start": (0, run, "Delivery", InputError("no delivery")),
-    "a worker alone": (1, run, "Delivery", InputError("no delivery")),
+    "a refusal after the start": (0, run, "opened", InputError("no file")),
+    "a worker alone": (1, run, "opened", InputError("no file")),
 }
 for name, (rank, home, attribute, error) in FAULTS.items():
     err = io.StringIO() if name != "a worker alone" else sys.stderr
@@ -53,7 +53,7 @@ from gen.scene import load
 from mpi4py import MPI
 world, master = MPI.COMM_WORLD, MPI.COMM_WORLD.rank == 0
 run.BLOCK_ROWS = 1
-take = run.Delivery.take
+write = run.write
 def happen(path):
     if path.name == "replaced.h5":
         os.replace(shutil.copy("other.h5", "new"), path)
@@ -62,13 +62,13 @@ def happen(path):
     if path.name == "overwritten.h5":
         shutil.copyfile("other.h5", path)
 current, count = [], []
-def take_then_happen(self, block, result):
-    tally = take(self, block, result)
+def write_then_happen(*arguments):
+    tally = write(*arguments)
     count.append(1)
     if len(count) == 3:
         happen(current[-1])
     return tally
-run.Delivery.take = take_then_happen
+run.write = write_then_happen
 for fate in sys.argv[1:]:
     current.append(Path(fate + ".h5"))
     count.clear()
@@ -99,7 +99,7 @@ def test_what_fails_on_one_rank_ends_all(tmp_path):
         assert sum(line.startswith("gen: ") for line in said.splitlines()) == 1, (name, said)
     # A worker that fails where the others go on: nobody waits for it.
     assert done.returncode not in {0, 1}
-    assert "gen: no delivery (rank 1)" in done.stderr
+    assert "gen: no file (rank 1)" in done.stderr
     assert "Traceback" not in done.stderr
 
 

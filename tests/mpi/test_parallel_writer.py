@@ -57,13 +57,13 @@ import resource, signal, sys
 from gen import cli
 from gen.generation import run
 from gen.runtime import farm
-work = run.Delivery.work
-def work_without_room(self, block):
+compute_rows = run.compute_rows
+def compute_without_room(*rows, **options):
     if farm.this_world().rank == 1:
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))
-    return work(self, block)
-run.Delivery.work = work_without_room
+    return compute_rows(*rows, **options)
+run.compute_rows = compute_without_room
 sys.exit(cli.main(["run", "scene.toml", "-o", "full.h5"]))
 """
 

@@ -3,10 +3,10 @@
 import h5py
 import numpy as np
 import pytest
-from small_databases import PHYSICS, block, filled, raise_physics, run, small
+from small_databases import PHYSICS, block, filled, raise_physics, small
 
 from gen import database, schema
-from gen.database import Reader, Writer, create, lock, merge, open_or_create
+from gen.database import Reader, Writer, create, merge, open_or_create
 from gen.runtime.errors import InputError
 from gen.scene import DisplacedSurface, Scene, Store
 from gen.scene.columns import columns_for
@@ -25,24 +25,6 @@ def test_ranges_pass_over_undefined_values(path):
         ranges = reader.ranges()
     assert ranges["force"] == (1.0, 2.0)
     assert np.isnan(ranges["residual"]).all()
-
-
-def test_reading_while_another_process_writes(path):
-    scene = small()
-    create(path, scene)
-    script = """
-        import sys
-        from pathlib import Path
-        from gen.database import Reader
-        with Reader(Path(sys.argv[1])) as reader:
-            print(*reader.counts(), reader.column("force", 0, 1)[0])
-    """
-    with lock(path), Writer(path, scene) as writer:
-        writer.write_block(0, 3, block(scene, 0, 3))
-        other = run(script, path)
-        with Reader(path) as reader:
-            assert reader.counts() == (7, 3, 0)
-    assert other.stdout.split() == ["7", "3", "0", str(block(scene, 0, 1)["force"][0])]
 
 
 def test_unknown_column_names_those_there_are(path):

@@ -155,11 +155,6 @@ def test_a_spoilt_value_of_a_body_that_yields_is_found(yielding, column, value, 
     assert any(fault in line for line in lines)
 
 
-def test_failed_rows_need_a_reason(database):
-    spoil(database, "status", 4, 2)
-    assert list(faults(database, recompute=0)) == ["row 4: failed without a known reason"]
-
-
 LOADED = """samples = 4
 [surface]
 generator = "spectral"

@@ -90,21 +90,6 @@ def test_the_shipped_sample_is_resumed_and_extended_and_keeps_its_bytes(folder, 
     assert cli.main(["check", "sample.h5", "--recompute", "0"]) == 0
 
 
-def test_extending_inside_a_surface_does_no_finished_row_again(folder, capsys):
-    for samples in (11, 20):
-        text = SCENE.replace("surface = 2", "surface = 5").format(samples, "")
-        (folder / f"{samples}.toml").write_text(text)
-    assert run("20.toml", "-o", "whole.h5") == 0
-    assert run("11.toml", "-o", "grown.h5") == 0
-    with h5py.File("grown.h5") as file:
-        times = file["runtime/solve_seconds"][:]
-    assert run("20.toml", "-o", "grown.h5") == 0
-    assert "9 to do" in capsys.readouterr().err
-    with h5py.File("grown.h5") as file:
-        np.testing.assert_array_equal(file["runtime/solve_seconds"][:11], times)
-    assert deterministic_bytes(folder / "grown.h5") == deterministic_bytes(folder / "whole.h5")
-
-
 def test_retrying_computes_failed_rows_again(folder, capsys):
     assert run("scene.toml", "-o", "rows.h5") == 0
     whole = deterministic_bytes(folder / "rows.h5")

@@ -67,16 +67,6 @@ def test_a_row_without_edges_is_what_its_parts_say(boundary, hardness):
     assert set(rows["status"]) == {Status.DONE}
 
 
-@pytest.mark.parametrize("boundary", ["periodic", "mirror"])
-def test_full_contact_without_edges_is_a_reason(boundary):
-    beyond = "[delta]\npieces = [{share = 1.0, range = [200.0, 300.0]}]"
-    elastic = compute_rows(scene(f"[contact]\nboundary = '{boundary}'\n{beyond}"), 0, 3)
-    assert set(elastic["status"]) == {Status.FAILED}
-    assert set(elastic["reason"]) == {Reason.FULL_CONTACT}
-    assert np.isnan(elastic["area_percent"]).all()
-    assert not np.isnan(elastic["height_rms"]).any()
-
-
 def test_a_load_beyond_the_hardness_is_a_reason(monkeypatch):
     def refuse(*_, **__):
         raise bem.NoSolution("pressure beyond the hardness")
@@ -136,15 +126,6 @@ def test_failures_are_rows_with_a_reason(monkeypatch):
     assert (rows["residual"] > 1e-6).all()
 
 
-def test_beyond_the_critical_displacement_is_a_reason():
-    made = scene(
-        '[contact]\nfar_field = "compliant"\n'
-        "[delta]\npieces = [{share = 1.0, range = [200.0, 300.0]}]"
-    )
-    rows = compute_rows(made, 0, 3)
-    assert set(rows["reason"]) == {Reason.NO_SOLUTION}
-
-
 def test_a_flat_surface_has_an_area_but_no_statistics():
     made = Scene.parse("samples = 2\n[surface]\nnodes = 9\nsigma0 = [0.0, 0.0]", "test")
     rows = compute_rows(made, 0, 2)
@@ -171,11 +152,6 @@ def test_a_bug_is_not_a_row(monkeypatch, error):
     monkeypatch.setattr(bem, "solve", fail)
     with pytest.raises(error):
         compute_rows(scene(), 0, 2)
-
-
-def test_a_spacing_beyond_all_statistics_is_a_reason():
-    made = Scene.parse("samples = 2\n[surface]\nnodes = 9\nside = 1e300", "test")
-    assert set(compute_rows(made, 0, 2)["reason"]) == {Reason.ARITHMETIC}
 
 
 DECIDED = (
@@ -277,3 +253,22 @@ def test_rows_fail_by_their_load_alone_and_their_surface_is_described():
     assert (rows["reason"][beyond] == Reason.BEYOND_HARDNESS).all()
     assert np.isnan(rows["delta"][beyond]).all()
     assert np.isfinite(rows["height_rms"]).all()
+
+
+BEYOND = "[delta]\npieces = [{{ share = 1.0, range = [{0}, {0}] }}]\n[contact]\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        (BEYOND.format(300.0) + "boundary = 'mirror'", Reason.FULL_CONTACT),
+        (BEYOND.format(300.0) + "far_field = 'compliant'", Reason.NO_SOLUTION),
+        (BEYOND.format(9e9) + "modulus = 1e308", Reason.ARITHMETIC),
+    ],
+)
+def test_a_contact_without_a_solution_is_a_row_with_a_reason(text, reason):
+    rows = compute_rows(scene(text), 0, 2)
+    assert set(rows["status"]) == {Status.FAILED}
+    assert set(rows["reason"]) == {reason}
+    assert np.isnan(rows["area_percent"]).all()
+    assert not np.isnan(rows["height_rms"]).any()

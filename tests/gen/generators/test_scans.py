@@ -1,8 +1,5 @@
 """Tests of windows of maps as a scene's surfaces, from the files to the rows of a database."""
 
-import json
-import shutil
-
 import numpy as np
 import pytest
 
@@ -14,10 +11,9 @@ from gen.generation.sample import surface_of
 from gen.generators import scans
 from gen.generators.scans import Found, ScannedMap
 from gen.maps.prepare import prepare
-from gen.maps.read import sides_from
 from gen.maps.settings import Reading
 from gen.maps.windows import Tiling, drawn, turned
-from gen.runtime.errors import InputError, SourceError
+from gen.runtime.errors import InputError
 from gen.scene import ScanSurface, Scene, differences, load
 from tests.maps import read
 
@@ -132,36 +128,6 @@ def test_a_changed_or_added_map_is_another_scene(folder, capsys):
     (line,) = capsys.readouterr().err.splitlines()
     assert "another scene (surface.found.number: 3 in the file, 4 asked for" in line
     assert (folder / "a.h5").read_bytes() == before
-
-
-def test_prepared_maps_are_enough_for_a_process_that_goes_on(folder):
-    scene = scene_of(folder)
-    expected = surface_of(scene, parameters(scene, 0, 2), 0)
-    shutil.rmtree(folder / "maps")
-    scans._OPEN.clear()
-    scene.surface.make_ready(folder)
-    assert np.array_equal(surface_of(scene, parameters(scene, 0, 2), 0), expected)
-    with pytest.raises(SourceError, match="the map is gone"):
-        scene.surface.make_ready(folder, sources=True)
-    for path in folder.glob("*.maps"):
-        path.unlink()
-    scans._OPEN.clear()
-    with pytest.raises(SourceError, match="the map is gone"):
-        surface_of(scene, parameters(scene, 0, 2), 0)
-
-
-@pytest.mark.parametrize(
-    ("keys", "message"),
-    [
-        ("spacing = 9.0", "needs 4|less than the window"),
-        ("nodes = 41", ""),
-    ],
-)
-def test_maps_that_do_not_fit_are_refused(folder, keys, message):
-    nodes = keys.removeprefix("nodes = ") if keys.startswith("nodes") else "16"
-    write_scene(folder, nodes=nodes, keys="" if keys.startswith("nodes") else keys)
-    with pytest.raises(InputError, match=message or "36 x 64 nodes .* window of 41 x 41|40 x 40"):
-        scene_of(folder)
 
 
 SECOND = (
@@ -295,17 +261,6 @@ def test_windows_are_mirrored_unless_the_scene_says_otherwise():
     assert Scene.parse("samples = 1", "a").contact.boundary == "free"
 
 
-@pytest.mark.parametrize(
-    ("boundary", "sides"),
-    [("mirror", (10.0, 24.0)), ("free", (9.5, 23.2)), ("periodic", (10.0, 24.0))],
-)
-def test_the_spacing_is_that_of_the_maps(boundary, sides):
-    made = with_maps(parsed(more=f"[contact]\nboundary = '{boundary}'\n"), spacing=(0.5, 0.8))
-    assert made.shape == (20, 30)
-    assert made.sides == pytest.approx(sides, rel=1e-12)
-    assert made.spacing == pytest.approx((0.5, 0.8), rel=1e-12)
-
-
 def test_moved_maps_are_the_same_scene_and_changed_ones_another():
     made = with_maps(parsed())
     assert with_maps(parsed('"elsewhere"'), folder="/there").fingerprint() == made.fingerprint()
@@ -347,27 +302,3 @@ def test_faults_are_one_line(old, new, message):
         Scene.parse(text.replace(old, new, 1), "a.toml")
     assert message in str(refusal.value)
     assert len(str(refusal.value).splitlines()) == 1
-
-
-@pytest.mark.parametrize(
-    ("given", "text"),
-    [("99.0", "99"), ("99.25", "99.25"), ("[99, 48.5]", "99,48.5"), ("'99,48.5'", "99,48.5")],
-)
-def test_lengths_of_maps_are_numbers_pairs_or_texts(given, text):
-    table = f"[surface.reading]\nside = {given}\n[load]"
-    written = SCANS.format(files='"maps"', nodes="9").replace("[load]", table, 1)
-    own = Scene.parse(written, "a.toml")
-    assert own.surface.reading.given() == {"side": text}
-    assert Scene.from_text(own.text()) == own
-    assert sides_from(text)[0] in {99.0, 99.25}
-
-
-def test_keys_that_are_not_given_stay_out_of_the_text():
-    surface = json.loads(parsed().text())["surface"]
-    assert surface == {
-        "generator": "scans",
-        "files": ["maps"],
-        "nodes": [20, 30],
-        "preparation": {"level": "plane"},
-        "reading": {},
-    }
