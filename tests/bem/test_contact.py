@@ -12,9 +12,11 @@ import pytest
 from scipy.signal import fftconvolve
 
 import bem
+from bem.equilibrium import equilibrium_of
 from bem.influence import Kernel, influence_coefficients
 from bem.operators.patch import fast_period
-from bem.problem import FarField
+from bem.problem import FarField, pose
+from bem.solving import contact_of
 from gen.surface import generate
 
 pytestmark = pytest.mark.usefixtures("both_ways")
@@ -128,6 +130,15 @@ def test_perimeter_goes_on_past_the_borders_of_a_periodic_patch() -> None:
     across, along = (np.sum(touching != np.roll(touching, 1, axis)) for axis in (0, 1))
     assert 0 < across != along > 0
     assert contact.perimeter == pytest.approx(across * dy + along * dx, rel=1e-14)
+
+
+def test_a_residual_that_is_no_number_is_refused() -> None:
+    problem = pose(HEIGHTS, SIDE, 2.0)
+    solved = equilibrium_of(problem)
+    assert solved is not None
+    lost = dataclasses.replace(solved, pressure=np.nan * solved.pressure, converged=False)
+    with pytest.raises(bem.NotConverged):
+        contact_of(problem, lost)
 
 
 def test_results_cannot_be_rewritten() -> None:
