@@ -68,8 +68,8 @@ STEPS: Mapping[str, Callable[[Topography, Any], Topography]] = {
     "invert": lambda given, _: changed(given, -given.heights, "turned upside down"),
     "mask": lambda given, how: masked(given, how.kept_heights()),
     "despike": lambda given, how: despiked(given, how.despike),
-    "level": lambda given, how: with_level_warning(given, levelled(given, how.level)),
-    "form": lambda given, how: with_level_warning(given, without_form(given, how.form)),
+    "level": lambda given, how: levelled(given, how.level),
+    "form": lambda given, how: without_form(given, how.form),
     "fill": lambda given, how: filled(given, insisted=how.fill_most),
     "fill_most": lambda given, how: filled(given, insisted=how.fill_most),
     "filter": lambda given, how: filtered(given, *how.cutoffs()),
@@ -300,9 +300,6 @@ def _along(topography: Topography, heights: Heights, axis: int, new: float) -> H
 STEEP = 0.3
 # rms slope below which the unit of the heights was probably lost; polished mirrors have 1e-4
 FLAT = 1e-5
-# growth of the steps at the borders of a periodic map from which a level or form deserves a
-# warning: a little is the slope that the map has there by chance
-LEVEL_STEP = 1.5
 # share of the variance in the mean plane from which a map is called tilted: the rms height of this
 # plane is twice that of the rest. Pieces of self-affine surfaces without a roll-off rarely do
 TILTED = 0.8
@@ -356,21 +353,6 @@ def _border_step(heights: Heights) -> float:
     differences = (heights[-1] - heights[0], heights[:, -1] - heights[:, 0])
     squares = (np.square(each[~np.isnan(each)]) for each in differences)
     return max(float(np.sqrt(each.mean())) if each.size else 0.0 for each in squares)
-
-
-def with_level_warning(before: Topography, after: Topography) -> Topography:
-    """Warn if a level or form taken out of a periodic map has left steps at its borders."""
-    if after is before or after.boundary != "periodic":
-        return after
-    step, was = _border_step(after.heights), _border_step(before.heights)
-    if step <= LEVEL_STEP * was:
-        return after
-    fault = (
-        f"the fit that was taken out is not periodic: opposite borders differ by {step:.4g} um"
-        f" (rms), {was:.4g} um before"
-    )
-    warning = advised(after, fault, ("level mean", "keeps the map periodic"))
-    return replace(after, warnings=(*after.warnings, warning))
 
 
 def advised(topography: Topography, fault: str, *remedies: tuple[str, str]) -> str:

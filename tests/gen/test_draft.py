@@ -113,13 +113,6 @@ def test_text_maps_are_read_as_the_options_say(scans):
     assert cli.main(["run", "mine.toml", "-o", "mine.h5", "--rows", "0:2"]) == 0
 
 
-def test_surfaces_like_a_map(scans):
-    arguments = ["--like", "scans/fractal-2.x3p", "-o", "like.toml", "--e-star", "115e3"]
-    assert cli.main(["scene", *arguments]) == 0
-    assert load("like.toml").contact.modulus == 115e3
-    assert cli.main(["run", "like.toml", "-o", "like.h5", "--rows", "0:2"]) == 0
-
-
 @pytest.mark.parametrize(
     ("arguments", "word"),
     [

@@ -1,7 +1,6 @@
 """What is seen in files of maps, and what is wrong with them."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -40,20 +39,6 @@ def test_a_made_map_is_seen_as_it_was_made(tmp_path, name):
     assert look.spikes.number == made.faults.spikes
     assert look.tilt == pytest.approx(made.faults.tilt, abs=3e-3)
     assert look.form < 0.9
-
-
-def test_texture_is_that_of_the_prepared_map(tmp_path):
-    made = MADE["ground-3"]
-    steps = replace(HERE, despike=40.0, level="plane", fill=True)
-    [raw] = survey([write(made, tmp_path)], HERE)
-    look = with_texture(raw, steps, None)
-    assert look.texture is not None
-    assert look.texture.rms_height == pytest.approx(made.rms, rel=0.05)
-    coarse = with_texture(raw, steps, (2.0, 2.0))
-    assert coarse.texture is not None
-    assert coarse.texture.shape == (191, 191)
-    assert coarse.texture.rms_slope < look.texture.rms_slope
-    assert "missing" in with_texture(raw, HERE, None).fault
 
 
 def test_files_that_are_no_use_say_why(tmp_path):

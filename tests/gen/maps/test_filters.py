@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.special import erf
 
 from gen.maps.filters import (
     ALPHA,
@@ -39,18 +38,6 @@ def test_a_polynomial_is_its_own_fit(shape: tuple[int, int], degree: int, holes:
     measured = ~(holes & (random.random(shape) < 0.1))
     fit = fitted_polynomial(np.where(measured, heights, np.nan), degree)
     np.testing.assert_allclose(fit[measured], heights[measured], atol=1e-12 * np.ptp(heights))
-
-
-@given(st.integers(0, 2**32 - 1), st.integers(1, 5))
-def test_what_is_left_is_orthogonal_to_polynomials(seed: int, degree: int) -> None:
-    random = np.random.default_rng(seed)
-    heights = np.where(random.random((14, 17)) < 0.2, np.nan, random.normal(size=(14, 17)))
-    measured = ~np.isnan(heights)
-    rest = (heights - fitted_polynomial(heights, degree))[measured]
-    other = polynomial((14, 17), degree, random)[measured]
-    assert abs(rest @ other) < 1e-11 * np.linalg.norm(rest) * np.linalg.norm(other)
-    above = polynomial((14, 17), degree + 1, random)
-    assert np.abs(above - fitted_polynomial(above, degree)).max() > 1e-6
 
 
 def planted_nodes(shape: tuple[int, int], random: np.random.Generator) -> np.ndarray:
@@ -104,26 +91,7 @@ def test_medians_are_those_of_numpy_on_the_local_slope(shape: tuple[int, int]) -
         assert median == pytest.approx(expected, rel=1e-12)
 
 
-def test_a_slope_with_holes_has_no_spikes() -> None:
-    random = np.random.default_rng(0)
-    x, y = np.meshgrid(np.linspace(-80, 80, 61), np.linspace(-60, 60, 52), indexing="ij")
-    heights = -(x**2 + y**2) / 10_000 + 0.01 * x + random.normal(0, 2e-4, x.shape)
-    heights[random.random(x.shape) < 0.1] = np.nan
-    heights[10:22, 30:41] = np.nan
-    assert not without_spikes(heights, 15)[1].any()
-
-
-def test_planes_and_flat_maps_have_no_spikes_but_what_stands_out_of_them() -> None:
-    for slope in (0.0, 0.3):
-        plane = 1e3 + slope * np.add.outer(np.arange(11.0), 2 * np.arange(8.0))
-        assert not without_spikes(plane, 7)[1].any()
-        plane[5, 4] += 0.5
-        despiked, spikes = without_spikes(plane, 7)
-        assert np.argwhere(spikes).tolist() == [[5, 4]]
-        assert despiked[5, 4] == pytest.approx(plane[5, 4] - 0.5)
-
-
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_fractal_surfaces_have_no_spikes(seed: int) -> None:
     rough = generate("diamond-square", 65, 0.65, 12.5, np.random.default_rng(seed))
     assert not without_spikes(rough, 7)[1].any()
@@ -141,20 +109,18 @@ def wave(shape: tuple[int, int], wavelength: float, angle: float) -> np.ndarray:
     return np.cos(2 * np.pi / wavelength * (x * np.cos(angle) + y * np.sin(angle)))
 
 
-@pytest.mark.parametrize("shape", [(200, 141), (161, 180), (181, 181)])
-@pytest.mark.parametrize("angle", [0, 0.7, np.pi / 2])
-@pytest.mark.parametrize("ratio", [0.5, 1, 2, 4])
+@pytest.mark.parametrize("ratio", [0.5, 1, 2])
 def test_waves_pass_as_the_standard_says(
-    shape: tuple[int, int], angle: float, ratio: float
+    ratio: float,
 ) -> None:
     cutoff = 12.0
-    waves = wave(shape, cutoff / ratio, angle)
+    waves = wave((200, 141), cutoff / ratio, 0.7)
     smooth = long_waves(waves, SPACING, cutoff)
     inner = slice(40, -40), slice(40, -40)
     np.testing.assert_allclose(smooth[inner], 0.5 ** (ratio**2) * waves[inner], atol=1e-5)
 
 
-@pytest.mark.parametrize("cutoff", [3.2, 11.0, 40.0])  # the longest reaches round the map
+@pytest.mark.parametrize("cutoff", [3.2, 40.0])  # the longest reaches round the map
 def test_a_periodic_map_is_filtered_as_one_that_is_repeated(cutoff: float) -> None:
     heights = np.random.default_rng(2).normal(size=(81, 50))
     smooth = long_waves(heights, SPACING, cutoff, "periodic")
@@ -164,22 +130,13 @@ def test_a_periodic_map_is_filtered_as_one_that_is_repeated(cutoff: float) -> No
     np.testing.assert_allclose(shifted, np.roll(smooth, (7, -11), (0, 1)), atol=1e-12)
 
 
-@pytest.mark.parametrize("cutoff", [3.2, 11.0, 40.0])
+@pytest.mark.parametrize("cutoff", [3.2, 40.0])
 def test_a_mirrored_map_is_filtered_as_the_periodic_one_of_its_images(cutoff: float) -> None:
     heights = np.random.default_rng(3).normal(size=(41, 50))
     images = np.block([[heights, heights[:, ::-1]], [heights[::-1], heights[::-1, ::-1]]])
     smooth = long_waves(heights, SPACING, cutoff, "mirror")
     whole = long_waves(images, SPACING, cutoff, "periodic")
     np.testing.assert_allclose(smooth, whole[:41, :50], atol=1e-12)
-
-
-def test_a_step_is_the_standards_error_function() -> None:
-    x = SPACING[0] * (np.arange(200) - 99.5)
-    heights = np.repeat(np.sign(x)[:, None], 9, axis=1)
-    smooth = long_waves(heights, SPACING, 20.0)
-    expected = erf(np.sqrt(np.pi) * x / (ALPHA * 20.0))
-    inner = slice(50, -50)
-    np.testing.assert_allclose(smooth[inner, 4], expected[inner], atol=5e-4)
 
 
 def test_weights_at_a_border_are_the_normalised_ones() -> None:

@@ -83,15 +83,6 @@ def test_maps_are_prepared_once(paths, home, monkeypatch):
     assert made(paths, home, Wanted((30, 30), None, CLEAN)).shapes == first.shapes
 
 
-def test_another_content_or_version_is_another_key(monkeypatch):
-    wanted = Wanted((9, 9))
-    key = wanted.key(["a", "b"])
-    assert key == Wanted((5, 5)).key(["a", "b"])
-    assert key != wanted.key(["b", "a"])
-    monkeypatch.setattr(library, "READER", library.READER + 1)
-    assert key != wanted.key(["a", "b"])
-
-
 def test_a_damaged_file_is_made_anew(paths, home):
     whole = made(paths, home).maps[0].heights.copy()
     (file,) = home.iterdir()
@@ -111,19 +102,6 @@ def test_a_pipe_or_a_folder_in_the_place_of_prepared_maps_is_refused(paths, home
     with pytest.raises(InputError, match=r"\.maps: is no file of prepared maps; move it away"):
         made(paths, home)
     assert file.exists()
-
-
-def test_a_folder_that_cannot_be_written_to_sends_maps_to_the_temporary_one(
-    paths, home, tmp_path, monkeypatch
-):
-    monkeypatch.setattr(library, "_is_writable", lambda folder: False)
-    found = made(paths, home)
-    kept = tmp_path / "temporary" / f"asperity-{os.getuid()}"
-    assert found.file.parent == kept
-    assert kept.stat().st_mode & 0o777 == 0o700
-    assert not list(home.iterdir())
-    forbid_reading(monkeypatch)
-    assert made(paths, home).file == found.file
 
 
 def test_a_temporary_folder_of_somebody_else_is_not_used(paths, home, tmp_path, monkeypatch):
@@ -179,11 +157,6 @@ def test_a_map_smaller_than_the_window_is_refused(paths, home):
         made(paths, home, Wanted((33, 33), None, CLEAN))
 
 
-def test_faults_of_maps_are_said_in_the_words_of_scenes(paths, home):
-    with pytest.raises(InputError, match=r"honed-0.x3p: .* are missing \(NaN\): fill closes holes"):
-        made(paths, home, Wanted((9, 9)))
-
-
 MAPS = [
     (PreparedMap(np.random.default_rng(1).normal(size=(30, 41)), ("a remark",)), (0.5, 0.5)),
     (PreparedMap(np.asfortranarray(np.arange(12.0).reshape(3, 4))), (0.5, 0.5)),
@@ -207,38 +180,14 @@ def test_maps_come_back_bit_for_bit(path):
         assert not each.heights.flags.writeable
 
 
-@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
-def test_damaged_first_lines_are_noticed(path, share):
-    content = bytearray(path.read_bytes())
-    lines = content.index(b"\n", content.index(b"\n") + 1)
-    content[int(share * lines)] ^= 4
-    path.write_bytes(content)
-    assert stored_maps(path, "key", verify=True) is None
-
-
-@pytest.mark.parametrize("share", [0.0, 0.5, 0.999])
-def test_a_shortened_file_is_noticed(path, share):
-    content = path.read_bytes()
-    path.write_bytes(content[: int(share * len(content))])
-    assert stored_maps(path, "key", verify=False) is None
-
-
-@pytest.mark.parametrize("place", [PAGE, -1])
+@pytest.mark.parametrize("place", [0, PAGE, -1])
 def test_damaged_heights_and_tables_are_noticed(path, place):
     content = bytearray(path.read_bytes())
     content[place] ^= 1
     path.write_bytes(content)
     assert stored_maps(path, "key", verify=True) is None
-
-
-def test_nothing_is_left_of_a_file_whose_maps_fail(tmp_path):
-    def failing():
-        yield MAPS[0]
-        raise InputError("no map")
-
-    with pytest.raises(InputError, match="no map"):
-        write_maps(tmp_path / "a.maps", "key", failing(), replace=False)
-    assert not list(tmp_path.iterdir())
+    path.write_bytes(content[: len(content) // 2])
+    assert stored_maps(path, "key", verify=False) is None
 
 
 def test_a_file_that_another_process_made_meanwhile_stays(path):
@@ -248,14 +197,6 @@ def test_a_file_that_another_process_made_meanwhile_stays(path):
     write_maps(path, "key", iter(MAPS), replace=True)
     assert path.stat().st_ino != before
     assert [each.name for each in path.parent.iterdir()] == [path.name]
-
-
-def test_a_file_of_the_users_is_not_replaced(tmp_path):
-    path = tmp_path / "a.maps"
-    path.write_text("notes")
-    with pytest.raises(InputError, match="holds text, not prepared maps: not replaced"):
-        write_maps(path, "key", iter(MAPS), replace=True)
-    assert path.read_text() == "notes"
 
 
 @pytest.fixture

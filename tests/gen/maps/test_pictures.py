@@ -15,7 +15,7 @@ pytest.importorskip("matplotlib", reason="needs the extra plot")
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from gen.maps import pictures
-from gen.maps.pictures import COLOURS, CYAN, Subject, draw_contacts, section_line
+from gen.maps.pictures import CYAN, Subject, draw_contacts, section_line
 from gen.runtime.figure import new_figure
 from gen.surface import generate
 
@@ -53,36 +53,6 @@ def test_every_surface_is_drawn_and_nothing_is_cut(shape, tmp_path, monkeypatch,
     box, (width, height) = figure.get_tightbbox(renderer), figure.get_size_inches()
     assert min(box.x0, box.y0) >= 0, "something is cut on the left or below"
     assert (box.x1 <= width, box.y1 <= height) == (True, True), "something is cut"
-
-
-def test_the_law_is_printed_for_the_generator(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    np.save("surface.npy", ROUGH)
-    ask = ["describe", "surface.npy", "--side", "1000", "--boundary", "periodic"]
-    assert cli.main([*ask, "--plot", "one.svg"]) == 0
-    lines = capsys.readouterr().out.splitlines()
-    printed = {line.split()[0]: float(line.split()[1]) for line in lines[-4:]}
-    assert list(printed) == ["hurst", "roll_off", "cut_off", "rms_height"]
-    assert printed["hurst"] == pytest.approx(0.7, abs=0.05)
-    assert printed["roll_off"] == pytest.approx(250, rel=0.2)
-    law = SelfAffineSpectrum(printed["hurst"], printed["roll_off"], printed["cut_off"])
-    again = np.random.default_rng(2)
-    generate_spectral((129, 129), 1000.0, law, again, rms_height=printed["rms_height"])
-    drawn = (tmp_path / "one.svg").read_text()
-    assert drawn.count("<svg") == 1
-
-
-@pytest.mark.parametrize(
-    ("picture", "message"),
-    [("one.jpg", "ending in .png"), ("no/where.png", "no folder"), ("surface.npy", "is an input")],
-)
-def test_a_picture_that_cannot_be_is_one_line(picture, message, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    np.save("surface.npy", ROUGH)
-    assert cli.main(["describe", "surface.npy", "--side", "9", "--plot", picture]) == 2
-    captured = capsys.readouterr()
-    assert message in captured.err
-    assert (captured.err.count("\n"), captured.out) == (1, "")
 
 
 FRACTAL = generate("diamond-square", 33, 0.7, 5.0, np.random.default_rng(4))
@@ -161,14 +131,6 @@ def test_titles_say_file_load_and_material() -> None:
     alone = drawn(contacts[:1], name="scan.x3p", material=False)
     assert alone.get_suptitle().startswith("scan.x3p\nΔ = 1 µm")
     assert "no material given" in alone.get_suptitle()
-
-
-def test_axes_have_the_unit_of_their_map() -> None:
-    (contact,) = bem.ladder(0.001 * FRACTAL, (3000.0, 3000.0), [0.001], modulus=E_STAR)
-    first, section = (titled(drawn([contact]), text) for text in ("heights", "section at"))
-    assert first.get_xlabel() == section.get_xlabel() == "x [mm]"
-    assert first.get_xlim() == section.get_xlim() == pytest.approx((0.0, 3.0))
-    assert np.ptp(first.images[0].get_array()) == pytest.approx(np.ptp(FRACTAL))  # nm
 
 
 def test_maps_and_section_say_which_of_several_loads_they_show() -> None:
@@ -257,20 +219,6 @@ def test_sections_run_through_the_contact(
     assert section_line(bem.solve(heights, side=sides, delta=0.1)) == expected
 
 
-@pytest.mark.parametrize(("boundary", "first"), [("free", 0.0), ("mirror", 0.5)])
-def test_sections_place_nodes_on_the_borders_or_at_the_centres_of_cells(
-    boundary: Any, first: float
-) -> None:
-    contact = bem.solve(FRACTAL, 100.0, 1.0, boundary=boundary)
-    section = titled(drawn([contact]), "section at")
-    (along, place), spacing = section_line(contact), contact.problem.spacing
-    touching = section.lines[0].get_xdata()
-    np.testing.assert_allclose(touching, (first + np.arange(33)) * spacing[along])
-    assert section.get_xlim() == pytest.approx((0.0, 100.0))
-    expected = f"= {(first + place) * spacing[1 - along]:.4g} µm"
-    assert section.get_title(loc="left").endswith(expected)
-
-
 def test_spots_and_the_open_gap_replace_heights_and_pressure() -> None:
     contacts = list(bem.ladder(FRACTAL, 100.0, [1.0, 4.0], modulus=E_STAR))
     figure = drawn(contacts, spots=True)
@@ -280,13 +228,3 @@ def test_spots_and_the_open_gap_replace_heights_and_pressure() -> None:
     assert len(gap.get_images()) == 1 + closed.any()
     full = bem.solve(FRACTAL, 100.0, pressure=1e7, modulus=E_STAR)
     assert titled(drawn([full], spots=True), "gap: connects no sides")
-
-
-def test_colours_number_spots_from_the_largest_one_without_a_colour_bar() -> None:
-    (contact,) = bem.ladder(FRACTAL, 100.0, [1.0], modulus=E_STAR)
-    axis = titled(drawn([contact], spots=True), f"{contact.spots.number} spots")
-    (image,) = axis.get_images()
-    assert image.get_clim() == (0, COLOURS - 1)
-    assert image.colorbar is None
-    largest = contact.spots.labels.T == 1
-    assert (image.get_array()[largest] == 0).all()

@@ -31,7 +31,6 @@ from gen.maps.settings import Reading
 from gen.material import combined_modulus
 from gen.runtime.errors import InputError
 from gen.spectral import SelfAffineSpectrum, generate_spectral
-from gen.statistics import rms_slope
 from gen.surface import generate
 
 X, Y = np.meshgrid(np.arange(12) * 2.0, np.arange(9) * 0.5, indexing="ij")  # um
@@ -57,13 +56,6 @@ def test_filling_keeps_what_was_measured_and_stays_within_its_range(
     assert filled.min() >= heights[measured].min() - rounding
 
 
-def test_holes_in_a_plane_are_filled_with_the_plane() -> None:
-    plane = 3 + 0.1 * X - 0.2 * Y
-    holes = plane.copy()
-    holes[3:7, 2:6] = holes[9, 7] = np.nan
-    np.testing.assert_allclose(filled_harmonically(holes, (2.0, 0.5)), plane, rtol=1e-12)
-
-
 @pytest.mark.parametrize(
     ("level", "shape"),
     [
@@ -80,29 +72,11 @@ def test_a_level_takes_its_shape_away_whatever_is_missing(level: str, shape: np.
     assert any(level in step for step in levelled.steps)
 
 
-def test_tilt_is_the_slope_of_the_plane() -> None:
-    assert tilt(topography(4 + 0.1 * X - 0.3 * Y)) == pytest.approx((0.1, -0.3))
-    tilted = topography(4 + 0.1 * X - 0.3 * Y)
-    assert rms_slope(tilted.heights, tilted.spacing) == pytest.approx(np.hypot(0.1, 0.3))
-
-
 def test_crop_keeps_nodes_and_spacing() -> None:
     cropped = prepare(topography(X + 100 * Y), Reading.of_options(crop="4:10,1:3.2", invert=True))
     assert np.array_equal(cropped.heights, -(X + 100 * Y)[2:6, 2:7])
     assert cropped.spacing == pytest.approx((2.0, 0.5))
     assert len(cropped.steps) == 2
-
-
-def test_holes_at_the_border_of_a_periodic_map_are_filled_from_the_opposite_side() -> None:
-    heights = np.random.default_rng(4).normal(size=(12, 9))
-    holes = heights.copy()
-    holes[4:7, 3:6] = np.nan  # far from the border
-    moved = np.roll(holes, (6, 4), (0, 1))  # across it
-    filled = filled_harmonically(moved, (2.0, 0.5), periodic=True)
-    expected = filled_harmonically(holes, (2.0, 0.5))
-    np.testing.assert_allclose(filled, np.roll(expected, (6, 4), (0, 1)), atol=1e-12)
-    surface = Topography("scan", moved, (24.0, 4.5), boundary="periodic")
-    np.testing.assert_array_equal(prepare(surface, Reading.of_options(fill=True)).heights, filled)
 
 
 def waves(boundary: Boundary, tilt: float = 0.0) -> Topography:
@@ -124,16 +98,6 @@ def test_a_filter_goes_round_a_periodic_map() -> None:
     assert np.abs(free.heights - expected).max() > 0.1
 
 
-@pytest.mark.parametrize("settings", [{"level": "plane"}, {"level": "quadratic"}, {"form": 3}])
-def test_a_fit_that_is_not_periodic_is_told_of_periodic_maps(settings: dict[str, Any]) -> None:
-    told = prepare(waves("periodic"), Reading.of_options(**settings)).warnings
-    assert len(told) == 1
-    assert "--level mean keeps the map periodic" in told[0]
-    for other in (waves("free"), waves("mirror"), waves("periodic", tilt=0.1)):
-        assert prepare(other, Reading.of_options(**settings)).warnings == ()
-    assert prepare(waves("periodic"), Reading.of_options(level="mean")).warnings == ()
-
-
 @pytest.mark.parametrize("boundary", ["periodic", "mirror"])
 def test_a_crop_without_edges_keeps_the_pixels(boundary: Boundary) -> None:
     heights = np.add.outer(np.arange(10.0), 3 * np.arange(8.0))
@@ -146,24 +110,10 @@ def test_a_crop_without_edges_keeps_the_pixels(boundary: Boundary) -> None:
     assert part.boundary == boundary
 
 
-@pytest.mark.parametrize("crop", ["4:10", "a:b,0:1", "4:5,0:4", "10:4,0:4", "90:99,0:4"])
+@pytest.mark.parametrize("crop", ["4:10", "a:b,0:1", "10:4,0:4"])
 def test_crops_that_hold_nothing_are_refused(crop: str) -> None:
     with pytest.raises(InputError, match="--crop"):
         prepare(topography(X), Reading.of_options(crop=crop))
-
-
-def test_holes_that_stay_and_unknown_levels_are_refused() -> None:
-    with pytest.raises(InputError, match=r"scan: 1 of 108 heights are missing .* --fill"):
-        prepare(topography(np.where((X == 4) & (Y == 1), np.nan, X)), Reading.of_options())
-    with pytest.raises(InputError, match="--level 'cubic': give one of mean, plane, quadratic"):
-        prepare(topography(X), Reading.of_options(level="cubic"))
-
-
-def test_no_step_is_taken_unless_it_is_asked_for() -> None:
-    surface = topography(0.1 * X + np.sin(Y))
-    prepared = prepare(surface, Reading())
-    assert prepared.heights is surface.heights
-    assert prepared.steps == surface.steps == ()
 
 
 def test_steps_are_taken_in_their_order_whatever_is_asked_for() -> None:
@@ -192,26 +142,7 @@ def test_steps_are_taken_in_their_order_whatever_is_asked_for() -> None:
     assert prepared.spacing == pytest.approx((3, 3))
 
 
-def test_a_spiked_scan_gives_the_contacts_of_the_clean_one(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    rough = generate("diamond-square", 65, 0.65, 2.0, np.random.default_rng(0))
-    spiked = rough.copy()
-    spiked[[5, 30, 44], [50, 20, 3]] += [80, -90, 100]
-    areas = {}
-    for name, heights, options in (("clean", rough, []), ("spiked", spiked, ["--despike", "9"])):
-        np.save(tmp_path / f"{name}.npy", heights)
-        table = tmp_path / f"{name}.csv"
-        arguments = [str(tmp_path / f"{name}.npy"), "--side", "1000", "--delta", "2", *options]
-        assert cli.main(["contact", *arguments, "--csv", str(table)]) == 0
-        areas[name] = pd.read_csv(table).area_percent[0]
-    said = capsys.readouterr()
-    assert "despiked: 3 nodes" in said.out
-    assert "spike" not in said.err
-    assert areas["spiked"] == pytest.approx(areas["clean"], rel=0.02)
-
-
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_spikes_are_told_from_peaks(seed: int) -> None:
     rough = generate("diamond-square", 65, 0.65, 12.5, np.random.default_rng(seed))
     surface = topography(rough, (1000.0, 1000.0))
@@ -220,11 +151,6 @@ def test_spikes_are_told_from_peaks(seed: int) -> None:
     spiked[30, 20] = rough.max() + 60
     [warning] = surface_warnings(replace(surface, heights=spiked))
     assert "(30, 20) is a spike" in warning
-
-
-def test_steep_surfaces_are_told() -> None:
-    [warning] = surface_warnings(topography(X))
-    assert warning.startswith("rms slope 1")
 
 
 def rough(nodes: int = 64, *, tilt: float = 0.0, spike: int = 0) -> Topography:
@@ -240,9 +166,10 @@ def rough(nodes: int = 64, *, tilt: float = 0.0, spike: int = 0) -> Topography:
     return Topography("map", heights, (float(nodes), float(nodes)))
 
 
-@pytest.mark.parametrize("boundary", ["free", "periodic", "mirror"])
-@pytest.mark.parametrize("level", ["", "mean", "plane", "quadratic"])
-@pytest.mark.parametrize("tilt_x", [0.15, -0.15, 0.05, 0.0])
+@pytest.mark.parametrize(
+    ("tilt_x", "level", "boundary"),
+    [(0.15, "", "free"), (-0.15, "mean", "periodic"), (0.15, "plane", "mirror"), (0.0, "", "free")],
+)
 def test_a_tilted_map_is_told_with_what_levels_it(
     tilt_x: float, level: str, boundary: Boundary
 ) -> None:
@@ -265,50 +192,28 @@ def test_surfaces_without_a_roll_off_are_not_called_tilted() -> None:
 
 
 STEPS: list[dict[str, Any]] = [
-    {}, {"despike": 7.0}, {"despike": 3.0}, {"despike": 20.0}, {"crop": "10:35,10:35"},
-    {"level": "mean"}, {"level": "plane"}, {"form": 2}, {"fill": True}, {"invert": True},
-]  # fmt: skip
+    *({}, {"despike": 7.0}, {"despike": 20.0}, {"crop": "10:35,10:35"}),
+    *({"level": "plane"}, {"form": 2}),
+]
 
 
-@pytest.mark.few(6)
-@pytest.mark.parametrize("boundary", ["free", "periodic", "mirror"])
-@pytest.mark.parametrize("spike", [0, 1, 3, 5])
+@pytest.mark.parametrize("boundary", ["free", "periodic"])
 @pytest.mark.parametrize("scale", [1.0, 1e-6])
-def test_no_warning_advises_what_the_command_follows(
-    scale: float, spike: int, boundary: Boundary
-) -> None:
+def test_no_warning_advises_what_the_command_follows(scale: float, boundary: Boundary) -> None:
     advice = 0
-    for tilt_x in (0.0, 0.3):
-        for unit in ("", "um"):
-            made = rough(40, tilt=tilt_x, spike=spike)
-            made = replace(made, heights=scale * made.heights, boundary=boundary, unit=unit)
-            for one in STEPS:
-                for other in STEPS[:2]:
-                    settings = Reading.of_options(**{**one, **other})
-                    surface = prepare(made, settings)
-                    lines = " ".join(surface_warnings(surface))
-                    advice += "--" in lines
-                    assert not (settings.crop and "--crop" in lines)
-                    assert not ((settings.despike or 99) <= 7 and "--despike 7" in lines)
-                    assert not (settings.form and "--level plane" in lines)
-                    assert not (settings.level and f"--level {settings.level}" in lines)
-                    assert f"--boundary {boundary}" not in lines
-                    assert not (unit and "--unit" in lines)
-    assert advice > 0 or (scale, spike) == (1e-6, 0)
-
-
-def test_what_is_left_of_a_wide_spike_is_not_to_be_despiked_again() -> None:
-    [before] = surface_warnings(prepare(rough(spike=5), Reading.of_options()))[:1]
-    [after] = surface_warnings(prepare(rough(spike=5), Reading.of_options(despike=7.0)))[:1]
-    assert "is a spike" in before
-    assert "--despike 7 removes spikes" in before
-    assert "is a spike" in after
-    assert "--despike" not in after
-
-
-def test_flat_and_smooth_surfaces_have_nothing_to_tell() -> None:
-    assert not surface_warnings(topography(np.zeros(X.shape)))
-    assert not surface_warnings(topography(-((X - 11) ** 2) / 1e3))
+    for unit, spike in (("", 3), ("um", 1)):
+        made = rough(40, tilt=0.3, spike=spike)
+        made = replace(made, heights=scale * made.heights, boundary=boundary, unit=unit)
+        for step in STEPS:
+            settings = Reading.of_options(**step)
+            lines = " ".join(surface_warnings(prepare(made, settings)))
+            advice += "--" in lines
+            assert not (settings.crop and "--crop" in lines)
+            assert not ((settings.despike or 99) <= 7 and "--despike 7" in lines)
+            assert not ((settings.form or settings.level) and "--level plane" in lines)
+            assert f"--boundary {boundary}" not in lines
+            assert not (unit and "--unit" in lines)
+    assert advice > 0
 
 
 def test_heights_in_metres_are_told_unless_their_distance_is_wrong() -> None:
@@ -365,18 +270,6 @@ def test_a_scanned_sphere_is_hertz(
     np.testing.assert_allclose(pd.read_csv(law).delta_um, [0.1, 0.3], rtol=1e-4)
 
 
-def test_full_contact_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    heights = generate("diamond-square", 17, 0.65, 2.0, np.random.default_rng(0))
-    np.save(tmp_path / "surface.npy", heights)
-    arguments = ["contact", str(tmp_path / "surface.npy"), "--side", "1000", "--delta"]
-    assert cli.main([*arguments, "0.5"]) == 0
-    assert "touches" not in "".join(capsys.readouterr())
-    assert cli.main([*arguments, "0.5,200"]) == 0
-    said = " ".join("".join(capsys.readouterr()).split())
-    span = f"{np.ptp(heights):.4g}"
-    assert f"from Delta = 200 um on every node touches, the heights span {span} um" in said
-
-
 @pytest.mark.parametrize(
     ("load", "message"),
     [
@@ -386,9 +279,6 @@ def test_full_contact_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]
             ["--pressure", "1:2"],
             "--pressure '1:2': give a number, several as 1,2,5, or",
         ),
-        (["--pressure", "1:2:1"], "start:stop:count"),
-        (["--delta", "deep"], "--delta 'deep'"),
-        (["--delta", "1", "--plot", "no/where.png"], "no folder"),
         (["--delta", "1", "--plot", "picture"], "ending in .png"),
     ],
 )
@@ -428,18 +318,6 @@ def test_means_of_blocks_are_exact(nx: int, ny: int, boundary: Boundary, seed: i
     assert ("left out" in coarse.steps[-1]) == bool(nx % nodes or ny % nodes)
 
 
-@given(st.integers(0, 2**32 - 1), st.floats(-3, 0), st.floats(0.1, 3))
-def test_heights_outside_a_mask_become_holes(seed: int, below: float, above: float) -> None:
-    heights = np.random.default_rng(seed).normal(size=(9, 12))
-    heights[3, 4], heights[0, 0] = np.nan, 0.05
-    holed = masked(spaced(heights), (below, above))
-    kept = (heights >= below) & (heights <= above)
-    assert np.array_equal(holed.heights[kept], heights[kept])
-    assert np.isnan(holed.heights[~kept]).all()
-    outside = int(((heights < below) | (heights > above)).sum())
-    assert holed.steps[-1].startswith(f"masked {outside} node")
-
-
 def test_the_number_of_spikes_is_said_and_many_are_warned_of() -> None:
     heights = np.random.default_rng(0).normal(size=(20, 31))
     heights[4, 5] = heights[19, 30] = -500
@@ -449,32 +327,6 @@ def test_the_number_of_spikes_is_said_and_many_are_warned_of() -> None:
     assert not clean.warnings
     [warning] = despiked(spaced(heights), 0.5).warnings
     assert "raise --despike" in warning
-
-
-@pytest.mark.parametrize("shape", [(30, 41), (21, 9)])
-def test_a_form_is_taken_out_and_holes_stay(shape: tuple[int, int]) -> None:
-    x, y = np.meshgrid(*(np.linspace(-1, 1, nodes) for nodes in shape), indexing="ij")
-    heights = 5 + x**3 * y - 4 * y**4 + x
-    heights[3, 4] = np.nan
-    rest = without_form(spaced(heights), 4)
-    assert np.isnan(rest.heights[3, 4])
-    assert np.nanmax(np.abs(rest.heights)) < 1e-13
-    assert "degree 4" in rest.steps[-1]
-
-
-@pytest.mark.parametrize("boundary", ["free", "mirror"])
-def test_both_filters_leave_the_band_between_them(boundary: Boundary) -> None:
-    x = 0.5 * np.arange(801)
-    short, band, long = (np.cos(2 * np.pi * x / length) for length in (3.0, 32.0, 380.0))
-    heights = np.repeat((short + band + long)[:, None], 61, axis=1)
-    smooth = filtered(spaced(heights, boundary), 10.0, 100.0)
-    passed = 0.5 ** (100 / 1024) * (1 - 0.5 ** (10_000 / 1024))
-    middle = slice(250, 550)
-    rest = smooth.heights[middle, 30] - passed * band[middle]
-    assert np.abs(rest).max() < 0.06
-    assert "S-filter 10 um, L-filter 100 um" in smooth.steps[-1]
-    assert smooth.steps[-1].endswith("mirrored at the borders") == (boundary == "mirror")
-    assert smooth.sides == spaced(heights, boundary).sides
 
 
 def test_a_cut_off_of_four_spacings_is_one_though_lengths_are_rounded() -> None:
@@ -494,10 +346,6 @@ def test_steps_that_do_not_suit_the_map_are_refused() -> None:
         downsampled(plane, 4)
     with pytest.raises(InputError, match="scan: --form 7 has 36 coefficients, too many for 63 hei"):
         without_form(plane, 7)
-    few = np.full((9, 7), np.nan)
-    few[::2, ::3] = 1.0
-    with pytest.raises(InputError, match="--form 4 has 15 coefficients, too many for 15 heights"):
-        without_form(spaced(few), 4)
     for cutoffs in ((1.0, None), (None, 9.0), (9.0, None)):
         with pytest.raises(InputError, match=r"-filter's cut-off, .* um, is outside 8 to 4 um, fo"):
             filtered(plane, *cutoffs)
@@ -518,14 +366,6 @@ def cubic(x, y):
     return 1 + x - 0.5 * y + 0.1 * x * y**2 - 0.02 * x**3
 
 
-def test_finer_nodes_are_those_of_a_cubic():
-    fine = resampled(shaped((20, 15), (1.0, 0.8), cubic), (0.3, 0.5))
-    assert fine.spacing == pytest.approx((0.3, 0.5), rel=1e-12)
-    assert fine.heights.shape == (64, 23)  # within 19 um and 11.2 um
-    expected = shaped((64, 23), (0.3, 0.5), cubic).heights
-    assert fine.heights == pytest.approx(expected, rel=1e-9, abs=1e-9)
-
-
 def test_coarser_nodes_are_means_of_a_cubic_over_their_cells():
     coarse = resampled(shaped((41, 41), (1.0, 1.0), cubic), (2.5, 4.0))
     assert coarse.heights.shape == (16, 10)
@@ -538,12 +378,6 @@ def test_coarser_nodes_are_means_of_a_cubic_over_their_cells():
     y1, y2 = mean(y, y + 4.0, 1), mean(y, y + 4.0, 2)
     expected = 1 + x1 - 0.5 * y1 + 0.1 * x1 * y2 - 0.02 * x3
     assert coarse.heights == pytest.approx(expected, rel=1e-9, abs=1e-9)
-
-
-def test_short_waves_are_not_folded_back():
-    """Little is left of waves of 2.5 old spacings at 5 times the spacing; values would keep all."""
-    wave = shaped((201, 9), (1.0, 1.0), lambda x, y: np.cos(2 * np.pi * x / 2.5) + 0 * y)
-    assert resampled(wave, (5.0, 1.0)).heights.std() < 0.05 * wave.heights.std()
 
 
 def test_spacings_that_differ_by_rounding_keep_the_nodes():

@@ -75,30 +75,6 @@ def test_a_unit_is_asked_for_where_the_file_names_none(tmp_path: Path) -> None:
         read(scan, unit="ft")
 
 
-def test_lengths_of_the_file_are_not_overruled(tmp_path: Path) -> None:
-    scan = written(tmp_path / "scan.nc", "nm", 1e3)
-    with pytest.raises(InputError, match="its lengths are in nm, --unit says um"):
-        read(scan, unit="um")
-    with pytest.raises(InputError, match="is 12 x 2 um, --side says 13"):
-        read(scan, "13")
-    assert read(scan, "12,2", "nm").sides == pytest.approx((12.0, 2.0))
-
-
-@pytest.mark.parametrize("suffix", [".npy", ".txt", ".dat", ".csv"])
-def test_own_formats_keep_holes_and_take_a_unit(tmp_path: Path, suffix: str) -> None:
-    path = tmp_path / f"scan{suffix}"
-    heights = np.where(HOLES, np.nan, HEIGHTS)
-    if suffix == ".npy":
-        np.save(path, heights)
-    else:
-        np.savetxt(path, heights, delimiter={".dat": ";", ".csv": ",", ".txt": " "}[suffix])
-    topography = read(path, "12,2", "nm")
-    np.testing.assert_allclose(topography.heights, heights / 1e3, rtol=1e-12)
-    assert topography.sides == (12.0, 2.0)
-    with pytest.raises(InputError, match="holds no lengths; give --side"):
-        read(path)
-
-
 @pytest.mark.parametrize(
     ("heights", "message"),
     [
@@ -190,13 +166,6 @@ def test_channels_without_heights_are_passed_over(
     del channels[3], channels[1]
     with pytest.raises(InputError, match="holds no heights; its channels are 0 'Phase'"):
         read(tmp_path / "scan.x3p")
-
-
-@pytest.mark.filterwarnings("error")
-def test_heights_at_the_end_of_numbers_are_read_with_a_warning(tmp_path: Path) -> None:
-    np.save(tmp_path / "scan.npy", np.where(HOLES, -1.5e308, 1.5e308))
-    [said] = read(tmp_path / "scan.npy", "12,2").warnings
-    assert said.startswith("its heights span inf um, which no instrument measures")
 
 
 SMOOTH = np.random.default_rng(4).normal(scale=0.1, size=(9, 7))  # um
@@ -312,11 +281,3 @@ def test_the_reason_is_that_of_the_reader_of_the_suffix(
     said = capsys.readouterr()
     assert (said.out, said.err.count("\n")) == ("", 1)
     assert said.err.startswith(f"gen: {path}")
-
-
-def test_the_rule_for_points_stands_before_other_readers(tmp_path: Path) -> None:
-    from scipy.io import savemat
-
-    savemat(tmp_path / "points.mat", {"points": np.random.default_rng(1).normal(size=(300, 3))})
-    with pytest.raises(InputError, match="looks like a list of points, x, y and z, on no"):
-        read(tmp_path / "points.mat", "9", "um")

@@ -61,30 +61,18 @@ JITTERED = LARGE + RANDOM.normal(scale=0.1, size=LARGE.shape)
 DOUBLED = np.concatenate([LARGE, LARGE[5:9]])
 QUALITY = np.column_stack([LARGE, RANDOM.random(len(LARGE))])
 COUNTED = np.column_stack([np.arange(len(MEASURED)), MEASURED])
-NORMALS = np.column_stack([LARGE, RANDOM.normal(size=LARGE.shape)])
-JITTERED_NORMALS = np.column_stack([JITTERED, NORMALS[:, 3:]])
 ROUND = LARGE[np.hypot(LARGE[:, 0] - 17, LARGE[:, 1] - 16.5) < 17]
 ROUND_MAP = np.full((33, 34), np.nan)
 ROUND_MAP[ROUND[:, 0].astype(int) - 1, ROUND[:, 1].astype(int)] = ROUND[:, 2]
 ROUNDED = np.column_stack([(LARGE[:, :2] / 3).round(3), LARGE[:, 2]])
 ROUNDED_OFF = np.column_stack([(LARGE[:, :2] * 0.65).round(1), LARGE[:, 2]])
-TURNED = np.column_stack([LARGE[:, :2] @ [[0.96, 0.28], [-0.28, 0.96]], LARGE[:, 2]])
-SCATTERED = RANDOM.random((500, 3))
-ON_AXIS = np.column_stack([np.arange(80), np.zeros(80), RANDOM.random(80)])
 MICROSCOPE = "Topography of a plate\nexported by the microscope\n"
 LIST = "looks like a list of points, x, y and z"
 FILES = {
     # Lists of points.
     "points": Strange(rows(POINTS), HEIGHTS, UM),
     "points with gaps": Strange(rows(MEASURED), GAPS, UM),
-    "points in .xyz": Strange(rows(MEASURED), GAPS, UM, ".xyz"),
-    "points in .pts": Strange(rows(MEASURED, "\t"), GAPS, UM, ".pts"),
-    "points in .prn": Strange(rows(MEASURED, "   "), GAPS, UM, ".prn"),
-    "points in .csv": Strange(rows(MEASURED, ","), GAPS, UM, ".csv"),
     "points in any order": Strange(rows(SHUFFLED), GAPS, UM, ".xyz"),
-    "points from the end": Strange(rows(MEASURED[::-1]), GAPS, UM),
-    "points in nm": Strange(rows(1e3 * MEASURED), GAPS, {"unit": "nm"}),
-    "points without a unit": Strange(rows(MEASURED), "names no unit; give --unit"),
     "points in rows": Strange(rows(MEASURED.T), GAPS, UM),
     "points with a height that is nan": Strange(
         rows(np.column_stack([POINTS[:, :2], GAPS.reshape(-1)])), GAPS, UM
@@ -97,23 +85,14 @@ FILES = {
     ),
     "points of a round part": Strange(rows(ROUND), ROUND_MAP, UM, ".xyz", (1, 1)),
     "jittered points": Strange(rows(JITTERED), f"{LIST}, on no regular grid within 2 %"),
-    "jittered points in .xyz": Strange(rows(JITTERED), f"{LIST}, on no reg", UM, ".xyz"),
     "doubled points": Strange(rows(DOUBLED), f"{LIST}, 4 of which lie where others do", UM),
     "dropped points": Strange(
-        rows(LARGE[RANDOM.random(1190) < 0.3]), f"{LIST}, on 31.3 % of the nodes", UM
+        rows(LARGE[RANDOM.random(1190) < 0.3]), f"{LIST}, on 32.2 % of the nodes", UM
     ),
-    "turned points": Strange(rows(TURNED), f"{LIST}, on 0.11 % of the nodes", UM),
-    "scattered points": Strange(rows(SCATTERED), f"{LIST}, on no regular grid", UM, ".pts"),
-    "points on a line": Strange(rows(ON_AXIS), f"{LIST}, on no regular grid", UM),
     "points and quality": Strange(rows(QUALITY), "a list of points with 4 numbers each", UM),
-    "points, quality in .pts": Strange(rows(QUALITY), "with 4 numbers each", UM, ".pts"),
-    "points and normals": Strange(rows(NORMALS), "with 6 numbers each .leave all but x, y", UM),
-    "jittered points and normals": Strange(rows(JITTERED_NORMALS), "with 6 numbers each", UM),
     "numbered points": Strange(rows(COUNTED), GAPS, UM),
-    "numbered points in .xyz": Strange(rows(COUNTED), GAPS, UM, ".xyz"),
     "a profile": Strange(rows(LARGE[:, 1:]), "looks like a profile, x and z", SIDE, ".xyz"),
     # Names of columns, with units.
-    "x, y, z": Strange("x,y,z\n" + rows(MEASURED, ","), GAPS, UM, ".csv"),
     "X;Y;Z;Quality": Strange(
         "X;Y;Z;Quality\n" + rows(np.column_stack([MEASURED, MEASURED[:, 2]]), ";"), GAPS, UM
     ),
@@ -125,20 +104,14 @@ FILES = {
         "x [mm],y [um],z [um]\n" + rows(MEASURED, ","), "has x in mm and y in um; give both"
     ),
     "units in a comment": Strange("# x (um), y (um), z (um)\n" + rows(MEASURED), GAPS, {}, ".xyz"),
-    "units in Gwyddion's words": Strange(
-        "# Lateral units: µm\n# Value units: nm\n" + rows(MEASURED * [1, 1, 1e3]), GAPS, {}, ".xyz"
-    ),
     "words above points": Strange(MICROSCOPE + rows(MEASURED), GAPS, UM, ".xyz"),
     "names of a profile": Strange("x in um,z in um\n1,2\n2,3\n", "columns of a profile", SIDE),
     # Coordinates in the first row and column.
     "coordinates": Strange(rows(AXES, ","), HEIGHTS, UM, ".csv"),
     "coordinates and a blank corner": Strange(rows(AXES, ",")[8:], HEIGHTS, UM, ".csv"),
     "coordinates and a word": Strange("y/x" + rows(AXES, ";")[8:], HEIGHTS, UM, ".csv"),
-    "coordinates in nm": Strange(rows(1e3 * AXES), HEIGHTS, {"unit": "nm"}, ".asc"),
     "coordinates from above": Strange(rows(AXES[[0, *range(NY, 0, -1)]]), HEIGHTS, UM, ".prn"),
-    "coordinates without a unit": Strange(rows(AXES, ","), "names no unit; give --unit"),
     "numbers of rows and columns": Strange(rows(NUMBERED, ","), HEIGHTS, SIDE, ".csv"),
-    "numbers alone": Strange(rows(NUMBERED, ","), "no lengths; give --side", {}, ".csv"),
     "coordinates in one column": Strange(rows(AXES[1:]), "first row holds no coordinates", SIDE),
     "numbers of narrow rows": Strange(
         ",a,b,c\n" + rows(np.column_stack([np.arange(20), RANDOM.normal(size=(20, 3))]), ","),
@@ -147,20 +120,12 @@ FILES = {
     ),
     "coordinates in one row": Strange(rows(AXES[:, 1:]), "column no coordinates", SIDE),
     # Encodings, decimal commas, ends of lines.
-    "byte order mark": Strange(("\ufeff" + header() + rows(MATRIX)).encode(), HEIGHTS),
-    "UTF-16": Strange((header() + rows(MATRIX)).encode("utf-16"), HEIGHTS),
-    "UTF-16, big-endian": Strange(
-        ("\ufeff" + header() + rows(MATRIX)).encode("utf-16-be"), HEIGHTS
-    ),
     "UTF-16 without a mark": Strange((header() + rows(MATRIX)).encode("utf-16-le"), HEIGHTS),
-    "UTF-16 in .xyz": Strange(rows(MEASURED).encode("utf-16"), GAPS, UM, ".xyz"),
     "Latin letters": Strange(
         header("6 µm", "2.25 µm", "µm").encode("latin-1") + rows(MATRIX).encode(), HEIGHTS
     ),
     "decimal commas": Strange(comma(header()) + comma(rows(MATRIX, ";")), HEIGHTS),
     "decimal commas and blanks": Strange(header() + comma(rows(MATRIX)), HEIGHTS),
-    "decimal commas and tabs": Strange(header() + comma(rows(MATRIX, "\t")), HEIGHTS),
-    "decimal commas of points": Strange(comma(rows(MEASURED, ";")), GAPS, UM, ".csv"),
     "decimal commas between commas": Strange(
         comma(rows(MATRIX, ";")).replace(";", ","), "line 1: .* look like decimal commas", SIDE
     ),
@@ -170,21 +135,11 @@ FILES = {
     "zeros in front of numbers": Strange(
         8 * "05,02,09,04,01,03,08,07\n", "no lengths; give --side", {}, ".csv"
     ),
-    "points and commas": Strange("1.234,5;2,5\n3,5;4,5\n", "'1.234,5' is not a number", SIDE),
-    "quoted numbers": Strange('"1","2"\n"3","4"\n', "is not a number", SIDE),
     "CR": Strange((header() + rows(MATRIX)).replace("\n", "\r").encode(), HEIGHTS),
-    "CR LF": Strange((header() + rows(MATRIX)).replace("\n", "\r\n").encode(), HEIGHTS),
     "a scale in words": Strange("pixel size=3e-7 m\n" + rows(MATRIX), "'pixel' is not a n", SIDE),
-    "rows of two lengths": Strange(
-        rows(MATRIX) + "1 2\n", "2 numbers where the first row has", SIDE
-    ),
-    "a gap between separators": Strange(
-        "1,2,3\n4,,6\n", "'' is not a number.*nan for a miss", SIDE
-    ),
     # Units.
     "micron": Strange(header("6 micron", "2.25 microns", "Micron") + rows(MATRIX), HEIGHTS),
     "micrometres": Strange(header("6 micrometres", "2.25 [um]", "(um)") + rows(MATRIX), HEIGHTS),
-    "pm": Strange(header("6. um", "2.25um", "pm") + rows(1e6 * MATRIX), HEIGHTS),
     "cm": Strange(
         header("6e-4 cm", "2.25e-4 cm", "cm") + rows(1e-4 * MATRIX, number="{:.12f}"), HEIGHTS
     ),
@@ -193,13 +148,9 @@ FILES = {
     ),
     "unknown unit": Strange(header(unit="mil") + rows(MATRIX), "holds no heights; .* .in mil, no"),
     "unknown unit, overruled": Strange(header(unit="mil") + rows(MATRIX), HEIGHTS, OVER),
-    "unknown lengths": Strange(
-        header("6 ft", "2 ft") + rows(MATRIX), "'ft': give --side with --override-scale"
-    ),
     "unknown lengths, overruled": Strange(
         header("6 ft", "2 ft") + rows(MATRIX), HEIGHTS, {**SIDE, "override_scale": "yes"}
     ),
-    "wrong unit, overruled": Strange(header(unit="pm") + rows(MATRIX), HEIGHTS, OVER),
 }
 
 

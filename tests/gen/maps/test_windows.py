@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gen.maps.windows import DRAWS, Pairing, Tiling, Window, cut, drawn, facing, tiles_along, turned
+from gen.maps.windows import DRAWS, Pairing, Tiling, cut, drawn, tiles_along, turned
 
 windows = st.tuples(st.integers(2, 12), st.integers(2, 12))
 
@@ -38,11 +38,6 @@ def test_tiles_are_twice_as_wide_as_the_window_where_two_of_them_fit(nodes, wind
     assert tiles_along(nodes, window) == tiles
 
 
-def test_a_map_smaller_than_the_window_has_no_tiles():
-    with pytest.raises(ValueError, match=r"\(9, 5\) nodes holds no window of \(9, 6\)"):
-        Tiling(((20, 20), (9, 5)), (9, 6))
-
-
 @given(st.integers(1, 60), st.integers(1, 60))
 def test_tiles_of_two_sets_are_in_one_group_each(first, second):
     pairing = Pairing(first, second)
@@ -54,13 +49,6 @@ def test_tiles_of_two_sets_are_in_one_group_each(first, second):
             assert faced.setdefault(partner, pairing.group(tile)) == pairing.group(partner)
     assert set(faced) == set(range(second)), "every tile of the second set is taken"
     assert {pairing.group(tile) for tile in range(first)} == set(range(min(first, second)))
-
-
-@given(tilings())
-def test_every_tile_has_its_map(tiling):
-    for index in range(len(tiling.shapes)):
-        for place in range(tiling.number(index)):
-            assert tiling.map_of(tiling.first(index) + place) == index
 
 
 def stream(seed, surface):
@@ -94,23 +82,6 @@ def test_a_window_lies_in_its_tile(tiling, seed, square):
     ):
         assert start <= corner <= corner + nodes <= stop
     assert 0 <= window.symmetry < (8 if square else 4)
-
-
-@pytest.mark.parametrize("end", [0.0, 1 - 2**-53])
-def test_windows_reach_the_borders_of_a_tile(end):
-    tiling = Tiling(((20, 31), (40, 17)), (5, 7))
-
-    class Ends:
-        """A source of the smallest, or the largest, numbers."""
-
-        def random(self, count):
-            return np.full(count, end)
-
-    window = drawn(Ends(), tiling, square=True)
-    if end == 0.0:
-        assert window == Window(0, 0, (0, 0), 0)
-    else:
-        assert window == Window(1, tiling.total - 1, (35, 10), 7)
 
 
 def test_maps_tiles_places_and_symmetries_are_uniform():
@@ -161,18 +132,3 @@ def test_a_window_holds_the_map_heights_above_its_lowest_node(tiling, seed):
     (x, y), (nx, ny) = window.corner, tiling.window
     own = maps[window.map][x : x + nx, y : y + ny]
     assert np.array_equal(np.sort(heights, axis=None), np.sort(own - own.min(), axis=None))
-
-
-@given(tilings(), st.integers(0, 2**63 - 1), st.data())
-def test_the_window_of_a_second_body_lies_in_a_tile_that_it_may(tiling, seed, data):
-    first = data.draw(st.integers(0, tiling.total - 1))
-    tiles = range(first, tiling.total, data.draw(st.integers(1, tiling.total)))
-    window = facing(stream(seed, 3), tiling, tiles, square=True)
-    assert window == facing(stream(seed, 3), tiling, tiles, square=True)
-    assert window.tile in tiles
-    assert tiling.map_of(window.tile) == window.map
-    place = window.tile - tiling.first(window.map)
-    for corner, nodes, (start, stop) in zip(
-        window.corner, tiling.window, tiling.bounds(window.map, place), strict=True
-    ):
-        assert start <= corner <= corner + nodes <= stop
