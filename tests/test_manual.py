@@ -1,6 +1,5 @@
-"""The extensions that build the manual find broken links, and fill numbers in."""
+"""The extensions that build the manual find broken links, and blocks that name nothing."""
 
-import re
 import sys
 from pathlib import Path
 from types import SimpleNamespace
@@ -37,25 +36,6 @@ def test_links_that_lead_nowhere_are_found(extension, tmp_path):
         ("index.html", "sub/other.html#gone"),
     ]
     assert check.external_links(pages) == ["https://example.org/a?b#c"]
-
-
-def test_tables_and_reports_are_filled_in(extension, tmp_path):
-    results = extension("results")
-    noted = []
-    environment = SimpleNamespace(
-        doc2path=lambda _: str(tmp_path / "page.md"),
-        note_dependency=lambda path, docname: noted.append((path, docname)),
-    )
-    app = SimpleNamespace(env=environment)
-    table = "```{result} cost\nbench/results/cost/cost.csv\n```"
-    source = [f"before\n\n{table}\n\n```{{report}} hertz\n```\n\nafter\n"]
-    results.fill(app, "page", source)
-    (text,) = source
-    assert text.startswith("before\n\n| our solver, new surfaces |")
-    assert "```{" not in text
-    assert re.search(r"Made by `python -m bench hertz[^`]*` on .+, commit [0-9a-f]{7}\.", text)
-    assert ":::{figure}" in text
-    assert [Path(path).name for path, _ in noted] == ["cost.csv"]
 
 
 @pytest.mark.parametrize(

@@ -4,17 +4,13 @@ Where h5py has MPI, the other tests of this folder run with the parallel writer 
 signals and of a second writer among them.
 """
 
-import os
-import signal
-import subprocess
-import time
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
-from databases import deterministic_bytes, has_begun, status
-from launch import TIMEOUT, command, environment, launch, mpiexec
+from databases import deterministic_bytes, status
+from launch import launch, mpiexec
 
 from tests.faults.stage import columns_of, row_fault
 
@@ -148,52 +144,6 @@ def test_a_worker_that_dies_before_its_status_costs_its_rows_only(folder, writer
     assert 0 < assert_done_rows_are_right(folder / output, folder / "serial.h5") < 90
     run(folder, output, "--writer", writer)
     assert deterministic_bytes(folder / output) == deterministic_bytes(folder / "serial.h5")
-
-
-def process_of(rank: int, output: str) -> int:
-    """Id of the process of a rank of the run that writes `output`."""
-    for process in Path("/proc").iterdir():
-        try:
-            arguments = (process / "cmdline").read_bytes().split(b"\0")
-            variables = (process / "environ").read_bytes().split(b"\0")
-        except OSError:
-            continue
-        ranks = {f"OMPI_COMM_WORLD_RANK={rank}".encode(), f"PMI_RANK={rank}".encode()}
-        if output.encode() in arguments and ranks & set(variables):
-            return int(process.name)
-    raise LookupError(f"no process of rank {rank}")
-
-
-@needs_parallel_hdf5
-@pytest.mark.parametrize("victim", [0, 1, None], ids=["master", "worker", "mpiexec"])
-def test_a_killed_run_resumes(folder, victim):
-    (folder / "long.toml").write_text(SCENE.format(1200))
-    if not (folder / "long.h5").exists():
-        done = launch(0, "run", "long.toml", "-o", "long.h5", folder=folder)
-        assert done.returncode == 0, done.stderr
-    output = f"killed-{victim}.h5"
-    with subprocess.Popen(
-        command(3, "run", "long.toml", "-o", output),
-        cwd=folder,
-        env=environment(),
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    ) as started:
-        limit = time.monotonic() + TIMEOUT
-        while not has_begun(folder / output):
-            assert time.monotonic() < limit
-            assert started.poll() is None
-            time.sleep(0.02)
-        os.kill(started.pid if victim is None else process_of(victim, output), signal.SIGKILL)
-        assert started.wait(timeout=TIMEOUT) != 0
-    ended = time.monotonic() + TIMEOUT
-    while True:  # a killed launcher leaves its ranks some moments, and them the lock
-        again = launch(3, "run", "long.toml", "-o", output, folder=folder)
-        if "is being written" not in again.stderr or time.monotonic() > ended:
-            break
-    assert again.returncode == 0, again.stderr
-    assert int(again.stderr.split(" rows, ")[1].split(" to do")[0]) < 1200
-    assert deterministic_bytes(folder / output) == deterministic_bytes(folder / "long.h5")
 
 
 @needs_parallel_hdf5

@@ -146,19 +146,6 @@ def test_ranks_use_the_copy_on_the_node_and_leave_none(cluster, generate, folder
     assert deterministic_bytes(folder / "short.h5") == deterministic_bytes(serial / "short.h5")
 
 
-@pytest.mark.skipif(PLUGIN != "pmi2", reason="only MPICH's wheel is small enough to lend")
-def test_a_cancelled_job_leaves_no_copy(cluster, generate, folder):
-    disk = folder / "disk"
-    disk.mkdir()
-    venv = thin_environment(folder, folder / "notes")
-    job = generate("--nodes=2", VENV=venv, LOCAL_ENV="yes", TMPDIR=disk, SCENE="long.toml")
-    cluster.wait_until(lambda: in_its_midst(folder / "long.h5"), "rows", every=0.02)
-    assert list(disk.iterdir())
-    cluster.ask("scancel", job)
-    assert cluster.wait(job)["JobState"] == "CANCELLED"
-    cluster.wait_until(lambda: not list(disk.iterdir()), "an empty disk")
-
-
 def test_without_room_for_a_copy_the_environment_is_used_where_it_lies(cluster, generate, folder):
     job = generate(VENV=sys.prefix, LOCAL_ENV="yes", SLURM_TMPDIR="/proc/nowhere")
     assert cluster.wait(job)["ExitCode"] == "0:0", log(folder, job)
