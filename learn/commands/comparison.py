@@ -102,6 +102,7 @@ class Selection(NamedTuple):
 def compare(file: Database, output: Output, *, selection: Selection) -> int:
     """Fit the models with their libraries' settings: errors and times beside the paper's Table 4.
 
+    The Gaussian process has the paper's kernel, whose length is fixed, not its library's.
     The fits run one after the other, so that their times are those of a process that works alone.
     """
     from learn.comparison import jobs
