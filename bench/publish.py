@@ -14,8 +14,7 @@ from bench.record import NOT_READ, PAGE, Inputs, Record, read
 from bench.report import Part
 from gen.runtime import documents
 from gen.runtime.errors import InputError
-from gen.runtime.files import make_folder, write
-from gen.runtime.lock import lock_folder
+from gen.runtime.files import lock_folder, make_folder, write
 
 LARGEST = 6_000_000  # bytes of all published results, at most
 LARGE = 200_000  # bytes from which on a table is compressed

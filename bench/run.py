@@ -24,8 +24,7 @@ from bench.page import write_page
 from bench.record import PAGE, Inputs, Record, read
 from bench.report import PARTS, Part, remark
 from gen.runtime.errors import InputError
-from gen.runtime.files import check_folder
-from gen.runtime.lock import lock_folder
+from gen.runtime.files import check_folder, lock_folder
 from gen.runtime.signals import Interruption
 from gen.scene import load as load_scene
 

@@ -61,8 +61,8 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
         ("if _is_same(path, other):", "if path == other:"),
         ('if present not in {kind, ""}:', 'if present == "database":'),
         ("os.fchmod(descriptor, stat.S_IMODE(old.st_mode))", "pass"),
+        ("fcntl.LOCK_EX | fcntl.LOCK_NB", "fcntl.LOCK_SH | fcntl.LOCK_NB"),
     ),
-    "gen/runtime/lock.py": (("fcntl.LOCK_EX | fcntl.LOCK_NB", "fcntl.LOCK_SH | fcntl.LOCK_NB"),),
     "gen/database/writer.py": (
         (
             "            self._flush()\n            write_rows(self._status, place, status)\n",

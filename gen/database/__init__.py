@@ -18,7 +18,7 @@ of the other.
 from gen.database.creation import Opened, create, extend, merge, open_or_create
 from gen.database.reader import Counts, Reader, is_database
 from gen.database.writer import ParallelWriter, Writer, coherent, parallel_hdf5
-from gen.runtime.lock import lock
+from gen.runtime.files import lock
 
 __all__ = [
     "Counts",

@@ -28,8 +28,7 @@ from gen.database.layout import (
 from gen.database.reader import Counts, checked, checked_for, counts, open_file
 from gen.database.writer import HeldFile, disk_trouble
 from gen.runtime.errors import InputError
-from gen.runtime.files import place_of, unfinished
-from gen.runtime.lock import lock
+from gen.runtime.files import lock, place_of, unfinished
 from gen.runtime.memory import size
 from gen.scene import Scene, columns_for, differences, row_bytes
 from gen.schema import PHYSICS, STATUS, Column, Status

@@ -7,8 +7,7 @@ from gen.database import Reader
 from gen.export import description, parquet_files
 from gen.export.description import About
 from gen.runtime.errors import InputError
-from gen.runtime.files import check_folder, make_folder, write
-from gen.runtime.lock import lock_folder
+from gen.runtime.files import check_folder, lock_folder, make_folder, write
 from gen.runtime.terminal import RunProgress
 
 

@@ -11,8 +11,7 @@ from gen.options import Trust
 from gen.runtime import farm
 from gen.runtime.command_line import grouped
 from gen.runtime.errors import InputError
-from gen.runtime.files import check_folder
-from gen.runtime.lock import lock_folder
+from gen.runtime.files import check_folder, lock_folder
 from gen.runtime.terminal import echo, to_type
 from learn.commands.fit import SEEDS, AreaMax
 

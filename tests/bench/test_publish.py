@@ -14,7 +14,7 @@ from bench.picture import new_figure, save
 from bench.publish import publish
 from bench.report import Part
 from gen.runtime.errors import InputError
-from gen.runtime.lock import lock_folder
+from gen.runtime.files import lock_folder
 
 
 def pictured(folder: Path) -> list[Content]:

@@ -19,7 +19,7 @@ from bench.page import write_page
 from bench.report import PARTS, Part
 from bench.run import Outcome, seconds
 from gen.runtime.errors import InputError
-from gen.runtime.lock import lock_folder
+from gen.runtime.files import lock_folder
 
 
 def test_parts_are_made_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

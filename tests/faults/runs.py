@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Self
 
 from gen.runtime.errors import InputError
-from gen.runtime.lock import lock
+from gen.runtime.files import lock
 
 BOUND = 90.0
 """Seconds within which a run has to end once it is disturbed; undisturbed it takes a few."""

@@ -15,7 +15,7 @@ from small_databases import block, filled, small
 from gen import cli, schema
 from gen.database import Reader, Writer
 from gen.export import parquet_files
-from gen.runtime.lock import lock_folder
+from gen.runtime.files import lock_folder
 from gen.runtime.terminal import printable
 from gen.scene import Scene
 from gen.schema import Status

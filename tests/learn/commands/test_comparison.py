@@ -6,7 +6,7 @@ import sys
 import pytest
 from comparisons import run, table
 
-from gen.runtime.lock import lock_folder
+from gen.runtime.files import lock_folder
 from learn import cli
 
 
