@@ -245,7 +245,6 @@ class Loads:
     high: float
     # contact area expected at both ends on a surface of middling slope [%]
     areas: tuple[float, float]
-    slopes: tuple[float, float, float]  # smallest, middle and largest rms slope of the surfaces [1]
 
 
 def choose_loads(material: Material, slopes: Sequence[float], nodes: int) -> Loads:
@@ -256,18 +255,15 @@ def choose_loads(material: Material, slopes: Sequence[float], nodes: int) -> Loa
     so that this quantity gives rough and smooth surfaces the same areas; with a hardness there
     are two scales, and loads are pressures.
     """
-    middle = statistics.median(slopes)
-    ends = min(slopes), middle, max(slopes)
     smallest = min(FEWEST_NODES / nodes, LARGEST_AREA / 10)
     if material.hardness is None:
         low, high = rounded(smallest / KAPPA), rounded(LARGEST_AREA / KAPPA)
-        return Loads(
-            "pressure/(E* slope_rms)", low, high, (100 * KAPPA * low, 100 * KAPPA * high), ends
-        )
-    bearing = min(material.hardness, material.e_star * middle / KAPPA)
+        areas = 100 * KAPPA * low, 100 * KAPPA * high
+        return Loads("pressure/(E* slope_rms)", low, high, areas)
+    bearing = min(material.hardness, material.e_star * statistics.median(slopes) / KAPPA)
     low = rounded(smallest * bearing)
     high = rounded(min(LARGEST_AREA * bearing, YIELDING * material.hardness))
-    return Loads("pressure", low, high, (100 * low / bearing, 100 * high / bearing), ends)
+    return Loads("pressure", low, high, (100 * low / bearing, 100 * high / bearing))
 
 
 def rounded(value: float, digits: int = 2) -> float:

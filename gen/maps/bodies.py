@@ -93,7 +93,10 @@ def composite(
     placement = placement or Placement()
     for body in (first, second):
         require_useful_heights(body)
-    other = _turned(second, placement.turned)
+    below = second.heights - second.heights.max()
+    if placement.turned != "none":
+        below = np.flip(below, axis=TURNS.index(placement.turned))
+    other = replace(second, heights=below)
     onto_first = math.prod(first.spacing) <= math.prod(other.spacing) * (1 + SAME)
     grid, added = (first, other) if onto_first else (other, first)
     sign = 1 if onto_first else -1
@@ -105,8 +108,13 @@ def composite(
             f" {_size(other.sides)} um with their centres {_size(placement.shift)} um apart"
         )
     heights = grid.heights[lines[0].nodes, lines[1].nodes] + _at(added.heights, lines)
-    sides = [_side(grid, axis, length) for axis, length in enumerate(heights.shape)]
-    result = replace(grid, name=name, heights=heights, sides=(sides[0], sides[1]))
+    x, y = (
+        side if nodes == of_all else intervals(nodes, grid.boundary) * step
+        for side, nodes, of_all, step in zip(
+            grid.sides, heights.shape, grid.heights.shape, grid.spacing, strict=True
+        )
+    )
+    result = replace(grid, name=name, heights=heights, sides=(x, y))
     repeats = first.repeats and second.repeats
     result = replace(result, followed=first.followed & second.followed, repeats=repeats)
     said = [_laid(second.name, placement), _added(result, first.sides, other.sides)]
@@ -118,16 +126,11 @@ def composite(
     bodies = (("body 1", first), ("body 2", second))
     steps = [f"{body}: {step}" for body, each in bodies for step in each.steps]
     warnings = [f"{body}: {line}" for body, each in bodies for line in each.warnings]
-    warnings += _spacing_warnings(added.spacing, grid.spacing)
+    ratio = max(wide / fine for wide, fine in zip(added.spacing, grid.spacing, strict=True))
+    if ratio > COARSE:
+        apart = f"nodes of one body are {ratio:.3g} times as far apart as those of the other"
+        warnings.append(f"{apart}: its short waves are not there; check --unit and --side")
     return replace(result, steps=(*steps, ", ".join(said)), warnings=tuple(warnings))
-
-
-def _turned(second: Topography, turned: str) -> Topography:
-    """Turn a body over, and count its heights from its highest node."""
-    heights = second.heights - second.heights.max()
-    if turned != "none":
-        heights = np.flip(heights, axis=TURNS.index(turned))
-    return replace(second, heights=heights)
 
 
 def _line(grid: Topography, added: Topography, axis: int, shift: float) -> _Line:
@@ -164,22 +167,6 @@ def _at(heights: Heights, lines: list[_Line]) -> Heights:
         spline = make_interp_spline(np.arange(nodes), heights, k=min(3, nodes - 1), axis=axis)
         heights = np.asarray(spline(line.places + width))
     return heights
-
-
-def _side(grid: Topography, axis: int, nodes: int) -> float:
-    """Return the length of some nodes of a grid [um]; that of the grid itself for all of them."""
-    if nodes == grid.heights.shape[axis]:
-        return grid.sides[axis]
-    return intervals(nodes, grid.boundary) * grid.spacing[axis]
-
-
-def _spacing_warnings(coarse: Sides, fine: Sides) -> list[str]:
-    """Warn of a map that lacks the short waves of the other one, or has another unit."""
-    ratio = max(wide / narrow for wide, narrow in zip(coarse, fine, strict=True))
-    if ratio <= COARSE:
-        return []
-    said = f"nodes of one body are {ratio:.3g} times as far apart as those of the other"
-    return [f"{said}: its short waves are not there; check --unit and --side"]
 
 
 def _laid(name: str, placement: Placement) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -15,11 +14,6 @@ if TYPE_CHECKING:
     from bem.problem import Boundary
 
 BLOCK = 1 << 15  # nodes that enter the fit at a time, which bounds the memory
-
-
-def number_of_terms(degree: int) -> int:
-    """Return the number of coefficients of a polynomial in x and y of a total degree."""
-    return (degree + 1) * (degree + 2) // 2
 
 
 def fitted_polynomial(heights: Heights, degree: int) -> Heights:
@@ -195,31 +189,18 @@ def _laplace_equations(
     return coo_matrix((np.concatenate(weights), places)).tocsc(), right
 
 
-def plane(x: Values, y: Values) -> list[Values]:
-    """Return the terms of a plane at some places."""
-    return [np.ones_like(x), x, y]
-
-
-def quadratic(x: Values, y: Values) -> list[Values]:
-    """Return the terms of a quadratic at some places."""
-    return [*plane(x, y), x * x, x * y, y * y]
-
-
-def least_squares(
-    heights: Heights, terms: Callable[[Values, Values], list[Values]]
-) -> tuple[Heights, Values]:
-    """Fit terms to the measured nodes; return the fit at all nodes and its coefficients [um].
+def least_squares(heights: Heights, degree: int) -> tuple[Heights, Values]:
+    """Fit a plane or a quadratic to the measured nodes; return the fit and its coefficients [um].
 
     Coordinates of the coefficients go from -1 to 1 along both axes.
     """
     x, y = np.meshgrid(*(np.linspace(-1, 1, nodes) for nodes in heights.shape), indexing="ij")
-    columns = terms(x, y)
+    columns = [np.ones_like(x), x, y, *([x * x, x * y, y * y] if degree == 2 else [])]
     measured = ~np.isnan(heights)
     matrix = np.stack([column[measured] for column in columns], axis=1)
     offset = float(np.mean(heights[measured]))
     coefficients = np.linalg.lstsq(matrix, heights[measured] - offset, rcond=None)[0]
-    fit: Heights = sum(
-        (c * column for c, column in zip(coefficients, columns, strict=True)),
-        np.full_like(heights, offset),
-    )
+    fit = np.full_like(heights, offset)
+    for coefficient, column in zip(coefficients, columns, strict=True):
+        fit = fit + coefficient * column
     return fit, np.asarray(coefficients)

@@ -25,7 +25,7 @@ import numpy as np
 
 from gen.arrays import Heights
 from gen.maps.prepare import is_same, prepare, resampled
-from gen.maps.read import Sides, Topography, in_words, read
+from gen.maps.read import Sides, in_words, read
 from gen.maps.settings import Reading
 from gen.maps.windows import Shape
 from gen.runtime.errors import InputError
@@ -228,10 +228,9 @@ def opened(
     """
     key = wanted.key(sha256s)
     for place in (folder, _temporary_folder(make=False)):
-        if place is not None:
-            file = _file(place, key)
-            if (stored := stored_maps(file, key, verify=verify)) is not None:
-                return stored
+        stored = None if place is None else stored_maps(_file(place, key), key, verify=verify)
+        if stored is not None:
+            return stored
     return None
 
 
@@ -244,7 +243,11 @@ def _each(paths: Sequence[Path], wanted: Wanted) -> Iterator[tuple[PreparedMap, 
     """Read and prepare one map after the other; all have the spacing of the first."""
     spacing, first = wanted.spacing, None
     for path in paths:
-        topography = _read(path, wanted)
+        try:
+            topography = prepare(read(path, wanted.reading), wanted.reading)
+        except InputError as error:
+            named = "" if str(path) in str(error) else f"{path}: "
+            raise InputError(f"{named}{error}") from None
         if wanted.spacing is not None:
             topography = resampled(topography, wanted.spacing)
         elif spacing is None or first is None:
@@ -256,15 +259,6 @@ def _each(paths: Sequence[Path], wanted: Wanted) -> Iterator[tuple[PreparedMap, 
             )
         _require_window(path, topography.heights.shape, wanted.window)
         yield PreparedMap(topography.heights, topography.warnings), _square(spacing or (1.0, 1.0))
-
-
-def _read(path: Path, wanted: Wanted) -> Topography:
-    """Read and prepare one map."""
-    try:
-        return prepare(read(path, wanted.reading), wanted.reading)
-    except InputError as error:
-        text = str(error)
-        raise InputError(text if str(path) in text else f"{path}: {text}") from None
 
 
 def _square(spacing: Sides) -> Sides:

@@ -14,14 +14,7 @@ from numpy.typing import NDArray
 
 from gen.arrays import Heights
 from gen.maps import filters
-from gen.maps.filters import (
-    ROWS,
-    filled_harmonically,
-    least_squares,
-    plane,
-    quadratic,
-    without_spikes,
-)
+from gen.maps.filters import ROWS, filled_harmonically, least_squares, without_spikes
 from gen.maps.read import WIDEST, Sides, Topography, in_words, intervals
 from gen.maps.settings import SPIKE, Reading, keys, numbers_in
 from gen.runtime.errors import InputError
@@ -150,7 +143,7 @@ def despiked(topography: Topography, threshold: float) -> Topography:
 
 def without_form(topography: Topography, degree: int) -> Topography:
     """Subtract the least-squares polynomial of a total degree from the measured nodes."""
-    heights, terms = topography.heights, filters.number_of_terms(degree)
+    heights, terms = topography.heights, (degree + 1) * (degree + 2) // 2
     (nx, ny), measured = heights.shape, heights.size - topography.missing
     if degree >= min(nx, ny) or measured <= terms:
         raise InputError(
@@ -170,7 +163,7 @@ def levelled(topography: Topography, level: str) -> Topography:
         mean = float(np.nanmean(heights))
         return changed(topography, heights - mean, f"levelled by the mean, {mean:.6g} um")
     x, y = tilt(topography)
-    fit, _ = least_squares(heights, plane if level == "plane" else quadratic)
+    fit, _ = least_squares(heights, 1 if level == "plane" else 2)
     step = f"levelled by a {level} (tilt was {x:.4g} along x, {y:.4g} along y)"
     return changed(topography, heights - fit, step)
 
@@ -393,7 +386,7 @@ def with_tilt_warning(topography: Topography) -> Topography:
 
 def tilt(topography: Topography) -> tuple[float, float]:
     """Fit a plane to the measured nodes and return its slopes along x and y [1]."""
-    _, coefficients = least_squares(topography.heights, plane)
+    _, coefficients = least_squares(topography.heights, 1)
     slopes = []
     for side, nodes, slope in zip(
         topography.sides, topography.heights.shape, coefficients[1:], strict=True
