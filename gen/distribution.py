@@ -55,11 +55,6 @@ class Table(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
 
-def without_negative_zero(number: float) -> float:
-    """Turn -0.0 into 0.0: the two are equal, and equal scenes must have equal texts."""
-    return number + 0.0
-
-
 def ascending(limits: tuple[T, T]) -> tuple[T, T]:
     """Refuse a range whose lower limit is above the upper one."""
     low, high = limits
@@ -68,7 +63,8 @@ def ascending(limits: tuple[T, T]) -> tuple[T, T]:
     return limits
 
 
-Number = Annotated[float, AfterValidator(without_negative_zero)]
+# -0.0 becomes 0.0: the two are equal, and equal scenes must have equal texts.
+Number = Annotated[float, AfterValidator(lambda number: number + 0.0)]
 Positive = Annotated[Number, Field(gt=0)]
 # TOML and JSON have arrays where the models have tuples: this conversion alone is allowed.
 Range = Annotated[tuple[T, T], Strict(False), AfterValidator(ascending)]
@@ -86,6 +82,15 @@ class LogUniform(Table):
         if math.isinf(math.sqrt(high) / math.sqrt(low)):
             raise ValueError("the range is too wide")
         return self
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Smallest and largest number."""
+        return self.log_uniform
+
+    def quantiles(self, uniform: Values) -> Values:
+        """Map numbers in [0, 1) to numbers of this distribution."""
+        return log_within(*self.log_uniform, uniform)
 
 
 class Normal(Table):
@@ -114,6 +119,15 @@ class Normal(Table):
             raise ValueError(f"less than {LEAST_INSIDE:g} of the distribution is in the range")
         return self
 
+    def quantiles(self, uniform: Values) -> Values:
+        """Map numbers in [0, 1) to numbers of this distribution, linearly between its knots."""
+        knots = _normal_knots(*self.normal, *self.ends)
+        places = uniform * KNOTS
+        left = places.astype(np.intp)
+        steps = knots[left + 1] - knots[left]
+        steps *= places - left
+        return np.clip(knots[left] + steps, *self.ends)
+
 
 class Choice(Table):
     """One of several numbers, equally likely unless shares are given."""
@@ -135,6 +149,18 @@ class Choice(Table):
         if abs(sum(self.shares) - 1.0) > 1e-9:
             raise ValueError(f"the shares sum to {sum(self.shares):.10g}")
         return self
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Smallest and largest number."""
+        return min(self.choice), max(self.choice)
+
+    def quantiles(self, uniform: Values) -> Values:
+        """Map numbers in [0, 1) to numbers of this distribution."""
+        values = np.array(self.choice)
+        shares = self.shares or (1.0 / len(values),) * len(values)
+        # The last number takes the rest: rounded shares cannot leave a gap below 1.
+        return np.asarray(values[np.searchsorted(np.cumsum(shares)[:-1], uniform, side="right")])
 
 
 Distribution = float | tuple[float, float] | LogUniform | Normal | Choice
@@ -236,16 +262,9 @@ def _number(value: object) -> float:
 
 def limits(distribution: Distribution) -> tuple[float, float]:
     """Return the smallest and the largest value of a distribution, equal for a fixed number."""
-    match distribution:
-        case LogUniform():
-            return distribution.log_uniform
-        case Normal():
-            return distribution.ends
-        case Choice():
-            return min(distribution.choice), max(distribution.choice)
-        case (low, high):
-            return low, high
-    return distribution, distribution
+    if isinstance(distribution, Table):
+        return distribution.ends
+    return distribution if isinstance(distribution, tuple) else (distribution, distribution)
 
 
 def is_drawn(distribution: Distribution) -> bool:
@@ -255,21 +274,12 @@ def is_drawn(distribution: Distribution) -> bool:
 
 def quantiles(distribution: Distribution, uniform: Values) -> Values:
     """Map numbers in [0, 1) to the values of a distribution, which are within its limits."""
-    match distribution:
-        case LogUniform():
-            return log_within(*distribution.log_uniform, uniform)
-        case Normal():
-            return _normal(distribution.normal, distribution.ends, uniform)
-        case Choice():
-            return _chosen(distribution, uniform)
-        case (low, high):
-            return within(low, high, uniform)
+    if isinstance(distribution, Table):
+        return distribution.quantiles(uniform)
+    if isinstance(distribution, tuple):
+        low, high = distribution
+        return low + (high - low) * uniform  # rounding cannot exceed the upper end
     return np.full(uniform.shape, distribution)
-
-
-def within(low: Values | float, high: Values | float, uniform: Values) -> Values:
-    """Map numbers in [0, 1) linearly to [low, high], whose upper end rounding cannot exceed."""
-    return low + (high - low) * uniform
 
 
 def log_within(low: float, high: float, uniform: Values) -> Values:
@@ -289,16 +299,6 @@ def log_within(low: float, high: float, uniform: Values) -> Values:
         factor = math.sqrt(factor)
     np.minimum(values, high, out=values)
     return values
-
-
-def _normal(normal: tuple[float, float], ends: tuple[float, float], uniform: Values) -> Values:
-    """Map numbers in [0, 1) to a truncated normal distribution, linear between its knots."""
-    knots = _normal_knots(*normal, *ends)
-    places = uniform * KNOTS
-    left = places.astype(np.intp)
-    steps = knots[left + 1] - knots[left]
-    steps *= places - left
-    return np.clip(knots[left] + steps, *ends)
 
 
 @functools.lru_cache(maxsize=16)
@@ -321,11 +321,3 @@ def _normal_knots(mean: float, deviation: float, low: float, high: float) -> Val
         reduced = -reduced[::-1]
     rounded = np.array([float(f"{value:.{SIGNIFICANT}g}") for value in reduced.tolist()])
     return np.clip(mean + deviation * rounded, low, high)
-
-
-def _chosen(distribution: Choice, uniform: Values) -> Values:
-    """Map numbers in [0, 1) to the numbers of a choice."""
-    values = np.array(distribution.choice)
-    shares = distribution.shares or (1.0 / len(values),) * len(values)
-    # The last number takes the rest: rounded shares cannot leave a gap below 1.
-    return np.asarray(values[np.searchsorted(np.cumsum(shares)[:-1], uniform, side="right")])

@@ -28,39 +28,24 @@ ANOTHER = "another"
 """Second rough body of the same population."""
 
 
-def _one_or_two(value: Any, kind: Any, most: float, least: float = 0.0) -> Any:
+def _one_or_two(kind: Any, most: float, least: float = 0.0) -> PlainValidator:
     """Accept a number for both axes or one for each, above `least` and up to `most`."""
-    numbers: tuple[Any, ...] = tuple(value) if isinstance(value, list | tuple) else (value, value)
-    if len(numbers) != 2 or not all(
-        isinstance(each, kind) and not isinstance(each, bool) and least < each <= most
-        for each in numbers
-    ):
-        raise PydanticCustomError("pair", "not a number or a pair of them")
-    return numbers if isinstance(value, list | tuple) else numbers[0]
+    kinds = (int,) if kind is int else (int, float)
+
+    def read(value: Any) -> Any:
+        several = isinstance(value, list | tuple)
+        numbers = tuple(value) if several else (value, value)
+        if len(numbers) != 2 or not all(
+            type(each) in kinds and least < each <= most for each in numbers
+        ):
+            raise PydanticCustomError("pair", "not a number or a pair of them")
+        return tuple(map(kind, numbers)) if several else kind(value)
+
+    return PlainValidator(read)
 
 
-def _nodes(value: object) -> int | tuple[int, int]:
-    """Accept a number of nodes for both axes, or one for each."""
-    nodes: int | tuple[int, int] = _one_or_two(value, int, MOST_NODES, least=1)
-    return nodes
-
-
-def _side(value: object) -> float | tuple[float, float]:
-    """Accept a length for both axes, or one for each."""
-    sides = _one_or_two(value, int | float, 1e300)
-    return (float(sides[0]), float(sides[1])) if isinstance(sides, tuple) else float(sides)
-
-
-def _another(value: object) -> str | tuple[str, ...]:
-    """Accept the only second body that most generators can make."""
-    if value != ANOTHER:
-        raise PydanticCustomError("another", "not the word")
-    return ANOTHER
-
-
-Nodes = Annotated[int | tuple[int, int], PlainValidator(_nodes)]
-Side = Annotated[float | tuple[float, float], PlainValidator(_side)]
-Another = Annotated[str | tuple[str, ...], PlainValidator(_another)]
+Nodes = Annotated[int | tuple[int, int], _one_or_two(int, MOST_NODES, least=1)]
+Side = Annotated[float | tuple[float, float], _one_or_two(float, 1e300)]
 NODES = f"a whole number from 2 to {MOST_NODES}, or one for each axis, [nx, ny]"
 SIDE = "a finite number above 0, or one for each axis, [x, y] [um]"
 
@@ -95,7 +80,7 @@ class GeneratedSurface(Table):
     """Whether surfaces are pieces of larger ones: without edges, and with loads of their own."""
 
     # Without the key the other body is flat.
-    against: Another | None = Field(
+    against: Literal["another"] | None = Field(
         default=None,
         description="'another', for a second rough body: another surface of the same parameters",
     )

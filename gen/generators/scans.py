@@ -171,7 +171,7 @@ class ScanSurface(GeneratedSurface):
     preparation: PreparationTable = Field(
         default=PreparationTable(), description="a table of steps as level = 'plane'"
     )
-    against: AnotherOrFiles | None = Field(
+    against: AnotherOrFiles | None = Field(  # type: ignore[assignment]
         default=None,
         description=f"'another', for a second window of a tile, or maps of another body: {FILES}",
     )

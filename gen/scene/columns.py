@@ -1,5 +1,6 @@
 """The columns of a scene's database: the common ones, and those of its generator and functions."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 from gen.generators import GENERATORS
@@ -18,38 +19,27 @@ ARGUMENTS = ("shape", "spacing", "rng")
 TAKEN = "is the name of something else; give a name of your own"
 
 
-def generator_columns() -> tuple[Column, ...]:
-    """Return the columns of all generators: where surfaces were taken from, and parameters."""
-    places = {name: words for table in GENERATORS for name, words in table.PLACES.items()}
-    drawn = {name: each for table in GENERATORS for name, each in table.known_parameters().items()}
-    return (
-        *(
-            Column(name, "i4", "1", words, optional=_generators(name))
-            for name, words in places.items()
-        ),
-        *(
-            Column(
-                DRAWN_NAMES.get(name, name),
-                "f8",
-                each.unit,
-                each.long_name,
-                paper_range=each.paper_range,
-                optional=_generators(name),
-            )
-            for name, each in drawn.items()
-        ),
-    )
-
-
-def _generators(name: str) -> str:
-    """Name the generators that have a place or a parameter, in Markdown."""
-    owners = (table for table in GENERATORS if name in {**table.PLACES, **table.known_parameters()})
-    *others, last = (f"`{each}`" for table in owners for each in table.names())
-    return f"the generators {', '.join(others)} and {last}" if others else f"the generator {last}"
+def _of_generators() -> Iterator[Column]:
+    """Yield the columns of all generators: where surfaces were taken from, and parameters."""
+    columns = {}
+    owners: dict[str, list[str]] = {}
+    for table in GENERATORS:
+        known = table.known_parameters()
+        for name in (*table.PLACES, *known):
+            owners.setdefault(name, []).extend(f"`{each}`" for each in table.names())
+        for name, words in table.PLACES.items():
+            columns[name] = Column(name, "i4", "1", words)
+        for name, (unit, words, span) in known.items():
+            own = DRAWN_NAMES.get(name, name)
+            columns[name] = Column(own, "f8", unit, words, paper_range=span)
+    for name, column in sorted(columns.items(), key=lambda each: each[1].dtype != "i4"):
+        *others, last = owners[name]
+        several = f"the generators {', '.join(others)} and {last}"
+        yield replace(column, optional=several if others else f"the generator {last}")
 
 
 _PLACE = [column.name for column in COLUMNS].index("surface") + 1
-ALL_COLUMNS = (*COLUMNS[:_PLACE], *generator_columns(), *COLUMNS[_PLACE:])
+ALL_COLUMNS = (*COLUMNS[:_PLACE], *_of_generators(), *COLUMNS[_PLACE:])
 """Every column that a database can have, in the order of the file."""
 
 RESERVED = frozenset(

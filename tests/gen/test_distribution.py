@@ -10,7 +10,7 @@ from pydantic import TypeAdapter, ValidationError
 from scipy import stats
 
 from gen.distribution import AnyNumber, limits, quantiles
-from gen.generation.plan import CHUNK, parameters
+from gen.generation.plan import parameters
 from gen.scene import Scene, load, preset_names
 
 READ = TypeAdapter(AnyNumber).validate_python
@@ -100,20 +100,6 @@ pieces = [{{ share = 0.25, range = {{ log_uniform = [1, 10] }} }},
 [contact]
 hardness = {{ choice = [100, 200] }}
 """
-
-
-@pytest.mark.parametrize("m", [1, 4])
-def test_any_slice_of_a_plan_equals_the_whole_across_chunks(m):
-    scene = Scene.parse(DRAWN.format(m=m), "test")
-    stop = CHUNK * m + 500
-    whole = parameters(scene, 0, stop)
-    for first, last in ((0, 1), (3, 700), (CHUNK * m - 3, CHUNK * m + 5), (stop - 2, stop)):
-        part = parameters(scene, first, last)
-        for name, values in part.drawn.items():
-            assert values.tobytes() == whole.drawn[name][first:last].tobytes(), name
-        assert part.load.tobytes() == whole.load[first:last].tobytes()
-        assert part.hardness.tobytes() == whole.hardness[first:last].tobytes()
-        assert part.surface.tobytes() == whole.surface[first:last].tobytes()
 
 
 def test_parameters_are_independent_and_an_added_one_shifts_no_other():

@@ -3,7 +3,7 @@ import pytest
 
 from gen.scene import Scene, Store, flags
 from gen.scene.columns import ALL_COLUMNS, columns_for, markdown_table
-from gen.schema import PHYSICS, PHYSICS_CHANGES, REASON, STATUS
+from gen.schema import PHYSICS, PHYSICS_CHANGES
 
 STORED = (
     *(
@@ -21,11 +21,6 @@ PLACES = ("map", "tile")
 DRAWN = ("hurst", "sigma0", "roll_off", "cut_off", "drawn_rms_height", "drawn_rms_slope")
 DRAWN += ("stretch", "load")
 YIELDING = ("hardness", "yielded_percent")
-
-
-def test_status_leads_and_names_are_unique():
-    assert ALL_COLUMNS[:2] == (STATUS, REASON)
-    assert len({column.name for column in ALL_COLUMNS}) == len(ALL_COLUMNS)
 
 
 def test_every_column_is_a_type_of_numpy_and_explained():

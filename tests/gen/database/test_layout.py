@@ -10,26 +10,11 @@ import pytest
 from small_databases import small
 
 from gen import cli, schema
-from gen.database import Counts, Reader, Writer, create, open_or_create
+from gen.database import Reader, Writer, create
 from gen.runtime.errors import InputError
 from gen.scene import Scene, Store
 from gen.scene.columns import columns_for
 from gen.schema import DRAWN_NAMES
-
-
-def test_new_file_has_every_column_pending(path):
-    scene = small(store=Store(heights=True, mean_gap=True))
-    assert open_or_create(path, scene) == ("created", 10)
-    with Reader(path) as reader:
-        assert reader.scene == scene
-        assert reader.columns() == columns_for(scene)
-        assert reader.counts() == Counts(pending=10, done=0, failed=0)
-        for column in reader.columns():
-            values = reader.column(column.name)
-            assert values.shape == column.shape(10, (5, 5))
-            assert values.dtype == column.dtype
-            np.testing.assert_array_equal(values, np.full_like(values, column.fill))
-    assert list(path.parent.iterdir()) == [path]
 
 
 def test_file_is_allocated_contiguous_and_opens_after_a_kill(path):

@@ -17,13 +17,6 @@ from gen.generation.sample import solve_contact, surface_of
 from gen.schema import REASONS, Reason, Status
 
 SCENE = "samples = 7\nsamples_per_surface = 2\n" + user_functions.SURFACE + user_functions.STORE
-BEYOND = """[load]
-quantity = 'pressure'
-range = { choice = [0.5, 2.0], shares = [1e-9, 0.999999999] }
-[contact]
-hardness = 1.0
-"""
-FLAT = "samples = 5\n[surface]\nnodes = 9\n" + user_functions.STORE
 
 
 @pytest.fixture
@@ -194,10 +187,3 @@ def test_an_output_that_is_no_number_fails_its_row(here, capsys, body, reason):
     capsys.readouterr()
     assert cli.main(["info", "a.h5"]) == 0
     assert REASONS[reason] in capsys.readouterr().out
-
-
-def test_scenes_without_a_solution_ask_for_their_outputs(here, capsys):
-    (here / "mine.toml").write_text(FLAT + BEYOND)
-    assert "none of the first 16 rows has a solution" in refused(
-        capsys, "run", "mine.toml", "-o", "a.h5"
-    )

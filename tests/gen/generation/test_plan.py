@@ -95,20 +95,6 @@ def test_hardness_shifts_no_other_number(m: int) -> None:
         assert_slice(parameters(hardness(limits, m), 7, 500), elastic, 0, 493)
 
 
-def test_no_surface_shares_a_stream_with_a_chunk() -> None:
-    """A key below 2^32 is one word, a chunk's key two; beyond 2^32 the two would meet."""
-
-    def state(*key: int) -> tuple[int, ...]:
-        return tuple(np.random.SeedSequence(2025, spawn_key=key).generate_state(4))
-
-    most = Scene.parse("samples = 1_000_000_000", "test").surfaces
-    assert most < 2**32
-    chunks = {state(chunk, key) for chunk in range(-(-most // CHUNK)) for key in (1, 2)}
-    surfaces = {state(surface) for surface in [*range(20_000), most - 1]}
-    assert not chunks & surfaces
-    assert state(2**32 + 5) == state(5, 1)
-
-
 @st.composite
 def pending_plans(draw: st.DrawFn) -> tuple[list[tuple[int, int]], int, int]:
     """Ascending ranges of pending rows, the number of planned rows, and of rows a surface."""

@@ -67,16 +67,6 @@ def test_a_row_without_edges_is_what_its_parts_say(boundary, hardness):
     assert set(rows["status"]) == {Status.DONE}
 
 
-def test_a_load_beyond_the_hardness_is_a_reason(monkeypatch):
-    def refuse(*_, **__):
-        raise bem.NoSolution("pressure beyond the hardness")
-
-    monkeypatch.setattr(bem, "solve", refuse)
-    rows = compute_rows(scene("[contact]\nhardness = 0.05"), 0, 2)
-    assert set(rows["status"]) == {Status.FAILED}
-    assert set(rows["reason"]) == {Reason.BEYOND_HARDNESS}
-
-
 SPECTRAL = """
 samples = 60
 [surface]

@@ -42,19 +42,6 @@ def test_a_function_gets_the_grid_its_random_numbers_and_its_parameters(here):
     assert scene.spacing == (200.0 / 19, 300.0 / 23)
 
 
-@pytest.mark.parametrize(
-    "body",
-    [
-        "return [[0.0, 1.0] * 12] * 20",
-        "return np.arange(480, dtype=np.int16).reshape(shape)",
-        "return np.arange(480.0).reshape(shape[::-1]).T",
-    ],
-)
-def test_heights_may_be_any_real_numbers_in_any_layout(here, body):
-    rows = compute_rows(scene_with(here, body), 0, 4)
-    assert set(rows["status"].tolist()) == {Status.DONE}
-
-
 def test_an_array_that_the_function_keeps_is_not_changed(here):
     body = "global kept; kept = globals().get('kept', np.eye(20, 24) + 5); return kept"
     rows = compute_rows(scene_with(here, body), 0, 4)
