@@ -151,31 +151,11 @@ def read_together(
 ) -> list[Dataset]:
     """Read databases once, and clean their rows for each of several targets.
 
-    Parameters
-    ----------
-    paths : sequence of Path
-        Databases made by `gen`. The number of nodes becomes a feature if it differs.
-    targets : sequence of str
-        Any of "area", "force", and the columns of other results that the databases store.
-    area_max : float, optional
-        Largest area that is kept [%]; 16.56 is the paper's range.
-    features : str
-        A name of `learn.features.SETS`. If it is free of units, so are the targets.
-    hybrids : sequence of ndarray, each of shape (rows of the database, 17), or None
-        For each database, the columns of `learn.features.regeneration` for hybrid features.
-    roots, blocks : bool, int
-        See `Request`.
-
-    Returns
-    -------
-    list of Dataset
-        The usable rows for each target.
-
-    Raises
-    ------
-    InputError
-        If a file is no database or lacks a target, databases cannot be learnt together, too few
-        rows are left, or a target is constant.
+    Targets are any of "area", "force", and the columns of other results; the largest area that is
+    kept is in percent. Hybrid features need the columns of `learn.features.regeneration`, (rows,
+    17), of each database; see `Request` for the others. InputError is raised if a file is no
+    database or lacks a target, databases cannot be learnt together, too few rows are left, or a
+    target is constant.
     """
     scaled = chosen(features).scaled
     if area_max is not None and not area_max > 0:

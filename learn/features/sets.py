@@ -322,30 +322,14 @@ def build(
     hardness_ratio: Values | float | None = None,
     nodes: Values | float | None = None,
 ) -> Values:
-    """Turn n rows of statistics into features, (n, d), NaN or infinite where they are undefined.
+    """Turn n rows of statistics into the features of a set, (n, d), NaN or infinite where
+    undefined.
 
-    Parameters
-    ----------
-    features : FeatureSet
-        The set to build.
-    statistics : ndarray, shape (n, 22)
-        Statistics in the order and units of `STATISTICS`.
-    delta : ndarray, shape (n,)
-        Far-field displacement [um].
-    length : ndarray or float
-        Scan length L, the geometric mean of both sides; one for all rows, or shape (n,) [um].
-    hybrid : ndarray, shape (n, 17), optional
-        Columns of `HYBRID`, for sets that need the surface.
-    hardness_ratio : ndarray, shape (n,), or float, optional
-        Hardness over E*, for sets with this feature; infinite, or None, for elastic bodies among
-        those that yield.
-    nodes : ndarray, shape (n,), or float, optional
-        Nodes along a side, the geometric mean of both axes, for sets that need them.
-
-    Returns
-    -------
-    ndarray, shape (n, d)
-        The features.
+    Statistics, (n, 22), are in the order and units of `STATISTICS`; Delta, (n,), and the scan
+    length L, one for all rows or (n,), in um. Sets that need the surface need columns of `HYBRID`,
+    (n, 17). The hardness over E* and the nodes along a side, geometric means of both axes, are for
+    sets that need them; the hardness is infinite, or None, for elastic bodies among those that
+    yield.
     """
     rows = _Rows(statistics, delta, length, hybrid, hardness_ratio, nodes, features.elastic)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -383,10 +367,10 @@ def target_scale(
     length: Values | float,
     modulus: float,
 ) -> Values:
-    """Return the scale that a target is divided by before it is learnt, so that it has no unit.
+    """Return the divisor, (n,), of a target before it is learnt, so that it has no unit.
 
-    It is in the unit of the target's column, (n,), and 1 for features with units. Statistics, Delta
-    and length are those of `build`; E* is in MPa.
+    It is in the unit of the target's column, and 1 for features with units. Statistics, Delta and
+    length are those of `build`; E* is in MPa.
     """
     ones = np.ones(len(delta))
     if not features.scaled:
