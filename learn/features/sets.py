@@ -137,22 +137,6 @@ class _Rows:
             raise ValueError("these features need the surface")
         return np.asarray(self.hybrid[:, HYBRID.index(name)])
 
-    def over_unit(self, name: str) -> Values:
-        """Return a height over h, (n,)."""
-        return self.statistic(name) / self.unit
-
-    def curvature(self, name: str) -> Values:
-        """Return the logarithm of a curvature over h / L^2, (n,)."""
-        return np.asarray(np.log(self.statistic(name) * self.length * self.length / self.unit))
-
-    def logarithm(self, name: str) -> Values:
-        """Return the logarithm of a statistic, (n,)."""
-        return np.asarray(np.log(self.statistic(name)))
-
-    def root(self, name: str) -> Values:
-        """Return the root of a column of the coarse solve, (n,)."""
-        return np.asarray(np.sqrt(self.coarse(name)))
-
     @cached_property
     def unit(self) -> Values:
         """The height h, (n,) [um]."""
@@ -183,15 +167,27 @@ class _Rows:
 
 Formula = Callable[[_Rows], Values]
 
+
+def _each(
+    pattern: str, names: Sequence[str], formula: Callable[[str, _Rows], Values]
+) -> dict[str, Formula]:
+    """Give one formula to features that are made of some statistics or columns alike."""
+    return {pattern.format(name): partial(formula, name) for name in names}
+
+
 FORMULAS: Mapping[str, Formula] = {
     "delta": lambda rows: rows.delta,
-    **{name: partial(_Rows.statistic, name=name) for name in STATISTICS},
+    **_each("{}", STATISTICS, lambda name, rows: rows.statistic(name)),
     "delta/h": lambda rows: rows.delta / rows.unit,
-    **{f"{name}/h": partial(_Rows.over_unit, name=name) for name in HEIGHTS},
-    **{f"log({name}.L2/h)": partial(_Rows.curvature, name=name) for name in CURVATURES},
-    **{f"log({name})": partial(_Rows.logarithm, name=name) for name in BANDWIDTHS},
-    **{name: partial(_Rows.coarse, name=name) for name in HYBRID},
-    **{f"sqrt({name})": partial(_Rows.root, name=name) for name in (*ROOTED, *ROOTED_LOCAL)},
+    **_each("{}/h", HEIGHTS, lambda name, rows: rows.statistic(name) / rows.unit),
+    **_each(
+        "log({}.L2/h)",
+        CURVATURES,
+        lambda name, rows: np.log(rows.statistic(name) * rows.length * rows.length / rows.unit),
+    ),
+    **_each("log({})", BANDWIDTHS, lambda name, rows: np.log(rows.statistic(name))),
+    **_each("{}", HYBRID, lambda name, rows: rows.coarse(name)),
+    **_each("sqrt({})", (*ROOTED, *ROOTED_LOCAL), lambda name, rows: np.sqrt(rows.coarse(name))),
     ROOT: lambda rows: np.sqrt(rows.delta / rows.unit),
     HARDNESS: lambda rows: rows.capped_ratio,
     SCALED_HARDNESS: lambda rows: np.log(rows.capped_ratio * rows.length / rows.unit),
