@@ -135,8 +135,7 @@ def _linear(train: Values, target: Values, test: Values, alphas: Sequence[float]
 
 
 def left_out_errors(ridge: KernelRidge, parts: Sequence[Indices]) -> list[Values]:
-    """Return the errors at rows that are left out together, for each part, from the fit to all
-    rows.
+    """Return the errors at rows that are left out together, part by part, from one fit to all rows.
 
     Of the inverse of the matrix K + alpha I, the rows and columns S of those left out give their
     errors e, target less prediction: inverse_SS e = coefficients_S. One inverse replaces a fit for

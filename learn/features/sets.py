@@ -318,8 +318,7 @@ def build(
     hardness_ratio: Values | float | None = None,
     nodes: Values | float | None = None,
 ) -> Values:
-    """Turn n rows of statistics into the features of a set, (n, d), NaN or infinite where
-    undefined.
+    """Turn n rows of statistics into the features of a set, (n, d), NaN or infinite if undefined.
 
     Statistics, (n, 22), are in the order and units of `STATISTICS`; Delta, (n,), and the scan
     length L, one for all rows or (n,), in um. Sets that need the surface need columns of `HYBRID`,

@@ -73,8 +73,7 @@ def from_others(inputs: Values, others: Values, groups: Indices) -> Distance:
 
 
 def from_rows(inputs: Values) -> Distance:
-    """Measure distances from two or more rows, (n, d); the limit comes from each row's from the
-    others.
+    """Measure distances from rows, (n, d); the limit is one that each keeps from the others.
 
     With n rows the square of the distance from the others is (n - 1) a / (n - d a), where a is the
     square of the distance from all of them and d the number of features (Sherman and Morrison).

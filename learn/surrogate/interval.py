@@ -254,8 +254,7 @@ def calibrate(
     root: bool = False,
     growth: Growth | None = None,
 ) -> Calibration:
-    """Calibrate intervals by predictions and targets, (n,), of rows that the model was not fitted
-    to.
+    """Calibrate intervals by predictions and targets, (n,), of rows that trained nothing.
 
     Their features are (n, d). Quantiles of the training target, (m,), are the borders of the
     ranges.

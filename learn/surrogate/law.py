@@ -130,8 +130,7 @@ def _tables(
     *,
     stiffness: bool = False,
 ) -> tuple[Curves, Curves, list[str]]:
-    """Predict all surfaces; tabulate against Delta and against pressure, with a line for each
-    warning.
+    """Predict all surfaces; tabulate against Delta and against pressure, with lines of warnings.
 
     Deltas, (k,) [um], and pressures, (m,) [MPa], ascend; without pressures they are those at the
     Deltas. If the stiffness is asked for and was not learnt, it is the slope of the force of
