@@ -47,6 +47,7 @@ def test_bootstrap_intervals_hold_the_score_of_other_rows_as_often_as_they_say()
     assert bootstrap(truth, truth)["r2"] == (100.0, 100.0)
 
 
+@pytest.mark.long
 def test_rows_of_one_group_are_drawn_together():
     """Forty surfaces of eight rows whose errors are alike: rows drawn alone promise too much."""
     generator = np.random.default_rng(6)

@@ -2,12 +2,10 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from gen import cli
 from gen.runtime.errors import InputError
-from learn import dataset, stored
+from learn import dataset
 from learn.features.sets import NODES
 
 SCENES = {
@@ -127,7 +125,6 @@ def test_windows_of_other_sizes_of_one_map_are_one_group(populations, other_wind
             r"mirror\.h5: contact\.boundary is 'mirror', 'free' in .*coarse",
         ),
         ("soft", "paper", r"soft\.h5: contact\.hardness is 'given', 'none' in .*coarse"),
-        ("oblong", "dimensionless", r"oblong\.h5: surface\.side \(x over y\) is 1\.5, 1\.0 in"),
         ("spectral", "paper", r"spectral\.h5: surface\.side is 300\.0, 1000\.0 in .*coarse"),
     ],
 )
@@ -139,31 +136,3 @@ def test_databases_that_differ_are_refused_by_file_and_key(made, other, features
 def test_a_database_given_twice_is_refused(made):
     with pytest.raises(InputError, match=r"coarse\.h5: is given twice"):
         together(made, "coarse", "fine", "coarse")
-
-
-@given(st.data())
-def test_rows_that_share_a_surface_or_a_tile_are_in_one_group(data):
-    size = data.draw(st.integers(1, 40))
-    labels = [
-        np.array(data.draw(st.lists(st.integers(0, 12), min_size=size, max_size=size)))
-        for _ in range(2)
-    ]
-    groups = stored.linked(*labels)
-    graph = networks(labels, size)
-    for one in range(size):
-        for other in range(size):
-            assert (groups[one] == groups[other]) == (other in graph[one])
-
-
-def networks(labels, size):
-    """The rows that can be reached from each row by steps between rows with a label in common."""
-    reached = [{row} for row in range(size)]
-    for _ in range(size):
-        before = [set(each) for each in reached]
-        for each in reached:
-            for label in labels:
-                shared = {label[row] for row in each}
-                each |= {row for row in range(size) if label[row] in shared}
-        if reached == before:
-            break
-    return reached

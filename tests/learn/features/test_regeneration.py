@@ -6,16 +6,15 @@ import zipfile
 import numpy as np
 import pytest
 
-from gen.cli import main as gen_main
 from gen.database import Reader
 from gen.generation.plan import parameters
 from gen.generation.sample import surface_of
 from gen.runtime.errors import InputError
 from learn import dataset
 from learn.executor import Executor
-from learn.features import SurfaceFeatures, regeneration
+from learn.features import regeneration
 from learn.features.regeneration import hybrid_rows
-from learn.features.sets import BLOCK_COUNTS, HYBRID, STATISTICS
+from learn.features.sets import BLOCK_COUNTS, HYBRID
 
 
 def never():
@@ -37,14 +36,6 @@ def test_rows_have_what_surrogates_see_of_their_surfaces(population, blocks):
     wanted = dataset.chosen("hybrid", ratio and (ratio,) * 2, roots=True, blocks=blocks)
     again = own.features(wanted, deltas[row : row + 1], ratio)
     np.testing.assert_array_equal(rows.inputs[17], again[0])
-
-
-def test_an_oblong_patch_is_as_long_as_the_square_of_its_area():
-    heights = np.random.default_rng(0).normal(size=(12, 20))
-    assert SurfaceFeatures(heights, (250.0, 1000.0)).length == 500.0
-    assert SurfaceFeatures(heights, (0.1, 0.1)).length == 0.1
-    turned = SurfaceFeatures(heights.T.copy(), (1000.0, 250.0)).hybrid(1.0)
-    np.testing.assert_allclose(turned, SurfaceFeatures(heights, (250.0, 1000.0)).hybrid(1.0))
 
 
 def test_what_was_computed_is_kept_and_only_what_changed_is_computed_again(
@@ -104,17 +95,3 @@ def test_surfaces_that_cannot_be_generated_anew_are_refused(database, change):
     change("height_mean", [40], 1.0)
     with pytest.raises(InputError, match="row 40, generated anew from its scene, is another"):
         hybrid_rows(database, Executor(), never)
-
-
-def test_samples_that_share_a_surface_share_its_generation(tmp_path):
-    (tmp_path / "s.toml").write_text(
-        "samples = 20\nsamples_per_surface = 5\n[surface]\nnodes = 17\n"
-    )
-    assert gen_main(["run", str(tmp_path / "s.toml"), "-o", str(tmp_path / "s.h5")]) == 0
-    hybrid = hybrid_rows(tmp_path / "s.h5", Executor(), never)
-    rows = dataset.read(tmp_path / "s.h5", "force", features="hybrid", hybrid=hybrid)
-    assert rows.size == 20
-    assert np.unique(rows.groups).size == 4
-    assert rows.unit == "1"
-    np.testing.assert_allclose(rows.scale, 1000.0 * rows.described[:, 0])
-    assert len(STATISTICS) == 22

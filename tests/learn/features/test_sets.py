@@ -9,9 +9,7 @@ import bem
 from gen.runtime.errors import InputError
 from gen.scene import Scene
 from gen.surface import generate
-from learn import dataset
 from learn.features import SETS, SurfaceFeatures, chosen
-from learn.features.regeneration import compute_block
 from learn.features.sets import (
     BLOCK_COUNTS,
     HARDNESS,
@@ -118,21 +116,6 @@ def test_the_hardness_is_a_feature_where_it_says_something(name):
     assert varied.columns == (*SETS[name].columns, own)
     assert len(varied.units) == len(varied.columns)
     assert fixed.columns == (varied.columns if SETS[name].scaled else SETS[name].columns)
-
-
-def test_rows_of_a_database_have_the_features_of_their_own_hardness(yielding):
-    rows = dataset.read(yielding, features="dimensionless")
-    assert rows.names[-1] == SCALED_HARDNESS
-    raw = dataset.read(yielding, features="paper")
-    assert raw.names[-1] == HARDNESS
-    assert np.exp(np.ptp(np.log(raw.inputs[:, -1]))) > 10
-    assert raw.inputs[:, -1].min() >= 0.003
-    inputs, values = compute_block(Scene.from_text(rows.source["scene"]), (0, 4, (0.0,) * 4))
-    assert inputs.shape == (4, 24)
-    np.testing.assert_allclose(inputs[:, -1], raw.inputs[:4, -1], rtol=1e-12)
-    softer = Scene.from_text(rows.source["scene"].replace("0.003, 0.1", "0.003, 0.004"))
-    assert (compute_block(softer, (0, 4, (0.0,) * 4))[1] != values).any()
-    assert dataset.read(yielding, target="yielded_percent").target.max() > 0
 
 
 @given(

@@ -85,20 +85,6 @@ def test_what_surrogates_see_is_finite_on_any_patch(boundary, blocks, hardness_r
     np.testing.assert_allclose(a, b, rtol=1e-6)
 
 
-def test_means_and_slopes_are_those_of_the_nodes_of_each_block():
-    z = np.random.default_rng(0).normal(size=(12, 8))
-    blocks = Blocks(z, (0.5, 2.0), 4)
-    assert blocks.means.shape == (4, 4)
-    assert blocks.means[1, 2] == pytest.approx(z[3:6, 4:6].mean())
-    rest = z - blocks.interpolated(blocks.means)
-    assert blocks.roughness == pytest.approx(rest.std())
-    along_x = np.diff(rest[2:7, 4:6], axis=0) / 0.5
-    along_y = np.diff(rest[3:6, 3:7], axis=1) / 2.0
-    squares = (along_x[:-1] ** 2 + along_x[1:] ** 2) / 2
-    squares = squares + (along_y[:, :-1] ** 2 + along_y[:, 1:] ** 2) / 2
-    assert blocks.slopes[1, 2] == pytest.approx(np.sqrt(squares.mean()))
-
-
 def test_the_area_inside_the_blocks_is_perssons():
     z = np.random.default_rng(1).normal(size=(40, 30))
     blocks = Blocks(z, (1.0, 1.0), 10)

@@ -109,13 +109,9 @@ def test_files_keep_intervals_by_maps(solved, tmp_path):
         require_level(again, 0.95)
 
 
-@pytest.mark.parametrize("model", ["kernel-ridge", "decision-tree"])
-def test_intervals_of_a_file_widen_as_those_that_were_fitted(solved, tmp_path, model, monkeypatch):
+def test_intervals_of_a_file_widen_as_those_that_were_fitted(solved, tmp_path, monkeypatch):
     monkeypatch.setattr(calibration, "FEWEST_SURFACES", 20)
-    request = Request(
-        solved, solved, ("area",), (model,), None, "standard", "dimensionless", roots=True
-    )
-    found = fitting.fit(request, Executor(), lambda line: None)
+    found = fitting.fit(request_of(solved), Executor(), lambda line: None)
     growth = Growth(found.distance, 0.3)
     area = found.learnt["area"]
     wide = replace(area, calibration=replace(area.calibration, growth=growth))

@@ -307,6 +307,7 @@ def test_the_conductance_of_elastic_bodies_is_the_slope_of_their_force(work):
     assert np.abs(np.median(closures) - 1) < 0.2
 
 
+@pytest.mark.long
 def test_the_conductance_of_bodies_that_yield_is_learnt_from_their_stiffness(work, capsys):
     Path("yielding.toml").write_text(CONDUCTING)
     assert gen_cli.main(["run", "yielding.toml", "-o", "yielding.h5"]) == 0

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from learn import Surrogate
 from learn.dataset import Request
 from learn.executor import Executor
 from learn.surrogate import fitting
@@ -50,16 +49,6 @@ def test_a_moment_beyond_the_training_is_that_at_the_end_of_its_range(
     assert asked.area[0] == asked.area[1]
     assert asked.area[2] != asked.area[3], "the other end is another place"
     assert [name in reason for reason in asked.reasons] == [False, True, True, False]
-
-
-def test_a_file_holds_the_same_moments(surrogate, middle, tmp_path):
-    surrogate.save(tmp_path / "x.surrogate")
-    read = Surrogate.load(tmp_path / "x.surrogate")
-    asked = rows_of(surrogate, np.array([middle, surrogate.high + 3.0]))
-    np.testing.assert_array_equal(read.predict_rows(asked).area, surrogate.predict_rows(asked).area)
-    for one, other in zip(read.learnt["area"].clip, surrogate.learnt["area"].clip, strict=True):
-        np.testing.assert_array_equal(one, other)
-        assert np.isfinite(one).sum() == 8
 
 
 @pytest.mark.parametrize("features", ["paper", "dimensionless"])

@@ -155,10 +155,8 @@ def test_what_is_unknown_ground_is_said(ridge, heights):
     [
         (lambda s, z: s.predict(z, 1000.0, 0.0), "above 0"),
         (lambda s, z: s.predict(z, -1.0, 5.0), "side"),
-        (lambda s, z: s.predict(z[0], 1.0, 5.0), "2-D"),
         (lambda s, z: s.predict(z * np.nan, 1.0, 5.0), "finite"),
         (lambda s, z: s.predict(z, 1.0, 5.0, e_star=0.0), "modulus"),
-        (lambda s, z: s.predict(z, 1.0, 5.0, level=1.0), "between 0 and 1"),
     ],
 )
 def test_wrong_questions_are_refused(ridge, heights, call, word):
