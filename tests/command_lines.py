@@ -1,4 +1,7 @@
-"""Bad command lines for every command: bad files in the places of good ones, and bad options."""
+"""Bad command lines for every command: bad files in the places of good ones, and bad options.
+
+Further options that are refused stand in the tests of the modules that take them, on one process.
+"""
 
 import os
 import socket
@@ -72,53 +75,30 @@ class Command:
 
 SELECTION = (
     ("--target nothing", "nothing"),
-    ("--target area,area", "area,area"),
     ("--area-max nan", "--area-max"),
     ("--area-max 1e-9", "good.h5"),
-    ("--features papers", "papers"),
-    ("--normalise l3", "l3"),
-    ("--train-rows 0", "--train-rows"),
 )
 SURFACE = (
     ("--side 0", "--side"),
-    ("--side 1,2,3", "--side"),
     ("--unit mile", "mile"),
-    ("--level up", "up"),
     ("--crop 5", "--crop"),
 )
 MATERIAL = (
     ("--young 0", "modulus"),
-    ("--e-star -1", "--e-star"),
     ("--young 1 --e-star 1", "--e-star"),
-    ("--poisson 2", "poisson"),
 )
 PREPARED = (
-    ("--mask a:b", "--mask"),
-    ("--mask 3:1", "--mask"),
     ("--mask 500:600", "--mask 500:600"),
     ("--mask 1:", "missing"),
-    ("--despike nan", "--despike"),
-    ("--form 21", "--form"),
-    ("--form 2.5", "--form"),
     ("--form 2 --level plane", "--level plane and --form 2"),
-    ("--filter 3", "--filter"),
-    ("--filter 8:5", "--filter"),
-    ("--filter 1:", "S-filter"),
     ("--filter :99", "L-filter"),
     ("--downsample 1", "--downsample"),
-    ("--downsample two", "--downsample"),
 )
 AGAINST = (
     ("--against missing", "missing"),
-    ("--against text", "text"),
-    ("--against good.npy --turned z", "--turned"),
-    ("--against good.npy --shift 5", "--shift"),
-    ("--against good.npy --shift nan,0", "--shift"),
     ("--against good.npy --shift 0,99", "2 x 2"),
     ("--against good.npy --against-options --fill", "--side"),
-    ("--against good.npy --against-options --plot=x.png", "--plot"),
     ("--against-options --fill", "--against"),
-    ("--turned y", "--against"),
 )
 ASKED = (("--delta 1:2", "1:2"), ("--interval 2", "--interval"))
 
@@ -127,10 +107,8 @@ COMMANDS: dict[str, dict[str, Command]] = {
         "run": Command(
             "<scene> -o >new-database",
             (
-                ("--rows 3", "--rows"),
                 ("--rows 9:3", "--rows"),
                 ("--rows 0:99999", "--rows"),
-                ("--sample-limit nan", "--sample-limit"),
                 ("--sample-limit 1e10", "--sample-limit"),
                 ("--writer both", "both"),
                 ("--ranks 3", "--ranks"),
@@ -142,10 +120,7 @@ COMMANDS: dict[str, dict[str, Command]] = {
             (
                 *(*SURFACE, *MATERIAL, *PREPARED, *AGAINST),
                 ("--delta nan", "delta"),
-                ("--delta deep", "deep"),
-                ("--delta 1:2:0", "1:2:0"),
                 ("--force 1", "--force"),
-                ("--kernel point", "point"),
                 ("--boundary mirror --far-field compliant", "compliant"),
                 ("--boundary periodic --kernel concentrated-force", "concentrated-force"),
                 ("--boundary mirror --delta 99", "99"),
@@ -157,10 +132,8 @@ COMMANDS: dict[str, dict[str, Command]] = {
             (
                 ("--pressure high", "high"),
                 ("--delta 1:2", "1:2"),
-                ("--surfaces 1", "--surfaces"),
                 ("--band 2", "--band"),
                 ("--conductivity -1", "--conductivity"),
-                ("--units inch", "inch"),
                 *AGAINST[:1],
             ),
         ),
@@ -182,15 +155,11 @@ COMMANDS: dict[str, dict[str, Command]] = {
         "scene": Command(
             "<surface> -o >new-scene --side 9",
             (
-                *SURFACE[:3],
+                *SURFACE[:2],
                 ("--like good.npy", "--like"),
                 ("--hardness 5", "--hardness 5"),
-                ("--hardness nan --young 1", "--hardness"),
                 ("--young 1 --young 2 --poisson 0.3", "--poisson"),
-                ("--channel 7", "channel"),
-                ("--level plane", "--level"),
                 ("missing/*.x3p", "missing"),
-                ("[", "["),
             ),
         ),
     },
@@ -207,7 +176,6 @@ COMMANDS: dict[str, dict[str, Command]] = {
                 ("--rows 3", "--rows"),
                 ("--target area,area", "area,area"),
                 ("--blocks 7", "7"),
-                ("--features paper --blocks 65", "--blocks 65"),
                 ("-o good.h5", "good.h5"),
             ),
         ),
