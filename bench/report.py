@@ -116,7 +116,7 @@ def part_of(report: str, chapter: str = "") -> Part:
 
 
 CHAPTERS = {
-    "The contact area in the continuum": ("resolution",),
+    "The contact area in the continuum": ("resolution", "grid-error"),
     "The contact solver: error against run time": ("solver", "peers", "growth", "hertz"),
     "Bodies that yield": ("yielding", "hardness", "yielding-surrogate"),
     "Patches without edges, and theory": ("periodic", "theory"),

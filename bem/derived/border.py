@@ -130,7 +130,9 @@ def continuum_nodes(problem: Problem, pressure: Field, gap: Field, depth: Field 
         weights[:, 0] -= UNIFORM_PRESSURE
     compliance = [COMPLIANCE[kernel] * spacing / problem.modulus for spacing in problem.spacing]
     excess = sum(float(_offsets(edges, weights, compliance[axis]).sum()) for edges, axis in sides)
-    return min(max(count - excess, 0.0), float(touching.size))
+    # No area bears more than the hardness.
+    least = 0.0 if problem.hardness is None else float(pressure.sum()) / problem.hardness
+    return min(max(count - excess, least), float(touching.size))
 
 
 def _edges(

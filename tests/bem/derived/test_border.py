@@ -76,6 +76,43 @@ def test_rough_surfaces_with_eight_nodes_a_wave(hardness, bound):
     assert np.mean(counts) > 0.015
 
 
+@pytest.mark.parametrize("hardness", [1e-3, 1e-2, 0.03, 0.1, 1.0])
+@pytest.mark.parametrize("load", [0.02, 0.3, 0.9])
+def test_hard_and_soft_bodies_from_light_contact_to_nearly_full(hardness, load):
+    """With 8 nodes a wave; contacts of soft bodies are where the surface cuts a plane."""
+    surface, pressure = random_waves(1, 8, 0.7, 3), load * min(hardness, 0.2)
+    coarse, fine = (
+        bem.solve(surface(n), 1.0, pressure=pressure, boundary="periodic", hardness=hardness)
+        for n in (64, 256)
+    )
+    area = coarse.continuum_area_percent
+    assert area >= 100 * pressure / hardness * (1 - 1e-9)
+    assert abs(area - fine.continuum_area_percent) <= coarse.grid_error().area_percent + 1e-9
+
+
+@pytest.mark.parametrize("share", [0.9, 0.99, 0.999])
+def test_nearly_full_contact_of_waves(share):
+    """The gap that is left, whose count is two thirds of it."""
+    n, errors = 128, []
+    for phase in np.arange(6) / 6:
+        x = (np.arange(n) + phase) / n
+        wave = np.cos(2 * np.pi * (7 * x[:, np.newaxis] + 2 * np.arange(n) / n))
+        pressure = share * np.pi * 0.01 * np.hypot(7, 2)
+        contact = bem.solve(0.01 * wave, 1.0, pressure=pressure, boundary="periodic")
+        truth = 200 / np.pi * np.arcsin(np.sqrt(share))
+        errors.append(contact.continuum_area_percent - truth)
+        assert contact.area_percent > truth
+    assert abs(np.mean(errors)) < 0.3
+
+
+@pytest.mark.parametrize("radius", [1.0, 1.5, 2.0])
+def test_spots_of_a_few_nodes(radius):
+    random = np.random.default_rng(1)
+    errors = np.array([circle(radius, random) for _ in range(30)])
+    assert abs(errors.mean()) < 0.03
+    assert np.sqrt(np.mean(errors**2)) < 0.08
+
+
 @pytest.mark.parametrize("aspect", [2, 5, 20])
 def test_oblong_cells(aspect):
     surface = random_waves(2, 8, 0.8, 7)
