@@ -64,9 +64,7 @@ class Order:
     e_star: float | None = None  # [MPa]; by default that of the scene, else 1
     hardness: float | None = None  # of the softer body [MPa]; by default the scene's only one
     boundary: Boundary | None = None  # of the patches; None for the usual one
-    conductivities: tuple[float, float] | None = (
-        None  # of both bodies, for the conductance [W/(m K)]
-    )
+    conductivities: tuple[float, float] | None = None  # of both bodies [W/(m K)]
     stiffness: bool = False  # whether it is asked for; a conductance brings it along
     grid_error: bool = False  # whether the area in the continuum is, with the error of the grid
     reading: Reading = field(default_factory=Reading)  # how files are read

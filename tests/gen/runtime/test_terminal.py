@@ -1,5 +1,6 @@
 """What is printed: no text of a stranger's drives the terminal, no stream ends a run."""
 
+import csv
 import errno
 import io
 import re
@@ -9,6 +10,7 @@ import pytest
 from rich.table import Table
 
 from gen import cli
+from gen.runtime.documents import cell, write_csv
 from gen.runtime.terminal import RunProgress, echo, print_table, printable, started_as, to_type
 
 EVIL = "a\x1b[2J\x1b]0;owned\x07\x9b31m\u202eb\r\nx.h5: sound"
@@ -92,3 +94,12 @@ def test_progress_in_a_program_of_somebody_else_ends_no_run(monkeypatch, termina
     with RunProgress(2) as progress:
         progress.say("hello")
         progress.advance(2, 0)
+
+
+@pytest.mark.parametrize("text", ["=1+1", "-1", "\t=1"])
+def test_a_cell_of_text_is_no_formula(tmp_path, text):
+    assert cell(text) == f"'{text}"
+    write_csv(tmp_path / "a.csv", [{"name": text, "value": -1.5, "count": -3, "plain": "a=b"}])
+    with (tmp_path / "a.csv").open(newline="", encoding="utf-8") as file:
+        (row,) = csv.DictReader(file)
+    assert row == {"name": f"'{text}", "value": "-1.5", "count": "-3", "plain": "a=b"}
