@@ -34,20 +34,20 @@ def run(
         )
     if dry_run:
         if world.is_master:
-            from gen.display import databases
+            from gen.commands import printer
             from gen.generation.functions import completed
             from gen.scene import load
 
-            databases.print_plan(completed(load(scene)), output)
+            printer.print_plan(completed(load(scene)), output)
         return 0
     from gen.generation.run import Request, generate_database
 
     request = Request(scene, output, share, retry_failed, force, sample_limit, writer)
     result = generate_database(request, world)
     if world.is_master:
-        from gen.display import databases
+        from gen.commands import printer
 
-        databases.print_result(output, result)
+        printer.print_result(output, result)
     return 128 + result.signal if result.signal and result.counts.pending else 0
 
 
@@ -55,27 +55,27 @@ def estimate(
     scene: options.SceneName, ranks: options.Ranks = 1, trust: options.Trust = False
 ) -> None:
     """Measure a few samples and predict time, memory and disk space of a run."""
-    from gen.display import databases
+    from gen.commands import printer
     from gen.generation.functions import completed
     from gen.generation.run import estimate as measured
     from gen.scene import load
 
     loaded = completed(load(scene))
-    databases.print_estimate(loaded, measured(loaded, ranks))
+    printer.print_estimate(loaded, measured(loaded, ranks))
 
 
 def info(file: options.Database) -> None:
     """Summarise a database: rows, ranges, times, scene, versions."""
+    from gen.commands import printer
     from gen.database import Reader
-    from gen.display import databases
 
     with Reader(file) as reader:
-        databases.print_database(reader)
+        printer.print_database(reader)
 
 
 def plot(file: options.Database, output: options.NewPicture, trust: options.Trust = False) -> None:
     """Draw a database: one surface and its pressure, all areas, all solve times."""
-    from gen.display.picture import draw_database
+    from gen.commands.picture import draw_database
 
     check_outputs([Output(output, "--output", "picture")], [file])
     draw_database(file, output)

@@ -37,7 +37,7 @@ def describe(
 ) -> None:
     """Print the 22 roughness statistics, the parameters of ISO 25178 and the self-affine law."""
     from gen import statistics
-    from gen.display import surfaces
+    from gen.commands import printer
     from gen.maps.bodies import surface_of
     from gen.maps.pictures import draw_surface
     from gen.maps.prepare import surface_warnings
@@ -49,14 +49,14 @@ def describe(
     figure = empty_figure(picture, 10.5, 8.6)
     topography = surface_of(surface, reading, facing.body(reading), boundary)
     warnings = surface_warnings(topography)
-    surfaces.print_preparation(topography, warnings)
+    printer.print_preparation(topography, warnings)
     description = statistics.describe(topography.heights, topography.spacing)
-    surfaces.print_statistics(topography, description)
+    printer.print_statistics(topography, description)
     areal = areal_parameters(topography, depth)
-    surfaces.print_areal(areal)
+    printer.print_areal(areal)
     radial = radial_spectrum(topography)
     fit = fit_self_affine(topography, radial, areal.values["Str"])
-    surfaces.print_self_affine(fit)
+    printer.print_self_affine(fit)
     if spectrum is not None and not radial.wavenumbers.size:
         raise InputError(f"--spectrum {spectrum}: there is none, {fit}")
     if table is not None:
@@ -144,7 +144,7 @@ def contact(
     for an even ratio, or several numbers with commas.
     """
     from bem.threads import cores, default_threads, on_threads
-    from gen.display.surfaces import follow_contacts
+    from gen.commands.printer import follow_contacts
     from gen.maps.bodies import surface_of
     from gen.maps.contacts import (
         Wanted,

@@ -29,7 +29,7 @@ LARGEST_FILE = 256 * 2**20
 """Bytes that a command may write into one file."""
 
 LOADED = {
-    "gen": ("bem", "gen.generation.check", "gen.display", "gen.generation.run"),
+    "gen": ("bem", "gen.generation.check", "gen.commands.printer", "gen.generation.run"),
     "learn": ("learn.comparison.jobs", "learn.surrogate.fitting", "sklearn.ensemble", "xgboost"),
     "bench": ("bench.run",),
 }

@@ -11,7 +11,7 @@ from gen.database import Reader
 
 pytest.importorskip("matplotlib", reason="needs the extra plot")
 
-from gen.display import picture
+from gen.commands import picture
 
 
 def drawn(monkeypatch: pytest.MonkeyPatch, folder: Path, scene: str) -> Any:

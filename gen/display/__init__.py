@@ -1,1 +1,0 @@
-"""Databases, contacts and surfaces printed as tables for people."""
