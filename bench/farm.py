@@ -4,8 +4,6 @@ The farm on this machine: its own work, real speed-up, and how fast rows are wri
 `python -m mpi4py -m bench.farm PROGRAM SPEC` runs one of `PROGRAMS` on some ranks, started by
 `launch` with a time limit, and prints its result in JSON:
 
-- `dispatch`: tasks that cost nothing, through the farm. What is left is the farm's own work: to
-  hand out, to send, to take back.
 - `generation`: one generation. Two processors that share a clock, a cache or a memory bus are not
   twice as fast as one. So every round of `speedup` also runs two copies side by side that know
   nothing of each other: what they gain over one alone bounds what any farm could gain. Start-up is
@@ -110,7 +108,7 @@ def work(task: int) -> int:
 
 
 def dispatch(tasks: int, world: farm.World) -> int:
-    """Sum the results of all tasks on the master; every process of the world has to call it."""
+    """Sum the results of tasks that cost nothing: what is left is the farm's own work."""
     results: list[int] = []
     farm.run(work, iter(range(tasks)), lambda _task, result: results.append(result), world)
     return sum(results)
@@ -119,15 +117,6 @@ def dispatch(tasks: int, world: farm.World) -> int:
 def expected(tasks: int) -> int:
     """Return the sum of the results if every task is done once."""
     return SALT * tasks * (tasks - 1) // 2
-
-
-def timed_dispatch(arguments: dict[str, int], world: farm.World) -> dict[str, float]:
-    """Time as many tasks as the arguments say."""
-    dispatch(8 * world.workers, world)  # the first tasks find their way
-    began = time.perf_counter()
-    total = dispatch(arguments["tasks"], world)
-    seconds = time.perf_counter() - began
-    return {"seconds": seconds, "total": total, "workers": world.workers}
 
 
 # Runs of a round, and their ranks: 0 is without MPI; rank 0 of the others is the master.
@@ -371,7 +360,6 @@ def _write(arguments: dict[str, Any], world: farm.World) -> Seconds:
 
 
 PROGRAMS: dict[str, Callable[[dict[str, Any], farm.World], Any]] = {
-    "dispatch": timed_dispatch,
     "generation": _generation,
     "writing": _write,
 }

@@ -137,7 +137,6 @@ class Inputs:
         return {
             "database": self.database or self.output / "databases" / "paper.h5",
             "comparison": self.comparison or self.output / "comparison",
-            "cost": self.output / "cost",
         }
 
     def folder(self, part: Part) -> Path:

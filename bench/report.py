@@ -77,8 +77,8 @@ class Part:
     """A report as a part of the page, under the headings of a chapter and a section.
 
     `quick` and `full` are arguments of the Python interpreter in a short and in a full run, empty
-    if the part does not belong to that run. A run fills in {folder}, {database}, {comparison}
-    and {cost}; words in brackets are left out where the file that they name is not there.
+    if the part does not belong to that run. A run fills in {folder}, {database} and
+    {comparison}; words in brackets are left out where the file that they name is not there.
     """
 
     name: str

@@ -236,15 +236,16 @@ def planned(inputs: Inputs, only: Sequence[str] = ()) -> str:
     """List what a run would make, with the time that it is going to take, and make nothing."""
     parts = [part for part in _chosen(only, inputs) if inputs.arguments(part)]
     check_folder(inputs.output, PAGE)
-    kept = [_kept(part, inputs) is not None for part in parts]
-    times = [seconds(part, inputs) for part in parts]
+    left = {p.name: seconds(p, inputs) for p in parts if _kept(p, inputs) is None}
     lines = [
-        f"{part.name:24} {'is there' if stays else told(time):>9}  {part.title}"
-        for part, time, stays in zip(parts, times, kept, strict=True)
+        f"{part.name:24} {told(left[part.name]) if part.name in left else 'is there':>9}"
+        f"  {part.title}"
+        for part in parts
     ]
-    left = [time for time, stays in zip(times, kept, strict=True) if not stays]
-    known = sum(time for time in left if time is not None)
-    unknown = sum(time is None for time in left)
+    known = sum(
+        max(left.get(part.name) or 0.0 for part in batch) for batch in _batches(parts, inputs)
+    )
+    unknown = sum(time is None for time in left.values())
     more = f" and {unknown} of an unknown time" if unknown else ""
     lines.append(f"{len(left)} parts to make: {told(known)} by earlier records{more}")
     return "\n".join(lines)

@@ -22,7 +22,6 @@ LONGEST_SOLVE = 1750.0  # time that a simulation takes at most, approximately (s
 TRAIN_ROWS = PAPER_ROWS - PAPER_TESTS  # rows that train (section 3.2)
 FINE_ROWS = 800  # simulations on the finer grid (section 4.3)
 FINE = Scores(1.46, 3.95, 7.56, 99.16)  # scores of kernel ridge on the finer grid, Table 5 [%]
-TUNING_PAYS = 14  # evaluations after which the search for settings has paid (section 4.4)
 # Smallest and largest value of each quantity of Table 1.
 RANGES = {column.name: column.paper_range for column in ALL_COLUMNS if column.paper_range}
 AREA_MAX = RANGES["area_percent"][1]  # largest area in the paper's database [%]

@@ -1,4 +1,4 @@
-"""The paper's nine models beside ours: Tables 2 to 4, predictions over truth, scores and times."""
+"""The paper's nine models beside ours, Tables 2 to 4 and pictures, and the numbers in its text."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -8,16 +8,30 @@ import numpy as np
 
 from bench.contents import Content
 from bench.files import write_table
-from bench.paper.facts import DIGITS, TRAIN_ROWS, picture, ratio, table, why
+from bench.paper.database import finished
+from bench.paper.facts import (
+    AREA_MAX,
+    DIGITS,
+    LONGEST_SOLVE,
+    TRAIN_ROWS,
+    picture,
+    ratio,
+    table,
+    why,
+)
 from bench.picture import COLOURS, new_figure
+from bench.surrogates.cost import PAPER_ROWS, PAPER_SOLVE, PAPER_TESTS
+from gen.database import Reader
 from gen.runtime.errors import InputError
 from gen.runtime.figure import draw_parity, parity_axes
+from gen.schema import Status
 from learn.comparison import paper, tables
 from learn.comparison.folder import Folder
 from learn.comparison.paper import OPTIMA, SPACES
 from learn.comparison.pictures import DOTS
 from learn.metrics import Scores
 from learn.models import MODELS
+from learn.surrogate.break_even import time_of
 
 ALIKE = 1.3  # unexplained variances count as alike up to this ratio
 # So far may the paper's nMSE and R2 of a model be from those of its others, relatively.
@@ -272,3 +286,55 @@ def _draw_bars(
         _on_log_axis(axis)
     quantity = title.replace("\n", " ")
     return [(model, quantity, *pair) for model, *pair in zip(models, known, theirs, strict=True)]
+
+
+Row = tuple[str, str, str, str, str, str]
+
+HEADER = ("quantity", "section", "paper", "ours", "deviation", "explanation")
+
+
+def numbers(folder: Path, database: Path, comparison: Path | None = None) -> list[Content]:
+    """Collect the numbers in the paper's text that can be compared with the inputs at hand."""
+    rows = [*_of_the_database(database)]
+    if comparison is not None:
+        rows += _of_the_comparison(comparison)
+    return [table(write_table(folder / "numbers.csv", HEADER, rows))]
+
+
+def _of_the_database(path: Path) -> Iterator[Row]:
+    rows = finished(path)
+    area, seconds, done = rows["area_percent"], rows["solve_seconds"], len(rows)
+    with Reader(path) as reader:
+        failed = int((reader.column("status") == Status.FAILED).sum())
+    yield _row("rows of the database", "3.2", PAPER_ROWS, done, "as asked for", "{:,.0f}")
+    yield "failed simulations", "3.1", "some", f"{failed:,}", "", ""
+    reason, solver = why("areas", largest=AREA_MAX), why("solver")
+    yield _row("largest area [%]", "Table 1", AREA_MAX, float(area.max()), reason)
+    below = 100 * float((area <= AREA_MAX).mean())
+    yield _row("rows up to the paper's largest area [%]", "Table 1", 100, below, reason, "{:.3g}")
+    mean, longest = float(seconds.mean()), float(seconds.max())
+    yield _row("mean time of a simulation [s]", "3.2, 4.4", PAPER_SOLVE, mean, solver)
+    yield _row("longest simulation [s]", "2.4", LONGEST_SOLVE, longest, solver)
+    theirs, ours = PAPER_ROWS * PAPER_SOLVE, done * mean
+    texts = time_of(theirs), time_of(ours), f"1/{theirs / ours:,.0f}"
+    yield "all simulations, one after another", "3.2", *texts, solver
+
+
+def _of_the_comparison(comparison: Path) -> Iterator[Row]:
+    folder = opened(comparison)
+    found = folder.record()["conditions"]
+    limit = found["area_max"]
+    reason = "as asked for" if limit is None else f"rows with areas up to {limit:g} % only"
+    yield _row("rows that train", "3.2", TRAIN_ROWS, found["train_rows"], reason, "{:,.0f}")
+    yield _row("rows that test", "3.2", PAPER_TESTS, found["test_rows"], reason, "{:,.0f}")
+    what, here = "variance of test areas over their mean [%]", spread(folder)
+    yield _row(what, "Table 4", paper.SPREAD, here, why("spread"), "{:.3g}")
+
+
+def _row(
+    quantity: str, section: str, theirs: float, ours: float, reason: str, form: str = "{:.4g}"
+) -> Row:
+    """Return a row; equal numbers need no explanation."""
+    texts = form.format(theirs), form.format(ours)
+    apart = ("none", "") if texts[0] == texts[1] else (ratio(ours, theirs), reason)
+    return quantity, section, *texts, *apart

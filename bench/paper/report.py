@@ -8,14 +8,14 @@ from pathlib import Path
 from bench import databases
 from bench.contents import Absent, Content, files_of
 from bench.databases import OTHER_SEED
-from bench.paper import costs, database, models, surfaces
+from bench.paper import database, models, surfaces
 from bench.record import Making, recorded, typed
 from bench.report import Report, remark
 from gen.runtime.errors import InputError
 from gen.runtime.files import check_folder, make_folder
 
 PARTS: Mapping[str, Callable[..., list[Content]]] = {
-    "numbers": costs.numbers,
+    "numbers": models.numbers,
     "levels": surfaces.levels,
     "profile": surfaces.profile,
     "topographies": surfaces.topographies,
@@ -29,7 +29,6 @@ PARTS: Mapping[str, Callable[..., list[Content]]] = {
     "tuned": models.tuned,
     "table-4": models.table_4,
     "fine": database.fine_grid,
-    "cost": costs.total_cost,
     "appendix": surfaces.equal_kernels,
 }
 """All parts in the paper's order, by the functions that make their files in a folder.
@@ -44,11 +43,10 @@ def paper(
     database: Path | None,
     fine: Path | None,
     comparison: Path | None,
-    cost: Path | None,
     only: Sequence[str],
 ) -> Report:
     """Draw the paper's figures and tables anew; the arguments are those of the command."""
-    inputs = {"database": database, "fine": fine, "comparison": comparison, "cost": cost}
+    inputs = {"database": database, "fine": fine, "comparison": comparison}
     given = {name: path for name, path in inputs.items() if path is not None}
     paths = write_report(folder, given, rows, only=only)
     return Report({}, text="\n".join(map(str, paths)))
@@ -56,11 +54,8 @@ def paper(
 
 GENERATED = {"database", "fine"}  # inputs that are generated where they are not given
 
-HOW = {
-    "comparison": "python -m learn compare and learn tune, then their folder as --comparison of ",
-    "cost": "python -m bench cost, then its folder as --cost of ",
-}
-"""How to get the inputs that are not generated."""
+HOW = "python -m learn compare and learn tune, then their folder as --comparison of "
+"""How to get the input that is not generated."""
 
 
 def inputs_of(name: str) -> dict[str, bool]:
@@ -84,11 +79,7 @@ def write_report(
     in the folder's `databases`. Return pictures and tables, in the paper's order.
     """
     check_folder(folder)
-    for name, refuse in (
-        ("comparison", models.opened),
-        ("cost", costs.read_costs),
-        ("fine", database.check),
-    ):
+    for name, refuse in (("comparison", models.opened), ("fine", database.check)):
         if name in given:
             refuse(given[name])
     parts = _chosen(only, given)
@@ -113,7 +104,7 @@ def contents(folder: Path) -> list[Content]:
     """List what a page shows of a folder of the report: each part, or that it is absent."""
     shown: list[Content] = []
     for name in PARTS:
-        how = "".join(HOW[each] for each in missing_of(name, {})) + "python -m bench paper"
+        how = HOW * bool(missing_of(name, {})) + "python -m bench paper"
         shown += recorded(_record(folder, name)) or [Absent(name, how)]
     return shown
 

@@ -185,7 +185,6 @@ TABLES = {
         "solver",
         (*FIRST, "message", *NUMBERS, "times_ordinary", "checks", "worst", "verdict", "reason"),
     ),
-    "loads": Sheet("Random loads", "loads", "loads"),
     "hardness": Sheet("Random contacts that yield", "hardness", "hardness"),
     "edgeless": Sheet("Random contacts without edges", "edgeless", "edgeless"),
     "models": Sheet("The nine models", "models", "models"),

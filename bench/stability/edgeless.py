@@ -15,8 +15,7 @@ from bench.references.edgeless import Boundary, Patch
 from bench.references.half_space import Field
 from bench.references.surfaces import Random
 from bench.stability.case import Answer, Case, Finding
-from bench.stability.loads import Tally, blocks, surface_and_aspect
-from bench.stability.setup import Setup
+from bench.stability.setup import Setup, Tally, blocks, surface_and_aspect
 
 SALT = 25  # keeps these draws apart from those of other tables with the same seeds
 # Nodes a side at most: of every 50th problem, every 10th, all others.

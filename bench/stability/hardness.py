@@ -15,8 +15,7 @@ from bench.references import dense
 from bench.references.half_space import Field
 from bench.stability.case import Answer, Case, Finding
 from bench.stability.checks import honesty, says_what_yields, unlike_nodes, violation
-from bench.stability.loads import Tally, blocks, surface_and_aspect
-from bench.stability.setup import Setup
+from bench.stability.setup import Setup, Tally, blocks, surface_and_aspect
 from gen.generation.plan import parameters
 from gen.generation.sample import surface_of
 from gen.scene import load

@@ -2,9 +2,8 @@
 
     pytest bench/suites/test_gen.py --benchmark-only
 
-Tasks of `dispatch` cost nothing; under mpiexec the time of a round is that of the whole program,
-and `seconds_per_task` in the extra info is the farm's alone. `python -m bench writers` measures
-both writers on any number of ranks. Budgets at the paper's size on one core: 1 ms for a window of a
+Tasks of `dispatch` cost nothing. `python -m bench writers` measures both writers on any number of
+ranks. Budgets at the paper's size on one core: 1 ms for a window of a
 map and for `describe`, 3 ms for a spectral surface.
 """
 
@@ -26,7 +25,6 @@ from gen.generation.run import Target, blocks_of
 from gen.generation.sample import surface_of
 from gen.maps.library import PreparedMap, stored_maps, write_maps
 from gen.maps.windows import Tiling, cut, drawn
-from gen.runtime.errors import InputError
 from gen.runtime.farm import World
 from gen.scene import Scene
 from gen.spectral import SelfAffineSpectrum, generate_spectral
@@ -67,7 +65,6 @@ def test_write_by_all(benchmark: Any, tmp_path: Path, size: str) -> None:
 
 
 TASKS = {"smoke": 256, "paper": 15_878, "large": 100_000}
-RANKS = 3
 
 
 @pytest.mark.parametrize("size", TASKS)
@@ -76,23 +73,6 @@ def test_dispatch_serially(benchmark: Any, size: str) -> None:
     assert benchmark(dispatch, tasks, World()) == expected(tasks)
     if benchmark.enabled:
         benchmark.extra_info["seconds_per_task"] = benchmark.stats["median"] / tasks
-
-
-@pytest.mark.parametrize("size", TASKS)
-def test_dispatch_to_workers(benchmark: Any, size: str, tmp_path: Path) -> None:
-    tasks = TASKS[size]
-    if size != "smoke" and not benchmark.enabled:
-        pytest.skip("the smoke size asserts the same; this one is for times")
-    arguments = (RANKS, "dispatch", {"tasks": tasks}, tmp_path)
-    try:
-        found = benchmark.pedantic(launch, args=arguments, rounds=1)
-    except InputError as error:
-        if "no mpiexec" not in str(error):
-            raise
-        pytest.skip(str(error))
-    assert found["workers"] == RANKS - 1
-    assert found["total"] == expected(tasks)
-    benchmark.extra_info["seconds_per_task"] = found["seconds"] / tasks
 
 
 SIZES = {"smoke": 33, "paper": 129, "large": 513}
@@ -156,11 +136,8 @@ def test_spectral_window(benchmark: BenchmarkFixture, nodes: int) -> None:
     assert surface.min() == 0.0
 
 
-SIZES = {"smoke": 33, "paper": 129, "large": 513}
 SIDE = 1000.0
 STEP = 1 / 8192  # of heights, so that their exact statistics take seconds [um]
-
-sizes = pytest.mark.parametrize("nodes", SIZES.values(), ids=SIZES)
 
 
 def generated(generator: str, nodes: int) -> NDArray[np.float64]:

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from bench.answers import comparison, hertz, lines, peers
+from bench.answers import lines, peers
 from bench.record import Inputs
 from bench.report import PARTS
 
@@ -20,24 +20,6 @@ def test_what_is_not_there_is_not_listed(tmp_path):
     (tmp_path / "grow").mkdir()
     (tmp_path / "grow" / "grow.csv").write_text("asked,seed\n3,1\n")  # lacks what is asked
     assert lines(PARTS, Inputs(tmp_path, None, None, full=False)) == []
-
-
-def test_models_that_failed_are_no_answer():
-    assert comparison([{"model": "svm", "r2": "", "paper_r2": ""}]) == ""
-
-
-def test_the_error_is_that_of_the_finest_grid_at_the_largest_displacement():
-    table = [
-        ("hertz", "", "0.5", "4"),
-        ("hertz", "", "1.0", "10"),
-        ("uniform-pressure", "64.0", "1.0", "12"),
-        ("uniform-pressure", "128.0", "1.0", "10.1"),
-        ("uniform-pressure", "128.0", "0.5", "9"),
-    ]
-    names = ("solution", "nodes", "delta_um", "force_uN")
-    assert "within 1 % of Hertz's, 128 nodes" in hertz(
-        [dict(zip(names, row, strict=True)) for row in table]
-    )
 
 
 def test_the_fastest_other_solver_is_chosen_case_by_case():

@@ -6,7 +6,7 @@ import pytest
 from launch import mpiexec
 
 from bench import farm as farms
-from bench.farm import dispatch, expected, summary
+from bench.farm import dispatch, expected
 from gen.generation.run import blocks_of
 from gen.runtime import farm
 from gen.runtime.errors import InputError
@@ -16,12 +16,6 @@ from gen.runtime.farm import World
 def test_dispatch_counts_each_task_once() -> None:
     assert dispatch(100, World()) == expected(100)
     assert expected(3) == dispatch(3, World()) != dispatch(2, World())
-
-
-def test_the_speed_up_is_a_median_of_rounds():
-    others = {"alone": 1.9, "1 worker": 2.0, "2 copies": 2.0}
-    turns = [others | {"2 workers": time} for time in (1.0, 1.25, 2.0)]
-    assert "over 1 worker: 1.60 (median of 3 rounds, 1.00 to 2.00)" in summary(turns)
 
 
 def test_rows_out_of_place_are_found(tmp_path):

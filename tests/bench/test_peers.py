@@ -23,9 +23,7 @@ from bench.peers import (
 from bench.solvers.case import Case, find_exact
 from bench.solvers.others import OTHERS
 from bench.solvers.solver import (
-    BEM,
     LADDER,
-    PAPERS,
     Answer,
     Control,
     Failure,
@@ -40,15 +38,6 @@ SMALL = sample(33, 25.0)
 @pytest.fixture(scope="module")
 def case() -> Case:
     return SMALL
-
-
-@pytest.mark.parametrize("contender", [BEM, PAPERS], ids=lambda own: own.name)
-def test_our_own_take_part_under_the_same_rules(contender: Solver, case: Case) -> None:
-    contender.set_up(case.nodes, case.spacing)
-    pressure = contender.solve(case, 1e-10).pressure
-    errors = find_errors(pressure, contender.control, case, find_exact(case))
-    assert errors.good_enough(1)
-    assert errors.pressure_error < 1e-8
 
 
 def test_errors_are_told_by_what_was_given(case: Case) -> None:
@@ -68,17 +57,8 @@ def test_errors_are_told_by_what_was_given(case: Case) -> None:
     )
 
 
-def test_misplaced_nodes_count_both_ways(case: Case) -> None:
-    exact = find_exact(case)
-    pressure = exact.pressure.copy().reshape(-1)
-    pressure[np.flatnonzero(pressure == 0)[:3]] = 1e-30
-    pressure[np.flatnonzero(pressure > 1e-20)[:2]] = 0
-    shape = exact.pressure.shape
-    assert find_errors(pressure.reshape(shape), "displacement", case, exact).misplaced_nodes == 5
-
-
-@pytest.mark.parametrize("guess", [1.0, *LADDER, 1e-20])
-@pytest.mark.parametrize("enough", [LADDER[0], 1e-5, LADDER[-1], 1e-13])
+@pytest.mark.parametrize("guess", [1.0, LADDER[0], 1e-6, 1e-20])
+@pytest.mark.parametrize("enough", [LADDER[0], 1e-5, 1e-13])
 def test_the_loosest_tolerance_is_found_from_any_guess(guess: float, enough: float) -> None:
     found = loosest(lambda tolerance: tolerance <= enough * 1.001, LADDER, guess)
     assert found == next((t for t in LADDER if t <= enough * 1.001), None)
@@ -141,10 +121,11 @@ def test_times_over_ours_are_of_the_same_round(monkeypatch: pytest.MonkeyPatch) 
     assert (ours.seconds, theirs.seconds) == (0.2, 0.3)
 
 
-def test_who_is_never_good_enough_is_named() -> None:
-    loose = Stub(name="loose", ladder=(1e-1, 1e-2))
-    (row,) = compare([SMALL], [loose], 1)
-    assert (row["tolerance"], row["remark"]) == (None, "not good enough at 1e-02")
+def test_who_takes_too_long_to_be_repeated_has_a_ratio_too() -> None:
+    """Ours among them, and one that has no time at all."""
+    ours, theirs, failed = (Trial(Stub(name=name), SMALL) for name in ("", "theirs", "failed"))
+    ours._seconds, theirs._seconds = [6.0], [9.0]
+    assert (ours.times(ours), theirs.times(ours), failed.times(ours)) == (1.0, 1.5, None)
 
 
 def test_command_writes_table_and_picture(
@@ -218,10 +199,7 @@ def test_packages_without_a_line_are_named_on_the_page(tmp_path: Path) -> None:
     ("arguments", "message"),
     [
         (["--nodes", "128"], "nodes 128: give 2^k + 1"),
-        (["--nodes", "1.5"], "nodes '1.5': give numbers with commas between them"),
-        (["--deltas", "0"], "delta 0.0: give a displacement above 0 um"),
         (["--hardness", "0.1,0"], "hardness 0.0: give a share of E* above 0"),
-        (["--deltas", "nan"], "delta nan: give a displacement above 0 um"),
         (["--boundary", "mirror"], "boundary mirror: give free or periodic"),
         (["--boundary", "periodic", "--hardness", "0.1"], "hardness with boundary periodic"),
         (["--boundary", "periodic", "--nodes", "129"], "nodes 129: give 2^k from 32 on"),

@@ -11,6 +11,7 @@ from page_parts import inputs
 from bench import commands, files, page, report
 from bench import contents as shown
 from bench.__main__ import app as bench
+from bench.contents import contents_of, files_of
 from bench.record import Inputs
 from bench.report import PARTS, Part
 from learn.cli import app as learn
@@ -39,6 +40,25 @@ def _assert_a_command(given: Inputs, each: Part) -> None:
         command = getattr(command, "commands", {}).get(arguments[2], command)
         known = {option for parameter in command.params for option in parameter.opts}
         assert {word for word in arguments[3:] if word.startswith("-")} <= known, arguments
+
+
+def test_curves_of_a_short_run_have_three_points_or_more() -> None:
+    """Lists of grids and displacements are what its pictures have on their abscissas."""
+    lists = [
+        arguments[place + 1].split(",")
+        for arguments in (inputs(Path("report")).arguments(each) for each in PARTS)
+        for place, word in enumerate(arguments)
+        if word in {"--nodes", "--deltas"}
+    ]
+    assert lists
+    assert all(len(values) == 1 or len(values) >= 3 for values in lists)
+
+
+def test_a_short_run_that_draws_fewer_pictures_is_shown(tmp_path: Path) -> None:
+    for name in ("grow.txt", "grow.csv", "quick.png"):
+        (tmp_path / name).write_text("made")
+    listed = [path.name for each in contents_of("grow", tmp_path) for path in files_of(each)]
+    assert listed == ["grow.csv", "quick.png", "grow.csv"]
 
 
 FALL = """

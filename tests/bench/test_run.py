@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -198,10 +199,11 @@ def test_a_folder_that_another_run_writes_is_refused(
 
 
 def test_what_is_not_there_is_left_out_of_a_command(tmp_path: Path) -> None:
-    wishing = part("wishing", "-m bench paper [--cost {cost}] [--comparison {comparison}]")
+    wishing = part("wishing", "-m bench paper [--comparison {comparison}]")
     assert inputs(tmp_path).arguments(wishing) == ["-m", "bench", "paper"]
-    written("cost.csv", [["solve"], [1]], tmp_path / "cost")
-    assert inputs(tmp_path).arguments(wishing)[3:] == ["--cost", str(tmp_path / "cost")]
+    compared = tmp_path / "comparison"
+    written("scores.csv", [["r2"], [1]], compared)
+    assert inputs(tmp_path).arguments(wishing)[3:] == ["--comparison", str(compared)]
 
 
 def test_a_command_that_was_run_elsewhere_names_no_folder_of_that_machine(tmp_path: Path) -> None:
@@ -305,12 +307,24 @@ def test_the_times_of_all_parts_of_a_short_run_are_known(
     assert f"{len(short)} parts to make: " in said
 
 
+@pytest.mark.parametrize(("full", "minutes"), [([], 10), (["--full"], 180)])
+def test_runs_take_ten_minutes_or_three_hours_by_the_published_times(
+    full: list[str], minutes: int, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["run", "-o", str(tmp_path / "report"), "--plan", *full]) == 0
+    *_, last = capfd.readouterr().out.splitlines()
+    time = re.search(r"(\d+) min by earlier records", last)
+    assert time is not None
+    assert int(time[1]) <= minutes
+    assert not (tmp_path / "report").exists()
+
+
 def test_parts_run_together_unless_they_measure_times_or_need_each_other(tmp_path: Path) -> None:
     one, two, three = (part(name, WRITE) for name in ("one", "two", "three"))
     timed = replace(part("timed", WRITE), alone=True)
-    reading = part("reading", WRITE + "#{cost}")
-    cost = part("cost", WRITE)
-    together = running._batches([one, two, three, timed, cost, reading], inputs(tmp_path))
+    reading = part("reading", WRITE + "#{comparison}")
+    compared = part("comparison", WRITE)
+    together = running._batches([one, two, three, timed, compared, reading], inputs(tmp_path))
     assert [[each.name for each in batch] for batch in together] == [
-        *(["one", "two"], ["three"], ["timed"], ["cost"], ["reading"])
+        *(["one", "two"], ["three"], ["timed"], ["comparison"], ["reading"])
     ]

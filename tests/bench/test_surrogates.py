@@ -1,7 +1,6 @@
 """Reports on surrogates: the same functions as the commands', on a few rows of the paper preset."""
 
 import dataclasses
-import json
 import signal
 
 import pytest
@@ -17,7 +16,6 @@ from bench.surrogates.cost import (
     measured,
     of_the_paper,
     sizes,
-    tuning_seconds,
 )
 from bench.surrogates.fitting import fit, parted, read, request_for
 from gen.database import Counts, Reader
@@ -37,20 +35,6 @@ def paper(tmp_path_factory):
 
 def test_the_papers_break_even_follows_from_its_times():
     assert of_the_paper()["break_even"] == pytest.approx(PAPER_BREAK_EVEN, abs=1)
-
-
-def test_the_median_leaves_the_first_call_out(monkeypatch):
-    now, calls = [0.0], []
-    monkeypatch.setattr(times, "process_time", lambda: now[0])
-    monkeypatch.setattr(times, "ENOUGH", 0.35)
-
-    def call():
-        now[0] += 100.0 if not calls else 0.1
-        calls.append(None)
-
-    assert times.median_seconds(call) == pytest.approx(0.1)
-    assert len(calls) == 1 + 4
-    assert times.mean_seconds([call, call]) == pytest.approx(0.1)
 
 
 def test_databases_are_resumed_and_others_are_refused(tmp_path, capsys):
@@ -119,30 +103,6 @@ def test_costs_end_to_end(paper, tmp_path, monkeypatch):
     assert "Beside it, queries from which on surrogates on new surfaces pay: paper from" in text
     last = {point["features"]: point["nmae"] for point in costs.points}
     assert last["hybrid"] < last["paper"]
-
-
-TUNED = {
-    "model": "kernel-ridge",
-    "settings": {"alpha": 1e-6},
-    "settings_key": "alpha",
-    "refit": {},
-    "fitted": {},
-    "test": None,
-    "train": None,
-    "failure": "as an example",
-    "remarks": [],
-    "search": {},
-    "times": {"fit": 1.0, "fits": 1, "test": 1.0, "row": 1.0, "search": 12.5},
-}
-
-
-def test_the_time_of_a_search_is_taken_from_its_folder(tmp_path):
-    (tmp_path / "area" / "tuned").mkdir(parents=True)
-    result = tmp_path / "area" / "tuned" / "kernel-ridge.json"
-    with pytest.raises(InputError, match="has no search of kernel ridge"):
-        tuning_seconds(tmp_path)
-    result.write_text(json.dumps(TUNED), encoding="utf-8")
-    assert tuning_seconds(tmp_path) == 12.5
 
 
 @pytest.mark.parametrize(

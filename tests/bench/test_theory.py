@@ -12,7 +12,6 @@ from launch import launch
 
 from bem.analytic import BUSH_GIBSON_THOMAS, PERSSON
 from bench import theory
-from bench.report import Report
 from gen.spectral import SelfAffineSpectrum
 
 Curves = dict[tuple[str, int | str], list[dict[str, Any]]]
@@ -41,14 +40,6 @@ def test_forces_of_the_papers_example(curves: Curves) -> None:
         assert forces[key] / exact == pytest.approx(share, abs=1e-6)
 
 
-def test_areas_of_the_papers_example(curves: Curves) -> None:
-    """The concentrated force makes them small, less so on the finer grid."""
-    areas = {key: curve[-1]["area_percent"] for key, curve in curves.items()}
-    concentrated = [areas["concentrated-force", nodes] for nodes in (128, 256)]
-    assert concentrated[0] < concentrated[1] < areas["hertz", ""]
-    assert areas["uniform-pressure", 256] == pytest.approx(areas["hertz", ""], rel=0.02)
-
-
 @pytest.mark.long
 def test_command_writes_table_and_picture(tmp_path: Path) -> None:
     done = launch(0, "hertz", "-o", "new/reports", folder=tmp_path, module="bench")
@@ -64,18 +55,6 @@ def test_command_writes_table_and_picture(tmp_path: Path) -> None:
     assert float(exact[-1]["delta_um"]) == 1
     assert float(exact[-1]["force_uN"]) == pytest.approx(94.2809, abs=1e-4)
     assert float(exact[-1]["area_percent"]) == pytest.approx(1.5708, abs=1e-4)
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("folder", ["taken", "taken/below", "/proc/nowhere"])
-def test_folders_that_cannot_be_written_are_refused(folder: str, tmp_path: Path) -> None:
-    (tmp_path / "taken").touch()
-    done = launch(0, "hertz", "-o", folder, folder=tmp_path, module="bench")
-    assert done.returncode == 2
-    assert done.stdout == ""
-    assert len(done.stderr.splitlines()) == 1
-    assert done.stderr.startswith(f"bench: {folder} ")
-    assert [entry.name for entry in tmp_path.iterdir()] == ["taken"]
 
 
 @pytest.mark.parametrize("arguments", [["--help"], ["hertz", "--help"]])
@@ -121,23 +100,6 @@ def test_gaps_and_stiffness_are_those_of_perssons_relation(rows: list[dict[str, 
         assert computed == pytest.approx(expected, rel=0.1)
 
 
-def test_stiffness_is_the_slope_of_the_mean_gap(rows: list[dict[str, Any]]) -> None:
-    """Between loads half as large again, to 15 %."""
-    pressure, gap = column(rows, "pressure"), column(rows, "mean_gap")
-    compliance = -np.diff(gap[:, :-3], axis=1) / np.diff(pressure[:, :-3], axis=1)
-    stiffness = column(rows, "stiffness")[:, :-3]
-    between = np.sqrt(stiffness[:, 1:] * stiffness[:, :-1])
-    assert compliance * between == pytest.approx(1, rel=0.15)
-
-
-def test_broad_bands_have_large_bandwidth_parameters() -> None:
-    """Nayak's alpha is 1.5 for one wavelength, and 2 for a flat spectrum from no wavenumber on."""
-    flat = SelfAffineSpectrum(0.8, 1e-3, 1e-3)
-    assert theory.nayak(theory.persson(flat)) == pytest.approx(2, rel=1e-3)
-    bands = [SelfAffineSpectrum(0.8, band * 1e-3, 1e-3) for band in (1, 4, 16)]
-    assert (np.diff([theory.nayak(theory.persson(each)) for each in bands]) > 0).all()
-
-
 def test_perssons_interface_has_the_moments_of_the_surfaces() -> None:
     """The rms slope to rounding; the rms height, of few long waves, to 5 %."""
     spectrum = SelfAffineSpectrum(0.8, 0.25, 0.0625)
@@ -145,8 +107,3 @@ def test_perssons_interface_has_the_moments_of_the_surfaces() -> None:
     assert interface.rms_slope() == pytest.approx(theory.RMS_SLOPE, rel=1e-12)
     rms_height = theory.random_surface(spectrum, NODES, seed=0).std()
     assert interface.rms_height() == pytest.approx(rms_height, rel=0.05)
-
-
-def test_report_is_a_table_and_two_pictures(rows: list[dict[str, Any]], tmp_path: Path) -> None:
-    paths = Report({"theory": rows}).write(tmp_path, "theory")
-    assert [path.name for path in paths] == ["theory.csv", "area.png", "gap.png"]

@@ -1,28 +1,30 @@
 """The whole report on few rows: what it holds, what it makes anew, and what its tables say."""
 
 import csv
-import os
 
 import pytest
 
 import learn.cli
 from bench import __main__ as bench
-from bench import picture, theory
+from bench import databases, picture, theory
 from bench.contents import Absent, Figure, Table, Words, files_of
-from bench.files import write_table
-from bench.paper import database, facts, report
+from bench.paper import database, facts, models, report, surfaces
 from bench.paper.facts import why
 from bench.paper.report import contents
 from bench.record import Making, read
-from bench.surrogates.cost import PAPER_BREAK_EVEN
 from gen.database import Reader
 from gen.runtime.errors import InputError
-from learn.surrogate.break_even import break_even
+from gen.statistics import describe
 
 pytestmark = pytest.mark.long
 
-COST = ("asked", "solver", "features", *("rows", "database", "tuning", "fit", "solve", "query"))
 NAMES = set(report.PARTS)
+
+
+@pytest.fixture(scope="module")
+def preset(tmp_path_factory):
+    """120 rows of the paper preset."""
+    return databases.of_the_paper(None, tmp_path_factory.mktemp("paper"), 120)
 
 
 def table_of(path):
@@ -51,26 +53,10 @@ def comparison(preset, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def cost(tmp_path_factory):
-    """What `bench cost` writes, with round numbers."""
-    folder = tmp_path_factory.mktemp("cost")
-    rows = [
-        ("statistics at hand", "the paper's", "paper, as published", 100, 1000, 50, 5, 10, 0.1),
-        ("new surfaces", "the paper's", "paper", 100, 1000, 50, 5, 10, 0.2),
-        ("new surfaces", "ours", "paper", 100, 2.0, 0.0, 1.0, 0.02, 0.01),
-        ("new surfaces", "ours", "hybrid", 100, 2.5, 2.0, 1.0, 0.02, 0.03),
-    ]
-    evens = [break_even(sum(row[4:7]), *row[7:]) for row in rows]
-    even = [(*row, value) for row, value in zip(rows, evens, strict=True)]
-    write_table(folder / "cost.csv", (*COST, "break_even"), even)
-    return folder
-
-
-@pytest.fixture(scope="module")
-def made(preset, comparison, cost, tmp_path_factory):
+def made(preset, comparison, tmp_path_factory):
     """The whole report on few rows: its folder, its inputs, the files that it told of."""
     folder, compare = tmp_path_factory.mktemp("made"), theory.hertz
-    given = {"database": preset, "comparison": comparison, "cost": cost}
+    given = {"database": preset, "comparison": comparison}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(theory, "hertz", lambda: compare(3))
         return folder, given, report.write_report(folder, given, 200)
@@ -120,35 +106,16 @@ def test_tables_hold_both_sides(made, preset):
     assert fifth["nmae"]["paper"] == "3.95"
 
 
-def test_costs_meet_where_the_lines_cross(made):
-    folder, *_ = made
-    rows = {row["cost"]: row for row in table_of(folder / "total-cost.csv")}
-    even = rows["contacts from which on it pays"]
-    assert even["ours_paper"] == "300"
-    assert even["ours_hybrid"] == "never"
-    numbers = {row["quantity"]: row for row in table_of(folder / "numbers.csv")}
-    assert numbers["break-even [contacts]"]["paper"] == f"{PAPER_BREAK_EVEN:,}"
-    assert numbers["rows of the database"]["explanation"] == "as asked for"
-
-
-def test_more_displacement_and_smoother_surfaces_touch_more(made):
-    rows = {row["panels"]: row for row in table_of(made[0] / "topographies.csv")}
-    areas = {name: float(row["area_percent"]) for name, row in rows.items()}
-    assert areas["a, d"] < min(areas["b, e"], areas["c, f"])
-    assert [float(row["delta_um"]) for row in rows.values()] == [25, 35, 25]
-
-
-def test_only_what_its_inputs_changed_is_made_again(made, cost, capsys):
+def test_only_what_its_inputs_changed_is_made_again(made, comparison, capsys):
     folder, given, paths = made
     assert report.write_report(folder, given, 200) == paths
     assert capsys.readouterr().err == ""
-    os.utime(cost / "cost.csv", (1, 1))
     (folder / "profile.png").unlink()
+    (folder / "numbers.csv").unlink()
     assert report.write_report(folder, given, 200) == paths
     assert [line.split()[-1] for line in capsys.readouterr().err.splitlines()] == [
         "numbers",
         "profile",
-        "cost",
     ]
 
 
@@ -169,10 +136,9 @@ def test_what_is_missing_is_absent_with_what_to_do(tmp_path):
 
 def test_without_a_comparison_there_is_nothing_of_models(tmp_path):
     left = NAMES - set(report._chosen((), {}))
-    assert left == {"table-3", "baselines", "tuned", "table-4", "cost"}
+    assert left == {"table-3", "baselines", "tuned", "table-4"}
     absent = {each.what: each.how for each in contents(tmp_path)}
     assert "learn compare" in absent["table-4"]
-    assert "bench cost" in absent["cost"]
     assert absent["hertz"] == "python -m bench paper"
 
 
@@ -188,13 +154,10 @@ def test_a_part_is_made_alone_without_what_it_does_not_need(tmp_path):
     ("arguments", "message"),
     [
         (["--comparison", "nowhere"], "--comparison nowhere: give a folder of learn compare"),
-        (["--cost", "nowhere"], "--cost nowhere: give a folder of python -m bench cost"),
-        (["--database", "nowhere.h5"], "nowhere.h5 does not exist"),
         (["--fine", "nowhere.h5"], "nowhere.h5 does not exist"),
         (["--fine", "PRESET"], "has 129 nodes a side, give one with more than 129"),
-        (["--rows", "5"], "--rows"),
         (["--only", "table-9"], "--only table-9: give one of numbers, levels"),
-        (["--only", "cost"], "--only cost: needs --cost"),
+        (["--only", "table-4"], "--only table-4: needs --comparison"),
     ],
 )
 def test_bad_input_is_one_line(arguments, message, preset, tmp_path, capsys):
@@ -204,3 +167,19 @@ def test_bad_input_is_one_line(arguments, message, preset, tmp_path, capsys):
     assert message in error
     assert error.count("\n") == 1
     assert not (tmp_path / "out").exists()
+
+
+def test_kinds_that_were_not_made_are_left_out(preset, tmp_path):
+    compared = [str(preset), "-o", str(tmp_path / "one"), "--area-max", "60"]
+    assert learn.cli.main(["compare", *compared, "--model", "decision-tree"]) == 0
+    assert models.tuned(tmp_path, tmp_path / "one") == []
+    drawn, _ = models.baselines(tmp_path, tmp_path / "one")
+    assert "The closest of these here: Decision Tree" in drawn.caption
+
+
+def test_marks_are_what_the_statistics_count():
+    heights = surfaces.shown_surface(surfaces.ROUGH)
+    values = describe(heights, 1.0).values
+    along = [surfaces.above(heights, *each) for each in (surfaces.ALONG, surfaces.ACROSS)]
+    assert sum(marks.sum() for marks in along) == round(values["peak_density"] * 2 * heights.size)
+    assert heights[along[0] & along[1]].mean() == pytest.approx(values["asperity_mean"])

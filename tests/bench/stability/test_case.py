@@ -62,7 +62,7 @@ def is_fast(table: str, case: Case) -> bool:
         return case.name in MODELS or case.family == "models: few rows"
     return not (
         case.slow
-        or table in {"loads", "hardness", "edgeless"}
+        or table in {"hardness", "edgeless"}
         or (table == "surfaces" and {case.name, case.name.partition(",")[0]} & LARGE)
     )
 
@@ -147,19 +147,10 @@ def test_all_tables_are_run_unless_some_are_named(
     assert command.main(["stability", "--of", "models", "-o", str(tmp_path)]) == 0
     assert [path.name for path in tmp_path.iterdir()] == ["models.csv"]
     shown = contents_of("stability", tmp_path)
-    assert [type(each) for each in shown] == [*5 * [Absent], Table]
+    assert [type(each) for each in shown] == [*4 * [Absent], Table]
     assert command.main(["stability", "-o", str(tmp_path)]) == 0
     names = {f"{sheet.file}.csv" for sheet in TABLES.values()}
     assert {path.name for path in tmp_path.iterdir()} == names
     capsys.readouterr()
     assert command.main(["stability", "--of", "rivers"]) == 2
-    assert "surfaces, solver, loads, hardness, edgeless, models" in capsys.readouterr().err
-
-
-def test_folders_are_refused_before_anything_is_solved(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(tables, "cases_of", lambda _name: pytest.fail("ran"))
-    (tmp_path / "taken").touch()
-    assert command.main(["stability", "-o", str(tmp_path / "taken")]) == 2
-    assert len(capsys.readouterr().err.splitlines()) == 1
+    assert "surfaces, solver, hardness, edgeless, models" in capsys.readouterr().err

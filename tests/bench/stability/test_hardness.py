@@ -12,22 +12,6 @@ from bench.stability.setup import Setup
 SEED = 11
 
 
-def more(contact: bem.Contact) -> bem.Contact:
-    return replace(contact, force=1.001 * contact.force)
-
-
-def above(contact: bem.Contact) -> bem.Contact:
-    return replace(contact, pressure=contact.pressure * 1.001)
-
-
-def less(contact: bem.Contact) -> bem.Contact:
-    return replace(contact, pressure=contact.pressure * 0.999)
-
-
-def loose(contact: bem.Contact) -> bem.Contact:
-    return replace(contact, residual=contact.residual + 1e-6)
-
-
 def nothing(contact: bem.Contact) -> bem.Contact:
     raise ZeroDivisionError
 
@@ -35,10 +19,9 @@ def nothing(contact: bem.Contact) -> bem.Contact:
 @pytest.mark.parametrize(
     ("spoil", "words"),
     [
-        (more, "force off least squares"),
-        (above, "nodes in tension or above the hardness"),
-        (less, "nodes off least squares"),
-        (loose, "residual off"),
+        (lambda c: replace(c, force=1.001 * c.force), "force off least squares"),
+        (lambda c: replace(c, pressure=0.999 * c.pressure), "nodes off least squares"),
+        (lambda c: replace(c, residual=c.residual + 1e-6), "residual off"),
         (nothing, "ZeroDivisionError at seed 11"),
     ],
 )

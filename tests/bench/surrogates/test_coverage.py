@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 
-from bench import __main__ as bench
-from bench.contents import contents_of
 from bench.surrogates import coverage as study
-from bench.surrogates.coverage import FEW, HARDNESS, cases, column, coverage, verdict
+from bench.surrogates.coverage import HARDNESS, cases, column, coverage, verdict
 from gen.runtime.errors import InputError
 
 pytestmark = pytest.mark.long
@@ -74,22 +72,6 @@ def test_rows_that_judge_train_nothing(made):
                 assert HARDNESS[0] <= inside.min() <= inside.max() <= HARDNESS[1]
 
 
-def test_rows_of_a_finer_grid_all_train(made):
-    folder, _ = made
-    paths = {name: folder / "databases" / f"{name}.h5" for name in SMALL}
-    hybrids = {
-        name: study.hybrid_rows(path, study.Executor(), bool) for name, path in paths.items()
-    }
-    pool = ("paper", "fine-257")
-    rows = study._read(paths, hybrids, pool)
-    with pytest.MonkeyPatch.context() as small:
-        small.setattr(study, "FINE", {257: "fine-257"})
-        found = {case.trained_on: case for case in cases(pool, rows, 1)}
-    parts = study._parts(found["preset and 20 rows of fine-257"], rows, 200, 1)
-    assert (parts.train.database == 1).sum() == FEW
-    assert not (parts.calibration.database == 1).any()
-
-
 def test_the_table_pools_the_seeds(made):
     found, table = (made[1].tables[name] for name in ("coverage-seeds", "coverage"))
     assert len(table) == 7
@@ -110,17 +92,6 @@ def test_verdicts_allow_for_a_standard_error():
     assert verdict(0.88, 0.0) == "met"
     assert verdict(0.87, 0.02) == "met within its error"
     assert verdict(0.85, 0.02) == "not met"
-
-
-def test_the_command_writes_what_the_page_shows(made, tmp_path, monkeypatch):
-    monkeypatch.setattr(study, "coverage", lambda **_: made[1])
-    assert bench.main(["coverage", "-o", str(tmp_path)]) == 0
-    assert {path.name for path in tmp_path.iterdir()} == {
-        "coverage.csv",
-        "coverage-seeds.csv",
-        "coverage.txt",
-    }
-    assert contents_of("coverage", tmp_path)
 
 
 def test_too_few_rows_are_refused(tmp_path):

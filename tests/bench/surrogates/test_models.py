@@ -6,7 +6,7 @@ import pytest
 
 from bench.__main__ import main
 from bench.files import read_table
-from bench.surrogates.models import Cost, costs, front, picture
+from bench.surrogates.models import Cost, costs, front
 from gen.runtime.errors import InputError
 
 
@@ -60,10 +60,6 @@ def test_command_writes_table_and_picture(comparison: Path, tmp_path: Path) -> N
     assert [row["model"] for row in rows] == ["decision-tree", "kernel-ridge", "kernel-ridge"]
     assert rows[0]["search_s"] == ""
     assert (tmp_path / "out" / "models.png").read_bytes().startswith(b"\x89PNG")
-
-
-def test_without_a_search_there_is_no_panel_for_it() -> None:
-    assert len(picture([cost("svm", 10, 1)]).axes) == 2
 
 
 def test_what_is_no_comparison_is_refused(
