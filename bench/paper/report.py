@@ -101,12 +101,16 @@ def write_report(
 
 
 def contents(folder: Path) -> list[Content]:
-    """List what a page shows of a folder of the report: each part, or that it is absent."""
+    """List what a page shows of a folder of the report: each part, or that it is absent.
+
+    Parts that earlier code made, and this code does not make, come last.
+    """
     shown: list[Content] = []
     for name in PARTS:
         how = HOW * bool(missing_of(name, {})) + "python -m bench paper"
         shown += recorded(_record(folder, name)) or [Absent(name, how)]
-    return shown
+    earlier = sorted({*folder.glob("*.part.json")} - {_record(folder, name) for name in PARTS})
+    return shown + [each for path in earlier for each in recorded(path) or ()]
 
 
 def _record(folder: Path, name: str) -> Path:

@@ -161,7 +161,7 @@ def test_commands_make_and_rewrite_a_page(
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["run", "nothing", "-o", "here"], "nothing: give one of resolution, grid-error"),
+        (["run", "nothing", "-o", "here"], "nothing: give one of resolution"),
         (["run", "speedup", "-o", "here"], "speedup: takes long, and needs --full"),
         (["run", "scale", "-o", "here"], "scale: left with commit d9d1fb3"),
         (["run", "-o", "here", "--comparison", "nowhere"], "--comparison nowhere: give a folder"),
