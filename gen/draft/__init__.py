@@ -154,7 +154,7 @@ files = [{names}]
     lines, width = [], max(len(quoted(_name(look.path, home))) for look in used) + 1
     for look in proposal.looks:
         name, texture = quoted(_name(look.path, home)), look.texture
-        if look.fault or texture is None:
+        if look.fault:
             lines.append(f"    # {name} is left out: {one_line(look.fault)}")
             continue
         rough = f"rms height {texture.rms_height:.3g} um, rms slope {texture.rms_slope:.3g}"

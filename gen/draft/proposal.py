@@ -53,19 +53,13 @@ class Proposal:
     @property
     def length(self) -> float:
         """Autocorrelation length of a usual map [um]; NaN if it is unknown."""
-        return _usual_length([known_texture(look) for look in self.used])
+        return _usual_length([look.texture for look in self.used])
 
     @property
     def tiling(self) -> Tiling:
         """Tiles of the maps that are used."""
-        shapes = tuple(known_texture(look).shape for look in self.used)
+        shapes = tuple(look.texture.shape for look in self.used)
         return Tiling(shapes, (self.nodes, self.nodes))
-
-
-def known_texture(look: MapSurvey) -> Texture:
-    """Return the texture of a map that is used."""
-    assert look.texture is not None  # maps without one have a fault
-    return look.texture
 
 
 def propose(
@@ -92,7 +86,7 @@ def propose(
             looks[index] = with_texture(look, reading, target)
         looked()
     used = require_used(looks)
-    textures = [known_texture(look) for look in used]
+    textures = [look.texture for look in used]
     step = max(used[0].spacing) if spacing is None else spacing
     nodes = window_nodes([each.shape for each in textures], _usual_length(textures) / step)
     if nodes is None:
@@ -100,10 +94,10 @@ def propose(
             f"the maps are too small for windows: all have fewer than {SIZES[-1]} nodes a side"
         )
     for index, look in enumerate(looks):
-        if not look.fault and min(shape := known_texture(look).shape) < nodes:
+        if not look.fault and min(shape := look.texture.shape) < nodes:
             fault = f"{shape[0]} x {shape[1]} nodes hold no window of {nodes} x {nodes}"
             looks[index] = replace(look, fault=fault)
-    textures = [known_texture(look) for look in require_used(looks)]
+    textures = [look.texture for look in require_used(looks)]
     loads = choose_loads(material, [each.rms_slope for each in textures], nodes**2)
     windows = _windows([each.shape for each in textures], nodes)
     return Proposal(tuple(looks), reading, spacing, nodes, windows, loads, material)
@@ -343,7 +337,7 @@ def propose_like(path: Path, reading: Reading, material: Material) -> Likeness:
         slope=rounded(slope, 3),
         windows=windows,
         height=slope * height,
-        loads=choose_loads(material, [known_texture(look).rms_slope], NODES**2),
+        loads=choose_loads(material, [look.texture.rms_slope], NODES**2),
         material=material,
     )
 

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from rich.table import Table
 
 from gen.arrays import Heights, Values
 from gen.maps import filters
@@ -20,12 +19,23 @@ from gen.maps.read import Sides, Topography, in_words, read
 from gen.maps.settings import SPIKE, Reading
 from gen.maps.texture import areal_parameters
 from gen.runtime.errors import InputError
-from gen.runtime.terminal import print_table
+from gen.runtime.terminal import print_columns
 from gen.statistics import rms_slope
 
 # share of the variance about the mean plane that a quadratic form holds at least: less may be a
 # long wave of the roughness
 FORM = 0.9
+
+
+@dataclass(frozen=True)
+class Texture:
+    """Roughness of a prepared map; NaN before it is known."""
+
+    shape: tuple[int, int] = (0, 0)  # nodes along x and y
+    rms_height: float = math.nan  # [um]
+    rms_slope: float = math.nan  # between neighbouring nodes, as in databases [1]
+    # autocorrelation length Sal of ISO 25178, NaN if half of the map is too short for it [um]
+    length: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -41,23 +51,12 @@ class MapSurvey:
     spikes: Spikes | None = None  # spikes, None of a file that cannot be read
     tilt: Sides = (math.nan, math.nan)  # slopes of the mean plane along x and y [1]
     form: float = 0.0  # share of the variance about the mean plane that a quadratic takes out [1]
-    texture: Texture | None = None  # roughness after the preparation; None before it is known
+    texture: Texture = Texture()  # after the preparation
 
     @property
     def holes(self) -> float:
         """Share of the nodes without a height [1]."""
         return self.missing / max(1, math.prod(self.shape))
-
-
-@dataclass(frozen=True)
-class Texture:
-    """Roughness of a prepared map."""
-
-    shape: tuple[int, int]  # nodes along x and y
-    rms_height: float  # root mean square height [um]
-    rms_slope: float  # root mean square slope between neighbouring nodes, as in databases [1]
-    # autocorrelation length Sal of ISO 25178, NaN if half of the map is too short for it [um]
-    length: float
 
 
 def survey(
@@ -148,7 +147,7 @@ def with_texture(look: MapSurvey, reading: Reading, spacing: Sides | None) -> Ma
 def remarks(look: MapSurvey) -> list[str]:
     """List the remarks on a map that is used."""
     said = []
-    if look.texture is not None and look.texture.rms_slope > STEEP:
+    if look.texture.rms_slope > STEEP:
         said.append(f"steep, above {STEEP:g}")
     if look.form > FORM:
         said.append("curved form")
@@ -208,8 +207,6 @@ def common_threshold(found: Sequence[Spikes]) -> float | None:
     return float(f"{middle:.2g}") if surface < float(f"{middle:.2g}") < nearest else middle
 
 
-WIDTH = 132  # width of the table without a terminal [characters]
-
 TITLES = (
     *("map", "nodes", "spacing um", "unit", "holes %", "spikes", "tilt", "rms height um"),
     *("rms slope", "use"),
@@ -218,13 +215,8 @@ TITLES = (
 
 def print_looks(looks: Sequence[MapSurvey]) -> None:
     """Print a line for each file: its content, and whether it is used or why not."""
-    table = Table(box=None, pad_edge=False)
-    for title in TITLES:
-        left = title in {"map", "unit", "use"}
-        table.add_column(title, justify="left" if left else "right", overflow="fold")
-    for look in looks:
-        table.add_row(*_cells(look))
-    print_table(table, WIDTH)
+    right = set(TITLES) - {"map", "unit", "use"}
+    print_columns([_cells(look) for look in looks], TITLES, right)
 
 
 def _cells(look: MapSurvey) -> list[str]:
@@ -232,7 +224,11 @@ def _cells(look: MapSurvey) -> list[str]:
     use = f"no: {look.fault}" if look.fault else "; ".join(["yes", *remarks(look)])
     if not look.shape[0]:
         return [look.path.name, *["-"] * (len(TITLES) - 2), use]
-    texture = look.texture
+    numbers = (
+        f"{max(map(abs, look.tilt)):.2g}",
+        f"{look.texture.rms_height:.3g}",
+        f"{look.texture.rms_slope:.3g}",
+    )
     return [
         look.path.name,
         f"{look.shape[0]} x {look.shape[1]}",
@@ -240,8 +236,6 @@ def _cells(look: MapSurvey) -> list[str]:
         look.unit or "um?",
         f"{100 * look.holes:.2g}",
         "-" if look.spikes is None else str(look.spikes.number),
-        "-" if math.isnan(look.tilt[0]) else f"{max(map(abs, look.tilt)):.2g}",
-        "-" if texture is None else f"{texture.rms_height:.3g}",
-        "-" if texture is None else f"{texture.rms_slope:.3g}",
+        *("-" if number == "nan" else number for number in numbers),
         use,
     ]
