@@ -22,7 +22,7 @@ import numpy as np
 
 from gen.arrays import Heights
 from gen.maps import text
-from gen.maps.scan import Channel, Scan, arranged, choice_in_words, choose_channel
+from gen.maps.scan import Channel, Scan, arranged, choose_channel
 from gen.maps.settings import Asked, Reading, numbers_in, said
 from gen.runtime.errors import InputError
 from gen.runtime.files import require_file
@@ -314,11 +314,10 @@ def _own_scan(path: Path, matrices: Sequence[text.Matrix], reading: Reading) -> 
         )
         for place, (matrix, (_, unit)) in enumerate(zip(matrices, units, strict=True))
     ]
-    taken = choose_channel(path, channels, reading).index
+    taken, origin = choose_channel(path, channels, reading)
     matrix, (factor, unit) = matrices[taken], units[taken]
     heights, widths = text.checked(matrix.numbers, path), None
     x_unit, y_unit = (matrix.entries.get(f"{axis} unit", "") for axis in "xy")
-    origin = choice_in_words(channels, taken)
     if matrix.widths is not None:
         (width, x_unit), (length, y_unit) = matrix.widths
         if _unit(y_unit) != _unit(x_unit):
@@ -462,7 +461,7 @@ def _map_of(path: Path, reading: Reading, reader: Any, remark: str) -> Scan:
         )
         for index, channel in maps.items()
     ]
-    taken = choose_channel(path, channels, reading).index
+    taken, words = choose_channel(path, channels, reading)
     channel = maps[taken]
     nx, ny = channel.nb_grid_pts
     if min(nx, ny) < 2:
@@ -470,7 +469,7 @@ def _map_of(path: Path, reading: Reading, reader: Any, remark: str) -> Scan:
     given = {} if channel.physical_sizes is not None else {"physical_sizes": channel.nb_grid_pts}
     topography = reader.topography(channel_index=taken, **given)
     heights = np.ma.filled(np.ma.asarray(topography.heights(), dtype=np.float64), np.nan)
-    origin, widths = choice_in_words(channels, taken) + remark, None
+    origin, widths = words + remark, None
     if channel.physical_sizes is not None:
         width, length = (float(size) for size in topography.physical_sizes)
         widths = width, length

@@ -52,36 +52,29 @@ class Channel:
         return f"{self.index} {self.name!r}{values}"
 
 
-def choose_channel(path: Path, channels: Sequence[Channel], reading: Reading) -> Channel:
-    """Return the channel with a name or index; by default the first one with heights.
+def choose_channel(path: Path, channels: Sequence[Channel], reading: Reading) -> tuple[int, str]:
+    """Return the index of the channel that is asked for, and words on it where there are others.
 
-    Raises InputError if there is no such channel, it holds no heights, or several have the
-    name.
+    By default it is the first one with heights. Raises InputError if there is no such channel, it
+    holds no heights, or several have the name.
     """
-    wanted, named = reading.channel, reading.said("channel")
-    first = next((channel for channel in channels if channel.heights), None)
-    if not wanted and first is not None:
-        return first
+    wanted, named = reading.channel, f"{reading.said('channel')} {reading.channel!r}"
     labels = ", ".join(channel.label for channel in channels)
-    if not wanted:
-        raise InputError(f"{path}: holds no heights; its channels are {labels}")
-    matches = [channel for channel in channels if channel.name == wanted]
-    matches = matches or [channel for channel in channels if str(channel.index) == wanted]
-    if len(matches) != 1:
-        why = "several channels have this name; give an index" if matches else "no such channel"
-        raise InputError(f"{named} {wanted!r}: {why}; {path} holds {labels}")
-    if not matches[0].heights:
-        raise InputError(f"{named} {wanted!r}: holds no heights; {path} holds {labels}")
-    return matches[0]
-
-
-def choice_in_words(channels: Sequence[Channel], index: int) -> str:
-    """Say which channel was read and which were not; "" for a file with only one."""
-    if len(channels) == 1:
-        return ""
-    name = next(channel.name for channel in channels if channel.index == index)
-    rest = ", ".join(channel.label for channel in channels if channel.index != index)
-    return f" of channel {index} {name!r} (not {rest})"
+    if wanted:
+        matches = [channel for channel in channels if channel.name == wanted]
+        matches = matches or [channel for channel in channels if str(channel.index) == wanted]
+        if len(matches) != 1:
+            why = "several channels have this name; give an index" if matches else "no such channel"
+            raise InputError(f"{named}: {why}; {path} holds {labels}")
+        if not matches[0].heights:
+            raise InputError(f"{named}: holds no heights; {path} holds {labels}")
+    else:
+        matches = [channel for channel in channels if channel.heights]
+        if not matches:
+            raise InputError(f"{path}: holds no heights; its channels are {labels}")
+    taken = matches[0]
+    rest = ", ".join(channel.label for channel in channels if channel is not taken)
+    return taken.index, f" of channel {taken.index} {taken.name!r} (not {rest})" if rest else ""
 
 
 # columns of a list of points, at most: the three coordinates with three more numbers

@@ -194,15 +194,6 @@ def test_lengths_and_unit_of_the_second_file_stand():
     assert "lengths in nm" in row["prepared"]
 
 
-def test_neither_body_is_overwritten(capsys):
-    before = Path("b.npy").read_bytes()
-    arguments = ["contact", "a.npy", "--side", "16", "--delta", "1", "--against", "b.npy"]
-    arguments += ["--hardness", "1", "--young", "10", "--flattened", "b.npy"]
-    assert cli.main(arguments) == 2
-    assert "b.npy" in capsys.readouterr().err
-    assert Path("b.npy").read_bytes() == before
-
-
 @pytest.mark.parametrize(
     ("options", "word"),
     [

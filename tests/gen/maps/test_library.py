@@ -1,10 +1,7 @@
 """The maps of a scene: found by name and content, prepared once, shared, refused if unfit."""
 
 import hashlib
-import json
 import os
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -111,27 +108,6 @@ def test_a_temporary_folder_of_somebody_else_is_not_used(paths, home, tmp_path, 
     folder.chmod(0o777)
     with pytest.raises(InputError, match=r"there is no folder for prepared maps: .* TMPDIR"):
         made(paths, home)
-
-
-def test_processes_share_one_copy(paths, home):
-    """The heights of two processes lie in the same file, which both have mapped and not read."""
-    made(paths, home)
-    script = f"""
-import json, pathlib
-from gen.maps.library import Wanted, digests, opened
-from gen.maps.settings import Reading
-paths = [pathlib.Path(p) for p in json.loads({json.dumps(json.dumps([str(p) for p in paths]))})]
-wanted = Wanted((9, 9), None, Reading(asked="key", despike=7.0, level="plane", fill=True))
-found = opened(digests(paths), wanted, pathlib.Path({str(home)!r}), verify=False)
-maps = open("/proc/self/maps").read()
-print(maps.count(".maps"), all(m.heights.base is not None for m in found.maps))
-"""
-    done = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=60
-    )
-    count, mapped = done.stdout.split()
-    assert int(count) >= len(paths)
-    assert mapped == "True"
 
 
 def test_spacings_have_to_agree(tmp_path, home):

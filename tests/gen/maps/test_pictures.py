@@ -133,17 +133,6 @@ def test_titles_say_file_load_and_material() -> None:
     assert "no material given" in alone.get_suptitle()
 
 
-def test_maps_and_section_say_which_of_several_loads_they_show() -> None:
-    contacts = list(bem.ladder(FRACTAL, (100.0, 100.0), pressures=[100.0, 500.0], modulus=E_STAR))
-    figure = drawn(contacts, load="pressure")
-    assert "contact at 500 MPa mean pressure: " in left_title(figure, "contact")
-    assert left_title(figure, "section").endswith("µm, 500 MPa mean pressure")
-    spots = drawn(contacts, load="pressure", spots=True)
-    assert left_title(spots, "gap").endswith("at 500 MPa mean pressure")
-    alone = drawn(contacts[1:], load="pressure")
-    assert left_title(alone, "contact").startswith("contact: ")
-
-
 def test_laws_have_the_gap_and_logarithmic_axes_over_decades() -> None:
     for pressures, scale in (([1.0, 3.0, 10.0], "linear"), ([3.0, 0.1, 30.0], "log")):
         contacts = list(bem.ladder(FRACTAL, (100.0, 100.0), pressures=pressures, modulus=1e4))

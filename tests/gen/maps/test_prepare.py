@@ -79,25 +79,6 @@ def test_crop_keeps_nodes_and_spacing() -> None:
     assert len(cropped.steps) == 2
 
 
-def waves(boundary: Boundary, tilt: float = 0.0) -> Topography:
-    """One wave of 64 um along x and four of 16 um along both axes, perhaps on a slope."""
-    x = np.arange(64.0)
-    heights = np.sin(2 * np.pi * x / 64)[:, None] + 0.3 * np.sin(8 * np.pi * (x[:, None] + x) / 64)
-    return Topography("waves", heights + tilt * x[:, None], (64.0, 64.0), boundary=boundary)
-
-
-def test_a_filter_goes_round_a_periodic_map() -> None:
-    filtered = prepare(waves("periodic"), Reading.of_options(filter=":32"))
-    passed = 1 - 0.5 ** (32**2 / 64**2), 1 - 0.5 ** (32**2 * 2 / 16**2)
-    x = np.arange(64.0)
-    expected = passed[0] * np.sin(2 * np.pi * x / 64)[:, None]
-    expected = expected + passed[1] * 0.3 * np.sin(8 * np.pi * (x[:, None] + x) / 64)
-    np.testing.assert_allclose(filtered.heights, expected, atol=1e-7)
-    assert filtered.steps[-1].endswith("L-filter 32 um, on past the borders")
-    free = prepare(waves("free"), Reading.of_options(filter=":32"))
-    assert np.abs(free.heights - expected).max() > 0.1
-
-
 @pytest.mark.parametrize("boundary", ["periodic", "mirror"])
 def test_a_crop_without_edges_keeps_the_pixels(boundary: Boundary) -> None:
     heights = np.add.outer(np.arange(10.0), 3 * np.arange(8.0))

@@ -108,14 +108,6 @@ def test_remarks_that_are_not_read_are_told(tmp_path: Path) -> None:
     assert not read(written(tmp_path, "# from a profilometer\n" + NUMBERS), "9,9").warnings
 
 
-def test_names_of_columns_are_told_and_strips_of_maps_are_read(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="x, z: looks like the columns of a profile"):
-        read(written(tmp_path, "x,z\n0,1\n"), "9")
-    for shape in ((2, 2), (3, 3), (3, 2), (2, 3), (7, 2), (40, 3), (3, 40)):
-        np.save(tmp_path / "strip.npy", np.random.default_rng(3).normal(size=shape))
-        assert read(tmp_path / "strip.npy", "9,9").heights.shape == shape
-
-
 def load(path: Path) -> np.ndarray:
     """Return the first matrix of a file."""
     matrices = text.read(path)

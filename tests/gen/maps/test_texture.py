@@ -316,22 +316,3 @@ def test_the_spectrum_holds_the_mean_square_height(boundary):
     shells = math.pi * np.diff(spectrum.edges**2, axis=1)[:, 0]
     total = np.sum(shells * spectrum.density) / (2 * math.pi) ** 2
     assert total == pytest.approx(9.0, rel=0.1)
-
-
-REFUSED = {
-    "flat": (np.zeros((64, 64)), "flat surface"),
-    "sliver": (np.random.default_rng(0).normal(size=(500, 4)), "too few nodes"),
-    "huge": (1e300 * np.random.default_rng(0).normal(size=(64, 64)), "beyond what numbers hold"),
-    "lost": (1e9 + 1e-6 * np.random.default_rng(0).normal(size=(64, 64)), "lost in rounding"),
-    "one wave": (np.sin(np.arange(64.0))[:, None] + np.zeros(64), "directional"),
-    "a square wave": (np.add.outer(*(np.sin(np.arange(64.0)),) * 2), "off the nearest one"),
-}
-
-
-@pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize("case", REFUSED)
-def test_surfaces_without_a_law_say_why(case):
-    heights, reason = REFUSED[case]
-    said = fit_self_affine(*_with_spectrum(heights, "free"))
-    assert isinstance(said, str)
-    assert reason in said
