@@ -5,7 +5,6 @@ import os
 
 import numpy as np
 import pytest
-from tests.maps import read
 
 from bench.made_maps import Faults, MadeMap, write_all
 from gen.maps import library
@@ -24,6 +23,7 @@ from gen.maps.library import (
 from gen.maps.prepare import prepare
 from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
+from tests.maps import read
 
 CLEAN = Reading(asked="key", despike=7.0, level="plane", fill=True)
 SMALL = (

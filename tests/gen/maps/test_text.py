@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.maps import read
 
 from gen import cli
 from gen.maps import text
 from gen.maps.read import Topography
 from gen.runtime.errors import InputError
+from tests.maps import read
 
 LINES = np.random.default_rng(2).normal(scale=1e-3, size=(3, 4))  # 3 lines of 4 pixels along x
 NUMBERS = "\n".join("\t".join(repr(float(each)) for each in line) for line in LINES) + "\n"
