@@ -59,6 +59,7 @@ def test_every_command_refuses_bad_input_on_all_ranks_in_one_line(tmp_path):
     assert not list((tmp_path / "folder").iterdir())
 
 
+@pytest.mark.long
 def test_a_folder_that_is_gone_ends_all_ranks(tmp_path):
     (tmp_path / "good.toml").write_text("samples = 3\n[surface]\nnodes = 9\n")
     started = f"{shlex.join(command(3, 'run', '../good.toml', '-o', 'new.h5'))} 2>&1"

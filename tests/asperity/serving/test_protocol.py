@@ -402,7 +402,7 @@ def test_ctrl_c_lets_a_question_end_and_a_second_one_does_not(folder, presses, n
     assert all(gone(pid) for pid in workers)
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("arguments", "word"),
     [

@@ -32,6 +32,7 @@ def grown(tmp_path_factory):
     return folder, done
 
 
+@pytest.mark.long
 def test_a_growth_ends_in_one_screen(grown):
     folder, done = grown
     lines = done.stdout.splitlines()
