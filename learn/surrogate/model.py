@@ -259,13 +259,14 @@ class Surrogate:
         ----------
         statistics, delta : ndarray, shape (n, 22) and (n,)
             Statistics in the order and units of Table 1, and far-field displacement [um].
-        length, nodes : ndarray, shape (n,), or float
-            Scan length L [um], and nodes along a side, if the features need them; geometric means
-            of both axes.
+        length : ndarray, shape (n,), or float
+            Scan length L, the geometric mean of both sides [um].
         notes : tuple of str
             Notes on grids that differ from the training's: one for all rows, or n.
         hardness_ratio : float, optional
             Hardness over E*; None for elastic bodies.
+        nodes : ndarray, shape (n,), optional
+            Nodes along a side, the geometric mean of both axes, if the features need them.
 
         Returns
         -------
