@@ -17,7 +17,7 @@ from learn.grow.accuracy import LEVEL, RISK, Appraisal
 from learn.grow.curve import Curve
 from learn.grow.rounds import Ending, Growth, asked_for
 from learn.grow.rows import stock
-from learn.surrogate.break_even import Payback, answer_seconds
+from learn.surrogate import break_even
 
 TABLE_WIDTH = 110
 """Width of the tables without a terminal [characters]."""
@@ -59,7 +59,7 @@ def show(grown: Growth, found: Appraisal) -> None:
         said = f"learning curve of {grown.curve.target}: nMAE {points} rows;"
         said += f" {floor:.2g} + {scale:.3g} n^-{exponent:.2g} %"
         echo(said)
-    echo(payback(grown, found).in_words())
+    echo(payback(grown, found))
 
 
 def _verdict(grown: Growth, found: Appraisal) -> Iterator[str]:
@@ -107,14 +107,15 @@ def _errors(found: Appraisal) -> object:
     return table
 
 
-def payback(grown: Growth, found: Appraisal) -> Payback:
-    """Return the times of the surrogate's making, of one of its answers and of a solve."""
+def payback(grown: Growth, found: Appraisal) -> str:
+    """Say when a surrogate pays, by the times of its making, of an answer and of a solve."""
     test = found.sets[0].at(found.parts.test)
     scene = Scene.from_text(test.source["scene"])
-    query = answer_seconds(found.surrogate, scene, test.rows, test.described[:, 0])
+    query = break_even.answer_seconds(found.surrogate, scene, test.rows, test.described[:, 0])
     there = stock(grown.order.request.database)
     again = 0.0 if math.isnan(query) else there.rows * query
-    return Payback(there.seconds + again + grown.fitting, there.solving, query)
+    build = there.seconds + again + grown.fitting
+    return break_even.in_words(build, there.solving, query)
 
 
 def draw(figure: Any, found: Appraisal, curve: Curve | None) -> None:

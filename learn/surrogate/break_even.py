@@ -2,7 +2,6 @@
 
 import math
 import time
-from dataclasses import dataclass
 
 from gen.arrays import Indices, Values
 from gen.generation.plan import parameters
@@ -31,24 +30,16 @@ def time_of(seconds: float) -> str:
     return f"{number * seconds:.3g} {unit}"
 
 
-@dataclass(frozen=True)
-class Payback:
-    """Times of a surrogate and of the solver that it stands for."""
-
-    build: float  # before the first answer [s]
-    solver: float  # mean of a solve on a new surface [s]
-    query: float  # of an answer on a new surface, its statistics and features included [s]
-
-    def in_words(self) -> str:
-        """Say from how many contacts on the surrogate pays."""
-        even = break_even(self.build, self.solver, self.query)
-        who = (
-            f"an answer on a new surface takes {time_of(self.query)}, a solve"
-            f" {time_of(self.solver)}; database and fit took {time_of(self.build)}"
-        )
-        if math.isinf(even):
-            return f"{who}: on new surfaces the surrogate never pays"
-        return f"{who}: it pays from {even:,.0f} new contacts on"
+def in_words(build: float, solver: float, query: float) -> str:
+    """Say from how many contacts on a surrogate pays; times are those of `break_even`."""
+    even = break_even(build, solver, query)
+    who = (
+        f"an answer on a new surface takes {time_of(query)}, a solve {time_of(solver)}; database"
+        f" and fit took {time_of(build)}"
+    )
+    if math.isinf(even):
+        return f"{who}: on new surfaces the surrogate never pays"
+    return f"{who}: it pays from {even:,.0f} new contacts on"
 
 
 def answer_seconds(surrogate: Surrogate, scene: Scene, rows: Indices, deltas: Values) -> float:
