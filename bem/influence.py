@@ -29,7 +29,7 @@ ALWAYS_SHARED = 288
 # above it a table of the box's own shape is cheaper.
 LARGEST_WASTE = 4
 
-# Entries of a table from which on only the last one is kept.
+# Entries of a table from which on none is kept, because the filters made of it are.
 LARGE = 2**20
 
 # Rows of a matrix gathered at a time: their indices fit into the cache.
@@ -72,8 +72,8 @@ def influence_coefficients(
     """
     side = _shared_side(max(shape))
     shared = side <= ALWAYS_SHARED or side * side <= LARGEST_WASTE * shape[0] * shape[1]
-    whole = (side, side) if shared else shape
-    tabulate = _table if math.prod(whole) < LARGE else _large_table
+    whole = (side, side) if shared and side * side < LARGE else shape
+    tabulate = _table if math.prod(whole) < LARGE else _table.__wrapped__
     return tabulate(whole, kernel, aspect)[: shape[0], : shape[1]]
 
 
@@ -106,12 +106,6 @@ def _table(shape: tuple[int, int], kernel: Kernel, aspect: float) -> Field:
         raise ValueError(f"kernel {kernel!r} is unknown: choose one of {', '.join(KERNELS)}")
     table.setflags(write=False)
     return table
-
-
-@lru_cache(maxsize=1)
-def _large_table(shape: tuple[int, int], kernel: Kernel, aspect: float) -> Field:
-    """Compute a table of which only the last one is kept."""
-    return _table.__wrapped__(shape, kernel, aspect)
 
 
 def _uniform_pressure(rows: NDArray[np.int64], columns: NDArray[np.int64], aspect: float) -> Field:

@@ -79,7 +79,7 @@ def filtered(by: FieldFilter, field: Real) -> Real:
 
 
 def spectral_filter(
-    shape: tuple[int, int], spectrum: Field, dtype: str, across: int
+    shape: tuple[int, int], spectrum: Field, dtype: str, periods: tuple[int, int]
 ) -> "Filter | LargeFilter":
     """Return the filter by a Fourier transform that suits the size of a field.
 
@@ -87,16 +87,16 @@ def spectral_filter(
     ----------
     shape : tuple of int
         Shape (nx, ny) of the fields.
-    spectrum : ndarray, shape (px, across // 2 + 1)
-        Real transform of a kernel with periods (px, across) that is even along both axes.
+    spectrum : ndarray, shape (px // 2 + 1, py // 2 + 1)
+        Transform of a kernel that is even along both axes, up to half of either period.
     dtype : str
         Precision: "float64", or "float32", which takes less time and rounds to 1e-7.
-    across : int
-        Second period.
+    periods : tuple of int
+        Periods (px, py) of the kernel.
     """
-    factors = (spectrum.T / (spectrum.shape[0] * across)).astype(dtype, copy=False)
-    kind = LargeFilter if shape[0] * across >= LARGE else Filter
-    return kind(shape, factors, across, float(spectrum.max()))
+    factors = (spectrum.T / math.prod(periods)).astype(dtype, copy=False)
+    kind = LargeFilter if shape[0] * periods[1] >= LARGE else Filter
+    return kind(shape, factors, periods, float(spectrum.max()))
 
 
 class Filter:
@@ -108,17 +108,20 @@ class Filter:
 
     Parameters
     ----------
-    shape, factors, across, largest
+    shape, factors, periods, largest
         See `spectral_filter`; the factors are those of the waves, in columns.
     """
 
-    def __init__(self, shape: tuple[int, int], factors: Real, across: int, largest: float) -> None:
-        self.shape, self.largest = shape, largest
-        columns, period = factors.shape
+    def __init__(
+        self, shape: tuple[int, int], factors: Real, periods: tuple[int, int], largest: float
+    ) -> None:
+        self.shape, self.largest, self.periods = shape, largest, periods
+        period, columns = periods[0], len(factors)
         waves = "complex64" if factors.dtype == np.float32 else "complex128"
         # Coefficients are repeated, so that a real product serves real and imaginary parts.
-        self._factors = np.repeat(factors, 2, axis=1)
-        self.field: Real = _aligned((shape[0], across), factors.dtype)
+        whole = np.concatenate([factors, _other_half(factors, period)], axis=1)
+        self._factors = np.repeat(whole, 2, axis=1)
+        self.field: Real = _aligned((shape[0], periods[1]), factors.dtype)
         wide = period + GAP_BYTES // np.dtype(waves).itemsize
         self._waves = _aligned((columns, wide), waves)[:, :period]
         inside = self._waves[:, : shape[0]]
@@ -144,8 +147,8 @@ class Filter:
 
     def in_single_precision(self) -> "Filter":
         """Return the same filter in single precision."""
-        factors = self._factors[:, ::2].astype(np.float32)
-        return Filter(self.shape, factors, self.field.shape[1], self.largest)
+        factors = self._factors[:, : 2 * (self.periods[0] // 2 + 1) : 2].astype(np.float32)
+        return Filter(self.shape, factors, self.periods, self.largest)
 
     def transform(self) -> None:
         """Filter the field in place; columns beyond it are undefined afterwards."""
@@ -171,12 +174,14 @@ class LargeFilter:
 
     Parameters
     ----------
-    shape, factors, across, largest
+    shape, factors, periods, largest
         See `spectral_filter`; the factors are those of the waves, in columns.
     """
 
-    def __init__(self, shape: tuple[int, int], factors: Real, across: int, largest: float) -> None:
-        self.shape, self.largest, self.across = shape, largest, across
+    def __init__(
+        self, shape: tuple[int, int], factors: Real, periods: tuple[int, int], largest: float
+    ) -> None:
+        self.shape, self.largest, self.periods = shape, largest, periods
         self._rooms: dict[str, Real] = {}
         self._open(factors)
 
@@ -190,11 +195,11 @@ class LargeFilter:
         return single
 
     def _open(self, factors: Real) -> None:
-        """Make the buffers of a filter from factors for (columns, px) waves."""
-        rows, dtype, (columns, self.period) = self.shape[0], factors.dtype, factors.shape
-        waves = np.dtype("complex64" if dtype == np.float32 else "complex128")
+        """Make the buffers of a filter from factors of half of the waves of each column."""
+        rows, dtype, columns = self.shape[0], factors.dtype, len(factors)
         # In double precision, applied a few times in a solve, they are not repeated: less memory.
         self.factors = factors if dtype == np.float64 else np.repeat(factors, 2, axis=1)
+        waves = np.dtype("complex64" if dtype == np.float32 else "complex128")
         self.field: Real = self._room("fields", self.shape, dtype)
         line = GAP_BYTES // waves.itemsize
         wide = -(-columns // line) * line + line
@@ -234,10 +239,10 @@ class _Lane:
 
     def __init__(self, owner: LargeFilter) -> None:
         self._field, self._waves, self._factors = owner.field, owner.waves, owner.factors
-        dtype, waves, period = owner.field.dtype, owner.waves.dtype, owner.period
+        dtype, waves, period = owner.field.dtype, owner.waves.dtype, owner.periods[0]
         self.columns = max(BATCH_BYTES // (period * waves.itemsize), 1)
         rows = owner.shape[0]
-        self._padded, self._returned = (_aligned((ROWS, owner.across), dtype) for _ in range(2))
+        self._padded, self._returned = (_aligned((ROWS, owner.periods[1]), dtype) for _ in range(2))
         wide = period + GAP_BYTES // waves.itemsize
         self._source, self._target = (
             _aligned((self.columns, wide), waves)[:, :period] for _ in range(2)
@@ -269,13 +274,12 @@ class _Lane:
         rows, columns = waves.shape
         self._source[:columns, :rows] = waves.T
         self._forward.execute()
-        here = self._filtered[:columns]
-        if factors.shape == here.shape:
-            np.multiply(here.real, factors, out=here.real)
-            np.multiply(here.imag, factors, out=here.imag)
-        else:
-            numbers = here.view(factors.dtype)
-            np.multiply(numbers, factors, out=numbers)
+        here: Any = self._filtered[:columns]
+        half, times = factors.shape[1], 1
+        if factors.dtype == np.float32:
+            here, times = here.view(np.float32), 2
+        here[:, :half] *= factors
+        here[:, half:] *= _other_half(factors, self._filtered.shape[1], times)
         self._backward.execute()
         waves[:] = self._target[:columns, :rows].T
 
@@ -325,6 +329,12 @@ class CosineFilter:
             here: Any = fft.idctn(waves, type=2, overwrite_x=True, workers=many)
             if not np.may_share_memory(here, self.field):
                 self.field[:] = here
+
+
+def _other_half(factors: Real, period: int, times: int = 1) -> Real:
+    """Return the factors beyond half a period, which mirror those before it, each some times."""
+    beyond = times * period - factors.shape[1]
+    return factors[:, times : times + beyond][:, ::-1]
 
 
 class Plan(Protocol):

@@ -33,7 +33,7 @@ from bem.operators.filters import (
     spectral_filter,
 )
 from bem.problem import Boundary
-from bem.threads import share
+from bem.threads import threads_here
 
 # The following four were chosen by the iterations of conjugate gradients on the paper's surfaces,
 # k = 7 to 9, at 1, 10 and 50 % contact; none of them matters much.
@@ -68,8 +68,8 @@ LISTED = 0.12
 # Rows of blocks that are corrected at a time.
 BAND = 32
 
-# Rows of a spectrum or of a dense matrix that are tabulated at a time: they fit into the cache.
-ROWS, TABULATED_ROWS, TABULATED_COLUMNS = 64, 64, 16
+# Rows of a dense matrix that are tabulated at a time: they fit into the cache.
+ROWS = 64
 
 
 class Patch:
@@ -336,30 +336,20 @@ def _make_displacement(
         double: Any = displacement_filter(shape, "free", kernel, aspect)
         single: FieldFilter = double.in_single_precision()
         return single
-    table = influence_coefficients(shape, kernel, aspect)
     periods = fast_period(shape[0]), fast_period(shape[1])
     # Offsets beyond the grid never connect two nodes, so that any value will do there.
     along, across = (
-        np.minimum(np.minimum(index, len(index) - index), nodes - 1)
-        for nodes, index in zip(shape, map(np.arange, periods), strict=True)
+        np.minimum(np.arange(period // 2 + 1), nodes - 1)
+        for nodes, period in zip(shape, periods, strict=True)
     )
-    rows = np.empty((shape[0], periods[1] // 2 + 1), np.complex128)
-    spectrum = np.empty((rows.shape[1], periods[0]))
-
-    def transform_rows(_: int, some: slice) -> None:
-        rows[some] = fft.rfft(table[some, across])
-
-    def transform_columns(_: int, some: slice) -> None:
-        spectrum[some] = fft.fft(rows[:, some].T[:, along]).real
-
-    share(transform_rows, _slices(len(rows), TABULATED_ROWS))
-    share(transform_columns, _slices(len(spectrum), TABULATED_COLUMNS))
-    return spectral_filter(shape, spectrum.T, dtype, periods[1])
+    table = influence_coefficients(shape, kernel, aspect)[along[:, np.newaxis], across]
+    return spectral_filter(shape, _even_spectrum(table), dtype, periods)
 
 
-def _slices(size: int, length: int) -> list[slice]:
-    """Cut a size into slices of a length."""
-    return [slice(first, first + length) for first in range(0, size, length)]
+def _even_spectrum(quarter: Field) -> Field:
+    """Transform a table that is even along both axes, from the entries up to half its periods."""
+    spectrum: Field = fft.dctn(quarter, type=1, overwrite_x=True, workers=threads_here())
+    return spectrum
 
 
 def _make_edgeless(
@@ -400,7 +390,7 @@ def _even_filter(
     """Return the filter of a patch without edges that has a spectrum."""
     if boundary == "mirror":
         return CosineFilter(spectrum, dtype)
-    return spectral_filter(shape, spectrum, dtype, shape[1])
+    return spectral_filter(shape, spectrum[: shape[0] // 2 + 1], dtype, shape)
 
 
 def _make_inverse(
@@ -417,12 +407,14 @@ def _make_inverse(
         return edgeless_filter((rows, columns), boundary, aspect, "float32", inverse=True)
     periods = _fast_length(rows), _fast_length(shape[1])
     table = influence_coefficients(periods, kernel, aspect)
-    for axis, period in enumerate(periods):
+    for period in periods:
         # Along an axis c_k = ((m - k) t_k + k t_(m - k)) / m, the mean over a wrapped diagonal.
-        steps = np.arange(period)
-        share = (steps / period).reshape([-1 if a == axis else 1 for a in (0, 1)])
-        table = (1 - share) * table + share * np.take(table, -steps % period, axis=axis)
-    return spectral_filter((rows, periods[1]), 1 / fft.rfft2(table).real, "float32", periods[1])
+        half = period // 2 + 1
+        share = (np.arange(half) / period)[:, np.newaxis]
+        folded = (1 - share) * table[:half]
+        folded[1:] += share[1:] * table[: period - half : -1]
+        table = folded.T  # the other axis next
+    return spectral_filter((rows, periods[1]), 1 / _even_spectrum(table), "float32", periods)
 
 
 def _make_means(shape: tuple[int, int], boundary: Boundary, aspect: float) -> FieldFilter:
@@ -430,8 +422,8 @@ def _make_means(shape: tuple[int, int], boundary: Boundary, aspect: float) -> Fi
     rows, columns = _whole_blocks(shape[0]) // BLOCK, _whole_blocks(shape[1]) // BLOCK
     if boundary == "free":
         repeating = _fast_length(BLOCK * rows) // BLOCK, _fast_length(shape[1]) // BLOCK
-        spectrum = _block_means(repeating, aspect)
-        return spectral_filter((rows, repeating[1]), spectrum, "float32", repeating[1])
+        spectrum = _block_means(repeating, aspect)[: repeating[0] // 2 + 1]
+        return spectral_filter((rows, repeating[1]), spectrum, "float32", repeating)
     spectrum = _block_means((rows, columns), aspect)
     if boundary == "mirror":
         spectrum = _block_means((2 * rows, 2 * columns), aspect)[:rows, :columns]
