@@ -15,10 +15,9 @@ from pathlib import Path
 from typing import Any
 
 from bench.answers import lines
-from bench.circumstances import RESULTS, circumstances
 from bench.contents import Absent, Content, Figure, Table, Words, tables_of, tabulated
 from bench.files import content_of, markdown, rendered
-from bench.record import PAGE, Inputs, Record, read, typed
+from bench.record import PAGE, RESULTS, Inputs, Record, circumstances, read, typed
 from bench.report import PARTS, Part
 from gen.runtime.errors import InputError
 from gen.runtime.files import write

@@ -18,10 +18,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TextIO
 
-from bench.circumstances import RESULTS, code_state, load
 from bench.databases import of_the_paper
 from bench.page import write_page
-from bench.record import PAGE, Inputs, Record, read
+from bench.record import PAGE, RESULTS, Inputs, Record, code_state, load, read
 from bench.report import PARTS, Part, remark
 from gen.runtime.errors import InputError
 from gen.runtime.files import check_folder, lock_folder

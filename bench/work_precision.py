@@ -14,8 +14,8 @@ from statistics import fmean
 import numpy as np
 
 from bem.influence import KERNELS, Kernel
-from bench.circumstances import circumstances
 from bench.files import Row
+from bench.record import circumstances
 from bench.report import Report, remark
 from bench.solvers.case import Case, Exact, find_exact
 from bench.solvers.others import installed, missing

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from bench.circumstances import circumstances
+from bench.record import circumstances
 
 # One thread, as in production: more would blur every time.
 for library in ("OMP", "OPENBLAS", "MKL", "BLIS", "VECLIB_MAXIMUM"):

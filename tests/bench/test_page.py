@@ -6,11 +6,10 @@ from pathlib import Path
 import pytest
 from page_parts import WRITE, inputs, makes, part, written
 
-from bench.circumstances import code_state
 from bench.contents import Absent, Content, Figure, Table, Words
 from bench.page import states, write_page
 from bench.picture import new_figure, save
-from bench.record import Machine, Record
+from bench.record import Machine, Record, code_state
 from bench.report import Part
 
 

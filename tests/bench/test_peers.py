@@ -8,13 +8,12 @@ import pytest
 
 from bench import peers as periodic
 from bench.__main__ import main
-from bench.contents import Absent, contents_of, tables_of
+from bench.contents import contents_of, tables_of
 from bench.files import read_table
 from bench.peers import (
     Errors,
     Trial,
     compare,
-    contents,
     find_errors,
     loosest,
     peers,
@@ -187,12 +186,6 @@ def test_command_compares_periodic_patches(tmp_path: Path) -> None:
     assert float(ours[4]["area_percent"]) > 95
     shown = contents_of("periodic", tmp_path)
     assert [len(tables_of(each)) for each in shown] == [1, 1]
-
-
-def test_packages_without_a_line_are_named_on_the_page(tmp_path: Path) -> None:
-    (tmp_path / "peers.csv").write_text("solver\nbem\nASPHER\n")
-    absent = [each.what for each in contents(tmp_path) if isinstance(each, Absent)]
-    assert absent == ["ContactMechanics", "tamaas"]
 
 
 @pytest.mark.parametrize(

@@ -15,12 +15,11 @@ from page_parts import WRITE, inputs, makes, part, record, shows_made, written
 
 from bench import run as running
 from bench.__main__ import main
-from bench.circumstances import circumstances, code_state
 from bench.page import write_page
+from bench.record import circumstances, code_state
 from bench.report import PARTS, Part
 from bench.run import Outcome, seconds
 from gen.runtime.errors import InputError
-from gen.runtime.files import lock_folder
 
 
 def test_parts_are_made_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -184,18 +183,6 @@ def test_bad_input_is_one_line(
     assert message in said
     assert len(said.splitlines()) == 1
     assert "Traceback" not in said
-
-
-def test_a_folder_that_another_run_writes_is_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    output = tmp_path / "report"
-    with lock_folder(output):
-        assert main(["run", "hertz", "-o", str(output)]) == 2
-        said = capsys.readouterr().err.splitlines()
-        assert len(said) == 1
-        assert "report is being written by host" in said[0]
-    assert not output.exists()
 
 
 def test_what_is_not_there_is_left_out_of_a_command(tmp_path: Path) -> None:

@@ -12,7 +12,6 @@ from launch import launch
 
 from bem.analytic import BUSH_GIBSON_THOMAS, PERSSON
 from bench import theory
-from gen.spectral import SelfAffineSpectrum
 
 Curves = dict[tuple[str, int | str], list[dict[str, Any]]]
 
@@ -98,12 +97,3 @@ def test_gaps_and_stiffness_are_those_of_perssons_relation(rows: list[dict[str, 
         computed = column(rows, name)[narrow, medium]
         expected = column(rows, f"persson_{name}")[narrow, medium]
         assert computed == pytest.approx(expected, rel=0.1)
-
-
-def test_perssons_interface_has_the_moments_of_the_surfaces() -> None:
-    """The rms slope to rounding; the rms height, of few long waves, to 5 %."""
-    spectrum = SelfAffineSpectrum(0.8, 0.25, 0.0625)
-    interface = theory.persson(spectrum)
-    assert interface.rms_slope() == pytest.approx(theory.RMS_SLOPE, rel=1e-12)
-    rms_height = theory.random_surface(spectrum, NODES, seed=0).std()
-    assert interface.rms_height() == pytest.approx(rms_height, rel=0.05)

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 
-import numpy as np
 import pytest
 from launch import launch
 
@@ -24,7 +23,6 @@ from bench.work_precision import (
     compare,
     curves,
     measure,
-    nested_cases,
     paper_case,
 )
 from gen.runtime.installation import command_for
@@ -92,16 +90,6 @@ def test_errors_fall_with_the_tolerance_on_bodies_that_yield(done: list[Row]) ->
         assert tight["force_error"] < 1e-6
     drawn = {row["curve"]: None for row in curves(points)}
     assert list(drawn) == [f"bem, {hardness:g}" for hardness in HARDNESSES]
-
-
-def test_nested_grids_hold_the_same_body_in_the_same_place() -> None:
-    *coarse, fine = nested_cases((3, 6, 9), "uniform-pressure")
-    assert fine.heights == pytest.approx(paper_case(0, 513).heights)
-    for case in coarse:
-        step = 512 // (case.nodes - 1)
-        np.testing.assert_array_equal(case.heights, fine.heights[::step, ::step])
-        assert case.heights.max() - case.delta == pytest.approx(fine.heights.max() - fine.delta)
-    assert coarse[0].delta < fine.delta
 
 
 @dataclass

@@ -8,7 +8,7 @@ import learn.cli
 from bench import __main__ as bench
 from bench import databases, picture, theory
 from bench.contents import Absent, Figure, Table, Words, files_of
-from bench.paper import database, facts, models, report, surfaces
+from bench.paper import database, facts, report, surfaces
 from bench.paper.facts import why
 from bench.paper.report import contents
 from bench.record import Making, read
@@ -134,14 +134,6 @@ def test_what_is_missing_is_absent_with_what_to_do(tmp_path):
         contents(tmp_path)
 
 
-def test_without_a_comparison_there_is_nothing_of_models(tmp_path):
-    left = NAMES - set(report._chosen((), {}))
-    assert left == {"table-3", "baselines", "tuned", "table-4"}
-    absent = {each.what: each.how for each in contents(tmp_path)}
-    assert "learn compare" in absent["table-4"]
-    assert absent["hertz"] == "python -m bench paper"
-
-
 def test_a_part_is_made_alone_without_what_it_does_not_need(tmp_path):
     paths = report.write_report(tmp_path, {}, 200, only=("profile", "table-2"))
     assert {path.name for path in paths} == {"profile.png", "profile.csv", "table-2.csv"}
@@ -167,14 +159,6 @@ def test_bad_input_is_one_line(arguments, message, preset, tmp_path, capsys):
     assert message in error
     assert error.count("\n") == 1
     assert not (tmp_path / "out").exists()
-
-
-def test_kinds_that_were_not_made_are_left_out(preset, tmp_path):
-    compared = [str(preset), "-o", str(tmp_path / "one"), "--area-max", "60"]
-    assert learn.cli.main(["compare", *compared, "--model", "decision-tree"]) == 0
-    assert models.tuned(tmp_path, tmp_path / "one") == []
-    drawn, _ = models.baselines(tmp_path, tmp_path / "one")
-    assert "The closest of these here: Decision Tree" in drawn.caption
 
 
 def test_marks_are_what_the_statistics_count():

@@ -52,21 +52,6 @@ def test_dense_solve_is_nonnegative_least_squares(seed: int, kernel: Kernel) -> 
         np.testing.assert_allclose(found, expected, atol=1e-10 * expected.max())
 
 
-@pytest.mark.parametrize("kernel", KERNELS)
-@pytest.mark.parametrize("share", [0.2, 0.9, 0.999])
-def test_compliant_far_field_is_a_rigid_one_at_its_own_approach(
-    share: float, kernel: Kernel
-) -> None:
-    heights = random_heights()
-    delta = share * half_space.critical_delta(heights, kernel)
-    pressure, gap = dense.press_compliant(heights, delta, kernel)
-    stiffness = half_space.flat_punch(heights.shape, kernel).sum()
-    approach = 1 + pressure.sum() / stiffness
-    rigid, rigid_gap = dense.press(heights, delta * approach, kernel)
-    np.testing.assert_allclose(pressure, rigid * approach, atol=1e-9 * pressure.max())
-    np.testing.assert_allclose(gap, rigid_gap * approach, atol=1e-9 * pressure.max())
-
-
 def test_dense_solve_certifies_what_it_returns(monkeypatch: pytest.MonkeyPatch) -> None:
     heights = random_heights()
     monkeypatch.setattr(dense, "EXCHANGES", 1)

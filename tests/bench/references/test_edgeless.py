@@ -12,10 +12,6 @@ BOTH: tuple[Boundary, ...] = ("periodic", "mirror")
 SHAPES = [(6, 7), (5, 8), (1, 4), (9, 1), (1, 1)]
 
 
-def images(field: np.ndarray) -> np.ndarray:
-    return np.block([[field, field[:, ::-1]], [field[::-1], field[::-1, ::-1]]])
-
-
 @pytest.mark.parametrize("shape", SHAPES)
 def test_periodic_matrix_is_a_product_of_transforms(shape: tuple[int, int]) -> None:
     pressure = np.random.default_rng(0).random(shape)
@@ -25,15 +21,6 @@ def test_periodic_matrix_is_a_product_of_transforms(shape: tuple[int, int]) -> N
     wave_numbers[0, 0] = np.inf
     moved = np.fft.ifft2(np.fft.fft2(pressure) * (2 / wave_numbers)).real
     np.testing.assert_allclose(found.reshape(shape), moved, atol=1e-14)
-
-
-@pytest.mark.parametrize("shape", SHAPES)
-def test_mirrored_matrix_is_the_periodic_one_of_the_images(shape: tuple[int, int]) -> None:
-    pressure = np.random.default_rng(1).random(shape)
-    found = Patch(pressure, SIDES, "mirror").matrix @ pressure.reshape(-1)
-    whole = Patch(images(pressure), (6.0, 10.0), "periodic")
-    moved = (whole.matrix @ images(pressure).reshape(-1)).reshape(whole.shape)
-    np.testing.assert_allclose(images(found.reshape(shape)), moved, atol=1e-14)
 
 
 @pytest.mark.parametrize("ratio", [2.0, None])

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from bench import __main__ as command
-from bench.contents import Absent, Table, contents_of
 from bench.stability import case as tables
 from bench.stability import setup as topographies
 from bench.stability.case import TABLES, Answer, Case, Finding, Refusal, cases_of, run_case
@@ -138,19 +137,3 @@ def test_command_fails_with_a_case(
     assert "3 cases, 1 failed" in printed
     assert "two, broken: force off nothing" in printed
     assert ",failed," in (tmp_path / "stability.csv").read_text(encoding="utf-8")
-
-
-def test_all_tables_are_run_unless_some_are_named(
-    tmp_path: Path, holding: Callable[..., None], capsys: pytest.CaptureFixture[str]
-) -> None:
-    holding(*TWO)
-    assert command.main(["stability", "--of", "models", "-o", str(tmp_path)]) == 0
-    assert [path.name for path in tmp_path.iterdir()] == ["models.csv"]
-    shown = contents_of("stability", tmp_path)
-    assert [type(each) for each in shown] == [*4 * [Absent], Table]
-    assert command.main(["stability", "-o", str(tmp_path)]) == 0
-    names = {f"{sheet.file}.csv" for sheet in TABLES.values()}
-    assert {path.name for path in tmp_path.iterdir()} == names
-    capsys.readouterr()
-    assert command.main(["stability", "--of", "rivers"]) == 2
-    assert "surfaces, solver, hardness, edgeless, models" in capsys.readouterr().err

@@ -40,12 +40,6 @@ def test_what_is_undefined_has_to_have_its_reason(monkeypatch: pytest.MonkeyPatc
     assert not verdict(surfaces.says(np.zeros((5, 5)), "flat surface"))
 
 
-def test_an_image_that_is_none_fails() -> None:
-    assert verdict(surfaces.unchanged(rough(), change=np.array))
-    assert not verdict(surfaces.unchanged(rough(), change=lambda z: z * (1 + 1e-15)))
-    assert not verdict(surfaces.unchanged(rough(), change=np.transpose))
-
-
 @pytest.mark.parametrize("generator", surface.GENERATORS)
 def test_a_generator_that_is_wrong_fails(generator: str, monkeypatch: pytest.MonkeyPatch) -> None:
     right = surface.GENERATORS[generator]

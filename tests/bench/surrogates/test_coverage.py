@@ -72,21 +72,6 @@ def test_rows_that_judge_train_nothing(made):
                 assert HARDNESS[0] <= inside.min() <= inside.max() <= HARDNESS[1]
 
 
-def test_the_table_pools_the_seeds(made):
-    found, table = (made[1].tables[name] for name in ("coverage-seeds", "coverage"))
-    assert len(table) == 7
-    for row in table:
-        own = [each for each in found if each["trained_on"] == row["trained_on"]]
-        own = [each for each in own if each["tested_on"] == row["tested_on"]]
-        assert row["unflagged"] == sum(each["unflagged"] for each in own)
-        inside = sum(
-            each["unflagged"] * each["covered_unflagged"] for each in own if each["unflagged"]
-        )
-        if row["unflagged"]:
-            assert row["covered_unflagged"] == pytest.approx(inside / row["unflagged"])
-    assert len(made[1].text.splitlines()) == 7
-
-
 def test_verdicts_allow_for_a_standard_error():
     assert verdict(np.nan, np.nan) == "all flagged"
     assert verdict(0.88, 0.0) == "met"
