@@ -44,9 +44,8 @@ class Model:
     name: str  # on the command line and in files
     title: str  # in tables and pictures, as the paper writes it
     estimator: Callable[[int], Any]  # makes the baseline's estimator from a seed
-    tuned: Mapping[str, Any] = field(
-        default_factory=dict
-    )  # settings that all candidates of a search share, in their last fit too
+    # Settings that all candidates of a search share, in their last fit too.
+    tuned: Mapping[str, Any] = field(default_factory=dict)
     staged: str = ""  # setting of which one fit yields the predictions of all smaller numbers
     ignored: str = ""  # setting of the paper's grid that the library ignores today, and warns of
 

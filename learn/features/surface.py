@@ -152,9 +152,7 @@ class SurfaceFeatures:
 
     heights: Values  # (nx, ny), 2 x 2 or more, finite [um]
     sides: Sides  # scan lengths along x and y [um]
-    spacing: Sides | None = (
-        None  # of the nodes along x and y; that of sides and boundary unless given [um]
-    )
+    spacing: Sides | None = None  # of the nodes; by sides and boundary unless given [um]
     name: str = "the surface"  # in messages
     boundary: Boundary = "free"  # of the patch, also in the coarse solve
 

@@ -200,13 +200,9 @@ class Plan:
     """Which rows train, and which calibrate."""
 
     train: Indices  # positions of the rows that train
-    holdout: (
-        Indices  # of those that calibrate: the training rows themselves, by their groups, or others
-    )
+    holdout: Indices  # of those that calibrate: the training rows themselves by groups, or others
     groups: Groups | None  # of the rows that calibrate; None if they are of one
-    others: list[Dataset] | None = (
-        None  # rows of another database that calibrate, one set for each target
-    )
+    others: list[Dataset] | None = None  # rows of another database that calibrate, by target
 
     @property
     def size(self) -> int:

@@ -352,9 +352,7 @@ class Fit:
     choosing: float  # processor time of the choice of settings [s]
     fitting: float  # and of the fit [s]
     remarks: tuple[str, ...]  # warnings of the fit
-    crossed: Values | None = (
-        None  # (n,), training rows predicted over their scale by models without their group
-    )
+    crossed: Values | None = None  # (n,), over the scale, by models without a row's group
 
 
 def _judged(fitted: Fit, rows: Dataset, plan: Plan, test: Indices) -> dict[str, Any]:

@@ -45,14 +45,10 @@ class Learnt:
 
     column: str  # in `gen.schema`
     unit: str  # of the column
-    pipeline: (
-        Any  # scaling and estimator of scikit-learn, fitted to the scaled target over its scale
-    )
+    pipeline: Any  # of scikit-learn: scaling and estimator of the scaled target over its scale
     scaling: Scaling  # of the target over its scale
     calibration: Calibration  # intervals of the target over its scale
-    clip: Clip | None = (
-        None  # ranges that the model's inputs do not leave; None for features with units
-    )
+    clip: Clip | None = None  # ranges that the inputs do not leave; None for sets with units
     bounds: tuple[float, float] = (-np.inf, np.inf)  # least and largest value of the column
 
     def within(self, values: Values) -> Values:
