@@ -119,3 +119,9 @@ def test_rows_of_new_groups_are_covered_as_often_as_asked(groups):
         covered.append(abs(sizes[-1] * random.normal()) <= quantile_over_groups(known, 0.9))
     slack = 3 * np.sqrt(0.09 / 2000)
     assert 0.9 - slack < np.mean(covered) < 0.9 + 1 / (groups + 1) + slack
+
+
+def test_another_group_counts_as_one_more_than_those_that_are_known():
+    known = np.array([1.0, 2.0]), np.array([3.0, 4.0])
+    assert quantile_over_groups(known, 0.5) == 3.0
+    assert quantile_over_groups(known, 0.9) == np.inf
