@@ -1,7 +1,6 @@
 """The command `asperity serve`."""
 
 import asyncio
-import contextlib
 import os
 import signal
 import socket
@@ -117,8 +116,7 @@ class _CtrlC:
 
     async def listen(self, _: "web.Application") -> None:
         """Take Ctrl-C from aiohttp, whose second one would leave its tasks unfinished."""
-        with contextlib.suppress(NotImplementedError):  # Windows: Python's own Ctrl-C
-            asyncio.get_running_loop().add_signal_handler(signal.SIGINT, self._press)
+        asyncio.get_running_loop().add_signal_handler(signal.SIGINT, self._press)
 
     def _press(self) -> None:
         from aiohttp import web

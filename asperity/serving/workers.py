@@ -147,10 +147,7 @@ def _end(pool: ProcessPoolExecutor) -> None:
 
 @contextmanager
 def _deaf() -> Iterator[None]:
-    """Hold Ctrl-C back, where the system can."""
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
+    """Hold Ctrl-C back."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield

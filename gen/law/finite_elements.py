@@ -102,7 +102,6 @@ def rising(law: Law, side: str = "") -> tuple[Values, Values, Values | None]:
         outside = ": no load lies inside the surrogate's training; --solver solves the law"
         ends = outside if table.flagged.any() else ""
         raise InputError(f"the law closes nowhere, so that only tables can be written{ends}")
-
     at, closures = (np.append(0.0, part[places]) for part in (table.at, closures))
     if conductances is not None:
         conductances = np.append(0.0, conductances[places])
@@ -123,19 +122,20 @@ def _lines(path: Path, law: Law, program: Program, units: UnitSystem, side: str)
     yield f"*SURFACE INTERACTION, NAME={_name(path)}"
     yield "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TABULAR"
     loads, overclosures = pressures * units.pressure, closures * units.length
+    points = loads, overclosures
     if program == "calculix":
-        loads, overclosures = _for_calculix(loads, overclosures)
-    for load, overclosure in zip(loads, overclosures, strict=True):
+        points = _for_calculix(loads, overclosures)
+    for load, overclosure in zip(*points, strict=True):
         yield f"{load:.10g}, {overclosure:.10g}"  # 20 characters at most, which both programs read
     if conductances is None:
         return
     yield "*GAP CONDUCTANCE" if program == "calculix" else "*GAP CONDUCTANCE, PRESSURE"
     temperature = f", {TEMPERATURE:.10g}" if program == "calculix" else ""
-    last, loads_at = pressures.size - 1, pressures * units.pressure
+    last = pressures.size - 1
     room = POINTS if program == "calculix" else pressures.size
     for place in np.unique(np.rint(np.linspace(0, last, min(last + 1, room))).astype(int)):
-        number, load = conductances[place] * units.conductance, loads_at[place]
-        yield f"{number:.10g}, {load:.10g}{temperature}"
+        conductance = conductances[place] * units.conductance
+        yield f"{conductance:.10g}, {loads[place]:.10g}{temperature}"
 
 
 def _description(
@@ -162,9 +162,8 @@ def _description(
         f"From 0 to the first pressure, {pressures[1]:.6g} MPa, nothing was computed: there the"
         " table is a straight line."
     )
-    conducting = (
-        "" if law.order.conductivities is None else " and the conductance stays the last one"
-    )
+    conducts = law.order.conductivities is not None
+    conducting = " and the conductance stays the last one" if conducts else ""
     yield (
         f"The law ends at {pressures[-1]:.6g} MPa. No contact was computed beyond: the pressure"
         f" follows the last slope there{conducting}. Give larger ones, up to full"
