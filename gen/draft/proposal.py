@@ -99,7 +99,8 @@ def propose(
             looks[index] = replace(look, fault=fault)
     textures = [look.texture for look in require_used(looks)]
     loads = choose_loads(material, [each.rms_slope for each in textures], nodes**2)
-    windows = _windows([each.shape for each in textures], nodes)
+    beside = sum(math.prod(each.shape) for each in textures) / nodes**2
+    windows = 10 * round(min(max(OVERLAP * beside, WINDOWS[0]), WINDOWS[1]) / 10)
     return Proposal(tuple(looks), reading, spacing, nodes, windows, loads, material)
 
 
@@ -127,12 +128,6 @@ def _usual_length(textures: Sequence[Texture]) -> float:
     """Return the median of the autocorrelation lengths that are known [um]."""
     known = [each.length for each in textures if not math.isnan(each.length)]
     return statistics.median(known) if known else math.nan
-
-
-def _windows(shapes: Sequence[tuple[int, int]], nodes: int) -> int:
-    """Choose the number of windows, in tens."""
-    beside = sum(math.prod(shape) for shape in shapes) / nodes**2
-    return 10 * round(min(max(OVERLAP * beside, WINDOWS[0]), WINDOWS[1]) / 10)
 
 
 # nodes a side of the windows, the best first; cosine transforms of these numbers are fast
@@ -320,11 +315,17 @@ def propose_like(path: Path, reading: Reading, material: Material) -> Likeness:
     [look] = require_used([with_texture(look, reading, None)])
     topography = prepare(read(path, reading), reading)
     stretch = _stretch(topography)
-    fit = _fit(topography, stretch)
+    # Wavelengths of a stretched spectrum are those along y, which stay as they are.
+    isotropic = replace(topography, sides=(topography.sides[0] / stretch, topography.sides[1]))
+    aspect = areal_parameters(isotropic).values["Str"]
+    fit = fit_self_affine(isotropic, radial_spectrum(isotropic), aspect)
     if isinstance(fit, str):
         raise InputError(f"{path}: no self-affine law fits it: {fit}")
     step = float(f"{min(topography.spacing):.6g}")
-    spectrum = _on_grid(fit.spectrum, stretch, step)
+    law, shortest = fit.spectrum, 2.02 * step * max(1.0, 1 / stretch)  # waves that the grid holds
+    cut_off = rounded(max(law.cut_off, shortest), 3)
+    roll_off = max(rounded(law.roll_off, 3), cut_off)
+    spectrum = SelfAffineSpectrum(rounded(law.hurst), roll_off, cut_off, stretch)
     windows = _medians(_cut(topography.heights), topography.spacing)
     height, unscaled = _medians(_generated(spectrum, step), (step, step))
     slope = windows[1] / unscaled  # of the waves, where that between nodes is the map's
@@ -369,25 +370,6 @@ def _stretch(topography: Topography) -> float:
     )
     lay = along_y / along_x if along_x else 1.0
     return 1.0 if 1 / LAY < lay < LAY else rounded(lay)
-
-
-def _fit(topography: Topography, stretch: float) -> SelfAffineFit | str:
-    """Fit the law to a map whose lengths along x are divided by the stretch: it has no lay.
-
-    Wavelengths of a stretched spectrum are those along y, which stay as they are.
-    """
-    sides = (topography.sides[0] / stretch, topography.sides[1])
-    isotropic = replace(topography, sides=sides)
-    aspect = areal_parameters(isotropic).values["Str"]
-    return fit_self_affine(isotropic, radial_spectrum(isotropic), aspect)
-
-
-def _on_grid(law: SelfAffineSpectrum, stretch: float, step: float) -> SelfAffineSpectrum:
-    """Give a law a stretch, and no waves that the grid does not hold."""
-    shortest = 2.02 * step * max(1.0, 1 / stretch)
-    cut_off = rounded(max(law.cut_off, shortest), 3)
-    roll_off = max(rounded(law.roll_off, 3), cut_off)
-    return SelfAffineSpectrum(rounded(law.hurst), roll_off, cut_off, stretch)
 
 
 def _medians(surfaces: list[Heights], spacing: tuple[float, float]) -> tuple[float, float]:
