@@ -21,6 +21,7 @@ spots do to f. All lengths are in spacings across the edge, so that oblong cells
 """
 
 import math
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -67,7 +68,7 @@ CONCENTRATED_FORCE = -0.115
 CIRCLE = 8 / math.pi
 
 
-class _Edges(NamedTuple):
+class Edges(NamedTuple):
     """Cell edges between contact and gap that face one way, with the nodes on a line across them.
 
     Attributes
@@ -113,43 +114,47 @@ def continuum_nodes(problem: Problem, pressure: Field, gap: Field, depth: Field 
     float
         From 0 to nx ny [cells].
     """
-    touching = pressure > 0
-    count = int(np.count_nonzero(touching))
-    if count in (0, touching.size):
+    count = int(np.count_nonzero(pressure > 0))
+    if count in (0, pressure.size):
         return float(count)
-    kernel = "spectral" if problem.boundary != "free" else problem.kernel
-    sides = [
-        (_edges(problem.boundary, axis, step, touching, pressure, gap, depth), axis)
-        for axis in (0, 1)
-        for step in (1, -1)
-    ]
-    if kernel == "concentrated-force":
+    sides = list(edges_of(problem, pressure, gap, depth))
+    if problem.boundary == "free" and problem.kernel == "concentrated-force":
         return _of_concentrated_forces(count, sum(len(edges.gap) for edges, _ in sides))
     weights = WEIGHTS.copy()
-    if kernel == "uniform-pressure":
+    if problem.boundary == "free":
         weights[:, 0] -= UNIFORM_PRESSURE
-    compliance = [COMPLIANCE[kernel] * spacing / problem.modulus for spacing in problem.spacing]
-    excess = sum(float(_offsets(edges, weights, compliance[axis]).sum()) for edges, axis in sides)
+    excess = sum(float(_offsets(edges, weights, compliance).sum()) for edges, compliance in sides)
     # No area bears more than the hardness.
     least = 0.0 if problem.hardness is None else float(pressure.sum()) / problem.hardness
-    return min(max(count - excess, least), float(touching.size))
+    return min(max(count - excess, least), float(pressure.size))
+
+
+def edges_of(
+    problem: Problem, pressure: Field, gap: Field, depth: Field | None
+) -> Iterator[tuple[Edges, float]]:
+    """Yield the edges that face each of four ways, with the compliance of a node [um / MPa]."""
+    kernel = "uniform-pressure" if problem.boundary == "free" else "spectral"
+    for axis, spacing in enumerate(problem.spacing):
+        compliance = COMPLIANCE[kernel] * spacing / problem.modulus
+        for step in (1, -1):
+            yield _edges(problem.boundary, axis, step, pressure, gap, depth), compliance
 
 
 def _edges(
     boundary: Boundary,
     axis: int,
     step: int,
-    touching: Mask,
     pressure: Field,
     gap: Field,
     depth: Field | None,
-) -> _Edges:
+) -> Edges:
     """Find the edges whose node in contact comes `step` after the other along an axis."""
 
     def turned(field: NDArray[Any]) -> NDArray[Any]:
         return np.moveaxis(field, axis, 0)[::step]
 
-    contact, pressures, gaps = turned(touching), turned(pressure), turned(gap)
+    pressures, gaps = turned(pressure), turned(gap)
+    contact = pressures > 0
     rows, columns = contact.shape
     edge = contact & ~contact[_places(np.arange(rows) - 1, rows, boundary)]
     here, across = np.nonzero(edge)
@@ -159,7 +164,7 @@ def _edges(
 
     sides = (edge[here, _places(across + way, columns, boundary)] for way in (1, -1))
     free = boundary == "free"
-    return _Edges(
+    return Edges(
         aligned=np.add(*(side.astype(np.intp) for side in sides)),
         pressure=at(pressures, 0),
         behind=at(pressures, 1),
@@ -181,20 +186,26 @@ def _places(indices: Nodes, number: int, boundary: Boundary) -> Nodes:
     return np.clip(indices, 0, number - 1)
 
 
-def _offsets(edges: _Edges, weights: Field, compliance: float) -> Values:
-    """Return the distance from each edge back to the border, (e,) [spacing across the edge]."""
+def terms(edges: Edges, compliance: float) -> Field:
+    """Return what the weights of an edge count: one, the share f and both ratios, (e, 4)."""
     elastic = compliance * edges.pressure
-    share = edges.gap / (edges.gap + elastic + edges.depth)
-    behind = np.full(len(share), USUAL_RATIOS[0])
-    beyond = np.full(len(share), USUAL_RATIOS[1])
-    np.divide(edges.pressure, edges.pressure + edges.behind, out=behind, where=edges.inside)
+    found = np.empty((len(elastic), 4))
+    found[:, 0] = 1.0
+    found[:, 1] = edges.gap / (edges.gap + elastic + edges.depth)
+    found[:, 2:] = USUAL_RATIOS
+    np.divide(edges.pressure, edges.pressure + edges.behind, out=found[:, 2], where=edges.inside)
     known = edges.outside & (edges.gap + edges.beyond > 0)
-    np.divide(edges.gap, edges.gap + edges.beyond, out=beyond, where=known)
-    one, of_share, of_behind, of_beyond = weights[edges.aligned].T
-    offsets: Values = one + of_share * share + of_behind * behind + of_beyond * beyond
+    np.divide(edges.gap, edges.gap + edges.beyond, out=found[:, 3], where=known)
+    return found
+
+
+def _offsets(edges: Edges, weights: Field, compliance: float) -> Values:
+    """Return the distance from each edge back to the border, (e,) [spacing across the edge]."""
+    found = terms(edges, compliance)
+    offsets: Values = np.einsum("ij,ij->i", weights[edges.aligned], found)
     if edges.depth.any():
-        cut = edges.depth / (edges.depth + YIELDED * elastic)
-        offsets = (1 - cut) * offsets + cut * (share - 0.5)
+        cut = edges.depth / (edges.depth + YIELDED * compliance * edges.pressure)
+        offsets = (1 - cut) * offsets + cut * (found[:, 1] - 0.5)
     return offsets
 
 
