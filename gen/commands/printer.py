@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import signal
 from typing import TYPE_CHECKING, Any
 
@@ -241,6 +242,18 @@ def print_self_affine(fit: SelfAffineFit | str) -> None:
             ("rms_height", fit.rms_height, "um", "root mean square height"),
         )
     )
+
+
+def print_resolution(nodes: float) -> None:
+    """Print how many nodes the shortest wave has, and what follows for areas of contact."""
+    from gen.maps.texture import WELL_RESOLVED
+
+    if math.isnan(nodes):
+        return
+    said = "nodes: areas of contact are those of the grid, see gen contact"
+    if nodes >= WELL_RESOLVED:
+        said = "nodes: enough for the area of contact in the continuum to 1 %"
+    print_columns([("shortest wave", f"{nodes:.2g}", said)])
 
 
 def follow_contacts(

@@ -41,7 +41,12 @@ def describe(
     from gen.maps.bodies import surface_of
     from gen.maps.pictures import draw_surface
     from gen.maps.prepare import surface_warnings
-    from gen.maps.texture import areal_parameters, fit_self_affine, radial_spectrum
+    from gen.maps.texture import (
+        areal_parameters,
+        fit_self_affine,
+        nodes_a_wave,
+        radial_spectrum,
+    )
     from gen.runtime.documents import write_csv
 
     outputs = [Output(table, "--csv"), Output(spectrum, "--spectrum")]
@@ -57,11 +62,13 @@ def describe(
     radial = radial_spectrum(topography)
     fit = fit_self_affine(topography, radial, areal.values["Str"])
     printer.print_self_affine(fit)
+    nodes = nodes_a_wave(radial, topography.spacing)
+    printer.print_resolution(nodes)
     if spectrum is not None and not radial.wavenumbers.size:
         raise InputError(f"--spectrum {spectrum}: there is none, {fit}")
     if table is not None:
         row = _statistics_row(topography, description, warnings)
-        further = _areal_row(areal, depth, fit)
+        further = {**_areal_row(areal, depth, fit), "nodes_a_wave": nodes}
         write_csv(table, [{**row, **further, "units": _units_of([*row, *further])}])
     if spectrum is not None:
         write_csv(spectrum, radial.rows())
@@ -104,7 +111,8 @@ def _units_of(names: Iterable[str]) -> str:
     from gen.schema import statistics_columns
 
     units = {column.name: column.unit for column in statistics_columns()}
-    units |= {name: unit for name, unit, _ in PARAMETERS} | LAW | {"Smr_depth": "um"}
+    units |= {name: unit for name, unit, _ in PARAMETERS} | LAW
+    units |= {"Smr_depth": "um", "nodes_a_wave": "1"}
     return "; ".join(f"{name} {units[name]}" for name in names if name in units)
 
 

@@ -251,6 +251,10 @@ LEAST_DECADES = 1.0
 DIRECTIONAL = (0.5, 0.2)
 # units of the numbers of a law, by their names in tables
 LAW = {"hurst": "1", "roll_off": "um", "cut_off": "um", "law_decades": "1", "law_scatter": "1"}
+ROUGHNESS = 0.99  # share of the mean square slope of the waves that carry roughness
+# nodes in the shortest wave from which on the area in the continuum is right to 1 %, from a mean
+# pressure of 0.05 E* times the rms slope on (`bench resolution`)
+WELL_RESOLVED = 4
 ROLL_OFFS = 400  # number of roll-offs that are tried
 
 
@@ -322,6 +326,18 @@ def radial_spectrum(topography: Topography) -> RadialSpectrum:
         empty = np.empty(0)
         return RadialSpectrum(empty, np.empty((0, 2)), empty, empty)
     return _averaged(np.hypot(qx[:, None], qy[None, :]), density, edges, heights.shape[1])
+
+
+def nodes_a_wave(spectrum: RadialSpectrum, spacing: tuple[float, float]) -> float:
+    """Return how many nodes the shortest wave has that carries roughness, at least 2.
+
+    Shorter waves carry 1 % of the mean square slope together. NaN is returned without a spectrum.
+    """
+    slopes = spectrum.waves * spectrum.density * spectrum.wavenumbers**2
+    if not 0.0 < slopes.sum() < math.inf:
+        return math.nan
+    place = int(np.searchsorted(np.cumsum(slopes), ROUGHNESS * slopes.sum()))
+    return float(2 * math.pi / spectrum.edges[place, 1]) / max(spacing)
 
 
 def _hann(shape: tuple[int, ...]) -> Values:

@@ -17,9 +17,12 @@ from gen.maps.texture import (
     areal_parameters,
     autocorrelation,
     fit_self_affine,
+    nodes_a_wave,
     radial_spectrum,
 )
 from gen.spectral import SelfAffineSpectrum, generate_spectral
+from gen.surface import diamond_square
+from tests.bem.waves import random_waves
 
 NAMES = [parameter.name for parameter in PARAMETERS if parameter.name != "Smr"]
 
@@ -178,7 +181,7 @@ def test_describe_prints_and_writes_them_after_the_statistics(tmp_path, monkeypa
         assert meaning in line
         assert float(line.split()[1]) == pytest.approx(expected[name], rel=1e-5)
     table = pd.read_csv("row.csv")
-    further = ["Smr", "Smr_depth", *LAW, "law", "units"]
+    further = ["Smr", "Smr_depth", *LAW, "law", "nodes_a_wave", "units"]
     start = list(table.columns).index("warnings") + 1
     assert list(table.columns[start:]) == [*NAMES, *further]
     row = table.iloc[0]
@@ -316,3 +319,20 @@ def test_the_spectrum_holds_the_mean_square_height(boundary):
     shells = math.pi * np.diff(spectrum.edges**2, axis=1)[:, 0]
     total = np.sum(shells * spectrum.density) / (2 * math.pi) ** 2
     assert total == pytest.approx(9.0, rel=0.1)
+
+
+@pytest.mark.parametrize("boundary", ["periodic", "free"])
+@pytest.mark.parametrize("nodes", [4, 8, 16])
+def test_the_nodes_of_the_shortest_wave_are_counted(boundary, nodes):
+    heights = random_waves(1, 192 // nodes, 0.5, 3)(192)
+    topography = Topography("waves", heights, (192.0, 192.0), boundary=boundary)
+    found = nodes_a_wave(radial_spectrum(topography), topography.spacing)
+    assert found == pytest.approx(nodes, rel=0.15)
+
+
+def test_fractals_have_waves_down_to_the_grid():
+    heights = diamond_square(129, 0.7, 1.0, np.random.default_rng(0))
+    topography = Topography("fractal", heights, (128.0, 128.0))
+    assert nodes_a_wave(radial_spectrum(topography), topography.spacing) < 2.3
+    flat = Topography("flat", np.zeros((32, 32)), (1.0, 1.0))
+    assert math.isnan(nodes_a_wave(radial_spectrum(flat), flat.spacing))
