@@ -107,7 +107,7 @@ def room_of(module: str) -> str:
     path = ROOT / module.replace(".", "/")
     if path.is_dir():
         return module
-    if any(path.parent.glob("*/__init__.py")):
+    if list(path.parent.glob("*/__init__.py")):
         return module
     return module.rpartition(".")[0]
 

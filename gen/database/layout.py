@@ -93,7 +93,11 @@ def lay_out(path: Path, scene: Scene, rows: range, attributes: Mapping[str, str 
         axes = {"sample": len(rows)}
         if any(column.shape_of for column in columns):
             axes |= dict(zip("xy", scene.shape, strict=True))
-        dimensions = [_dimension(file, name, size) for name, size in axes.items()]
+        dimensions = []
+        for name, size in axes.items():  # netCDF-4: a scale without data or disk space
+            scale = file.create_dataset(name, shape=(size,), dtype=">f4")
+            scale.make_scale(f"This is a netCDF dimension but not a netCDF variable.{size:10d}")
+            dimensions.append(scale)
         file.create_group(RUNTIME, track_order=True)
         for column in columns:
             _add(file, column, column.shape(len(rows), scene.shape), dimensions)
@@ -108,13 +112,6 @@ def rows_of(attributes: Mapping[str, str | int]) -> range:
     if not (0 <= first < samples and 1 <= count <= samples - first):
         raise ValueError(f"it is said to hold {count} rows from row {first} on, of {samples}")
     return range(first, first + count)
-
-
-def _dimension(file: h5py.File, name: str, size: int) -> h5py.Dataset:
-    """Add a netCDF-4 dimension without coordinates: a scale without data or disk space."""
-    scale = file.create_dataset(name, shape=(size,), dtype=">f4")
-    scale.make_scale(f"This is a netCDF dimension but not a netCDF variable.{size:10d}")
-    return scale
 
 
 def _add(
@@ -134,7 +131,9 @@ def _add(
         _set(dataset, "units", column.unit)
     if flags := FLAGS.get(column):
         dataset.attrs["flag_values"] = np.array(list(flags), dtype=column.dtype)
-        _set(dataset, "flag_meanings", " ".join(_word(text) for text in flags.values()))
+        # CF's list of meanings is separated by blanks: each text has to be one word.
+        words = (re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_") for text in flags.values())
+        _set(dataset, "flag_meanings", " ".join(word or "none" for word in words))
 
 
 def fill(file: h5py.File, scene: Scene, first: int, last: int) -> None:
@@ -157,11 +156,6 @@ def _set(node: h5py.Dataset | h5py.File, name: str, value: str | int) -> None:
         node.attrs.create(name, data, dtype=h5py.string_dtype("utf-8", max(1, len(data))))
     else:
         node.attrs[name] = value
-
-
-def _word(text: str) -> str:
-    """Turn a text into one word, since CF's `flag_meanings` is a list separated by blanks."""
-    return re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_") or "none"
 
 
 def identity(scene: Scene) -> dict[str, str | int]:

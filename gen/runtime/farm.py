@@ -133,18 +133,17 @@ def this_world() -> World:
 def _check_launcher() -> None:
     """Refuse variables of a launcher that does not exist, for which MPI would end the process."""
     size, descriptor = (os.environ.get(name) for name in ("PMI_SIZE", "PMI_FD"))
-    fault = ""
-    if size is not None and not size.isdecimal():
-        fault = "PMI_SIZE"
-    elif descriptor is not None and not _is_open(descriptor):
-        fault = "PMI_FD"
-    elif "PMIX_RANK" in os.environ and "PMIX_NAMESPACE" not in os.environ:
-        fault = "PMIX_RANK"
-    if fault:
-        raise InputError(
-            f"{fault} = {os.environ[fault]!r} in the environment is not from an MPI launcher that"
-            f" has started this process; to run alone: unset {fault}"
-        )
+    faults = {
+        "PMI_SIZE": size is not None and not size.isdecimal(),
+        "PMI_FD": descriptor is not None and not _is_open(descriptor),
+        "PMIX_RANK": "PMIX_RANK" in os.environ and "PMIX_NAMESPACE" not in os.environ,
+    }
+    for name, at_fault in faults.items():
+        if at_fault:
+            raise InputError(
+                f"{name} = {os.environ[name]!r} in the environment is not from an MPI launcher that"
+                f" has started this process; to run alone: unset {name}"
+            )
 
 
 def _is_open(descriptor: str) -> bool:

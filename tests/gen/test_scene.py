@@ -128,22 +128,6 @@ def test_refusal_names_key_value_and_what_is_allowed(text: str, parts: list[str]
         assert part in message
 
 
-@pytest.mark.parametrize("boundary", ["periodic", "mirror"])
-def test_a_patch_without_edges_has_2_k_cells_of_the_length_over_their_number(boundary) -> None:
-    scene = Scene.parse(f"samples = 1\n[contact]\nboundary = '{boundary}'", "some.toml")
-    assert scene.contact.spacing == "side/n"
-    assert scene.shape == (128, 128)
-    assert scene.spacing == (1000.0 / 128,) * 2 == load("paper").spacing
-    assert differences(load("paper"), scene) == [
-        "contact.spacing: 'side/(n-1)' in the file, 'side/n' asked for",
-        f"contact.boundary: nothing in the file, '{boundary}' asked for",
-    ]
-    assert Scene.from_text(scene.text()) == scene
-    assert scene == Scene.parse(
-        f"samples = 1\n[contact]\nspacing = 'side/n'\nboundary = '{boundary}'", ""
-    )
-
-
 def test_load_reads_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     for content in (b"samples = 3\r\n", b"\xef\xbb\xbfsamples = 3"):

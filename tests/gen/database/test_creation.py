@@ -54,16 +54,6 @@ def test_kill_while_extending_leaves_the_old_file(path):
     assert list(path.parent.iterdir()) == [path]
 
 
-def test_extension_keeps_a_link(path, tmp_path):
-    link = tmp_path / "link.h5"
-    link.symlink_to(path)
-    filled(path, small(), (0, 3, Status.DONE))
-    assert open_or_create(link, small(15)) == ("extended", 15)
-    assert link.is_symlink()
-    with Reader(path) as reader:
-        assert reader.counts() == (12, 3, 0)
-
-
 def test_creation_never_overwrites(path):
     path.write_text("precious")
     with pytest.raises(InputError, match="exists"):

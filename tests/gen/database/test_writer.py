@@ -81,16 +81,6 @@ def test_broken_block_writes_nothing(path, start, stop, columns, message):
     assert path.read_bytes() == before
 
 
-def test_retry_makes_failed_rows_pending(path):
-    scene = small()
-    filled(path, scene, (0, 3, Status.FAILED), (3, 5, Status.DONE), (9, 10, Status.FAILED))
-    with Writer(path, scene) as writer:
-        assert writer.retry_failed() == 4
-        assert writer.counts() == (8, 2, 0)
-        assert writer.pending() == [(0, 3), (5, 10)]
-        assert writer.retry_failed() == 0
-
-
 @pytest.fixture(scope="module")
 def twenty_rows(tmp_path_factory):
     scene = small(20)

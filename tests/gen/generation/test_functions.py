@@ -7,7 +7,6 @@ import h5py
 import numpy as np
 import pytest
 import user_functions
-from databases import deterministic_bytes
 from scipy import ndimage
 
 from gen import cli
@@ -53,21 +52,6 @@ def test_outputs_are_columns_like_all_others(here, capsys):
     with h5py.File(here / "a.h5", "r") as file:
         assert file["top"].attrs["units"] == b"um"
         assert file["top"].attrs["long_name"] == b"output of mine:spots"
-
-
-def test_runs_are_resumed_extended_and_merged(here):
-    assert cli.main(["run", "mine.toml", "-o", "whole.h5"]) == 0
-    assert cli.main(["run", "mine.toml", "-o", "part.h5", "--rows", "2:5"]) == 0
-    assert cli.main(["run", "mine.toml", "-o", "part.h5", "--rows", "0:5"]) == 0
-    assert cli.main(["run", "mine.toml", "-o", "rest.h5", "--rows", "5:7"]) == 0
-    assert cli.main(["merge", "part.h5", "rest.h5", "-o", "merged.h5"]) == 0
-    user_functions.write(here, SCENE.replace("samples = 7\n", "samples = 4\n"))
-    assert cli.main(["run", "mine.toml", "-o", "grown.h5"]) == 0
-    user_functions.write(here, SCENE)
-    assert cli.main(["run", "mine.toml", "-o", "grown.h5"]) == 0
-    expected = deterministic_bytes(here / "whole.h5")
-    assert deterministic_bytes(here / "merged.h5") == expected
-    assert deterministic_bytes(here / "grown.h5") == expected
 
 
 def test_nothing_but_runs_and_checks_needs_the_function(here, capsys):

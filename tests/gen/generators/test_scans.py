@@ -119,17 +119,6 @@ def test_a_check_needs_the_maps_themselves(folder, capsys):
     assert run(folder, "check", folder / "a.h5") == 0
 
 
-def test_a_changed_or_added_map_is_another_scene(folder, capsys):
-    run(folder, "run", folder / "s.toml", "-o", folder / "a.h5")
-    before = (folder / "a.h5").read_bytes()
-    capsys.readouterr()
-    write_all(folder / "maps", [MadeMap("fractal", 9, (40, 40), 0.5, 15.0)])
-    assert run(folder, "run", folder / "s.toml", "-o", folder / "a.h5") == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert "another scene (surface.found.number: 3 in the file, 4 asked for" in line
-    assert (folder / "a.h5").read_bytes() == before
-
-
 SECOND = (
     MadeMap("ground", 3, (50, 50), 0.5, 15.0),
     MadeMap("sandblasted", 4, (70, 34), 0.5, 15.0, format="gwy"),
