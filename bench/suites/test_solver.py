@@ -19,9 +19,8 @@ from pytest_benchmark.fixture import BenchmarkFixture
 from scipy import optimize
 
 import bem
-from bem import equilibrium, influence
+from bem import influence
 from bem.derived.stiffness import punch_of
-from bem.equilibrium import FEW_NODES
 from bem.influence import KERNELS, Kernel
 from bem.operators import patch
 from bem.operators.filters import filtered
@@ -173,28 +172,6 @@ def test_solve_at_contact(benchmark: BenchmarkFixture, percent: int, nodes: int)
     record_effort(benchmark, [contact])
     assert contact.area_percent == pytest.approx(percent, rel=0.1)
     assert_exact(contact)
-
-
-@pytest.mark.parametrize("candidates", [33, 100, FEW_NODES])
-def test_solve_few_candidates(benchmark: BenchmarkFixture, candidates: int) -> None:
-    """Dense up to `FEW_NODES`; beside it a full solve's time, and that of the same by convolution.
-
-    33 nodes are 0.2 % of the grid.
-    """
-    case = paper_case(0, SIZES["paper"])
-    few = float(case.heights.max() - np.sort(case.heights.reshape(-1))[-1 - candidates])
-    solve, full = (partial(bem.solve, case.heights, SIDE, delta) for delta in (few, case.delta))
-
-    def iterate() -> bem.Contact:
-        with mock.patch.object(equilibrium, "FEW_NODES", 0):
-            return solve()
-
-    contact = benchmark(solve)
-    assert_exact(contact)
-    assert iterate().contact_nodes == contact.contact_nodes
-    record_effort(benchmark, [contact])
-    record_time_over(benchmark, "share_of_a_full_solve", solve, full)
-    record_time_over(benchmark, "share_of_a_solve_by_convolution", solve, iterate)
 
 
 @pytest.mark.parametrize("percent", [0.5, 1.0, 2.0, 4.0])
