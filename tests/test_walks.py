@@ -31,8 +31,8 @@ class Counts(NamedTuple):
 MOST = {
     "heights": Counts(8, 49, 8),  # heights to the pressure on a free patch
     "scene": Counts(41, 278, 23),  # a scene to the rows of a database
-    "fit": Counts(37, 239, 23),  # a database to a surrogate
-    "predict": Counts(28, 169, 16),  # a surrogate and a map to a prediction
+    "fit": Counts(37, 238, 23),  # a database to a surrogate
+    "predict": Counts(28, 167, 16),  # a surrogate and a map to a prediction
     "law": Counts(44, 302, 27),  # a map to its contact law
 }
 """Most of each that a walk may pass."""
