@@ -41,6 +41,10 @@ SMOOTH = 3e-3
 # Relative difference of the areas of two grids above which neither is near the continuum.
 LARGEST_DIFFERENCE = 0.3
 
+# Share of the area, beyond what bears the load at the hardness, up to which yielding has decided it
+# whatever the waves below the grid.
+NEARLY_YIELDED = 0.03
+
 # Nodes along an axis below which half of them say nothing.
 FEWEST = 8
 
@@ -120,6 +124,8 @@ class GridError:
         change = there / here - 1 if here else float(there > 0)
         more = "more" if change > 0 else "less"
         words = f"half of the nodes give {100 * abs(change):.2g} % {more} area"
+        if self._spare <= NEARLY_YIELDED:
+            return True, f"no less than {100 * (1 - self._spare):.4g} % of it bears the load"
         if self.order < LEAST_ORDER:
             return False, f"waves go on down to the grid, so that the area has no limit: {words}"
         if abs(change) > LARGEST_DIFFERENCE:
@@ -130,7 +136,10 @@ class GridError:
     def area_percent(self) -> float:
         """Of `Contact.continuum_area_percent` [%]."""
         percent = self.contact.continuum_area_percent / (_area(self.contact) or 1.0)
-        floor = AT_LEAST["area"] * self._counted * self.contact.continuum_area_percent
+        floor = AT_LEAST["area"] * self._counted
+        if self.order < LEAST_ORDER and self._spare <= NEARLY_YIELDED:
+            floor = max(floor, self._spare)
+        floor *= self.contact.continuum_area_percent
         return self._bar(lambda contact: percent * _area(contact), floor)
 
     @computed_once
@@ -158,6 +167,12 @@ class GridError:
             return 0.0
         floor = AT_LEAST["stiffness"] * self._counted * self.contact.stiffness
         return self._bar(lambda contact: contact.stiffness, floor)
+
+    @property
+    def _spare(self) -> float:
+        """Share of the area beyond what bears the load at the hardness: no grid takes off more."""
+        hardness, area = self.contact.problem.hardness, _area(self.contact)
+        return 1.0 if hardness is None or area == 0 else 1 - self.contact.force / hardness / area
 
     @property
     def _counted(self) -> float:

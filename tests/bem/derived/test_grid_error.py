@@ -90,6 +90,19 @@ def test_fractals_down_to_the_grid_are_not_resolved(hurst):
         assert error.order < 0.4
 
 
+def test_the_area_of_bodies_that_yield_everywhere_is_known_on_any_grid():
+    """Fractal or not: the hardness bears the load on no less."""
+    contact = bem.solve(
+        fractal(128, 0.5, 0), 1.0, pressure=1e-4, boundary="periodic", hardness=5e-4
+    )
+    error = contact.grid_error()
+    assert error.resolved
+    assert "bears the load" in error.reason
+    least = 100 * 1e-4 / 5e-4
+    assert least - 1e-9 <= contact.continuum_area_percent <= least + error.area_percent + 1e-9
+    assert error.area_percent < 0.05 * least
+
+
 def test_smooth_surfaces_have_the_order_two_and_edges_the_order_one():
     x = np.arange(64) / 64
     wave = np.add.outer(np.cos(2 * np.pi * x), np.cos(4 * np.pi * x))
