@@ -31,13 +31,13 @@ from bem.arrays import Field, Mask, Nodes, Values
 from bem.problem import Boundary, Problem
 
 # Weights of an edge for one, f, p / (p + p2) and g / (g + g2), by how many of the two edges beside
-# it lie in line with it: least squares over 3,290 regular waves, Westergaard's at all angles and
+# it lie in line with it: least squares over 3,300 regular waves, Westergaard's at all angles and
 # crossed ones, from 3 to 64 nodes long and 1 to 97 % in contact (`python -m bench.border_weights`).
 WEIGHTS = np.array(
     [
-        [-0.083, 0.396, -0.081, 0.132],
-        [-0.130, 0.509, -0.068, 0.161],
-        [-0.221, 0.795, -0.129, 0.281],
+        [-0.079, 0.381, -0.076, 0.130],
+        [-0.125, 0.500, -0.070, 0.165],
+        [-0.227, 0.817, -0.136, 0.266],
     ]
 )
 
