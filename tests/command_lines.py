@@ -192,6 +192,7 @@ COMMANDS: dict[str, dict[str, Command]] = {
         "compare": Command("<database> -o >folder", (("--model forest", "forest"),)),
         "tune": Command("<database> -o >folder", (("--budget soon", "soon"),)),
         "show": Command("<comparison>"),
+        "importance": Command("<database> -o >folder", SELECTION[:1]),
     },
 }
 """Every command that runs on several ranks; those of bench refuse to."""

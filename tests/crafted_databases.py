@@ -175,6 +175,7 @@ COMMANDS: dict[str, list[str]] = {
     "learn fit": ["fit", "FILE", "-o", "new.surrogate"],
     "learn compare": ["compare", "FILE", "-o", "new"],
     "learn tune": ["tune", "FILE", "-o", "new"],
+    "learn importance": ["importance", "FILE", "-o", "new"],
     "learn law": ["law", "FILE", "--solver", "--csv", "law.csv"],
 }
 """Every command that reads databases; `learn law` needs a surrogate, x.surrogate, as well."""

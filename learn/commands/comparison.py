@@ -1,4 +1,4 @@
-"""`learn compare`, `tune` and `show`: compare the nine models."""
+"""`learn compare`, `tune`, `show` and `importance`: compare the nine models, and their inputs."""
 
 from __future__ import annotations
 
@@ -33,7 +33,8 @@ class Selection(NamedTuple):
         typer.Option(
             metavar="NAME",
             help="decision-tree, random-forest, adaboost, xgboost, gradient-boost, svm,"
-            " gaussian-process, kernel-ridge or mlp; may be repeated; all nine if left out.",
+            " gaussian-process, kernel-ridge or mlp; may be repeated; if left out, all nine"
+            " (importance: kernel-ridge).",
         ),
     ] = None
     target: Annotated[
@@ -205,3 +206,19 @@ def _write_and_print(folder: Path, *, pictures: bool) -> None:
 
             for path in draw(part):
                 echo(f"wrote {path}")
+
+
+@grouped
+def importance(file: Database, output: Output, *, selection: Selection) -> None:
+    """Rank the inputs by what shuffling each does to the error, and drop the weakest.
+
+    With the settings that `tune` has found, if the folder holds them, else with the paper's
+    optimum: DIR/TARGET/importance.csv, selection.csv and importance.png.
+    """
+    one = selection._replace(model=(selection.model or ["kernel-ridge"])[-1:])
+    request = one.request(file, output)
+    from learn.comparison.importance import write_report
+
+    with lock_folder(output):
+        for path in write_report(request, echo):
+            echo(f"wrote {path}")

@@ -106,6 +106,7 @@ KINDS: dict[str, Kind] = {
             ("learn", "fit", "rows.h5", "-o", "new.surrogate", "--from", "found", *LEARN),
             ("learn", "compare", "rows.h5", "-o", "found", *LEARN),
             ("learn", "tune", "rows.h5", "-o", "found", "--budget", "1s", *LEARN),
+            ("learn", "importance", "rows.h5", "-o", "found", *LEARN),
         ),
         ("found", "rows.h5"),
     ),

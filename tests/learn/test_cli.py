@@ -110,6 +110,7 @@ def test_every_command_works_on_every_population(population, tmp_path, monkeypat
         ["law", "d.h5", "--solver", "--surfaces", "2", "--csv", "solved.csv"],
         ["compare", "d.h5", "-o", "c", "--model", "decision-tree", "--features", "dimensionless"],
         ["show", "c", "--no-pictures"],
+        ["importance", "d.h5", "-o", "c2", "--model", "decision-tree"],
     ):
         assert cli.main(line) == 0, line
     shown = capsys.readouterr().out
@@ -151,7 +152,8 @@ def test_a_strict_reader_takes_every_text_that_a_command_writes(work, capsys, na
     if name == "columns":
         Path("out.md").write_text(capsys.readouterr().out, encoding="utf-8")
     if name == "compare":
-        assert cli.main(["show", "out"]) == 0
+        for more in (["show", "out"], ["importance", "database.h5", "-o", "out", *words[-2:]]):
+            assert cli.main(more) == 0
     readers = {".json": strict.json_of, ".csv": strict.rows_of, ".md": strict.markdown_of}
     texts = [path for path in work.rglob("*") if path.suffix in readers]
     written = [path for path in texts if path.relative_to(work).parts[0].startswith("out")]

@@ -1,4 +1,4 @@
-"""The commands compare, tune and show: wrong input in one line, help without numerics."""
+"""The commands that compare models: wrong input in one line, help without numerics."""
 
 import subprocess
 import sys
@@ -29,6 +29,7 @@ WRONG = [
     (["tune", "database.h5", "-o", "x", "--budget", "soon"], "--budget 'soon'"),
     (["tune", "database.h5", "-o", "x", "--train-rows", "7"], "5 folds of 2 rows"),
     (["show", "x"], "holds no comparison"),
+    (["importance", "database.h5", "-o", "x", "--model", "x"], "--model 'x'"),
 ]
 
 
@@ -43,7 +44,7 @@ def test_wrong_input_is_one_line_and_code_2(work, capsys, arguments, word):
     assert sorted(work.iterdir()) == before, "nothing was written"
 
 
-@pytest.mark.parametrize("command", ["compare", "tune", "show"])
+@pytest.mark.parametrize("command", ["compare", "tune", "importance", "show"])
 def test_one_process_at_a_time_writes_a_folder(work, capsys, command):
     line = (
         [command, "x"] if command == "show" else [command, "database.h5", "-o", "x", "--seed", "1"]
@@ -70,11 +71,13 @@ def test_help_imports_no_numerics(arguments, tmp_path):
         assert f"'{library}'" not in loaded
 
 
-def test_hybrid_features_go_through_compare(work, capsys):
+def test_hybrid_features_go_through_compare_and_importance(work, capsys):
     both = ["--model", "kernel-ridge", "--model", "gaussian-process"]
     assert run("compare", "database.h5", "-o", "out", "--features", "hybrid", *both) == 0
     assert "hybrid features" in capsys.readouterr().err
     for row in table("out/area/scores.csv"):
         assert float(row["r2"]) > 40, "a linear model has its intercept, a kernel a length of use"
+    assert run("importance", "database.h5", "-o", "out", "--features", "hybrid") == 0
+    assert len(table("out/area/importance.csv")) == 30
     assert run("compare", "database.h5", "-o", "out", "--model", "kernel-ridge") == 2
     assert "features 'hybrid', not 'paper'" in capsys.readouterr().err

@@ -1,0 +1,131 @@
+"""The worth of each input (the paper's section 3.1), and fits without the weak.
+
+The worth of an input is the loss of R2 when its values are shuffled over the test rows. Many of the
+22 statistics are almost the same, and one of two twins can be shuffled without harm. Models are
+therefore also fitted anew to fewer and fewer inputs.
+"""
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import numpy as np
+from sklearn.compose import TransformedTargetRegressor
+from sklearn.inspection import permutation_importance
+from sklearn.preprocessing import StandardScaler
+
+from gen.runtime.figure import new_figure, save
+from learn import dataset, features, split
+from learn.comparison.folder import Folder, conditions
+from learn.comparison.grid import untuned
+from learn.comparison.pictures import DPI
+from learn.comparison.results import repeated
+from learn.dataset import Request, hybrid_for
+from learn.executor import Executor
+from learn.metrics import scores
+from learn.models import MODELS, check_memory, models_named, pipeline, remarks
+from learn.stored import short_name
+
+SHUFFLES = 5
+"""Times that an input is shuffled: enough for a mean and its scatter."""
+
+SIZES = (30, 23, 20, 16, 12, 8, 6, 4, 3, 2, 1)
+"""Numbers of inputs that are kept, the strongest first."""
+
+COLUMNS = ("inputs", "nmse", "nmae", "nmaxe", "r2", "fit_s", "predict_test_s", "dropped")
+"""Columns of selection.csv after the model."""
+
+
+def write_report(request: Request, say: Callable[[str], None]) -> list[Path]:
+    """Rank the inputs, fit the model to fewer of them, and write tables and a picture.
+
+    InputError is raised for input that cannot be used, or too little memory.
+    """
+    (model,) = models_named(list(request.models))
+    hybrid = hybrid_for(request, Executor())
+    rows = dataset.read(
+        request.database, request.targets[0], request.area_max, request.features, hybrid
+    )
+    parts = split.draw(rows, request.seed, request.train_rows)
+    check_memory(model.name, parts.train.size)
+    folder = Folder(request.output / short_name(rows.target_name))
+    folder.begin(rows, parts, conditions(rows, parts, request.normalisation, request.area_max))
+    unfitted = _unfitted(model.name, folder, request, say)
+    train, test = ((rows.inputs[each], rows.target[each]) for each in (parts.train, parts.test))
+    with remarks() as said:
+        losses = permutation_importance(
+            unfitted.fit(*train), *test, scoring="r2", n_repeats=SHUFFLES, random_state=parts.seed
+        )
+        means, deviations = 100 * losses.importances_mean, 100 * losses.importances_std
+        ranked = np.argsort(-means, kind="stable")
+        kept = _selections(unfitted, train, test, rows.names, ranked)
+    worths = [(rows.names[each], float(means[each]), float(deviations[each])) for each in ranked]
+    for name, mean, deviation in worths:
+        say(f"  {name:38} {mean:9.4f} +- {deviation:.4f} % of R2")
+    for each in kept:
+        say(
+            f"  {each['inputs']:2} inputs: R2 {each['r2']:.3f} %, nMAE {each['nmae']:.2f} %, fit"
+            f" {each['fit_s']:.3g} s, prediction {each['predict_test_s']:.3g} s; without"
+            f" {', '.join(each['dropped'].split()) or '-'}"
+        )
+    for remark in said:
+        say(f"  warning: {remark}")
+    lines = [[model.name, *(each[name] for name in COLUMNS)] for each in kept]
+    return [
+        folder.write_table("importance.csv", ["input", "r2_loss_percent", "deviation"], worths),
+        folder.write_table("selection.csv", ["model", *COLUMNS], lines),
+        _draw(worths, kept, model.title, folder.path / "importance.png"),
+    ]
+
+
+def _unfitted(model: str, folder: Folder, request: Request, say: Callable[[str], None]) -> Any:
+    """Return the model with tuned settings, or untuned ones, on the target as a search sees it."""
+    result, tuned = folder.result("tuned", model), folder.winner(model)
+    origin, settings = untuned(model, request.features)
+    if tuned and tuned.of_grid and result and result["test"]:
+        origin, settings = "tuned here", tuned.settings
+    say(f"{MODELS[model].title}, {origin}: {settings}")
+    how: dict[str, Any] = {
+        "normalisation": request.normalisation,
+        "seed": request.seed,
+        "tuned": True,
+    }
+    scaler = StandardScaler() if features.chosen(request.features).scaled else None
+    return TransformedTargetRegressor(pipeline(MODELS[model], settings, **how), transformer=scaler)
+
+
+def _selections(
+    model: Any, train: Any, test: Any, names: tuple[str, ...], ranked: Any
+) -> list[dict[str, Any]]:
+    """Fit a model to fewer and fewer of its inputs, which are given by their rank."""
+    selections, before = [], [*ranked]
+    for size in (size for size in SIZES if size <= len(ranked)):
+        kept = sorted(ranked[:size])
+        fit = repeated(partial(model.fit, train[0][:, kept], train[1]), (3, 3))
+        predict = repeated(partial(model.predict, test[0][:, kept]), (3, 3))
+        found = vars(scores(test[1], model.predict(test[0][:, kept])))
+        times = {"fit_s": median(fit), "predict_test_s": median(predict)}
+        dropped = " ".join(names[each] for each in before if each not in kept)
+        selections.append({"inputs": size, **found, **times, "dropped": dropped})
+        before = kept
+    return selections
+
+
+def _draw(worths: Any, kept: list[dict[str, Any]], title: str, path: Path) -> Path:
+    """Draw the worth of the inputs, and errors and times over the number of inputs."""
+    figure = new_figure(12, 5.5)
+    left, right = figure.subplots(1, 2)
+    names, means, deviations = zip(*worths, strict=True)
+    places = np.arange(len(worths))[::-1]
+    left.barh(places, np.maximum(means, 1e-6), xerr=deviations, color="tab:blue")
+    left.set_yticks(places, names, fontsize=8)
+    left.set(xscale="log", xlabel="loss of R2 when shuffled [%]", title=title)
+    sizes = [each["inputs"] for each in kept]
+    right.plot(sizes, [100 - each["r2"] for each in kept], "o-", label="100 - R2 [%]")
+    right.plot(sizes, [each["nmae"] for each in kept], "s-", label="nMAE [%]")
+    right.plot(sizes, [each["fit_s"] for each in kept], "k:", label="fit [s]")
+    right.set(yscale="log", xlabel="inputs kept, the strongest first", title="fitted anew")
+    right.legend()
+    return save(figure, path, dpi=DPI)
