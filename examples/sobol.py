@@ -14,7 +14,7 @@ import numpy as np
 from SALib.analyze import sobol as analysis
 from SALib.sample import sobol as sampling
 
-from gen.distribution import is_drawn, log_within, quantiles, within
+from gen.distribution import is_drawn, log_within, quantiles
 from gen.generation.sample import surface_numbered
 from gen.runtime.user_code import TRUSTED
 from gen.scene import Scene
@@ -44,7 +44,7 @@ def main(arguments: list[str]) -> dict[str, np.ndarray]:
         share = dict(zip(names, shares[:, None], strict=True))
         values = {name: float(quantiles(each, share[name])[0]) for name, each in drawn.items()}
         heights = surface_numbered(scene.with_parameters(values), int(2**20 * share["chance"][0]))
-        delta = within(*surrogate.card["delta"], share["Delta"])
+        delta = quantiles(tuple(surrogate.card["delta"]), share["Delta"])
         ratio = log_within(low, high, share["hardness"])[0] if low < high else None
         hardness = None if ratio is None else ratio * surrogate.modulus
         given = surrogate.predict(heights, scene.sides, delta, hardness=hardness, level=None)
