@@ -120,10 +120,10 @@ class GridError:
         """Whether the bars hold, and why."""
         if self.coarse is None:
             return False, self.fault
-        here, there = _area(self.contact), _area(self.coarse)
+        here, there = self._areas(self.contact), self._areas(self.coarse)
         change = there / here - 1 if here else float(there > 0)
-        more = "more" if change > 0 else "less"
-        words = f"half of the nodes give {100 * abs(change):.2g} % {more} area"
+        share, more = float(f"{100 * abs(change):.2g}"), "more" if change > 0 else "less"
+        words = f"half of the nodes give {f'{share:g} % {more}' if share else 'the same'} area"
         if self._spare <= NEARLY_YIELDED:
             return True, f"no less than {100 * (1 - self._spare):.4g} % of it bears the load"
         if self.order < LEAST_ORDER:
@@ -140,7 +140,7 @@ class GridError:
         if self.order < LEAST_ORDER and self._spare <= NEARLY_YIELDED:
             floor = max(floor, self._spare)
         floor *= self.contact.continuum_area_percent
-        return self._bar(lambda contact: percent * _area(contact), floor)
+        return self._bar(lambda contact: percent * self._areas(contact), floor)
 
     @computed_once
     def delta(self) -> float:
@@ -167,6 +167,10 @@ class GridError:
             return 0.0
         floor = AT_LEAST["stiffness"] * self._counted * self.contact.stiffness
         return self._bar(lambda contact: contact.stiffness, floor)
+
+    def _areas(self, contact: Contact) -> float:
+        """Return the area of a contact on either grid, within the same borders [um2]."""
+        return _area(contact, self.contact.problem.spacing)
 
     @property
     def _spare(self) -> float:
@@ -258,10 +262,21 @@ def _displaced(half: Problem, delta: float) -> Problem:
     )
 
 
-def _area(contact: Contact) -> float:
-    """Return the area of contact in the continuum [um2]."""
-    along, across = contact.problem.spacing
-    return contact.continuum_area_percent / 100 * contact.pressure.size * along * across
+def _area(contact: Contact, spacing: tuple[float, float] | None = None) -> float:
+    """Return the area of contact in the continuum [um2].
+
+    Cells at the borders of a free patch reach half a spacing beyond its nodes: those of a coarser
+    grid count as far as those of the finer one, whose `spacing` is given.
+    """
+    own = contact.problem.spacing
+    area = contact.continuum_area_percent / 100 * contact.pressure.size * own[0] * own[1]
+    if spacing is None or contact.problem.boundary != "free":
+        return area
+    touching = contact.pressure > 0
+    for axis in (0, 1):
+        edge = int(np.count_nonzero(touching.take([0, -1], axis)))
+        area -= edge * (own[axis] - spacing[axis]) / 2 * own[1 - axis]
+    return max(area, 0.0)
 
 
 def slope_order(heights: Field, boundary: Boundary) -> float:
