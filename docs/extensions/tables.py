@@ -13,6 +13,7 @@ from bench.record import Inputs
 from bench.report import PARTS
 from gen.maps.settings import markdown_table as preparation
 from gen.scene.columns import markdown_table
+from learn.comparison.estimate import hours
 from learn.models import MODELS
 
 RESULTS = Path(__file__).resolve().parents[2] / "bench" / "results"
@@ -177,12 +178,6 @@ def growths() -> list[str]:
             columns.append(f"{float(row['fresh_nmae']):.2f} ± {float(row['fresh_error']):.2f}")
         lines.append(f"| {' | '.join(columns)} |")
     return lines
-
-
-def hours(seconds: float) -> str:
-    """Write a time [s] in hours, without an exponent."""
-    number = seconds / 3600
-    return f"{number:.2g}" if number < 99.5 else f"{number:.0f}"
 
 
 def grids() -> list[str]:

@@ -1,4 +1,4 @@
-"""`learn compare`, `tune`, `show` and `importance`: compare the nine models, and their inputs."""
+"""The commands that compare models and their inputs, from `learn compare` to `importance`."""
 
 from __future__ import annotations
 
@@ -148,6 +148,33 @@ def tune(
         request = selection.request(file, output, seconds(budget) if budget else None)
         with lock_folder(output):
             return _show(request, jobs.tune(request, executor), tuned=True)
+
+    return lead(job, farm.this_world())
+
+
+@grouped
+def estimate(
+    file: Database,
+    output: Output,
+    budget: Annotated[
+        str, typer.Option(metavar="TIME", help="Time of this call, as 1h or 90min.")
+    ] = "1h",
+    *,
+    selection: Selection,
+) -> int:
+    """Estimate what tuning over whole grids takes, from fits drawn at random and done here.
+
+    The times are those of one thread: divide by the workers. What is fitted is kept, and need not
+    be done again by `tune` on the same folder.
+    """
+    from learn.bounded import seconds
+    from learn.comparison import jobs
+    from learn.executor import lead
+
+    def job(executor: Executor) -> int:
+        request = selection.request(file, output, seconds(budget))
+        with lock_folder(output):
+            return _show(request, jobs.estimate(request, executor))
 
     return lead(job, farm.this_world())
 

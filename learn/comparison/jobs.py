@@ -8,13 +8,16 @@ left of it is shared evenly among the searches that are left.
 import math
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 from gen.runtime.signals import Interruption
-from gen.runtime.terminal import RunProgress
+from gen.runtime.terminal import RunProgress, echo
 from learn import dataset, split
+from learn.comparison import estimate as estimates
 from learn.comparison import grid as grids
 from learn.comparison import halving, results
+from learn.comparison.estimate import Cost
 from learn.comparison.fits import Training, Trials
 from learn.comparison.folder import Folder, conditions
 from learn.comparison.results import FitResult, TimedFit
@@ -38,6 +41,21 @@ class _Target:
     def timed(self, task: TimedFit) -> FitResult | None:
         """Fit, score and time a model while nothing else runs; None if its time was over."""
         return self.executor.call(results.fit_in_time, self.training, task)
+
+    @contextmanager
+    def searching(self, model: Model) -> Iterator[GridSearch]:
+        """Open the search of a model's grid, with the fits that are finished."""
+        features, columns = self.request.features, self.training.columns
+        source, space = grids.space_of(model.name, features)
+        grid = grids.grid(model, space, columns)
+        _, known = grids.untuned(model.name, features)
+        path = self.folder.path / "trials" / f"{model.name}.jsonl"
+        with Trials(path, self.folder.record()["conditions"]) as trials:
+            yield GridSearch(
+                *(model, grid, self.training, trials, self.executor, self.stopping, source),
+                baseline=grids.baseline(model.name, features),
+                optimum=grid.number_of(grids.canonical_settings(model, known, columns)),
+            )
 
 
 def compare(request: Request, executor: Executor) -> int:
@@ -66,34 +84,54 @@ def tune(request: Request, executor: Executor) -> int:
     The number of the signal that stopped the job is returned, 0 if none did; InputError is raised
     for input that cannot be used.
     """
-    began, models = time.time(), models_named(list(request.models))
-    end = math.inf if request.limit is None else began + request.limit
-    left = len(models) * len(request.targets)
     with Interruption(listening=True) as interruption:
-        for target in _targets(request, models, executor, interruption, searched=True):
-            for model in models:
-                if interruption.requested():
-                    break
-                until = time.time() + max(end - time.time(), 0.0) / left
-                left -= 1
-                _tune_model(target, model, until)
+        for target, search, until in _searches(request, executor, interruption):
+            _tune_model(target, search, until)
     return interruption.signal
 
 
-def _tune_model(target: _Target, model: Model, until: float) -> None:
+def estimate(request: Request, executor: Executor) -> int:
+    """Estimate the times of the models' whole grids from fits drawn at random; see `tune`."""
+    found: dict[Folder, list[Cost]] = {}
+    with Interruption(listening=True) as interruption:
+        for target, search, until in _searches(request, executor, interruption):
+            costs, cost = found.setdefault(target.folder, []), estimates.estimate(search, until)
+            if cost is not None:
+                costs.append(cost)
+            elif not target.stopping():
+                echo(
+                    f"{search.model.title}: too few fits ended in its time: give a larger --budget"
+                )
+    for folder, costs in found.items():
+        if costs:
+            estimates.report(folder, costs)
+    return interruption.signal
+
+
+def _searches(
+    request: Request, executor: Executor, interruption: Interruption
+) -> Iterator[tuple[_Target, GridSearch, float]]:
+    """Open the searches of all targets and models one by one, each with the time at which it ends.
+
+    The time that the request gives is shared evenly among the searches that are left.
+    """
+    began, models = time.time(), models_named(list(request.models))
+    end = math.inf if request.limit is None else began + request.limit
+    left = len(models) * len(request.targets)
+    for target in _targets(request, models, executor, interruption, searched=True):
+        for model in models:
+            if interruption.requested():
+                return
+            until = time.time() + max(end - time.time(), 0.0) / left
+            left -= 1
+            with target.searching(model) as search:
+                yield target, search, until
+
+
+def _tune_model(target: _Target, search: GridSearch, until: float) -> None:
     """Search one model's grid, and fit and time the winner, which may be the baseline."""
-    folder, features, columns = target.folder, target.request.features, target.training.columns
-    source, space = grids.space_of(model.name, features)
-    grid = grids.grid(model, space, columns)
-    _, known = grids.untuned(model.name, features)
-    path = folder.path / "trials" / f"{model.name}.jsonl"
-    with Trials(path, folder.record()["conditions"]) as trials:
-        search = GridSearch(
-            *(model, grid, target.training, trials, target.executor, target.stopping, source),
-            baseline=grids.baseline(model.name, features),
-            optimum=grid.number_of(grids.canonical_settings(model, known, columns)),
-        )
-        found = search.exhaustive() if math.isinf(until) else halving.within(search, until)
+    folder, model = target.folder, search.model
+    found = search.exhaustive() if math.isinf(until) else halving.within(search, until)
     if target.stopping():
         return
     every_fit_failed = found is not None and not found.scores.scored and found.scores.failures

@@ -117,11 +117,11 @@ class GridSearch:
         """List the fits that the baseline still lacks."""
         return [
             Task(self.model.name, (self.baseline or {},), fold, rows, baseline=True)
-            for fold, trial in enumerate(self._baseline_trials(rows, folds))
+            for fold, trial in enumerate(self.baseline_trials(rows, folds))
             if trial is None
         ]
 
-    def _baseline_trials(self, rows: int, folds: int) -> list[Trial | None]:
+    def baseline_trials(self, rows: int, folds: int = FOLDS) -> list[Trial | None]:
         """Return the baseline's trials by fold, None where a fold lacks; none without baseline."""
         if self.baseline is None:
             return []
@@ -180,7 +180,7 @@ class GridSearch:
                     collapsed.add(family)
                 failures.update(filter(None, [trial.failure]))
                 remarks.update(filter(None, [trial.remark]))
-        own = self._baseline_trials(rows, folds)
+        own = self.baseline_trials(rows, folds)
         seconds += sum(trial.seconds for trial in own if trial)
         reached = [math.nan if trial is None or trial.r2 is None else trial.r2 for trial in own]
         counts = len(fits), seconds, dict(failures), dict(remarks)
