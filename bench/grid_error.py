@@ -12,6 +12,7 @@ from functools import partial
 import numpy as np
 
 import bem
+from bem.derived.grid_error import area_within
 from bem.problem import Boundary
 from bench.files import Row
 from bench.report import remark
@@ -112,13 +113,12 @@ def _judged(draw: Draw, random: np.random.Generator) -> Iterator[Judged]:
 def _compared(contact: bem.Contact, exact: bem.Contact) -> Judged:
     """Return the true errors of a contact beside its bars."""
     error = contact.grid_error()
-    cells, whole = (
-        each.pressure.size * math.prod(each.problem.spacing) for each in (contact, exact)
-    )
+    cells = contact.pressure.size * math.prod(contact.problem.spacing)
+    area = area_within(exact, contact.problem.spacing)
     answers = {
         "area_percent": (
             contact.continuum_area_percent,
-            exact.continuum_area_percent * whole / cells,
+            100 * area / cells,
         ),
         "mean_gap": (contact.mean_gap, exact.mean_gap),
         "stiffness": (contact.stiffness, exact.stiffness),

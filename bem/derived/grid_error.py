@@ -135,7 +135,7 @@ class GridError:
     @computed_once
     def area_percent(self) -> float:
         """Of `Contact.continuum_area_percent` [%]."""
-        percent = self.contact.continuum_area_percent / (_area(self.contact) or 1.0)
+        percent = self.contact.continuum_area_percent / (area_within(self.contact) or 1.0)
         floor = AT_LEAST["area"] * self._counted
         if self.order < LEAST_ORDER and self._spare <= NEARLY_YIELDED:
             floor = max(floor, self._spare)
@@ -170,12 +170,12 @@ class GridError:
 
     def _areas(self, contact: Contact) -> float:
         """Return the area of a contact on either grid, within the same borders [um2]."""
-        return _area(contact, self.contact.problem.spacing)
+        return area_within(contact, self.contact.problem.spacing)
 
     @property
     def _spare(self) -> float:
         """Share of the area beyond what bears the load at the hardness: no grid takes off more."""
-        hardness, area = self.contact.problem.hardness, _area(self.contact)
+        hardness, area = self.contact.problem.hardness, area_within(self.contact)
         return 1.0 if hardness is None or area == 0 else 1 - self.contact.force / hardness / area
 
     @property
@@ -262,7 +262,7 @@ def _displaced(half: Problem, delta: float) -> Problem:
     )
 
 
-def _area(contact: Contact, spacing: tuple[float, float] | None = None) -> float:
+def area_within(contact: Contact, spacing: tuple[float, float] | None = None) -> float:
     """Return the area of contact in the continuum [um2].
 
     Cells at the borders of a free patch reach half a spacing beyond its nodes: those of a coarser
