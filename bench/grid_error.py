@@ -1,4 +1,4 @@
-"""How many true errors lie inside the bars of `Contact.grid_error`: surfaces of ten kinds.
+"""How many true errors lie inside the bars of `Contact.grid_error`: surfaces of eleven kinds.
 
 The truth is the same surface on a grid of at least 32 nodes in the shortest wave, or four times
 finer. Loads are forces or displacements, a third of them on bodies that yield.
@@ -10,11 +10,15 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from scipy.interpolate import RectBivariateSpline
 
 import bem
 from bem.derived.grid_error import area_within
 from bem.problem import Boundary
 from bench.files import Row
+from bench.made_maps import KINDS as MACHINED
+from bench.made_maps import MadeMap
+from bench.made_maps import surface as made_surface
 from bench.report import remark
 from bench.resolution import random_waves
 from gen.arrays import Heights
@@ -244,6 +248,23 @@ def _paper(random: np.random.Generator) -> Sample:
     return Sample("free", heights, 2**exponent + 1, 4)
 
 
+def _made_map(random: np.random.Generator) -> Sample:
+    """Draw a map as of a machined surface, whose shortest wave has 4 nodes, and read it between.
+
+    It is judged on its own nodes, or on twice as many.
+    """
+    nodes, between = 97, int(random.integers(1, 3))
+    kind, number = random.choice(sorted(MACHINED)), int(random.integers(1000))
+    made = MadeMap(kind, number, (nodes, nodes), random.uniform(0.3, 2.0), random.uniform(15, 40))
+    places = np.linspace(0, 1, nodes)
+    spline = RectBivariateSpline(places, places, made_surface(made) / (nodes - 1))
+
+    def heights(n: int) -> Heights:
+        return np.asarray(spline(np.linspace(0, 1, n), np.linspace(0, 1, n)))
+
+    return Sample("free", heights, (nodes - 1) * between + 1, 4)
+
+
 KINDS: dict[str, Draw] = {
     "waves, no edges": _waves,
     "waves, 3 times longer one way": partial(_waves, aspect=3.0),
@@ -253,6 +274,7 @@ KINDS: dict[str, Draw] = {
     "one wave": partial(_regular, crossed=False),
     "crossed waves": partial(_regular, crossed=True),
     "turned": _turned,
+    "machined maps": _made_map,
     "fractal": _fractal,
     "midpoint displacement": _paper,
 }
