@@ -28,7 +28,9 @@ def test_rows_reach_their_contact_and_say_what_it_took(costs: list[dict[str, Any
         assert row["area_percent"] == pytest.approx(5, rel=0.2)
         assert row["convolutions"] >= 3
         assert row["seconds"] > 0
-        assert 0 < row["padded_arrays"] < 12
+        assert row["padded_arrays"] > 0
+    # Of the finer grid, whose arrays are larger than what else a process may take meanwhile.
+    assert costs[-1]["padded_arrays"] < 6
     assert costs[0]["growth"] == 1
     ratio = costs[1]["convolutions"] / costs[0]["convolutions"]
     assert costs[1]["growth"] == pytest.approx(ratio)
