@@ -138,6 +138,14 @@ def _answers(
         both = 2 * contact.area_percent - counted[nodes // 2]
         yield TWO_GRIDS, {"area": both / truth - 1, "seconds": 1.25 * counting}
     case = Case("waves", heights, 1.0, contact.delta, load=pressure * SLOPE)
+    yield from _of_others(case, contact, truth, nodes, peers)
+
+
+def _of_others(
+    case: Case, contact: bem.Contact, truth: float, nodes: int, peers: list[Solver]
+) -> Iterator[tuple[str, dict[str, float]]]:
+    """Yield the count of nodes that each other solver gives, and its time."""
+    heights = case.heights
     for peer in peers:
         press = _set_up(peer, len(heights))
         try:

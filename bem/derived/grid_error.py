@@ -125,7 +125,8 @@ class GridError:
         share, more = float(f"{100 * abs(change):.2g}"), "more" if change > 0 else "less"
         words = f"half of the nodes give {f'{share:g} % {more}' if share else 'the same'} area"
         if self._spare <= NEARLY_YIELDED:
-            return True, f"no less than {100 * (1 - self._spare):.4g} % of it bears the load"
+            borne = f"{100 * (1 - self._spare):.3g} %"
+            return True, f"yielding decides it: the load at the hardness takes {borne} of this area"
         if self.order < LEAST_ORDER:
             return False, f"waves go on down to the grid, so that the area has no limit: {words}"
         if abs(change) > LARGEST_DIFFERENCE:

@@ -416,22 +416,12 @@ def _solve(
             bars.append(np.nan)
             continue
         last = contact
-        pressure = contact.force / subject.nominal
-        area, gap = contact.area_percent, max(contact.mean_gap, 0.0)  # below 0 by rounding alone
-        closure = contact.delta - compliance * pressure
-        row = [contact.delta, area, contact.force, gap, pressure, max(closure, 0.0)]
-        if stiffness:
-            try:
-                row.append(contact.interface_stiffness / subject.nominal)
-            except ArithmeticError as error:
-                raise InputError(f"{subject.name}: {error}") from None
-        if continuum:
-            row.append(contact.continuum_area_percent)
+        row = _numbers(contact, subject, compliance, stiffness=stiffness)
+        rows.append([*row, contact.continuum_area_percent] if continuum else row)
         if judged:
             grid = contact.grid_error()
             bars.append(grid.area_percent if grid.resolved else np.nan)
             unresolved = unresolved or ("" if grid.resolved else grid.reason)
-        rows.append(row)
         notes = contact_warnings(topography, [contact], material=bodies.known)
         notable.setdefault(len(notes), contact)
     assert last is not None
@@ -446,3 +436,19 @@ def _solve(
     said_of = (f"{subject.name}: the area is that of the grid: {unresolved}",) if unresolved else ()
     none, warnings = ("",) * len(rows), tuple(said)
     return Points(values, low, high, none, warnings=warnings, faults=tuple(faults), notes=said_of)
+
+
+def _numbers(
+    contact: "Contact", subject: LawSurface, compliance: float, *, stiffness: bool
+) -> list[float]:
+    """Return the numbers of one contact in the order of `NAMES`, and its stiffness if asked for."""
+    pressure = contact.force / subject.nominal
+    area, gap = contact.area_percent, max(contact.mean_gap, 0.0)  # below 0 by rounding alone
+    closure = contact.delta - compliance * pressure
+    numbers = [contact.delta, area, contact.force, gap, pressure, max(closure, 0.0)]
+    if stiffness:
+        try:
+            numbers.append(contact.interface_stiffness / subject.nominal)
+        except ArithmeticError as error:
+            raise InputError(f"{subject.name}: {error}") from None
+    return numbers
