@@ -467,11 +467,15 @@ class Overlap(NamedTuple):
         return whole
 
 
-def overlap(problem: Problem, delta: float) -> Overlap:
-    """Find the nodes that may touch at a displacement of the far field [um]."""
+def overlap(problem: Problem, delta: float, length: float | None = None) -> Overlap:
+    """Find the nodes that may touch at a displacement of the far field [um].
+
+    The displacement is the unit of length, unless another one is given [um].
+    """
+    length = delta if length is None else length
     below = problem.heights - problem.heights.max()
     box, nodes = boxed(below > -delta)
-    return Overlap(below.shape, box, nodes, np.maximum(below[box], -DEEPEST * delta) / delta)
+    return Overlap(below.shape, box, nodes, np.maximum(below[box], -DEEPEST * length) / length)
 
 
 def whole_grid(problem: Problem, length: float) -> Overlap:
