@@ -437,8 +437,8 @@ def _under_load(
             return _full_contact(problem, pressure, length)
         solve.begin(pressure)
     spent = 0 if near is None else near.spent
-    if near is None or spent:
-        solve.approach(solve.patch.few / 2, interpolated=spent > 0)
+    enough = solve.patch.few * (0.5 if near is None or spent else 0.9)
+    solve.approach(enough, interpolated=spent > 0)
     del near  # its memory is free again
     if not solve.settle_few():
         solve.run()
