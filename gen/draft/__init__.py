@@ -40,7 +40,6 @@ from gen.scene.faults import one_line
 
 FEW_TILES = 10  # tiles from which the part that tests a surrogate, a fifth, holds two or more
 WIDTH = 96  # largest length of a line of comments
-SUFFIX = ".toml"  # suffix of scenes, by which folders of maps know that they are none
 
 
 def draft(
@@ -90,119 +89,89 @@ def scene_of_windows(proposal: Proposal, inputs: list[str], command: str, output
 
     The inputs are named as the user did, for scenes of more maps than a list may hold.
     """
-    used, left = len(proposal.used), len(proposal.looks) - len(proposal.used)
-    title = f"Windows of {used} measured map{'s' * (used != 1)}"
-    others = f"; {left} file{'s' * (left != 1)} left out" if left else ""
+    nodes, tiles, length = proposal.nodes, proposal.tiling.total, proposal.length
+    few = " That is few: scores of a surrogate on them mean little." * (tiles < FEW_TILES)
+    if not math.isnan(length):
+        few += (
+            f" The autocorrelation length (Sal) of a middling map is {length:.3g} um: below"
+            f" {WIDE:g} of them in a window its statistics scatter."
+        )
+    steps = [look.spacing for look in proposal.used]
+    spacing = f"# All maps have a node every {in_words(steps[0])} um, and keep it."
+    if proposal.spacing is not None:
+        apart = [step for each in steps for step in each]
+        spacing = f"""\
+# um; the maps have a node every {min(apart):.4g} to {max(apart):.4g} um. Finer maps can lose detail,
+# coarser ones cannot gain it. Slopes, and with them elastic areas, are those of this spacing.
+spacing = {float(proposal.spacing)!r}"""
+    given = [(name, value) for name, value in proposal.reading.of("reading").items() if value]
+    keys = "\n".join(f"{name} = {quoted(value)}" for name, value in given)
+    reading = f"\n# For files that do not say it.\n[surface.reading]\n{keys}\n" if given else ""
     database, surrogate = (
         one_line(str(output.with_suffix(suffix))) for suffix in (".h5", ".surrogate")
     )
-    then = f"\n#     {to_type('learn fit')} {database} --features hybrid -o {surrogate}"
-    given = [(name, value) for name, value in proposal.reading.of("reading").items() if value]
-    reading = "\n".join(f"{name} = {quoted(value)}" for name, value in given)
-    if given:
-        reading = f"""
-# As given to the command, for files that do not say it.
-[surface.reading]
-{reading}
-"""
+    fit = f"{to_type('learn fit')} {database} --features hybrid -o {surrogate}"
+    title = f"Windows of {len(steps)} measured map{'s' * (len(steps) != 1)}"
     return document(f"""\
-# {title}{others}. Written by
+# {title}. Written by
 #     {one_line(command)}
 # Every value is a proposal: change what you know better. Then
-{_head(title, output, proposal.windows, then)}
+{_head(title, output, proposal.windows, f"#     {fit}")}
 [surface]
 generator = "scans"
+
+# All maps count alike. Names count from the folder of this file on.
+files = [
 {_files(proposal, inputs, output.absolute().parent)}
-{_windows(proposal)}
+]
+
+# Windows {nodes * proposal.step:.4g} um wide. The maps are cut into {tiles} tile{"s" * (tiles != 1)};
+# a window lies in one of them, and training and tests of surrogates share no tile.{few}
+nodes = {nodes}
+
+{spacing}
+
 {_preparation(proposal)}{reading}
 {_loads(proposal.loads, proposal.material)}
-[contact]
-# A window is a piece of a larger surface: its mirror images surround it, so that it has no edges
-# that carry too much. "free" is for bodies that end where the map does.
+# A window is a piece of a larger surface: mirrored, it has no edges that carry too much. "free" is
+# for bodies that end where the map does.
 {_contact(proposal.material)}""")
 
 
 def _head(title: str, output: Path, surfaces: int, then: str = "") -> str:
-    """Return the commands that use a scene, and its numbers."""
+    """Return the numbers of a scene, and the commands that use it."""
     scene, database = (one_line(str(each)) for each in (output, output.with_suffix(".h5")))
     return f"""\
 #     {to_type("gen estimate")} {scene}
-#     {to_type("gen run")} {scene} -o {database}{then}
+#     {to_type("gen run")} {scene} -o {database}
+{then}
 title = {quoted(title)}
 
-# {surfaces} surfaces, each under {LOADS_PER_SURFACE} loads, which share its statistics: more
-# surfaces teach a surrogate more than more loads do. A database can grow: raise samples, and run
-# again.
+# {surfaces} surfaces, each under {LOADS_PER_SURFACE} loads: more surfaces teach a surrogate more
+# than more loads do. A database can grow: raise samples, and run again.
 samples = {surfaces * LOADS_PER_SURFACE}
 samples_per_surface = {LOADS_PER_SURFACE}
-
-# Another seed draws other surfaces and loads.
 seed = 2025
 """
 
 
 def _files(proposal: Proposal, inputs: list[str], home: Path) -> str:
     """Return the list of files, those that are left out as comments; `home` is the scene's."""
-    used = proposal.used
-    if len(used) > MOST_PATTERNS:
-        names = ", ".join(quoted(str(Path(name).expanduser().absolute())) for name in inputs)
-        return f"""
-# A list may hold {MOST_PATTERNS} names: these are the folders and patterns as given. Move the files
-# away that the command has left out.
-files = [{names}]
-"""
-    lines, width = [], max(len(quoted(_name(look.path, home))) for look in used) + 1
+    if len(proposal.used) > MOST_PATTERNS:  # more names than a list may hold
+        names = (quoted(str(Path(name).expanduser().absolute())) for name in inputs)
+        return "\n".join(f"    {name}," for name in names)
+    lines, home = [], home.resolve()
     for look in proposal.looks:
-        name, texture = quoted(_name(look.path, home)), look.texture
+        name = str(look.path)
+        if look.path.is_relative_to(home):
+            name = str(look.path.relative_to(home))
+            name = f"./{name}" if name.startswith("~") else name  # "~" is somebody's home
         if look.fault:
-            lines.append(f"    # {name} is left out: {one_line(look.fault)}")
+            lines.append(f"    # {quoted(name)} is left out: {one_line(look.fault)}")
             continue
-        rough = f"rms height {texture.rms_height:.3g} um, rms slope {texture.rms_slope:.3g}"
-        nodes = f"{look.shape[0]} x {look.shape[1]} nodes, {rough}"
-        lines.append(f"    {name + ',':<{width}}  # {'; '.join([nodes, *remarks(look)])}")
-    listed = "\n".join(lines)
-    return f"""
-# All maps count alike: a window comes from each of them with the same probability. Names count from
-# the folder of this file on.
-files = [
-{listed}
-]
-"""
-
-
-def _name(path: Path, home: Path) -> str:
-    """Return the name of a file from a folder on, its whole path if it is elsewhere."""
-    start = home.resolve()
-    if not path.is_relative_to(start):
-        return str(path)
-    name = str(path.relative_to(start))
-    return f"./{name}" if name.startswith("~") else name  # "~" is somebody's home
-
-
-def _windows(proposal: Proposal) -> str:
-    """Return the nodes of a window and the spacing of the maps."""
-    nodes, tiles, length = proposal.nodes, proposal.tiling.total, proposal.length
-    few = f" That is few: scores of a surrogate on {tiles} tiles mean little." * (tiles < FEW_TILES)
-    if not math.isnan(length):
-        few += f"""
-# The autocorrelation length (Sal) of a middling map is {length:.3g} um: below {WIDE:g} of them in a
-# window its statistics scatter."""
-    text = f"""\
-# Windows of {nodes} x {nodes} nodes, {nodes * proposal.step:.4g} um wide. The maps are cut into
-# {tiles} tile{"s" * (tiles != 1)}; a window lies in one of them, and training and tests of
-# surrogates share no tile.{few}
-nodes = {nodes}
-"""
-    if proposal.spacing is None:
-        spacing = in_words(proposal.used[0].spacing)
-        return f"{text}\n# All maps have a node every {spacing} um, and keep it.\n"
-    spacings = [step for look in proposal.used for step in look.spacing]
-    return f"""{text}
-# um. The maps have a node every {min(spacings):.4g} to {max(spacings):.4g} um and are resampled to
-# the coarsest of these: finer maps can lose detail, coarser ones cannot gain it. Slopes, and with
-# them elastic areas, are those of this spacing.
-spacing = {number(proposal.spacing)}
-"""
+        rough = f"rms height {look.rms_height:.3g} um, rms slope {look.rms_slope:.3g}"
+        lines.append(f"    {quoted(name)},  # {'; '.join([rough, *remarks(look)])}")
+    return "\n".join(lines)
 
 
 def _preparation(proposal: Proposal) -> str:
@@ -215,11 +184,9 @@ def _preparation(proposal: Proposal) -> str:
         despike = f"""\
 # {len(spikes)} of {len(used)} maps have spikes, {taken} nodes in all, {nearest:.3g} or more times
 # the usual scatter away from their local median: the highest would set Delta's zero.
-despike = {number(steps.despike)}"""
+despike = {steps.despike!r}"""
     tilt = max(max(map(abs, look.tilt)) for look in used)
-    level = f"""\
-# The maps are tilted by up to {tilt:.2g}, as they lay under the instrument. A higher degree
-# ("quadratic", or form = N) would take long waves out of the roughness."""
+    level = f"# The maps are tilted by up to {tilt:.2g}, as they lay under the instrument."
     if steps.level != "plane":
         curved = one_line(next(look.path.name for look in used if look.form > FORM))
         level = f"""\
@@ -244,50 +211,46 @@ level = {quoted(steps.level)}
 {fill}
 
 # No filter: the shortest waves carry much of the slope, which decides elastic areas. Where they are
-# an instrument's noise, filter = "{finest:.4g}:" would take out those below {finest:.4g} um, four
-# nodes.
+# an instrument's noise, filter = "{finest:.4g}:" would take out those below {finest:.4g} um.
 """
 
 
 def scene_like(likeness: Likeness, command: str, output: Path) -> str:
     """Return a scene of self-affine surfaces like a map, with comments."""
-    name, steps = one_line(likeness.look.path.name), likeness.reading
+    name, steps = likeness.look.path.name, likeness.reading
     taken = [f"despike {steps.despike:g}"] if steps.despike is not None else []
     taken += [f"level {steps.level}"] + ["fill"] * steps.fill
     prepared = " ".join(said(each, "option") for each in taken)
     fit, spectrum, (height, slope) = likeness.fit, likeness.spectrum, likeness.windows
-    remarks_ = f" The fit says: {'; '.join(fit.remarks)}." if fit.remarks else ""
-    hurst = [max(0.0, spectrum.hurst - EXPONENTS), min(1.0, spectrum.hurst + EXPONENTS)]
-    roll_off = [max(spectrum.roll_off / AROUND, spectrum.cut_off), spectrum.roll_off * AROUND]
+    remarked = f" The fit says: {'; '.join(fit.remarks)}." if fit.remarks else ""
+    hurst = max(0.0, spectrum.hurst - EXPONENTS), min(1.0, spectrum.hurst + EXPONENTS)
+    roll_off = max(spectrum.roll_off / AROUND, spectrum.cut_off), spectrum.roll_off * AROUND
     doubt = ""
     if likeness.doubt:
         doubt = f" DOUBTFUL: {likeness.doubt}. Windows of the map are safer: `gen scene MAP`."
     stretch = f"""
-# The map has a lay: wavelengths along x over those along y, from its slopes along both axes. The
-# wavelengths above are those along y.
-stretch = {number(spectrum.stretch)}
+# The map has a lay: wavelengths along x over those along y, which are the ones above.
+stretch = {spectrum.stretch!r}
 """
     return document(f"""\
-# Self-affine surfaces around {name}, a start for a population of your own. Written by
+# Self-affine surfaces around {one_line(name)}, a start for a population of your own. Written by
 #     {one_line(command)}
 # The map was prepared by {prepared}. Then
-{_head(f"Self-affine surfaces like {likeness.look.path.name}", output, SURFACES)}
+{_head(f"Self-affine surfaces like {name}", output, SURFACES)}
 [surface]
 generator = "spectral"
 
 # The map's spacing, {likeness.step:g} um.
 nodes = {NODES}
-side = {number(rounded(NODES * likeness.step, 6))}  # um
+side = {rounded(NODES * likeness.step, 6)!r}  # um
 
 # The fit to the map's radial power spectrum: Hurst exponent {fit.spectrum.hurst:.2f}, roll-off
 # {fit.spectrum.roll_off:.3g} um, cut-off {fit.spectrum.cut_off:.3g} um, {fit.decades:.2g} decades;
-# the spectrum is off the law by a factor of {fit.scatter:.2g} (rms).{remarks_} Ranges around it, by
-# {EXPONENTS:g} and a factor of {AROUND:g}, give a surrogate something to tell apart; single numbers
-# give one spectrum. Waves longer than the roll-off have the same density, shorter ones than the
-# cut-off none [um].
+# the spectrum is off the law by a factor of {fit.scatter:.2g} (rms).{remarked} Ranges around it
+# give a surrogate something to tell apart; single numbers give one spectrum.
 hurst = {span(*(rounded(each, 3) for each in hurst))}
 roll_off = {span(*(rounded(each, 4) for each in roll_off))}
-cut_off = {number(spectrum.cut_off)}
+cut_off = {spectrum.cut_off!r}
 
 # With {likeness.slope:.3g}, generated surfaces have the map's rms slope between nodes, {slope:.3g},
 # and an rms height of {likeness.height:.3g} um, where windows of the map have {height:.3g} um
@@ -295,9 +258,7 @@ cut_off = {number(spectrum.cut_off)}
 rms_slope = {span(rounded(likeness.slope / AROUND, 3), rounded(likeness.slope * AROUND, 3))}
 {stretch if spectrum.stretch != 1.0 else ""}
 {_loads(likeness.loads, likeness.material)}
-[contact]
-# As for windows of maps, which surrogates of this scene can then predict. "periodic" would make
-# each surface its own period.
+# As for windows of maps. "periodic" would make each surface its own period.
 {_contact(likeness.material)}""")
 
 
@@ -305,9 +266,8 @@ def _loads(loads: Loads, material: Material) -> str:
     """Return the table of the loads."""
     small, large = loads.areas
     why = f"""\
-# Mean pressure over E* times the surface's rms slope, from which the area of elastic bodies
-# follows: light loads bring about {KAPPA:g} times this share of a surface into contact, so that
-# rough and smooth ones have the same areas, from about {small:.2g} % on."""
+# Mean pressure over E* times the surface's rms slope: light loads bring about {KAPPA:g} times this
+# share of a surface into contact, rough or smooth, from about {small:.2g} % on."""
     if loads.quantity == "pressure":
         why = f"""\
 # MPa, mean pressure over the patch. These loads bring about {small:.2g} to {large:.2g} % of a
@@ -321,28 +281,22 @@ quantity = {quoted(loads.quantity)}
 # From some {FEWEST_NODES} nodes in contact, where areas begin to be more than a count of nodes, to
 # a large part of the surface; log-uniform: small areas as often as large ones.
 range = {{ log_uniform = {span(loads.low, loads.high)} }}
-"""
+
+[contact]"""
 
 
 def _contact(material: Material) -> str:
     """Return the keys of the contact, the boundary first."""
-    unknown = """ None was given: with 1 MPa the pressures and
-# forces of an elastic contact are to be multiplied by your E*, and its areas hold for any."""
-    hardness = """\
-# Without a hardness bodies are elastic at any pressure. Metals yield: hardness = 2000.0 (MPa,
-# steel) with loads as pressures, see the option --hardness of `gen scene`."""
+    unknown = "" if material.known else " None was given: areas of elastic bodies hold for any."
+    hardness = "# Metals yield: hardness = 2000.0 (MPa, steel) with loads as pressures."
     if material.hardness is not None:
-        hardness = f"""\
-# MPa, of the softer body, which yields there; [low, high] would draw one for each sample.
-hardness = {number(material.hardness)}"""
+        hardness = f"# MPa, of the softer body.\nhardness = {float(material.hardness)!r}"
     return f"""\
 boundary = "mirror"
 
-# MPa, Young's modulus of an elastic body on a rigid one; E* = modulus / (1 - poisson^2).{
-        "" if material.known else unknown
-    }
-modulus = {number(material.young)}
-poisson = {number(material.poisson)}
+# MPa, Young's modulus of an elastic body on a rigid one; E* = modulus / (1 - poisson^2).{unknown}
+modulus = {float(material.young)!r}
+poisson = {float(material.poisson)!r}
 
 {hardness}
 """
@@ -378,26 +332,15 @@ def quoted(text: str) -> str:
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
-def number(value: float) -> str:
-    """Write a number in TOML's notation, with all its digits."""
-    return repr(float(value))
-
-
 def span(low: float, high: float) -> str:
     """Write a range in TOML's notation."""
-    return f"[{number(low)}, {number(high)}]"
+    return f"[{float(low)!r}, {float(high)!r}]"
 
 
 def require_new(path: Path) -> None:
-    """Refuse a name that a scene cannot have, or that is taken.
-
-    Raises InputError if the name has another suffix, or there is such a file.
-    """
-    if path.suffix != SUFFIX:
-        example = path.name.partition(".")[0] or "mine"
-        raise InputError(
-            f"--output {path}: give a name that ends in {SUFFIX}, as {example}{SUFFIX}"
-        )
+    """Refuse a name that a scene cannot have, or that is taken."""
+    if path.suffix != ".toml":
+        raise InputError(f"--output {path}: give a name that ends in .toml, as mine.toml")
     if path.exists():
         raise InputError(
             f"--output {path}: is there already, and may hold changes of yours: give another name,"

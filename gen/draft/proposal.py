@@ -6,12 +6,13 @@ import math
 import statistics
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from gen.arrays import Heights
-from gen.draft.survey import FORM, MapSurvey, Texture, common_threshold, survey, with_texture
+from gen.draft.survey import FORM, MapSurvey, common_threshold, survey, with_texture
 from gen.maps.prepare import is_same, prepare
 from gen.maps.read import Sides, Topography, read
 from gen.maps.settings import Reading
@@ -53,12 +54,12 @@ class Proposal:
     @property
     def length(self) -> float:
         """Autocorrelation length of a usual map [um]; NaN if it is unknown."""
-        return _usual_length([look.texture for look in self.used])
+        return _usual_length(self.used)
 
     @property
     def tiling(self) -> Tiling:
         """Tiles of the maps that are used."""
-        shapes = tuple(look.texture.shape for look in self.used)
+        shapes = tuple(look.prepared for look in self.used)
         return Tiling(shapes, (self.nodes, self.nodes))
 
 
@@ -86,20 +87,19 @@ def propose(
             looks[index] = with_texture(look, reading, target)
         looked()
     used = require_used(looks)
-    textures = [look.texture for look in used]
     step = max(used[0].spacing) if spacing is None else spacing
-    nodes = window_nodes([each.shape for each in textures], _usual_length(textures) / step)
+    nodes = window_nodes([each.prepared for each in used], _usual_length(used) / step)
     if nodes is None:
         raise InputError(
             f"the maps are too small for windows: all have fewer than {SIZES[-1]} nodes a side"
         )
     for index, look in enumerate(looks):
-        if not look.fault and min(shape := look.texture.shape) < nodes:
+        if not look.fault and min(shape := look.prepared) < nodes:
             fault = f"{shape[0]} x {shape[1]} nodes hold no window of {nodes} x {nodes}"
             looks[index] = replace(look, fault=fault)
-    textures = [look.texture for look in require_used(looks)]
-    loads = choose_loads(material, [each.rms_slope for each in textures], nodes**2)
-    beside = sum(math.prod(each.shape) for each in textures) / nodes**2
+    used = require_used(looks)
+    loads = choose_loads(material, [each.rms_slope for each in used], nodes**2)
+    beside = sum(math.prod(each.prepared) for each in used) / nodes**2
     windows = 10 * round(min(max(OVERLAP * beside, WINDOWS[0]), WINDOWS[1]) / 10)
     return Proposal(tuple(looks), reading, spacing, nodes, windows, loads, material)
 
@@ -124,15 +124,15 @@ def with_steps(reading: Reading, looks: Sequence[MapSurvey]) -> Reading:
     )
 
 
-def _usual_length(textures: Sequence[Texture]) -> float:
+def _usual_length(looks: Sequence[MapSurvey]) -> float:
     """Return the median of the autocorrelation lengths that are known [um]."""
-    known = [each.length for each in textures if not math.isnan(each.length)]
+    known = [each.length for each in looks if not math.isnan(each.length)]
     return statistics.median(known) if known else math.nan
 
 
-# nodes a side of the windows, the best first; cosine transforms of these numbers are fast
-SIZES = (128, 96, 64, 48, 32)
-WIDER = (192, 256)  # nodes a side where windows of `SIZES` are narrow beside the texture
+# nodes a side of the windows, the widest first; cosine transforms of these numbers are fast
+SIZES = (256, 192, 128, 96, 64, 48, 32)
+USUAL = 128  # nodes a side, more only where these are narrow beside the texture
 # sides of a window in autocorrelation lengths from which its statistics are those of the map
 WIDE = 5.0
 MOST_MAPS = 0.75  # share of the maps that have to hold two windows along both axes
@@ -160,30 +160,19 @@ def common_spacing(spacings: Sequence[Sides]) -> float | None:
 def window_nodes(shapes: Sequence[tuple[int, int]], length: float) -> int | None:
     """Choose the nodes along each side of the windows, None if all maps are too small.
 
-    They are the largest of `SIZES` of which most maps hold two side by side along both axes, so
-    that each map has tiles for training and for testing, or one of `WIDER` where the texture, with
+    They are the most up to `USUAL` of which most maps hold two windows side by side along both
+    axes, so that each map has tiles for training and for testing, and more where the texture, with
     this autocorrelation length [nodes], asks for it. Where no size fits twice, the largest that
     most maps hold once is taken.
     """
     sides = [min(shape) for shape in shapes if min(shape) >= SIZES[-1]]
-    if not sides:
-        return None
+    narrower = dict(pairwise(SIZES))
+    wanted = [each for each in SIZES if each <= USUAL or narrower[each] < WIDE * length]
     for windows in (2, 1):
-        fitting = [size for size in SIZES if _share(sides, windows * size) >= MOST_MAPS]
-        if not fitting:
-            continue
-        best = fitting[0]
-        if windows == 2 and best == SIZES[0]:
-            for size in WIDER:
-                if best < WIDE * length and _share(sides, windows * size) >= MOST_MAPS:
-                    best = size
-        return best
-    raise AssertionError("every map that counts holds the smallest window")
-
-
-def _share(sides: Sequence[int], nodes: int) -> float:
-    """Return the share of the maps that are at least this wide."""
-    return sum(side >= nodes for side in sides) / len(sides)
+        for size in wanted:
+            if sides and sum(each >= windows * size for each in sides) >= MOST_MAPS * len(sides):
+                return size
+    return None
 
 
 # nodes in contact under the smallest load; fewer count the grid rather than the area
@@ -326,8 +315,17 @@ def propose_like(path: Path, reading: Reading, material: Material) -> Likeness:
     cut_off = rounded(max(law.cut_off, shortest), 3)
     roll_off = max(rounded(law.roll_off, 3), cut_off)
     spectrum = SelfAffineSpectrum(rounded(law.hurst), roll_off, cut_off, stretch)
-    windows = _medians(_cut(topography.heights), topography.spacing)
-    height, unscaled = _medians(_generated(spectrum, step), (step, step))
+    period = PERIOD * NODES
+    generated = [  # as the scene will, with waves whose rms slope is 1
+        generate_spectral(
+            (period, period), period * step, spectrum, np.random.default_rng(seed), rms_slope=1.0
+        )[:NODES, :NODES]
+        for seed in range(TRIED)
+    ]
+    x, y = (range(0, max(1, nodes - NODES + 1), NODES) for nodes in topography.heights.shape)
+    cut = [topography.heights[i : i + NODES, j : j + NODES] for i in x for j in y]
+    windows = _medians(cut, topography.spacing)
+    height, unscaled = _medians(generated, (step, step))
     slope = windows[1] / unscaled  # of the waves, where that between nodes is the map's
     return Likeness(
         look=look,
@@ -338,27 +336,9 @@ def propose_like(path: Path, reading: Reading, material: Material) -> Likeness:
         slope=rounded(slope, 3),
         windows=windows,
         height=slope * height,
-        loads=choose_loads(material, [look.texture.rms_slope], NODES**2),
+        loads=choose_loads(material, [look.rms_slope], NODES**2),
         material=material,
     )
-
-
-def _cut(heights: Heights) -> list[Heights]:
-    """Cut a map into windows of the surfaces' nodes; a smaller map is one window."""
-    x, y = (range(0, max(1, nodes - NODES + 1), NODES) for nodes in heights.shape)
-    return [heights[i : i + NODES, j : j + NODES] for i in x for j in y]
-
-
-def _generated(spectrum: SelfAffineSpectrum, step: float) -> list[Heights]:
-    """Generate some surfaces as the scene will, whose waves have an rms slope of 1."""
-    nodes = PERIOD * NODES
-    whole = (
-        generate_spectral(
-            (nodes, nodes), nodes * step, spectrum, np.random.default_rng(seed), rms_slope=1.0
-        )
-        for seed in range(TRIED)
-    )
-    return [surface[:NODES, :NODES] for surface in whole]
 
 
 def _stretch(topography: Topography) -> float:

@@ -11,11 +11,10 @@ from typing import NamedTuple
 import numpy as np
 
 from gen.arrays import Heights, Values
-from gen.maps import filters
-from gen.maps.filters import scaled_distances
+from gen.maps.filters import fitted_polynomial, scaled_distances
 from gen.maps.library import digest
 from gen.maps.prepare import FLAT, MANY_SPIKES, MOST_HOLES, STEEP, prepare, resampled, tilt
-from gen.maps.read import Sides, Topography, in_words, read
+from gen.maps.read import Sides, in_words, read
 from gen.maps.settings import SPIKE, Reading
 from gen.maps.texture import areal_parameters
 from gen.runtime.errors import InputError
@@ -28,19 +27,8 @@ FORM = 0.9
 
 
 @dataclass(frozen=True)
-class Texture:
-    """Roughness of a prepared map; NaN before it is known."""
-
-    shape: tuple[int, int] = (0, 0)  # nodes along x and y
-    rms_height: float = math.nan  # [um]
-    rms_slope: float = math.nan  # between neighbouring nodes, as in databases [1]
-    # autocorrelation length Sal of ISO 25178, NaN if half of the map is too short for it [um]
-    length: float = math.nan
-
-
-@dataclass(frozen=True)
 class MapSurvey:
-    """The content of a file before any preparation."""
+    """The content of a file, and its roughness after the preparation; NaN before it is known."""
 
     path: Path  # the file
     fault: str = ""  # why the file cannot be used, "" if it can
@@ -48,10 +36,14 @@ class MapSurvey:
     spacing: Sides = (math.nan, math.nan)  # distance of the nodes along x and y [um]
     unit: str = ""  # unit of the heights in the file, "" if it names none
     missing: int = 0  # number of nodes without a height
-    spikes: Spikes | None = None  # spikes, None of a file that cannot be read
+    spikes: Spikes | None = None  # spikes, None of a file that cannot be used
     tilt: Sides = (math.nan, math.nan)  # slopes of the mean plane along x and y [1]
     form: float = 0.0  # share of the variance about the mean plane that a quadratic takes out [1]
-    texture: Texture = Texture()  # after the preparation
+    prepared: tuple[int, int] = (0, 0)  # nodes along x and y after the preparation
+    rms_height: float = math.nan  # [um]
+    rms_slope: float = math.nan  # between neighbouring nodes, as in databases [1]
+    # autocorrelation length Sal of ISO 25178, NaN if half of the map is too short for it [um]
+    length: float = math.nan
 
     @property
     def holes(self) -> float:
@@ -66,61 +58,44 @@ def survey(
     found: list[MapSurvey] = []
     contents: dict[str, Path] = {}
     for path in paths:
-        found.append(_look(path, reading, contents))
+        try:
+            known = contents.setdefault(digest(path), path)
+            if known is path:
+                found.append(_look(path, reading))
+            else:
+                found.append(MapSurvey(path, f"the same map as {known.name}"))
+        except InputError as error:
+            found.append(MapSurvey(path, _without_name(error, path)))
         looked()
     return found
 
 
-def _look(path: Path, reading: Reading, contents: dict[str, Path]) -> MapSurvey:
-    """Look at a file and note its content."""
-    try:
-        sha256 = digest(path)
-        if sha256 in contents:
-            return MapSurvey(path, f"the same map as {contents[sha256].name}")
-        topography = read(path, reading)
-        contents[sha256] = path
-    except InputError as error:
-        return MapSurvey(path, fault=_without_name(str(error), path))
-    heights = topography.heights
-    look = MapSurvey(
-        path=path,
-        fault=_fault(topography),
-        shape=(heights.shape[0], heights.shape[1]),
-        spacing=topography.spacing,
-        unit=topography.unit,
-        missing=topography.missing,
-    )
-    if look.fault:
+def _look(path: Path, reading: Reading) -> MapSurvey:
+    """Read a file and note its content."""
+    topography = read(path, reading)
+    heights, missing = topography.heights, topography.missing
+    nx, ny = heights.shape
+    fault = ""
+    if missing > MOST_HOLES * heights.size:
+        fault = f"{100 * missing / heights.size:.3g} % of its heights are missing"
+    elif np.nanmax(heights) == np.nanmin(heights):
+        fault = "all its heights are equal"
+    elif min(nx, ny) < 4:
+        fault = f"{nx} x {ny} nodes are too few"
+    look = MapSurvey(path, fault, (nx, ny), topography.spacing, topography.unit, missing)
+    if fault:
         return look
-    share = _form(heights)
-    return replace(look, spikes=find_spikes(heights), tilt=tilt(topography), form=share)
-
-
-def _without_name(fault: str, path: Path) -> str:
-    """Take the name of its file out of an error message, and an option that scenes do not have."""
-    fault = fault.removeprefix(str(path)).lstrip(":, ")
-    return fault.replace(", or overrule the file by --override-scale", "")
-
-
-def _fault(topography: Topography) -> str:
-    """Say why a map cannot be used, "" if it can."""
-    heights = topography.heights
-    share = topography.missing / heights.size
-    if share > MOST_HOLES:
-        return f"{100 * share:.3g} % of its heights are missing"
-    if np.nanmax(heights) == np.nanmin(heights):
-        return "all its heights are equal"
-    if min(heights.shape) < 4:
-        return f"{heights.shape[0]} x {heights.shape[1]} nodes are too few"
-    return ""
-
-
-def _form(heights: Heights) -> float:
-    """Return the share of the variance about the mean plane that a quadratic takes out."""
     plane, quadratic = (
-        float(np.nanvar(heights - filters.fitted_polynomial(heights, degree))) for degree in (1, 2)
+        float(np.nanvar(heights - fitted_polynomial(heights, degree))) for degree in (1, 2)
     )
-    return 1.0 - quadratic / plane if plane else 0.0
+    form = 1.0 - quadratic / plane if plane else 0.0
+    return replace(look, spikes=find_spikes(heights), tilt=tilt(topography), form=form)
+
+
+def _without_name(error: InputError, path: Path) -> str:
+    """Take the name of its file out of an error message, and an option that scenes do not have."""
+    fault = str(error).removeprefix(str(path)).lstrip(":, ")
+    return fault.replace(", or overrule the file by --override-scale", "")
 
 
 def with_texture(look: MapSurvey, reading: Reading, spacing: Sides | None) -> MapSurvey:
@@ -130,28 +105,22 @@ def with_texture(look: MapSurvey, reading: Reading, spacing: Sides | None) -> Ma
         if spacing is not None:
             topography = resampled(topography, spacing)
     except InputError as error:
-        return replace(look, fault=_without_name(str(error), look.path))
-    heights = topography.heights
-    texture = Texture(
-        shape=(heights.shape[0], heights.shape[1]),
+        return replace(look, fault=_without_name(error, look.path))
+    heights, slope = topography.heights, rms_slope(topography.heights, topography.spacing)
+    return replace(
+        look,
+        prepared=(heights.shape[0], heights.shape[1]),
         rms_height=float(heights.std()),
-        rms_slope=rms_slope(heights, topography.spacing),
+        rms_slope=slope,
         length=areal_parameters(topography).values["Sal"],
+        fault=f"its rms slope is {slope:.2g}: check the unit of its heights" * (slope < FLAT),
     )
-    fault = ""
-    if texture.rms_slope < FLAT:
-        fault = f"its rms slope is {texture.rms_slope:.2g}: check the unit of its heights"
-    return replace(look, texture=texture, fault=fault)
 
 
 def remarks(look: MapSurvey) -> list[str]:
     """List the remarks on a map that is used."""
-    said = []
-    if look.texture.rms_slope > STEEP:
-        said.append(f"steep, above {STEEP:g}")
-    if look.form > FORM:
-        said.append("curved form")
-    return said
+    steep, curved = look.rms_slope > STEEP, look.form > FORM
+    return [f"steep, above {STEEP:g}"] * steep + ["curved form"] * curved
 
 
 # ratio of the nearest spike's distance to that of the furthest other node which tells spikes from
@@ -175,11 +144,9 @@ class Spikes(NamedTuple):
 def find_spikes(heights: Heights) -> Spikes:
     """Part the spikes of a map from its surface at the largest gap between their distances."""
     distances = np.abs(scaled_distances(heights))
-    distances = np.sort(distances[~np.isnan(distances)])[::-1]
-    high = np.maximum(distances, SPIKE)
+    high = np.maximum(np.sort(distances[~np.isnan(distances)])[::-1], SPIKE)
     number = _before_gap(high, MANY_SPIKES, GAP)
-    few = int(FEW * high.size)
-    if not number and high[0] > APART * high[few]:
+    if not number and high[0] > APART * high[int(FEW * high.size)]:
         number = _before_gap(high, FEW, 1.0)
     nearest = float(high[number - 1]) if number else math.inf
     return Spikes(float(high[number]), nearest, number)
@@ -215,27 +182,19 @@ TITLES = (
 
 def print_looks(looks: Sequence[MapSurvey]) -> None:
     """Print a line for each file: its content, and whether it is used or why not."""
-    right = set(TITLES) - {"map", "unit", "use"}
-    print_columns([_cells(look) for look in looks], TITLES, right)
-
-
-def _cells(look: MapSurvey) -> list[str]:
-    """Write the known facts of a file, and a dash for each unknown one."""
-    use = f"no: {look.fault}" if look.fault else "; ".join(["yes", *remarks(look)])
-    if not look.shape[0]:
-        return [look.path.name, *["-"] * (len(TITLES) - 2), use]
-    numbers = (
-        f"{max(map(abs, look.tilt)):.2g}",
-        f"{look.texture.rms_height:.3g}",
-        f"{look.texture.rms_slope:.3g}",
-    )
-    return [
-        look.path.name,
-        f"{look.shape[0]} x {look.shape[1]}",
-        in_words(look.spacing, 4),
-        look.unit or "um?",
-        f"{100 * look.holes:.2g}",
-        "-" if look.spikes is None else str(look.spikes.number),
-        *("-" if number == "nan" else number for number in numbers),
-        use,
-    ]
+    rows = []
+    for look in looks:
+        known = [
+            f"{look.shape[0]} x {look.shape[1]}",
+            in_words(look.spacing, 4),
+            look.unit or "um?",
+            f"{100 * look.holes:.2g}",
+            str(look.spikes.number) if look.spikes else "-",
+            f"{max(map(abs, look.tilt)):.2g}",
+            f"{look.rms_height:.3g}",
+            f"{look.rms_slope:.3g}",
+        ]
+        cells = [cell.replace("nan", "-") if look.shape[0] else "-" for cell in known]
+        use = f"no: {look.fault}" if look.fault else "; ".join(["yes", *remarks(look)])
+        rows.append([look.path.name, *cells, use])
+    print_columns(rows, TITLES, right=set(TITLES) - {"map", "unit", "use"})
