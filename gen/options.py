@@ -3,7 +3,7 @@
 import shlex
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import typer
 from typer import Argument, Option
@@ -294,6 +294,16 @@ def sides_of(path: Path) -> list[Path]:
     return [path.parent / f"{path.stem}-{side}{path.suffix}" for side in ("soft", "stiff")]
 
 
+LAW_ENDS = {
+    "table": ".csv",
+    "json": ".json",
+    "header": ".h",
+    "calculix": "-calculix.inp",
+    "abaqus": "-abaqus.inp",
+}
+"""Ends of the names of a law's files that `--output NAME` writes."""
+
+
 class LawOutputs(NamedTuple):
     """Files to write a law to, each None if it is not asked for, and units for two of them."""
 
@@ -319,15 +329,12 @@ class LawOutputs(NamedTuple):
     @property
     def outputs(self) -> list[Output]:
         """The outputs, for `gen.runtime.files.check_outputs`, with those of a band's sides."""
-        models = {"--calculix": self.calculix, "--abaqus": self.abaqus}
-        sides = [
-            Output(each, option)
-            for option, path in models.items()
-            for each in ([path, *sides_of(path)] if path else [])
-        ]
-        texts = Output(self.table, "--csv"), Output(self.json, "--json")
-        header, picture = Output(self.header, "--header"), Output(self.picture, "--plot", "picture")
-        return [*texts, header, *sides, picture]
+        found = [Output(self.picture, "--plot", "picture")]
+        for name in LAW_ENDS:
+            path, option = getattr(self, name), "--csv" if name == "table" else f"--{name}"
+            sides = sides_of(path) if path and name in {"calculix", "abaqus"} else []
+            found += [Output(each, option) for each in (path, *sides)]
+        return found
 
     def filled(self, stem: Path | None) -> "LawOutputs":
         """Return the files, with missing names made from a stem, but no picture."""
@@ -337,10 +344,9 @@ class LawOutputs(NamedTuple):
             raise InputError(
                 f"--output {stem}: give what the names of the files begin with, as law"
             )
-        return self._replace(
-            table=self.table or stem.with_name(f"{stem.name}.csv"),
-            json=self.json or stem.with_name(f"{stem.name}.json"),
-            header=self.header or stem.with_name(f"{stem.name}.h"),
-            calculix=self.calculix or stem.with_name(f"{stem.name}-calculix.inp"),
-            abaqus=self.abaqus or stem.with_name(f"{stem.name}-abaqus.inp"),
-        )
+        missing: dict[str, Any] = {
+            name: stem.with_name(f"{stem.name}{end}")
+            for name, end in LAW_ENDS.items()
+            if getattr(self, name) is None
+        }
+        return self._replace(**missing)

@@ -101,8 +101,8 @@ def scene_of_windows(proposal: Proposal, inputs: list[str], command: str, output
     if proposal.spacing is not None:
         apart = [step for each in steps for step in each]
         spacing = f"""\
-# um; the maps have a node every {min(apart):.4g} to {max(apart):.4g} um. Finer maps can lose detail,
-# coarser ones cannot gain it. Slopes, and with them elastic areas, are those of this spacing.
+# um; the maps have a node every {min(apart):.4g} to {max(apart):.4g} um. Finer maps can lose
+# detail, coarser ones cannot gain it. Slopes, and elastic areas, are those of this spacing.
 spacing = {float(proposal.spacing)!r}"""
     given = [(name, value) for name, value in proposal.reading.of("reading").items() if value]
     keys = "\n".join(f"{name} = {quoted(value)}" for name, value in given)
@@ -125,8 +125,9 @@ files = [
 {_files(proposal, inputs, output.absolute().parent)}
 ]
 
-# Windows {nodes * proposal.step:.4g} um wide. The maps are cut into {tiles} tile{"s" * (tiles != 1)};
-# a window lies in one of them, and training and tests of surrogates share no tile.{few}
+# Windows {nodes * proposal.step:.4g} um wide. The maps are cut into {tiles}
+# tile{"s" * (tiles != 1)}; a window lies in one of them, and training and tests of
+# surrogates share no tile.{few}
 nodes = {nodes}
 
 {spacing}

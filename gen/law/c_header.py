@@ -89,7 +89,7 @@ static inline double NAME_slope(const double *x, const double *y, const double *
 """
 
 
-def write(path: Path, law: Law) -> None:
+def write(path: Path, law: Law) -> list[Path]:
     """Write the header whole or not at all, without the points outside a surrogate's training.
 
     Raise InputError if it cannot be written, or everything is outside the training.
@@ -103,6 +103,7 @@ def write(path: Path, law: Law) -> None:
     own = re.sub(r"[^0-9A-Za-z]+", "_", path.stem).strip("_")
     name = f"asperity_{own or 'law'}"  # asperity_steel_2 for steel-2.h
     files.write(path, "\n".join(_lines(law, name)) + "\n")
+    return [path]
 
 
 def _lines(law: Law, name: str) -> Iterator[str]:
@@ -196,8 +197,7 @@ def _columns(curves: Curves, suffix: str, gap: Curve) -> tuple[Values, dict[str,
     """Return arguments and columns from first touch on; `gap` is the curve against Delta."""
     missing = curves.at[:1] > 0  # first touch, where pressures were given
     columns = {}
-    for name in curves.names:
-        curve = curves.curves[name]
+    for name, curve in curves.curves.items():
         parts = {"": (curve.value, gap.value)}
         if curves.banded or curve.banded.all():
             parts |= {"_low": (curve.low, gap.low), "_high": (curve.high, gap.high)}

@@ -6,7 +6,7 @@ of monotone `Curves` over Delta or over pressure.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -61,41 +61,30 @@ class Points:
     # Ends of the intervals; quantities without intervals are left out.
     low: dict[str, Values] = field(default_factory=dict)
     high: dict[str, Values] = field(default_factory=dict)
-    # For each load, why it is outside the training, why it has no interval inside, and why the
-    # solver has no values there; "" where that is not so. The last two may be empty.
+    # For each load, why it is outside the training, and why it has no interval inside; "" where
+    # that is not so. The last one may be empty.
     reasons: tuple[str, ...] = ()
     endless: tuple[str, ...] = ()
-    faults: tuple[str, ...] = ()
-    warnings: tuple[str, ...] = ()  # about the solved contacts of this surface
-    notes: tuple[str, ...] = ()  # what else is to be said of them
+
+    def changed(self, change: Callable[[str, Values], Values], *reasons: str) -> Points:
+        """Return points with all arrays changed by the names of their quantities, and reasons."""
+        values, low, high = (
+            {name: change(name, each) for name, each in part.items()}
+            for part in (self.values, self.low, self.high)
+        )
+        return Points(values, low, high, reasons)
 
     def chosen(self, places: NDArray[np.bool_] | NDArray[np.int64]) -> Points:
         """Return the points of some of the loads."""
-        values, low, high = (
-            {name: each[places] for name, each in part.items()}
-            for part in (self.values, self.low, self.high)
-        )
-        reasons = tuple(np.array(self.reasons, dtype=object)[places])
-        return Points(values, low, high, reasons, warnings=self.warnings, notes=self.notes)
+        reasons = np.array(self.reasons, dtype=object)[places]
+        return self.changed(lambda _, each: each[places], *reasons)
 
-    def joined(self, more: Points) -> Points:
-        """Append the points of further loads."""
-        values, low, high = (
-            {name: np.concatenate([each, other[name]]) for name, each in one.items()}
-            for one, other in (
-                (self.values, more.values),
-                (self.low, more.low),
-                (self.high, more.high),
-            )
-        )
-        return Points(values, low, high, self.reasons + more.reasons)
-
-    def from_rest(self, gap_at_rest: float) -> Points:
+    def from_rest(self, gap: float) -> Points:
         """Put first touch, Delta = 0 with this mean gap [um], before these loads."""
-        rest = {name: np.zeros(1) for name in self.values}
-        rest["mean_gap_um"] = np.array([gap_at_rest])
-        ends = {name: rest[name] for name in self.low}
-        return Points(rest, ends, ends, ("",)).joined(self)
+        return self.changed(
+            lambda name, each: np.append(gap if name == "mean_gap_um" else 0.0, each),
+            *("", *self.reasons),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,15 +108,10 @@ class Curves:
 
     against: str  # "delta_um" or "pressure_MPa"
     at: Values  # ascending arguments [um or MPa], (k,)
-    curves: dict[str, Curve]  # by the name of the quantity
+    curves: dict[str, Curve]  # by the name of the quantity, in the order of `COLUMNS`
     outside: Values  # share of the surfaces outside the surrogate's training, (k,)
     reasons: tuple[str, ...]  # why there is no band, or what lies outside the training; else ""
     gap_at_rest: float  # mean gap at first touch, where every curve of it begins [um]
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the curves that this table has, in the order of tables."""
-        return tuple(name for name in COLUMNS[self.against] if name in self.curves)
 
     @property
     def banded(self) -> bool:
@@ -136,10 +120,12 @@ class Curves:
             bool(curve.banded.any()) for name, curve in self.curves.items() if name != CONTINUUM
         )
 
-    def withheld(self, place: int) -> bool:
-        """Return True if there is no band at an argument because it lies outside the training."""
-        known = any(bool(curve.banded[place]) for curve in self.curves.values())
-        return bool(self.reasons[place]) and not known
+    @property
+    def withheld(self) -> NDArray[np.bool_]:
+        """True where there is no band because an argument lies outside the training, (k,)."""
+        banded = np.array([curve.banded for curve in self.curves.values()])
+        unknown: NDArray[np.bool_] = np.array(self.reasons, dtype=bool) & ~banded.any(axis=0)
+        return unknown
 
     @property
     def flagged(self) -> NDArray[np.bool_]:
@@ -178,6 +164,17 @@ class Curves:
         said = f"{text}: the table against {self.against} ends below it"
         return self.chosen(np.arange(self.at.size) < end), [said]
 
+    def with_conductance(self, per_stiffness: float) -> Curves:
+        """Add the conductance: the stiffness by the conductivity over E* [W / (m K MPa)]."""
+        if STIFFNESS not in self.curves:
+            return self
+        own = self.curves[STIFFNESS]
+        parts = (per_stiffness * part for part in (own.value, own.low, own.high, own.slope))
+        more = {**self.curves, CONDUCTANCE: Curve(*parts)}
+        return replace(
+            self, curves={name: more[name] for name in COLUMNS[self.against] if name in more}
+        )
+
 
 def tabulated(
     against: str, at: Values, parts: Sequence[Points], level: float, gap_at_rest: float
@@ -192,41 +189,32 @@ def tabulated(
 
     Raise InputError if a value is not finite, as that of a forged surrogate may be.
     """
-    unknown = np.array([[bool(reason) for reason in part.reasons] for part in parts])
-    outside = unknown.mean(axis=0)
-    reasons = [_summary([part.reasons[place] for part in parts]) for place in range(at.size)]
+    outside = np.array([[bool(reason) for reason in part.reasons] for part in parts]).mean(axis=0)
+    reasons = [_summary(each) for each in zip(*(part.reasons for part in parts), strict=True)]
     withheld = outside > (1 - level) / 2
     if len(parts) == 1 and parts[0].endless:
         reasons = [one or other for one, other in zip(reasons, parts[0].endless, strict=True)]
-        withheld |= np.array([bool(reason) for reason in reasons])
+        withheld |= np.array(reasons, dtype=bool)
     curves = {}
     for name in COLUMNS[against]:
         if not all(name in part.values for part in parts):
             continue
-        value, low, high = _band(name, parts, level)
+        whole = np.stack([part.values[name] for part in parts])
+        value, nowhere = whole.mean(axis=0), np.full(at.size, np.nan)
         if name not in INFINITE_AT_FULL_CONTACT and not np.isfinite(value).all():
             raise InputError(f"{name} of the law has values that are not finite: no law holds here")
-        slope = slopes(at, value, gap_at_rest if name == "mean_gap_um" else 0.0)
+        low, high = (each.get(name, nowhere) for each in (parts[0].low, parts[0].high))
+        if len(parts) > 1:
+            with np.errstate(invalid="ignore"):  # of infinite stiffnesses, which leave no band
+                low, high = np.quantile(whole, [(1 - level) / 2, (1 + level) / 2], axis=0)
         low, high = np.minimum(low, value), np.maximum(high, value)
+        slope = slopes(at, value, gap_at_rest if name == "mean_gap_um" else 0.0)
         unknown = withheld | ~np.isfinite(low + high)  # an interval without an end is none
         low[unknown], high[unknown] = np.nan, np.nan
         if name in DERIVED:
             value, slope = (np.where(outside > MOST, np.nan, each) for each in (value, slope))
         curves[name] = Curve(value, low, high, slope)
     return Curves(against, at, curves, outside, tuple(reasons), gap_at_rest)
-
-
-def _band(name: str, parts: Sequence[Points], level: float) -> tuple[Values, Values, Values]:
-    """Return value, low and high of one quantity, each (k,); NaN where there is no interval."""
-    if len(parts) > 1:
-        whole = np.stack([part.values[name] for part in parts])
-        with np.errstate(invalid="ignore"):  # of infinite stiffnesses, which leave no band
-            low, high = np.quantile(whole, [(1 - level) / 2, (1 + level) / 2], axis=0)
-        return whole.mean(axis=0), low, high
-    (part,) = parts
-    unknown = np.full_like(part.values[name], np.nan)
-    low, high = (np.array(each.get(name, unknown)) for each in (part.low, part.high))
-    return part.values[name], low, high
 
 
 def _summary(reasons: Sequence[str]) -> str:
@@ -254,38 +242,30 @@ def monotone(points: Points) -> tuple[Points, Points]:
         rising = name != "mean_gap_um"
         return np.asarray(isotonic_regression(values, weights=weights, increasing=rising).x)
 
-    values, low, high = (
-        {name: smooth(name, each) for name, each in part.items()}
-        for part in (points.values, points.low, points.high)
-    )
+    found = points.changed(smooth, *points.reasons)
+    values, low, high = found.values, found.low, found.high
     for name in low:
         low[name] = np.minimum(low[name], values[name])
         high[name] = np.maximum(high[name], values[name])
-    changes = {name: values[name] - points.values[name] for name in values}
-    return Points(values, low, high, points.reasons), Points(changes)
-
-
-def held(points: Points) -> Points:
-    """Replace values that turn back by the extreme value before them.
-
-    Solved contacts turn back only within the tolerance of the solver.
-    """
-    return replace(points, values=_held(points.values))
+    return found, Points({name: values[name] - points.values[name] for name in values})
 
 
 def continued(points: Points, further: Points) -> Points:
     """Append points at larger Delta, without turning back."""
-    joined = points.joined(further)
-    low, high = _held(joined.low), _held(joined.high)
-    return replace(joined, values=_held(joined.values), low=low, high=high)
+    values, low, high = (
+        {name: held(name, np.append(each, more[name])) for name, each in one.items()}
+        for one, more in (
+            (points.values, further.values),
+            (points.low, further.low),
+            (points.high, further.high),
+        )
+    )
+    return Points(values, low, high, points.reasons + further.reasons)
 
 
-def _held(part: dict[str, Values]) -> dict[str, Values]:
-    """Return running maxima, and the running minimum of the mean gap."""
-    return {
-        name: (np.minimum if name == "mean_gap_um" else np.maximum).accumulate(values)
-        for name, values in part.items()
-    }
+def held(name: str, values: Values) -> Values:
+    """Replace values that turn back by the extreme value before them; the mean gap falls."""
+    return (np.minimum if name == "mean_gap_um" else np.maximum).accumulate(values)
 
 
 def risen(values: Values, apart: float = APART) -> NDArray[np.bool_]:
@@ -317,12 +297,3 @@ def slopes(at: Values, values: Values, rest: float) -> Values:
             part = PchipInterpolator(whole[first:end], heights[first:end])
             found[first:end] = part.derivative()(whole[first:end])
     return found[before:]
-
-
-def with_conductance(curves: Curves, per_stiffness: float) -> Curves:
-    """Add the conductance: the stiffness by the conductivity over E* [W / (m K MPa)]."""
-    if STIFFNESS not in curves.curves:
-        return curves
-    own = curves.curves[STIFFNESS]
-    parts = (per_stiffness * part for part in (own.value, own.low, own.high, own.slope))
-    return replace(curves, curves={**curves.curves, CONDUCTANCE: Curve(*parts)})

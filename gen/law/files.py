@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -14,18 +14,13 @@ from gen.arrays import Values
 from gen.law import c_header, finite_elements
 from gen.law.contact_law import Law
 from gen.law.curves import CONDUCTANCE, CONTINUUM, STIFFNESS, Curve, Curves
-from gen.options import LawOutputs
+from gen.options import LawOutputs, Units
 from gen.runtime import VERSION
 from gen.runtime.documents import Row, text_of, write_csv
 from gen.runtime.figure import save
 from gen.runtime.files import write
 from gen.runtime.installation import git_commit
-from gen.runtime.terminal import brief, echo, print_table
-
-if TYPE_CHECKING:
-    from rich.table import Table
-
-WIDTH = 140  # width of a printed table without a terminal [characters]
+from gen.runtime.terminal import brief, echo, print_columns
 
 PARTS = ("value", "low", "high", "slope")
 ENDS = ("", "_low", "_high", "_slope")  # ends of the columns' names of these parts
@@ -47,87 +42,57 @@ def write_files(law: Law, files: LawOutputs, figure: Any) -> Iterator[Path]:
 
     Raise InputError if a file cannot be written, or the law cannot be told in its format.
     """
-    if any((files.header, files.calculix, files.abaqus, files.picture)):
+    asked = {name: path for name, path in files._asdict().items() if isinstance(path, Path)}
+    if asked.keys() - {"table", "json"}:
         finite_elements.rising(law)  # refused before any file is written
-    for path, write_one in (
-        (files.table, write_table),
-        (files.json, write_json),
-        (files.header, c_header.write),
-    ):
-        if path is not None:
-            write_one(path, law)
-            yield path
-    if files.calculix is not None:
-        yield from finite_elements.write(files.calculix, law, "calculix", files.units)
-    if files.abaqus is not None:
-        yield from finite_elements.write(files.abaqus, law, "abaqus", files.units)
+    for name, write_one in WRITERS.items():
+        if name in asked:
+            yield from write_one(asked[name], law, files.units)
     if files.picture is not None:
         draw(figure, law, files.picture)
         yield files.picture
-
-
-def write_table(path: Path, law: Law) -> None:
-    """Write a law as CSV: the table against Delta, then the one against pressure.
-
-    Columns that are empty throughout, as those of a band that one surface has not, are left out.
-    """
-    rows = list(_rows(law))
-    full = [name for name in rows[0] if any(row[name] != "" for row in rows)]
-    write_csv(path, [{name: row[name] for name in full} for row in rows])
 
 
 def show(law: Law) -> None:
     """Print the law against the given kind of load: Delta, nominal pressure, or both."""
     for note in law.notes:
         echo(note)
-    title = f"{law.title}\n{law.bodies.text}; band: {law.band}"
-    if law.order.delta or not law.order.pressure:
-        print_table(_printed(law.over_delta, title), WIDTH)
-    if law.order.pressure:
-        print_table(_printed(law.over_pressure, title), WIDTH)
+    for curves, given in (
+        (law.over_delta, law.order.delta or not law.order.pressure),
+        (law.over_pressure, law.order.pressure),
+    ):
+        if given:
+            echo(law.title)
+            echo(f"{law.bodies.text}; band: {law.band}")
+            _print(curves)
 
 
-def _printed(curves: Curves, title: str) -> Table:
-    """Return one table; rows outside the training are dim and have a reason instead of a band."""
-    from rich.table import Table
-
-    table = Table(title=title)
-    names = [name for name in curves.names if name not in _left_out(curves)]
-    for name in (curves.against, *names):
-        table.add_column(name, justify="right")
-    reasons = any(curves.reasons)
-    if reasons:
-        table.add_column("reason")
+def _print(curves: Curves) -> None:
+    """Print one table; rows outside the training have a reason instead of a band."""
+    names, withheld = list(curves.curves), curves.withheld
+    if curves.against == "delta_um":
+        names.remove("closure_um")  # so that rows fit
+    elif np.array_equal(curves.curves["delta_um"].value, curves.curves["closure_um"].value):
+        names.remove("delta_um")
+    rows = []
     for place, argument in enumerate(curves.at):
         cells = [f"{argument:.5g}"]
-        cells += [_shown(curves.curves[name], place, curves) for name in names]
-        if reasons:
-            cells.append(brief(curves.reasons[place]))
-        table.add_row(*cells, style="dim" if curves.withheld(place) else "")
-    return table
+        for curve in (curves.curves[name] for name in names):
+            value, low, high = curve.value[place], curve.low[place], curve.high[place]
+            band = " (-)" if withheld[place] else ""
+            band = f" ({low:.4g} to {high:.4g})" if low < high else band
+            cells.append("-" if np.isnan(value) else f"{value:.4g}{band}")
+        rows.append([*cells, brief(curves.reasons[place])])
+    titles = [curves.against, *names, "reason" if any(curves.reasons) else ""]
+    print_columns(rows, titles, right=titles[:-1])
 
 
-def _left_out(curves: Curves) -> set[str]:
-    """Return the curves that are not printed, so that rows fit: a Delta that is the closure too."""
-    if curves.against == "delta_um":
-        return {"closure_um"}
-    delta, closure = (curves.curves[name].value for name in ("delta_um", "closure_um"))
-    return {"delta_um"} if np.array_equal(delta, closure) else set()
+def write_table(path: Path, law: Law) -> list[Path]:
+    """Write a law as CSV: the table against Delta, then the one against pressure.
 
-
-def _shown(curve: Curve, place: int, curves: Curves) -> str:
-    """Return a value with its band, with `-` for what is withheld, or alone."""
-    value, low, high = curve.value[place], curve.low[place], curve.high[place]
-    if np.isnan(value):
-        return "-"
-    if low < high:
-        return f"{value:.4g} ({low:.4g} to {high:.4g})"
-    return f"{value:.4g} (-)" if curves.withheld(place) else f"{value:.4g}"
-
-
-def _rows(law: Law) -> Iterator[Row]:
-    """Yield the rows of the CSV, of which some columns may be empty throughout."""
-    names = "delta_um", *law.over_delta.names
+    Columns that are empty throughout, as those of a band that one surface has not, are left out.
+    """
+    rows: list[Row] = []
     for curves in (law.over_delta, law.over_pressure):
         for place, argument in enumerate(curves.at):
             row: Row = {"against": curves.against, "outside": float(curves.outside[place])}
@@ -135,7 +100,7 @@ def _rows(law: Law) -> Iterator[Row]:
                 row["hardness_MPa"] = law.bodies.hardness
             if law.boundary != "free":
                 row["boundary"] = law.boundary
-            for name in names:
+            for name in ("delta_um", *law.over_delta.curves):
                 row |= {f"{name}{end}": "" for end in ENDS}
                 if name == curves.against:
                     row[name] = float(argument)
@@ -144,10 +109,13 @@ def _rows(law: Law) -> Iterator[Row]:
                     for end, part in zip(ENDS, PARTS, strict=True):
                         number = float(getattr(curve, part)[place])
                         row[f"{name}{end}"] = "" if np.isnan(number) else number
-            yield {**row, "reason": curves.reasons[place]}
+            rows.append({**row, "reason": curves.reasons[place]})
+    full = [name for name in rows[0] if any(row[name] != "" for row in rows)]
+    write_csv(path, [{name: row[name] for name in full} for row in rows])
+    return [path]
 
 
-def write_json(path: Path, law: Law) -> None:
+def write_json(path: Path, law: Law) -> list[Path]:
     """Write a law as JSON, with null for numbers that are not finite."""
     content = {
         "format": FORMAT,
@@ -166,25 +134,37 @@ def write_json(path: Path, law: Law) -> None:
         "tables": [_json_table(law.over_delta), _json_table(law.over_pressure)],
     }
     write(path, text_of(content))
+    return [path]
 
 
 def _json_table(curves: Curves) -> dict[str, Any]:
     """Return one table."""
+
+    def numbers(values: Values) -> list[float | None]:
+        return [value if math.isfinite(value) else None for value in values.tolist()]
+
     return {
         "against": curves.against,
-        "at": _numbers(curves.at),
+        "at": numbers(curves.at),
         "gap_at_rest_um": curves.gap_at_rest,
-        "share_of_surfaces_outside_the_training": _numbers(curves.outside),
+        "share_of_surfaces_outside_the_training": numbers(curves.outside),
         "reasons": list(curves.reasons),
         "curves": {
-            name: {part: _numbers(getattr(curves.curves[name], part)) for part in PARTS}
-            for name in curves.names
+            name: {part: numbers(getattr(curve, part)) for part in PARTS}
+            for name, curve in curves.curves.items()
         },
     }
 
 
-def _numbers(values: Values) -> list[float | None]:
-    return [value if math.isfinite(value) else None for value in values.tolist()]
+WRITERS: dict[str, Callable[[Path, Law, Units], list[Path]]] = {
+    "table": lambda path, law, _: write_table(path, law),
+    "json": lambda path, law, _: write_json(path, law),
+    "header": lambda path, law, _: c_header.write(path, law),
+    "calculix": lambda path, law, units: finite_elements.write(path, law, "calculix", units),
+    "abaqus": lambda path, law, units: finite_elements.write(path, law, "abaqus", units),
+}
+"""What writes each field of `gen.options.LawOutputs`, and returns the files that it has written. A
+further format is a field there, with the end of its files' names, and a line here."""
 
 
 def draw(figure: Any, law: Law, picture: Path) -> None:

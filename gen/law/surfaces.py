@@ -36,26 +36,6 @@ class LawSurface:
     boundary: Boundary = "free"
     scene: Scene | None = None  # that it was generated from
 
-    def loads(self, e_star: float) -> tuple[float, float]:
-        """Return the smallest and largest load of a scene's surface, as Delta [um] or pressure
-        [MPa].
-
-        Pressures that the scene gives relative to its own E* are scaled to that of the law.
-        """
-        from gen.generation.sample import load_of
-
-        assert self.scene is not None
-        ends = (load_of(self.scene, self.heights, end) for end in _ends([self.scene]))
-        low, high = (
-            value / self.nominal if name == "force" else value
-            for given in ends
-            for name, value in given.items()
-        )
-        if self.scene.quantity.startswith("pressure/"):
-            ratio = e_star / _modulus(self.scene)
-            return low * ratio, high * ratio
-        return low, high
-
     @property
     def nominal(self) -> float:
         """Area of the cells of all nodes, over which the nominal pressure is a mean [um2]."""
@@ -95,19 +75,14 @@ class LawSurfaces:
     origins: Sequence[str]  # descriptions of the surfaces, one line for each input
     doubts: Sequence[str] = ()  # warnings about the maps, each with the name of its input
 
-    @property
-    def only_scenes(self) -> bool:
-        """True if every surface comes from a scene."""
-        return len(self.scenes) == len(self.origins)
-
     def modulus(self) -> float | None:
         """Return the E* of all scenes [MPa], or None if a surface comes from a file.
 
         Raise InputError if the scenes have different E*.
         """
-        if not self.only_scenes:
-            return None
         moduli = {_modulus(scene) for scene in self.scenes}
+        if len(self.scenes) < len(self.origins):
+            return None
         if len(moduli) > 1:
             said = " and ".join(f"{each:g}" for each in sorted(moduli))
             raise InputError(f"the scenes have E* = {said} MPa: give one with --e-star")
@@ -118,27 +93,29 @@ class LawSurfaces:
 
         Raise InputError if the scenes have more than one.
         """
-        if not self.only_scenes:
-            return None
         ratios: set[float | None] = set()
         for scene in self.scenes:
             ends = scene.contact.hardness_limits or (None,)
             ratios |= {None if end is None else end / _modulus(scene) for end in ends}
+        if len(self.scenes) < len(self.origins):
+            return None
         if len(ratios) > 1:
             raise InputError("the scenes have more than one hardness: give one with --hardness")
         return ratios.pop()
 
-    def loads(self, number: int, e_star: float) -> tuple[Load, Values] | None:
+    def loads(self, number: int, e_star: float) -> tuple[Load, Values]:
         """Return "delta" [um] or "pressure" [MPa] with ascending loads over all scenes' range.
 
-        It is None if a surface comes from a file. Loads that a scene gives relative to its
-        surfaces, and forces, become displacements or pressures by the surfaces of this law: from
-        the smallest of all to the largest that none exceeds. They are spaced evenly, or by an even
-        ratio where a scene draws them log-uniformly. Raise InputError if some scenes give
-        displacements and others do not.
+        Loads that a scene gives relative to its surfaces, and forces, become displacements or
+        pressures by the surfaces of this law: from the smallest of all to the largest that none
+        exceeds. They are spaced evenly, or by an even ratio where a scene draws them
+        log-uniformly. Raise InputError if a surface comes from a file, some scenes give
+        displacements and others do not, or they press nothing.
         """
-        if not self.only_scenes:
-            return None
+        if len(self.scenes) < len(self.origins):
+            raise InputError(
+                "give --delta or --pressure: a surface from a file has no range of loads"
+            )
         kinds: set[Load] = {
             "delta" if scene.quantity.startswith("delta") else "pressure" for scene in self.scenes
         }
@@ -146,21 +123,42 @@ class LawSurfaces:
             raise InputError(
                 "some scenes give displacements, others pressures: give --delta or --pressure"
             )
-        (kind,) = kinds
         if all(scene.quantity == "delta" for scene in self.scenes):
-            low, high = _ends(self.scenes)
+            ranges = [_range(scene) for scene in self.scenes]
+            low, high = min(low for low, _ in ranges), max(high for _, high in ranges)
         else:
-            ranges = [each.loads(e_star) for each in self.surfaces]
+            ranges = [_given(each, e_star) for each in self.surfaces]
             low, high = min(low for low, _ in ranges), min(high for _, high in ranges)
         pieces = [piece for scene in self.scenes for piece in scene.pieces]
         by_ratio = low > 0 and any(isinstance(piece.range, LogUniform) for piece in pieces)
-        return kind, (np.geomspace if by_ratio else np.linspace)(low, high, number)
+        loads = np.unique((np.geomspace if by_ratio else np.linspace)(low, high, number))
+        if not (loads > 0).any():
+            raise InputError("give --delta or --pressure: the scene presses nothing")
+        return kinds.pop(), loads[loads > 0]
 
 
-def _ends(scenes: Sequence[Scene]) -> tuple[float, float]:
-    """Return the smallest and the largest load of some scenes, in their quantity."""
-    ranges = [limits(piece.range) for scene in scenes for piece in scene.pieces]
+def _range(scene: Scene) -> tuple[float, float]:
+    """Return the smallest and the largest load of a scene, in its quantity."""
+    ranges = [limits(piece.range) for piece in scene.pieces]
     return min(low for low, _ in ranges), max(high for _, high in ranges)
+
+
+def _given(surface: LawSurface, e_star: float) -> tuple[float, float]:
+    """Return the ends of the loads of a scene's surface, as Delta [um] or nominal pressure [MPa].
+
+    Pressures that the scene gives relative to its own E* are scaled to that of the law.
+    """
+    from gen.generation.sample import load_of
+
+    assert surface.scene is not None
+    relative = surface.scene.quantity.startswith("pressure/")
+    ratio = e_star / _modulus(surface.scene) if relative else 1.0
+    low, high = (
+        value / surface.nominal if name == "force" else value
+        for end in _range(surface.scene)
+        for name, value in load_of(surface.scene, surface.heights, end).items()
+    )
+    return low * ratio, high * ratio
 
 
 def read_subjects(
@@ -198,7 +196,10 @@ def read_subjects(
                 )
             scenes.append(_scene(text, boundary, only_boundary=only_boundary))
             subjects += _population(scenes[-1], text, surfaces)
-            origins.append(f"{text}: its first {surfaces} surfaces{_facing(scenes[-1])}")
+            against = scenes[-1].surface.against
+            named = ", ".join(against) if isinstance(against, tuple) else "another of them"
+            rough = "" if against is None else f" against {named}"
+            origins.append(f"{text}: its first {surfaces} surfaces{rough}")
             continue
         origins.append(f"{text}{facing}")
         for file in files_in([Path(text)])[0]:
@@ -234,15 +235,6 @@ def _pressed(
         if topography.heights.max() == topography.heights.min():
             raise InputError(f"{file}: is flat: all of it touches at once, there is no law")
         yield topography, warned
-
-
-def _facing(scene: Scene) -> str:
-    """Say what the surfaces of a scene are pressed against, if that is rough too."""
-    against = scene.surface.against
-    if against is None:
-        return ""
-    named = ", ".join(map(str, against)) if isinstance(against, tuple) else "another of them"
-    return f" against {named}"
 
 
 def is_scene(text: str) -> bool:

@@ -101,7 +101,7 @@ def predict(
     material: Material,
 ) -> None:
     """Predict area and force of surfaces, with intervals, and a flag outside the training."""
-    from gen.law.contact_law import deltas_from
+    from gen.law.contact_law import loads_from
     from gen.runtime.documents import Row, write_csv
     from gen.runtime.terminal import RunProgress
     from learn.surrogate import Surrogate
@@ -112,7 +112,7 @@ def predict(
     surrogate = Surrogate.load(file)
     require_level(surrogate, interval)
     question = Question(
-        deltas=deltas_from(delta) if delta else None,
+        deltas=loads_from("delta", delta) if delta else None,
         e_star=material.modulus(),
         hardness=material.hardness,
         level=interval,

@@ -270,7 +270,7 @@ def _unknown(over_delta: Curves) -> list[str]:
 def _corrected(over_delta: Curves, corrections: Sequence[Points]) -> list[str]:
     """Warn of curves that were far from monotone."""
     lines = []
-    for name in set(over_delta.names) & corrections[0].values.keys():  # slopes are not corrected
+    for name in over_delta.curves.keys() & corrections[0].values.keys():  # slopes are not corrected
         change = np.mean([each.values[name] for each in corrections], axis=0)
         largest = np.nanmax(np.abs(over_delta.curves[name].value)) or 1.0
         if np.abs(change).max() > CORRECTED * largest:

@@ -298,4 +298,5 @@ def test_loads_that_scenes_do_not_say_are_asked_for(tmp_path):
         subjects(tmp_path, "relative", "spectral").loads(3, 1.0)
     np.save(tmp_path / "s.npy", np.random.default_rng(0).normal(size=(9, 9)))
     found = read_subjects([str(tmp_path / "s.npy")], 3, Reading(side="10"), "free", print)
-    assert found.loads(3, 1.0) is None
+    with pytest.raises(InputError, match="a surface from a file has no range of loads"):
+        found.loads(3, 1.0)

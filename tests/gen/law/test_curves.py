@@ -15,7 +15,6 @@ from gen.law.curves import (
     monotone,
     slopes,
     tabulated,
-    with_conductance,
 )
 from gen.runtime.errors import InputError
 
@@ -36,7 +35,7 @@ def test_full_contact_may_be_infinitely_stiff():
     curve = curves.curves[STIFFNESS]
     assert curve.value[-1] == np.inf
     assert np.isnan(curve.slope).tolist() == [False, False, False, True]
-    conducting = with_conductance(curves, 0.5).curves[CONDUCTANCE]
+    conducting = curves.with_conductance(0.5).curves[CONDUCTANCE]
     np.testing.assert_allclose(conducting.value[:3], [0, 0.5, 2])
     many = tabulated("delta_um", at, [Points(values, reasons=("",) * 4)] * 2, 0.9, 4.0)
     assert many.curves[STIFFNESS].value[-1] == np.inf
@@ -44,7 +43,7 @@ def test_full_contact_may_be_infinitely_stiff():
         "delta_um", at, [Points(dict.fromkeys(QUANTITIES, at), reasons=("",) * 4)], 0.9, 4.0
     )
     assert STIFFNESS not in bare.curves
-    assert with_conductance(bare, 0.5) is bare
+    assert bare.with_conductance(0.5) is bare
 
 
 def test_slopes_are_those_of_the_cubic_from_first_touch_on():
