@@ -15,15 +15,7 @@ from gen.runtime.errors import InputError
 from learn import stored
 from learn.executor import Executor
 from learn.features import FeatureSet, chosen
-from learn.features.sets import (
-    BLOCKS,
-    build,
-    features_of,
-    limits_of,
-    modulus,
-    node_count,
-    target_scale,
-)
+from learn.features.sets import BLOCKS, Rows, limits_of, modulus, node_count
 from learn.metrics import usual_size
 from learn.stored import Origin, Population, Stored, reasons_against
 
@@ -42,8 +34,8 @@ have unit length and trees single precision; of a target, where errors are squar
 class Request:
     """A comparison or a fit to be made, of rows of one or more databases."""
 
-    database: Path
-    output: Path  # a comparison folder, or the file of a surrogate
+    databases: tuple[Path, ...]
+    output: Path = Path()  # a comparison folder, or the file of a surrogate
     targets: tuple[str, ...] = ("area",)
     models: tuple[str, ...] = ()  # all nine if there are none
     area_max: float | None = None  # largest area that is kept [%]
@@ -56,27 +48,11 @@ class Request:
     roots: bool = False  # True to learn square roots, with the features that surrogates see
     blocks: int = BLOCKS  # per side of the coarse solve of hybrid features
     calibrate_on: Path | None = None  # database whose rows calibrate the intervals
-    others: tuple[Path, ...] = ()  # further databases to learn from
 
     @property
-    def databases(self) -> tuple[Path, ...]:
-        """All databases."""
-        return (self.database, *self.others)
-
-
-def hybrid_for(
-    request: Request, executor: Executor, stopping: Callable[[], bool] = lambda: False
-) -> Values | None:
-    """Return the columns that the database's surfaces add, (rows, 17); None if none are asked for.
-
-    See `learn.features.regeneration.hybrid_rows`, which takes the other arguments.
-    """
-    wanted = chosen(request.features, roots=request.roots, blocks=request.blocks)
-    if not wanted.needs_surface:
-        return None
-    from learn.features.regeneration import hybrid_rows
-
-    return hybrid_rows(request.database, executor, stopping, wanted.solved_blocks)
+    def database(self) -> Path:
+        """The first database."""
+        return self.databases[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,14 +65,13 @@ class Dataset:
     groups: Indices  # (n,), of rows that no split divides: of one surface, or tile of a map
     database: Indices  # (n,), number in `origins`
     population: Indices  # (n,), number in `populations`
-    names: tuple[str, ...]  # of the d inputs
+    features: FeatureSet  # what the d inputs are
     target_name: str  # the column of the target
     unit: str  # of the target, "1" if it was made free of units
     dropped: dict[str, int]  # number of rows left out, by reason
     source: dict[str, str]  # origin of the rows, which is recorded beside all results
     described: Values  # (n, 23), Delta and the 22 statistics, NaN if undefined and not needed [um]
     scale: Values  # (n,), divisor of the target
-    features: str = "paper"
     by_tile: bool = False  # whether the groups are tiles of maps
     origins: tuple[Origin, ...] = ()
     populations: tuple[Population, ...] = ()
@@ -123,67 +98,59 @@ class Dataset:
 
 
 def read(
-    path: Path,
-    target: str = "area",
-    area_max: float | None = None,
-    features: str = "paper",
-    hybrid: Values | None = None,
-    *,
-    roots: bool = False,
-    blocks: int = BLOCKS,
-) -> Dataset:
-    """Read one database for one target; see `read_together`."""
-    (rows,) = read_together(
-        (path,), (target,), area_max, features, (hybrid,), roots=roots, blocks=blocks
-    )
-    return rows
-
-
-def read_together(
-    paths: Sequence[Path],
-    targets: Sequence[str],
-    area_max: float | None = None,
-    features: str = "paper",
-    hybrids: Sequence[Values | None] = (None,),
-    *,
-    roots: bool = False,
-    blocks: int = BLOCKS,
+    request: Request,
+    executor: Executor | None = None,
+    stopping: Callable[[], bool] = lambda: False,
 ) -> list[Dataset]:
-    """Read databases once, and clean their rows for each of several targets.
+    """Read the databases of a request once, and clean their rows for each of its targets.
 
-    Targets are any of "area", "force", and the columns of other results; the largest area that is
-    kept is in percent. Hybrid features need the columns of `learn.features.regeneration`, (rows,
-    17), of each database; see `Request` for the others. InputError is raised if a file is no
-    database or lacks a target, databases cannot be learnt together, too few rows are left, or a
-    target is constant.
+    The executor generates surfaces for hybrid features, this process if left out; there are no
+    datasets after a stop, for which `stopping` is asked meanwhile. InputError is raised if a file
+    is no database or lacks a target, databases cannot be learnt together, too few rows are left, or
+    a target is constant.
     """
-    scaled = chosen(features).scaled
-    if area_max is not None and not area_max > 0:
-        raise InputError(f"--area-max {area_max:g}: give a percentage above 0")
-    found = [stored.read_stored(path, targets) for path in paths]
-    stored.require_compatible(found, scaled=scaled)
-    wanted = features_of([each.scene for each in found], features, roots=roots, blocks=blocks)
-    parts = [
-        (each, _features(wanted, each, hybrid)) for each, hybrid in zip(found, hybrids, strict=True)
-    ]
+    if request.area_max is not None and not request.area_max > 0:
+        raise InputError(f"--area-max {request.area_max:g}: give a percentage above 0")
+    found = [stored.read_stored(path, request.targets) for path in request.databases]
+    scenes = [part.scene for part in found]
+    wanted = chosen(request.features, scenes, roots=request.roots, blocks=request.blocks)
+    stored.require_compatible(found, scaled=wanted.scaled)
+    rows: list[Rows] = []
+    for part in found:
+        hybrid = None
+        if wanted.needs_surface:
+            from learn.features.regeneration import hybrid_rows
+
+            workers = executor or Executor()
+            hybrid = hybrid_rows(part.path, workers, stopping, wanted.blocks or BLOCKS)
+            if stopping():
+                return []
+        rows.append(_numbers(part, hybrid))
+    with np.errstate(over="ignore", invalid="ignore"):
+        made = [wanted.of(each) for each in rows]
+    every = list(zip(found, rows, made, strict=True))
     return [
-        _together([_usable(each, values, number, wanted, area_max) for each, values in parts])
-        for number in range(len(targets))
+        _together([_usable(*each, number, wanted, request.area_max) for each in every])
+        for number in range(len(request.targets))
     ]
 
 
-def _features(wanted: FeatureSet, part: Stored, hybrid: Values | None) -> Values:
-    """Return the features of all rows of a database, finite where they can be used."""
+def _numbers(part: Stored, hybrid: Values | None) -> Rows:
+    """Return the numbers of all rows of a database, finite where they can be used."""
     ratio: Values | float | None = None
-    if wanted.needs_hardness and (limits := limits_of([part.scene])) is not None:
+    if (limits := limits_of([part.scene])) is not None:
         ratio = limits[0] if part.hardness is None else part.hardness / modulus(part.scene)
     statistics, delta, nodes = part.inputs[:, 1:], part.inputs[:, 0], node_count(part.scene)
-    with np.errstate(over="ignore", invalid="ignore"):
-        return build(wanted, statistics, delta, part.length, hybrid, ratio, nodes)
+    return Rows(statistics, delta, part.length, ratio, nodes, hybrid)
 
 
 def _usable(
-    part: Stored, made: Values, number: int, wanted: FeatureSet, area_max: float | None
+    part: Stored,
+    numbers: Rows,
+    made: Values,
+    number: int,
+    wanted: FeatureSet,
+    area_max: float | None,
 ) -> tuple[Dataset, Stored]:
     """Keep the rows that can be used for one target, by its number; groups are not known yet."""
     column, values = part.targets[number]
@@ -196,8 +163,7 @@ def _usable(
     reasons[odd & part.undefined] = f"{wanted.name} {needs}"
     kept = np.flatnonzero(reasons == "")
     usable, scene = part.at(kept), part.scene.text()
-    statistics, delta, e_star = usable.inputs[:, 1:], usable.inputs[:, 0], modulus(part.scene)
-    scale = target_scale(wanted, column.name, statistics, delta, part.length, e_star)
+    scale = wanted.scale(column.name, numbers, modulus(part.scene))[kept]
     hardness = () if part.hardness is None else (part.hardness,)
     digest = _digest(part.status, part.inputs, values, part.area, *hardness)
     unknown = np.zeros(kept.size, dtype=np.int64)
@@ -208,7 +174,7 @@ def _usable(
         groups=unknown,
         database=unknown,
         population=unknown,
-        names=wanted.columns,
+        features=wanted,
         target_name=column.name,
         unit=column.unit if (scale == 1).all() else "1",
         dropped={why: count for why, count in sorted(Counter(reasons).items()) if why},
@@ -220,7 +186,6 @@ def _usable(
         },
         described=usable.inputs,
         scale=scale,
-        features=wanted.name,
         by_tile=part.tile is not None,
         origins=(Origin(str(part.path), digest, scene, kept.size),),
     )
@@ -283,10 +248,11 @@ def remarks(dataset: Dataset, normalisation: str) -> list[str]:
     The normalisation is one of `learn.models.NORMALISATIONS`.
     """
     lines = [f"left out {number} rows: {why}" for why, number in sorted(dataset.dropped.items())]
+    names = dataset.features.columns
     constant = np.flatnonzero(np.ptp(dataset.inputs, axis=0) == 0)
     if constant.size:
-        names = ", ".join(dataset.names[index] for index in constant)
-        lines.append(f"warning: constant over all rows, so of no use to a model: {names}")
+        useless = ", ".join(names[index] for index in constant)
+        lines.append(f"warning: constant over all rows, so of no use to a model: {useless}")
     whole = np.unique(np.column_stack([dataset.inputs, dataset.target]), axis=0)
     if len(whole) < dataset.size:
         lines.append(f"warning: {dataset.size - len(whole)} rows repeat others exactly")
@@ -301,8 +267,8 @@ def remarks(dataset: Dataset, normalisation: str) -> list[str]:
     others = float(np.linalg.norm(np.delete(sizes, place)))
     if normalisation == "l2" and sizes[place] > DOMINANT * others:
         lines.append(
-            f"warning: {dataset.names[place]} is {sizes[place] / max(others, 1e-300):.1e} times all"
-            " other inputs: rows of unit length say nothing else; try --normalise standard"
+            f"warning: {names[place]} is {sizes[place] / max(others, 1e-300):.1e} times all other"
+            " inputs: rows of unit length say nothing else; try --normalise standard"
         )
     return lines
 

@@ -22,7 +22,6 @@ import numpy as np
 from gen.arrays import Indices, Values
 from gen.runtime.errors import InputError
 from gen.runtime.memory import MIB, allowed, free
-from learn.features import chosen
 from learn.metrics import usual_size
 
 if TYPE_CHECKING:
@@ -252,18 +251,16 @@ ROOTED_TARGETS = frozenset({"area_percent", "contact_nodes"})
 error of the force, over its scale, grew by a third when its root was learnt."""
 
 
-def scaling_of(
-    dataset: Dataset, train: Indices, *, roots: bool = False, standard: bool = False
-) -> Scaling:
+def scaling_of(dataset: Dataset, train: Indices, *, standard: bool = False) -> Scaling:
     """Return the scaling of a dataset's target over its training rows, (m,).
 
-    With `roots` it is of the square root of a target of `ROOTED_TARGETS`. With `standard` it has
-    mean 0 and deviation 1 whatever the features, as a Gaussian process needs it, whose predictions
-    are the mean where it knows nothing.
+    With rooted features it is of the square root of a target of `ROOTED_TARGETS`. With `standard`
+    it has mean 0 and deviation 1 whatever the features, as a Gaussian process needs it, whose
+    predictions are the mean where it knows nothing.
     """
     target = dataset.target[train]
-    root = roots and dataset.target_name in ROOTED_TARGETS
-    if not (standard or chosen(dataset.features).scaled):
+    root = dataset.features.rooted and dataset.target_name in ROOTED_TARGETS
+    if not (standard or dataset.features.scaled):
         mean, deviation = float(target.mean()), float(target.std())
         mean = mean if abs(mean) > FAR * deviation else 0.0
         size = usual_size(target - mean)

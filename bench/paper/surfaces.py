@@ -19,6 +19,7 @@ from gen.scene import DisplacedSurface, load
 from gen.statistics import describe
 from gen.surface import GENERATORS, generate
 from learn import dataset, split
+from learn.dataset import Request
 from learn.metrics import scores
 from learn.models import MODELS, pipeline
 
@@ -185,7 +186,7 @@ def equal_kernels(folder: Path, database: Path) -> list[Content]:
     radial = RBF(1.0, "fixed"), {"kernel": "rbf", "gamma": 0.5, "alpha": 1e-10}
     linear = DotProduct(0.0, "fixed"), {"kernel": "linear", "alpha": 1.0}
     cases = {"radial basis function": radial, "linear": linear}
-    rows = dataset.read(database, "area", AREA_MAX)
+    (rows,) = dataset.read(Request((database,), area_max=AREA_MAX))
     parts = split.draw(rows, 0, APPENDIX_ROWS)
     test, truth = rows.inputs[parts.test], rows.target[parts.test]
     figure = new_figure(8.7, 8.2)

@@ -22,13 +22,12 @@ from gen.statistics import describe
 from learn.comparison.grid import baseline, untuned
 from learn.dataset import Dataset, Request, remarks
 from learn.features import chosen
-from learn.features.sets import build, target_scale
+from learn.features.sets import Rows
 from learn.models import MODELS, STEP
 from learn.stored import Origin, short_name
 from learn.surrogate import Surrogate
 from learn.surrogate.calibration import near
 from learn.surrogate.fitting import Fit, Settings, fit_target
-from learn.surrogate.model import Rows
 
 Change = Callable[[Dataset], Dataset]
 Check = Callable[["Asked"], Iterator[Finding]]
@@ -64,16 +63,15 @@ def ordinary(features: str = "paper", target: str = "area_percent") -> Dataset:
     """The rows as a dataset of paper or dimensionless features; the target is area or force."""
     described, targets = solved()
     wanted, side = chosen(features), scene().sides[0]
-    statistics, delta = described[:, 1:], described[:, 0]
-    scale = target_scale(wanted, target, statistics, delta, side, 1.0)
+    numbers = Rows(described[:, 1:], described[:, 0], side)
+    scale = wanted.scale(target, numbers, 1.0)
     return Dataset(
-        inputs=build(wanted, statistics, delta, side),
+        inputs=wanted.of(numbers),
         target=targets[:, int(target == "area_percent")] / scale,
         rows=np.arange(ROWS),
         groups=np.arange(ROWS),
         database=np.zeros(ROWS, dtype=np.int64),
         population=np.zeros(ROWS, dtype=np.int64),
-        names=wanted.columns,
         target_name=target,
         unit="%" if target == "area_percent" else "uN",
         dropped={},
@@ -81,7 +79,7 @@ def ordinary(features: str = "paper", target: str = "area_percent") -> Dataset:
         described=described,
         origins=(Origin("the cases' rows", "", scene().text(), ROWS),),
         scale=scale,
-        features=features,
+        features=wanted,
     )
 
 
@@ -175,7 +173,7 @@ class Asked:
     @property
     def remarks(self) -> tuple[str, ...]:
         """The warnings of the product about the rows and the fit."""
-        normalisation = "l2" if self.train.features == "paper" else "standard"
+        normalisation = self.train.features.normalisation
         return (*remarks(self.train, normalisation), *self.fit.remarks)
 
     def score(self) -> float:
@@ -206,22 +204,21 @@ def fitted(
     ends = seen, seen + min(CALIBRATING, (rows.size - seen) // 2)
     train, calibration, test = map(rows.at, np.split(np.arange(rows.size), ends))
     request = Request(
-        Path("rows.h5"),
-        Path("out"),
+        (Path("rows.h5"),),
         targets=(short_name(rows.target_name),),
         models=(name,),
-        features=rows.features,
-        normalisation=chosen(rows.features).normalisation,
+        features=rows.features.name,
+        normalisation=rows.features.normalisation,
     )
-    values = baseline(name, rows.features)
+    values = baseline(name, rows.features.name)
     if way == "tuned":
-        values = untuned(name, rows.features)[1] | FEWER.get(name, {})
+        values = untuned(name, rows.features.name)[1] | FEWER.get(name, {})
     wanted = Settings({**values, **(settings or {})}, way == "tuned", way)
     folds = np.zeros(train.size, np.int8)
     fit = fit_target(request, train, calibration, folds, settings=wanted)
     known = {
-        "features": rows.features,
-        "columns": [],
+        "features": rows.features.name,
+        "columns": [(name, "1") for name in rows.features.columns],
         "nodes": NODES,
         "side": scene().sides[0],
         "spacing": scene().spacing,
@@ -230,12 +227,6 @@ def fitted(
     low, high = train.inputs.min(axis=0), train.inputs.max(axis=0)
     surrogate = Surrogate(known, {"target": fit.learnt}, low, high, near(train))
     return Asked(request, way, fit, surrogate, train, test)
-
-
-def rows_of(rows: Dataset) -> Rows:
-    """Rows that a surrogate can be asked about."""
-    side = scene().sides[0]
-    return Rows(rows.inputs, rows.described[:, 1:], rows.described[:, 0], side, ())
 
 
 # Models whose predictions follow the unit of the target, with their libraries' settings.
@@ -254,8 +245,7 @@ def fitted_ordinarily(name: str, way: str, features: str, target: str) -> Asked:
 
 def sound(asked: Asked) -> Iterator[Finding]:
     """Numbers, never worse than the mean without saying so."""
-    everything = asked.surrogate.predict_rows(rows_of(asked.test)).values["target"]
-    numbers = np.concatenate((everything, asked.predicted(asked.train)))
+    numbers = np.concatenate([asked.predicted(rows) for rows in (asked.test, asked.train)])
     yield Finding("not finite", int(np.count_nonzero(~np.isfinite(numbers))), 0)
     unsaid = int(asked.worse_than_constant() and not asked.remarks)
     yield Finding("worse than a constant, unsaid", unsaid, 0)
@@ -264,7 +254,7 @@ def sound(asked: Asked) -> Iterator[Finding]:
 def constant(asked: Asked) -> Iterator[Finding]:
     """A constant target is predicted, by models that can."""
     unable = {"kernel-ridge", "gaussian-process", "mlp"}
-    if asked.name in unable and asked.train.features == "paper":
+    if asked.name in unable and asked.train.features.name == "paper":
         return
     value = float(asked.train.target[0])
     allowed = asked.estimator.epsilon / abs(value) if asked.name == "svm" else 1e-6
@@ -280,9 +270,9 @@ def same_in_other_units(asked: Asked, target: float = 1.0) -> Iterator[Finding]:
     """
     train = asked.train
     free = asked.name in SCALE_FREE and asked.way == "default"
-    if target != 1.0 and train.features == "paper" and not free:
+    if target != 1.0 and train.features.name == "paper" and not free:
         return
-    other = fitted_ordinarily(asked.name, asked.way, train.features, train.target_name)
+    other = fitted_ordinarily(asked.name, asked.way, train.features.name, train.target_name)
     expected = other.predicted(other.test) * target
     allowed = SINGLE_INSIDE if asked.name == "xgboost" else 0.0
     error = _over(asked.predicted(asked.test) - expected, expected)

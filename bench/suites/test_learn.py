@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from bench.stability.models import fitted, ordinary, rows_of
+from bench.stability.models import fitted, ordinary, scene
 from gen.runtime.errors import InputError
 from gen.surface import generate
 from learn.comparison import grid as grids
@@ -157,9 +157,13 @@ def test_surrogate(benchmark: Any, name: str, size: str) -> None:
     """Answers with intervals; each row's must not depend on how many are asked."""
     asked = fitted(name, "tuned", ordinary("dimensionless"))
     order = np.arange(ASKED_ROWS[size]) % asked.test.size
-    rows = rows_of(asked.test.at(order))
-    answer = benchmark(asked.surrogate.predict_rows, rows)
-    alone = asked.surrogate.predict_rows(rows_of(asked.test))
+    described, side = asked.test.described, scene().sides[0]
+    every, rows = (
+        asked.surrogate.of_statistics(each[:, 1:], each[:, 0], side)
+        for each in (described[order], described)
+    )
+    answer = benchmark(asked.surrogate.predict_rows, every)
+    alone = asked.surrogate.predict_rows(rows)
     few = order[:40]
     assert answer.values["target"][:40] == pytest.approx(alone.values["target"][few], rel=1e-9)
     assert answer.low["target"][:40] == pytest.approx(alone.low["target"][few], rel=1e-9)

@@ -5,8 +5,8 @@ what counts is the coverage of the rows without a flag: on surfaces, grids and b
 surrogate has not been trained on, and for as many draws of training rows as there are seeds.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from importlib.resources import files
 from pathlib import Path
 
@@ -23,8 +23,6 @@ from gen.runtime.errors import InputError
 from gen.scene import preset_names
 from learn import dataset
 from learn.dataset import Dataset, Request, joined
-from learn.executor import Executor
-from learn.features.regeneration import hybrid_rows
 from learn.split import FOLDS
 from learn.surrogate.calibration import groups_of
 
@@ -152,10 +150,10 @@ def coverage(folder: Path, rows: int, seeds: int) -> Report:
     if rows < FEWEST or seeds < 1:
         raise InputError(f"--rows {rows}, --seeds {seeds}: give {FEWEST} rows and 1 seed or more")
     made = databases(folder / "databases", rows)
-    hybrids = {name: hybrid_rows(path, Executor(), lambda: False) for name, path in made.items()}
     found = []
     for pool in pools():
-        read = _read(made, hybrids, pool)
+        asked = replace(_request(made[pool[0]]), databases=tuple(made[name] for name in pool))
+        (read,) = dataset.read(asked)
         for seed in range(seeds):
             for case in cases(pool, read, seed):
                 judged = _judged(case, read, rows, seed)
@@ -169,22 +167,6 @@ def coverage(folder: Path, rows: int, seeds: int) -> Report:
 def _request(path: Path) -> Request:
     """Ask for the area with hybrid features by kernel ridge."""
     return request_for(path, "kernel-ridge", "hybrid", None)
-
-
-def _read(
-    made: Mapping[str, Path], hybrids: Mapping[str, Values], pool: tuple[str, ...]
-) -> Dataset:
-    """Read the databases of a pool together."""
-    asked = _request(made[pool[0]])
-    (rows,) = dataset.read_together(
-        [made[name] for name in pool],
-        ("area",),
-        None,
-        asked.features,
-        [hybrids[name] for name in pool],
-        roots=asked.roots,
-    )
-    return rows
 
 
 def _judged(case: Case, rows: Dataset, most: int, seed: int) -> list[Row]:

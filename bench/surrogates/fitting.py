@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from gen.arrays import Values
 from learn import dataset, split
-from learn.dataset import Dataset, Request, hybrid_for
-from learn.executor import Executor
+from learn.dataset import Dataset, Request
 from learn.features import chosen
 from learn.metrics import Scores, scores
 from learn.surrogate.calibration import Plan, groups_of, without_calibration
@@ -57,8 +56,7 @@ class Fitted(Fit):
 def request_for(path: Path, model: str, features: str, area_max: float | None) -> Request:
     """Ask for the contact area of a database's rows."""
     return Request(
-        database=path,
-        output=Path(),
+        databases=(path,),
         models=(model,),
         area_max=area_max,
         features=features,
@@ -74,19 +72,8 @@ def read(request: Request, rows: int | None = None) -> Dataset:
     ------
     InputError
         If too few rows can be used.
-    KeyboardInterrupt
-        If hybrid features were stopped by a signal while they were computed.
     """
-    hybrid = hybrid_for(request, Executor())
-    found = dataset.read(
-        request.database,
-        "area",
-        request.area_max,
-        request.features,
-        hybrid,
-        roots=request.roots,
-        blocks=request.blocks,
-    )
+    (found,) = dataset.read(request)
     return found if rows is None else found.at(np.flatnonzero(found.rows < rows))
 
 

@@ -84,7 +84,7 @@ class Selection(NamedTuple):
 
         check_folder(output)
         return Request(
-            database=file,
+            databases=(file,),
             output=output,
             targets=("area", "force") if self.target == "both" else (self.target,),
             models=tuple(self.model or ()),

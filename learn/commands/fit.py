@@ -124,8 +124,7 @@ def _request(files: list[Path], output: Path, choice: Choice) -> Request:
     models_named([choice.model])
     features = chosen(choice.features or "dimensionless", roots=True, blocks=_blocks(choice))
     request = Request(
-        database=files[0],
-        others=tuple(files[1:]),
+        databases=tuple(files),
         output=output,
         targets=targets_in(choice.target),
         models=(choice.model,),

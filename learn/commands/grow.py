@@ -155,7 +155,7 @@ def _order(output: Path, goal: Goal) -> Order:
     blocks = BLOCKS if goal.blocks is None else goal.blocks
     features = chosen(goal.features, roots=True, blocks=blocks)
     request = Request(
-        database=_beside(output, ".h5"),
+        databases=(_beside(output, ".h5"),),
         output=output,
         targets=targets_in(goal.target),
         models=(goal.model,),

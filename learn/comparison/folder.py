@@ -29,7 +29,6 @@ from gen.runtime.documents import Document, cell
 from gen.runtime.errors import InputError
 from learn.comparison import grid as grids
 from learn.dataset import Dataset
-from learn.features import chosen
 from learn.models import MODELS
 from learn.split import FOLDS, Split
 
@@ -182,10 +181,10 @@ def conditions(
     return {
         "database_sha256": dataset.source["database_sha256"],
         "target": dataset.target_name,
-        "features": dataset.features,
-        "inputs": list(dataset.names),
+        "features": dataset.features.name,
+        "inputs": list(dataset.features.columns),
         "normalisation": normalisation,
-        "target_scaling": "standard" if chosen(dataset.features).scaled else "none",
+        "target_scaling": "standard" if dataset.features.scaled else "none",
         "seed": split.seed,
         "folds": FOLDS,
         "train_rows": int(split.train.size),

@@ -22,8 +22,7 @@ from learn.comparison.folder import Folder, conditions
 from learn.comparison.grid import untuned
 from learn.comparison.pictures import DPI
 from learn.comparison.results import repeated
-from learn.dataset import Request, hybrid_for
-from learn.executor import Executor
+from learn.dataset import Request
 from learn.metrics import scores
 from learn.models import MODELS, check_memory, models_named, pipeline, remarks
 from learn.stored import short_name
@@ -44,15 +43,12 @@ def write_report(request: Request, say: Callable[[str], None]) -> list[Path]:
     InputError is raised for input that cannot be used, or too little memory.
     """
     (model,) = models_named(list(request.models))
-    hybrid = hybrid_for(request, Executor())
-    rows = dataset.read(
-        request.database, request.targets[0], request.area_max, request.features, hybrid
-    )
+    (rows,) = dataset.read(request)
     parts = split.draw(rows, request.seed, request.train_rows)
     check_memory(model.name, parts.train.size)
     folder = Folder(request.output / short_name(rows.target_name))
     folder.begin(rows, parts, conditions(rows, parts, request.normalisation, request.area_max))
-    unfitted = _unfitted(model.name, folder, request, say)
+    names, unfitted = rows.features.columns, _unfitted(model.name, folder, request, say)
     train, test = ((rows.inputs[each], rows.target[each]) for each in (parts.train, parts.test))
     with remarks() as said:
         losses = permutation_importance(
@@ -60,8 +56,8 @@ def write_report(request: Request, say: Callable[[str], None]) -> list[Path]:
         )
         means, deviations = 100 * losses.importances_mean, 100 * losses.importances_std
         ranked = np.argsort(-means, kind="stable")
-        kept = _selections(unfitted, train, test, rows.names, ranked)
-    worths = [(rows.names[each], float(means[each]), float(deviations[each])) for each in ranked]
+        kept = _selections(unfitted, train, test, names, ranked)
+    worths = [(names[each], float(means[each]), float(deviations[each])) for each in ranked]
     for name, mean, deviation in worths:
         say(f"  {name:38} {mean:9.4f} +- {deviation:.4f} % of R2")
     for each in kept:

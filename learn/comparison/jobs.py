@@ -22,7 +22,7 @@ from learn.comparison.fits import Training, Trials
 from learn.comparison.folder import Folder, conditions
 from learn.comparison.results import FitResult, TimedFit
 from learn.comparison.search import GridSearch
-from learn.dataset import Dataset, Request, hybrid_for
+from learn.dataset import Dataset, Request
 from learn.executor import Executor
 from learn.models import Model, check_memory, models_named, scaling_of
 from learn.stored import short_name
@@ -156,12 +156,7 @@ def _targets(
 ) -> Iterator[_Target]:
     """Read the database, and prepare one target after the other until a signal comes."""
     stopping = interruption.requested
-    hybrid = hybrid_for(request, executor, stopping)
-    if stopping():
-        return
-    for rows in dataset.read_together(
-        (request.database,), request.targets, request.area_max, request.features, (hybrid,)
-    ):
+    for rows in dataset.read(request, executor, stopping):
         if not stopping():
             folder, training = _prepare(request, rows, models, searched=searched)
             yield _Target(request, folder, training, executor, stopping)
@@ -183,7 +178,7 @@ def _prepare(
         folder.begin(rows, parts, agreed)
         progress.say(
             f"{request.database}: {rows.target_name}, {parts.train.size} training rows,"
-            f" {parts.test.size} test rows, {rows.features} features"
+            f" {parts.test.size} test rows, {rows.features.name} features"
         )
         for line in dataset.remarks(rows, request.normalisation):
             progress.say(f"  {line}")

@@ -116,16 +116,16 @@ Limits = tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False)
-class _Rows:
-    """The numbers of n rows that features are computed from; see `build`."""
+class Rows:
+    """The numbers of n rows that features, and the scales of targets, are computed from."""
 
-    statistics: Values
-    delta: Values
-    length: Values | float
-    hybrid: Values | None
-    hardness_ratio: Values | float | None
-    nodes: Values | float | None
-    elastic: bool
+    statistics: Values  # (n, 22), in the order and units of `STATISTICS`
+    delta: Values  # (n,), far-field displacement [um]
+    length: Values | float  # scan length L, the geometric mean of both sides, or (n,) [um]
+    hardness_ratio: Values | float | None = None  # over E*; infinite or None for elastic bodies
+    nodes: Values | float | None = None  # along a side, the geometric mean of both axes
+    hybrid: Values | None = None  # (n, 17), columns of `HYBRID`
+    notes: tuple[str, ...] = ()  # why rows are unlike a training: none, one for all rows, or n
 
     def statistic(self, name: str) -> Values:
         """Return a statistic, (n,)."""
@@ -139,8 +139,16 @@ class _Rows:
 
     @cached_property
     def unit(self) -> Values:
-        """The height h, (n,) [um]."""
-        return height_unit(self.statistics, self.delta)
+        """The height h, the root of the sum of squares of Delta and the statistics in um, (n,).
+
+        The sum is taken of numbers near 1, after division by a power of two, so that no square
+        overflows or underflows.
+        """
+        heights = np.column_stack([self.delta, *map(self.statistic, HEIGHTS)])
+        with np.errstate(invalid="ignore"):
+            _, exponent = np.frexp(np.max(np.abs(heights), axis=1))
+            scaled = np.ldexp(heights, -exponent[:, None])
+            return np.asarray(np.ldexp(np.sqrt(np.einsum("ij,ij->i", scaled, scaled)), exponent))
 
     @property
     def grid(self) -> Values:
@@ -151,25 +159,27 @@ class _Rows:
 
     @property
     def ratio(self) -> Values:
-        """The hardness over E*, (n,), infinite for elastic bodies among those that yield."""
-        if self.hardness_ratio is None and not self.elastic:
-            raise ValueError("these features need the hardness")
+        """The hardness over E*, (n,), infinite for elastic bodies."""
         given = np.inf if self.hardness_ratio is None else self.hardness_ratio
         return np.ones(len(self.delta)) * given
 
-    @property
-    def capped_ratio(self) -> Values:
-        """The same, up to a hardness that no elastic contact reaches, if there are any."""
-        if not self.elastic:
-            return self.ratio
-        return np.minimum(self.ratio, no_yield(self.delta, self.length, self.grid))
+    def capped(self) -> "Rows":
+        """Return the rows with a hardness that no elastic contact reaches instead of larger ones.
+
+        All pressures push a node down, so its own is at most the interference over its own
+        influence coefficient: p <= E* Delta / (1.12 spacing) in square cells, less than E* Delta n
+        / L. Harder bodies are elastic: with this ceiling, rows with the same contact have the same
+        feature.
+        """
+        ceiling = self.delta * self.grid / self.length
+        return replace(self, hardness_ratio=np.minimum(self.ratio, ceiling))
 
 
-Formula = Callable[[_Rows], Values]
+Formula = Callable[[Rows], Values]
 
 
 def _each(
-    pattern: str, names: Sequence[str], formula: Callable[[str, _Rows], Values]
+    pattern: str, names: Sequence[str], formula: Callable[[str, Rows], Values]
 ) -> dict[str, Formula]:
     """Give one formula to features that are made of some statistics or columns alike."""
     return {pattern.format(name): partial(formula, name) for name in names}
@@ -189,8 +199,8 @@ FORMULAS: Mapping[str, Formula] = {
     **_each("{}", HYBRID, lambda name, rows: rows.coarse(name)),
     **_each("sqrt({})", (*ROOTED, *ROOTED_LOCAL), lambda name, rows: np.sqrt(rows.coarse(name))),
     ROOT: lambda rows: np.sqrt(rows.delta / rows.unit),
-    HARDNESS: lambda rows: rows.capped_ratio,
-    SCALED_HARDNESS: lambda rows: np.log(rows.capped_ratio * rows.length / rows.unit),
+    HARDNESS: lambda rows: rows.ratio,
+    SCALED_HARDNESS: lambda rows: np.log(rows.ratio * rows.length / rows.unit),
     PLASTIC: lambda rows: np.sqrt(rows.coarse(FORCE) * rows.delta / (rows.length * rows.ratio)),
     NODES: lambda rows: np.log2(rows.grid),
 }
@@ -204,7 +214,7 @@ class FeatureSet:
     name: str  # on the command line and in files
     columns: tuple[str, ...]  # names of the features, in order
     normalisation: str  # the default, of `learn.models.NORMALISATIONS`
-    scaled: bool  # True if features and targets have no units (`target_scale`)
+    scaled: bool  # True if features and targets have no units (`scale`)
     blocks: int = 0  # per side of the coarse solve, if `LOCAL` is among the features
     elastic: bool = False  # True if elastic bodies are among those that yield
 
@@ -224,24 +234,34 @@ class FeatureSet:
         return bool({ROOT, f"sqrt({ROOTED[0]})"} & set(self.columns))
 
     @property
-    def solved_blocks(self) -> int:
-        """Blocks per side of the coarse solve that the features need."""
-        return self.blocks or BLOCKS
-
-    @property
-    def needs_hardness(self) -> bool:
-        """True if the hardness is one of the features."""
-        return bool({HARDNESS, SCALED_HARDNESS} & set(self.columns))
-
-    @property
     def needs_nodes(self) -> bool:
         """True if the number of nodes is one of the features."""
         return NODES in self.columns
 
-    @property
-    def needs_grid(self) -> bool:
-        """True if the features depend on the number of nodes."""
-        return self.needs_nodes or self.elastic
+    def of(self, rows: Rows) -> Values:
+        """Return the features of n rows, (n, d), NaN or infinite where they are undefined."""
+        capped = rows.capped() if self.elastic else rows
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            every = [FORMULAS[name](rows if name == PLASTIC else capped) for name in self.columns]
+        return np.column_stack(every)
+
+    def scale(self, target: str, rows: Rows, modulus: float) -> Values:
+        """Return the divisor, (n,), of a target before it is learnt, so that it has no unit.
+
+        It is in the unit of the target's column, and 1 for features with units. E* is in MPa.
+        """
+        ones = np.ones(len(rows.delta))
+        if not self.scaled:
+            return ones
+        scales = {
+            "force": modulus * rows.length * rows.delta,
+            "mean_gap": rows.unit,
+            "largest_pressure": modulus * rows.delta / rows.length,
+            "perimeter": rows.length * ones,
+            "stiffness": modulus * rows.length * ones,
+            "interface_stiffness": modulus * rows.length * ones,
+        }
+        return np.asarray(scales.get(target, ones), dtype=np.float64)
 
 
 _WITHOUT_UNITS = (
@@ -262,123 +282,42 @@ SETS: Mapping[str, FeatureSet] = {
 
 
 def chosen(
-    name: str,
-    hardness_ratio: Limits | None = None,
-    *,
-    roots: bool = False,
-    blocks: int = BLOCKS,
-    elastic: bool = False,
-    nodes: bool = False,
+    name: str, scenes: Sequence[Scene] = (), *, roots: bool = False, blocks: int = BLOCKS
 ) -> FeatureSet:
-    """Return the feature set of a name, with what rows and models need besides.
+    """Return the feature set of a name for the rows of one or more scenes.
 
-    Bodies that yield have limits of their hardness over E*, perhaps with `elastic` ones among them.
-    A set with units gains the hardness if it varies; one without always does, because its other
-    features lack the scale of the heights, and with it the pressure. With `roots` it is the set
-    that surrogates see, with a number of blocks per side of the coarse solve (0: without `LOCAL`);
-    with `nodes` their number is a feature. InputError is raised if no set has this name, or no
-    coarse solve this number of blocks.
+    Bodies that yield add the hardness: to a set with units if it varies; to one without always,
+    because its other features lack the scale of the heights, and with it the pressure. Patches that
+    differ in their nodes add the number of these. With `roots` it is the set that surrogates see,
+    with a number of blocks per side of the coarse solve. InputError is raised if no set has this
+    name, or no coarse solve this number of blocks.
     """
-    if blocks not in {0, *BLOCK_COUNTS}:
+    if blocks not in BLOCK_COUNTS:
         known = " or ".join(map(str, BLOCK_COUNTS))
         raise InputError(f"--blocks {blocks}: give {known}, the blocks along a side")
     if name not in SETS:
         raise InputError(f"--features {name!r}: give one of {', '.join(SETS)}")
-    features = SETS[name]
-    blocks = blocks if roots and features.needs_surface else 0
+    features, limits = SETS[name], limits_of(scenes)
+    local = roots and features.needs_surface
     added: list[str] = []
-    if roots and features.needs_surface:
-        added += [f"sqrt({column})" for column in ROOTED]
-        if blocks:
-            added += [*LOCAL, *(f"sqrt({column})" for column in ROOTED_LOCAL)]
+    if local:
+        added = [f"sqrt({column})" for column in ROOTED]
+        added += [*LOCAL, *(f"sqrt({column})" for column in ROOTED_LOCAL)]
     elif roots and features.scaled:
-        added.append(ROOT)
-    yields = hardness_ratio is not None and (
-        features.scaled or hardness_ratio[0] < hardness_ratio[1]
-    )
-    if yields:
+        added = [ROOT]
+    elastic = False
+    if limits is not None and (features.scaled or limits[0] < limits[1]):
+        elastic = any(scene.contact.hardness_limits is None for scene in scenes)
         added.append(SCALED_HARDNESS if features.scaled else HARDNESS)
         added += [PLASTIC] if elastic and features.needs_surface else []
-    added += [NODES] if nodes else []
+    added += [NODES] if len({node_count(scene) for scene in scenes}) > 1 else []
     columns = (*features.columns, *added)
-    return replace(features, columns=columns, blocks=blocks, elastic=yields and elastic)
+    return replace(features, columns=columns, blocks=blocks if local else 0, elastic=elastic)
 
 
 def patch_length(sides: tuple[float, float]) -> float:
     """Return the scan length L of a patch, the geometric mean of its sides along x and y [um]."""
     return sides[0] if sides[0] == sides[1] else math.sqrt(sides[0] * sides[1])
-
-
-def build(
-    features: FeatureSet,
-    statistics: Values,
-    delta: Values,
-    length: Values | float,
-    hybrid: Values | None = None,
-    hardness_ratio: Values | float | None = None,
-    nodes: Values | float | None = None,
-) -> Values:
-    """Turn n rows of statistics into the features of a set, (n, d), NaN or infinite if undefined.
-
-    Statistics, (n, 22), are in the order and units of `STATISTICS`; Delta, (n,), and the scan
-    length L, one for all rows or (n,), in um. Sets that need the surface need columns of `HYBRID`,
-    (n, 17). The hardness over E* and the nodes along a side, geometric means of both axes, are for
-    sets that need them; the hardness is infinite, or None, for elastic bodies among those that
-    yield.
-    """
-    rows = _Rows(statistics, delta, length, hybrid, hardness_ratio, nodes, features.elastic)
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        return np.column_stack([FORMULAS[name](rows) for name in features.columns])
-
-
-def no_yield(delta: Values, length: Values | float, nodes: Values) -> Values:
-    """Return a hardness over E* that no elastic contact reaches with `nodes` along a side, (n,).
-
-    All pressures push a node down, so its own is at most the interference over its own influence
-    coefficient: p <= E* Delta / (1.12 spacing) in square cells, less than E* Delta n / L. Harder
-    bodies are elastic: with this ceiling, rows with the same contact have the same feature.
-    """
-    return np.asarray(delta * nodes / length)
-
-
-def height_unit(statistics: Values, delta: Values) -> Values:
-    """Return the height h, the root of the sum of squares of Delta and the statistics in um, (n,).
-
-    The sum is taken of numbers near 1, after division by a power of two, so that no square
-    overflows or underflows.
-    """
-    heights = np.column_stack([delta, *(statistics[:, STATISTICS.index(name)] for name in HEIGHTS)])
-    with np.errstate(invalid="ignore"):
-        _, exponent = np.frexp(np.max(np.abs(heights), axis=1))
-        scaled = np.ldexp(heights, -exponent[:, None])
-        return np.asarray(np.ldexp(np.sqrt(np.einsum("ij,ij->i", scaled, scaled)), exponent))
-
-
-def target_scale(
-    features: FeatureSet,
-    target: str,
-    statistics: Values,
-    delta: Values,
-    length: Values | float,
-    modulus: float,
-) -> Values:
-    """Return the divisor, (n,), of a target before it is learnt, so that it has no unit.
-
-    It is in the unit of the target's column, and 1 for features with units. Statistics, Delta and
-    length are those of `build`; E* is in MPa.
-    """
-    ones = np.ones(len(delta))
-    if not features.scaled:
-        return ones
-    scales = {
-        "force": modulus * length * delta,
-        "mean_gap": height_unit(statistics, delta),
-        "largest_pressure": modulus * delta / length,
-        "perimeter": length * ones,
-        "stiffness": modulus * length * ones,
-        "interface_stiffness": modulus * length * ones,
-    }
-    return np.asarray(scales.get(target, ones), dtype=np.float64)
 
 
 def modulus(scene: Scene) -> float:
@@ -390,19 +329,6 @@ def limits_of(scenes: Sequence[Scene]) -> Limits | None:
     """Return the smallest and largest hardness over E* of scenes; None if all are elastic."""
     ends = [end / modulus(scene) for scene in scenes for end in scene.contact.hardness_limits or ()]
     return (min(ends), max(ends)) if ends else None
-
-
-def features_of(
-    scenes: Sequence[Scene], name: str, *, roots: bool, blocks: int = BLOCKS
-) -> FeatureSet:
-    """Return the feature set for rows of one or more scenes; see `chosen`.
-
-    Bodies that yield add the hardness, patches that differ in their nodes the number of these.
-    """
-    elastic = len({scene.contact.hardness_limits is None for scene in scenes}) > 1
-    nodes = len({node_count(scene) for scene in scenes}) > 1
-    limits = limits_of(scenes)
-    return chosen(name, limits, roots=roots, blocks=blocks, elastic=elastic, nodes=nodes)
 
 
 def node_count(scene: Scene) -> float:

@@ -33,7 +33,7 @@ from learn.features.sets import (
     POWERS,
     SHIFTS,
     FeatureSet,
-    build,
+    Rows,
     patch_length,
 )
 
@@ -170,11 +170,6 @@ class SurfaceFeatures:
         """Scan length L, the geometric mean of both sides [um]."""
         return patch_length(self.sides)
 
-    @property
-    def nodes(self) -> float:
-        """Nodes along a side, the geometric mean of both axes."""
-        return math.sqrt(self.heights.size)
-
     @cached_property
     def description(self) -> Description:
         """The 22 statistics by name, and why some of them are undefined."""
@@ -185,38 +180,40 @@ class SurfaceFeatures:
         """The 22 statistics, in the order of Table 1, NaN where the surface defines none."""
         return np.array(list(self.description.values.values()))
 
-    def require_statistics(self, features: FeatureSet) -> None:
-        """Raise Undefined if features need statistics that the surface does not define."""
-        if not self.description.reason:
-            return
-        hybrid = np.zeros((1, len(HYBRID)))
-        one = np.ones(1)
-        columns = build(features, self.statistics[None], one, self.length, hybrid, 1.0, self.nodes)
-        if np.isnan(columns).any():
+    def require_statistics(self) -> None:
+        """Raise Undefined if the surface does not define all statistics."""
+        if self.description.reason:
             raise Undefined(f"{self.name}: statistics undefined: {self.description.reason}")
+
+    def rows(
+        self, features: FeatureSet, deltas: Values, hardness_ratio: float | None = None
+    ) -> Rows:
+        """Return the numbers that features of a set are computed from, at k displacements [um].
+
+        `Undefined` is raised if the surface does not define all statistics, InputError if a Delta
+        is not above 0.
+        """
+        wrong = deltas[~((deltas > 0) & (deltas < np.inf))]
+        if wrong.size:
+            raise InputError(f"{self.name}: Delta {wrong[0]:g} um: give finite numbers above 0")
+        self.require_statistics()
+        hybrid = None
+        if features.needs_surface:
+            blocks = features.blocks or BLOCKS
+            every = [self.hybrid(float(delta), hardness_ratio, blocks) for delta in deltas]
+            hybrid = np.array(every).reshape(-1, len(HYBRID))
+        statistics = np.repeat(self.statistics[None], deltas.size, axis=0)
+        nodes = math.sqrt(self.heights.size)
+        return Rows(statistics, deltas, patch_length(self.sides), hardness_ratio, nodes, hybrid)
 
     def features(
         self, features: FeatureSet, deltas: Values, hardness_ratio: float | None = None
     ) -> Values:
-        """Return the features of a set at displacements above 0 [um], (k, d).
+        """Return the features of a set at displacements above 0 [um], (k, d); see `rows`.
 
-        `Undefined` is raised if the features need statistics that the surface does not define,
-        InputError if a Delta is not above 0, or numbers overflow.
+        InputError is raised if numbers overflow.
         """
-        deltas = np.asarray(deltas, dtype=np.float64).reshape(-1)
-        wrong = deltas[~((deltas > 0) & (deltas < np.inf))]
-        if wrong.size:
-            raise InputError(f"{self.name}: Delta {wrong[0]:g} um: give finite numbers above 0")
-        self.require_statistics(features)
-        hybrid = None
-        if features.needs_surface:
-            blocks = features.solved_blocks
-            every = [self.hybrid(float(delta), hardness_ratio, blocks) for delta in deltas]
-            hybrid = np.array(every).reshape(-1, len(HYBRID))
-        rows = np.repeat(self.statistics[None], deltas.size, axis=0)
-        columns = build(
-            features, rows, deltas, self.length, hybrid, hardness_ratio, nodes=self.nodes
-        )
+        columns = features.of(self.rows(features, deltas, hardness_ratio))
         if not np.isfinite(columns).all():
             raise InputError(f"{self.name}: its features are not finite numbers")
         return columns

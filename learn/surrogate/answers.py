@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table as Printed
 
-from gen.arrays import Indices, Values
+from gen.arrays import Values
 from gen.maps.read import sides_from
 from gen.maps.settings import Reading
 from gen.material import Bodies
@@ -21,9 +21,9 @@ from gen.runtime.errors import InputError
 from gen.runtime.files import require_file
 from gen.runtime.terminal import brief, echo, print_table, to_type
 from learn.features import Undefined
-from learn.features.sets import STATISTICS
+from learn.features.sets import HYBRID, STATISTICS, Rows
 from learn.surrogate import flag
-from learn.surrogate.model import Prediction, Rows, Surrogate
+from learn.surrogate.model import Prediction, Surrogate
 
 REASONS = 12
 """Reasons that are printed at most."""
@@ -120,17 +120,12 @@ def _of_surface(
         if alone:
             raise
         say(f"  warning: {error}: no prediction")
+        statistics, hybrid = (
+            np.full((question.deltas.size, len(names)), np.nan) for names in (STATISTICS, HYBRID)
+        )
         reason = UNDEFINED.format(on_surface.surface.description.reason)
-        rows = _unknown(surrogate, question.deltas, (reason,))
+        rows = Rows(statistics, question.deltas, 1.0, nodes=1.0, hybrid=hybrid, notes=(reason,))
     yield from _rows(surrogate, str(path), _predicted(surrogate, rows, question), warnings)
-
-
-def _unknown(surrogate: Surrogate, delta: Values, notes: tuple[str, ...]) -> Rows:
-    """Return rows without statistics and features, of which nothing is predicted."""
-    inputs, statistics = (
-        np.full((delta.size, width), np.nan) for width in (surrogate.low.size, len(STATISTICS))
-    )
-    return Rows(inputs, statistics, delta, 1.0, notes)
 
 
 def _predicted(surrogate: Surrogate, rows: Rows, question: Question) -> Prediction:
@@ -157,37 +152,20 @@ def _of_table(surrogate: Surrogate, table: Table, question: Question) -> Predict
     assert delta is not None
     if np.isnan(table.sides).any() and surrogate.features.scaled:
         raise InputError(f"{table.name}: names no sides: give --side, the scan length in um")
-    known = ~np.isnan(table.statistics[rows]).any(axis=1)
-    if not known.any():
+    statistics, sides = table.statistics[rows], table.sides[rows]
+    undefined = [bool(np.isnan(row).any()) for row in statistics]
+    if all(undefined):
         raise InputError(f"{table.name}: every row lacks statistics: nothing can be predicted")
-    ready = _features_of(surrogate, table, question, rows[known], delta[known])
-    notes = np.full(known.size, UNDEFINED.format("nan in the table"), dtype=object)
-    notes[known] = ready.notes
-    whole = _unknown(surrogate, delta, tuple(notes.tolist()))
-    whole.inputs[known], whole.statistics[known] = ready.inputs, ready.statistics
-    length = _lengths(table, rows)
-    return _predicted(
-        surrogate,
-        whole._replace(length=length, hardness_ratio=ready.hardness_ratio),
-        question,
+    missing = UNDEFINED.format("nan in the table")
+    notes = tuple(
+        missing if lacks else _note(surrogate, table, row)
+        for row, lacks in zip(rows.tolist(), undefined, strict=True)
     )
-
-
-def _lengths(table: Table, rows: Indices) -> Values:
-    """Return the scan lengths of some rows, (n,), the geometric means of both sides [um]."""
-    return np.asarray(np.sqrt(table.sides[rows, 0] * table.sides[rows, 1]))
-
-
-def _features_of(
-    surrogate: Surrogate, table: Table, question: Question, rows: Indices, delta: Values
-) -> Rows:
-    """Return the features of rows of a table that have all statistics."""
-    notes = tuple(_note(surrogate, table, int(row)) for row in rows)
+    length, nodes = (np.sqrt(each.prod(axis=1)) for each in (sides, table.nodes[rows]))
     try:
         ratio = flag.hardness_ratio(surrogate.card, question.hardness, question.e_star)
-        nodes = np.sqrt(table.nodes[rows].prod(axis=1))
-        statistics, lengths = table.statistics[rows], _lengths(table, rows)
-        return surrogate.of_statistics(statistics, delta, lengths, notes, ratio, nodes)
+        asked = Rows(statistics, delta, length, ratio, nodes, notes=notes)
+        return _predicted(surrogate, asked, question)
     except InputError as error:
         raise InputError(f"{table.name}: {error}") from None
 

@@ -292,8 +292,8 @@ def of_another(sets: list[Dataset], together: list[Dataset]) -> list[Dataset]:
     """
     first, whole = sets[0], together[0]
     path = whole.origins[-1].database
-    if first.names != whole.names:
-        differing = sorted(set(first.names) ^ set(whole.names))
+    if first.features.columns != whole.features.columns:
+        differing = sorted(set(first.features.columns) ^ set(whole.features.columns))
         raise InputError(
             f"--calibrate-on {path}: has another grid or hardness than the training: there"
             f" {', '.join(differing)} would be a feature"

@@ -13,7 +13,7 @@ from gen.runtime.terminal import printable
 from gen.scene import Scene
 from learn.comparison.folder import versions
 from learn.dataset import Dataset, Request
-from learn.features.sets import features_of, limits_of, modulus
+from learn.features.sets import limits_of, modulus
 from learn.metrics import magnitude, scores
 from learn.models import MODELS
 from learn.surrogate import flag
@@ -47,8 +47,7 @@ def make(
     scenes = [Scene.from_text(origin.scene) for origin in rows.origins]
     scene, limits = scenes[0], limits_of(scenes)
     boundary = scene.contact.boundary
-    features = features_of(scenes, request.features, roots=request.roots, blocks=request.blocks)
-    (model,) = request.models
+    features, (model,) = rows.features, request.models
     sometimes = {
         "roots": features.rooted,
         "blocks": features.blocks,

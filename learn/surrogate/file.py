@@ -33,6 +33,7 @@ from gen.arrays import Values
 from gen.runtime.errors import InputError
 from gen.runtime.files import SURROGATE, atomic, require_file
 from gen.runtime.terminal import printable, to_type
+from learn.features.sets import FORMULAS, SETS
 from learn.models import MODELS, STEP, Scaling
 from learn.surrogate.flag import Distance
 from learn.surrogate.interval import Calibration, ErrorScale, Growth
@@ -249,6 +250,8 @@ def _unpacked(
         _with_trees(estimator, part["trees"])
     if not isinstance(MODELS[card["model"]].estimator(0), type(estimator)):
         raise TypeError(f"its model is no {card['model']}")
+    if card["features"] not in SETS or not {name for name, _ in card["columns"]} <= {*FORMULAS}:
+        raise TypeError("its features are unknown")
     if sklearn.__version__ != card["versions"].get("scikit-learn"):
         learnt.ends(low[None], learnt.raw(low[None]), 0.5)
     return learnt
@@ -311,8 +314,6 @@ def _libraries(card: Mapping[str, Any]) -> str:
 
 def _anew(path: Path, card: Mapping[str, Any]) -> str:
     """Say by which command a surrogate is fitted anew, as far as its card tells."""
-    from learn.features import SETS
-
     databases = [each["database"] for each in card.get("databases", [card])]
     words = [*databases, "--model", card["model"], "--features", card["features"]]
     words += ["--target", ",".join(card["targets"]), "--seed", f"{card['seed']}"]

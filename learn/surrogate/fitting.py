@@ -19,9 +19,8 @@ from gen.scene import Scene
 from learn import dataset, split
 from learn.comparison.folder import Folder
 from learn.comparison.paper import OPTIMA
-from learn.dataset import Dataset, Request, hybrid_for
+from learn.dataset import Dataset, Request
 from learn.executor import Executor
-from learn.features import chosen
 from learn.kernel_ridge import left_out_errors
 from learn.metrics import no_better
 from learn.models import (
@@ -221,7 +220,7 @@ def fit(
         return None
     others = None
     if request.calibrate_on is not None:
-        wider = replace(request, others=(*request.others, request.calibrate_on))
+        wider = replace(request, databases=(*request.databases, request.calibrate_on))
         together = read(wider, executor, stopping)
         if together is None:
             return None
@@ -250,20 +249,9 @@ def read(
     InputError is raised if the input cannot be used, there are too few rows, or windows lie in too
     few tiles. See `fit` for the arguments.
     """
-    hybrids: list[Values | None] = []
-    for path in request.databases:
-        hybrids.append(hybrid_for(replace(request, database=path), executor, stopping))
-        if stopping():
-            return None
-    sets = dataset.read_together(
-        request.databases,
-        request.targets,
-        request.area_max,
-        request.features,
-        hybrids,
-        roots=request.roots,
-        blocks=request.blocks,
-    )
+    sets = dataset.read(request, executor, stopping)
+    if not sets:
+        return None
     common = reduce(np.intersect1d, [each.keys for each in sets])
     sets = [each.at(np.flatnonzero(np.isin(each.keys, common))) for each in sets]
     for each in sets:
@@ -398,10 +386,9 @@ def fit_target(
     """
     (name,) = request.models
     check_memory(name, train.size)
-    roots = chosen(request.features, roots=request.roots).rooted
     # Settings of a comparison were tuned for the target as the paper has it.
     standard = name == "gaussian-process" and folder is None
-    scaling = scaling_of(train, np.arange(train.size), roots=roots, standard=standard)
+    scaling = scaling_of(train, np.arange(train.size), standard=standard)
     target = scaling.scaled(train.target)
     began = process_time()
     settings = settings or choose(request, folder, train.inputs, target, folds)
@@ -436,9 +423,9 @@ def _fitted(
 
 def _clip(train: Dataset) -> Clip | None:
     """Return the training ranges that moments are clipped to; None for features with units."""
-    if not chosen(train.features).scaled:
+    if not train.features.scaled:
         return None
-    return clip_of(train.names, train.inputs.min(axis=0), train.inputs.max(axis=0))
+    return clip_of(train.features.columns, train.inputs.min(axis=0), train.inputs.max(axis=0))
 
 
 def _crossed(

@@ -78,7 +78,7 @@ def make(surrogate: Surrogate, order: Order, say: Callable[[str], None]) -> Law:
         )
     deltas, pressures = order.loads()
     subjects = read_subjects(order.inputs, order.surfaces, order.reading, surrogate.boundary, say)
-    kept, left_out = _defined(surrogate, subjects.surfaces)
+    kept, left_out = _defined(subjects.surfaces)
     subjects = replace(subjects, surfaces=kept)
     e_star, hardness = order.e_star or surrogate.modulus, order.hardness
     if hardness is None and (given := subjects.hardness_ratio()) is not None:
@@ -97,17 +97,15 @@ def make(surrogate: Surrogate, order: Order, say: Callable[[str], None]) -> Law:
     return law_of(order, subjects, bodies, (over_delta, over_pressure, [*left_out, *notes]), said)
 
 
-def _defined(
-    surrogate: Surrogate, surfaces: Sequence[LawSurface]
-) -> tuple[Sequence[LawSurface], list[str]]:
-    """Return the surfaces whose statistics the surrogate needs, and a line if any were left out.
+def _defined(surfaces: Sequence[LawSurface]) -> tuple[Sequence[LawSurface], list[str]]:
+    """Return the surfaces with all statistics, and a line if any were left out.
 
     InputError is raised if no surface is left.
     """
     kept, faults = [], []
     for surface in surfaces:
         try:
-            _features(surface).require_statistics(surrogate.features)
+            _features(surface).require_statistics()
         except Undefined as fault:
             faults.append(fault)
         else:

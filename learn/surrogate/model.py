@@ -5,8 +5,9 @@ from __future__ import annotations  # short signatures in help()
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,8 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 from bem.problem import Boundary
 from gen.arrays import Values, refuse_masked
 from gen.runtime.errors import InputError
-from learn.features import FeatureSet, SurfaceFeatures, chosen
-from learn.features.sets import NODES, build, target_scale
+from learn.features import SETS, FeatureSet, SurfaceFeatures
+from learn.features.sets import Rows
 from learn.surrogate import file, flag
 from learn.surrogate.flag import Distance
 from learn.surrogate.interval import checked_level
@@ -29,17 +30,6 @@ PROPORTIONAL = {"force", "largest_pressure", "stiffness", "interface_stiffness"}
 
 ROUNDING = 1e-9
 """Difference up to which a level of intervals counts as the largest one."""
-
-
-class Rows(NamedTuple):
-    """n rows of features that the models can predict."""
-
-    inputs: Values  # (n, d)
-    statistics: Values  # (n, 22), in the order of Table 1
-    delta: Values  # (n,), far-field displacement [um]
-    length: Values | float  # scan length L, one for all rows or (n,) [um]
-    notes: tuple[str, ...]  # on grids that differ from the training's: one for all rows, or n
-    hardness_ratio: float | None = None  # hardness over E*; None for elastic bodies
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,17 +135,15 @@ class Surrogate:
         """
         file.save(Path(path), self)
 
-    @property
+    @cached_property
     def features(self) -> FeatureSet:
         """The feature set that the models were trained on."""
-        card, roots = self.card, bool(self.card.get("roots"))
-        return chosen(
-            str(card["features"]),
-            self.hardness_limits,
-            roots=roots,
+        card = self.card
+        return replace(
+            SETS[str(card["features"])],
+            columns=tuple(name for name, _ in card["columns"]),
             blocks=int(card.get("blocks", 0)),
             elastic=bool(card.get("elastic")),
-            nodes=NODES in (name for name, _ in card["columns"]),
         )
 
     @property
@@ -253,7 +241,7 @@ class Surrogate:
         hardness_ratio: float | None = None,
         nodes: Values | None = None,
     ) -> Rows:
-        """Turn rows of statistics into features, for `predict_rows`.
+        """Turn rows of statistics into rows for `predict_rows`.
 
         Parameters
         ----------
@@ -271,7 +259,7 @@ class Surrogate:
         Returns
         -------
         Rows
-            Features of n rows, shape (n, d), with their statistics and displacements.
+            n rows to predict.
 
         Raises
         ------
@@ -279,27 +267,36 @@ class Surrogate:
             If the surrogate needs the heights of the surface, or the nodes, or a row is not finite
             or masked in places.
         """
-        if self.features.needs_surface:
+        statistics, delta = _own("statistics", statistics), _own("Delta", delta)
+        length = _own("lengths", length)
+        rows = Rows(statistics, delta, length, hardness_ratio, nodes, notes=notes)
+        if np.isnan(self._inputs(rows)).any():
+            raise InputError("statistics must be finite: some are NaN")
+        return rows
+
+    def _inputs(self, rows: Rows) -> Values:
+        """Return the features of rows, (n, d), NaN where statistics are; see `of_statistics`."""
+        features = self.features
+        if features.needs_surface and rows.hybrid is None:
             raise InputError(
-                f"{self.features.name} features need the surface, not its statistics alone: give"
-                " its heights, or fit with --features dimensionless"
+                f"{features.name} features need the surface, not its statistics alone: give its"
+                " heights, or fit with --features dimensionless"
             )
-        if self.features.needs_grid and (nodes is None or not (nodes > 0).all()):
+        needs_grid = features.needs_nodes or features.elastic
+        if needs_grid and (rows.nodes is None or not np.greater(rows.nodes, 0).all()):
             raise InputError(
                 "names no nodes_x and nodes_y, which the surrogate was trained with as a feature"
             )
-        statistics, delta = _own("statistics", statistics), _own("Delta", delta)
-        length = _own("lengths", length)
-        inputs = build(
-            self.features, statistics, delta, length, hardness_ratio=hardness_ratio, nodes=nodes
-        )
-        bad = np.flatnonzero(~(np.abs(inputs) <= LARGEST).all(axis=1) | ~(delta > 0))
+        inputs = features.of(rows)
+        wrong = ~(np.abs(inputs) <= LARGEST).all(axis=1) & ~np.isnan(rows.statistics).any(axis=1)
+        bad = np.flatnonzero(wrong | ~(rows.delta > 0))
         if bad.size:
             raise InputError(
-                f"row {bad[0] + 1} of {len(delta)}: statistics and Delta must be finite, densities,"
-                f" curvatures and Delta above 0, and no feature beyond {LARGEST:.0e}"
+                f"row {bad[0] + 1} of {len(rows.delta)}: statistics and Delta must be finite,"
+                " densities, curvatures and Delta above 0, and no feature beyond"
+                f" {LARGEST:.0e}"
             )
-        return Rows(inputs, statistics, delta, length, notes, hardness_ratio)
+        return inputs
 
     def predict_rows(
         self,
@@ -310,7 +307,7 @@ class Surrogate:
         std: bool = False,
         reasons: bool = True,
     ) -> Prediction:
-        """Predict rows of features.
+        """Predict rows.
 
         Parameters
         ----------
@@ -330,40 +327,41 @@ class Surrogate:
         if e_star is not None and not 0 < e_star < np.inf:
             raise InputError(f"E* {e_star:g}: give a modulus above 0 MPa")
         ratio = 1.0 if e_star is None else e_star / self.modulus
-        said = list(self._reasons(rows) if reasons else ("",) * len(rows.delta))
+        inputs = self._inputs(rows)
+        said = list(self._reasons(rows, inputs) if reasons else ("",) * len(rows.delta))
         prediction = Prediction(rows.delta.copy(), {})
-        known = ~np.isnan(rows.inputs).any(axis=1)
+        known = ~np.isnan(inputs).any(axis=1)
         for name, learnt in self.learnt.items():
-            scale = target_scale(
-                self.features, learnt.column, rows.statistics, rows.delta, rows.length, self.modulus
-            )
+            scale = self.features.scale(learnt.column, rows, self.modulus)
             if learnt.column in PROPORTIONAL:
                 scale = scale * ratio
-            raw = learnt.raw(rows.inputs)
+            raw = learnt.raw(inputs)
             with np.errstate(over="ignore", invalid="ignore"):
                 raw[~np.isfinite(raw * scale)] = np.nan
             for row in np.flatnonzero(np.isnan(raw) & known):
                 said[row] = flag.joined(f"the surrogate has no finite {name}", said[row])
             prediction.values[name] = learnt.within(raw * scale)
             if level is not None:
-                low, high = learnt.ends(rows.inputs, raw, level)
+                low, high = learnt.ends(inputs, raw, level)
                 prediction.low[name] = learnt.within(low * scale)
                 prediction.high[name] = learnt.within(high * scale)
-            spread = learnt.spread(rows.inputs) if std else None
+            spread = learnt.spread(inputs) if std else None
             if spread is not None:
                 prediction.std[name] = spread * scale
         return replace(prediction, reasons=tuple(said))
 
-    def _reasons(self, rows: Rows) -> tuple[str, ...]:
+    def _reasons(self, rows: Rows, inputs: Values) -> tuple[str, ...]:
         """Return for each row why it is outside the training; "" if it is inside."""
-        elastic = bool(self.card.get("elastic"))
-        note = flag.hardness_note(self.hardness_limits, rows.hardness_ratio, elastic=elastic)
+        elastic, number = bool(self.card.get("elastic")), len(rows.delta)
+        ratios = [None] * number
+        if rows.hardness_ratio is not None:
+            ratios = np.broadcast_to(rows.hardness_ratio, number).tolist()
         given = rows.notes or ("",)
-        given = given * (len(rows.delta) // len(given))
-        notes = [flag.joined(each, note) for each in given]
-        return flag.reasons_of(
-            rows.inputs, notes, self.features, (self.low, self.high), self.distance
-        )
+        notes = [
+            flag.joined(each, flag.hardness_note(self.hardness_limits, ratio, elastic=elastic))
+            for each, ratio in zip(given * (number // len(given)), ratios, strict=True)
+        ]
+        return flag.reasons_of(inputs, notes, self.features, (self.low, self.high), self.distance)
 
 
 def _calibrated_by(card: Mapping[str, Any]) -> str:
@@ -410,7 +408,7 @@ class OnSurface:
     surface: SurfaceFeatures
 
     def rows(self, delta: ArrayLike, hardness_ratio: float | None = None) -> Rows:
-        """Compute the features at one or more displacements.
+        """Compute what features need at one or more displacements.
 
         Parameters
         ----------
@@ -422,7 +420,7 @@ class OnSurface:
         Returns
         -------
         Rows
-            Features, shape (n, d), with the surface's statistics and the displacements.
+            The surface's statistics, and the columns of the coarse solve, at n displacements.
 
         Raises
         ------
@@ -430,18 +428,14 @@ class OnSurface:
             If a displacement is not above 0, or a statistic that the features need is undefined.
         """
         surface, surrogate = self.surface, self.surrogate
-        deltas = np.atleast_1d(_own("Delta", delta))
-        inputs = surface.features(surrogate.features, deltas, hardness_ratio)
-        statistics = np.broadcast_to(surface.statistics, (deltas.size, surface.statistics.size))
+        deltas = np.atleast_1d(_own("Delta", delta)).reshape(-1)
+        rows = surface.rows(surrogate.features, deltas, hardness_ratio)
         shape = (surface.heights.shape[0], surface.heights.shape[1])
         note = flag.grid_note(surrogate.card, surrogate.features, shape, surface.sides)
         limit = surface.full_contact if hardness_ratio is None else np.inf
         full = f"no equilibrium: the contact is full at delta = {limit:.6g} um"
-        notes: tuple[str, ...] = (note,)
-        if (deltas >= limit).any():
-            beyond = np.where(deltas >= limit, full, "")
-            notes = tuple(flag.joined(own, note) for own in beyond)
-        return Rows(inputs, statistics, deltas, surface.length, notes, hardness_ratio)
+        beyond = np.where(deltas >= limit, full, "")
+        return replace(rows, notes=tuple(flag.joined(own, note) for own in beyond))
 
     def predict(
         self,

@@ -6,13 +6,13 @@ import h5py
 import numpy as np
 import pytest
 from databases import deterministic_bytes, status
+from learnt_rows import read
 
 from gen import cli
 from gen.database import Reader, Writer, create, merge
 from gen.runtime.errors import InputError
 from gen.scene import Scene
 from gen.scene.columns import row_bytes
-from learn import dataset
 
 SCENE = "samples = {}\nsamples_per_surface = 2\n[surface]\nnodes = 17\n"
 
@@ -115,7 +115,7 @@ def test_check_info_plot_and_learn_read_a_part(folder, capsys):
     assert cli.main(["info", "part.h5"]) == 0
     assert re.search(r"39 rows: 21 to 59 of 60, a part", capsys.readouterr().out)
     assert cli.main(["plot", "part.h5", "-o", "part.png"]) == 0
-    rows = dataset.read(folder / "part.h5").rows
+    rows = read(folder / "part.h5").rows
     assert rows.tolist() == list(range(21, 60))
     with h5py.File("part.h5", "r+") as file:
         file["force"][3] *= -1

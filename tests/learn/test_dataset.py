@@ -3,10 +3,12 @@
 import h5py
 import numpy as np
 import pytest
+from learnt_rows import read
 
 from gen.database import Reader
 from gen.runtime.errors import InputError
 from learn import dataset
+from learn.dataset import Request
 from learn.stored import INPUTS, results
 
 
@@ -17,7 +19,7 @@ def test_rows_are_left_out_and_counted_by_reason(database, change):
     change("force", [5], np.nan)
     change("height_max", [6], np.inf)
     change("height_rms", [7], 1e200)
-    found = dataset.read(database, "force", area_max=20.0)
+    found = read(database, "force", area_max=20.0)
     with h5py.File(database) as file:
         beyond = np.flatnonzero(file["area_percent"][:] > 20.0)
     large = set(beyond.tolist()) - set(range(8))
@@ -36,10 +38,10 @@ def test_rows_are_left_out_and_counted_by_reason(database, change):
 
 def test_times_and_hosts_do_not_change_the_fingerprint(solved, database, change):
     change("runtime/solve_seconds", slice(None), 1.0)
-    first, second = dataset.read(solved), dataset.read(database)
+    first, second = read(solved), read(database)
     assert first.source["database_sha256"] == second.source["database_sha256"]
     change("delta", [0], 7.0)
-    assert dataset.read(database).source["database_sha256"] != first.source["database_sha256"]
+    assert read(database).source["database_sha256"] != first.source["database_sha256"]
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +65,7 @@ def lacking(path):
 def test_rows_that_lack_a_statistic_which_the_features_need_are_left_out(undefined, tmp_path):
     rows = lacking(undefined)
     assert 10 < rows.size < 100
-    found = dataset.read(undefined)
+    found = read(undefined)
     why = "paper features need statistics that the surface does not define"
     assert found.dropped == {why: rows.size}
     assert f"left out {rows.size} rows: {why}" in dataset.remarks(found, "l2")
@@ -81,43 +83,43 @@ def test_rows_that_lack_a_statistic_which_the_features_need_are_left_out(undefin
 )
 def test_what_nothing_can_be_learnt_from_is_refused(change, column, rows, value, said):
     with pytest.raises(InputError) as caught:
-        dataset.read(change(column, rows, value))
+        read(change(column, rows, value))
     assert said in str(caught.value)
 
 
 @pytest.mark.parametrize("target", ["mean_gap", "areas", "delta", "status", "host"])
 def test_a_target_that_is_not_stored_is_refused_with_those_that_are(solved, target):
     with pytest.raises(InputError, match=r"stores area, force, contact_nodes"):
-        dataset.read(solved, target)
+        read(solved, target)
 
 
 def test_the_user_is_told_of_what_is_odd(database, change, solved):
-    assert dataset.remarks(dataset.read(solved), "l2") == []
+    assert dataset.remarks(read(solved), "l2") == []
     change("asperity_density", slice(None), 0.1)
     change("height_max", slice(None), 1e12)
     with h5py.File(database, "r+") as file:
         for name in (*INPUTS, "area_percent"):
             file[name][1] = file[name][0]
-    text = "\n".join(dataset.remarks(dataset.read(database), "l2"))
+    text = "\n".join(dataset.remarks(read(database), "l2"))
     assert "constant over all rows, so of no use to a model: asperity_density, height_max" in text
     assert "1 rows repeat others exactly" in text
     assert "height_max is " in text
     assert "--normalise standard" in text
-    assert "standard" not in "\n".join(dataset.remarks(dataset.read(database), "standard"))
+    assert "standard" not in "\n".join(dataset.remarks(read(database), "standard"))
 
 
 def test_targets_that_are_read_together_are_those_that_are_read_alone(change):
     path = change("force", [3], np.nan)
-    together = dataset.read_together((path,), ("area", "force"), 40.0)
+    together = dataset.read(Request((path,), targets=("area", "force"), area_max=40.0))
     assert [len(rows.rows) for rows in together] == [together[0].size, together[0].size - 1]
     for rows, target in zip(together, ("area", "force"), strict=True):
-        alone = dataset.read(path, target, 40.0)
+        alone = read(path, target, area_max=40.0)
         for name, values in vars(alone).items():
             np.testing.assert_equal(vars(rows)[name], values, err_msg=name)
 
 
 def test_rows_of_every_population_have_the_displacement_that_was_solved(population):
-    found = dataset.read(population, "force", features="dimensionless")
+    found = read(population, "force", features="dimensionless")
     with h5py.File(population) as file:
         deltas, force = file["delta"][:], file["force"][:]
     assert found.size > 50
@@ -141,11 +143,11 @@ def test_targets_are_results_and_no_parameters(populations):
         with pytest.raises(
             InputError, match=r"stores area, force, contact_nodes, yielded_percent$"
         ):
-            dataset.read(populations / "python.h5", target)
+            read(populations / "python.h5", target)
 
 
 def test_windows_of_one_tile_are_one_group(populations):
-    found = dataset.read(populations / "scans.h5")
+    found = read(populations / "scans.h5")
     with Reader(populations / "scans.h5") as reader:
         tiles = reader.column("tile")[found.rows]
     assert found.by_tile

@@ -10,12 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from comparisons import run
+from learnt_rows import read
 from target_kinds import KIND_SCENES, KINDS
 
 from gen import cli as gen
 from gen.runtime.errors import InputError
 from gen.runtime.memory import free
-from learn import Surrogate, cli, dataset, models, split
+from learn import Surrogate, cli, models, split
 from learn.comparison.paper import OPTIMA
 from learn.dataset import Request
 from learn.executor import Executor
@@ -100,9 +101,9 @@ def test_libraries_tell_users_nothing_in_their_own_words(model, samples):
 def test_targets_of_another_size_are_brought_to_an_areas_by_a_power_of_two(
     database, change, factor, exponent
 ):
-    rows = dataset.read(database, "area")
+    rows = read(database, "area")
     change("force", slice(None), rows.target.copy() * factor)
-    forces = dataset.read(database, "force")
+    forces = read(database, "force")
     scaling = scaling_of(forces, np.arange(forces.size))
     if exponent == 0:
         assert scaling == UNSCALED
@@ -114,26 +115,26 @@ def test_targets_of_another_size_are_brought_to_an_areas_by_a_power_of_two(
 
 
 def test_roots_of_areas_are_standardised_and_squared_again(solved):
-    area = dataset.read(solved, "area", features="dimensionless")
+    area = read(solved, "area", features="dimensionless", roots=True)
     train = split.draw(area).train
-    scaling = scaling_of(area, train, roots=True)
+    scaling = scaling_of(area, train)
     assert scaling.root
     assert scaling.scaled(area.target[train]).std() == pytest.approx(1)
     np.testing.assert_allclose(scaling.restored(scaling.scaled(area.target)), area.target)
     assert scaling.restored(np.array([-1e3]))[0] == 0.0, "a root below 0 is no area"
-    force = dataset.read(solved, "force", features="dimensionless")
-    assert not scaling_of(force, train, roots=True).root
+    force = read(solved, "force", features="dimensionless", roots=True)
+    assert not scaling_of(force, train).root
 
 
 def fitted(path, targets, model="kernel-ridge", features="dimensionless"):
     scaling = "l2" if features == "paper" else "standard"
-    request = Request(path, path, targets, (model,), None, scaling, features)
+    request = Request((path,), path, targets, (model,), None, scaling, features)
     return fitting.fit(request, Executor(), lambda line: None)
 
 
 def answers(surrogate, path):
     """The answers of a surrogate to the rows of its database, by target, and the ends."""
-    rows = dataset.read(path, "area", features=surrogate.features.name)
+    rows = read(path, "area", features=surrogate.features.name)
     statistics, delta = rows.described[:, 1:], rows.described[:, 0]
     ratio = surrogate.hardness_limits and surrogate.hardness_limits[1]
     asked = surrogate.of_statistics(statistics, delta, 1000.0, hardness_ratio=ratio)

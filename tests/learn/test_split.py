@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from gen.runtime.errors import InputError
 from learn import split
 from learn.dataset import Dataset
+from learn.features import FeatureSet
 from learn.surrogate.calibration import without_calibration
 
 
@@ -26,7 +27,7 @@ def rows_of(sizes, seed=0):
         groups=groups,
         database=np.zeros(size, dtype=np.int64),
         population=np.zeros(size, dtype=np.int64),
-        names=("a", "b", "c"),
+        features=FeatureSet("three", ("a", "b", "c"), "none", scaled=False),
         target_name="area_percent",
         unit="%",
         dropped={},

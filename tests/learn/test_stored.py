@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from learnt_rows import read
 
 from gen import cli
 from gen.runtime.errors import InputError
 from learn import dataset
+from learn.dataset import Request
 from learn.features.sets import NODES
 
 SCENES = {
@@ -54,17 +56,15 @@ def made(tmp_path_factory):
 
 def together(made, *names, features="dimensionless"):
     paths = [made[name] for name in names]
-    (rows,) = dataset.read_together(
-        paths, ("area",), features=features, hybrids=[None] * len(paths)
-    )
+    (rows,) = dataset.read(Request(tuple(paths), features=features))
     return rows
 
 
 def test_rows_are_those_of_each_database_and_nodes_are_a_feature(made):
     rows = together(made, "coarse", "stranger", "spectral")
-    assert rows.names[-1] == NODES
+    assert rows.features.columns[-1] == NODES
     for number, name in enumerate(("coarse", "stranger", "spectral")):
-        alone = dataset.read(made[name], features="dimensionless")
+        alone = read(made[name], features="dimensionless")
         here = rows.at(np.flatnonzero(rows.database == number))
         np.testing.assert_array_equal(here.inputs[:, :-1], alone.inputs)
         np.testing.assert_array_equal(here.target, alone.target)
@@ -86,7 +86,7 @@ def test_surfaces_of_one_seed_and_number_are_one_group_on_every_grid(made):
 
 
 def test_populations_of_windows_are_their_maps(populations):
-    rows = dataset.read(populations / "scans.h5")
+    rows = read(populations / "scans.h5")
     assert len(rows.populations) == 2
     assert {each.generator for each in rows.populations} == {"scans"}
     for number in (0, 1):  # no tile is in two maps
@@ -107,7 +107,7 @@ def other_windows(populations, tmp_path_factory):
 
 def test_windows_of_other_sizes_of_one_map_are_one_group(populations, other_windows):
     paths = populations / "scans.h5", other_windows
-    (rows,) = dataset.read_together(paths, ("area",), features="dimensionless", hybrids=[None] * 2)
+    (rows,) = dataset.read(Request(paths, features="dimensionless"))
     maps = [each.map for each in rows.populations]
     of_map = np.array([maps[number] for number in rows.population])
     assert np.unique(rows.groups).size == np.unique(of_map).size == 2

@@ -46,7 +46,7 @@ def database_counts(path: Path) -> dict[Key, int]:
 def search_counts(database: Path) -> dict[Key, int]:
     """Search the grids of `SEARCHED` on a database, and count the fits that this takes."""
     output = database.parent / "comparison"
-    jobs.tune(ComparisonRequest(database, output, models=SEARCHED), Executor())
+    jobs.tune(ComparisonRequest((database,), output, models=SEARCHED), Executor())
     counts = {}
     for name in SEARCHED:
         result = Folder(output / "area").result("tuned", name)

@@ -8,9 +8,10 @@ import h5py
 import numpy as np
 import pytest
 from launch import launch, mpiexec
+from learnt_rows import read
 
 from gen.surface import generate
-from learn import Surrogate, cli, dataset, split
+from learn import Surrogate, cli, split
 
 
 def run(*arguments):
@@ -167,7 +168,7 @@ def test_gaussian_processes_do_not_collapse(work, features, normalise):
     surrogate = Surrogate.load("g.surrogate")
     for target, about in surrogate.card["targets"].items():
         assert about["scores"]["r2"] > 95, target
-    rows = dataset.read(Path("database.h5"), "area", features=features, roots=True)
+    rows = read(Path("database.h5"), "area", features=features, roots=True)
     test = split.draw(rows).test
     learnt = surrogate.learnt["area"]
     error = np.abs(learnt.raw(rows.inputs[test]) - rows.target[test])

@@ -5,12 +5,12 @@ import zipfile
 
 import numpy as np
 import pytest
+from learnt_rows import read
 
 from gen.database import Reader
 from gen.generation.plan import parameters
 from gen.generation.sample import surface_of
 from gen.runtime.errors import InputError
-from learn import dataset
 from learn.executor import Executor
 from learn.features import regeneration
 from learn.features.regeneration import hybrid_rows
@@ -24,17 +24,16 @@ def never():
 @pytest.mark.parametrize("blocks", BLOCK_COUNTS)
 def test_rows_have_what_surrogates_see_of_their_surfaces(population, blocks):
     """Each number of blocks is kept in a file of its own, beside the database."""
-    hybrid = hybrid_rows(population, Executor(), never, blocks)
+    hybrid_rows(population, Executor(), never, blocks)
     beside = f"{population.name}.pressed{'-65' if blocks == 65 else ''}.npz"
     assert population.with_name(beside).exists()
-    rows = dataset.read(population, features="hybrid", hybrid=hybrid, roots=True, blocks=blocks)
+    rows = read(population, features="hybrid", roots=True, blocks=blocks)
     with Reader(population) as reader:
         scene, deltas = reader.scene, reader.column("delta")
     plan, ratio = parameters(scene, 0, scene.samples), 0.1 if scene.contact.hardness else None
     row = rows.rows[17]
     own = regeneration.of_scene(scene, surface_of(scene, plan, row), "it")
-    wanted = dataset.chosen("hybrid", ratio and (ratio,) * 2, roots=True, blocks=blocks)
-    again = own.features(wanted, deltas[row : row + 1], ratio)
+    again = own.features(rows.features, deltas[row : row + 1], ratio)
     np.testing.assert_array_equal(rows.inputs[17], again[0])
 
 

@@ -15,9 +15,7 @@ from learn.features.sets import (
     HARDNESS,
     PLASTIC,
     SCALED_HARDNESS,
-    height_unit,
-    no_yield,
-    target_scale,
+    Rows,
 )
 from learn.stored import INPUTS
 
@@ -89,18 +87,21 @@ def test_force_over_its_scale_has_no_unit():
             ("perimeter", contact.perimeter),
             ("area_percent", contact.area_percent),
         ):
-            scale = target_scale(SETS["hybrid"], target, statistics, delta, side, e_star)
+            scale = SETS["hybrid"].scale(target, Rows(statistics, delta, side), e_star)
             found.append(value / scale[0])
     np.testing.assert_allclose(found[:5], found[5:], rtol=1e-6)
 
 
 def test_the_height_unit_neither_overflows_nor_vanishes():
     statistics = np.zeros((3, 22))
-    unit = height_unit(statistics, np.array([1e-200, 3.0, 1e200]))
+    unit = Rows(statistics, np.array([1e-200, 3.0, 1e200]), 1000.0).unit
     np.testing.assert_allclose(unit, [1e-200, 3.0, 1e200], rtol=1e-15)
 
 
 DELTA = np.array([6.0, 25.0])
+
+
+FIXED, VARIED = "hardness_ratio = 0.01", "hardness_ratio = [0.003, 0.3]"
 
 
 def scene(text):
@@ -109,9 +110,8 @@ def scene(text):
 
 @pytest.mark.parametrize("name", list(SETS))
 def test_the_hardness_is_a_feature_where_it_says_something(name):
-    fixed, varied = chosen(name, (0.01, 0.01)), chosen(name, (0.01, 0.1))
-    assert chosen(name) == SETS[name]
-    assert not SETS[name].needs_hardness
+    fixed, varied = (chosen(name, [scene(each)]) for each in (FIXED, VARIED))
+    assert chosen(name) == chosen(name, [scene("")]) == SETS[name]
     own = SCALED_HARDNESS if SETS[name].scaled else HARDNESS
     assert varied.columns == (*SETS[name].columns, own)
     assert len(varied.units) == len(varied.columns)
@@ -127,13 +127,13 @@ def test_the_hardness_is_a_feature_where_it_says_something(name):
 def test_no_elastic_pressure_reaches_the_ceiling_of_the_hardness(seed, hurst, nodes, delta):
     heights = generate("diamond-square", nodes, hurst, 12.0, np.random.default_rng(seed))
     contact = bem.solve(heights, (1000.0, 1000.0), delta)
-    ceiling = float(no_yield(np.array([delta]), 1000.0, np.array([float(nodes)]))[0])
-    assert contact.pressure.max() < ceiling  # E* is 1 MPa
+    rows = Rows(np.ones((1, 22)), np.array([delta]), 1000.0, nodes=float(nodes))
+    assert contact.pressure.max() < rows.capped().hardness_ratio[0]  # E* is 1 MPa
 
 
 @pytest.mark.parametrize("name", [name for name, each in SETS.items() if each.scaled])
 def test_elastic_bodies_have_the_feature_of_very_hard_ones(name):
-    wanted = chosen(name, (0.003, 0.3), elastic=True)
+    wanted = chosen(name, [scene(VARIED), scene("")])
     on_surface = SurfaceFeatures(surface(4), (1000.0, 1000.0))
     elastic = on_surface.features(wanted, DELTA)
     np.testing.assert_allclose(
@@ -142,7 +142,7 @@ def test_elastic_bodies_have_the_feature_of_very_hard_ones(name):
     soft = on_surface.features(wanted, DELTA, 0.01)
     place = wanted.columns.index(SCALED_HARDNESS)
     assert (soft[:, place] < elastic[:, place]).all()
-    alone = on_surface.features(chosen(name, (0.003, 0.3)), DELTA, 0.01)
+    alone = on_surface.features(chosen(name, [scene(VARIED)]), DELTA, 0.01)
     np.testing.assert_array_equal(soft[:, : place + 1], alone)
     if wanted.needs_surface:
         assert wanted.columns[-1] == PLASTIC

@@ -5,6 +5,7 @@ import pytest
 from scipy.special import erf
 
 import bem
+from gen.scene import Scene
 from gen.surface import generate
 from learn.features import SETS, SurfaceFeatures, chosen
 from learn.features.sets import BLOCK_COUNTS, COARSE, HYBRID, LOCAL
@@ -75,7 +76,12 @@ def test_patches_without_edges_have_features_up_to_full_contact(shape, boundary)
 def test_what_surrogates_see_is_finite_on_any_patch(boundary, blocks, hardness_ratio):
     """Oblong patches and cells, fewer nodes than blocks along one axis, bodies that yield."""
     z = np.random.default_rng(3).normal(size=(40, 150)).cumsum(axis=1)
-    wanted = chosen("hybrid", hardness_ratio and (hardness_ratio,) * 2, roots=True, blocks=blocks)
+    hardness = (
+        "samples = 8"
+        if hardness_ratio is None
+        else f"samples = 8\n[contact]\nhardness_ratio = {hardness_ratio}"
+    )
+    wanted = chosen("hybrid", [Scene.parse(hardness, "test")], roots=True, blocks=blocks)
     rough = SurfaceFeatures(z, (50.0, 130.0), boundary=boundary)
     found = rough.features(wanted, np.array([1e-3, 2.0, 10.0]), hardness_ratio)
     assert found.shape == (3, len(wanted.columns))

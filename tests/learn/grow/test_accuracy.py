@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from learnt_rows import read
 
-from learn import dataset
 from learn.grow import accuracy as module
 from learn.grow.accuracy import RISK, SMALLEST_SURFACES, Sizes, accuracy, risk
 
@@ -64,7 +64,7 @@ def test_one_of_five_successive_numbers_is_drawn_by_the_seed_alone():
 
 def test_a_larger_database_holds_out_the_same_rows(solved):
     rows = 61
-    whole = dataset.read(solved)
+    whole = read(solved)
     test, train = module.split_holdout(whole)
     some = whole.at(np.arange(rows))
     test_then, train_then = module.split_holdout(some)
@@ -74,7 +74,7 @@ def test_a_larger_database_holds_out_the_same_rows(solved):
 
 
 def test_rows_linked_to_rows_of_the_holdout_train_never_and_test_no_more(populations):
-    rows = dataset.read(populations / "scans.h5", "area")
+    rows = read(populations / "scans.h5", "area")
     test, _ = module.split_holdout(rows)
     linked = replace(rows, groups=np.zeros(rows.size, dtype=np.int64))
     test_then, train_then = module.split_holdout(linked)
@@ -83,7 +83,7 @@ def test_rows_linked_to_rows_of_the_holdout_train_never_and_test_no_more(populat
 
 
 def test_parts_are_whole_groups_in_random_order_with_folds(solved):
-    rows = dataset.read(solved)
+    rows = read(solved)
     parts = module.parted([rows], seed=3)
     assert sorted([*parts.train, *parts.test]) == list(range(rows.size))
     assert set(parts.folds) == set(range(5))
@@ -104,7 +104,7 @@ def test_errors_are_measured_by_magnitudes():
 
 
 def test_rows_that_repeat_a_surface_follow_its_first_row(populations):
-    rows = dataset.read(populations / "python.h5", "area")
+    rows = read(populations / "python.h5", "area")
     repeated = replace(rows, groups=np.arange(rows.size) % 20)
     test, train = module.split_holdout(repeated)
     for group in range(20):

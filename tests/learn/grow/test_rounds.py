@@ -31,7 +31,7 @@ class Killed(BaseException):
 
 def order(folder: Path, mark: float = MARK, most: int = 2000, **keys) -> Order:
     request = Request(
-        database=folder / "my.h5",
+        databases=(folder / "my.h5",),
         output=folder / "my.surrogate",
         targets=("area",),
         models=("decision-tree",),

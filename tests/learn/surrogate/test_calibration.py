@@ -4,10 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from learnt_rows import read
 
 from gen import cli as gen_cli
 from gen.runtime.errors import InputError
-from learn import Surrogate, cli, dataset, split
+from learn import Surrogate, cli, split
 from learn.dataset import Request
 from learn.executor import Executor
 from learn.stored import Population
@@ -26,12 +27,12 @@ def of_maps(rows, number):
 
 @pytest.fixture(scope="module")
 def rows(solved):
-    return dataset.read(solved, "area", features="dimensionless", roots=True)
+    return read(solved, "area", features="dimensionless", roots=True)
 
 
 def request_of(path, model="kernel-ridge"):
     return Request(
-        database=path,
+        databases=(path,),
         output=path,
         models=(model,),
         features="dimensionless",
@@ -117,11 +118,11 @@ def test_intervals_of_a_file_widen_as_those_that_were_fitted(solved, tmp_path, m
     wide = replace(area, calibration=replace(area.calibration, growth=growth))
     found = replace(found, learnt={"area": wide})
     found.save(tmp_path / "x.surrogate")
-    read = Surrogate.load(tmp_path / "x.surrogate")
-    rows = dataset.read(solved, "area", features="dimensionless", roots=True)
+    loaded = Surrogate.load(tmp_path / "x.surrogate")
+    rows = read(solved, "area", features="dimensionless", roots=True)
     raw = wide.raw(rows.inputs)
     ends = wide.ends(rows.inputs, raw, 0.9)
-    np.testing.assert_array_equal(read.learnt["area"].ends(rows.inputs, raw, 0.9), ends)
+    np.testing.assert_array_equal(loaded.learnt["area"].ends(rows.inputs, raw, 0.9), ends)
     plain = replace(area, calibration=replace(area.calibration, growth=None))
     near = found.distance.of(rows.inputs) < 1
     widths, before = (high - low for low, high in (ends, plain.ends(rows.inputs, raw, 0.9)))

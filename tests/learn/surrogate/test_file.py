@@ -26,7 +26,7 @@ from learn.surrogate.file import FORMAT, HEAD
 @pytest.fixture(scope="module")
 def ridge(solved):
     request = Request(
-        solved, solved, ("area",), ("kernel-ridge",), None, "standard", "dimensionless"
+        (solved,), solved, ("area",), ("kernel-ridge",), None, "standard", "dimensionless"
     )
     return fitting.fit(request, Executor(), lambda line: None)
 

@@ -11,18 +11,13 @@ import pytest
 from learn.dataset import Request
 from learn.executor import Executor
 from learn.surrogate import fitting
-from learn.surrogate.model import Rows
+from learn.surrogate.flag import reasons_of
 
 
 def fitted(path, features):
     scaling = "l2" if features == "paper" else "standard"
-    request = Request(path, path, ("area",), ("kernel-ridge",), None, scaling, features)
+    request = Request((path,), path, ("area",), ("kernel-ridge",), None, scaling, features)
     return fitting.fit(request, Executor(), lambda line: None)
-
-
-def rows_of(surrogate, inputs):
-    ones = np.ones(len(inputs))
-    return Rows(inputs, np.ones((len(inputs), 22)), ones, 1000.0, ())
 
 
 @pytest.fixture(scope="module")
@@ -45,10 +40,12 @@ def test_a_moment_beyond_the_training_is_that_at_the_end_of_its_range(
     end[place] = surrogate.high[place]
     beyond[place] = surrogate.high[place] + times * span
     further[place] = surrogate.low[place] - times * span
-    asked = surrogate.predict_rows(rows_of(surrogate, np.array([end, beyond, further, middle])))
-    assert asked.area[0] == asked.area[1]
-    assert asked.area[2] != asked.area[3], "the other end is another place"
-    assert [name in reason for reason in asked.reasons] == [False, True, True, False]
+    inputs = np.array([end, beyond, further, middle])
+    found, ranges = surrogate.learnt["area"].raw(inputs), (surrogate.low, surrogate.high)
+    assert found[0] == found[1]
+    assert found[2] != found[3], "the other end is another place"
+    reasons = reasons_of(inputs, [""] * 4, surrogate.features, ranges, surrogate.distance)
+    assert [name in reason for reason in reasons] == [False, True, True, False]
 
 
 @pytest.mark.parametrize("features", ["paper", "dimensionless"])

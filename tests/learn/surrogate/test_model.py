@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from learnt_rows import read
 
 import bem
 from gen import cli
@@ -29,7 +30,7 @@ def say(line):
 def fitted(path, model="kernel-ridge", features="dimensionless", **options):
     targets = options.pop("targets", ("area", "force"))
     scaling = "l2" if features == "paper" else "standard"
-    request = Request(path, path, targets, (model,), None, scaling, features, **options)
+    request = Request((path,), path, targets, (model,), None, scaling, features, **options)
     return fitting.fit(request, Executor(), say)
 
 
@@ -75,10 +76,10 @@ def test_what_it_predicts_are_the_rows_of_its_test(solved):
     from gen.database import Reader
     from gen.generation.plan import parameters
     from gen.generation.sample import surface_of
-    from learn import dataset, metrics
+    from learn import metrics
 
     surrogate = fitted(solved)
-    rows = dataset.read(solved, "force")
+    rows = read(solved, "force")
     test = split.draw(rows).test
     with Reader(solved) as reader:
         scene = reader.scene
@@ -118,7 +119,7 @@ def test_roots_of_area_and_features_are_learnt_kept_and_squared_again(rooted, he
     deltas = np.linspace(2.0, 40.0, 9)
     found, again = rooted.predict(heights, 1000.0, deltas), loaded.predict(heights, 1000.0, deltas)
     np.testing.assert_array_equal(again.area, found.area)
-    inputs = rooted.for_surface(heights, 1000.0).rows(deltas).inputs
+    inputs = rooted.features.of(rooted.for_surface(heights, 1000.0).rows(deltas))
     scaling = rooted.learnt["area"].scaling
     roots = scaling.mean + scaling.deviation * rooted.learnt["area"]._predict(inputs)
     np.testing.assert_allclose(found.area, np.maximum(roots, 0) ** 2, rtol=1e-12)
@@ -133,7 +134,7 @@ def test_the_deviation_of_a_gaussian_process_is_that_of_the_square(solved, heigh
     process = fitted(solved, features="hybrid", roots=True, model="gaussian-process")
     found = process.for_surface(heights, 1000.0).predict([8.0, 20.0], std=True)
     learnt = process.learnt["area"]
-    inputs = process.for_surface(heights, 1000.0).rows([8.0, 20.0]).inputs
+    inputs = process.features.of(process.for_surface(heights, 1000.0).rows([8.0, 20.0]))
     linear = replace(learnt, scaling=replace(learnt.scaling, root=False))
     draws = np.random.default_rng(0).normal(size=(200_000, 2)) * linear.spread(inputs)
     squares = (linear.raw(inputs) + draws) ** 2
