@@ -2,19 +2,16 @@
 
 import pickle
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.optimize import nnls
 
 import bem
 from bem.active_set import ActiveSet
 from bem.equilibrium import critical_delta
 from bem.influence import Kernel
-from bem.iterate import cut_to_load
 from bench.references import dense
 from bench.references.surfaces import SURFACES, Shape, surface
 from gen.runtime.signals import at_most
@@ -39,22 +36,6 @@ def assert_is_the_solution(contact: bem.Contact) -> None:
     decided = (pressure > UNDECIDED) | (gap > UNDECIDED)
     np.testing.assert_array_equal((contact.pressure > 0)[decided], (pressure > UNDECIDED)[decided])
     assert reduced(contact).sum() == pytest.approx(pressure.sum(), rel=1e-8)
-
-
-@settings(max_examples=40)
-@given(kind=st.sampled_from(list(SURFACES)), seed=st.integers(0, 2**32 - 1), data=st.data())
-def test_dense_reference_is_least_squares(kind: str, seed: int, data: st.DataObject) -> None:
-    """SciPy solves the same problem as nonnegative least squares on the Cholesky factor."""
-    shape = data.draw(st.tuples(st.integers(1, 8), st.integers(1, 8)))
-    kernel = data.draw(st.sampled_from(KERNELS))
-    heights = surface(kind, shape, seed)
-    nodes = heights.size
-    matrix = dense.influence_matrix(shape, kernel).reshape(nodes, nodes)
-    interference = (heights - heights.max()).reshape(-1) + data.draw(st.floats(0.01, 3))
-    factor = np.linalg.cholesky(matrix)
-    expected, _ = nnls(factor.T, np.linalg.solve(factor, interference), maxiter=100 * nodes)
-    pressure = dense.solve(matrix, interference)
-    np.testing.assert_allclose(pressure, expected, rtol=0, atol=1e-10 * expected.max())
 
 
 @settings(max_examples=150)
@@ -92,25 +73,6 @@ def test_oblong_cells_are_solved_as_the_dense_reference_does(
     heights = surface(kind, shape, seed)
     delta = depth * (np.ptp(heights) or 1.0)
     contact = bem.solve(heights, 1.0, delta, spacing=(0.5, 0.5 * aspect), rtol=RTOL)
-    assert_is_the_solution(contact)
-
-
-@pytest.mark.few(4)
-@pytest.mark.parametrize("kernel", KERNELS)
-@pytest.mark.parametrize("depth", [0.05, 0.3, 0.7])
-@pytest.mark.parametrize("kind", ["random walk", "self-affine", "paraboloid"])
-def test_65_nodes_a_side(kind: str, depth: float, kernel: Kernel) -> None:
-    heights = surface(kind, (65, 65), seed=7)
-    delta = depth * np.ptp(heights)
-    assert_is_the_solution(bem.solve(heights, 1000.0, delta, kernel=kernel, rtol=RTOL))
-
-
-@pytest.mark.parametrize("side", [(3.0, 1.0), (1.0, 1.0), (1.0, 20.0)])
-@pytest.mark.parametrize("shape", [(32, 20), (16, 33), (2, 3)])
-def test_patches_with_two_sides(shape: Shape, side: tuple[float, float]) -> None:
-    heights = surface("self-affine", shape)
-    contact = bem.solve(heights, side, 0.4 * np.ptp(heights), rtol=RTOL)
-    assert contact.problem.spacing == (side[0] / (shape[0] - 1), side[1] / (shape[1] - 1))
     assert_is_the_solution(contact)
 
 
@@ -177,21 +139,12 @@ def complementary(patch: Dense, pressure: np.ndarray, gaps: np.ndarray, hardness
 def test_other_matrices_have_their_solution(
     kind: str, seed: int, shape: Shape, kernel: Kernel, depth: float, hardness: float
 ) -> None:
-    """By rounds of sets, and by the projected gradients that take over where sets cycle."""
     patch, below = written_out(kind, shape, seed, kernel)
     below /= depth * (float(np.ptp(below)) or 1.0)
     how = {"shift": 1.0, "hardness": hardness, "rtol": 1e-11, "most": 2000}
     solve = ActiveSet(patch, below, **how)  # type: ignore[arg-type]
     assert solve.run()
     assert complementary(patch, solve.pressure, below + 1, hardness) <= 1.1e-11
-    slow = ActiveSet(patch, below, **how)  # type: ignore[arg-type]
-    slow.expect_yielding()
-    energy = 0.0
-    for _ in range(60):
-        slow._descend()
-        assert slow._energy() <= energy + 1e-6 * abs(energy)
-        energy = slow._energy()
-    assert energy >= solve._energy() - 1e-6 * abs(energy)
 
 
 @settings(max_examples=60)
@@ -215,37 +168,6 @@ def test_loads_are_carried_to_the_last_digit(
     assert solve.pressure.sum() == pytest.approx(load, rel=1e-13)
     largest = complementary(patch, solve.pressure, below + solve.shift, hardness)
     assert largest <= 1.1e-10 * solve.shift
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_the_first_step_from_a_start_is_the_best_in_its_plane(seed: int) -> None:
-    """Least energy among all sums of the start and the preconditioned residual: deflation."""
-    random = np.random.default_rng(seed)
-    matrix = dense.influence_matrix((5, 6), "uniform-pressure").reshape(30, 30)
-    interference = matrix @ random.uniform(1, 2, 30)  # so that all nodes are in contact
-    near = random.uniform(1, 2, 30)
-    residual = interference - (near @ interference) / (near @ matrix @ near) * matrix @ near
-    plane = np.array([near, residual / matrix.diagonal()]).T
-    best = plane @ np.linalg.solve(plane.T @ matrix @ plane, plane.T @ interference)
-    assert best.min() > 0
-    below = interference.reshape(5, 6) - 1
-    solve = ActiveSet(Dense((5, 6), matrix), below, shift=1.0, rtol=1e-12, most=1)  # type: ignore[arg-type]
-    solve.begin(near.reshape(5, 6))
-    assert not solve.run()
-    np.testing.assert_allclose(solve.pressure.reshape(-1), best, rtol=0, atol=1e-6)
-
-
-@pytest.mark.parametrize("rtol", [1e-4, 2e-7, 1e-11])
-@pytest.mark.parametrize("depth", [0.2, 0.5, 5.0])
-def test_few_exact_products_are_enough(depth: float, rtol: float) -> None:
-    """One product confirms the solution; tight tolerances need one or two before it."""
-    patch, below = written_out("self-affine", (20, 20), 3, "uniform-pressure")
-    below /= depth * np.ptp(below)
-    solve = ActiveSet(patch, below, shift=1.0, rtol=rtol, most=500)  # type: ignore[arg-type]
-    assert solve.run()
-    assert solve.exact
-    assert patch.exact <= (1 if rtol == 1e-4 else 3)
-    assert complementary(patch, solve.pressure, below + 1, np.inf) <= rtol * (1 + 1e-6)
 
 
 class Spoiled(Dense):
@@ -287,18 +209,6 @@ def test_residuals_that_are_nan_end_the_solve() -> None:
     assert np.isnan(solve.residual).all()
 
 
-@pytest.mark.parametrize("load", [0.001, 0.5, 3.0, 70.0, 100.0])
-@pytest.mark.parametrize("hardness", [np.inf, 2.0])
-def test_a_cut_pressure_carries_the_load_and_keeps_the_order(load: float, hardness: float) -> None:
-    pressure = np.random.default_rng(3).normal(size=(12, 11))
-    cut = cut_to_load(pressure, load, hardness)
-    assert cut.sum() == pytest.approx(load, rel=1e-9)
-    assert cut.min() >= 0
-    assert cut.max() <= hardness
-    free = (cut > 0) & (cut < hardness)
-    assert np.ptp((pressure - cut)[free]) < 1e-12 * max(load, 1)
-
-
 @pytest.mark.parametrize("kernel", KERNELS)
 def test_a_tolerance_below_rounding_is_named_as_the_cause(kernel: Kernel) -> None:
     """The message does not ask for more iterations where rounding ends the solve."""
@@ -323,16 +233,3 @@ def test_default_tolerance_finds_the_nodes_in_contact() -> None:
         tight = bem.solve(heights, 1.0, delta, rtol=RTOL)
         assert loose.contact_nodes == tight.contact_nodes
         assert loose.force == pytest.approx(tight.force, rel=1e-5)
-
-
-def test_threads_do_not_disturb_one_another() -> None:
-    """Filters are scratch space too, so that every thread has its own."""
-    surfaces = [surface("self-affine", (33, 33), seed) for seed in range(12)]
-
-    def force(heights: np.ndarray) -> float:
-        return bem.solve(heights, 1.0, 0.4 * np.ptp(heights)).force
-
-    alone = [force(heights) for heights in surfaces]
-    with ThreadPoolExecutor(2) as pool:
-        for _ in range(5):
-            assert list(pool.map(force, surfaces)) == alone

@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import bem
-from bem.analytic import Cone, FlatPunch, Indenter, Paraboloid, distances_to_centre
+from bem.analytic import Cone, FlatPunch, Indenter, Paraboloid, PowerLaw, distances_to_centre
 from bem.influence import Kernel
 
 pytestmark = pytest.mark.usefixtures("both_ways")
@@ -30,8 +32,8 @@ def area(contact: bem.Contact) -> float:
     return contact.contact_nodes * contact.problem.spacing[0] ** 2
 
 
-@pytest.mark.parametrize("nodes", [128, 129, 256, 257])
-@pytest.mark.parametrize("delta", [0.25, 0.5, 0.75, 1.0])
+@pytest.mark.parametrize("nodes", [128, 257])
+@pytest.mark.parametrize("delta", [0.25, 1.0])
 def test_uniform_pressure_meets_hertz(nodes: int, delta: float) -> None:
     """The paper's example: force within 1 %, area within a ring of cells, above it at the end."""
     contact = solved(SPHERE, nodes, delta)
@@ -42,7 +44,7 @@ def test_uniform_pressure_meets_hertz(nodes: int, delta: float) -> None:
     assert delta < 1 or area(contact) > np.pi * radius**2
 
 
-@pytest.mark.parametrize(("nodes", "excess"), [(128, 0.03), (129, 0.03), (256, 0.02), (257, 0.02)])
+@pytest.mark.parametrize(("nodes", "excess"), [(129, 0.03), (256, 0.02)])
 def test_concentrated_force_is_stiff_as_in_the_papers_figure(nodes: int, excess: float) -> None:
     """At Delta = 1 the force is 1 to 3 % high and the area low, both less so on a finer grid."""
     contact = solved(SPHERE, nodes, 1.0, "concentrated-force")
@@ -55,7 +57,7 @@ def test_concentrated_force_is_stiff_as_in_the_papers_figure(nodes: int, excess:
 @pytest.mark.parametrize(
     ("kernel", "accepted"), [("uniform-pressure", 0.005), ("concentrated-force", 0.06)]
 )
-@pytest.mark.parametrize("nodes", [128, 129, 256, 257])
+@pytest.mark.parametrize("nodes", [128, 257])
 def test_pressure_profile_is_hertz(nodes: int, kernel: Kernel, accepted: float) -> None:
     """As a share of the largest pressure, but for the last two cells before the edge."""
     contact = solved(SPHERE, nodes, 1.0, kernel)
@@ -66,26 +68,6 @@ def test_pressure_profile_is_hertz(nodes: int, kernel: Kernel, accepted: float) 
     inside = distance < radius - 2 * spacing
     assert np.abs(contact.pressure - exact)[inside].max() < accepted * exact.max()
     assert (contact.pressure[distance > radius + spacing] == 0).all()
-
-
-def force_errors(indenter: Indenter, delta: float) -> list[float]:
-    """Relative error of the force on 33, 65, 129 and 257 nodes a side."""
-    contacts = [solved(indenter, nodes, delta) for nodes in (33, 65, 129, 257)]
-    return [abs(contact.force / indenter.force(delta) - 1) for contact in contacts]
-
-
-@pytest.mark.parametrize(
-    ("indenter", "delta", "coarse", "fine"),
-    [(SPHERE, 1.0, 0.02, 3e-4), (Cone(0.01), 3.0, 2e-3, 3e-5), (FlatPunch(200.0), 1.0, 0.02, 3e-3)],
-    ids=["sphere", "cone", "flat punch"],
-)
-def test_force_converges_under_refinement(
-    indenter: Indenter, delta: float, coarse: float, fine: float
-) -> None:
-    errors = force_errors(indenter, delta)
-    assert errors == sorted(errors, reverse=True)
-    assert errors[0] < coarse
-    assert errors[-1] < fine
 
 
 def test_cone_meets_its_closed_form() -> None:
@@ -120,3 +102,81 @@ def test_spheres_are_round_on_oblong_patches_and_cells(shape: tuple[int, int]) -
     assert contact.largest_pressure == pytest.approx(
         2 / np.pi * np.sqrt(indentation(contact) / 5000), rel=1e-2
     )
+
+
+RADIUS = 300.0  # um, of every contact below
+TURNS = 0.7548776662466927, 0.5698402909980532  # 1 / p and 1 / p^2 with p^3 = p + 1
+PROFILES = {
+    indenter: indenter.indentation(RADIUS) for indenter in (SPHERE, Cone(0.01), PowerLaw(1e-9, 4.0))
+} | {FlatPunch(RADIUS): 1.0}
+
+
+def orders(
+    indenter: Indenter, kernel: Kernel = "uniform-pressure"
+) -> tuple[tuple[float, float], np.ndarray]:
+    """Orders of convergence of force and area; relative errors over the spacing, (grids, 2).
+
+    Errors are root mean squares over eight placements of the axis between the nodes (Roberts's R2
+    sequence), for the number of cells in a circle jumps with every shift.
+    """
+    delta, rows = PROFILES[indenter], []
+    spacings = SIDE / (np.array([17, 24, 33, 48, 65, 96, 129]) - 1)
+    for spacing in spacings:
+        nodes, errors = round(SIDE / spacing) + 1, []
+        shares = np.outer(np.arange(8), TURNS)
+        for shift in (shares - np.round(shares)) * spacing:
+            heights = indenter.heights(distances_to_centre((nodes, nodes), SIDE, tuple(shift)))
+            contact = bem.solve(heights, SIDE, delta + heights.max(), kernel=kernel, rtol=1e-8)
+            truth = indenter.force(delta), np.pi * RADIUS**2
+            errors.append(np.array([contact.force, area(contact)]) / truth - 1)
+        rows.append(np.sqrt(np.mean(np.square(errors), axis=0)))
+    force, covered = np.polyfit(np.log(spacings), np.log(rows), 1)[0]
+    return (float(force), float(covered)), np.array(rows) / (spacings / RADIUS)[:, np.newaxis]
+
+
+@pytest.mark.parametrize("indenter", list(PROFILES)[:3], ids=repr)
+def test_smooth_profiles_have_force_of_order_2_and_area_of_order_1(indenter: Indenter) -> None:
+    """The force is largest at the true area, so that errors of its edge count squared."""
+    (force, covered), over_spacing = orders(indenter)
+    assert 1.75 < force < 2.15
+    assert 0.9 < covered < 1.15
+    assert (over_spacing[:, 1] < 0.4).all()
+    (concentrated, covered), over_spacing = orders(indenter, "concentrated-force")
+    assert 0.95 < concentrated < 1.15  # a cell's own displacement is too small by its spacing
+    assert 0.5 < covered < 0.9  # on its way to 1
+    assert ((over_spacing[:, 0] > 0.2) & (over_spacing[:, 0] < 0.35)).all()
+
+
+def test_flat_punches_have_force_of_order_1_and_area_of_order_three_halves() -> None:
+    """The singular pressure at the edge costs an order of the force."""
+    (force, covered), _ = orders(FlatPunch(RADIUS))
+    assert 0.85 < force < 1.2
+    assert 1.2 < covered < 1.75
+
+
+@settings(max_examples=60)
+@given(
+    exponent=st.floats(1, 8),
+    radius=st.floats(200, 400),
+    shape=st.tuples(st.integers(24, 65), st.integers(24, 65)),
+    second_side=st.floats(900, 1100),
+    shares=st.tuples(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5)),
+)
+def test_any_power_law_is_met_on_any_grid(
+    exponent: float,
+    radius: float,
+    shape: tuple[int, int],
+    second_side: float,
+    shares: tuple[float, float],
+) -> None:
+    """Square cells or not, the axis anywhere in its cell: the radius to half a cell."""
+    indenter = PowerLaw(1 / PowerLaw(1.0, exponent).indentation(radius), exponent)
+    sides, delta = (1000.0, second_side), 1.0
+    spacing = sides[0] / (shape[0] - 1), sides[1] / (shape[1] - 1)
+    shift = shares[0] * spacing[0], shares[1] * spacing[1]
+    heights = indenter.heights(distances_to_centre(shape, sides, shift))
+    contact = bem.solve(heights, sides, delta + heights.max(), modulus=3.0, rtol=1e-8)
+    cell = max(spacing) / radius
+    assert contact.force == pytest.approx(indenter.force(delta, 3.0), rel=0.3 * cell**2)
+    covered = contact.contact_nodes * spacing[0] * spacing[1]
+    assert covered == pytest.approx(np.pi * radius**2, rel=cell)

@@ -1,6 +1,5 @@
 """Threads that share passes, sections of compiled code, and memory that stays with a process."""
 
-import hashlib
 import os
 import platform
 import subprocess
@@ -11,7 +10,6 @@ import warnings
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, suppress
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,12 +18,10 @@ from threadpoolctl import ThreadpoolController, threadpool_limits
 
 import bem
 from bem import dense, threads
-from bem.operators import filters
 from gen.runtime.signals import Overtime, at_most
 from gen.surface import generate
 
 ROUGH = generate("diamond-square", 65, 0.7, 12.0, np.random.default_rng(0))
-ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture
@@ -79,30 +75,6 @@ def test_the_first_in_limits_and_the_last_out_restores() -> None:
         assert blas_threads() == before
 
 
-FORCES = """
-import hashlib, numpy as np, bem
-from gen.surface import generate
-heights = generate("diamond-square", 65, 0.7, 12.0, np.random.default_rng(0))
-contacts = [*bem.ladder(heights, 1000.0, [4.0, 10.0]), bem.solve(heights, 1000.0, pressure=0.004)]
-print(hashlib.sha256(b"".join(contact.pressure.tobytes() for contact in contacts)).hexdigest())
-"""
-
-
-def test_results_do_not_depend_on_the_number_of_blas_threads() -> None:
-    contacts = [*bem.ladder(ROUGH, 1000.0, [4.0, 10.0]), bem.solve(ROUGH, 1000.0, pressure=0.004)]
-    here = b"".join(contact.pressure.tobytes() for contact in contacts)
-    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "2", "PYTHONPATH": str(ROOT)}
-    done = subprocess.run(
-        [sys.executable, "-c", FORCES],
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=True,
-        timeout=60,
-    )
-    assert done.stdout.strip() == hashlib.sha256(here).hexdigest()
-
-
 def forked(work: Callable[[], object]) -> int:
     """Exit code of a child that does some work, -1 if it hangs."""
     with warnings.catch_warnings():
@@ -141,33 +113,6 @@ def test_a_fork_waits_for_other_threads_to_leave() -> None:
     seen = left  # as it was when the child was forked
     assert forked(lambda: os._exit(0 if seen else 3)) == 0
     thread.join()
-
-
-@pytest.mark.long
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="no forks here")
-def test_children_forked_beside_solving_threads_solve_too() -> None:
-    """On new grids: every one of them makes plans and tables."""
-    stop = threading.Event()
-
-    def solve_on(first: int) -> None:
-        nodes = first
-        while not stop.is_set():
-            nodes = nodes + 1 if nodes < 60 else first
-            bem.solve(ROUGH[:nodes, : nodes + 1], 1.0, 8.0, spacing=5.0)
-
-    others = [threading.Thread(target=solve_on, args=(first,)) for first in (20, 33)]
-    for thread in others:
-        thread.start()
-    try:
-        codes = [
-            forked(lambda nodes=nodes: bem.solve(ROUGH[:nodes, :nodes], 1.0, 8.0, spacing=5.0))
-            for nodes in range(36, 60)
-        ]
-    finally:
-        stop.set()
-        for thread in others:
-            thread.join()
-    assert codes == [0] * 24
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no forks here")
@@ -310,20 +255,6 @@ def test_every_piece_is_worked_on_once(many: int) -> None:
 
 
 @pytest.mark.usefixtures("four_cores")
-def test_helpers_work_and_share_the_settings_of_the_calling_thread() -> None:
-    meet, seen = threading.Barrier(3, timeout=30), set()
-
-    def work(*_: int) -> None:
-        meet.wait()
-        seen.add((threading.get_ident(), np.geterr()["over"]))
-
-    with threads.on_threads(3), np.errstate(over="ignore"):
-        threads.share(work, range(3))
-    assert len(seen) == 3
-    assert {setting for _, setting in seen} == {"ignore"}
-
-
-@pytest.mark.usefixtures("four_cores")
 def test_an_error_of_any_piece_is_raised_when_nobody_works_any_more() -> None:
     working = []
 
@@ -397,26 +328,6 @@ def test_contacts_are_the_same_bits_on_any_number_of_threads(
         np.testing.assert_array_equal(other.pressure, one.pressure)
         assert (other.delta, other.residual) == (one.delta, one.residual)
         assert (other.iterations, other.convolutions) == (one.iterations, one.convolutions)
-
-
-@pytest.mark.usefixtures("four_cores")
-def test_ladders_have_threads_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(filters, "LARGE", 0)
-    share, teams = filters.share, set()
-
-    def watched(*work: Any) -> None:
-        teams.add(threads.threads_here())
-        share(*work)
-
-    monkeypatch.setattr(filters, "share", watched)
-    heights = generate("diamond-square", 129, 0.7, 12.5, np.random.default_rng(5))
-    one, two = (
-        [contact.force for contact in bem.ladder(heights, 1000.0, (5.0, 8.0, 11.0), threads=many)]
-        for many in (1, 2)
-    )
-    assert one == two
-    assert teams == {1, 2}
-    assert threads.threads_here() == 1
 
 
 SOLVES = """

@@ -1,7 +1,4 @@
-"""Bodies that yield: limits, closed forms and properties of the capped contact.
-
-`tests/bench/references` holds the pressures against bounded least squares.
-"""
+"""Bodies that yield: limits, closed forms and properties of the capped contact."""
 
 import itertools
 
@@ -14,7 +11,6 @@ import bem
 from bem import equilibrium
 from bem.active_set import ActiveSet
 from bem.analytic import PowerLaw
-from bem.operators import patch as patches
 from bem.problem import BOUNDARIES, Boundary
 from bench.references.surfaces import SURFACES
 
@@ -35,21 +31,9 @@ def loads_of(contact: bem.Contact) -> dict[str, float]:
     return {"delta": contact.delta, "force": force, "pressure": force / (nodes * cell)}
 
 
-@pytest.fixture(params=["dense", "factor", "iterations"])
-def way(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
-    """The three ways in which a contact is solved, each made to take all problems."""
-    if request.param == "dense":
-        monkeypatch.setattr(equilibrium, "FEW_NODES", 10_000)
-    else:
-        monkeypatch.setattr(equilibrium, "FEW_NODES", 0)
-    few = ((1e3, 1 / 3),) if request.param == "factor" else ((0.0, 1.0),)
-    monkeypatch.setattr(patches, "FEW_FREE", few)
-    return request.param
-
-
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("load", LOADS)
-@pytest.mark.parametrize("above", [1 + 1e-9, 2.0, 1e6])
+@pytest.mark.parametrize("above", [1 + 1e-9, 1e6])
 def test_a_hardness_above_all_pressures_changes_no_byte(seed: int, load: str, above: float):
     heights = self_affine(seed)
     amount = loads_of(bem.solve(heights, SIDE, 0.4 * np.ptp(heights)))[load]
@@ -73,8 +57,12 @@ def test_elastic_bodies_never_ask_for_the_hardness(monkeypatch: pytest.MonkeyPat
     np.testing.assert_array_equal(contact.flattened, heights)
 
 
+@pytest.mark.parametrize("few", [0, 10_000])
 @pytest.mark.parametrize("seed", range(3))
-def test_vanishing_hardness_leaves_the_bearing_area(seed: int, way: str):
+def test_vanishing_hardness_leaves_the_bearing_area(
+    seed: int, few: int, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(equilibrium, "FEW_NODES", few)
     heights = self_affine(seed, 25)
     delta = 0.3 * np.ptp(heights)
     contact = bem.solve(heights, SIDE, delta, hardness=1e-9)
@@ -171,23 +159,6 @@ def test_a_sphere_yields_first_at_the_hertz_pressure_and_ends_at_the_hardness():
     assert contact.contact_nodes * spacing**2 == pytest.approx(circle, rel=0.05)
 
 
-def test_a_ladder_gives_the_contacts_of_single_solves():
-    heights = self_affine(3, 65)
-    deltas = np.linspace(0.05, 0.5, 10) * np.ptp(heights)
-    tight = {"hardness": 0.02, "rtol": RTOL / 10}  # so that pressures are right to the digits asked
-    steps = list(bem.ladder(heights, SIDE, deltas, **tight))
-    for step, delta in zip(steps, deltas, strict=True):
-        single = bem.solve(heights, SIDE, delta, **tight)
-        np.testing.assert_array_equal(step.pressure > 0, single.pressure > 0)
-        np.testing.assert_allclose(step.pressure, single.pressure, atol=1e-6)
-    pressures = [1e-4, 1e-3, 5e-3, 1e-2, 1.5e-2, 1.9e-2, 1e-3]
-    for step, load in zip(
-        bem.ladder(heights, SIDE, pressures=pressures, hardness=0.02), pressures, strict=True
-    ):
-        assert step.problem.hardness == 0.02
-        assert step.force == pytest.approx(load * (SIDE * 65 / 64) ** 2, rel=1e-12)
-
-
 def test_a_large_grid_starts_from_a_coarser_one_that_yields_too(monkeypatch: pytest.MonkeyPatch):
     heights = self_affine(4, 97)
     delta = 0.4 * np.ptp(heights)
@@ -261,17 +232,6 @@ def test_where_all_that_touches_yields_the_displacement_is_the_smallest(
     assert contact.contact_nodes == many
     shallowest = contact.yielded_depth.flat[-many:].min()
     assert shallowest == pytest.approx(0, abs=2e-7 * contact.delta)
-
-
-@pytest.mark.parametrize("hardness", [0, -1.0, float("nan"), float("inf"), True, "soft"])
-def test_a_hardness_is_a_positive_number(hardness):
-    with pytest.raises(ValueError, match=r"hardness = .*: must be above 0 MPa"):
-        bem.solve(self_affine(0), SIDE, 1.0, hardness=hardness)
-
-
-def test_a_compliant_far_field_is_refused_by_name():
-    with pytest.raises(ValueError, match="far_field = 'compliant'"):
-        bem.solve(self_affine(0), SIDE, 1.0, hardness=0.1, far_field="compliant")
 
 
 def test_a_start_with_yielded_nodes_is_taken():

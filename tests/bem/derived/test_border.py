@@ -23,11 +23,12 @@ def circle(radius, random, kernel="uniform-pressure", n=65):
 
 @pytest.mark.parametrize(
     ("radius", "mean", "rms"),
-    [(3, 0.007, 0.012), (6, 0.003, 0.006), (12, 0.002, 0.003), (24, 0.001, 0.0015)],
+    [(1, 0.03, 0.08), (2, 0.03, 0.08), (3, 0.007, 0.012), (12, 0.002, 0.003), (24, 0.001, 0.0015)],
 )
 def test_hertz_circle(radius, mean, rms):
+    """From spots of a few nodes on."""
     random = np.random.default_rng(radius)
-    errors = np.array([circle(radius, random) for _ in range(16)])
+    errors = np.array([circle(radius, random) for _ in range(30 if radius < 3 else 16)])
     assert abs(errors.mean()) < mean
     assert np.sqrt(np.mean(errors**2)) < rms
 
@@ -105,14 +106,6 @@ def test_nearly_full_contact_of_waves(share):
     assert abs(np.mean(errors)) < 0.3
 
 
-@pytest.mark.parametrize("radius", [1.0, 1.5, 2.0])
-def test_spots_of_a_few_nodes(radius):
-    random = np.random.default_rng(1)
-    errors = np.array([circle(radius, random) for _ in range(30)])
-    assert abs(errors.mean()) < 0.03
-    assert np.sqrt(np.mean(errors**2)) < 0.08
-
-
 @pytest.mark.parametrize("aspect", [2, 5, 20])
 def test_oblong_cells(aspect):
     surface = random_waves(2, 8, 0.8, 7)
@@ -163,13 +156,6 @@ def test_the_closed_form_of_the_local_problem(kernel, compliance, mean):
     q = (np.arange(2000) + 0.5) / 2000 * np.pi
     geometric = np.exp(np.log(compliance(q, 0.0)).mean())
     assert geometric == pytest.approx(border.COMPLIANCE[kernel], rel=1e-3)
-
-
-def test_the_difference_of_the_kernels_is_that_of_their_offsets():
-    for aligned, angle in ((2, 0.0), (0, np.pi / 4)):
-        difference = offset(spectral, angle) - offset(uniform, angle)
-        per_edge = difference / (np.cos(angle) + np.sin(angle))
-        assert per_edge == pytest.approx(border.UNIFORM_PRESSURE[aligned], abs=6e-4)
 
 
 def test_the_layer_below_concentrated_forces():

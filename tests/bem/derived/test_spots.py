@@ -55,34 +55,6 @@ def test_touching_both_sides_is_not_yet_crossing_a_patch_that_repeats():
     assert (spots.contact_connects, spots.gap_connects) == ((False, True), (False, True))
 
 
-def test_a_path_that_needs_two_patches_crosses():
-    """It leaves to the right lower than it comes in, and comes back up through the border."""
-    winding = drawn("#....", "##.##", "...#.", "#..#.", "#....")
-    assert not any(spots_of(winding, 1.0, periodic=False).contact_connects)
-    stairs = drawn("#..", ".#.", "..#")
-    thick = np.kron(stairs, np.ones((2, 2), dtype=bool)) | np.roll(
-        np.kron(stairs, np.ones((2, 2), dtype=bool)), 1, axis=1
-    )
-    assert spots_of(thick, 1.0, periodic=True).contact_connects == (True, True)
-
-
-@pytest.mark.parametrize("periodic", [False, True])
-def test_a_checkerboard_connects_nothing(periodic):
-    board = np.indices((6, 8)).sum(axis=0) % 2 == 0
-    spots = spots_of(board, 1.0, periodic=periodic)
-    assert spots.number == 24
-    assert not any(spots.contact_connects + spots.gap_connects)
-
-
-@pytest.mark.parametrize("value", [False, True])
-@pytest.mark.parametrize("periodic", [False, True])
-def test_all_and_nothing(value, periodic):
-    spots = spots_of(np.full((3, 4), value), 0.5, periodic=periodic)
-    assert spots.areas.tolist() == [6.0] * value
-    assert spots.contact_connects == (value, value)
-    assert spots.gap_connects == (not value, not value)
-
-
 @given(arrays(bool, array_shapes(min_dims=2, max_dims=2, max_side=9)), st.data())
 @settings(max_examples=150, deadline=None)
 def test_a_patch_that_repeats_has_the_same_spots_wherever_it_begins(touching, data):

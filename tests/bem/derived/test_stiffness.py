@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 import bem
 from bem.analytic import WavySurface
 from bem.derived.stiffness import PUNCH_RTOL, patch_stiffness, punch_of, without_patch
-from bem.equilibrium import flat_punch
 from bem.influence import InfluenceMatrix
 from bem.operators.patch import Patch
 from bem.problem import pose
@@ -53,18 +52,6 @@ def test_a_circular_spot_is_that_of_hertz(nodes, accuracy):
     assert contact.conductance(20.0, 60.0) == pytest.approx(2 * a * k, rel=accuracy)
     assert contact.conductance(60.0, 20.0) == contact.conductance(20.0, 60.0)
     assert contact.conductance(20.0, math.inf) == pytest.approx(2 * 20.0 * 2 * a, rel=accuracy)
-
-
-def test_equal_spots_far_apart_conduct_side_by_side():
-    centres = [(SIDE * i / 4, SIDE * j / 4) for i in (1, 3) for j in (1, 3)]
-    four = bem.solve(paraboloids(257, centres, 20.0), SIDE, 0.3, modulus=E)
-    assert four.spots.number == 4
-    alone = paraboloids(257, [(SIDE / 4, SIDE / 4)], 20.0)
-    one = bem.solve(alone, SIDE, force=four.force / 4, modulus=E)
-    # Each spot lifts the others by the load far away, F / (pi E* r) for a force F = S u:
-    near = sum(1 / r for r in (SIDE / 2, SIDE / 2, SIDE / math.sqrt(2))) / (math.pi * E)
-    assert four.stiffness == pytest.approx(4 / (1 / one.stiffness + near), rel=1e-3)
-    assert four.stiffness == pytest.approx(4 * one.stiffness, rel=0.1)
 
 
 @pytest.mark.parametrize("boundary", ["free", "periodic", "mirror"])
@@ -120,14 +107,6 @@ def test_strips_without_edges_are_westergaards():
             contact = bem.solve(heights, sides, pressure=load, boundary="periodic", modulus=E)
             per_area = contact.stiffness / (sides[0] * sides[1])
             assert per_area == pytest.approx(surface.stiffness(load, E), rel=accuracy)
-
-
-def test_a_mirrored_patch_is_a_quarter_of_the_periodic_one():
-    heights = rough((24, 30))
-    whole = np.block([[heights, heights[:, ::-1]], [heights[::-1], heights[::-1, ::-1]]])
-    quarter = bem.solve(heights, (24.0, 30.0), pressure=50.0, boundary="mirror", modulus=E)
-    full = bem.solve(whole, (48.0, 60.0), pressure=50.0, boundary="periodic", modulus=E)
-    assert full.stiffness == pytest.approx(4 * quarter.stiffness, rel=1e-9)
 
 
 @pytest.mark.parametrize("boundary", ["periodic", "mirror"])
@@ -208,12 +187,6 @@ def test_compliances_in_series():
     assert without_patch(2.0, math.inf) == 2.0
     assert without_patch(4.0, 4.0) == without_patch(4.0 * (1 + 1e-14), 4.0) == math.inf
     assert without_patch(0.0, 4.0) == 0
-
-
-def test_the_patch_is_the_flat_punch_of_the_far_field():
-    problem = pose(np.zeros((9, 12)), (8.0, 11.0), 1.0, modulus=E)
-    expected = E * float(flat_punch((9, 12), "uniform-pressure").sum())
-    assert patch_stiffness(problem) == pytest.approx(expected, rel=1e-12)
 
 
 def test_it_costs_nothing_until_it_is_asked_for():

@@ -121,40 +121,6 @@ def test_cosines_filter_the_mirrored_field(shape: tuple[int, int]) -> None:
     np.testing.assert_allclose(single, expected, rtol=0, atol=2e-6)
 
 
-def test_a_kept_filter_forgets_its_last_field() -> None:
-    operator = displacement_filter((9, 12), *FREE)
-    assert displacement_filter((9, 12), *FREE) is operator
-    field = np.random.default_rng(0).standard_normal((9, 12))
-    first = filtered(operator, field).copy()
-    filtered(operator, 1e6 * np.ones((9, 12)))
-    np.testing.assert_array_equal(filtered(operator, field), first)
-
-
-@pytest.mark.parametrize("large", [0, 2**30])
-def test_kept_filters_count_all_that_they_hold(monkeypatch: pytest.MonkeyPatch, large: int) -> None:
-    """Whatever is reachable from one, its buffers and views of them included."""
-    for nodes in (9, 33, 129):
-        bases: dict[int, np.ndarray] = {}
-        operator = made(monkeypatch, (nodes, nodes), "float64", large)
-        reachable: list[object] = list(vars(operator).values())
-        while reachable:
-            item = reachable.pop()
-            if isinstance(item, list | tuple):
-                reachable += item
-            elif isinstance(item, dict):
-                reachable += item.values()
-            elif isinstance(item, filters._Lane):
-                reachable += vars(item).values()
-            elif isinstance(item, np.ndarray):
-                base = item
-                while isinstance(base.base, np.ndarray):
-                    base = base.base
-                bases[id(base)] = base
-        held = sum(base.nbytes for base in bases.values())
-        assert held <= operator.bytes + 4 * 1024
-        assert operator.bytes <= 1.1 * held + 60 * 1024
-
-
 def test_what_filters_occupy_is_bounded_for_all_threads_together(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

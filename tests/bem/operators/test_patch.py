@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import bem
-from bem.influence import KERNELS, Kernel, influence_coefficients
-from bem.operators.patch import Patch, fast_period, wave_numbers
+from bem.influence import KERNELS, Kernel
+from bem.operators.patch import Patch, fast_period
 from bem.problem import BOUNDARIES, Boundary
 from bench.references import dense
 from gen.surface import generate
@@ -70,21 +70,6 @@ def test_displacement_on_oblong_cells(shape: tuple[int, int], aspect: float) -> 
     assert relative_error(displacement, expected) < 1e-12
 
 
-@pytest.mark.parametrize("kernel", KERNELS)
-def test_unit_pressures_give_back_the_coefficients(kernel: Kernel) -> None:
-    """A load in a corner sees every offset once, and nothing comes round from the other side."""
-    pressure = np.zeros((20, 33))
-    pressure[0, -1] = 1
-    displacement = exact(Patch(pressure.shape, "free", kernel, 1.0), pressure)
-    expected = influence_coefficients(pressure.shape, kernel)
-    np.testing.assert_allclose(displacement[:, ::-1], expected, rtol=1e-12)
-
-
-@pytest.mark.parametrize("k", [1, 4, 7, 10])
-def test_grids_of_a_power_of_two_and_one_have_that_period(k: int) -> None:
-    assert fast_period(2**k + 1) == 2 ** (k + 1)
-
-
 def test_periods_are_even_and_hold_every_offset() -> None:
     for nodes in range(1, 600):
         period = fast_period(nodes)
@@ -120,15 +105,6 @@ def test_the_inverse_gives_back_a_pressure_but_for_its_mean(
     assert displacement.mean() == pytest.approx(0, abs=1e-13)
     back = patch.unbalanced(displacement)
     np.testing.assert_allclose(back, pressure - pressure.mean(), rtol=0, atol=1e-12)
-
-
-def test_wave_numbers_count_whole_periods_or_half_ones() -> None:
-    periodic = wave_numbers((4, 5), "periodic", aspect=2.0)
-    np.testing.assert_allclose(periodic[:, 0], 2 * np.pi * np.array([0, 1, 2, 1]) / 4)
-    np.testing.assert_allclose(periodic[0], 2 * np.pi * np.arange(3) / 10)
-    mirror = wave_numbers((4, 5), "mirror", aspect=2.0)
-    np.testing.assert_allclose(mirror[:, 0], np.pi * np.arange(4) / 4)
-    np.testing.assert_allclose(mirror[0], np.pi * np.arange(5) / 10)
 
 
 @pytest.mark.parametrize("boundary", BOUNDARIES)
@@ -171,29 +147,3 @@ def test_it_is_near_the_inverse_on_rough_contacts_of_any_size(level: int, delta:
     identity = np.eye(contact.size)
     np.linalg.cholesky(similar - 0.8 * identity)  # LinAlgError if an eigenvalue is below 0.8
     np.linalg.cholesky(6 * identity - similar)  # or above 6
-
-
-@pytest.mark.parametrize("boundary", EDGELESS)
-@pytest.mark.parametrize("percent", [5, 25, 60])
-@pytest.mark.parametrize(("shape", "most"), [((32, 32), 2.1), ((21, 26), 4.0)])
-def test_it_is_near_the_inverse_without_edges_too(
-    shape: tuple[int, int], most: float, percent: float, boundary: Boundary
-) -> None:
-    """Among pressures of a given load, eigenvalues of M H are at most 2 on whole blocks."""
-    heights = generate("diamond-square", 33, 0.7, 12.0, np.random.default_rng(3))
-    heights = heights[: shape[0], : shape[1]]
-    patch = Patch(shape, boundary, "uniform-pressure", 1.0)
-    contact = np.arange(heights.size)
-    for pressure in np.geomspace(1e-3, 1e3, 60):
-        solved = bem.solve(heights, 1.0, spacing=1.0, pressure=pressure, boundary=boundary)
-        contact = np.flatnonzero(solved.pressure)
-        if solved.area_percent >= percent:
-            break
-    inverse = approximate_inverse(patch, contact)
-    assert np.abs(inverse - inverse.T).max() < 1e-5 * np.abs(inverse).max()
-    matrix = matrix_of(patch)[np.ix_(contact, contact)]
-    values, vectors = np.linalg.eigh((inverse + inverse.T) / 2)
-    assert values[0] > 0
-    root = vectors * np.sqrt(values)
-    eigenvalues = np.linalg.eigvalsh(root.T @ matrix @ root)
-    assert eigenvalues[-1] < most

@@ -1,0 +1,304 @@
+"""Ladders of loads, given forces, and starts from a coarser grid or a pressure nearby."""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import bem
+from bem import equilibrium
+from bem.equilibrium import Equilibrium, Start
+from bem.influence import KERNELS, Kernel
+from bem.operators import filters
+from bem.problem import FAR_FIELDS, FarField
+from bench.references.surfaces import SURFACES, surface
+from gen.runtime.signals import at_most
+from gen.surface import generate
+
+pytestmark = pytest.mark.usefixtures("both_ways")
+
+ROUGH = generate("diamond-square", 65, 0.65, 12.5, np.random.default_rng(4))
+
+
+@pytest.mark.parametrize("deltas", [np.linspace(-1, 45, 24), [30.0, 30.0, 3.0, 44.0], [7.0]])
+@pytest.mark.parametrize("kernel", KERNELS)
+def test_a_ladder_gives_what_single_solves_give(deltas: list[float], kernel: Kernel) -> None:
+    ladder = list(bem.ladder(ROUGH, 1000.0, deltas, modulus=2.0, kernel=kernel, rtol=1e-9))
+    assert len(ladder) == len(deltas)
+    for contact, delta in zip(ladder, deltas, strict=True):
+        alone = bem.solve(ROUGH, 1000.0, delta, modulus=2.0, kernel=kernel, rtol=1e-9)
+        assert contact.delta == delta
+        assert contact.residual <= 1e-9
+        assert contact.contact_nodes == alone.contact_nodes
+        assert contact.force == pytest.approx(alone.force, rel=1e-8)
+        np.testing.assert_allclose(
+            contact.pressure, alone.pressure, rtol=0, atol=1e-6 * alone.pressure.max(initial=1e-300)
+        )
+
+
+def test_a_ladder_stops_at_the_delta_that_is_to_blame() -> None:
+    rungs = bem.ladder(ROUGH, 1000.0, [5.0, np.nan])
+    next(rungs)
+    with pytest.raises(ValueError, match="delta = nan"):
+        next(rungs)
+
+
+def test_a_ladder_of_small_steps_saves_convolutions() -> None:
+    deltas = np.linspace(15, 45, 31)
+    ladder = sum(c.convolutions for c in bem.ladder(ROUGH, 1000.0, deltas))
+    single = sum(bem.solve(ROUGH, 1000.0, delta).convolutions for delta in deltas)
+    assert ladder < 0.65 * single
+
+
+@pytest.mark.parametrize("far_field", FAR_FIELDS)
+@pytest.mark.parametrize("loads", [np.geomspace(1e-4, 0.1, 16), [0.02, 0.0, 0.02, 0.001], [0.01]])
+@pytest.mark.parametrize("name", ["forces", "pressures"])
+def test_ladders_of_forces_and_pressures(
+    name: str, loads: list[float], far_field: FarField
+) -> None:
+    unit = 1e6 * (65 / 64) ** 2 if name == "forces" else 1.0  # um2 of all cells
+    settings: dict[str, Any] = {"modulus": 2.0, "far_field": far_field, "rtol": 1e-9}
+    given: dict[str, Any] = {name: [unit * load for load in loads]}
+    contacts = list(bem.ladder(ROUGH, 1000.0, **given, **settings))
+    assert len(contacts) == len(loads)
+    for contact, load in zip(contacts, loads, strict=True):
+        alone = bem.solve(ROUGH, 1000.0, pressure=load, **settings)
+        assert contact.contact_nodes == alone.contact_nodes
+        assert contact.force == pytest.approx(1e6 * (65 / 64) ** 2 * load, rel=2e-6)
+        assert contact.approach == pytest.approx(alone.approach, rel=1e-7)
+        assert contact.residual <= 1e-9
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({}, "no loads given"),
+        ({"deltas": [1.0], "forces": [1.0]}, "deltas and forces given"),
+        ({"forces": [1.0], "pressures": [1.0]}, "forces and pressures given"),
+        ({"pressures": [-1.0]}, "pressure = -1.0: must be at least 0 MPa"),
+    ],
+)
+def test_a_ladder_has_one_kind_of_load(given: dict[str, Any], told: str) -> None:
+    with pytest.raises(ValueError, match=told):
+        list(bem.ladder(ROUGH, 1000.0, **given))
+
+
+def test_a_load_that_is_not_solved_from_the_contacts_before_is_solved_from_scratch(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def spoilt(problem: bem.Problem, near: Start | None, **how: Any) -> Equilibrium | None:
+        few = problem if near is None else replace(problem, max_iterations=1)
+        return equilibrium.equilibrium_of(few, near, **how)
+
+    monkeypatch.setattr(import_module("bem.solving"), "equilibrium_of", spoilt)
+    for contact in bem.ladder(ROUGH, 1000.0, [20.0, 25.0, 30.0, 35.0]):
+        assert contact.force == bem.solve(ROUGH, 1000.0, contact.delta).force
+
+
+def test_a_ladder_goes_on_after_a_load_that_could_not_be_solved() -> None:
+    few = {"max_iterations": 2, "boundary": "mirror"}
+    rungs = bem.ladder(ROUGH, 1000.0, [0.01, 10.0, np.nan, 0.02], **few)
+    assert next(rungs).delta == 0.01
+    with pytest.raises(bem.NotConverged, match=r"raise max_iterations \(2\)$"):
+        next(rungs)
+    with pytest.raises(ValueError, match="delta = nan"):
+        next(rungs)
+    assert [contact.delta for contact in rungs] == [0.02]
+
+
+RTOL = 1e-9
+
+
+@settings(max_examples=60)
+@given(
+    kind=st.sampled_from(list(SURFACES)),
+    seed=st.integers(0, 2**32 - 1),
+    shape=st.tuples(st.integers(2, 24), st.integers(2, 24)),
+    kernel=st.sampled_from(KERNELS),
+    share=st.floats(0.01, 3.0),
+)
+def test_force_and_displacement_lead_to_one_another(
+    kind: str, seed: int, shape: tuple[int, int], kernel: bem.influence.Kernel, share: float
+) -> None:
+    heights = surface(kind, shape, seed)
+    side = (10.0 * (shape[0] - 1), 10.0 * (shape[1] - 1))
+    delta = share * (float(np.ptp(heights)) or 1.0)
+    given_delta = bem.solve(heights, side, delta, modulus=7.0, kernel=kernel, rtol=RTOL)
+    given_force = bem.solve(
+        heights, side, force=given_delta.force, modulus=7.0, kernel=kernel, rtol=RTOL
+    )
+    assert given_force.force == pytest.approx(given_delta.force, rel=2e-6)
+    assert given_force.delta == pytest.approx(delta, rel=1e-5)
+    largest = given_delta.pressure.max()
+    assert np.abs(given_force.pressure - given_delta.pressure).max() < 1e-4 * largest
+    assert given_force.residual <= RTOL
+
+
+LARGE = generate("diamond-square", 129, 0.65, 12.5, np.random.default_rng(4))
+
+
+@pytest.mark.parametrize("far_field", FAR_FIELDS)
+@pytest.mark.parametrize("delta", [0.5, 4.0, 9.0, 14.0, 17.0])
+def test_it_is_cheap_and_exact_on_rough_surfaces(delta: float, far_field: str) -> None:
+    """The count of convolutions is the cost; its mean ratio is in `pytest bench -k given_force`."""
+    expected = bem.solve(LARGE, 1000.0, delta, modulus=3.0, far_field=far_field)
+    contact = bem.solve(LARGE, 1000.0, force=expected.force, modulus=3.0, far_field=far_field)
+    assert contact.force == pytest.approx(expected.force, rel=2e-6)
+    assert contact.delta == pytest.approx(delta, rel=5e-6)
+    assert contact.approach == pytest.approx(expected.approach, rel=5e-6)
+    assert abs(contact.contact_nodes - expected.contact_nodes) <= 1
+    assert contact.convolutions <= 60
+
+
+def test_mean_pressure_is_the_mean_over_all_nodes() -> None:
+    contact = bem.solve(LARGE, 1000.0, pressure=0.02, modulus=3.0)
+    assert contact.pressure.mean() == pytest.approx(0.02, rel=2e-6)
+    assert contact.problem.delta is None
+    assert contact.delta > 0
+
+
+def test_no_force_is_first_touch() -> None:
+    contact = bem.solve(LARGE, 1000.0, force=0.0)
+    assert (contact.force, contact.delta, contact.contact_nodes) == (0.0, 0.0, 0)
+
+
+def test_flat_surfaces_and_single_nodes_have_a_displacement() -> None:
+    flat = bem.solve(np.zeros((9, 9)), 80.0, force=5.0)
+    assert bem.solve(np.zeros((9, 9)), 80.0, flat.delta).force == pytest.approx(5.0, rel=1e-5)
+    one = bem.solve(np.zeros((1, 1)), 1.0, force=5.0, spacing=2.0)
+    assert bem.solve(np.zeros((1, 1)), 1.0, one.delta, spacing=2.0).force == pytest.approx(5.0)
+
+
+@pytest.mark.filterwarnings("ignore:divide by zero", "ignore:invalid value")
+@pytest.mark.parametrize("pressure", [1e-30, 1e-24, 1e-15, 1e-6])
+def test_forces_far_below_any_guess_are_carried(pressure: float) -> None:
+    """The highest node of the grid is not among those that the displacement is guessed on."""
+    heights = generate("diamond-square", 513, 0.7, 12.5, np.random.default_rng(0))
+    contact = bem.solve(heights, 1.0, pressure=pressure, spacing=1.0)
+    assert contact.pressure.mean() == pytest.approx(pressure, rel=1e-6)
+    assert 0 < contact.delta < 1
+
+
+def ridges(shape: tuple[int, int], row: int, column: int | None = None) -> np.ndarray:
+    heights = np.zeros(shape)
+    heights[row] = 1
+    if column is not None:
+        heights[:, column] = 1
+    return heights
+
+
+@pytest.mark.parametrize(
+    ("heights", "pressure", "rtol"),
+    [
+        (ridges((19, 28), 9, 14), 0.018963090011501784, 1e-12),
+        *((ridges((12, 37), row), 0.030927496547942784, 1e-10) for row in range(6)),
+    ],
+)
+def test_ties_under_tight_tolerances_end(heights: np.ndarray, pressure: float, rtol: float) -> None:
+    """Rounding in the displacement of the far field must not add to the residual."""
+    with at_most(20):
+        contact = bem.solve(heights, 1.0, pressure=pressure, spacing=1.0, rtol=rtol)
+    assert contact.residual <= rtol
+    assert contact.iterations < 60
+
+
+@pytest.mark.parametrize("far_field", FAR_FIELDS)
+@pytest.mark.parametrize("rtol", [1e-3, 2e-7, 1e-12])
+def test_residual_and_force_are_what_is_said(rtol: float, far_field: str) -> None:
+    for pressure in (1e-3, 0.02, 0.2):
+        contact = bem.solve(LARGE, 1000.0, pressure=pressure, rtol=rtol, far_field=far_field)
+        gap = np.where(contact.pressure > 0, np.abs(contact.gap), -contact.gap)
+        assert contact.residual == pytest.approx(gap.max() / contact.approach, rel=0, abs=2e-14)
+        assert contact.pressure.mean() == pytest.approx(pressure, rel=1e-14)
+
+
+@pytest.mark.parametrize("most", [1, 2, 5])
+def test_what_is_reached_before_the_bound_makes_sense(most: int) -> None:
+    contact = bem.solve(LARGE, 1000.0, pressure=0.02)
+    with pytest.raises(bem.NotConverged, match="raise max_iterations") as stopped:
+        bem.solve(LARGE, 1000.0, pressure=0.02, max_iterations=most, rtol=1e-12)
+    reached = stopped.value.contact
+    assert contact.delta / 3 < reached.delta < 3 * contact.delta
+    assert reached.pressure.mean() == pytest.approx(0.02, rel=1e-12)
+    gap = np.where(reached.pressure > 0, np.abs(reached.gap), -reached.gap)
+    assert reached.residual == pytest.approx(gap.max() / reached.approach, rel=1e-9)
+    assert reached.residual > 1e-12
+
+
+@pytest.mark.parametrize(
+    ("side", "scale", "load"),
+    [
+        (1e50, 1.0, {"force": 1e-300}),
+        (1e-50, 1.0, {"force": 1e300}),
+        (1.0, 1e200, {"force": 1e-150}),
+        (1e-30, 1.0, {"pressure": 1e-300}),
+    ],
+)
+def test_forces_that_would_vanish_or_overflow_are_refused(
+    side: float, scale: float, load: dict[str, Any]
+) -> None:
+    with pytest.raises(bem.OutOfRange, match="double precision"):
+        bem.solve(scale * LARGE[:20, :20], side, **load)
+
+
+@pytest.mark.parametrize("shape", [(65, 65), (64, 66), (70, 41), (37, 90)])
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("name", SURFACES)
+def test_a_nested_start_changes_no_answer(
+    name: str, kernel: Kernel, shape: tuple[int, int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    heights = surface(name, shape, seed=3)
+    delta = 0.6 * float(heights.max() - heights.min())
+    settings = {"spacing": 1.0, "kernel": kernel, "rtol": 1e-9}
+    plain = bem.solve(heights, 1000.0, delta, **settings)  # type: ignore[arg-type]
+    monkeypatch.setattr(equilibrium, "NESTED", 9)
+    nested = bem.solve(heights, 1000.0, delta, **settings)  # type: ignore[arg-type]
+    assert nested.residual <= 1e-9
+    assert nested.force == pytest.approx(plain.force, rel=1e-7)
+    scale = plain.pressure.max()
+    np.testing.assert_allclose(nested.pressure, plain.pressure, rtol=0, atol=1e-5 * scale)
+
+
+def test_a_grid_that_starts_from_coarser_ones_keeps_its_own_filters(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """They take longest to make, and a second load needs them again."""
+    monkeypatch.setattr(equilibrium, "NESTED", 20)
+    monkeypatch.setattr(equilibrium, "FEW_NODES", 0)
+    monkeypatch.setattr(filters, "KEPT_BYTES", 0)
+    monkeypatch.setattr(filters, "KEPT_LARGEST", 0)
+
+    def kept_by_a_solve() -> list[tuple[int, int]]:
+        bem.solve(ROUGH, 1000.0, 2 * float(ROUGH.max() - ROUGH.min()))
+        return [arguments[0] for _, *arguments in filters._KEPT.filters]
+
+    with ThreadPoolExecutor(1) as fresh:  # it keeps no filters of earlier tests
+        shapes = fresh.submit(kept_by_a_solve).result()
+    assert shapes.count((65, 65)) == 4  # both precisions, the inverse, and means over blocks
+    assert {shape[1] for shape in shapes} == {65}
+
+
+def test_a_peak_between_the_coarser_nodes_starts_from_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    heights = np.zeros((41, 41))
+    heights[20:23, 20:23] = 1.0
+    heights[21, 21] = 3.0  # odd in both directions: every second node misses it
+    heights -= np.random.default_rng(0).random(heights.shape) / 10
+    monkeypatch.setattr(equilibrium, "NESTED", 3)
+    monkeypatch.setattr(equilibrium, "FEW_NODES", 0)
+    contact = bem.solve(heights, 40.0, 1.5)
+    assert contact.contact_nodes == 1
+
+
+@pytest.mark.parametrize("amount", [1e50, 1e300])
+def test_a_start_beyond_all_bounds_is_left_aside(amount: float) -> None:
+    heights = surface("white noise", (65, 65))
+    with at_most(20):
+        contact = bem.solve(heights, 1.0, 0.3, near=np.full((65, 65), amount))
+    assert contact.force == bem.solve(heights, 1.0, 0.3).force
