@@ -106,16 +106,10 @@ def read(
     overrule, side, unit = map(reading.said, ("override_scale", "side", "unit"))
     if reading.override_scale and not (reading.side or reading.unit):
         raise InputError(f"{overrule}: give {side}, {unit} or both, to overrule the file's")
-    matrices, reason = _matrices(path)
-    if matrices:
-        scan = _own_scan(path, matrices, reading)
-    else:
-        scan = _instruments_scan(path, reading, reason)
-        scan = arranged(path, replace(scan, heights=text.checked(scan.heights, path)))
+    scan = _scan(path, reading)
     overruled: list[str] = []
-    allowed = overruled if reading.override_scale else None
-    heights_unit = _agreed_unit(path, scan, reading, allowed)
-    sides = _agreed_sides(path, scan, heights_unit, reading, boundary, allowed)
+    heights_unit = _agreed_unit(path, scan, reading, overruled)
+    sides = _agreed_sides(path, scan, heights_unit, reading, boundary, overruled)
     with np.errstate(over="ignore"):
         heights = scan.heights * _factor(heights_unit or "um", unit)
     if np.isnan(heights).all():
@@ -124,7 +118,14 @@ def read(
         raise InputError(
             f"{path}: its heights or lengths are beyond what numbers hold; give others"
         )
-    steps = [_first_step(scan, heights, heights_unit)]
+    units = f"heights in {heights_unit}" if heights_unit else "heights taken as um"
+    if scan.widths is not None:
+        units = f"lengths in {heights_unit}"
+        if scan.length_unit not in {None, heights_unit}:
+            units = f"lengths in {scan.length_unit}, heights in {heights_unit}"
+    (nx, ny), holes = heights.shape, int(np.count_nonzero(np.isnan(heights)))
+    share = f"{holes} missing ({100 * holes / heights.size:.3g} %)"
+    steps = [f"read {nx} x {ny} nodes{scan.origin}, {units}, {share}"]
     steps += [f"OVERRULED by {overrule}: {change}" for change in overruled]
     distrust = [f"the file's own scale is overruled: {change}" for change in overruled]
     distrust += [
@@ -158,19 +159,6 @@ def _absurd(topography: Topography) -> list[str]:
     ]
 
 
-def _first_step(scan: Scan, heights: Heights, unit: str | None) -> str:
-    """Describe the map that was read in one line: nodes, channel, units, holes."""
-    nx, ny = heights.shape
-    units = f"heights in {unit}" if unit else "heights taken as um"
-    if scan.widths is not None:
-        units = f"lengths in {unit}"
-        if scan.length_unit not in {None, unit}:
-            units = f"lengths in {scan.length_unit}, heights in {unit}"
-    holes = int(np.count_nonzero(np.isnan(heights)))
-    share = f"{holes} missing ({100 * holes / heights.size:.3g} %)"
-    return f"read {nx} x {ny} nodes{scan.origin}, {units}, {share}"
-
-
 def sides_from(text: str, asked: Asked = "option") -> Sides:
     """Return the scan lengths along x and y [um] from "1000" or "1000,500".
 
@@ -202,13 +190,8 @@ def _unit(name: str) -> str:
     return name if name in UNITS else WORDS.get(word, word if known else name)
 
 
-def _agreed_unit(
-    path: Path, scan: Scan, reading: Reading, overruled: list[str] | None
-) -> str | None:
-    """Return the unit of the heights, from the file or the user; None if it is um by default.
-
-    If the user's unit overrules the file's, that is appended to `overruled`; None forbids it.
-    """
+def _agreed_unit(path: Path, scan: Scan, reading: Reading, overruled: list[str]) -> str | None:
+    """Return the unit of the heights, from the file or the user; None if it is um by default."""
     own, given, named = scan.unit, reading.unit, reading.said("unit")
     factor = _factor(given, named) if given else None
     if not own:
@@ -218,7 +201,7 @@ def _agreed_unit(
     if not given or factor == UNITS.get(_unit(own)):
         _factor(own, f"{path}: unit")
         return given or own
-    if overruled is None:
+    if not reading.override_scale:
         raise InputError(
             f"{path}: its {'lengths' if scan.length_unit is None else 'heights'} are in {own},"
             f" {named} says {given}; leave that out, or overrule the file by"
@@ -234,60 +217,52 @@ def _agreed_sides(
     unit: str | None,
     reading: Reading,
     boundary: Boundary,
-    overruled: list[str] | None,
+    overruled: list[str],
 ) -> Sides:
-    """Return the lengths of the patch [um], from the file or the user.
-
-    If the user's lengths overrule the file's, that is appended to `overruled`; None forbids it.
-    """
-    side, named = reading.side, reading.said("side")
-    overrule = reading.said("override_scale")
-    if scan.widths is None:
-        if not side:
-            hint = "".join(f" (it says {remark!r})" for remark in scan.remarks[:1])
-            raise InputError(f"{path}: holds no lengths; give {named}, the scan length in um{hint}")
-        return _sides_of(path, scan.heights.shape, reading, boundary)
-    length_unit = scan.length_unit or unit or "um"
-    own_scale = f"lengths in {length_unit}"
-    if not side or overruled is None or _unit(length_unit) in UNITS:
-        advice = f"give {named} with {overrule}, or lengths in"
-        factor = _factor(length_unit, f"{path}: unit of lengths", advice)
-        (nx, ny), (width, length) = scan.heights.shape, scan.widths
-        width, length = width * intervals(nx, boundary) / nx, length * intervals(ny, boundary) / ny
-        own = width * factor, length * factor
-        if not side or np.allclose(sides_from(side, reading.asked), own, rtol=1e-3):
-            return own
-        own_scale = f"{own[0]:.6g} x {own[1]:.6g} um"
-    if overruled is None:
+    """Return the lengths of the patch [um], from the file or the user."""
+    side, named, (nx, ny) = reading.side, reading.said("side"), scan.heights.shape
+    overrule, own_scale = reading.said("override_scale"), ""
+    if scan.widths is not None:
+        length_unit = scan.length_unit or unit or "um"
+        own_scale = f"lengths in {length_unit}"
+        if not side or not reading.override_scale or _unit(length_unit) in UNITS:
+            advice = f"give {named} with {overrule}, or lengths in"
+            factor = _factor(length_unit, f"{path}: unit of lengths", advice)
+            width, length = scan.widths
+            width, length = (
+                width * intervals(nx, boundary) / nx,
+                length * intervals(ny, boundary) / ny,
+            )
+            own = width * factor, length * factor
+            if not side or np.allclose(sides_from(side, reading.asked), own, rtol=1e-3):
+                return own
+            own_scale = f"{own[0]:.6g} x {own[1]:.6g} um"
+        if not reading.override_scale:
+            raise InputError(
+                f"{path}: is {own_scale}, {named} says {side}; leave that out, or overrule the file"
+                f" by {overrule}"
+            )
+    if not side:
+        hint = "".join(f" (it says {remark!r})" for remark in scan.remarks[:1])
+        raise InputError(f"{path}: holds no lengths; give {named}, the scan length in um{hint}")
+    given = sides_from(side, reading.asked)
+    if nx != ny and "," not in side:
+        square = given[0] / intervals(nx, boundary) * intervals(ny, boundary)
         raise InputError(
-            f"{path}: is {own_scale}, {named} says {side}; leave that out, or overrule the file by"
-            f" {overrule}"
+            f"{path}: has {nx} x {ny} nodes; give {named} two lengths, {given[0]:g},{square:g} for"
+            f" square cells or {given[0]:g},{given[0]:g} for a square patch"
         )
-    given = _sides_of(path, scan.heights.shape, reading, boundary)
-    overruled.append(f"{own_scale}, taken as {given[0]:g} x {given[1]:g} um")
+    if own_scale:
+        overruled.append(f"{own_scale}, taken as {given[0]:g} x {given[1]:g} um")
     return given
 
 
-def _sides_of(path: Path, shape: tuple[int, ...], reading: Reading, boundary: Boundary) -> Sides:
-    """Return the lengths that were given [um]; require both for a map that is not square."""
-    lengths = sides_from(reading.side, reading.asked)
-    nx, ny = shape
-    if nx != ny and "," not in reading.side:
-        square = lengths[0] / intervals(nx, boundary) * intervals(ny, boundary)
-        raise InputError(
-            f"{path}: has {nx} x {ny} nodes; give {reading.said('side')} two lengths,"
-            f" {lengths[0]:g},{square:g} for square cells or {lengths[0]:g},{lengths[0]:g} for a"
-            " square patch"
-        )
-    return lengths
-
-
-def _matrices(path: Path) -> tuple[list[text.Matrix], str]:
-    """Read the matrices of a .npy or text file, whatever its suffix; or none, and the reason.
+def _scan(path: Path, reading: Reading) -> Scan:
+    """Read a .npy or text file, whatever its suffix, or a file of an instrument.
 
     Files of instruments may be text, too, that only SurfaceTopography understands.
     """
-    own = path.suffix.lower() in OWN_SUFFIXES
+    own, reason = path.suffix.lower() in OWN_SUFFIXES, ""
     try:
         matrices = text.read(path)
         if matrices and not own:
@@ -295,42 +270,45 @@ def _matrices(path: Path) -> tuple[list[text.Matrix], str]:
     except InputError as error:
         if own:
             raise
-        return [], str(error)
-    if own and not matrices and path.suffix.lower() != ".dat":
+        matrices, reason = [], str(error)
+    if matrices:
+        return _own_scan(path, matrices, reading)
+    if own and path.suffix.lower() != ".dat":
         raise InputError(f"{path}: is neither .npy nor text; give one of them")
-    return matrices, ""
+    scan = _instruments_scan(path, reading, reason)
+    return arranged(path, replace(scan, heights=text.checked(scan.heights, path)))
 
 
 def _own_scan(path: Path, matrices: Sequence[text.Matrix], reading: Reading) -> Scan:
     """Choose the map of a .npy or text file; if it is overruled, its unit need not be a length."""
     overruled = reading.override_scale and bool(reading.unit)
-    units = [matrix.value_unit for matrix in matrices]
     channels = [
         Channel(
-            index=place,
-            name=matrix.entries.get("channel") or f"matrix {place}",
-            heights=not unit or overruled or _unit(unit) in UNITS,
-            unit=unit,
+            place,
+            matrix.channel or f"matrix {place}",
+            not matrix.unit or overruled or _unit(matrix.unit) in UNITS,
+            matrix.unit,
         )
-        for place, (matrix, (_, unit)) in enumerate(zip(matrices, units, strict=True))
+        for place, matrix in enumerate(matrices)
     ]
     taken, origin = choose_channel(path, channels, reading)
-    matrix, (factor, unit) = matrices[taken], units[taken]
-    heights, widths = text.checked(matrix.numbers, path), None
-    x_unit, y_unit = (matrix.entries.get(f"{axis} unit", "") for axis in "xy")
-    if matrix.widths is not None:
-        (width, x_unit), (length, y_unit) = matrix.widths
-        if _unit(y_unit) != _unit(x_unit):
-            length *= _factor(y_unit, f"{path}: unit") / _factor(x_unit, f"{path}: unit")
-        widths, heights = (width, length), np.ascontiguousarray(heights.T)
+    matrix = matrices[taken]
+    heights, widths = text.checked(matrix.numbers, path), matrix.widths
+    x_unit, y_unit = matrix.axis_units
+    differ = bool(y_unit) and _unit(y_unit) != _unit(x_unit)
+    if widths is not None:
+        if differ:
+            ratio = _factor(y_unit, f"{path}: unit") / _factor(x_unit, f"{path}: unit")
+            widths = widths[0], widths[1] * ratio
+        heights = np.ascontiguousarray(heights.T)
         origin += " under a header, x along its lines"
-    elif y_unit and _unit(y_unit) != _unit(x_unit):
+    elif differ:
         raise InputError(f"{path}: has x in {x_unit} and y in {y_unit}; give both in one unit")
-    scan = Scan(heights, widths, unit, x_unit or None, origin, matrix.remarks)
+    scan = Scan(heights, widths, matrix.unit, x_unit or None, origin, matrix.remarks)
     scan = arranged(path, scan, matrix.names)
     # An overflow is refused by `read`; a signalling NaN is a hole like every NaN.
     with np.errstate(over="ignore", invalid="ignore"):
-        return replace(scan, heights=factor * scan.heights)
+        return replace(scan, heights=matrix.factor * scan.heights)
 
 
 # spacing of the nodes above which a NanoFocus file was read in the wrong unit [um]
@@ -341,8 +319,6 @@ TABLES = {"asc", "xyz"}
 DAMAGED = (OSError, EOFError, RuntimeError, BadZipFile, zlib.error)
 # readers that take any file for theirs: they are tried for files of their suffix only
 GUESSING = {"nms", "hgt"}
-# letters of a reader's reason that are printed, at most: a reason may quote the file
-MOST_LETTERS = 600
 # revision of an x3p file with any dash; SurfaceTopography knows it with one dash only
 REVISION = re.compile(
     rb"(Revision>)\s*ISO ?5436\s*(?:-|\xe2\x80[\x90-\x95]|\x96|\x97|&#(?:8211|x2013);)\s*2000"
@@ -378,9 +354,7 @@ def _instruments_scan(path: Path, reading: Reading, reason: str) -> Scan:
         except InputError:
             raise
         except Exception as error:  # a broken file makes its readers raise nearly anything
-            raise InputError(
-                f"{path}: SurfaceTopography cannot read it: {_reason(error)}"
-            ) from None
+            raise InputError(f"{path}: SurfaceTopography cannot read it: {error!r:.600}") from None
         finally:
             logging.disable(logged)
 
@@ -407,7 +381,7 @@ def _opened(path: Path, reason: str) -> tuple[Any, str]:
                 reader = open_topography(content, format=kind.format())
                 dimensions = {channel.dim for channel in reader.channels}
             except Exception as error:  # a foreign file makes readers raise nearly anything
-                fault = _reason(error)
+                fault = f"{error!r:.600}"  # it may quote the file
                 continue
             if 2 in dimensions:
                 return reader, remark
@@ -441,11 +415,6 @@ def _contents(path: Path, kind: str) -> Iterator[tuple[str | BytesIO, str]]:
                         content = mended if name == main else archive.read(name)
                         whole.writestr(name.removeprefix(folder), content)
             yield copy, f" ({' and '.join(remarks)})"
-
-
-def _reason(error: Exception) -> str:
-    """Return the kind and the text of an error in one line."""
-    return f"{type(error).__name__}: {' '.join(str(error).split())}"[:MOST_LETTERS]
 
 
 def _map_of(path: Path, reading: Reading, reader: Any, remark: str) -> Scan:

@@ -59,6 +59,8 @@ def choose_channel(path: Path, channels: Sequence[Channel], reading: Reading) ->
     holds no heights, or several have the name.
     """
     wanted, named = reading.channel, f"{reading.said('channel')} {reading.channel!r}"
+    if not wanted and len(channels) == 1 and channels[0].heights:
+        return channels[0].index, ""
     labels = ", ".join(channel.label for channel in channels)
     if wanted:
         matches = [channel for channel in channels if channel.name == wanted]
@@ -150,17 +152,13 @@ def _from_points(path: Path, scan: Scan, columns: Values, direction: str) -> Sca
         else:
             heights = np.full(grid.shape, np.nan)
             heights[grid.nodes] = columns[:, 2]
-            return _with_spacing(scan, heights, grid.spacing, f" of {points} points on a grid")
+            widths = grid.spacing[0] * grid.shape[0], grid.spacing[1] * grid.shape[1]
+            origin = f"{scan.origin} of {points} points on a grid"
+            return replace(scan, heights=heights, widths=widths, origin=origin)
     raise InputError(
         f"{path}: holds {points} x {width} numbers in {direction}: looks like {looks}, not a map of"
         f" heights; {ADVICE}"
     )
-
-
-def _with_spacing(scan: Scan, heights: Heights, spacing: tuple[float, float], said: str) -> Scan:
-    """Return a scan with these heights, their spacing, and more words on its origin."""
-    widths = spacing[0] * heights.shape[0], spacing[1] * heights.shape[1]
-    return replace(scan, heights=heights, widths=widths, origin=scan.origin + said)
 
 
 def _between_coordinates(path: Path, scan: Scan) -> Scan:
@@ -176,7 +174,9 @@ def _between_coordinates(path: Path, scan: Scan) -> Scan:
         if np.allclose((dx, dy), 1, rtol=1e-9) and {x[0], y[0]} <= {0, 1}:
             said = f"{scan.origin} without the row and column numbers {inside}"
             return replace(scan, heights=heights, origin=said)
-        return _with_spacing(scan, heights, (abs(dx), abs(dy)), f" between coordinates {inside}")
+        widths = abs(dx) * heights.shape[0], abs(dy) * heights.shape[1]
+        said = f"{scan.origin} between coordinates {inside}"
+        return replace(scan, heights=heights, widths=widths, origin=said)
     pairs = zip(kinds, (x, y), strict=True)
     alone = any(kind and (axis.size >= CHANCE or np.isnan(numbers[0, 0])) for kind, axis in pairs)
     if alone and (all(kinds) or "even" in kinds):

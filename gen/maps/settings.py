@@ -22,10 +22,8 @@ Asked = Literal["option", "key", "keyword"]  # who asks: a command line, a scene
 SPIKE = 7.0
 # largest total degree of a form: higher ones follow the waviness, which is for an L-filter
 HIGHEST_DEGREE = 20
-STEPS = "preparation"  # table of a scene with the steps from a map to a surface
-
+READ, PREPARED = "reading", "preparation"  # tables of `[surface]` in a scene
 LEVELS = ("mean", "plane", "quadratic")
-
 
 # keys of the preparation in the order in which their steps are taken, which is a metrologist's;
 # that of the fields of `Reading` is the order of the options
@@ -55,9 +53,16 @@ class Key(NamedTuple):
     help: str  # of the option, and in the manual
     metavar: str = ""  # value of the option in its help; "" for a flag
     table: str = ""  # of `[surface]` in a scene that has the key; "" for one that no scene has
-    allowed: str = "true or false"  # what a scene may say
-    least: int | None = None  # least whole number
     choices: tuple[str, ...] = ()  # allowed words; () for any text
+    least: int | None = None  # least whole number
+    words: str = ""  # what is allowed, where the rest does not say it
+
+    @property
+    def allowed(self) -> str:
+        """What may be given, in words."""
+        if self.choices:
+            return ", ".join(map(repr, self.choices))
+        return self.words or (f"text, {self.metavar}" if self.metavar else "true or false")
 
 
 @dataclass(frozen=True)
@@ -68,32 +73,16 @@ class FileReading:
         str,
         Key(
             "Scan length in um for a file without lengths; two for an oblong patch: 1000,500.",
-            "UM",
-            "reading",
-            "the scan length in um, or two as [1000, 500] or '1000,500'",
+            *("UM", READ),
+            words="the scan length in um, or two as [1000, 500] or '1000,500'",
         ),
     ] = ""
-    # unit of the heights, and of the lengths of the file, for a file that names none; .npy and text
-    # are in um by default
+    # of the heights, and of the lengths of the file; .npy and text are in um by default
     unit: Annotated[
-        str,
-        Key(
-            "Unit of a file that names none, as um, nm or inch.",
-            "UNIT",
-            "reading",
-            "text, the unit of the heights, as 'nm'",
-        ),
+        str, Key("Unit of a file that names none, as um, nm or inch.", "UNIT", READ)
     ] = ""
-    # name or index of the channel; the first one with heights by default
-    channel: Annotated[
-        str,
-        Key(
-            "Name or index of a channel of the file.",
-            "NAME",
-            "reading",
-            "text, a channel's name or its index",
-        ),
-    ] = ""
+    # the first one with heights by default
+    channel: Annotated[str, Key("Name or index of a channel of the file.", "NAME", READ)] = ""
     asked: Asked = field(default="keyword", kw_only=True)
 
     @classmethod
@@ -113,57 +102,45 @@ class Reading(FileReading):
     override_scale: Annotated[bool, Key("Let --side and --unit overrule the file's own.")] = False
     fill: Annotated[
         bool,
-        Key("Close holes by Laplace's equation between the heights of their rims.", "", STEPS),
+        Key("Close holes by Laplace's equation between the heights of their rims.", "", PREPARED),
     ] = False
-    fill_most: Annotated[bool, Key("Fill even if more than half is missing.", "", STEPS)] = False
+    fill_most: Annotated[bool, Key("Fill even if more than half is missing.", "", PREPARED)] = False
     level: Annotated[
         str,
         Key(
             "Subtract the mean, plane or quadratic fit over the measured nodes.",
-            "HOW",
-            STEPS,
-            "'mean', 'plane' or 'quadratic'",
-            choices=LEVELS,
+            *("HOW", PREPARED, LEVELS),
         ),
     ] = ""
     crop: Annotated[
         str,
         Key(
             "Keep only this part, in um from the first node, as 100:900,0:500.",
-            "X0:X1,Y0:Y1",
-            STEPS,
-            "text, 'x0:x1,y0:y1' [um]",
+            *("X0:X1,Y0:Y1", PREPARED),
         ),
     ] = ""
     invert: Annotated[
-        bool, Key("Turn upside down: heights point into the material.", "", STEPS)
+        bool, Key("Turn upside down: heights point into the material.", "", PREPARED)
     ] = False
     mask: Annotated[
         str,
-        Key(
-            "Heights outside these, in um, become holes, as -5:3.",
-            "BELOW:ABOVE",
-            STEPS,
-            "text, 'below:above' [um]",
-        ),
+        Key("Heights outside these, in um, become holes, as -5:3.", "BELOW:ABOVE", PREPARED),
     ] = ""
     despike: Annotated[
         float | None,
         Key(
             "Replace nodes further from the local median than this times the scatter, as 7, by it.",
-            "THRESHOLD",
-            STEPS,
-            "a number above 0, as 7",
+            *("THRESHOLD", PREPARED),
+            words="a number above 0, as 7",
         ),
     ] = None
     form: Annotated[
         int | None,
         Key(
             f"Subtract the fitted polynomial of total degree N, 1 to {HIGHEST_DEGREE}.",
-            "N",
-            STEPS,
-            "the degree of a polynomial, a whole number from 1 on",
+            *("N", PREPARED),
             least=1,
+            words=f"the degree of a polynomial, a whole number from 1 to {HIGHEST_DEGREE}",
         ),
     ] = None
     filter: Annotated[
@@ -171,15 +148,16 @@ class Reading(FileReading):
         Key(
             "Gaussian filter (ISO 16610-61): cut-offs of the S- and L-filter in um, as 2.5:80; one"
             " may be left out.",
-            "S:L",
-            STEPS,
-            "text, 'short:long' [um]",
+            *("S:L", PREPARED),
         ),
     ] = ""
     downsample: Annotated[
         int | None,
         Key(
-            "Take the means of N x N nodes as nodes.", "N", STEPS, "a whole number of 2 or more", 2
+            "Take the means of N x N nodes as nodes.",
+            *("N", PREPARED),
+            least=2,
+            words="a whole number of 2 or more",
         ),
     ] = None
 
@@ -191,20 +169,16 @@ class Reading(FileReading):
         """
         self.kept_heights()
         self.cutoffs()
-        wrong = {
-            f"despike {self.despike}": self.despike is not None and not 0 < self.despike < math.inf,
-            f"level {self.level!r}": bool(self.level) and self.level not in LEVELS,
-            f"form {self.form}": self.form is not None and not 1 <= self.form <= HIGHEST_DEGREE,
-            f"downsample {self.downsample}": self.downsample is not None and self.downsample < 2,
-        }
-        advice = {
-            "despike": "a number above 0, as 7",
-            "level": f"one of {', '.join(LEVELS)}",
-            "form": f"a degree from 1 to {HIGHEST_DEGREE}",
-            "downsample": "a whole number of 2 or more",
-        }
-        for phrase in (phrase for phrase, is_wrong in wrong.items() if is_wrong):
-            raise InputError(f"{self.said(phrase)}: give {advice[phrase.partition(' ')[0]]}")
+        for name, is_wrong in {
+            "despike": self.despike is not None and not 0 < self.despike < math.inf,
+            "level": bool(self.level) and self.level not in LEVELS,
+            "form": self.form is not None and not 1 <= self.form <= HIGHEST_DEGREE,
+            "downsample": self.downsample is not None and self.downsample < 2,
+        }.items():
+            if is_wrong:
+                given = self.said(f"{name} {getattr(self, name)!r}")
+                allowed = keys(PREPARED)[name].allowed
+                raise InputError(f"{given}: give {'one of ' * (name == 'level')}{allowed}")
         if self.level and self.form is not None:
             both = f"{self.said(f'level {self.level}')} and {self.said(f'form {self.form}')}"
             raise InputError(f"{both} given: give one; forms of degree 1 and 2 are levels too")
@@ -214,46 +188,38 @@ class Reading(FileReading):
         """Steps that are taken, in the words of advice: "crop", "level plane"; a threshold of
         spikes counts as the one that is advised if it takes out as many.
         """
-        taken = {name for name in keys("preparation") if getattr(self, name)}
-        taken -= {"level", "despike"}
+        taken = {name for name in ORDER if getattr(self, name)} - {"level", "despike"}
         if self.level:
             taken.add(f"level {self.level}")
         if self.despike is not None and self.despike <= SPIKE:
             taken.add(f"despike {SPIKE:g}")
         return frozenset(taken)
 
-    def kept_heights(self) -> tuple[float, float] | None:
-        """Return the lowest and the highest height to keep [um]; None without a mask."""
+    def kept_heights(self) -> tuple[float, float]:
+        """Return the lowest and the highest height to keep [um]; infinite without a mask."""
         advice = "give the lowest and the highest height to keep in um, as -5:3, :3 or -5:"
-        ends = self._ends("mask", advice)
-        if ends is None:
-            return None
-        below, above = (-math.inf if ends[0] is None else ends[0]), ends[1]
-        return below, math.inf if above is None else above
+        below, above = self._ends("mask", advice)
+        return -math.inf if below is None else below, math.inf if above is None else above
 
     def cutoffs(self) -> tuple[float | None, float | None]:
         """Return the cut-off wavelengths of the S-filter and the L-filter, None for no filter."""
         advice = "give the cut-offs of the S-filter and the L-filter in um, as 2.5:80, 2.5: or :80"
-        ends = self._ends("filter", advice)
-        if ends is None:
-            return None, None
-        if any(cutoff is not None and cutoff <= 0 for cutoff in ends):
-            named = f"{self.said('filter')} {shown(self.filter)}"
-            raise InputError(f"{named}: cut-offs are above 0; {advice}")
-        return ends
+        return self._ends("filter", advice, above=0.0)
 
-    def _ends(self, key: str, advice: str) -> tuple[float | None, float | None] | None:
+    def _ends(
+        self, key: str, advice: str, above: float = -math.inf
+    ) -> tuple[float | None, float | None]:
         """Parse two rising numbers with a colon between them, one of which may be left out."""
         text = getattr(self, key)
         if not text:
-            return None
+            return None, None
         parts = [part.strip() for part in text.split(":")]
         given = numbers_in(":".join(filter(None, parts)), ":")
-        if len(parts) != 2 or not given or not all(map(math.isfinite, given)):
-            raise InputError(f"{self.said(key)} {shown(text)}: {advice}")
-        if len(given) == 2 and given[0] >= given[1]:
-            named = f"{self.said(key)} {shown(text)}"
-            raise InputError(f"{named}: the first number is below the second; {advice}")
+        rising = given == sorted(set(given)) and all(above < each < math.inf for each in given)
+        if len(parts) != 2 or not given or not rising:
+            raise InputError(
+                f"{self.said(key)} {shown(text)}: {advice}, the first below the second"
+            )
         low, high = (float(part) if part else None for part in parts)
         return low, high
 
@@ -265,7 +231,7 @@ class Reading(FileReading):
 def keys(table: str) -> dict[str, Key]:
     """Return the keys of a table of scenes, in the order in which they are followed."""
     found = {name: kind.__metadata__[0] for name, kind in _annotations().items()}
-    names = ORDER if table == "preparation" else found
+    names = ORDER if table == PREPARED else found
     return {name: found[name] for name in names if found[name].table == table}
 
 
@@ -285,7 +251,7 @@ def kind_of(name: str) -> Any:
 def markdown_table() -> str:
     """Write the steps of the preparation as a table in Markdown."""
     lines = ["| option | what it does |", "|---|---|"]
-    for name, key in keys("preparation").items():
+    for name, key in keys(PREPARED).items():
         option = f"{said(name, 'option')} {key.metavar}".rstrip()
         lines.append(f"| `{option}` | {key.help} |")
     return "\n".join(lines)

@@ -11,7 +11,7 @@ import codecs
 import math
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from types import MappingProxyType
@@ -64,50 +64,21 @@ BARE = re.compile(r"\s*(File Format\s*=|WSxM file)", re.IGNORECASE)
 SAYS_LENGTHS = re.compile(r"\b(mm|um|µm|μm|nm|microns?|micromet\w+|nanomet\w+|\d\s*m)\b|Å")
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class Matrix:
-    """Numbers of a text file with the entries of the header above them."""
+    """Numbers of a text file, with what the header above them states."""
 
     numbers: Values  # numbers as the file holds them [unit of the header], shape (lines, columns)
-    # entries of the header by their quantity, a key of `LABELS`
-    entries: dict[str, str] = field(default_factory=dict)
+    channel: str = ""  # name of the channel
+    # factor and unit of the numbers; the unit is "" if the header has none
+    factor: float = 1.0
+    unit: str = ""
+    names: tuple[str, ...] = ()  # coordinate in each column, "" for another quantity
+    # lengths along the lines and across them, which count whole pixels; None if one is not stated
+    widths: tuple[float, float] | None = None
+    axis_units: tuple[str, str] = ("", "")  # units of these lengths, or of coordinates
     # comments that we do not understand and that name a unit of length
     remarks: tuple[str, ...] = ()
-
-    @property
-    def value_unit(self) -> tuple[float, str]:
-        """Factor and unit of the numbers; the unit is "" if the header has none."""
-        if "value unit" not in self.entries and "nm per value" in self.entries:
-            return _quantity(self.entries["nm per value"])[0] or 1.0, "nm"
-        return 1.0, _unit(self.entries["value unit"]) if "value unit" in self.entries else ""
-
-    @property
-    def names(self) -> list[str]:
-        """Coordinate in each column, "" for another quantity; empty if no line names them."""
-        return self.entries["columns"].split(",") if "columns" in self.entries else []
-
-    @property
-    def widths(self) -> tuple[tuple[float, str], tuple[float, str]] | None:
-        """Lengths along the lines and across them with their units ("" if unknown).
-
-        The lengths count whole pixels; None if the header lacks one of them.
-        """
-        if not self.entries:
-            return None
-        lines, columns = self.numbers.shape
-        spaced = "x spacing" in self.entries
-        names = ("x spacing", "y spacing") if spaced else ("width", "height")
-        (width, x_unit), (height, y_unit) = (
-            _quantity(self.entries.get(name, "")) for name in names
-        )
-        if not (0 < width < math.inf and 0 < height < math.inf):
-            return None
-        if spaced:
-            width, height = width * columns, height * lines
-        usual = "nm" if "format" in self.entries else ""  # SPIP states no unit of lengths
-        x_unit = x_unit or _unit(self.entries.get("x unit", "")) or usual
-        y_unit = y_unit or _unit(self.entries.get("y unit", "")) or x_unit
-        return (width, x_unit), (height, y_unit)
 
 
 def decoded(content: bytes) -> str | None:
@@ -118,11 +89,10 @@ def decoded(content: bytes) -> str | None:
     elif b"\0" in content[:2]:
         encoding = "utf-16-be" if content[:1] == b"\0" else "utf-16-le"
     # The first letters are enough to tell the binary files of instruments, which may be large.
-    for part in (content[:4096], content):
-        decoded = part.decode(encoding, errors="replace")
-        if CONTROL_CHARACTERS.search(decoded):
-            return None
-    return decoded
+    if CONTROL_CHARACTERS.search(content[:4096].decode(encoding, errors="replace")):
+        return None
+    text = content.decode(encoding, errors="replace")
+    return None if CONTROL_CHARACTERS.search(text) else text
 
 
 def matrices(content: str, path: Path) -> list[Matrix]:
@@ -164,7 +134,7 @@ def _columns(line: str, place: str = "") -> dict[str, str]:
     if sorted(filter(None, axes)) == ["x", "y", "z"]:
         keys = {"x": "x unit", "y": "y unit", "z": "value unit", "": "other unit"}
         units = {keys[axis]: unit for axis, (_, unit) in zip(axes, stated, strict=True) if unit}
-        return units | {"columns": ",".join(axes)}
+        return units | {"columns of points": ",".join(axes)}
     if place and "x" in axes and 2 <= len(axes) <= 3:
         raise InputError(
             f"{place}: {', '.join(words)[:40]}: looks like the columns of a profile or of a list of"
@@ -207,30 +177,52 @@ def _matrix(
     path: Path, rows: list[list[float]], entries: dict[str, str], remarks: list[str]
 ) -> Matrix:
     """Return the numbers under a header; refuse more or fewer of them than it states."""
-    matrix = Matrix(np.array(rows, dtype=np.float64), entries)
+    numbers = np.array(rows, dtype=np.float64)
     if not rows:
-        return matrix
-    if matrix.widths is None:  # for example, one of the two lengths is missing
-        halves = [f"{name}: {entries[name]}" for name in ("width", "height") if name in entries]
-        remarks = halves + remarks
-    shape_read = matrix.numbers.shape
-    stated = tuple(_quantity(entries.get(name, ""))[0] or None for name in ("lines", "columns"))
+        return Matrix(numbers)
+    found = numbers.shape
+    widths, axis_units = _widths(entries, found)
+    if widths is None:  # for example, one of the two lengths is missing
+        remarks = [
+            f"{name}: {entries[name]}" for name in ("width", "height") if name in entries
+        ] + (remarks)
+    stated = [_quantity(entries.get(name, ""))[0] for name in ("lines", "columns")]
     # Without lengths the header may be somebody's own, with x down the columns, as in our files.
-    allowed = [shape_read] if matrix.widths else [shape_read, shape_read[::-1]]
-    if not any(
-        all(a in {None, b} for a, b in zip(stated, shape, strict=True)) for shape in allowed
-    ):
-        lines, columns = ("?" if length is None else f"{length:g}" for length in stated)
+    allowed = [found] if widths else [found, found[::-1]]
+    if not any(all(a in {0, b} for a, b in zip(stated, shape, strict=True)) for shape in allowed):
+        lines, columns = (f"{length:g}" if length else "?" for length in stated)
         raise InputError(
             f"{path}: its header states {lines} lines of {columns} numbers, it holds"
-            f" {' of '.join(str(length) for length in shape_read)}; give the whole file"
+            f" {' of '.join(map(str, found))}; give the whole file"
         )
     if entries.get("to be scaled", "").lower() in {"yes", "1", "true"}:
         raise InputError(
             f"{path}: its header says that its numbers are to be scaled (DataScaleNeeded), which is"
             " not read; give heights in units of length"
         )
-    return replace(matrix, remarks=tuple(remarks[:3]))
+    factor, unit = 1.0, _unit(entries.get("value unit", ""))
+    if "value unit" not in entries and "nm per value" in entries:
+        factor, unit = _quantity(entries["nm per value"])[0] or 1.0, "nm"
+    names = tuple(entries["columns of points"].split(",")) if "columns of points" in entries else ()
+    channel = entries.get("channel", "")
+    return Matrix(numbers, channel, factor, unit, names, widths, axis_units, tuple(remarks[:3]))
+
+
+def _widths(
+    entries: dict[str, str], shape: tuple[int, ...]
+) -> tuple[tuple[float, float] | None, tuple[str, str]]:
+    """Return the lengths along the lines and across them, None if one is missing; their units."""
+    spaced = "x spacing" in entries
+    names = ("x spacing", "y spacing") if spaced else ("width", "height")
+    (width, x_unit), (height, y_unit) = (_quantity(entries.get(name, "")) for name in names)
+    if not (0 < width < math.inf and 0 < height < math.inf):
+        return None, (entries.get("x unit", ""), entries.get("y unit", ""))
+    if spaced:
+        width, height = width * shape[1], height * shape[0]
+    usual = "nm" if "format" in entries else ""  # SPIP states no unit of lengths
+    x_unit = x_unit or _unit(entries.get("x unit", "")) or usual
+    y_unit = y_unit or _unit(entries.get("y unit", "")) or x_unit
+    return (width, height), (x_unit, y_unit)
 
 
 def _entry(comment: str) -> tuple[str, str] | None:

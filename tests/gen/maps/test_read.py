@@ -246,7 +246,7 @@ FAULTS = {
     "another revision": (
         ".x3p",
         {"replaced": (b"ISO5436 - 2000", b"ISO 25178")},
-        f"{AS_X3P}CorruptFile: Revision should be 'ISO5436 - 2000'",
+        f"{AS_X3P}CorruptFile.*Revision should be .*ISO5436 - 2000",
     ),
     "empty map": (".x3p", {"replaced": (b"<SizeX>9<", b"<SizeX>0<")}, "holds 0 x 7 heights; give"),
     "no zip": (".x3p", b"PK not a zip" * 99, f"{AS_X3P}.*valid ZIP"),
