@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gen.runtime.memory import size
-from gen.runtime.terminal import RunProgress, echo, print_columns, to_type
+from gen.runtime.terminal import echo, print_columns, to_type
 from gen.schema import (
     PHYSICS_CHANGES,
     REASONS,
@@ -21,13 +21,13 @@ from gen.schema import (
 )
 
 if TYPE_CHECKING:  # each command imports no more than it needs
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Sequence
     from pathlib import Path
 
     from bem import Contact
     from gen.database import Reader
     from gen.generation.run import Estimate, RunResult
-    from gen.maps.contacts import Solution, Wanted
+    from gen.maps.contacts import Wanted
     from gen.maps.read import Topography
     from gen.maps.texture import SelfAffineFit
     from gen.scene import Scene
@@ -256,121 +256,34 @@ def print_resolution(nodes: float) -> None:
     print_columns([("shortest wave", f"{nodes:.2g}", said)])
 
 
-def follow_contacts(
-    topography: Topography,
-    warnings: list[str],
-    solutions: Iterable[Solution],
-    count: int,
-    *,
-    wanted: Wanted,
-    material: bool,
-) -> tuple[list[Contact], list[str]]:
-    """Collect the contacts of a surface with a progress bar, then print surface and contacts.
-
-    A single contact is printed in full, several as one table. Nothing is printed before the first
-    contact is solved, since its load may be refused. Return the contacts that were solved, and the
-    warnings about the surface, its contacts and loads that were not solved.
-    """
-    from gen.maps.contacts import answers, border_remark, contact_warnings
-
-    contacts, faults = [], []
-    if count == 1:
-        [(contact, seconds, _)] = solutions
-        assert contact is not None
-        contacts.append(contact)
-    else:
-        with RunProgress(count, noun="loads") as progress:
-            for contact, _, fault in solutions:
-                if contact is None:
-                    faults.append(f"not solved, left out: {fault}")
-                else:
-                    contacts.append(contact)
-                    answers(contact, wanted)  # computed under the bar, and kept by the contact
-                progress.advance(1, contact is None)
-    warnings = warnings + contact_warnings(topography, contacts, material=material) + faults
-    print_preparation(topography, warnings)
-    if count == 1:
-        print_contact(contacts[0], seconds, wanted)
-    else:
-        print_law(contacts, wanted)
-    if remark := border_remark(topography, contacts):
-        echo(f"{topography.name}: {remark}")
-    return contacts, warnings
+ONE_ONLY = {
+    *("approach_um", "contact_nodes", "perimeter_um", "modulus_MPa", "boundary", "hardness_MPa"),
+    "residual",
+}
+"""Columns that a table of several loads has in its file alone."""
 
 
-def print_contact(contact: Contact, seconds: float, wanted: Wanted) -> None:
-    """Print the solution of one contact problem, and the time that it took [s]."""
+def print_contacts(contacts: Sequence[Contact], seconds: float, wanted: Wanted) -> None:
+    """Print one contact in full, with the time that it took [s]; several with a line for each."""
     from gen.maps.contacts import answers
 
-    found = answers(contact, wanted)
-    area, further = (found[:3:2], found[3:]) if wanted.grid_error else ([], found)
-    problem = contact.problem
-    nx, ny = contact.pressure.shape
-    cell = problem.spacing[0] * problem.spacing[1]
-    nominal = nx * ny * cell  # A_e is a share of nodes, so the patch counts as their cells
-    touching = contact.contact_nodes * cell
-    boundary = [] if problem.boundary == "free" else [("boundary", problem.boundary, "")]
-    yielding, far_field = [], []
-    if problem.hardness is not None:
-        yielding = [
-            ("hardness", f"{problem.hardness:.6g}", "MPa"),
-            ("yielded nodes", f"{contact.yielded_percent:.6g}", "% of all nodes"),
-            ("largest yielded depth", f"{contact.yielded_depth.max():.6g}", "um"),
+    rows = [answers(contact, wanted) for contact in contacts]
+    if len(rows) > 1:
+        kept = [[each for each in row if each.column not in ONE_ONLY] for row in rows]
+        titles = [each.column for each in kept[0]]
+        print_columns([[each.shown for each in row] for row in kept], titles, right=titles)
+        return
+    ([contact], [row]) = contacts, rows
+    if contact.approach == contact.delta:  # as it is on a rigid far field
+        row = [each for each in row if each.column != "approach_um"]
+    x, y = contact.problem.spacing
+    mean = contact.force / (contact.contact_nodes * x * y or 1)
+    print_columns(
+        [
+            *((each.label, each.shown, each.unit) for each in row),
+            ("contact pressure", f"{mean:.6g}", "MPa, mean where in contact"),
+            ("spacing", f"{x:.6g} x {y:.6g}", "um"),
+            ("iterations", f"{contact.iterations}", f"({contact.convolutions} convolutions)"),
+            ("time", f"{1e3 * seconds:.1f}", "ms, the set-up of a first solve included"),
         ]
-    delta, approach = f"{contact.delta:.10g}", f"{contact.approach:.10g}"
-    if approach != delta:  # as it is not on a rigid far field
-        words = "um, Delta and the compliance of the far field"
-        far_field = [("far-field displacement", approach, words)]
-    lines = (
-        ("effective contact area", f"{contact.area_percent:.6g}", "% of the nodes"),
-        *((each.label, each.shown, each.unit) for each in area),
-        ("contact nodes", f"{contact.contact_nodes}", f"of {nx} x {ny}"),
-        ("spacing", f"{problem.spacing[0]:.6g} x {problem.spacing[1]:.6g}", "um"),
-        *boundary,
-        ("modulus E*", f"{problem.modulus:.6g}", "MPa"),
-        ("force", f"{contact.force:.8g}", "uN"),
-        ("nominal pressure", f"{contact.force / nominal:.6g}", "MPa, force over the whole patch"),
-        (
-            "contact pressure",
-            f"{contact.force / (touching or 1):.6g}",
-            "MPa, mean where in contact",
-        ),
-        ("largest pressure", f"{contact.largest_pressure:.6g}", "MPa"),
-        *yielding,
-        *((each.label, each.shown, each.unit) for each in further),
-        ("mean gap", f"{contact.mean_gap:.6g}", "um"),
-        ("contact perimeter", f"{contact.perimeter:.6g}", "um"),
-        ("displacement Delta", delta, "um"),
-        *far_field,
-        ("residual", f"{contact.residual:.2e}", "of Delta"),
-        ("iterations", f"{contact.iterations}", f"({contact.convolutions} convolutions)"),
-        ("time", f"{1e3 * seconds:.1f}", "ms, the set-up of a first solve included"),
     )
-    print_columns(lines)
-
-
-def print_law(contacts: Sequence[Contact], wanted: Wanted) -> None:
-    """Print contacts of one surface as a table with a line for each load."""
-    from gen.maps.contacts import answers
-
-    titles = ["Delta um", "force uN", "pressure MPa", "area %", "largest MPa", "mean gap um"]
-    yielding = contacts[0].problem.hardness is not None
-    if yielding:
-        titles += ["yielded %", "depth um"]
-    titles += [each.column for each in answers(contacts[0], wanted)]
-    rows = []
-    for contact in contacts:
-        cells = contact.pressure.size * contact.problem.spacing[0] * contact.problem.spacing[1]
-        numbers = [
-            contact.delta,
-            contact.force,
-            contact.force / cells,
-            contact.area_percent,
-            contact.largest_pressure,
-            contact.mean_gap,
-        ]
-        if yielding:
-            numbers += [contact.yielded_percent, float(contact.yielded_depth.max())]
-        more = [each.shown for each in answers(contact, wanted)]
-        rows.append([*(f"{number:.6g}" for number in numbers), *more])
-    print_columns(rows, titles, right=titles)

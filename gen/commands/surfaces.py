@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
+from contextlib import nullcontext
 
 import typer
 
@@ -14,13 +13,7 @@ from gen.runtime.errors import InputError
 from gen.runtime.figure import empty_figure
 from gen.runtime.files import Output, check_outputs
 from gen.runtime.numbers import require_share
-from gen.runtime.terminal import echo
-
-if TYPE_CHECKING:
-    from gen.maps.read import Topography
-    from gen.maps.texture import SelfAffineFit
-    from gen.runtime.documents import Row
-    from gen.statistics import Description
+from gen.runtime.terminal import RunProgress, echo
 
 
 @grouped
@@ -42,12 +35,15 @@ def describe(
     from gen.maps.pictures import draw_surface
     from gen.maps.prepare import surface_warnings
     from gen.maps.texture import (
+        LAW,
+        PARAMETERS,
         areal_parameters,
         fit_self_affine,
         nodes_a_wave,
         radial_spectrum,
     )
-    from gen.runtime.documents import write_csv
+    from gen.runtime.documents import Row, write_csv
+    from gen.schema import statistics_columns
 
     outputs = [Output(table, "--csv"), Output(spectrum, "--spectrum")]
     check_outputs([*outputs, Output(picture, "--plot", "picture")], facing.with_first(surface))
@@ -67,53 +63,31 @@ def describe(
     if spectrum is not None and not radial.wavenumbers.size:
         raise InputError(f"--spectrum {spectrum}: there is none, {fit}")
     if table is not None:
-        row = _statistics_row(topography, description, warnings)
-        further = {**_areal_row(areal, depth, fit), "nodes_a_wave": nodes}
-        write_csv(table, [{**row, **further, "units": _units_of([*row, *further])}])
+        smr = {} if depth is None else {"Smr_depth": depth}
+        law = dict.fromkeys(LAW, "") if isinstance(fit, str) else fit.values
+        said = f"none: {fit}" if isinstance(fit, str) else "; ".join(fit.remarks)
+        nx, ny = topography.heights.shape
+        edgeless = {} if topography.boundary == "free" else {"boundary": topography.boundary}
+        row: Row = {
+            **description.values,
+            "nodes_x": nx, "nodes_y": ny,
+            "side_x_um": topography.sides[0], "side_y_um": topography.sides[1],
+            **edgeless,
+            "prepared": "; ".join(topography.steps), "warnings": "; ".join(warnings),
+            **areal.values,
+            **smr,
+            **law,
+            "law": said, "nodes_a_wave": nodes,
+        }
+        units = {column.name: column.unit for column in statistics_columns()}
+        units |= {name: unit for name, unit, _ in PARAMETERS} | LAW
+        units |= {"Smr_depth": "um", "nodes_a_wave": "1"}
+        known = "; ".join(f"{name} {units[name]}" for name in row if name in units)
+        write_csv(table, [{**row, "units": known}])
     if spectrum is not None:
         write_csv(spectrum, radial.rows())
     if picture is not None:
         draw_surface(figure, topography, radial, fit, picture)
-
-
-def _statistics_row(
-    topography: Topography, description: Description, warnings: Sequence[str]
-) -> Row:
-    """Return the row of a table of statistics: values, grid, steps of preparation, warnings."""
-    from gen.maps.contacts import boundary_cell
-
-    nx, ny = topography.heights.shape
-    return {
-        **description.values,
-        "nodes_x": nx,
-        "nodes_y": ny,
-        "side_x_um": topography.sides[0],
-        "side_y_um": topography.sides[1],
-        **boundary_cell(topography),
-        "prepared": "; ".join(topography.steps),
-        "warnings": "; ".join(warnings),
-    }
-
-
-def _areal_row(areal: Description, depth: float | None, fit: SelfAffineFit | str) -> Row:
-    """Return the further cells of a table of statistics: ISO 25178, and the self-affine law."""
-    from gen.maps.texture import LAW
-
-    row: Row = {**areal.values, **({} if depth is None else {"Smr_depth": depth})}
-    if isinstance(fit, str):
-        return {**row, **dict.fromkeys(LAW, ""), "law": f"none: {fit}"}
-    return {**row, **fit.values, "law": "; ".join(fit.remarks)}
-
-
-def _units_of(names: Iterable[str]) -> str:
-    """Return the units of columns of a table of statistics, as "Sa um; Sk um"."""
-    from gen.maps.texture import LAW, PARAMETERS
-    from gen.schema import statistics_columns
-
-    units = {column.name: column.unit for column in statistics_columns()}
-    units |= {name: unit for name, unit, _ in PARAMETERS} | LAW
-    units |= {"Smr_depth": "um", "nodes_a_wave": "1"}
-    return "; ".join(f"{name} {units[name]}" for name in names if name in units)
 
 
 @grouped
@@ -152,12 +126,15 @@ def contact(
     for an even ratio, or several numbers with commas.
     """
     from bem.threads import cores, default_threads, on_threads
-    from gen.commands.printer import follow_contacts
+    from gen.commands import printer
     from gen.maps.bodies import surface_of
     from gen.maps.contacts import (
         Wanted,
+        answers,
+        border_remark,
         chosen_load,
-        contact_row,
+        contact_warnings,
+        further,
         require_conductivities,
         require_yielding,
         solve_loads,
@@ -169,37 +146,49 @@ def contact(
 
     load, values = chosen_load({"delta": delta, "force": force, "pressure": pressure})
     require_yielding(flattened, hardness)
-    wanted = Wanted(
-        spots, stiffness, require_conductivities(conductivity or []), grid_error=grid_error
-    )
+    conductivities = require_conductivities(conductivity or [])
+    wanted = Wanted(spots, stiffness, conductivities, grid_error)
     outputs = [Output(table, "--csv"), Output(picture, "--plot", "picture")]
     outputs.append(Output(flattened, "--flattened", "heights"))
     check_outputs(outputs, facing.with_first(surface))
     figure = empty_figure(picture, 11, 8.2)
     bodies = Bodies.of_options(young or [], poisson or [], e_star, hardness)
     topography = surface_of(surface, reading, facing.body(reading), boundary)
-    with on_threads(threads or default_threads(cores())):
-        contacts, warnings = follow_contacts(
+    warnings = [*bodies.doubts, *surface_warnings(topography)]
+    contacts, faults, seconds = [], [], 0.0
+    with (
+        on_threads(threads or default_threads(cores())),
+        RunProgress(len(values), "loads") if len(values) > 1 else nullcontext() as progress,
+    ):
+        # Nothing is printed before the first contact is solved, since its load may be refused.
+        for solution in solve_loads(
             topography,
-            [*bodies.doubts, *surface_warnings(topography)],
-            solve_loads(
-                topography,
-                load,
-                values,
-                modulus=bodies.e_star,
-                hardness=bodies.hardness,
-                kernel=kernel,
-                far_field=far_field,
-                rtol=rtol,
-                max_iterations=max_iterations,
-            ),
-            len(values),
-            wanted=wanted,
-            material=bodies.known,
-        )
+            load,
+            values,
+            modulus=bodies.e_star,
+            hardness=bodies.hardness,
+            kernel=kernel,
+            far_field=far_field,
+            rtol=rtol,
+            max_iterations=max_iterations,
+        ):
+            seconds = solution.seconds
+            if solution.contact is None:
+                faults.append(f"not solved, left out: {solution.fault}")
+            else:
+                contacts.append(solution.contact)
+                further(solution.contact, wanted)  # computed here, and kept by the contact
+            if progress is not None:
+                progress.advance(1, solution.contact is None)
+    warnings += [*contact_warnings(topography, contacts, material=bodies.known), *faults]
+    printer.print_preparation(topography, warnings)
+    printer.print_contacts(contacts, seconds, wanted)
+    if remark := border_remark(topography, contacts):
+        echo(f"{topography.name}: {remark}")
     if table is not None:
-        rows = [contact_row(topography, each, warnings, wanted) for each in contacts]
-        write_csv(table, rows)
+        said = {"prepared": "; ".join(topography.steps), "warnings": "; ".join(warnings)}
+        rows = ({each.column: each.value for each in answers(one, wanted)} for one in contacts)
+        write_csv(table, [{**row, **said} for row in rows])
     if flattened is not None:
         write_flattened(flattened, contacts, len(values))
     if picture is not None:

@@ -16,14 +16,12 @@ from gen.maps.prepare import is_tilted
 from gen.maps.read import Topography
 from gen.material import Bodies
 from gen.runtime import memory
-from gen.runtime.documents import Row
 from gen.runtime.errors import InputError
 from gen.runtime.files import write
 from gen.runtime.numbers import values_from
 
 if TYPE_CHECKING:
     from bem import Contact
-    from bem.derived.spots import Connects
 
 
 @dataclass(frozen=True)
@@ -38,7 +36,7 @@ class Wanted:
 
 
 class Answer(NamedTuple):
-    """One answer, as a line of a report and as a cell of a table."""
+    """One number of a contact, as a line of a report and as a cell of a table."""
 
     column: str  # name of the column in tables
     value: float | int | str  # value in `unit`; "" where there is none
@@ -77,10 +75,42 @@ def require_conductivities(given: Sequence[float]) -> tuple[float, float] | None
 
 
 def answers(contact: Contact, wanted: Wanted) -> list[Answer]:
-    """Compute the answers that are asked for.
+    """Return what is known of a solved contact, and compute the answers that are asked for.
 
     Raises InputError if the linear solve for the stiffness does not converge.
     """
+    problem, (nx, ny) = contact.problem, contact.pressure.shape
+    yielding: list[Answer] = []
+    if problem.hardness is not None:
+        depth = float(contact.yielded_depth.max())
+        yielding = [
+            Answer("hardness_MPa", problem.hardness, "hardness", "MPa"),
+            Answer("yielded_percent", contact.yielded_percent, "yielded nodes", "% of all nodes"),
+            Answer("largest_yielded_depth_um", depth, "largest yielded depth", "um"),
+        ]
+    edgeless = [Answer("boundary", problem.boundary, "boundary", "")]
+    nominal = contact.force / nominal_area(contact)
+    return [
+        Answer("delta_um", contact.delta, "displacement Delta", "um"),
+        Answer("approach_um", contact.approach, "far-field displacement",
+               "um, Delta and the compliance of the far field"),
+        Answer("force_uN", contact.force, "force", "uN"),
+        Answer("pressure_MPa", nominal, "nominal pressure", "MPa, force over the whole patch"),
+        Answer("area_percent", contact.area_percent, "effective contact area", "% of the nodes"),
+        Answer("contact_nodes", contact.contact_nodes, "contact nodes", f"of {nx} x {ny}"),
+        Answer("largest_pressure_MPa", contact.largest_pressure, "largest pressure", "MPa"),
+        Answer("mean_gap_um", contact.mean_gap, "mean gap", "um"),
+        Answer("perimeter_um", contact.perimeter, "contact perimeter", "um"),
+        Answer("modulus_MPa", problem.modulus, "modulus E*", "MPa"),
+        *(edgeless if problem.boundary != "free" else []),
+        *yielding,
+        *further(contact, wanted),
+        Answer("residual", contact.residual, "residual", "of Delta"),
+    ]  # fmt: skip
+
+
+def further(contact: Contact, wanted: Wanted) -> list[Answer]:
+    """Compute the answers that are asked for; see `answers`."""
     found = _in_the_continuum(contact) if wanted.grid_error else []
     found += _spots(contact) if wanted.spots else []
     try:
@@ -111,24 +141,19 @@ def _spots(contact: Contact) -> list[Answer]:
     spots, cell = contact.spots, math.prod(contact.problem.spacing)
     mean, largest = (spots.areas.mean(), spots.areas[0]) if spots.number else (0.0, 0.0)
     share = 100 * spots.largest_share
+    sides = {
+        name: " and ".join(axis for axis, each in zip("xy", connects, strict=True) if each) or "no"
+        for name, connects in (("contact", spots.contact_connects), ("gap", spots.gap_connects))
+    }
     return [
         Answer("spots", spots.number, "spots of contact", "nodes that touch along their sides"),
         Answer("mean_spot_um2", float(mean), "mean spot", f"um2, a node has {cell:.4g}"),
         Answer("largest_spot_um2", float(largest), "largest spot",
                f"um2, {share:.4g} % of the contact"),
         Answer("largest_spot_percent", share, "its share", "% of the contact area"),
-        Answer("contact_connects", _directions(spots.contact_connects), "contact connects sides",
-               "along x, y"),
-        Answer("gap_connects", _directions(spots.gap_connects), "gap connects sides", "along x, y"),
+        Answer("contact_connects", sides["contact"], "contact connects sides", "along x, y"),
+        Answer("gap_connects", sides["gap"], "gap connects sides", "along x, y"),
     ]  # fmt: skip
-
-
-def _directions(connects: Connects) -> str:
-    """Say along which axes opposite sides of the patch are connected."""
-    return (
-        " and ".join(axis for axis, connected in zip("xy", connects, strict=True) if connected)
-        or "no"
-    )
 
 
 def _stiffness(contact: Contact) -> list[Answer]:
@@ -153,7 +178,7 @@ def _conductance(contact: Contact, k1: float, k2: float) -> list[Answer]:
         Answer("conductance_W_per_K", 1e-6 * contact.conductance(k1, k2), "conductance", "W/K"),
         Answer("interface_conductance_W_per_K", 1e-6 * interface, "interface's conductance",
                _alone("W/K", contact)),
-        Answer("interface_conductance_W_per_m2_K", 1e6 * interface / _nominal_area(contact),
+        Answer("interface_conductance_W_per_m2_K", 1e6 * interface / nominal_area(contact),
                "per nominal area", _alone("W/(m2 K)", contact)),
     ]  # fmt: skip
 
@@ -166,7 +191,7 @@ def _alone(unit: str, contact: Contact) -> str:
     return f"{unit}, without the patch's own constriction" if free else unit
 
 
-def _nominal_area(contact: Contact) -> float:
+def nominal_area(contact: Contact) -> float:
     """Return the area of the cells of all nodes, over which a mean pressure is taken [um2]."""
     return contact.pressure.size * math.prod(contact.problem.spacing)
 
@@ -300,56 +325,8 @@ def border_remark(topography: Topography, contacts: Sequence[Contact]) -> str:
     return f"{said}: if this is a piece of a larger surface, --boundary mirror leaves no edges"
 
 
-def contact_row(
-    topography: Topography,
-    contact: Contact,
-    warnings: Sequence[str],
-    wanted: Wanted = Wanted(),
-) -> Row:
-    """Return the row of a table of contacts: load, area, pressures, gap, residual, warnings.
-
-    The columns about yielding are there if the problem has a hardness, the boundary if it is not
-    free, and further answers if they are wanted.
-    """
-    problem = contact.problem
-    yielding: Row = {}
-    if problem.hardness is not None:
-        yielding = {
-            "hardness_MPa": problem.hardness,
-            "yielded_percent": contact.yielded_percent,
-            "largest_yielded_depth_um": float(contact.yielded_depth.max()),
-        }
-    return {
-        "delta_um": contact.delta,
-        "approach_um": contact.approach,
-        "force_uN": contact.force,
-        "pressure_MPa": contact.force / _nominal_area(contact),
-        "area_percent": contact.area_percent,
-        "contact_nodes": contact.contact_nodes,
-        "largest_pressure_MPa": contact.largest_pressure,
-        "mean_gap_um": contact.mean_gap,
-        "perimeter_um": contact.perimeter,
-        "modulus_MPa": problem.modulus,
-        **boundary_cell(topography),
-        **yielding,
-        **{answer.column: answer.value for answer in answers(contact, wanted)},
-        "residual": contact.residual,
-        "prepared": "; ".join(topography.steps),
-        "warnings": "; ".join(warnings),
-    }
-
-
-def boundary_cell(topography: Topography) -> Row:
-    """Return the cell with the boundary of a patch without edges; nothing for a free patch."""
-    return {} if topography.boundary == "free" else {"boundary": topography.boundary}
-
-
 def require_yielding(flattened: Path | None, hardness: float | None) -> None:
-    """Refuse to write a flattened surface of bodies that do not yield, or under another suffix.
-
-    Raises InputError if a file is named and there is no hardness, or the
-    file is not called .npy.
-    """
+    """Refuse to write a flattened surface of bodies that do not yield, or under another suffix."""
     if flattened is None:
         return
     if hardness is None:
@@ -359,11 +336,7 @@ def require_yielding(flattened: Path | None, hardness: float | None) -> None:
 
 
 def write_flattened(path: Path, contacts: Sequence[Contact], loads: int) -> None:
-    """Write the heights that the last load leaves when it is taken off [um] to a .npy file.
-
-    Raises InputError if fewer contacts than loads were solved, so that the last load may be
-    missing.
-    """
+    """Write the heights that the last load leaves when it is taken off [um] to a .npy file."""
     if len(contacts) < loads:
         raise InputError(f"--flattened {path}: not written, as not every load was solved")
     content = BytesIO()

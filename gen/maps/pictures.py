@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Heights, Values
+from gen.maps.contacts import nominal_area
 from gen.maps.read import Sides, Topography
 from gen.maps.texture import RadialSpectrum, SelfAffineFit
 from gen.runtime.figure import log_axis, save
@@ -74,11 +75,6 @@ def load_text(contact: Contact, quantity: str) -> str:
     if quantity == "force":
         return metric(1e-6 * contact.force, "N")
     return f"{metric(1e6 * contact.force / nominal_area(contact), 'Pa')} mean pressure"
-
-
-def nominal_area(contact: Contact) -> float:
-    """Return the area of the cells of all nodes, over which a mean pressure is taken [um2]."""
-    return contact.pressure.size * math.prod(contact.problem.spacing)
 
 
 def contact_maps(contact: Contact, height_title: str, pressure_title: str) -> tuple[Map, Map]:

@@ -11,7 +11,7 @@ import pytest
 
 import bem
 from gen import cli
-from gen.maps.contacts import Wanted, answers
+from gen.maps.contacts import Wanted, further
 from gen.surface import diamond_square, generate
 from tests.bem.waves import random_waves
 
@@ -247,9 +247,9 @@ def test_answers_are_printed_and_written(surface, capsys):
 
 def test_nothing_is_computed_that_is_not_asked_for(surface, monkeypatch):
     solved = bem.solve(ROUGH, 200.0, **LOAD)
-    assert answers(solved, Wanted()) == []
+    assert further(solved, Wanted()) == []
     assert not {"spots", "punch"} & vars(solved).keys()
-    answers(solved, Wanted(spots=True))
+    further(solved, Wanted(spots=True))
     assert "punch" not in vars(solved)
     assert answered(surface, "--pressure", "100", "--csv", "one.csv") == 0
     columns = pd.read_csv("one.csv").columns
