@@ -70,14 +70,18 @@ def describe(
         edgeless = {} if topography.boundary == "free" else {"boundary": topography.boundary}
         row: Row = {
             **description.values,
-            "nodes_x": nx, "nodes_y": ny,
-            "side_x_um": topography.sides[0], "side_y_um": topography.sides[1],
+            "nodes_x": nx,
+            "nodes_y": ny,
+            "side_x_um": topography.sides[0],
+            "side_y_um": topography.sides[1],
             **edgeless,
-            "prepared": "; ".join(topography.steps), "warnings": "; ".join(warnings),
+            "prepared": "; ".join(topography.steps),
+            "warnings": "; ".join(warnings),
             **areal.values,
             **smr,
             **law,
-            "law": said, "nodes_a_wave": nodes,
+            "law": said,
+            "nodes_a_wave": nodes,
         }
         units = {column.name: column.unit for column in statistics_columns()}
         units |= {name: unit for name, unit, _ in PARAMETERS} | LAW

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gen.arrays import Heights, Values
-from gen.maps.filters import fitted_polynomial, scaled_distances
+from gen.maps.filters import fitted_polynomial, local_medians
 from gen.maps.library import digest
 from gen.maps.prepare import FLAT, MANY_SPIKES, MOST_HOLES, STEEP, prepare, resampled, tilt
 from gen.maps.read import Sides, in_words, read
@@ -143,7 +143,8 @@ class Spikes(NamedTuple):
 
 def find_spikes(heights: Heights) -> Spikes:
     """Part the spikes of a map from its surface at the largest gap between their distances."""
-    distances = np.abs(scaled_distances(heights))
+    medians, scatter = local_medians(heights)
+    distances = np.abs((heights - medians) / scatter)
     high = np.maximum(np.sort(distances[~np.isnan(distances)])[::-1], SPIKE)
     number = _before_gap(high, MANY_SPIKES, GAP)
     if not number and high[0] > APART * high[int(FEW * high.size)]:

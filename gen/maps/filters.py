@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,35 +49,21 @@ ROUNDING = 1e-9
 def without_spikes(heights: Heights, threshold: float) -> tuple[Heights, NDArray[np.bool_]]:
     """Replace nodes that are far from their local median by this median; also return their mask.
 
-    Far is further than `threshold` times the scatter of these distances over the map, which is
-    their median absolute deviation times 1.4826: the standard deviation if they are normal.
+    Far is further than `threshold` times the scatter of these distances over the map.
     """
-    medians = local_medians(heights)
+    medians, scatter = local_medians(heights)
     with np.errstate(over="ignore"):  # a bound beyond all numbers leaves no spike
-        spikes = np.abs(heights - medians) > threshold * _scatter(heights, medians)
+        spikes = np.abs(heights - medians) > threshold * scatter
     return np.where(spikes, medians, heights), spikes
 
 
-def scaled_distances(heights: Heights) -> Values:
-    """Compute the distance of each node from its local median in units of their scatter."""
-    medians = local_medians(heights)
-    return np.asarray((heights - medians) / _scatter(heights, medians))
-
-
-def _scatter(heights: Heights, medians: Heights) -> float:
-    """Return the scatter of the distances from local medians, at least that of rounding [um]."""
-    distances = heights - medians
-    measured = distances[~np.isnan(distances)]
-    scatter = 1.4826 * float(np.median(np.abs(measured - np.median(measured))))
-    return max(scatter, ROUNDING * float(np.nanmax(heights) - np.nanmin(heights)))
-
-
-def local_medians(heights: Heights) -> Heights:
-    """Compute the median of the measured nodes around each node, itself included, on their
-    slope.
+def local_medians(heights: Heights) -> tuple[Heights, float]:
+    """Return the median of the measured nodes around each node, on their slope, and the scatter.
 
     Beside a hole, a spike or the border, a slope would shift the median. So the plane through
-    the node whose slopes are the medians of those in its neighbourhood is taken out before.
+    the node whose slopes are the medians of those in its neighbourhood is taken out before. The
+    scatter of the distances from the medians is their median absolute deviation times 1.4826, the
+    standard deviation if they are normal, and at least that of rounding [um].
     """
     padded = np.pad(heights, WINDOW // 2, constant_values=np.nan)
     windows = np.lib.stride_tricks.sliding_window_view(padded, (WINDOW, WINDOW))
@@ -91,7 +77,10 @@ def local_medians(heights: Heights) -> Heights:
         )
         level = block - along_x * steps[:, None] - along_y * steps
         medians[first : first + ROWS] = _medians(level).reshape(-1, heights.shape[1])
-    return medians
+    distances = heights - medians
+    measured = distances[~np.isnan(distances)]
+    scatter = 1.4826 * float(np.median(np.abs(measured - np.median(measured))))
+    return medians, max(scatter, ROUNDING * float(np.nanmax(heights) - np.nanmin(heights)))
 
 
 def _medians(values: Values) -> Values:
@@ -122,9 +111,8 @@ def long_waves(
 ) -> Heights:
     """Smooth a map by the Gaussian weights of ISO 16610-61, normalised at the borders it has.
 
-    Of a wave along any direction exp(-ln 2 (cutoff / wavelength)^2) passes, one half at the
-    cut-off. Near the border of a free patch the weights inside the map are divided by their
-    sum. A patch without edges goes on there, and so do the weights.
+    Of a wave along any direction exp(-ln 2 (cutoff / wavelength)^2) passes. Near the border of a
+    free patch the weights inside the map are divided by their sum.
     """
     from scipy.ndimage import gaussian_filter1d
 
@@ -150,29 +138,17 @@ def filled_harmonically(
 
     No flux crosses the border of the patch, unless it is periodic.
     """
+    from scipy.sparse import coo_matrix
     from scipy.sparse.linalg import spsolve
 
     unknown = np.flatnonzero(np.isnan(heights))
-    filled = heights.copy()
-    filled.reshape(-1)[unknown] = spsolve(
-        *_laplace_equations(heights, spacing, unknown, periodic=periodic)
-    )
-    return filled
-
-
-def _laplace_equations(
-    heights: Heights, spacing: tuple[float, float], unknown: NDArray[np.intp], *, periodic: bool
-) -> tuple[Any, Values]:
-    """Assemble the five-point Laplace equation at the unknown nodes: sparse matrix, right side."""
-    from scipy.sparse import coo_matrix
-
     number = np.full(heights.size, -1)
     number[unknown] = np.arange(unknown.size)
     diagonal, right = np.zeros(unknown.size), np.zeros(unknown.size)
-    flat, line = heights.reshape(-1), heights.shape[1]
-    rows: list[NDArray[np.intp]] = [np.arange(unknown.size)]
-    columns: list[NDArray[np.intp]] = [np.arange(unknown.size)]
-    weights: list[Values] = [diagonal]
+    filled, line = heights.copy(), heights.shape[1]
+    flat = filled.reshape(-1)
+    # five-point equations at the unknown nodes, diagonal first
+    rows, columns, weights = [np.arange(unknown.size)], [np.arange(unknown.size)], [diagonal]
     for axis, stride in ((0, line), (1, 1)):
         position = unknown // line if axis == 0 else unknown % line
         weight, length = spacing[axis] ** -2, heights.shape[axis]
@@ -186,7 +162,8 @@ def _laplace_equations(
             columns.append(number[there[~known]])
             weights.append(np.full(int((~known).sum()), -weight))
     places = np.concatenate(rows), np.concatenate(columns)
-    return coo_matrix((np.concatenate(weights), places)).tocsc(), right
+    flat[unknown] = spsolve(coo_matrix((np.concatenate(weights), places)).tocsc(), right)
+    return filled
 
 
 def least_squares(heights: Heights, degree: int) -> tuple[Heights, Values]:

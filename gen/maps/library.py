@@ -42,15 +42,18 @@ MOST = 100_000  # largest number of files of a scene
 
 
 def map_files(patterns: Sequence[str], folder: Path) -> list[Path]:
-    """Find the files that a scene names.
-
-    Raises InputError if a pattern leads to no file, or to too many.
-    """
+    """Find the files that a scene names; refuse a pattern that leads to none, or to too many."""
     found: dict[Path, None] = {}
     for pattern in patterns:
         here = _matching(pattern, folder)
         if not here:
-            raise InputError(f"files {pattern!r}: {_absence(pattern, folder)}")
+            path = folder / Path(pattern).expanduser()
+            absence = f"there is no file or folder {str(path)!r}"
+            if path.is_dir():
+                absence = f"the folder {path} holds no map"
+            elif WILD.search(pattern):
+                absence = f"no file in {folder} is called so"
+            raise InputError(f"files {pattern!r}: {absence}")
         found |= dict.fromkeys(path.resolve() for path in here)
     if len(found) > MOST:
         raise InputError(f"files: {len(found)} files, {MOST} at most are allowed; name fewer")
@@ -60,43 +63,28 @@ def map_files(patterns: Sequence[str], folder: Path) -> list[Path]:
 def _matching(pattern: str, folder: Path) -> list[Path]:
     """Return the files that one name, folder or pattern leads to, sorted by their paths."""
     try:
-        path = folder / Path(pattern).expanduser()
+        own = Path(pattern).expanduser()
+        path = folder / own
         if path.is_file():
             return [path]
         if path.is_dir():
-            return sorted(each for each in path.iterdir() if each.is_file() and _may_hold_map(each))
+            return sorted(
+                each
+                for each in path.iterdir()
+                if each.is_file() and each.name[0] != "." and each.suffix.lower() not in OTHERS
+            )
         if not WILD.search(pattern):
             return []
-        own = Path(pattern).expanduser()
-        start, rest = (
-            (Path(own.anchor), own.relative_to(own.anchor)) if own.anchor else (folder, own)
-        )
+        start = Path(own.anchor) if own.anchor else folder
+        rest = own.relative_to(own.anchor) if own.anchor else own
         return sorted(each for each in start.glob(str(rest)) if each.is_file())
     except (OSError, ValueError, RuntimeError, NotImplementedError) as error:
         reason = getattr(error, "strerror", None) or error
         raise InputError(f"files {pattern!r}: {reason}") from None
 
 
-def _may_hold_map(path: Path) -> bool:
-    """Tell whether the name of a file in a folder is that of a map."""
-    return not path.name.startswith(".") and path.suffix.lower() not in OTHERS
-
-
-def _absence(pattern: str, folder: Path) -> str:
-    """Say why a pattern leads to no file."""
-    path = folder / Path(pattern).expanduser()
-    if path.is_dir():
-        return f"the folder {path} holds no map"
-    if WILD.search(pattern):
-        return f"no file in {folder} is called so; give a file, a folder or a pattern as 'a/*.x3p'"
-    return f"there is no file or folder {str(path)!r}"
-
-
 def digest(path: Path) -> str:
-    """Compute the SHA-256 of a file's content, in hexadecimal digits.
-
-    Raises InputError if the file cannot be read.
-    """
+    """Compute the SHA-256 of a file's content, in hexadecimal digits."""
     try:
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
@@ -105,11 +93,7 @@ def digest(path: Path) -> str:
 
 
 def digests(paths: Iterable[Path]) -> list[str]:
-    """Compute the SHA-256 of files, and refuse two of one content: their tiles would share
-    nodes.
-
-    Raises InputError if a file cannot be read, or repeats another one.
-    """
+    """Compute the SHA-256 of files; refuse two of one content: their tiles would share nodes."""
     found: dict[str, Path] = {}
     for path in paths:
         sha256 = digest(path)
@@ -123,10 +107,7 @@ def digests(paths: Iterable[Path]) -> list[str]:
 
 
 def located(recorded: Path, sha256: str, beside: Path | None) -> Path:
-    """Find a map of a database again: where it was, or in the folder of the database.
-
-    Raises InputError if neither file is there, or both have another content.
-    """
+    """Find a map of a database again by its content: where it was, or beside the database."""
     places = [recorded, *([] if beside is None else [beside / recorded.name])]
     present = [path for path in places if path.is_file()]
     for path in present:
@@ -186,13 +167,9 @@ class Library:
 
 
 def prepared(
-    paths: Sequence[Path],
-    sha256s: Sequence[str],
-    wanted: Wanted,
-    folder: Path | None,
+    paths: Sequence[Path], sha256s: Sequence[str], wanted: Wanted, folder: Path | None
 ) -> Library:
-    """Return the prepared maps of files; prepare them unless a file beside the database has
-    them.
+    """Return the prepared maps of files; prepare them unless a file beside the database has them.
 
     Raises InputError if a file cannot be read or prepared, a map is smaller than the window, or
     spacings differ.
@@ -211,7 +188,7 @@ def prepared(
         if damaged and not (path.is_file() and kind_of(path) in {"maps", ""}):
             raise InputError(f"{path}: is no file of prepared maps; move it away")
         write_maps(path, key, _each(paths, wanted), replace=damaged)
-        library = opened(sha256s, wanted, home, verify=False)
+        library = stored_maps(path, key, verify=False)
         if library is None:
             raise InputError(f"{path}: was damaged while it was written; delete it and try again")
     for path, shape in zip(paths, library.shapes, strict=True):
@@ -222,10 +199,7 @@ def prepared(
 def opened(
     sha256s: Sequence[str], wanted: Wanted, folder: Path | None, *, verify: bool
 ) -> Library | None:
-    """Return prepared maps from the file that holds them; None if no file does.
-
-    The maps' own files are not looked at. To `verify` is to read the prepared ones to the end.
-    """
+    """Return prepared maps from the file that holds them, read to the end to `verify`, or None."""
     key = wanted.key(sha256s)
     for place in (folder, _temporary_folder(make=False)):
         stored = None if place is None else stored_maps(_file(place, key), key, verify=verify)
@@ -237,6 +211,12 @@ def opened(
 def _file(folder: Path, key: str) -> Path:
     """Return the file of prepared maps with a key, in a folder."""
     return folder / f"asperity-{key[:16]}.maps"
+
+
+def _square(spacing: Sides) -> Sides:
+    """Round two spacings to 12 digits, and make them equal if they nearly are."""
+    x, y = (float(f"{step:.12g}") for step in spacing)
+    return (x, x) if is_same(x, y) else (x, y)
 
 
 def _each(paths: Sequence[Path], wanted: Wanted) -> Iterator[tuple[PreparedMap, Sides]]:
@@ -259,12 +239,6 @@ def _each(paths: Sequence[Path], wanted: Wanted) -> Iterator[tuple[PreparedMap, 
             )
         _require_window(path, topography.heights.shape, wanted.window)
         yield PreparedMap(topography.heights, topography.warnings), _square(spacing or (1.0, 1.0))
-
-
-def _square(spacing: Sides) -> Sides:
-    """Round two spacings to 12 digits, and make them equal if they nearly are."""
-    x, y = (float(f"{step:.12g}") for step in spacing)
-    return (x, x) if is_same(x, y) else (x, y)
 
 
 def _require_window(path: Path, shape: tuple[int, ...], window: Shape) -> None:
@@ -310,11 +284,7 @@ class PreparedMap:
 def write_maps(
     path: Path, key: str, maps: Iterable[tuple[PreparedMap, tuple[float, float]]], *, replace: bool
 ) -> None:
-    """Write prepared maps one by one, so that only one of them is in memory at a time.
-
-    Maps come with their common spacing [um]. Raises InputError if the file cannot be written, or is
-    there and of another kind.
-    """
+    """Write maps, with their common spacing [um], of which only one is in memory at a time."""
     table: dict[str, Any] = {"key": key, "byteorder": sys.byteorder, "maps": []}
     with atomic(path, "maps", replace=replace) as file:
         file.write(bytes(PAGE))
@@ -340,34 +310,25 @@ def write_maps(
 def stored_maps(path: Path, key: str, *, verify: bool) -> Library | None:
     """Map a file of prepared maps into memory; None if it is damaged or holds something else."""
     with suppress(OSError, ValueError, KeyError, TypeError):
-        table = _table(path)
-        if table["key"] == key and table["byteorder"] == sys.byteorder:
-            maps = tuple(_mapped(path, entry, verify=verify) for entry in table["maps"])
-            dx, dy = table["spacing"]
-            return Library(maps, (dx, dy), path)
+        if not path.is_file():  # a pipe would never answer
+            return None
+        with path.open("rb") as file:
+            start = file.read(len(MAPS))
+            place, length, sha256 = file.readline(200).decode().split()
+            file.seek(int(place))
+            text = file.read(int(length) + 1)
+        whole = len(text) == int(length) and hashlib.sha256(text).hexdigest() == sha256
+        if start != MAPS or not whole:
+            return None
+        table, maps = json.loads(text), []
+        if table["key"] != key or table["byteorder"] != sys.byteorder:
+            return None
+        for entry in table["maps"]:
+            (nx, ny), offset = entry["shape"], entry["place"]
+            heights = np.memmap(path, dtype=np.float64, mode="r", offset=offset, shape=(nx, ny))
+            if verify and hashlib.sha256(heights.reshape(-1).data).hexdigest() != entry["sha256"]:
+                return None
+            maps.append(PreparedMap(heights, tuple(entry["remarks"])))
+        dx, dy = table["spacing"]
+        return Library(tuple(maps), (dx, dy), path)
     return None
-
-
-def _table(path: Path) -> dict[str, Any]:
-    """Read the table of a file; raise ValueError if it is damaged."""
-    if not path.is_file():  # a pipe would never answer
-        raise ValueError("no file")
-    with path.open("rb") as file:
-        if file.read(len(MAPS)) != MAPS:
-            raise ValueError("no file of prepared maps")
-        place, length, sha256 = file.readline(200).decode().split()
-        file.seek(int(place))
-        text = file.read(int(length) + 1)
-    if len(text) != int(length) or hashlib.sha256(text).hexdigest() != sha256:
-        raise ValueError("damaged table")
-    table: dict[str, Any] = json.loads(text)
-    return table
-
-
-def _mapped(path: Path, entry: dict[str, Any], *, verify: bool) -> PreparedMap:
-    """Map one map into memory; raise ValueError if it is damaged."""
-    nx, ny = entry["shape"]
-    heights = np.memmap(path, dtype=np.float64, mode="r", offset=entry["place"], shape=(nx, ny))
-    if verify and hashlib.sha256(heights.reshape(-1).data).hexdigest() != entry["sha256"]:
-        raise ValueError("damaged map")
-    return PreparedMap(heights, tuple(entry["remarks"]))

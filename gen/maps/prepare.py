@@ -16,7 +16,7 @@ from gen.arrays import Heights
 from gen.maps import filters
 from gen.maps.filters import ROWS, filled_harmonically, least_squares, without_spikes
 from gen.maps.read import WIDEST, Sides, Topography, in_words, intervals
-from gen.maps.settings import SPIKE, Reading, keys, numbers_in
+from gen.maps.settings import ORDER, SPIKE, Reading, numbers_in
 from gen.runtime.errors import InputError
 from gen.runtime.numbers import MAGNITUDES
 from gen.statistics import rms_slope
@@ -45,14 +45,20 @@ def prepare(topography: Topography, settings: Reading) -> Topography:
     topography = replace(topography, followed=followed, asked=settings.asked)
     if settings.despike or settings.form or settings.filter or settings.downsample:
         require_useful_heights(topography)
-    for key in keys("preparation"):
+    for key in ORDER:
         if key == "filter" and topography.missing:  # from here on every node is needed
             fault = f"{topography.missing} of {topography.heights.size} heights are missing (NaN)"
             remedies = ("fill", "closes holes"), ("crop", "leaves them out")
             raise InputError(f"{topography.name}: {advised(topography, fault, *remedies)}")
         if getattr(settings, key):
             topography = STEPS[key](topography, settings)
-    return with_tilt_warning(topography)
+    if not is_tilted(topography):
+        return topography
+    x, y = tilt(topography)
+    fault = f"tilted by {x:.2g} along x and {y:.2g} along y, more than it is rough, so one edge"
+    fault += " carries the load"  # as the map lay under its instrument
+    warning = advised(topography, fault, ("level plane", "takes the tilt out"))
+    return replace(topography, warnings=(*topography.warnings, warning))
 
 
 # what each key of the preparation does, if it is given
@@ -301,46 +307,36 @@ FEWEST_TILTED = 8
 
 
 def surface_warnings(topography: Topography) -> list[str]:
-    """List reasons to distrust contacts of a surface: spikes, slopes, wrong units."""
-    warnings = list(topography.warnings)
-    spike = _spike(topography.heights)
-    if spike is not None:
+    """List reasons to distrust contacts of a surface: spikes, slopes, wrong units, borders."""
+    warnings, heights = list(topography.warnings), topography.heights
+    if (spike := _spike(heights)) is not None:
         row, column, above = spike
         fault = f"the highest node ({row}, {column}) is a spike from whose tip Delta counts,"
         fault += f" {above:.4g} um above its neighbours"
         remedies = (f"despike {SPIKE:g}", "removes spikes"), ("crop", "leaves this part out")
         warnings.append(advised(topography, fault, *remedies))
-    slope, step = rms_slope(topography.heights, topography.spacing), max(topography.spacing)
-    scale = f"rms slope {slope:.2g} between nodes {step:.3g} um apart"
+    slope, apart = rms_slope(heights, topography.spacing), max(topography.spacing)
+    scale = f"rms slope {slope:.2g} between nodes {apart:.3g} um apart"
     if slope > STEEP:
         warnings.append(
             f"{scale}: the theory of the half-space takes slopes for small"
             f" (below {STEEP:g}); check the unit of heights and lengths"
         )
-    if 0 < slope < FLAT and step <= WIDEST:  # else their distance is wrong, which `read` says
+    if 0 < slope < FLAT and apart <= WIDEST:  # else their distance is wrong, which `read` says
         fault = f"{scale}: flatter than a mirror; are the heights in metres"
         warnings.append(advised(topography, fault, ("unit m", "reads them so")))
-    warnings += _border_warnings(topography)
-    return warnings
-
-
-def _border_warnings(topography: Topography) -> list[str]:
-    """Warn of a boundary that the file contradicts, or that the heights do: borders that differ."""
-    boundary = topography.boundary
-    if boundary != "periodic" and topography.repeats:
-        fault = f"the file says that its map is periodic, and it is taken as a {boundary} patch"
+    if topography.boundary == "periodic" and not is_tilted(topography):
+        step, rms = _border_step(heights), float(heights.std())
+        if step > rms:
+            fault = f"opposite borders differ by {step:.4g} um (rms), more than the rms height,"
+            fault += f" {rms:.4g} um: the map is not periodic"
+            warnings.append(advised(topography, fault, ("boundary mirror", "takes it as it is")))
+    if topography.boundary != "periodic" and topography.repeats:
+        fault = "the file says that its map is periodic, and it is taken as a"
+        fault += f" {topography.boundary} patch"
         follows = "boundary periodic", "of gen describe, contact and law follows the file"
-        return [advised(topography, fault, follows)]
-    if boundary != "periodic" or is_tilted(topography):
-        return []
-    step, rms = _border_step(topography.heights), float(topography.heights.std())
-    if step <= rms:
-        return []
-    fault = (
-        f"opposite borders differ by {step:.4g} um (rms), more than the rms height, {rms:.4g} um:"
-        " the map is not periodic"
-    )
-    return [advised(topography, fault, ("boundary mirror", "takes it as it is"))]
+        warnings.append(advised(topography, fault, follows))
+    return warnings
 
 
 def _border_step(heights: Heights) -> float:
@@ -370,18 +366,6 @@ def is_tilted(topography: Topography) -> bool:
         slope = places @ heights.mean(axis=1 - axis) / (places @ places)
         held += float(slope**2 * np.mean(places**2))
     return held > TILTED * float(heights.var())
-
-
-def with_tilt_warning(topography: Topography) -> Topography:
-    """Warn of a surface that lies as it lay under its instrument."""
-    if not is_tilted(topography):
-        return topography
-    x, y = tilt(topography)
-    fault = f"tilted by {x:.2g} along x and {y:.2g} along y, more than it is rough, so one edge"
-    warning = advised(
-        topography, f"{fault} carries the load", ("level plane", "takes the tilt out")
-    )
-    return replace(topography, warnings=(*topography.warnings, warning))
 
 
 def tilt(topography: Topography) -> tuple[float, float]:

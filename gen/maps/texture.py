@@ -16,7 +16,6 @@ up to 0.1 too low: filter noise first.
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -31,33 +30,25 @@ CORE = 0.4  # share of the material ratio over which the core of the curve is so
 RAYS = 360  # directions over half a turn in which the autocorrelation is followed
 
 
-class Parameter(NamedTuple):
-    """Name, unit and meaning of an areal parameter."""
-
-    name: str
-    unit: str
-    meaning: str
-
-
-# the parameters in the order in which they are printed and written
+# names, units and meanings of the parameters in the order in which they are printed and written
 PARAMETERS = (
-    Parameter("Sa", "um", "arithmetical mean height: mean distance from the mean"),
-    Parameter("Sq", "um", "root mean square height"),
-    Parameter("Sz", "um", "maximum height: Sp + Sv"),
-    Parameter("Sp", "um", "maximum peak height above the mean"),
-    Parameter("Sv", "um", "maximum pit height below the mean"),
-    Parameter("Ssk", "1", "skewness of the heights: negative if pits prevail"),
-    Parameter("Sku", "1", "kurtosis of the heights: 3 if they are normal"),
-    Parameter("Sdq", "1", "root mean square gradient"),
-    Parameter("Sdr", "%", "developed interfacial area ratio: area gained over a plane"),
-    Parameter("Sal", "um", "autocorrelation length: fastest decay to 0.2"),
-    Parameter("Str", "1", "texture aspect ratio: 1 isotropic, 0 one direction"),
-    Parameter("Sk", "um", "core height, of the flattest 40 % of the material ratio curve"),
-    Parameter("Spk", "um", "reduced peak height, above the core"),
-    Parameter("Svk", "um", "reduced dale depth, below the core"),
-    Parameter("Smr1", "%", "material ratio of the peaks"),
-    Parameter("Smr2", "%", "material ratio above the dales"),
-    Parameter("Smr", "%", "material ratio at the depth asked for, below the highest node"),
+    ("Sa", "um", "arithmetical mean height: mean distance from the mean"),
+    ("Sq", "um", "root mean square height"),
+    ("Sz", "um", "maximum height: Sp + Sv"),
+    ("Sp", "um", "maximum peak height above the mean"),
+    ("Sv", "um", "maximum pit height below the mean"),
+    ("Ssk", "1", "skewness of the heights: negative if pits prevail"),
+    ("Sku", "1", "kurtosis of the heights: 3 if they are normal"),
+    ("Sdq", "1", "root mean square gradient"),
+    ("Sdr", "%", "developed interfacial area ratio: area gained over a plane"),
+    ("Sal", "um", "autocorrelation length: fastest decay to 0.2"),
+    ("Str", "1", "texture aspect ratio: 1 isotropic, 0 one direction"),
+    ("Sk", "um", "core height, of the flattest 40 % of the material ratio curve"),
+    ("Spk", "um", "reduced peak height, above the core"),
+    ("Svk", "um", "reduced dale depth, below the core"),
+    ("Smr1", "%", "material ratio of the peaks"),
+    ("Smr2", "%", "material ratio above the dales"),
+    ("Smr", "%", "material ratio at the depth asked for, below the highest node"),
 )
 
 
@@ -73,8 +64,12 @@ def areal_parameters(topography: Topography, depth: float | None = None) -> Desc
     unit = 2.0 ** min(max(math.frexp(highest - lowest)[1], -1000), 1000)
     scaled = (heights - (lowest + 0.5 * (highest - lowest))) / unit
     scaled -= scaled.mean()
-    values = {name: value * unit for name, value in _amplitudes(scaled).items()}
-    shape = {name: math.nan for name, *_ in PARAMETERS[len(values) :]}
+    peak, pit = float(scaled.max()), 0.0 - float(scaled.min())  # ISO 25178-2:2012, 4.1
+    rms = math.sqrt(np.mean(scaled**2))
+    amplitudes = float(np.abs(scaled).mean()), rms, peak + pit, peak, pit
+    names = [name for name, *_ in PARAMETERS]
+    values = {name: value * unit for name, value in zip(names, amplitudes, strict=False)}
+    shape = dict.fromkeys(names[len(values) :], math.nan)
     if depth is None:
         del shape["Smr"]
     if lowest == highest:
@@ -95,13 +90,6 @@ def is_lost(heights: Heights) -> bool:
     """Tell whether the offset of heights has left too few of their digits to have a shape."""
     largest = max(abs(float(heights.min())), abs(float(heights.max())))
     return float(np.std(heights / largest)) <= LOST * float(np.finfo(heights.dtype).eps)
-
-
-def _amplitudes(heights: Heights) -> dict[str, float]:
-    """Compute Sa, Sq, Sz, Sp and Sv of heights about their mean (ISO 25178-2:2012, 4.1)."""
-    peak, pit = float(heights.max()), 0.0 - float(heights.min())
-    rms = math.sqrt(np.mean(heights**2))
-    return {"Sa": float(np.abs(heights).mean()), "Sq": rms, "Sz": peak + pit, "Sp": peak, "Sv": pit}
 
 
 def _of_curve(heights: Heights, unit: float, depth: float | None) -> dict[str, float]:
@@ -166,24 +154,19 @@ def _lengths(
 ) -> tuple[float, float, str]:
     """Compute Sal [um] and Str (ISO 25178-2:2012, 4.2), and the reason why one is NaN.
 
-    Sal is the shortest distance from the origin at which the autocorrelation has fallen to
-    `DECAY`, and Str the ratio of it to the longest distance of a point that a straight line of
-    values above `DECAY` connects with the origin.
+    They are the shortest distance from the origin at which the autocorrelation has fallen to
+    `DECAY`, and its ratio to the longest.
     """
     decays, reaches = decay_lengths(autocorrelation(heights, periodic=periodic), spacing)
     fallen = np.isfinite(decays)
+    reason = f"the autocorrelation does not fall to {DECAY:g} within half of the sides"
     if not fallen.any():
-        reason = f"the autocorrelation does not fall to {DECAY:g} within half of the sides"
         return math.nan, math.nan, reason
     shortest = float(decays[fallen].min())
     if fallen.all():
         return shortest, shortest / float(decays.max()), ""
     bound = min(shortest / float(reaches[~fallen].max()), 1.0)
-    reason = (
-        f"the autocorrelation does not fall to {DECAY:g} along all directions within half of the"
-        f" sides, so Str is below {bound:.2g}"
-    )
-    return shortest, math.nan, reason
+    return shortest, math.nan, f"{reason} along all directions, so Str is below {bound:.2g}"
 
 
 def autocorrelation(heights: Heights, *, periodic: bool) -> Values:
@@ -310,7 +293,9 @@ def radial_spectrum(topography: Topography) -> RadialSpectrum:
     """
     heights, spacing = topography.heights, topography.spacing
     periodic = topography.boundary == "periodic"
-    window = np.ones(heights.shape) if periodic else _hann(heights.shape)
+    # Hann windows along both axes are zero half a node beyond the outer nodes.
+    hann = (np.sin(math.pi * (np.arange(nodes) + 0.5) / nodes) ** 2 for nodes in heights.shape)
+    window = np.ones(heights.shape) if periodic else np.outer(*hann)
     with np.errstate(over="ignore", invalid="ignore"):  # heights of 1e300 um
         heights = window * (heights - np.average(heights, weights=window))
         density = np.abs(np.fft.rfft2(heights)) ** 2 * math.prod(spacing) / np.sum(window**2)
@@ -321,7 +306,10 @@ def radial_spectrum(topography: Topography) -> RadialSpectrum:
         )
     )
     step = 2 * math.pi / min(n * d for n, d in zip(heights.shape, spacing, strict=True))
-    edges = _edges(step, math.pi / max(spacing), 1 if periodic else 2)
+    ends = [(0.5 if periodic else 1.5) * step]
+    while ends[-1] < math.pi / max(spacing):  # one wave of the shorter side wide at first
+        ends.append(max(ends[-1] + step, ends[-1] * RATIO))
+    edges = np.array(ends[:-1])
     if edges.size < 2:
         empty = np.empty(0)
         return RadialSpectrum(empty, np.empty((0, 2)), empty, empty)
@@ -338,20 +326,6 @@ def nodes_a_wave(spectrum: RadialSpectrum, spacing: tuple[float, float]) -> floa
         return math.nan
     place = int(np.searchsorted(np.cumsum(slopes), ROUGHNESS * slopes.sum()))
     return float(2 * math.pi / spectrum.edges[place, 1]) / max(spacing)
-
-
-def _hann(shape: tuple[int, ...]) -> Values:
-    """Return Hann windows along both axes, zero half a node beyond the outer nodes."""
-    x, y = (np.sin(math.pi * (np.arange(nodes) + 0.5) / nodes) ** 2 for nodes in shape)
-    return np.outer(x, y)
-
-
-def _edges(step: float, largest: float, first: int) -> Values:
-    """Return the ends of the bins: one wave of the shorter side wide at first, then by `RATIO`."""
-    edges = [(first - 0.5) * step]
-    while edges[-1] < largest:
-        edges.append(max(edges[-1] + step, edges[-1] * RATIO))
-    return np.array(edges[:-1])
 
 
 def _averaged(wavenumbers: Values, density: Values, edges: Values, columns: int) -> RadialSpectrum:
@@ -391,13 +365,18 @@ def fit_self_affine(
     roll_off = longest if roll <= q[1] else 2 * math.pi / math.exp(roll)
     if roll <= q[1]:
         level += slope * (roll - q[0])
+    missing = {  # what the fit could not find
+        "no roll-off within the patch": roll <= q[1],
+        "no cut-off above two nodes a wavelength": bins == q.size,
+        "steeper than any Hurst exponent: held at 1": slope >= 4.0,
+    }
     fit = SelfAffineFit(
         SelfAffineSpectrum(float(slope / 2 - 1), max(roll_off, cut_off), cut_off),
         float(np.std(topography.heights)),
         largest * math.exp(level),
         longest,
         math.exp(error),
-        _remarks(roll <= q[1], bins == q.size, slope),
+        tuple(text for text, found in missing.items() if found),
     )
     if fit.decades < LEAST_DECADES:
         said = f"a power law would hold over {fit.decades:.3g} decades, from {roll_off:.4g} to"
@@ -457,13 +436,3 @@ def _best_law(q: Values, c: Values, weights: Values) -> tuple[float, float, floa
             error = math.sqrt(max(squares[end] / w[end], 0.0))
             best = (costs[end], roll, levels[end], slopes[end], end + 1, error)
     return best[1:]
-
-
-def _remarks(no_roll_off: bool, no_cut_off: bool, slope: float) -> tuple[str, ...]:
-    """Say what the fit could not find."""
-    texts = (
-        (no_roll_off, "no roll-off within the patch"),
-        (no_cut_off, "no cut-off above two nodes a wavelength"),
-        (slope >= 4.0, "steeper than any Hurst exponent: held at 1"),
-    )
-    return tuple(text for found, text in texts if found)

@@ -7,6 +7,7 @@ random numbers and the shapes of the maps alone: no height is needed to know whe
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
 from dataclasses import dataclass
 from functools import cached_property
@@ -21,16 +22,6 @@ Shape = tuple[int, int]
 WIDE = 2  # side of a tile over that of the window, at least, where the map is large enough
 # tiles along an axis that a map has at least, where it holds that many windows side by side
 FEWEST = 2
-
-
-def tiles_along(nodes: int, window: int) -> int:
-    """Return the number of tiles of a map along one axis.
-
-    A tile is at least twice as wide as the window if that leaves two tiles. A smaller map has
-    two narrower ones, so that one can train and the other test, and a map that does not hold
-    two windows side by side is one tile.
-    """
-    return max(nodes // (WIDE * window), min(FEWEST, nodes // window))
 
 
 @dataclass(frozen=True)
@@ -84,14 +75,21 @@ class Tiling:
         return self._starts[-1]
 
     def counts(self, index: int) -> Shape:
-        """Return the numbers of tiles of a map along x and y."""
-        (nx, ny), (wx, wy) = self.shapes[index], self.window
-        return tiles_along(nx, wx), tiles_along(ny, wy)
+        """Return the numbers of tiles of a map along x and y.
+
+        A tile is at least twice as wide as the window if that leaves two tiles. A smaller map has
+        two narrower ones, so that one can train and the other test, and a map that does not hold
+        two windows side by side is one tile.
+        """
+        along_x, along_y = (
+            max(nodes // (WIDE * width), min(FEWEST, nodes // width))
+            for nodes, width in zip(self.shapes[index], self.window, strict=True)
+        )
+        return along_x, along_y
 
     def number(self, index: int) -> int:
         """Return the number of tiles of a map."""
-        along_x, along_y = self.counts(index)
-        return along_x * along_y
+        return math.prod(self.counts(index))
 
     def first(self, index: int) -> int:
         """Return the number of a map's first tile: that of all tiles of the maps before it."""
@@ -165,10 +163,7 @@ def cut(heights: Heights, window: Window, shape: tuple[int, int]) -> Heights:
 
 def turned(patch: Heights, symmetry: int) -> Heights:
     """Apply a symmetry of `Window` to a patch; views of the same heights."""
-    if symmetry & 1:
-        patch = patch[::-1]
-    if symmetry & 2:
-        patch = patch[:, ::-1]
+    patch = patch[:: -1 if symmetry & 1 else 1, :: -1 if symmetry & 2 else 1]
     return patch.T if symmetry & TRANSPOSED else patch
 
 

@@ -24,7 +24,7 @@ from gen.spectral import SelfAffineSpectrum, generate_spectral
 from gen.surface import diamond_square
 from tests.bem.waves import random_waves
 
-NAMES = [parameter.name for parameter in PARAMETERS if parameter.name != "Smr"]
+NAMES = [name for name, *_ in PARAMETERS if name != "Smr"]
 
 
 def values_of(heights, spacing=(1.0, 1.0), boundary="periodic", depth=None):

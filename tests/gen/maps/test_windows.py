@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gen.maps.windows import DRAWS, Pairing, Tiling, cut, drawn, tiles_along, turned
+from gen.maps.windows import DRAWS, Pairing, Tiling, cut, drawn, turned
 
 windows = st.tuples(st.integers(2, 12), st.integers(2, 12))
 
@@ -35,7 +35,7 @@ def test_tiles_cover_each_map_once_and_hold_a_window(tiling):
     [(129, 129, 1), (257, 129, 1), (258, 129, 2), (515, 129, 2), (516, 129, 2), (774, 129, 3)],
 )
 def test_tiles_are_twice_as_wide_as_the_window_where_two_of_them_fit(nodes, window, tiles):
-    assert tiles_along(nodes, window) == tiles
+    assert Tiling(((nodes, nodes),), (window, window)).counts(0) == (tiles, tiles)
 
 
 @given(st.integers(1, 60), st.integers(1, 60))
