@@ -152,8 +152,7 @@ def coverage(folder: Path, rows: int, seeds: int) -> Report:
     made = databases(folder / "databases", rows)
     found = []
     for pool in pools():
-        asked = replace(_request(made[pool[0]]), databases=tuple(made[name] for name in pool))
-        (read,) = dataset.read(asked)
+        (read,) = dataset.read(_request(*(made[name] for name in pool)))
         for seed in range(seeds):
             for case in cases(pool, read, seed):
                 judged = _judged(case, read, rows, seed)
@@ -164,9 +163,9 @@ def coverage(folder: Path, rows: int, seeds: int) -> Report:
     return Report({"coverage-seeds": found, "coverage": table}, text=text, text_name="coverage")
 
 
-def _request(path: Path) -> Request:
+def _request(*paths: Path) -> Request:
     """Ask for the area with hybrid features by kernel ridge."""
-    return request_for(path, "kernel-ridge", "hybrid", None)
+    return replace(request_for(Path(), "kernel-ridge", "hybrid", None), databases=paths)
 
 
 def _judged(case: Case, rows: Dataset, most: int, seed: int) -> list[Row]:

@@ -6,6 +6,7 @@ import pytest
 from bench.surrogates import coverage as study
 from bench.surrogates.coverage import HARDNESS, cases, column, coverage, verdict
 from gen.runtime.errors import InputError
+from learn import dataset
 
 pytestmark = pytest.mark.long
 
@@ -53,11 +54,8 @@ def test_every_case_is_judged_with_every_seed(made):
 def test_rows_that_judge_train_nothing(made):
     folder, _ = made
     paths = {name: folder / "databases" / f"{name}.h5" for name in SMALL}
-    hybrids = {
-        name: study.hybrid_rows(path, study.Executor(), bool) for name, path in paths.items()
-    }
     for pool in (("paper",), ("paper", "midpoint"), ("paper-yielding",)):
-        rows = study._read(paths, hybrids, pool)
+        (rows,) = dataset.read(study._request(*(paths[name] for name in pool)))
         for case in cases(pool, rows, 0):
             parts = study._parts(case, rows, 200, 0)
             train, calibration = set(parts.train.keys), set(parts.calibration.keys)
