@@ -1,10 +1,9 @@
-"""Surfaces and their 22 statistics again, in whole numbers and fractions: exact to the last step.
+"""The 22 statistics of a surface again, in whole numbers and fractions: exact to the last step.
 
-Nothing here is shared with `gen`: the definitions stand a second time, node by node or in plain
-slices, and a float appears only when a result is handed over.
+Nothing here is shared with `gen`: the definitions stand a second time, in plain slices, and a float
+appears only when a result is handed over.
 """
 
-from collections.abc import Iterable, Mapping
 from decimal import Decimal, localcontext
 from fractions import Fraction
 from math import nan
@@ -16,15 +15,8 @@ from numpy.typing import NDArray
 from bench.references.half_space import Field
 from gen.statistics import NAMES
 
-Place = tuple[int, int]
-
 SMALL_ENOUGH = 2**20  # whole heights up to here are kept in machine words: their curvatures fit too
 DIGITS = 60  # of powers of two and roots that are no fractions
-
-DIAGONAL = ((1, 1), (1, -1), (-1, 1), (-1, -1))
-STRAIGHT = ((1, 0), (-1, 0), (0, 1), (0, -1))
-
-fractions = np.vectorize(Fraction, otypes=[object])  # make fractions of floats, exactly
 
 
 def statistics(heights: Field, spacing: tuple[float, float]) -> dict[str, float]:
@@ -123,49 +115,3 @@ def _counts(values: NDArray[Any]) -> list[tuple[int, int]]:
     """Each value, and how often it is there."""
     distinct, counts = np.unique(values, return_counts=True)
     return list(zip(distinct.tolist(), counts.tolist(), strict=True))
-
-
-def surface(
-    generator: str, nodes: int, hurst: float, sigma0: float, random: np.random.Generator
-) -> NDArray[Any]:
-    """(nodes, nodes) fractions of a random surface above its lowest node, made node by node.
-
-    Parameters are those of `gen.surface.generate`.
-    """
-    both = generator == "diamond-square"  # whose edges see the centres, and decay once more
-    last, level = nodes - 1, Decimal(0)
-    grid = {(i, j): Fraction(0) for i in (0, last) for j in (0, last)}
-    for half in (last >> k for k in range(1, last.bit_length())):
-        odd, even = range(half, last, 2 * half), range(0, nodes, 2 * half)
-        amplitude = _amplitude(sigma0, hurst, level)
-        centres = _displaced(grid, [(i, j) for i in odd for j in odd], half, amplitude, random)
-        known, grid = {**grid, **centres} if both else grid, {**grid, **centres}
-        amplitude = _amplitude(sigma0, hurst, level + Decimal("0.5") * both)
-        for rows, columns in ((odd, even), (even, odd)):
-            places = [(i, j) for i in rows for j in columns]
-            grid |= _displaced(known, places, half, amplitude, random, STRAIGHT)
-        level += 1
-    heights = [[grid[i, j] for j in range(nodes)] for i in range(nodes)]
-    return np.asarray(np.array(heights, dtype=object) - min(grid.values()))
-
-
-def _amplitude(sigma0: float, hurst: float, level: Decimal) -> Fraction:
-    with localcontext() as context:
-        context.prec = DIGITS
-        return Fraction(sigma0) * Fraction(Decimal(2) ** (-Decimal(hurst) * level))
-
-
-def _displaced(
-    known: Mapping[Place, Fraction],
-    places: list[Place],
-    half: int,
-    amplitude: Fraction,
-    random: np.random.Generator,
-    around: Iterable[Place] = DIAGONAL,
-) -> dict[Place, Fraction]:
-    """Put new nodes at the mean of those around them that are known, plus a normal number."""
-    new = {}
-    for (i, j), draw in zip(places, random.standard_normal(len(places)).tolist(), strict=True):
-        near = [known[at] for di, dj in around if (at := (i + di * half, j + dj * half)) in known]
-        new[i, j] = sum(near, Fraction(0)) / len(near) + amplitude * Fraction(draw)
-    return new

@@ -11,9 +11,6 @@ from bench.files import Row
 from bench.report import Report, remark
 from gen.runtime.errors import InputError
 
-EXACT_FACTORS = {"2^-40": 2.0**-40, "2^40": 2.0**40}  # changes of units that round nothing
-FACTORS = EXACT_FACTORS | {"1e-12": 1e-12, "1e12": 1e12}
-
 
 class Finding(NamedTuple):
     """One number of a check, and the largest that passes; NaN counts as failed."""
@@ -70,11 +67,6 @@ class Answer:
     def passed(self) -> bool:
         """Whether there are findings, all within their bounds."""
         return bool(self.findings) and all(finding.passed for finding in self.findings)
-
-    @property
-    def verdict(self) -> str:
-        """The same in one word."""
-        return "passed" if self.passed else "failed"
 
     @property
     def failed(self) -> str:
@@ -138,53 +130,38 @@ def one_line(message: object) -> str:
     return " ".join(str(message).split())
 
 
-FIRST = "family", "case", "input"
-LAST = "check", "error", "allowed"
-NUMBERS = "area_percent", "force_uN", "residual", "iterations", "ordinary_iterations"
-
-
 @dataclass(frozen=True)
 class Sheet:
-    """A table of cases: title, file, the module whose `cases` are its rows, and columns."""
+    """A table of cases: title, file, the module whose `cases` are its rows, and more columns."""
 
     title: str
     file: str
     module: str
-    columns: tuple[str, ...] = (*FIRST, "what_came_out", *LAST, "all_checks", "verdict")
+    more: tuple[str, ...] = ()
 
     def row(self, case: Case, answer: Answer) -> Row:
-        """Return a row of the file: the answer, its numbers, the worst check, then all checks."""
-        worst, checks = answer.worst, "; ".join(map(str, answer.findings))
-        cells: dict[str, object] = {
+        """Return a row of the file: the answer, its worst check, all checks, and its numbers."""
+        worst = answer.worst
+        more: dict[str, object] = {"message": answer.out if answer.raised else ""}
+        more |= {"worst": str(worst), **answer.numbers}
+        return {
             "family": case.family,
             "case": case.name,
             "input": answer.asked,
             "what_came_out": answer.out,
-            "message": answer.out if answer.raised else "",
             "check": worst.what,
             "error": float(worst.error),
             "allowed": float(worst.allowed),
-            "worst": str(worst),
-            "all_checks": checks,
-            "checks": checks,
-            "verdict": answer.verdict,
-            **answer.numbers,
+            "all_checks": "; ".join(map(str, answer.findings)),
+            "verdict": "passed" if answer.passed else "failed",
+            **{name: more.get(name, "") for name in self.more},
         }
-        return {name: cells.get(name, "") for name in self.columns}
 
 
+NUMBERS = ("area_percent", "force_uN", "residual", "iterations", "ordinary_iterations", "reason")
 TABLES = {
-    "surfaces": Sheet(
-        "Generators and statistics",
-        "surfaces",
-        "surfaces",
-    ),
-    "solver": Sheet(
-        "The contact solver",
-        "stability",
-        "solver",
-        (*FIRST, "message", *NUMBERS, "times_ordinary", "checks", "worst", "verdict", "reason"),
-    ),
+    "surfaces": Sheet("Generators and statistics", "surfaces", "surfaces"),
+    "solver": Sheet("The contact solver", "stability", "solver", ("message", "worst", *NUMBERS)),
     "hardness": Sheet("Random contacts that yield", "hardness", "hardness"),
     "edgeless": Sheet("Random contacts without edges", "edgeless", "edgeless"),
     "models": Sheet("The nine models", "models", "models"),

@@ -167,13 +167,6 @@ def scales(force: float, allowed: float, _asked: Setup, contact: bem.Contact) ->
     yield Finding("nodes off", unlike(contact.pressure > 0, ordinary.pressure > 0), 0)
 
 
-def equals(
-    name: str, twin: Callable[[Setup], Setup], asked: Setup, contact: bem.Contact
-) -> Iterator[Finding]:
-    """The pressure is that of another problem, to the last bit."""
-    yield Finding(f"nodes off {name}", unlike(contact.pressure, twin(asked).solve().pressure), 0)
-
-
 def is_nearly_elastic(asked: Setup, contact: bem.Contact) -> Iterator[Finding]:
     """Force and contact nodes are those of the elastic contact, to the tolerance of both."""
     elastic = replace(asked, hardness=None).solve()
@@ -233,7 +226,6 @@ def contact_case(
     *,
     checks: Sequence[Check] = (),
     reason: str = "",
-    ordinary: bool = False,
     refusal: Refusal | None = None,
     slow: bool = False,
     **arguments: Any,
@@ -241,27 +233,24 @@ def contact_case(
     """Make a case that solves a contact.
 
     The surface may be a function that makes it when the case is run [um], and `delta` one of its
-    heights [um]. `checks`, `reason` and `ordinary` are those of `judge`; further arguments are
-    fields of `Setup`.
+    heights [um]. `checks` and `reason` are those of `judge`, further arguments fields of `Setup`.
     """
 
     def examine() -> Answer:
         heights = surface() if callable(surface) else surface
         wanted = delta(np.asarray(heights, np.float64)) if callable(delta) else delta
-        return solve(Setup(heights, wanted, **arguments), checks, reason, ordinary=ordinary)
+        return solve(Setup(heights, wanted, **arguments), checks, reason)
 
     return Case(family, name, "", examine, refusal, slow)
 
 
-def solve(
-    asked: Setup, checks: Sequence[Check] = (), reason: str = "", *, ordinary: bool = False
-) -> Answer:
+def solve(asked: Setup, checks: Sequence[Check] = (), reason: str = "") -> Answer:
     """Solve a problem and judge the answer; parameters as for `judge`."""
     found, warned = attempt(asked.solve)
     if isinstance(found, bem.Contact) and asked.pressure is not None:
         asked = replace(asked, delta=found.approach)
     conduct = Finding(f"warnings {'; '.join(dict.fromkeys(warned))}".rstrip(), len(warned), 0)
-    return judge(asked, found, checks, reason, ordinary=ordinary, conduct=[conduct])
+    return judge(asked, found, checks, reason, [conduct])
 
 
 def judge(
@@ -269,15 +258,13 @@ def judge(
     found: object,
     checks: Sequence[Check] = (),
     reason: str = "",
-    *,
-    ordinary: bool = False,
     conduct: Sequence[Finding] = (),
 ) -> Answer:
     """Judge the contact that the solver has returned, or the error that it has raised.
 
     `checks` come besides complementarity, which every answer has to fulfil, and `conduct` is how
     the solver behaved otherwise. With a `reason` a contact may take more than `MOST_TIMES_ORDINARY`
-    times the iterations of the ordinary one on its grid, if it is not `ordinary` itself.
+    times the iterations of the ordinary one on its grid.
     """
     raised = found if isinstance(found, Exception) else None
     findings: list[Finding] = []
@@ -290,7 +277,7 @@ def judge(
         findings.append(Finding("rtol over residual", asked.rtol / contact.residual, 1))
     else:
         return Answer(one_line(found), conduct, asked.describe(), raised=raised)
-    first = max(contact.iterations, 1) if ordinary else ordinary_iterations(contact.pressure.shape)
+    first = ordinary_iterations(contact.pressure.shape)
     times = contact.iterations / first
     findings += [
         *conduct,
@@ -299,27 +286,15 @@ def judge(
         *honesty(asked, contact),
     ]
     numbers = {
-        **_numbers(contact),
-        "ordinary_iterations": first,
-        "times_ordinary": times,
-        "reason": reason if times > MOST_TIMES_ORDINARY else "",
-    }
-    out = one_line(raised) if raised else _in_words(contact)
-    return Answer(out, findings, asked.describe(), numbers, raised)
-
-
-def _numbers(contact: bem.Contact) -> dict[str, object]:
-    return {
         "area_percent": contact.area_percent,
         "force_uN": contact.force,
         "residual": contact.residual,
         "iterations": contact.iterations,
+        "ordinary_iterations": first,
+        "reason": reason if times > MOST_TIMES_ORDINARY else "",
     }
-
-
-def _in_words(contact: bem.Contact) -> str:
-    numbers = f"{contact.area_percent:.4g} %, {contact.force:.6g} µN"
-    return f"{numbers}, residual {contact.residual:.1e}, {contact.iterations} iterations"
+    out = one_line(raised) if raised else f"{contact.area_percent:.4g} %, {contact.force:.6g} µN"
+    return Answer(out, findings, asked.describe(), numbers, raised)
 
 
 @lru_cache(maxsize=64)

@@ -92,20 +92,6 @@ def indenter(body: Indenter, nodes: int = NODES) -> Field:
 
 DELTA = 25.0  # displacement of an ordinary contact, unless a case is about another [um]
 
-SYMBOLS = {
-    "modulus": "E",
-    "poisson": "ν",
-    "rtol": "rtol",
-    "max_iterations": "iterations up to",
-    "hardness": "H",
-    "pressure": "p",
-    "force": "F",
-    "kernel": "",
-    "far_field": "",
-    "boundary": "",
-}
-"""Arguments that a description names if they are not the default."""
-
 Lengths = float | tuple[float, float]
 
 
@@ -175,20 +161,16 @@ class Setup:
         return self.cell[0] / plane_strain_modulus(self.modulus, self.poisson)
 
     def describe(self) -> str:
-        """The input in one line: grid, lengths in um, and whatever else is not the default."""
+        """Return the input in one line: grid, lengths in um, and what is not the default."""
         heights = np.asarray(self.heights)
-        parts = [" x ".join(str(nodes) for nodes in heights.shape) or "no grid"]
-        if heights.dtype != np.float64:
-            parts.append(str(heights.dtype))
-        elif heights.size and heights.min() < heights.max():
+        parts = [" x ".join(str(nodes) for nodes in heights.shape)]
+        if heights.size:
             parts.append(f"z {heights.min():.9g} to {heights.max():.9g}")
-        lengths = _pair(self.spacing or self.side)
-        text = " x ".join(f"{length:g}" for length in dict.fromkeys(lengths))
-        parts += [f"{'g' if self.spacing else 'L'} = {text}", f"Δ = {self.delta:.9g}"]
-        for name, symbol in SYMBOLS.items():
-            value = getattr(self, name)
-            if value != getattr(Setup, name):
-                parts.append(f"{symbol} = {value:g}" if symbol else value)
+        parts.append(f"delta = {self.delta:.9g}")
+        for each in fields(self)[2:]:
+            value = getattr(self, each.name)
+            if value != each.default:
+                parts.append(f"{each.name} = {value}")
         return ", ".join(parts)
 
 

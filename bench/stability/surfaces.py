@@ -11,37 +11,101 @@ from numpy.typing import ArrayLike
 
 from bench.references import exact
 from bench.references.half_space import Field
-from bench.stability.case import EXACT_FACTORS, FACTORS, Answer, Case, Finding
+from bench.stability.case import Answer, Case, Finding
 from gen.statistics import NAMES, Description, describe
 from gen.surface import GENERATORS, generate
 
 Spacing = tuple[float, float]
 
+SEED = 3
+NODES = 33  # nodes a side of most surfaces
 G = 7.8125  # spacing of the paper's nodes [um]
+STEP = 1 / 1024  # steps of heights that are to take offsets exactly [um]
 EXACT = 1e-12  # what a few hundred roundings may add up to, relative to each statistic
+ROUNDING = 1e-14  # what the roundings of a few levels may add up to, over the range of heights
 
 LENGTHS = {name for name in NAMES if name.split("_")[-1] in {"mean", "rms", "max"}}
 CURVATURES = {name for name in LENGTHS if "curvature" in name}
 SHAPES = {name for name in NAMES if "kurtosis" in name or "skewness" in name}
 
+# As near to 0 and 1 as numbers go.
+HURSTS = {"0": 0.0, "5e-324": 5e-324, "1e-3": 1e-3, "1 - 1e-3": 0.999}
+HURSTS |= {"1 less one ulp": math.nextafter(1.0, 0.0), "1": 1.0}
+FACTORS = {"2^-40": 2.0**-40, "2^40": 2.0**40, "1e-12": 1e-12, "1e12": 1e12}
+# From nothing to all that numbers hold [um].
+AMPLITUDES = {"0": 0.0} | FACTORS | {"1e-300": 1e-300, "1e300": 1e300}
 
-def described(heights: ArrayLike, spacing: Spacing = (G, G), allowed: float = EXACT) -> Answer:
-    """Describe a surface of any type, and compare with whole numbers.
 
-    `allowed` is a relative error, and absolute for skewness and kurtosis below 1.
-    """
+def cases() -> Iterator[Case]:
+    """Yield the generators' families, then those of the statistics."""
+    yield from generator_cases()
+    yield from chain(_offsets(), _cancellation(), _sizes(), _grids(), _features())
+
+
+def generator_cases() -> Iterator[Case]:
+    """Yield family after family, each with both generators."""
+    for generator in GENERATORS:
+        for name, hurst in HURSTS.items():
+            examine = partial(_nested, generator, NODES, hurst)
+            title = f"H = {name}, {generator}"
+            yield Case("generator: Hurst exponent", title, "33 x 33, beside 17 x 17", examine)
+    for generator in GENERATORS:
+        for name, sigma0 in AMPLITUDES.items():
+            asked = "129 x 129, H = 0.65" + ", beside σ0 = 1 um" * bool(sigma0)
+            allowed = 0.0 if name.startswith(("0", "2^")) else ROUNDING
+            examine = partial(_scaled, generator, sigma0, allowed)
+            title = f"σ0 = {name}{' um' * bool(sigma0)}, {generator}"
+            yield Case("generator: amplitude", title, asked, examine)
+    for generator in GENERATORS:
+        for k in range(1, 12):
+            nodes = 2**k + 1
+            asked = f"{nodes} x {nodes}, H = 0.65, σ0 = 12 um, beside k = {max(k - 1, 1)}"
+            examine = partial(_nested, generator, nodes)
+            yield Case("generator: levels", f"k = {k}, {generator}", asked, examine)
+
+
+def _surface(generator: str, nodes: int, hurst: float = 0.65, sigma0: float = 12.0) -> Field:
+    return generate(generator, nodes, hurst, sigma0, np.random.default_rng(SEED))
+
+
+def _answer(heights: Field, *findings: Finding) -> Answer:
+    largest = float(heights.max()) or 1.0
+    rms = float((heights / largest).std()) * largest  # without the overflow of squares
+    return Answer(f"range {np.ptp(heights):.4g} um, rms {rms:.4g} um", findings)
+
+
+def _scaled(generator: str, sigma0: float, allowed: float) -> Answer:
+    """Heights are proportional to sigma0."""
+    unit, heights = (_surface(generator, 129, sigma0=each) for each in (1.0, sigma0))
+    error = float(np.abs(heights / (sigma0 or 1.0) - unit * bool(sigma0)).max() / unit.max())
+    return _answer(heights, Finding("off proportion [range]", error, allowed))
+
+
+def _nested(generator: str, nodes: int, hurst: float = 0.65) -> Answer:
+    """The same seed gives the same coarse nodes, the same bits, and the lowest node is 0."""
+    heights, again = (_surface(generator, nodes, hurst) for _ in range(2))
+    coarse = _surface(generator, max((nodes + 1) // 2, 3), hurst)
+    step = (nodes - 1) // (len(coarse) - 1)
+    shared = heights[::step, ::step]
+    off = np.abs((shared - shared[0, 0]) - (coarse - coarse[0, 0])).max() / np.ptp(heights)
+    unlike = int(np.count_nonzero(heights != again)) + abs(heights.shape[0] - nodes)
+    return _answer(
+        heights,
+        Finding("coarse nodes off [range]", float(off), ROUNDING),
+        Finding("nodes unlike a second time", unlike, 0),
+        Finding("lowest height", abs(float(heights.min())), 0),
+    )
+
+
+def described(heights: ArrayLike, spacing: Spacing = (G, G)) -> Answer:
+    """Describe a surface of any type, and compare with whole numbers."""
     given = np.asanyarray(heights)
     expected = exact.statistics(np.array(given, dtype=np.float64), spacing)
-    return _compared(describe(given, spacing), expected, "off exact", allowed)
-
-
-def _compared(found: Description, expected: dict[str, float], what: str, allowed: float) -> Answer:
-    """Find the largest error of all statistics, and those that are defined in one of both only."""
-    values = found.values
-    errors = [_error(name, values[name], expected[name], expected) for name in NAMES]
+    found = describe(given, spacing)
+    errors = [_error(name, found.values[name], expected[name], expected) for name in NAMES]
     worst = int(np.argmax(errors))
-    unlike = [name for name in NAMES if math.isnan(values[name]) != math.isnan(expected[name])]
-    error = Finding(f"{what}: {NAMES[worst]}", errors[worst], allowed)
+    unlike = [n for n in NAMES if math.isnan(found.values[n]) != math.isnan(expected[n])]
+    error = Finding(f"off exact: {NAMES[worst]}", errors[worst], EXACT)
     undefined = Finding(", ".join(["defined unlike", *unlike]), len(unlike), 0)
     return Answer(in_words(found), [error, undefined])
 
@@ -68,33 +132,8 @@ def says(heights: ArrayLike, *words: str) -> Answer:
     return Answer(in_words(found), [said, Finding("undefined without a reason", int(defined), 0)])
 
 
-def unchanged(
-    heights: Field,
-    *,
-    change: Callable[[Field], ArrayLike],
-    allowed: float = 0.0,
-    length: float = 1.0,
-    spacings: tuple[Spacing, Spacing] = ((G, G), (G, G)),
-    swapped: bool = False,
-) -> Answer:
-    """Describe a surface and its image by `change`, whose statistics follow from its own.
-
-    The image's heights are `length` times those of the surface [1], spacings are those of both
-    [um], and with `swapped` the axes change places; `allowed` is relative, 0 is to the last bit.
-    """
-    expected = dict(describe(heights, spacings[0]).values)
-    per_length = length * (spacings[0][0] / spacings[1][int(swapped)]) ** 2
-    for name in LENGTHS:
-        expected[name] *= per_length if name in CURVATURES else length
-    if swapped:
-        x, y = expected["bandwidth_x"], expected["bandwidth_y"]
-        expected |= {"bandwidth_x": y, "bandwidth_y": x}
-    image = describe(np.asanyarray(change(heights)), spacings[1])
-    return _compared(image, expected, "off the other's", allowed)
-
-
 def in_words(found: Description) -> str:
-    """The result, in a line."""
+    """Return the result in a line."""
     values = found.values
     said = f"rms {values['height_rms']:.4g} um, mean {values['height_mean']:.4g} um"
     if not math.isnan(values["asperity_density"]):
@@ -103,119 +142,13 @@ def in_words(found: Description) -> str:
     return f"{said}; {undefined} undefined ({found.reason})" if undefined else said
 
 
-NODES = 17  # nodes a side of the surfaces that are computed again in fractions
-ROUNDING = 1e-14  # what the roundings of a few levels may add up to, over the range of heights
-
-SEED = 3
-
-HURSTS = {
-    "0": 0.0,
-    "5e-324": 5e-324,
-    "1e-16": 1e-16,
-    "1e-3": 1e-3,
-    "0.65": 0.65,
-    "1 - 1e-3": 0.999,
-    "1 less one ulp": math.nextafter(1.0, 0.0),
-    "1": 1.0,
-}
-"""As near to 0 and 1 as numbers go."""
-
-# From nothing to all that numbers hold [um].
-AMPLITUDES = {"0": 0.0} | FACTORS | {"1e-300": 1e-300, "1e300": 1e300}
-
-
-def cases() -> Iterator[Case]:
-    """Generators, then statistics."""
-    yield from generator_cases()
-    yield from statistics_cases()
-
-
-def generator_cases() -> Iterator[Case]:
-    """Family after family, each with both generators."""
-    for generator in GENERATORS:
-        for name, hurst in HURSTS.items():
-            asked = f"{NODES} x {NODES}, σ0 = 12 um, beside the same in fractions"
-            examine = partial(_as_in_fractions, generator, hurst, 12.0)
-            yield Case("generator: Hurst exponent", f"H = {name}, {generator}", asked, examine)
-    for generator in GENERATORS:
-        yield from _amplitudes(generator)
-    for generator in GENERATORS:
-        for k in range(1, 12):
-            nodes = 2**k + 1
-            asked = f"{nodes} x {nodes}, H = 0.65, σ0 = 12 um, beside k = {max(k - 1, 1)}"
-            examine = partial(_nested, generator, nodes)
-            yield Case("generator: levels", f"k = {k}, {generator}", asked, examine)
-
-
-def _surface(generator: str, nodes: int, hurst: float, sigma0: float) -> Field:
-    return generate(generator, nodes, hurst, sigma0, np.random.default_rng(SEED))
-
-
-def _answer(heights: Field, *findings: Finding) -> Answer:
-    largest = float(heights.max()) or 1.0
-    rms = float((heights / largest).std()) * largest  # without the overflow of squares
-    return Answer(f"range {np.ptp(heights):.4g} um, rms {rms:.4g} um", findings)
-
-
-def _as_in_fractions(generator: str, hurst: float, sigma0: float) -> Answer:
-    heights = _surface(generator, NODES, hurst, sigma0)
-    expected = exact.surface(generator, NODES, hurst, sigma0, np.random.default_rng(SEED))
-    error = abs(exact.fractions(heights) - expected).max() / (expected.max() or 1)
-    return _answer(heights, Finding("off fractions [range]", float(error), ROUNDING))
-
-
-def _amplitudes(generator: str) -> Iterator[Case]:
-    case = partial(Case, "generator: amplitude")
-    for name, sigma0 in AMPLITUDES.items():
-        asked = "129 x 129, H = 0.65" + ", beside σ0 = 1 um" * bool(sigma0)
-        allowed = 0.0 if name in {"0", *EXACT_FACTORS} else ROUNDING
-        title = f"σ0 = {name}{' um' * bool(sigma0)}, {generator}"
-        yield case(title, asked, partial(_scaled, generator, sigma0, allowed))
-    for name in ("1e-12", "1e12"):
-        title, asked = f"σ0 = {name} um in fractions, {generator}", f"{NODES} x {NODES}, H = 0.65"
-        yield case(title, asked, partial(_as_in_fractions, generator, 0.65, AMPLITUDES[name]))
-
-
-def _scaled(generator: str, sigma0: float, allowed: float) -> Answer:
-    """Heights are proportional to sigma0."""
-    unit, heights = (_surface(generator, 129, 0.65, each) for each in (1.0, sigma0))
-    error = float(np.abs(heights / (sigma0 or 1.0) - unit * bool(sigma0)).max() / unit.max())
-    return _answer(heights, Finding("off proportion [range]", error, allowed))
-
-
-def _nested(generator: str, nodes: int) -> Answer:
-    """The same seed gives the same coarse nodes, the same bits, and the lowest node is 0."""
-    heights, again = (_surface(generator, nodes, 0.65, 12.0) for _ in range(2))
-    coarse = _surface(generator, max((nodes + 1) // 2, 3), 0.65, 12.0)
-    step = (nodes - 1) // (len(coarse) - 1)
-    shared = heights[::step, ::step]
-    off = np.abs((shared - shared[0, 0]) - (coarse - coarse[0, 0])).max() / np.ptp(heights)
-    unlike = int(np.count_nonzero(heights != again)) + abs(heights.shape[0] - nodes)
-    return _answer(
-        heights,
-        Finding("coarse nodes off [range]", float(off), ROUNDING),
-        Finding("nodes unlike a second time", unlike, 0),
-        Finding("lowest height", abs(float(heights.min())), 0),
-    )
-
-
-FEW = 33  # nodes a side of most surfaces
-STEP = 1 / 1024  # steps of heights that are to take offsets and turns exactly [um]
-
-
-def statistics_cases() -> Iterator[Case]:
-    """Family after family."""
-    families = _offsets(), _cancellation(), _sizes(), _grids(), _features()
-    return chain(*families)
-
-
-def rough(nodes: int = FEW, sigma0: float = 12.0) -> Field:
-    """A surface of the paper's kind."""
+def rough(nodes: int = NODES, sigma0: float = 12.0) -> Field:
+    """Make a surface of the paper's kind."""
     return generate("diamond-square", nodes, 0.65, sigma0, np.random.default_rng(0))
 
 
-def stepped(nodes: int = FEW, step: float = STEP) -> Field:
-    """The same on steps: heights that tie, whose sums and differences are exact."""
+def stepped(nodes: int = NODES, step: float = STEP) -> Field:
+    """Make the same on steps: heights that tie, whose sums and differences are exact."""
     return np.asarray(np.round(rough(nodes) / step) * step)
 
 
@@ -225,57 +158,55 @@ def _case(
     asked: str,
     surface: ArrayLike | Callable[[], ArrayLike],
     *words: str,
-    **more: Any,
+    spacing: Spacing = (G, G),
 ) -> Case:
     """Make a case of heights, or of a function that makes them when it is run.
 
-    With words the surface has to be undefined for that reason; with `change` it is compared with
-    its image, else with whole numbers.
+    With words the surface has to be undefined for that reason, else it is compared with whole
+    numbers.
     """
 
     def examine() -> Answer:
         heights: Any = surface() if callable(surface) else surface
-        if words:
-            return says(heights, *words)
-        return (unchanged if "change" in more else described)(heights, **more)
+        return says(heights, *words) if words else described(heights, spacing)
 
     return Case(f"statistics: {family}", name, asked, examine)
 
 
 def _offsets() -> Iterator[Case]:
-    case, asked = partial(_case, "offset"), f"{FEW} x {FEW}, σ0 = 12 um"
-    beside = f"{asked} in steps of 1/1024 um, beside the same without offset"
+    case = partial(_case, "offset")
     for offset in (1e4, -1e8, 1e8, 1e10, 1e12):
-        change = partial(np.add, offset)
-        yield case(f"{offset:g} um", beside, stepped(), change=change, allowed=1e-13)
+        asked = f"{NODES} x {NODES}, σ0 = 12 um in steps of 1/1024 um"
+        yield case(f"{offset:g} um", asked, stepped() + offset)
     for offset in (1e8, 1e12):
-        yield case(f"{offset:g} um, heights as they were rounded", asked, rough() + offset)
+        name = f"{offset:g} um, heights as they were rounded"
+        yield case(name, f"{NODES} x {NODES}, σ0 = 12 um", rough() + offset)
     lost = "heights lost in rounding"
     for offset, sigma0 in ((1e14, 12.0), (1e16, 12.0), (1e8, 1e-6), (-1e300, 1e284)):
         name, far = f"{offset:g} um, σ0 = {sigma0:g} um", rough(sigma0=sigma0) + offset
-        yield case(f"{name}: lost in rounding", f"{FEW} x {FEW}", far, lost)
+        yield case(f"{name}: lost in rounding", f"{NODES} x {NODES}", far, lost)
     name, far = "1e6 um in single precision", (rough() + 1e6).astype(np.float32)
-    yield case(f"{name}: lost in rounding", f"{FEW} x {FEW}, float32", far, lost)
+    yield case(f"{name}: lost in rounding", f"{NODES} x {NODES}, float32", far, lost)
 
 
 def _cancellation() -> Iterator[Case]:
-    """Where variance is a small difference of large numbers."""
+    """Yield surfaces whose variance is a small difference of large numbers."""
     case = partial(_case, "cancellation")
     for spread in (1e-3, 1e-6, 1e-9, 1e-11):
         asked = f"high nodes of a checkerboard differ by {spread:g} of their height"
-        noise = 1.0 + spread * np.random.default_rng(5).random((FEW, FEW))
+        noise = 1.0 + spread * np.random.default_rng(5).random((NODES, NODES))
         yield case(f"asperities within {spread:g}", asked, _board() * noise)
     asked = "the others σ0 = 12 um"
     for depth in (1e4, 1e8, 1e10):
         yield case(f"one node {depth:g} um deep", asked, _with(stepped(), -depth))
     yield case("one node 1e16 um deep", asked, _with(stepped(), -1e16), "equal height")
     for slope in (1e3, 1e6):
-        asked, plane = "σ0 = 12 um in steps of 1/1024 um", slope * np.arange(FEW)[:, None]
+        asked, plane = "σ0 = 12 um in steps of 1/1024 um", slope * np.arange(NODES)[:, None]
         yield case(f"tilted by {slope:g} um a node", asked, stepped() + plane)
 
 
-def _board(nodes: int = FEW) -> Field:
-    """A checkerboard of 0 and 1."""
+def _board(nodes: int = NODES) -> Field:
+    """Make a checkerboard of 0 and 1."""
     return np.where(np.indices((nodes, nodes)).sum(axis=0) % 2 == 0, 1.0, 0.0)
 
 
@@ -287,14 +218,8 @@ def _with(heights: Field, height: float, at: tuple[int, int] = (5, 7)) -> Field:
 def _sizes() -> Iterator[Case]:
     case = partial(_case, "size")
     for name, factor in (FACTORS | {"1e-290": 1e-290, "1e290": 1e290}).items():
-        more = {"change": partial(np.multiply, factor), "length": factor}
-        allowed = 0.0 if name in EXACT_FACTORS else EXACT
-        yield case(f"heights times {name}", "beside σ0 = 12 um", rough(), allowed=allowed, **more)
-    spacings = {f"{name} g": G * factor for name, factor in EXACT_FACTORS.items()}
-    for name, spacing in (spacings | {"1e-15 um": 1e-15, "1e15 um": 1e15}).items():
-        more = {"change": np.array, "spacings": ((G, G), (spacing, spacing))}
-        yield case(f"spacing {name}", f"beside g = {G:g} um", rough(), allowed=4e-15, **more)
-    for pair in ((1e-15, 1e15), (1e15, 1e-15), (1.0, 1e-3), (0.3, 0.7)):
+        yield case(f"heights times {name}", "σ0 = 12 um", rough() * factor)
+    for pair in ((1e-15, 1e-15), (1e15, 1e15), (1e-15, 1e15), (1e15, 1e-15), (0.3, 0.7)):
         name = f"spacings {pair[0]:g} and {pair[1]:g} um"
         yield case(name, "σ0 = 12 um", rough(), spacing=pair)
 
@@ -311,34 +236,27 @@ def _grids() -> Iterator[Case]:
     for rows, columns in ((2, 2), (2, 3), (3, 2), (3, 3), (2, 129), (129, 2), (9, 100), (128, 17)):
         corner, asked = rough(129)[:rows, :columns], "a corner of 129 x 129, g = 0.5 and 2 um"
         yield case(f"{rows} x {columns}", asked, corner, spacing=oblong)
-    asked = "beside the surface as it is, g = 0.5 and 2 um"
-    for name, image, swapped in (
-        ("turned by 180°", lambda z: z[::-1, ::-1], False),
-        ("mirrored in x", lambda z: z[::-1], False),
-        ("mirrored in y", lambda z: z[:, ::-1], False),
-        ("axes swapped", np.transpose, True),
-        ("turned by 90°", np.rot90, True),
-    ):
-        more = {"spacings": (oblong, oblong[::-1] if swapped else oblong), "swapped": swapped}
-        yield case(name, asked, rough(), change=image, allowed=EXACT, **more)
+    turned = {"turned by 180°": rough()[::-1, ::-1], "axes swapped": rough().T}
+    for name, image in (turned | {"turned by 90°": np.rot90(rough())}).items():
+        yield case(name, "seen otherwise in memory, g = 0.5 and 2 um", image, spacing=oblong)
 
 
 def _features() -> Iterator[Case]:
-    """Bodies with closed forms, peaks that are few, equal or none."""
-    case, x = partial(_case, "feature"), np.arange(FEW) - FEW // 2
+    """Yield bodies with closed forms, and peaks that are few, equal or none."""
+    case, x = partial(_case, "feature"), np.arange(NODES) - NODES // 2
     bowl = (x[:, None] ** 2 + x**2) / 64
     for name, asked, heights, word in (
         ("one peak", "a paraboloid", -bowl, "one asperity"),
         ("no peak", "a bowl", bowl, "no asperity"),
         ("a plane", "h = 3 i - 2 j um", 3.0 * x[:, None] - 2.0 * x, "no asperity"),
-        ("flat", "all nodes at 3.3 um", np.full((FEW, FEW), 3.3), "flat surface"),
+        ("flat", "all nodes at 3.3 um", np.full((NODES, NODES), 3.3), "flat surface"),
         ("flat, far up", "all nodes at 1e308 um", np.full((9, 9), 1e308), "flat surface"),
     ):
         yield case(name, asked, heights)
         yield case(f"{name}: said", asked, heights, word)
     apart = _board() * (0.1 + 0.2) + 0.1
-    plain, spike = np.zeros((FEW, FEW)), _with(np.zeros((9, 9)), 1.0, (2, 2))
-    noise = np.random.default_rng(1).standard_normal((FEW, FEW))
+    plain, spike = np.zeros((NODES, NODES)), _with(np.zeros((9, 9)), 1.0, (2, 2))
+    noise = np.random.default_rng(1).standard_normal((NODES, NODES))
     for name, asked, heights in (
         ("exact ties", "a checkerboard of 0 and 1 um", _board()),
         ("ties of 0.1 + 0.2", "a checkerboard of 0.1 and 0.1 + 0.2 um", apart),

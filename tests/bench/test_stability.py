@@ -1,0 +1,352 @@
+"""Stiff and extreme cases: every quick one passes, and every check can fail."""
+
+import csv
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import bem
+from bem.operators import patch
+from bench import __main__ as command
+from bench.stability import case as tables
+from bench.stability import checks, edgeless, hardness, models, surfaces
+from bench.stability import setup as topographies
+from bench.stability.case import TABLES, Answer, Case, Finding, Refusal, cases_of, run_case
+from bench.stability.checks import Check, contact_case, has_force, judge
+from bench.stability.models import fitted, ordinary, solves_its_equations
+from bench.stability.setup import Setup
+from gen import statistics, surface
+from gen.runtime.errors import InputError
+from gen.statistics import NAMES
+from learn.models import MODELS
+
+LARGE = {"k = 9", "k = 10", "k = 11"}
+SOME = {"Decision Tree", "SVM Regressor", "Kernel Ridge", "GP Regressor"}
+
+
+def is_fast(table: str, case: Case) -> bool:
+    """Whether a case takes seconds at most; tests/bem has some of the random contacts."""
+    if table == "models":
+        return case.name in SOME or case.family == "models: few rows"
+    return not (
+        case.slow
+        or table in {"hardness", "edgeless"}
+        or (table == "surfaces" and {case.name, case.name.partition(",")[0]} & LARGE)
+    )
+
+
+FAST = [case for table in TABLES for case in cases_of(table) if is_fast(table, case)]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("case", FAST, ids=lambda case: f"{case.family}: {case.name}")
+def test_case(case: Case) -> None:
+    result = run_case(case)
+    assert result.passed, result.failed
+
+
+@pytest.mark.parametrize("table", TABLES)
+def test_names_are_unique_and_families_stand_together(table: str) -> None:
+    names = [(case.family, case.name) for case in cases_of(table)]
+    families = [family for family, _ in names]
+    assert len(set(names)) == len(names)
+    assert families == sorted(families, key=families.index)
+
+
+# ---------------------------------------------------------------- cases and the command
+
+
+def test_what_was_to_be_refused_fails_without_an_error() -> None:
+    refusal = Refusal(InputError, ("give less",))
+
+    def refuse() -> None:
+        raise InputError("too much: give less")
+
+    def in_two_lines() -> None:
+        raise InputError("too much:\ngive less")
+
+    assert run_case(Case("test", "test", "", refuse, refusal)).passed
+    assert not run_case(Case("test", "test", "", in_two_lines, refusal)).passed
+    assert not run_case(Case("test", "test", "", dict, refusal)).passed
+    assert not run_case(Case("test", "test", "", refuse, Refusal(ValueError, ()))).passed
+
+
+def test_warnings_and_errors_fail() -> None:
+    def warn() -> Answer:
+        np.float64(1.0) / np.float64(0.0)
+        return Answer("", [Finding("nothing", 0, 0)])
+
+    result = run_case(Case("test", "test", "", warn))
+    assert not result.passed
+    assert "warning divide by zero" in result.worst.what
+    broken = run_case(Case("test", "test", "", lambda: 1 / 0))
+    assert broken.out == "division by zero"
+    assert not broken.passed
+    assert not Answer("").passed
+
+
+def test_a_missing_extra_ends_the_table_and_is_no_failed_case() -> None:
+    def learn() -> Answer:
+        raise ModuleNotFoundError("No module named 'mapie'", name="mapie")
+
+    with pytest.raises(ModuleNotFoundError, match="mapie"):
+        run_case(Case("test", "test", "", learn))
+
+
+SMALL = partial(topographies.paper, 33)
+SOUND = contact_case("one", "sound", SMALL, 12.0)
+REFUSED = contact_case("two", "refused", np.zeros(3), refusal=Refusal(ValueError, ("(3,)",)))
+WRONG_FORCE = (partial(has_force, "nothing", 0.0, 0.0),)
+BROKEN = contact_case("two", "broken", SMALL, 12.0, checks=WRONG_FORCE)
+SLOW = replace(SOUND, family="two", name="slow", slow=True)
+
+
+def test_command_writes_the_table_and_fails_with_a_case(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cases = [SOUND, REFUSED, SLOW]
+    monkeypatch.setattr(tables, "cases_of", lambda _name: cases)
+    solver = ["stability", "--of", "solver"]
+    assert command.main([*solver, "-o", str(tmp_path / "new")]) == 0
+    assert "2 cases, 0 failed" in capsys.readouterr().out
+    with (tmp_path / "new" / "stability.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["case"] for row in rows] == ["sound", "refused"]
+    assert {row["verdict"] for row in rows} == {"passed"}
+    assert float(rows[0]["force_uN"]) == Setup(SMALL(), 12.0).solve().force
+    assert int(rows[0]["ordinary_iterations"]) > 0
+    assert "heights have shape (3,)" in rows[1]["message"]
+    assert rows[1]["force_uN"] == rows[1]["iterations"] == ""
+    assert command.main([*solver, "--full"]) == 0
+    assert "3 cases, 0 failed" in capsys.readouterr().out
+    cases.append(BROKEN)
+    assert command.main([*solver, "-o", str(tmp_path)]) == 1
+    printed = capsys.readouterr().out
+    assert "3 cases, 1 failed" in printed
+    assert "two, broken: force off nothing" in printed
+
+
+# ---------------------------------------------------------------- checks of contacts
+
+
+ASKED = Setup(SMALL(), 12.0)
+CONTACT = ASKED.solve()
+
+
+def with_pressure(change: Callable[[np.ndarray], np.ndarray]) -> bem.Contact:
+    """The contact with another pressure, and all that it states about it made to fit."""
+    pressure = change(CONTACT.pressure.copy())
+    share = 100 * float((pressure > 0).mean())
+    residual = checks.violation(ASKED, pressure)
+    force = float(pressure.sum()) * ASKED.cell[0] * ASKED.cell[1]
+    return replace(CONTACT, pressure=pressure, force=force, area_percent=share, residual=residual)
+
+
+def without_smallest(pressure: np.ndarray) -> np.ndarray:
+    pressure.flat[np.nanargmin(np.where(pressure > 0, pressure, np.nan))] = 0.0
+    return pressure
+
+
+def in_tension(pressure: np.ndarray) -> np.ndarray:
+    pressure[np.unravel_index(ASKED.surface.argmin(), pressure.shape)] = -1e-9
+    return pressure
+
+
+def on_the_lowest_node(pressure: np.ndarray) -> np.ndarray:
+    pressure.flat[ASKED.surface.argmin()] = 1e-3 * pressure.max()
+    return pressure
+
+
+WRONG = {
+    "1e-4 too large": lambda pressure: pressure * 1.0001,
+    "off by one node": lambda pressure: np.roll(pressure, 1, axis=0),
+    "without its smallest": without_smallest,
+    "on the lowest node": on_the_lowest_node,
+    "in tension somewhere": in_tension,
+    "not a number": lambda pressure: pressure * np.nan,
+}
+
+
+def verdict(check: Check, asked: Setup, contact: bem.Contact) -> bool:
+    return all(finding.passed for finding in check(asked, contact))
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+def test_another_pressure_is_told(wrong: str) -> None:
+    spoilt = with_pressure(WRONG[wrong])
+    assert verdict(checks.complementarity, ASKED, CONTACT)
+    assert not verdict(checks.complementarity, ASKED, spoilt)
+    if wrong != "in tension somewhere":
+        check = partial(checks.agrees_with_dense_solve, allowed=0.9e-4)
+        assert verdict(check, ASKED, CONTACT)
+        assert not verdict(check, ASKED, spoilt)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [{"kernel": "concentrated-force"}, {"far_field": "compliant"}, {"heights": ASKED.surface.T}],
+    ids=str,
+)
+def test_the_answer_to_another_question_fails(other: dict[str, Any]) -> None:
+    answer = replace(ASKED, **other).solve()
+    assert not verdict(checks.complementarity, ASKED, answer)
+
+
+def failed(asked: Setup, contact: bem.Contact, reason: str = "") -> list[str]:
+    """Names of the findings that an answer fails by."""
+    answer = judge(asked, contact, reason=reason)
+    return [finding.what for finding in answer.findings if not finding.passed]
+
+
+@pytest.mark.parametrize(
+    ("stated", "told"),
+    [
+        ({"residual": CONTACT.residual + 1e-8}, "residual off"),
+        ({"force": CONTACT.force * (1 + 1e-9)}, "force off its pressure"),
+        ({"force": math.inf}, "force off its pressure"),
+        ({"area_percent": CONTACT.area_percent + 1e-6}, "area off its nodes"),
+    ],
+)
+def test_numbers_that_the_pressure_does_not_bear_out_fail(
+    stated: dict[str, float], told: str
+) -> None:
+    assert not failed(ASKED, CONTACT)
+    assert told in failed(ASKED, replace(CONTACT, **stated))
+
+
+def test_an_unconverged_answer_that_claims_to_be_converged_fails(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(patch, "FEW_FREE", ((0.0, 1.0),))  # else two iterations may be enough
+    with pytest.raises(bem.NotConverged) as stopped:
+        replace(ASKED, max_iterations=2).solve()
+    unfinished = stopped.value.contact
+    assert failed(ASKED, unfinished) == ["gap"]
+    assert failed(ASKED, replace(unfinished, residual=1e-7)) == ["gap", "residual off"]
+
+
+def test_many_iterations_need_a_reason() -> None:
+    slow = replace(CONTACT, iterations=200)
+    assert failed(ASKED, slow) == ["times ordinary"]
+    assert not failed(ASKED, slow, "stiff")
+    assert judge(ASKED, slow, reason="stiff").numbers["reason"] == "stiff"
+    assert judge(ASKED, CONTACT, reason="stiff").numbers["reason"] == ""
+    endless = replace(CONTACT, iterations=ASKED.max_iterations + 1)
+    assert failed(ASKED, endless, "stiff") == ["iterations"]
+
+
+def nothing(contact: bem.Contact) -> bem.Contact:
+    raise ZeroDivisionError
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (lambda c: replace(c, force=1.001 * c.force), "force off least squares"),
+        (lambda c: replace(c, pressure=0.999 * c.pressure), "nodes off least squares"),
+        (nothing, "ZeroDivisionError at seed 11"),
+    ],
+)
+def test_wrong_contacts_that_yield_are_told(
+    monkeypatch: pytest.MonkeyPatch, spoil: Callable[[bem.Contact], bem.Contact], words: str
+) -> None:
+    seeds = range(11, 12)
+    assert hardness.beside_least_squares(seeds).passed
+    solve = Setup.solve
+    monkeypatch.setattr(Setup, "solve", lambda asked: spoil(solve(asked)))
+    assert words in hardness.beside_least_squares(seeds).failed
+
+
+def turned(contact: bem.Contact) -> bem.Contact:
+    return replace(contact, pressure=np.ascontiguousarray(contact.pressure[::-1]))
+
+
+@pytest.mark.parametrize(
+    ("draw", "compare", "spoil", "words"),
+    [
+        (edgeless.problem, edgeless.judge, lambda c: replace(c, delta=1.001 * c.delta), "gap"),
+        (edgeless.problem, edgeless.judge, turned, "pressure off the reference"),
+        (edgeless.mirrored_problem, edgeless.judge_images, turned, "pressure off"),
+        (edgeless.periodic_problem, edgeless.judge_shift, turned, "pressure off"),
+    ],
+)
+def test_wrong_contacts_without_edges_are_told(
+    draw: Callable[[int], Setup],
+    compare: edgeless.Judge,
+    spoil: Callable[[bem.Contact], bem.Contact],
+    words: str,
+) -> None:
+    seeds = range(16, 17)
+    assert edgeless.examine(seeds, draw, compare).passed
+
+    def spoilt(asked: Setup, contact: bem.Contact):
+        return compare(asked, spoil(contact))
+
+    assert words in edgeless.examine(seeds, draw, spoilt).failed
+
+
+# ---------------------------------------------------------------- checks of surfaces and models
+
+
+@pytest.mark.parametrize("name", NAMES[::4])
+def test_a_statistic_that_is_wrong_fails(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    rough = surfaces.rough(17)
+    found = statistics.describe(rough, 2.0)
+    assert surfaces.described(rough, (2.0, 2.0)).passed
+    value = found.values[name]
+    for wrong in (value + 1e-10 * max(1.0, abs(value)), math.nan):
+        other = replace(found, values=found.values | {name: wrong})
+        monkeypatch.setattr(surfaces, "describe", lambda *_, other=other: other)
+        assert not surfaces.described(rough, (2.0, 2.0)).passed
+
+
+def test_what_is_undefined_has_to_have_its_reason(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert surfaces.says(np.zeros((5, 5)), "flat surface").passed
+    assert not surfaces.says(np.zeros((5, 5)), "two nodes").passed
+    assert not surfaces.says(surfaces.rough(17)).passed
+    silent = replace(statistics.describe(np.zeros((5, 5)), 1.0), reason="")
+    monkeypatch.setattr(surfaces, "describe", lambda *_: silent)
+    assert not surfaces.says(np.zeros((5, 5)), "flat surface").passed
+
+
+@pytest.mark.parametrize("generator", surface.GENERATORS)
+def test_a_generator_that_is_wrong_fails(generator: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    right = surface.GENERATORS[generator]
+
+    def taller(nodes: int, hurst: float, sigma0: float, random: np.random.Generator) -> np.ndarray:
+        heights = right(nodes, hurst, sigma0, random)
+        heights[nodes // 2, 0] += 1e-9 * sigma0 * nodes
+        return heights
+
+    (case,) = (case for case in surfaces.generator_cases() if case.name == f"H = 1, {generator}")
+    assert run_case(case).passed
+    monkeypatch.setattr(surface, "GENERATORS", {**surface.GENERATORS, generator: taller})
+    assert not run_case(case).passed
+
+
+def test_all_models_are_asked() -> None:
+    families = {kind.family for kind in models.KINDS if len(kind.models) == len(MODELS)}
+    assert {"constant target", "collinear columns", "few rows", "far outside"} <= families
+
+
+def test_wrong_coefficients_an_unflagged_row_and_silent_nonsense_fail() -> None:
+    ridge = fitted("kernel-ridge", "tuned", ordinary())
+    assert all(finding.passed for finding in models.flagged(ridge))
+    low, high = ridge.surrogate.low - np.inf, ridge.surrogate.high + np.inf
+    near = replace(ridge.surrogate.distance, limit=np.inf)
+    wide = replace(ridge.surrogate, low=low, high=high, distance=near)
+    assert not all(each.passed for each in models.flagged(replace(ridge, surrogate=wide)))
+    assert all(finding.passed for finding in solves_its_equations(ridge))
+    ridge.estimator.dual_coef_ = ridge.estimator.dual_coef_ * (1 + 1e-6)
+    assert not all(finding.passed for finding in solves_its_equations(ridge))
+    tree = fitted("decision-tree", "default", ordinary())
+    other = replace(tree, train=replace(tree.train, target=tree.train.target[::-1]))
+    assert [f.what for f in models.sound(other) if not f.passed] == [
+        "worse than a constant, unsaid"
+    ]
