@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from bench.stability.models import fitted, ordinary, scene
+from bench.stability.models import SIDE as MADE_SIDE
+from bench.stability.models import fitted, ordinary
 from gen.runtime.errors import InputError
 from gen.surface import generate
 from learn.comparison import grid as grids
@@ -157,7 +158,7 @@ def test_surrogate(benchmark: Any, name: str, size: str) -> None:
     """Answers with intervals; each row's must not depend on how many are asked."""
     asked = fitted(name, "tuned", ordinary("dimensionless"))
     order = np.arange(ASKED_ROWS[size]) % asked.test.size
-    described, side = asked.test.described, scene().sides[0]
+    described, side = asked.test.described, MADE_SIDE
     every, rows = (
         asked.surrogate.of_statistics(each[:, 1:], each[:, 0], side)
         for each in (described[order], described)
