@@ -2,10 +2,8 @@
 
 import shutil
 import signal
-import subprocess
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -13,16 +11,17 @@ import numpy as np
 
 from gen.scene.columns import row_bytes
 from gen.schema import Reason
-from tests.faults.runs import Ended, await_lock, is_locked
 from tests.faults.stage import (
-    RANKS,
+    PROCESSES,
+    Ended,
     Found,
-    NotPossible,
     Stage,
+    await_lock,
     code_fault,
     columns_of,
     difference,
     finished,
+    is_locked,
     refusal_fault,
     row_fault,
 )
@@ -39,7 +38,6 @@ VICTIMS = {
 HELD = (0.5, 2.5)
 """How long a worker is held up [s]."""
 
-PAGE = 4096
 SMALLEST = 64 * 1024
 """Smallest limit on the size of files: below it, the run could not even write down its output."""
 
@@ -60,16 +58,16 @@ FAILURES = {
 def signalled(number: signal.Signals, victims: tuple[str, ...], stage: Stage) -> Found:
     """Send a signal to one of the victims at a random moment, and wait for the end."""
     victim = str(stage.random.choice(victims))
-    before = int(finished(stage.columns()).sum())
-    with stage.run(0 if victim == "alone" else RANKS) as run:
+    before = int(finished(columns_of(stage.path)).sum())
+    with stage.run(0 if victim == "alone" else PROCESSES) as run:
         stage.await_moment(run)
-        at_work = int(finished(stage.columns()).sum()) > before
+        at_work = int(finished(columns_of(stage.path)).sum()) > before
         hit = run.send(VICTIMS[victim], number)
         began = time.monotonic()
         ended = run.wait()
         await_lock(stage.path)
         seconds = time.monotonic() - began
-    fault = code_fault(ended, stage.columns())
+    fault = code_fault(ended, columns_of(stage.path))
     # After its last row a run is on its way out, and a signal ends it as it ends any process.
     if hit and at_work and not fault and len(stage.pending()):
         fault = answer_fault(victim, number, ended.code)
@@ -90,7 +88,7 @@ def answer_fault(victim: str, number: signal.Signals, code: int) -> str:
 def worker_held_up(stage: Stage) -> Found:
     """SIGSTOP to a worker and, after a while, SIGCONT: the run is held up and nothing else."""
     held = float(stage.random.uniform(*HELD))
-    with stage.run(RANKS) as run:
+    with stage.run(PROCESSES) as run:
         stage.await_moment(run)
         hit = run.send("1", signal.SIGSTOP)
         time.sleep(held)
@@ -99,15 +97,12 @@ def worker_held_up(stage: Stage) -> Found:
         ended = run.wait()
         seconds = time.monotonic() - began
     fault = f"exit code {ended.code}" if ended.code else ""
-    fault = fault or difference(stage.columns(), stage.reference)
+    fault = fault or difference(columns_of(stage.path), stage.reference)
     return Found(f"worker for {held:.1f} s", fault, hit, seconds)
 
 
 def files_may_not_grow(stage: Stage) -> Found:
-    """From a random moment on, no file may be written beyond a random size.
-
-    The kernel reports that as it reports a full disk.
-    """
+    """From a random moment on, no file may grow beyond a size: for a run, the disk is full."""
     rows = stage.scene.samples * row_bytes(stage.scene)
     size = int(stage.random.integers(SMALLEST, max(rows, SMALLEST + 1)))
     ranks = stage.ranks()
@@ -121,68 +116,10 @@ def files_may_not_grow(stage: Stage) -> Found:
         await_lock(stage.path)
         seconds = time.monotonic() - began
     hit = hit and ended.code != 0
-    fault = code_fault(ended, stage.columns())
+    fault = code_fault(ended, columns_of(stage.path))
     if hit and not fault:
         fault = refusal_fault(ended, "disk is full")
     return Found(f"beyond {size} bytes", fault, hit, seconds)
-
-
-def disk_full(stage: Stage) -> Found:
-    """A small file system runs full: in the making of a file, or in its midst where it has holes.
-
-    A finished database has its disk space. Copied, it may lose what holds only zeros, so that a
-    later run can meet a full disk at any row.
-    """
-    before = stage.columns()
-    rows = stage.scene.samples * row_bytes(stage.scene)
-    midway = before is not None and stage.random.random() < 0.7
-    with _small_disk(stage.folder / "disk", 2 * rows + 64 * PAGE) as disk:
-        path = disk / "rows.h5"
-        if midway:
-            copy_with_holes(stage.path, path)
-        spare = PAGE * int(stage.random.integers(1, 8)) + (0 if midway else rows)
-        (disk / "filler").write_bytes(bytes(max(shutil.disk_usage(disk).free - spare, 0)))
-        began = time.monotonic()
-        ended = _ended(stage, path)
-        seconds = time.monotonic() - began
-        now = columns_of(path)
-        fault = code_fault(ended, now)
-        fault = fault or row_fault(before if midway else None, now, stage.reference)
-        hit = ended.code != 0
-        if hit and not fault:  # foreseen before a file is made, or met on the way
-            fault = refusal_fault(ended, "are free" if "are free" in ended.text else "disk is full")
-        (disk / "filler").unlink()
-        again = _ended(stage, path)
-        if not fault and again.code:
-            fault = f"exit code {again.code} after room was made"
-        fault = fault or difference(columns_of(path), stage.reference)
-    what = "in its midst" if midway else "in the making"
-    return Found(f"{what}, {spare} bytes free", fault, hit, seconds)
-
-
-def copy_with_holes(source: Path, target: Path) -> None:
-    """Copy a file and leave out pages of zeros, as `cp --sparse=always` does."""
-    content = source.read_bytes()
-    with target.open("wb") as file:
-        for start in range(0, len(content), PAGE):
-            page = content[start : start + PAGE]
-            if page.strip(b"\0"):
-                file.seek(start)
-                file.write(page)
-        file.truncate(len(content))
-
-
-@contextmanager
-def _small_disk(folder: Path, size: int) -> Iterator[Path]:
-    """A file system of some bytes, in memory; only a machine's administrator may have one."""
-    folder.mkdir(exist_ok=True)
-    command = ["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(folder)]
-    if not shutil.which("mount") or subprocess.run(command, capture_output=True).returncode:  # noqa: PLW1510
-        raise NotPossible("no right to mount a small file system")
-    try:
-        yield folder
-    finally:
-        subprocess.run(["umount", "--lazy", str(folder)], capture_output=True, check=False)
 
 
 def _ended(stage: Stage, path: Path) -> Ended:
@@ -252,19 +189,19 @@ def second_writer(stage: Stage) -> Found:
         third_ended = third.wait()
     if not fault and third_ended.code:
         fault = f"a dead job's lock: exit code {third_ended.code}"
-    fault = fault or difference(stage.columns(), stage.reference)
+    fault = fault or difference(columns_of(stage.path), stage.reference)
     return Found(f"the first {'killed' if killed else 'goes on'}", fault, hit, seconds)
 
 
 def samples_fail(stage: Stage) -> Found:
     """Samples fail; they say why, and are computed again when that is asked for."""
     ailment = str(stage.random.choice(list(FAILURES)))
-    rows, before = _rows(stage), stage.columns()
+    rows, before = _rows(stage), columns_of(stage.path)
     began = time.monotonic()
     with stage.run(stage.ranks(), ailments=dict.fromkeys(rows, ailment)) as run:
         ended = run.wait()
     seconds = time.monotonic() - began
-    now = stage.columns()
+    now = columns_of(stage.path)
     if ended.code or not finished(now).all():
         fault = f"exit code {ended.code}, or pending rows, because of failed samples"
     else:
@@ -274,7 +211,7 @@ def samples_fail(stage: Stage) -> Found:
         again = run.wait()
     if not fault and again.code:
         fault = f"exit code {again.code} of --retry-failed"
-    fault = fault or difference(stage.columns(), stage.reference)
+    fault = fault or difference(columns_of(stage.path), stage.reference)
     return Found(f"{ailment}, rows {rows}", fault, seconds=seconds)
 
 
@@ -286,7 +223,7 @@ def sample_never_ends(stage: Stage) -> Found:
     with stage.run(stage.ranks(), *limit, ailments=dict.fromkeys(rows, "never_ends")) as run:
         ended = run.wait()
     seconds = time.monotonic() - began
-    fault, now = "", stage.columns()
+    fault, now = "", columns_of(stage.path)
     if ended.code or "took longer than --sample-limit" not in ended.text:
         fault = f"exit code {ended.code} without the warning of --sample-limit"
     elif now is None or finished(now)[rows].any():
@@ -302,7 +239,7 @@ def sample_has_a_bug(stage: Stage) -> Found:
         ended = run.wait()
         await_lock(stage.path)
     seconds = time.monotonic() - began
-    fault = code_fault(ended, stage.columns())
+    fault = code_fault(ended, columns_of(stage.path))
     if ended.code in {0, 2} or "TypeError: injected" not in ended.text:
         fault = f"exit code {ended.code} without the bug's traceback"
     return Found(f"row {row}", fault, seconds=seconds)
@@ -325,7 +262,6 @@ KINDS: dict[str, Callable[[Stage], Found]] = {
     "SIGUSR1": partial(signalled, signal.SIGUSR1, tuple(VICTIMS)),
     "SIGSTOP, then SIGCONT": worker_held_up,
     "files may not grow": files_may_not_grow,
-    "full disk": disk_full,
     "file cut off": file_cut_off,
     "file replaced": file_replaced,
     "second writer": second_writer,

@@ -8,8 +8,9 @@ import json
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 from unittest import mock
 
 import bem
@@ -18,56 +19,49 @@ import gen.generation.sample
 from gen.arrays import Heights
 from gen.scene import Scene
 
-Solve = Callable[[Scene, Heights, float, float | None], bem.Contact]
+Solve = Callable[[], bem.Contact]
 
-_healthy: Solve = gen.generation.sample.solve_contact
+_healthy = gen.generation.sample.solve_contact
 
 
-def raises(scene: Scene, heights: Heights, delta: float, hardness: float | None) -> NoReturn:
+def raises(solve: Solve) -> NoReturn:
     """Stumble over the numbers."""
     raise FloatingPointError("injected")
 
 
-def returns_nan(
-    scene: Scene, heights: Heights, delta: float, hardness: float | None
-) -> bem.Contact:
+def returns_nan(solve: Solve) -> bem.Contact:
     """Solve, and lose the result on the way."""
-    return replace(_healthy(scene, heights, delta, hardness), force=float("nan"))
+    return replace(solve(), force=float("nan"))
 
 
-def does_not_converge(
-    scene: Scene, heights: Heights, delta: float, hardness: float | None
-) -> NoReturn:
+def does_not_converge(solve: Solve) -> NoReturn:
     """Give up a contact."""
-    raise bem.NotConverged(_healthy(scene, heights, delta, hardness))
+    raise bem.NotConverged(solve())
 
 
-def never_ends(scene: Scene, heights: Heights, delta: float, hardness: float | None) -> NoReturn:
+def never_ends(solve: Solve) -> NoReturn:
     """Solve again and again: whatever ends this ends it in the midst of a solve."""
     while True:
-        _healthy(scene, heights, delta, hardness)
+        solve()
 
 
-def has_a_bug(scene: Scene, heights: Heights, delta: float, hardness: float | None) -> NoReturn:
+def has_a_bug(solve: Solve) -> NoReturn:
     """Raise what no sample may raise."""
     raise TypeError("injected")
 
 
-AILMENTS: dict[str, Solve] = {
+AILMENTS: dict[str, Callable[[Solve], bem.Contact]] = {
     ailment.__name__: ailment
     for ailment in (raises, returns_nan, does_not_converge, never_ends, has_a_bug)
 }
 
 
-def ailing(ailments: Mapping[float, str]) -> Solve:
+def ailing(ailments: Mapping[float, str]) -> Callable[..., bem.Contact]:
     """The solver of a program in which the samples with these displacements ail."""
 
-    def solve_contact(
-        scene: Scene, heights: Heights, delta: float, hardness: float | None
-    ) -> bem.Contact:
-        name = ailments.get(delta)
-        solve = _healthy if name is None else AILMENTS[name]
-        return solve(scene, heights, delta, hardness)
+    def solve_contact(scene: Scene, heights: Heights, delta: float, **more: Any) -> bem.Contact:
+        solve = partial(_healthy, scene, heights, delta, **more)
+        return AILMENTS[ailments[delta]](solve) if delta in ailments else solve()
 
     return solve_contact
 

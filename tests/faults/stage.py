@@ -1,11 +1,19 @@
-"""What a campaign works on: a scene, its undisturbed database, the one that is disturbed."""
+"""Runs of the program as processes of their own, and the databases that campaigns disturb."""
 
 import json
+import os
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,16 +21,184 @@ from numpy.typing import NDArray
 from gen.database import Reader
 from gen.generation.plan import parameters
 from gen.runtime.errors import InputError
+from gen.runtime.files import lock
 from gen.scene import Scene
 from gen.scene.columns import ALL_COLUMNS
 from gen.schema import Status
-from tests.faults.runs import BOUND, PROGRAM, Ended, Hang, Run
+
+BOUND = 90.0
+"""Seconds within which a run has to end once it is disturbed; undisturbed it takes a few."""
+
+RANKS = ("PMI_RANK", "OMPI_COMM_WORLD_RANK", "PMIX_RANK")
+"""Variables in which the launchers tell a process its rank."""
+
+PROGRAM = ("-m", "gen")
+
+ENVIRONMENT = {
+    "OMPI_ALLOW_RUN_AS_ROOT": "1",
+    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+    "OMPI_MCA_rmaps_base_oversubscribe": "1",
+    "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",
+    "PYTHONDONTWRITEBYTECODE": "1",
+    "PYTHONPATH": str(Path(__file__).resolve().parents[2]),
+}
+"""Open MPI as root and on few cores; nothing is written but the database."""
+
+
+class Hang(Exception):
+    """A run has not ended within `BOUND`."""
+
+
+@dataclass(frozen=True)
+class Ended:
+    """How a run ended: its exit code and all that it printed."""
+
+    code: int
+    text: str
+
+
+class Run:
+    """A run under way, alone (no ranks) or under mpiexec; on leaving, no process is left behind."""
+
+    def __init__(
+        self, folder: Path, ranks: int, *arguments: str, program: tuple[str, ...] = PROGRAM
+    ) -> None:
+        self._log = tempfile.TemporaryFile()  # noqa: SIM115 - closed in __exit__
+        # The launcher leads a session of its own: a terminal's signals are not for it.
+        self._process = subprocess.Popen(
+            [*_launcher(ranks), *program, *arguments],
+            cwd=folder,
+            env=_environment(),
+            stdin=subprocess.DEVNULL,
+            stdout=self._log,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """End every process that this run has started and that is still there."""
+        if self.alive():
+            for process in self.processes():
+                with suppress(ProcessLookupError):
+                    os.kill(process, signal.SIGKILL)
+        self._process.wait(BOUND)
+        self._log.close()
+
+    def alive(self) -> bool:
+        """Whether the launcher, or the run alone, has not ended yet."""
+        return self._process.poll() is None
+
+    def wait(self) -> Ended:
+        """Wait for the end; raise `Hang` if it does not come."""
+        try:
+            code = self._process.wait(BOUND)
+        except subprocess.TimeoutExpired:
+            raise Hang from None
+        self._log.seek(0)
+        return Ended(code, self._log.read().decode(errors="replace"))
+
+    def send(self, victim: str, number: int) -> bool:
+        """Send a signal to "launcher", "everybody" or a rank; say whether it was there."""
+        while not (targets := self._targets(victim)) and self.alive():  # ranks take a moment
+            time.sleep(0.02)
+        if not self.alive():
+            return False
+        for target in targets:
+            with suppress(ProcessLookupError):
+                os.kill(target, number)
+        return True
+
+    def limit_files(self, size: int) -> bool:
+        """Let no file grow or be written beyond a size [bytes], as if the disk were full there."""
+        hard = resource.RLIM_INFINITY
+        for process in self.processes():
+            with suppress(ProcessLookupError):
+                resource.prlimit(process, resource.RLIMIT_FSIZE, (size, hard))
+        return self.alive()
+
+    def processes(self) -> list[int]:
+        """The launcher and all that it has started."""
+        return [self._process.pid, *_descendants(self._process.pid)]
+
+    def _targets(self, victim: str) -> list[int]:
+        if victim == "launcher":
+            return [self._process.pid]
+        if victim == "everybody":
+            return self.processes()
+        return [process for process in self.processes() if _rank(process) == victim]
+
+
+def await_lock(path: Path) -> None:
+    """Wait for ranks that outlive their killed launcher for a moment, and rightly keep the lock."""
+    limit = time.monotonic() + BOUND
+    while is_locked(path):
+        if time.monotonic() > limit:
+            raise Hang
+        time.sleep(0.05)
+
+
+def is_locked(path: Path) -> bool:
+    """Whether some process holds the right to write a database."""
+    try:
+        with lock(path):
+            return False
+    except InputError:
+        return True
+
+
+def _launcher(ranks: int) -> list[str]:
+    """The start of a command: Python, under mpiexec if there are to be ranks."""
+    if not ranks:
+        return [sys.executable]
+    beside = Path(sys.executable).with_name("mpiexec")
+    launcher = str(beside) if beside.exists() else shutil.which("mpiexec")
+    if launcher is None:
+        raise InputError("no mpiexec; install the extra 'mpich'")
+    return [launcher, "-n", str(ranks), sys.executable, "-m", "mpi4py"]
+
+
+def _environment() -> dict[str, str]:
+    """The user's, less what an outer MPI would add."""
+    prefixes = ("PMI", "OMPI", "PRTE", "SLURM")
+    kept = {key: value for key, value in os.environ.items() if not key.startswith(prefixes)}
+    return kept | ENVIRONMENT
+
+
+def _rank(process: int) -> str:
+    """The rank of a process as text; "" if it has none."""
+    try:
+        variables = Path(f"/proc/{process}/environ").read_text(errors="replace").split("\0")
+        executable = Path(f"/proc/{process}/comm").read_text()
+    except OSError:
+        return ""
+    if not executable.startswith("python"):  # some launchers start a rank through a shell
+        return ""
+    named = (variable.partition("=") for variable in variables)
+    return next((value for name, _, value in named if name in RANKS), "")
+
+
+def _descendants(ancestor: int) -> Iterator[int]:
+    """All processes that a process has started, directly or through others."""
+    parents: dict[int, list[int]] = {}
+    for entry in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError):
+            fields = (entry / "stat").read_text().rpartition(")")[2].split()
+            parents.setdefault(int(fields[1]), []).append(int(entry.name))
+    waiting = [ancestor]
+    while waiting:
+        children = parents.get(waiting.pop(), [])
+        yield from children
+        waiting += children
+
 
 SCENE = "samples = {samples}\nsamples_per_surface = 2\n[surface]\nnodes = 17\n"
 SAMPLES = 600
 """Rows of a campaign's database: some seconds of work, so that most strikes come in its midst."""
 
-RANKS = 3
+PROCESSES = 3
 """Processes of a run under mpiexec: a master and two workers."""
 
 EARLY = 0.25
@@ -37,15 +213,7 @@ class NotPossible(Exception):
 
 @dataclass(frozen=True)
 class Found:
-    """What came of one disturbance.
-
-    Attributes
-    ----------
-    detail : what was done, in words
-    fault : what was wrong, "" if nothing was
-    hit : whether the run was still there to be disturbed
-    seconds : from the disturbance to the end of the run [s]
-    """
+    """What was done, what was wrong, whether it hit a run, and the seconds to its end."""
 
     detail: str
     fault: str = ""
@@ -54,19 +222,7 @@ class Found:
 
 
 class Stage:
-    """A folder with a scene, its reference, and the database under attack.
-
-    Parameters
-    ----------
-    folder : an empty folder to work in
-    samples : rows of the database
-    random : of victims and moments
-
-    Attributes
-    ----------
-    path : the database under attack, which is there once a run has made it
-    reference : columns of an undisturbed run
-    """
+    """A folder with a scene, the columns of an undisturbed run, and the database under attack."""
 
     def __init__(self, folder: Path, samples: int, random: np.random.Generator) -> None:
         self.folder, self.random = folder, random
@@ -81,19 +237,15 @@ class Stage:
             raise InputError(f"an undisturbed run fails: {ended.text.strip()}")
         self.reference: Columns = reference
 
-    def columns(self) -> Columns | None:
-        """All columns of the database under attack; None if there is none."""
-        return columns_of(self.path)
-
     def pending(self) -> NDArray[np.intp]:
         """Rows that the database under attack lacks."""
-        columns = self.columns()
+        columns = columns_of(self.path)
         rows = self.scene.samples
         return np.arange(rows) if columns is None else np.flatnonzero(~finished(columns))
 
     def ranks(self) -> int:
         """Alone or under mpiexec, as it comes."""
-        return int(self.random.choice((0, RANKS)))
+        return int(self.random.choice((0, PROCESSES)))
 
     def run(
         self,
@@ -124,20 +276,12 @@ class Stage:
 
     def await_rows(self, run: Run, number: int) -> None:
         """Wait until a run has finished some rows, or has ended."""
-        wanted = self._finished() + number
+        wanted = len(self.pending()) - number
         limit = time.monotonic() + BOUND
-        while run.alive() and self._finished() < wanted:
+        while run.alive() and len(self.pending()) > wanted:
             if time.monotonic() > limit:
                 raise Hang
             time.sleep(0.05)
-
-    def _finished(self) -> int:
-        """Number of finished rows, without a look at their columns."""
-        if not self.path.exists():
-            return 0
-        with Reader(self.path) as reader:
-            counts = reader.counts()
-        return counts.done + counts.failed
 
 
 def columns_of(path: Path) -> Columns | None:
@@ -163,11 +307,7 @@ def row_fault(
 ) -> str:
     """What is wrong with the finished rows of a database after a disturbance, "" if nothing is.
 
-    Parameters
-    ----------
-    before, now : its columns before and after, None for no file
-    reference : the columns of an undisturbed run of the same scene
-    failed : rows that have to have failed, and the code of the reason that they have to give
+    `failed` are the rows that have to have failed, and the code of the reason that they give.
     """
     if now is None:
         return "" if before is None else "the database has vanished"

@@ -1,18 +1,142 @@
 """`python -m tests.fuzz`: commands on damaged files, for as many minutes as there are."""
 
+import re
+import shlex
+import shutil
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 
 from gen.runtime import command_line, farm
 from gen.runtime.errors import InputError
-from tests.fuzz import search
-from tests.fuzz.corpus import KINDS
+from gen.scene import Scene
+from tests.fuzz import child, corpus
+from tests.fuzz.corpus import KINDS, Kind
+from tests.fuzz.damage import damaged
+
+
+@dataclass(frozen=True)
+class Case:
+    """One damaged file and the command that was run on it; all follows from seed and number."""
+
+    number: int
+    kind: str
+    command: tuple[str, ...]
+    ended: child.Ended
+    fault: str
+
+    @property
+    def signature(self) -> str:
+        """What the finding is, without the numbers and names that differ from case to case."""
+        what = re.sub(r"'[^']*'|\d+", "_", self.fault)
+        return f"{' '.join(self.command[:2])}: {what}"
+
+
+def cases(
+    folder: Path,
+    *,
+    seed: int = 0,
+    kinds: Sequence[str] = tuple(KINDS),
+    seconds: float = float("inf"),
+    first: int = 0,
+    last: int | None = None,
+) -> Iterator[Case]:
+    """Run damaged cases one after the other, each on files in the empty folder's `case`.
+
+    Cases `first` to `last` (None: no end), none of which begins after so many seconds.
+    """
+    if unknown := set(kinds) - set(KINDS):
+        raise InputError(f"no kind {sorted(unknown)[0]!r}; there are {', '.join(KINDS)}")
+    for program in {command[0] for kind in kinds for command in KINDS[kind].commands}:
+        child.load(program)
+    sound = folder / "sound"
+    sound.mkdir()
+    corpus.make(sound, tuple(kinds))
+    limit = time.monotonic() + seconds
+    for number in count(first):
+        if number == last or time.monotonic() > limit:
+            return
+        yield _tried(sound, folder / "case", number, seed, kinds)
+
+
+def _tried(sound: Path, folder: Path, number: int, seed: int, kinds: Sequence[str]) -> Case:
+    """Damage one file in a fresh folder, and run one command on it."""
+    random = np.random.default_rng([seed, number])
+    name = str(random.choice(list(kinds)))
+    kind = KINDS[name]
+    victims = sorted(path for pattern in kind.victims for path in sound.glob(pattern))
+    victim = victims[int(random.integers(len(victims)))].relative_to(sound)
+    content = damaged((sound / victim).read_bytes(), victim.name, random)
+    command = kind.commands[int(random.integers(len(kind.commands)))]
+    if name == "scene" and not _is_small(content):
+        command = kind.commands[0]
+    _lay_out(sound, folder, kind, victim)
+    (folder / victim).write_bytes(content)
+    words = tuple(str(victim) if word == "VICTIM" else word for word in command)
+    ended = child.run(words, folder)
+    return Case(number, name, words, ended, child.fault(words, ended))
+
+
+def _is_small(content: bytes) -> bool:
+    """Whether a scene, if it is one, is no more than seconds of work."""
+    try:
+        scene = Scene.parse(content.decode(), "scene")
+    except (InputError, UnicodeDecodeError):
+        return True
+    return scene.samples <= 500 and scene.shape[0] <= 65
+
+
+def _lay_out(sound: Path, folder: Path, kind: Kind, victim: Path) -> None:
+    """Copy what a command needs."""
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir()
+    for name in {*kind.beside, str(victim)}:
+        source = sound / name
+        if source.is_dir():
+            shutil.copytree(source, folder / name, dirs_exist_ok=True)
+        else:
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(source, folder / name)
+
+
+class Findings:
+    """Findings by their signatures; of each, one folder with all that it needs to fail again."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self.cases = 0
+        self.signatures: Counter[str] = Counter()
+
+    def add(self, case: Case, worked: Path) -> str:
+        """Count a case; keep the folder in which it worked, and tell, if it is a new finding."""
+        self.cases += 1
+        if not case.fault:
+            return ""
+        self.signatures[case.signature] += 1
+        if self.signatures[case.signature] > 1:
+            return ""
+        kept = self._folder / f"{len(self.signatures):03}-{case.kind}"
+        shutil.copytree(worked, kept, symlinks=True)
+        command = shlex.join(["python", "-m", *case.command])
+        (kept / "command.txt").write_text(command + "\n", encoding="utf-8")
+        said = case.ended.errors + case.ended.output
+        (kept / "said.txt").write_text(f"{case.fault}\n{said}", encoding="utf-8")
+        return f"case {case.number}: {command}: {case.fault}: {kept}"
+
+    def summary(self, seconds: float) -> str:
+        """Return the outcome in one line."""
+        found, kinds = sum(self.signatures.values()), len(self.signatures)
+        return f"{self.cases} cases in {seconds:.0f} s; {found} findings of {kinds} kinds"
+
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None)
 
@@ -21,8 +145,9 @@ app = typer.Typer(add_completion=False, rich_markup_mode=None)
 def fuzz(
     minutes: Annotated[float, typer.Option(min=0.0, help="No case begins later.")] = 10.0,
     seed: Annotated[int, typer.Option(min=0, help="Seed of all damage.")] = 0,
-    cases: Annotated[
-        int | None, typer.Option(min=1, help="Number of cases at most; no bound unless given.")
+    number: Annotated[
+        int | None,
+        typer.Option("--cases", min=1, help="Number of cases at most; no bound unless given."),
     ] = None,
     first: Annotated[int, typer.Option(min=0, help="Number of the first case.")] = 0,
     only: Annotated[
@@ -43,10 +168,10 @@ def fuzz(
     """
     if output.exists():
         raise InputError(f"{output} exists: give a new folder")
-    found, began = search.Findings(output), time.monotonic()
-    last = None if cases is None else first + cases
+    found, began = Findings(output), time.monotonic()
+    last = None if number is None else first + number
     with tempfile.TemporaryDirectory() as folder:
-        for case in search.fuzz(
+        for case in cases(
             Path(folder),
             seed=seed,
             kinds=only or tuple(KINDS),

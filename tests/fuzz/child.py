@@ -81,8 +81,7 @@ def run(
 def fault(command: Sequence[str], ended: Ended) -> str:
     """What is wrong with the way in which a command ended, "" if nothing is.
 
-    Right are 0 for success, 1 where a check has found faults and names them, and 2 with exactly one
-    line that says what was wrong with the input; each without a traceback or a library's warning.
+    Right are 0, 2 with one line about the input, and 1 of a check; never a traceback or a warning.
     """
     lines = ended.errors.splitlines()
     refusals = [line for line in lines if line.startswith(f"{command[0]}: ")]

@@ -33,14 +33,7 @@ Command = tuple[str, ...]
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of file or folder that is damaged.
-
-    Attributes
-    ----------
-    victims : patterns of the files that may be damaged, in the folder of sound files
-    commands : command lines, of which one is run; VICTIM stands for the damaged file
-    beside : files and folders that the commands need as well
-    """
+    """Patterns of files to damage, commands for them (VICTIM), and what these need beside."""
 
     victims: tuple[str, ...]
     commands: tuple[Command, ...]

@@ -1,8 +1,6 @@
 """Damage to a file, in its bytes and in its structure: deterministic, from a seed and a number.
 
-Why not a coverage-guided fuzzer: most of the code that reads files is HDF5 and NumPy, of which such
-a fuzzer sees nothing, and what it sees is the coverage of Python code inside one process, which a
-command that crashes or hangs takes along.
+No coverage guides it: most code that reads files is HDF5 and NumPy, of which it sees nothing.
 """
 
 import json

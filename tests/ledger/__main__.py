@@ -9,8 +9,7 @@ import typer
 from gen.runtime import command_line, farm
 from gen.runtime.errors import InputError
 from gen.runtime.files import Output, check_outputs
-from tests.ledger.jobs import job_counts
-from tests.ledger.solves import solve_counts
+from tests.ledger.counts import job_counts, solve_counts
 from tests.ledger.table import LEDGER, faults, read, text_table, updated, write_entries
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None)

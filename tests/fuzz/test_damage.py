@@ -8,18 +8,17 @@ import pytest
 
 from gen.runtime.errors import InputError
 from tests.fuzz import child
-from tests.fuzz.__main__ import main
+from tests.fuzz.__main__ import Case, Findings, cases, main
 from tests.fuzz.child import Ended, fault, run
 from tests.fuzz.damage import BY_ENDING, damaged
-from tests.fuzz.search import Case, Findings, fuzz
 
 RUN = ("gen", "run", "scene.toml")
 
 
 def test_damaged_files_end_in_one_line(tmp_path):
-    cases = list(fuzz(tmp_path, seed=1, kinds=("scene",), last=40))
-    assert [(case.number, case.command, case.fault) for case in cases if case.fault] == []
-    assert {case.ended.code for case in cases} == {0, 2}
+    ended = list(cases(tmp_path, seed=1, kinds=("scene",), last=40))
+    assert [(case.number, case.command, case.fault) for case in ended if case.fault] == []
+    assert {case.ended.code for case in ended} == {0, 2}
 
 
 def test_the_same_seed_and_number_do_the_same_damage():
@@ -88,6 +87,6 @@ def test_a_finding_is_kept_once_with_its_command(tmp_path):
 
 def test_the_command_refuses_what_it_cannot_do(tmp_path, capsys):
     with pytest.raises(InputError, match="no kind 'poem'; there are scene"):
-        list(fuzz(tmp_path, kinds=("poem",)))
+        list(cases(tmp_path, kinds=("poem",)))
     assert main(["-o", str(tmp_path)]) == 2
     assert "exists: give a new folder" in capsys.readouterr().err

@@ -1,17 +1,30 @@
-"""The solves of the ledger: contacts on surfaces of the paper preset, each item a few dozen."""
+"""What the ledger counts: contacts of the paper preset, the quick database, and searches on it."""
 
+import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import bem
 from gen.arrays import Columns, Heights
+from gen.database import Reader
 from gen.generation.plan import parameters
+from gen.generation.run import Request, generate_database
 from gen.generation.sample import compute_rows, surface_of
-from gen.scene import Scene, load
+from gen.runtime.farm import World
+from gen.scene import load
+from gen.scene.columns import row_bytes
 from gen.schema import Status
+from learn.comparison import grid as grids
+from learn.comparison import jobs
+from learn.comparison.folder import Folder
+from learn.dataset import Request as ComparisonRequest
+from learn.executor import Executor
+from learn.models import MODELS
+from learn.split import FOLDS
 from tests.ledger.table import Key
 
 SIDE = 1000.0
@@ -105,12 +118,8 @@ def solve_counts() -> dict[Key, int]:
         if contacts[0].problem.hardness is not None:
             yielded = sum(contact.yielded_percent * contact.pressure.size for contact in contacts)
             counts[Key(item, "yielded nodes")] = round(yielded / 100)
-    return counts | row_counts("extreme scene", load("extreme"), EXTREME_ROWS)
-
-
-def row_counts(item: str, scene: Scene, rows: int) -> dict[Key, int]:
-    """Compute the first rows of a scene, and count them."""
-    return column_counts(item, compute_rows(scene, 0, rows))
+    extreme = compute_rows(load("extreme"), 0, EXTREME_ROWS)
+    return counts | column_counts("extreme scene", extreme)
 
 
 def column_counts(item: str, columns: Columns) -> dict[Key, int]:
@@ -122,4 +131,57 @@ def column_counts(item: str, columns: Columns) -> dict[Key, int]:
     }
     for count in ("iterations", "convolutions", "contact_nodes"):
         counts[Key(item, count.replace("_", " "))] = int(columns[count].sum())
+    return counts
+
+
+SEARCHED = ("kernel-ridge", "decision-tree")
+"""Models of the comparison: those with fits of milliseconds, one of them with shared fits."""
+
+INPUTS = 23
+"""Inputs of the paper's features: Delta and the 22 statistics."""
+
+
+def job_counts() -> dict[Key, int]:
+    """Generate the quick scene's database and tune models on it, in a temporary folder."""
+    with tempfile.TemporaryDirectory() as folder:
+        database = Path(folder) / "quick.h5"
+        generate_database(Request("quick", database), World())
+        return database_counts(database) | search_counts(database) | grid_counts()
+
+
+def database_counts(path: Path, item: str = "quick scene") -> dict[Key, int]:
+    """Count rows, work, contact nodes and bytes of a database of the quick scene."""
+    with Reader(path) as reader:
+        names = ("status", "iterations", "convolutions", "contact_nodes")
+        counts = column_counts(item, {name: reader.column(name) for name in names})
+        counts[Key(item, "bytes per row")] = row_bytes(reader.scene)
+        counts[Key(item, "bytes")] = reader.size_bytes
+    return counts
+
+
+def search_counts(database: Path) -> dict[Key, int]:
+    """Search the grids of `SEARCHED` on a database, and count the fits that this takes."""
+    output = database.parent / "comparison"
+    jobs.tune(ComparisonRequest((database,), output, models=SEARCHED), Executor())
+    counts = {}
+    for name in SEARCHED:
+        result = Folder(output / "area").result("tuned", name)
+        if result is None:
+            raise RuntimeError(f"the search of {name} has left no result in {output}")
+        item = f"comparison on the quick scene, {name}"
+        counts[Key(item, "candidates scored")] = int(result["search"]["candidates_scored"])
+        counts[Key(item, "fits")] = int(result["search"]["fits"])
+    return counts
+
+
+def grid_counts() -> dict[Key, int]:
+    """Count candidates and fits of the whole grid of every model, without fitting any."""
+    counts = {}
+    for model in MODELS.values():
+        _, space = grids.space_of(model.name, "paper")
+        grid = grids.grid(model, space, INPUTS)
+        item = f"grid of Table 2, {model.name}"
+        counts[Key(item, "candidates")] = grid.nominal
+        counts[Key(item, "candidates that differ")] = len(grid.differing)
+        counts[Key(item, "fits")] = FOLDS * len(grid.families)
     return counts
