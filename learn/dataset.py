@@ -46,8 +46,9 @@ class Request:
     again: bool = False  # True to repeat fits whose results the folder has
     limit: float | None = None  # time for the searches [s]
     roots: bool = False  # True to learn square roots, with the features that surrogates see
-    blocks: int = BLOCKS  # per side of the coarse solve of hybrid features
+    blocks: int | None = None  # per side of the coarse solve of hybrid features
     calibrate_on: Path | None = None  # database whose rows calibrate the intervals
+    source: Path | None = None  # comparison folder whose winners' settings are taken
 
     @property
     def database(self) -> Path:

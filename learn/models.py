@@ -132,6 +132,14 @@ MODELS: dict[str, Model] = {
 }
 """All nine models by name, in the order of the paper's Table 4."""
 
+
+def normalisation_of(usual: str, given: str) -> str:
+    """Return the given scaling, or the usual one of the features; InputError if there is none."""
+    if given and given not in NORMALISATIONS:
+        raise InputError(f"--normalise {given!r}: give one of {', '.join(NORMALISATIONS)}")
+    return given or usual
+
+
 REMARK_LENGTH = 300
 """Characters of a warning that are kept."""
 
@@ -161,7 +169,10 @@ def pipeline(
     search share. The normalisation is one of `NORMALISATIONS`, the seed that of the model's draws.
     """
     from sklearn.pipeline import Pipeline
+    from sklearn.preprocessing import MinMaxScaler, Normalizer, StandardScaler
 
+    scalings = {"l2": Normalizer, "standard": StandardScaler, "min-max": MinMaxScaler}
+    scaling = "passthrough" if normalisation == "none" else scalings[normalisation]()
     estimator = model.estimator(seed)
     shared = {
         name: value() if callable(value) else value
@@ -169,18 +180,7 @@ def pipeline(
     }
     given = {**shared, **(settings or {})}
     estimator.set_params(**{name: given[name] for name in given if name != model.ignored})
-    return Pipeline([("scaling", _scaling(normalisation)), (STEP, estimator)])
-
-
-def _scaling(normalisation: str) -> Any:
-    """Return the step of a pipeline that scales the inputs."""
-    from sklearn.preprocessing import MinMaxScaler, Normalizer, StandardScaler
-
-    if normalisation not in NORMALISATIONS:
-        known = ", ".join(NORMALISATIONS)
-        raise InputError(f"--normalise {normalisation!r}: give one of {known}")
-    scalings = {"l2": Normalizer, "standard": StandardScaler, "min-max": MinMaxScaler}
-    return scalings[normalisation]() if normalisation in scalings else "passthrough"
+    return Pipeline([("scaling", scaling), (STEP, estimator)])
 
 
 UNFINISHED = "the training ended at its largest number of steps, before it had converged"

@@ -80,7 +80,7 @@ class Selection(NamedTuple):
         """
         from learn.dataset import Request
         from learn.features import chosen
-        from learn.surrogate.fitting import normalisation_of
+        from learn.models import normalisation_of
 
         check_folder(output)
         return Request(

@@ -102,13 +102,23 @@ def fit(files: Databases, output: SurrogateFile, *, choice: Choice, trust: Trust
     The test rows give the scores. Started as
     `mpiexec -n 9 python -m mpi4py -m learn fit ...`, the workers generate surfaces.
     """
+    from gen.runtime.signals import Interruption
     from learn.executor import lead
+    from learn.surrogate import fitting
 
     def job(executor: Executor) -> int:
         wanted = Output(output, "--output", "surrogate")
         given = (*files, choice.source, choice.calibrate_on)
         check_outputs([wanted], [each for each in given if each is not None])
-        return _fit(_request(files, output, choice), choice.source, executor)
+        request = _request(files, output, choice)
+        with Interruption(listening=True) as interruption:
+            surrogate = fitting.fit(request, executor, note, interruption.requested)
+        if surrogate is None:
+            note("stopped; the same command goes on with what is left")
+            return 128 + interruption.signal
+        surrogate.save(output)
+        echo(f"wrote {output}: {to_type(f'learn card {output}')}")
+        return 0
 
     return lead(job, farm.this_world())
 
@@ -117,12 +127,11 @@ def _request(files: list[Path], output: Path, choice: Choice) -> Request:
     """Return the request; a comparison folder adds the rows and the seed of its winner."""
     from learn.dataset import Request
     from learn.features import chosen
-    from learn.models import models_named
-    from learn.surrogate import fitting
-    from learn.surrogate.fitting import normalisation_of
+    from learn.models import models_named, normalisation_of
+    from learn.surrogate.fitting import with_conditions
 
     models_named([choice.model])
-    features = chosen(choice.features or "dimensionless", roots=True, blocks=_blocks(choice))
+    features = chosen(choice.features or "dimensionless", roots=True, blocks=choice.blocks)
     request = Request(
         databases=tuple(files),
         output=output,
@@ -136,47 +145,20 @@ def _request(files: list[Path], output: Path, choice: Choice) -> Request:
         calibrate_on=choice.calibrate_on,
         # The settings of a comparison were tuned without what surrogates see besides.
         roots=choice.source is None,
-        blocks=_blocks(choice),
+        blocks=choice.blocks,
     )
     if choice.source is None:
         return request
-    stated = {
-        "features": choice.features,
-        "area_max": choice.area_max,
-        "seed": choice.seed,
-        "normalisation": choice.normalise,
-    }
-    stated = {name: value for name, value in stated.items() if value not in {"", None}}
-    return fitting.request_from(request, choice.source, stated)
-
-
-def _blocks(choice: Choice) -> int:
-    """Return the blocks per side of the coarse solve, which only hybrid features have."""
-    from learn.features.sets import BLOCKS
-
-    if choice.blocks is None:
-        return BLOCKS
-    if choice.features != "hybrid":
-        raise InputError(
-            f"--blocks {choice.blocks}: only hybrid features have blocks: add --features hybrid"
-        )
-    return choice.blocks
-
-
-def _fit(request: Request, source: Path | None, executor: Executor) -> int:
-    """Fit and save a surrogate; return the exit code."""
-    from gen.runtime.signals import Interruption
-    from learn.surrogate import fitting
-
-    with Interruption(listening=True) as interruption:
-        stopping = interruption.requested
-        surrogate = fitting.fit(request, executor, note, source=source, stopping=stopping)
-    if surrogate is None:
-        note("stopped; the same command goes on with what is left")
-        return 128 + interruption.signal
-    surrogate.save(request.output)
-    echo(f"wrote {request.output}: {to_type(f'learn card {request.output}')}")
-    return 0
+    return with_conditions(
+        request,
+        choice.source,
+        {
+            "features": choice.features,
+            "area_max": choice.area_max,
+            "seed": choice.seed,
+            "normalisation": choice.normalise,
+        },
+    )
 
 
 def targets_in(text: str) -> tuple[str, ...]:

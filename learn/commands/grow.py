@@ -141,7 +141,6 @@ def _order(output: Path, goal: Goal) -> Order:
     """Check the options, and return the growth that they describe."""
     from learn.dataset import Request
     from learn.features import chosen
-    from learn.features.sets import BLOCKS
     from learn.grow.rounds import Order
     from learn.models import models_named
 
@@ -150,10 +149,7 @@ def _order(output: Path, goal: Goal) -> Order:
             f"--nmae {goal.nmae:g}: give an error above 0 % and up to {LARGEST_NMAE:g} %, as 2"
         )
     models_named([goal.model])
-    if goal.blocks is not None and goal.features != "hybrid":
-        raise InputError(f"--blocks {goal.blocks}: only hybrid features have blocks")
-    blocks = BLOCKS if goal.blocks is None else goal.blocks
-    features = chosen(goal.features, roots=True, blocks=blocks)
+    features = chosen(goal.features, roots=True, blocks=goal.blocks)
     request = Request(
         databases=(_beside(output, ".h5"),),
         output=output,
@@ -163,7 +159,7 @@ def _order(output: Path, goal: Goal) -> Order:
         features=features.name,
         seed=goal.seed,
         roots=True,
-        blocks=blocks,
+        blocks=goal.blocks,
     )
     return Order(request, goal.nmae, goal.rows)
 

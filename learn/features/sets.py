@@ -282,21 +282,25 @@ SETS: Mapping[str, FeatureSet] = {
 
 
 def chosen(
-    name: str, scenes: Sequence[Scene] = (), *, roots: bool = False, blocks: int = BLOCKS
+    name: str, scenes: Sequence[Scene] = (), *, roots: bool = False, blocks: int | None = None
 ) -> FeatureSet:
     """Return the feature set of a name for the rows of one or more scenes.
 
     Bodies that yield add the hardness: to a set with units if it varies; to one without always,
     because its other features lack the scale of the heights, and with it the pressure. Patches that
     differ in their nodes add the number of these. With `roots` it is the set that surrogates see,
-    with a number of blocks per side of the coarse solve. InputError is raised if no set has this
-    name, or no coarse solve this number of blocks.
+    with a number of blocks per side of the coarse solve, `BLOCKS` if left out. InputError is raised
+    if no set has this name, or its coarse solve not this number of blocks.
     """
-    if blocks not in BLOCK_COUNTS:
-        known = " or ".join(map(str, BLOCK_COUNTS))
-        raise InputError(f"--blocks {blocks}: give {known}, the blocks along a side")
     if name not in SETS:
         raise InputError(f"--features {name!r}: give one of {', '.join(SETS)}")
+    if blocks is not None and not SETS[name].needs_surface:
+        raise InputError(
+            f"--blocks {blocks}: only hybrid features have blocks: add --features hybrid"
+        )
+    if blocks not in {None, *BLOCK_COUNTS}:
+        known = " or ".join(map(str, BLOCK_COUNTS))
+        raise InputError(f"--blocks {blocks}: give {known}, the blocks along a side")
     features, limits = SETS[name], limits_of(scenes)
     local = roots and features.needs_surface
     added: list[str] = []
@@ -312,7 +316,9 @@ def chosen(
         added += [PLASTIC] if elastic and features.needs_surface else []
     added += [NODES] if len({node_count(scene) for scene in scenes}) > 1 else []
     columns = (*features.columns, *added)
-    return replace(features, columns=columns, blocks=blocks if local else 0, elastic=elastic)
+    return replace(
+        features, columns=columns, blocks=(blocks or BLOCKS) if local else 0, elastic=elastic
+    )
 
 
 def patch_length(sides: tuple[float, float]) -> float:

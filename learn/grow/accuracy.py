@@ -271,7 +271,7 @@ def appraise(
     """
     began = time.monotonic()
     sets = fitting.read(request, executor, stopping)
-    if sets is None:
+    if not sets:
         return None
     reading = time.monotonic() - began
     sets = [each.at(np.flatnonzero(each.rows < rows)) for each in sets]

@@ -104,11 +104,11 @@ def databases(rows: Dataset) -> list[dict[str, Any]]:
 
 def judge(learnt: Learnt, rows: Dataset, test: Indices) -> dict[str, Any]:
     """Score the model of a target and its intervals on the test rows, in the target's unit."""
-    raw, scale = learnt.raw(rows.inputs[test]), rows.scale[test]
-    truth = rows.target[test]
+    tested = rows.at(test)
+    raw, scale, truth = learnt.raw(tested.inputs), tested.scale, tested.target
     covered = []
     for level in LEVELS:
-        share, *ends = learnt.calibration.coverage(raw, truth, level, rows.inputs[test])
+        share, *ends = learnt.calibration.coverage(raw, truth, level, tested.inputs)
         low, high = (learnt.within(end * scale) for end in ends)
         width = float(np.mean(high - low))
         covered.append({"level": level, "coverage": share, "mean_width": width})
@@ -118,20 +118,16 @@ def judge(learnt: Learnt, rows: Dataset, test: Indices) -> dict[str, Any]:
         "column": learnt.column,
         "unit": learnt.unit,
         "range": _ends(truth * scale),
-        "scores": _scores_of(learnt, raw, truth, scale),
+        "scores": scores_of(learnt, tested, raw),
         "intervals": covered,
         "ranges_of_prediction": int(learnt.calibration.borders.size + 1),
     }
 
 
-def left_out(learnt: Learnt, rows: Dataset, crossed: Values) -> dict[str, float]:
-    """Score predictions of training rows over their scale, (n,), by models without their groups."""
-    return _scores_of(learnt, crossed, rows.target, rows.scale)
-
-
-def _scores_of(learnt: Learnt, raw: Values, truth: Values, scale: Values) -> dict[str, float]:
-    """Return scores of predictions of a truth, both over their scale, each (n,) [%]."""
-    found = scores(truth * scale, learnt.within(raw * scale))
+def scores_of(learnt: Learnt, rows: Dataset, raw: Values) -> dict[str, float]:
+    """Return the scores of predictions of rows over their scale, (n,) [%]."""
+    truth = rows.target * rows.scale
+    found = scores(truth, learnt.within(raw * rows.scale))
     return {name: float(value) for name, value in vars(found).items()}
 
 

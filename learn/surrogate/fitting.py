@@ -1,15 +1,15 @@
 """Fit surrogates: read, split into three sets, choose settings, fit, calibrate, judge."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import reduce
+from operator import attrgetter
 from pathlib import Path
 from time import process_time
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from sklearn.kernel_ridge import KernelRidge
 
 from gen.arrays import Indices, Values
@@ -25,7 +25,6 @@ from learn.kernel_ridge import left_out_errors
 from learn.metrics import no_better
 from learn.models import (
     MODELS,
-    NORMALISATIONS,
     STEP,
     check_memory,
     models_named,
@@ -39,7 +38,7 @@ from learn.surrogate import calibration as calibrating
 from learn.surrogate import card, interval
 from learn.surrogate.calibration import Plan, groups_of, holdout_squares, holdouts, near
 from learn.surrogate.interval import Calibration
-from learn.surrogate.learnt import Clip, Learnt, clip_of
+from learn.surrogate.learnt import Learnt, clip_of
 from learn.surrogate.model import Surrogate
 
 SEARCH_ROWS = 3000
@@ -54,9 +53,21 @@ LENGTHS = (0.1, 1.0, 10.0, 100.0)
 USUAL_LENGTH = 10.0
 """Length of standardised inputs that the search starts from too."""
 
-ALPHAS = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
 GAMMAS = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2)
-PENALTIES = (10.0, 100.0, 1000.0)
+
+CANDIDATES: dict[str, list[dict[str, Any]]] = {
+    "kernel-ridge": [
+        {"kernel": "rbf", "gamma": gamma, "alpha": alpha}
+        for gamma in GAMMAS
+        for alpha in (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
+    ],
+    "svm": [
+        {"kernel": "rbf", "gamma": gamma, "C": penalty, "epsilon": 0.01}
+        for gamma in GAMMAS[2:]
+        for penalty in (10.0, 100.0, 1000.0)
+    ],
+}
+"""Settings of the small searches, by model."""
 
 NETWORK: dict[str, Any] = {
     "hidden_layer_sizes": (100, 50),
@@ -77,67 +88,64 @@ class Settings(NamedTuple):
     origin: str  # in words
 
 
-def choose(
-    request: Request, folder: Folder | None, inputs: Values, target: Values, folds: NDArray[np.int8]
-) -> Settings:
-    """Choose the settings of a fit to n rows of inputs, (n, d), and their scaled target, (n,).
+def choose(request: Request, train: Dataset, target: Values, folds: Folds) -> Settings:
+    """Choose the settings of a fit to training rows and their scaled target, (n,).
 
     A comparison's folder gives its winner. The first of the folds, (n,), validates in searches.
     """
     (name,) = request.models
-    if folder is not None:
-        return _tuned(folder, name)
+    if request.source is not None:
+        return _tuned(request.source, train.target_name, name)[0]
     if name == "gaussian-process":
-        return _most_likely(request, inputs, target)
+        return _most_likely(request, train.inputs, target)
     if request.features == "paper" and request.normalisation == "l2":
         return Settings(dict(OPTIMA[name]), True, "the paper's optimum")
-    if name in {"kernel-ridge", "svm"}:
-        return _searched(request, inputs, target, folds)
+    if name in CANDIDATES:
+        return _searched(request, train.inputs, target, folds)
     if name == "mlp":
         return Settings(dict(NETWORK), False, "built in")
     return Settings(dict(OPTIMA[name]), True, "the paper's optimum")
 
 
-def tuned_conditions(folder: Folder, model: str) -> dict[str, Any]:
-    """Return the features, rows and seed that a tuned winner rests on.
-
-    InputError is raised if the folder has no tuned model of this name.
-    """
-    conditions: dict[str, Any] = folder.record()["conditions"]
-    _tuned(folder, model)
-    return {"features": "paper", **conditions}
-
-
-def _tuned(folder: Folder, model: str) -> Settings:
+def _tuned(source: Path, column: str, model: str) -> tuple[Settings, Folder]:
+    """Return the winner of a model in a comparison's folder, and the folder of its target."""
+    folder = Folder(source / short_name(column))
     winner = folder.winner(model)
     if winner is None:
         raise InputError(
             f"--from: {folder.path} has no tuned {model}: {to_type(f'learn tune --model {model}')}"
         )
     origin = f"tuned in {folder.path}" if winner.of_grid else f"the baseline, by {folder.path}"
-    return Settings(winner.settings, winner.of_grid, origin)
+    return Settings(winner.settings, winner.of_grid, origin), folder
 
 
-def _candidates(name: str) -> list[dict[str, Any]]:
-    if name == "kernel-ridge":
-        return [{"kernel": "rbf", "gamma": gamma, "alpha": a} for gamma in GAMMAS for a in ALPHAS]
-    return [
-        {"kernel": "rbf", "gamma": gamma, "C": penalty, "epsilon": 0.01}
-        for gamma in GAMMAS[2:]
-        for penalty in PENALTIES
-    ]
+def with_conditions(request: Request, source: Path, given: Mapping[str, object]) -> Request:
+    """Take features, scaling, rows and seed of a request from a comparison's folder.
+
+    InputError is raised if the folder lacks the model, or contradicts an option that the user has
+    given, of "features", "normalisation", "area_max" and "seed".
+    """
+    column = TARGETS.get(request.targets[0], request.targets[0])
+    _, folder = _tuned(source, column, request.models[0])
+    conditions = {"features": "paper", **folder.record()["conditions"]}
+    names = ("features", "normalisation", "area_max", "seed")
+    for name in names:
+        if given.get(name) not in {None, "", conditions[name]}:
+            raise InputError(
+                f"--from: {folder.path} was made with {name} {conditions[name]!r}, not"
+                f" {given[name]!r}: leave that out, or give another folder"
+            )
+    return replace(request, source=source, **{name: conditions[name] for name in names})
 
 
-def _searched(
-    request: Request, inputs: Values, target: Values, folds: NDArray[np.int8]
-) -> Settings:
+def _searched(request: Request, inputs: Values, target: Values, folds: Folds) -> Settings:
     """Return the candidate with the smallest error on the first fold, fitted to the other ones."""
     (name,) = request.models
     validating = folds.min()  # 0, unless a few large groups fill the first folds together
     inside = np.flatnonzero(folds != validating)[:SEARCH_ROWS]
     outside = folds == validating
     best: tuple[float, dict[str, Any]] = (np.inf, {})
-    for settings in _candidates(name):
+    for settings in CANDIDATES[name]:
         made = Settings(settings, False, "")  # singular with a tiny alpha: the error will tell
         model, _ = _fitted(request, made, inputs[inside], target[inside])
         predicted = model.predict(inputs[outside])
@@ -146,7 +154,7 @@ def _searched(
             best = error, settings
     if not best[1]:
         raise InputError(f"{name}: no candidate of the built-in search could be fitted")
-    return Settings(best[1], False, f"best of {len(_candidates(name))} on a validation fold")
+    return Settings(best[1], False, f"best of {len(CANDIDATES[name])} on a validation fold")
 
 
 def _most_likely(request: Request, inputs: Values, target: Values) -> Settings:
@@ -157,39 +165,27 @@ def _most_likely(request: Request, inputs: Values, target: Values) -> Settings:
     moments, are therefore searched from lengths over four decades. The lengths of the inputs start
     from the best of these, and from `LENGTHS`; the most likely result counts.
     """
+    from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
+
     few = inputs[:LIKELIHOOD_ROWS], target[:LIKELIHOOD_ROWS]
-    alike = max((_process(request, np.array([each]), *few) for each in LENGTHS), key=_likelihood)
+
+    def process(lengths: Values) -> Any:
+        """Fit amplitude, lengths, noise by their likelihood; lengths at a bound do not matter."""
+        kernel = ConstantKernel(10.0, (1e-2, 1e5)) * RBF(lengths, (1e-2, 1e4))
+        kernel += WhiteKernel(1e-3, (1e-9, 1.0))
+        given = {"kernel": kernel, "optimizer": "fmin_l_bfgs_b", "alpha": 1e-10}
+        return _fitted(request, Settings(given, False, ""), *few)[0].named_steps[STEP]
+
+    likelihood = attrgetter("log_marginal_likelihood_value_")
+    alike = max((process(np.array([each])) for each in LENGTHS), key=likelihood)
     starts = {float(alike.kernel_.k1.k2.length_scale), USUAL_LENGTH}
-    every = np.ones(inputs.shape[1])
-    fits = [alike, *(_process(request, each * every, *few) for each in sorted(starts))]
+    fits = [alike, *(process(np.full(inputs.shape[1], each)) for each in sorted(starts))]
     return Settings(
-        {"kernel": max(fits, key=_likelihood).kernel_, "optimizer": None, "alpha": 1e-10},
+        {"kernel": max(fits, key=likelihood).kernel_, "optimizer": None, "alpha": 1e-10},
         False,
         f"kernel of the largest likelihood on {len(few[1])} rows, from {len(LENGTHS) + len(starts)}"
         " starts",
     )
-
-
-def _process(request: Request, lengths: Values, inputs: Values, target: Values) -> Any:
-    """Return a Gaussian process whose amplitude, lengths and noise maximise the likelihood."""
-    from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
-
-    kernel = ConstantKernel(10.0, (1e-2, 1e5)) * RBF(lengths, (1e-2, 1e4))
-    kernel += WhiteKernel(1e-3, (1e-9, 1.0))
-    given = {"kernel": kernel, "optimizer": "fmin_l_bfgs_b", "alpha": 1e-10}
-    # Lengths at their bound are those of inputs that do not matter.
-    return _fitted(request, Settings(given, False, ""), inputs, target)[0].named_steps[STEP]
-
-
-def _likelihood(process: Any) -> float:
-    return float(process.log_marginal_likelihood_value_)
-
-
-def normalisation_of(features_default: str, given: str) -> str:
-    """Return the given scaling, or the default of the features; InputError if there is none."""
-    if given and given not in NORMALISATIONS:
-        raise InputError(f"--normalise {given!r}: give one of {', '.join(NORMALISATIONS)}")
-    return given or features_default
 
 
 TILES = 4
@@ -202,31 +198,25 @@ def fit(
     request: Request,
     executor: Executor,
     say: Callable[[str], None],
-    *,
-    source: Path | None = None,
     stopping: Callable[[], bool] = lambda: False,
 ) -> Surrogate | None:
     """Fit a surrogate to a database, by a request with one model.
 
-    The executor generates surfaces for hybrid features; `say` is called with lines for the user;
-    settings are those tuned in a comparison's folder, `source`, if there is one. None is returned
-    after a stop, for which `stopping` is asked between surfaces. InputError is raised if the input
-    cannot be used, there are too few rows or too little memory, or a target is predicted no better
-    than by a constant.
+    The executor generates surfaces for hybrid features; `say` is called with lines for the user.
+    None is returned after a stop, for which `stopping` is asked between surfaces. InputError is
+    raised if the input cannot be used, there are too few rows or too little memory, or a target is
+    predicted no better than by a constant.
     """
     models_named(list(request.models))
-    sets = read(request, executor, stopping)
-    if sets is None:
-        return None
-    others = None
-    if request.calibrate_on is not None:
+    sets, others = read(request, executor, stopping), None
+    if sets and request.calibrate_on is not None:
         wider = replace(request, databases=(*request.databases, request.calibrate_on))
-        together = read(wider, executor, stopping)
-        if together is None:
-            return None
-        others = calibrating.of_another(sets, together)
+        others = read(wider, executor, stopping)
+        others = others and calibrating.of_another(sets, others)
+    if not sets or others == []:
+        return None
     parts = split.draw(sets[0], request.seed, request.train_rows, others=sets[1:])
-    fitted = fit_parts(request, sets, parts, say, source=source, others=others)
+    fitted = fit_parts(request, sets, parts, say, others)
     require_better(fitted, str(request.database))
     return fitted
 
@@ -243,15 +233,15 @@ def require_better(surrogate: Surrogate, name: str) -> None:
 
 def read(
     request: Request, executor: Executor, stopping: Callable[[], bool] = lambda: False
-) -> list[Dataset] | None:
-    """Read the rows that all targets have, one dataset for each target; None after a stop.
+) -> list[Dataset]:
+    """Read the rows that all targets have, one dataset for each target; none after a stop.
 
     InputError is raised if the input cannot be used, there are too few rows, or windows lie in too
     few tiles. See `fit` for the arguments.
     """
     sets = dataset.read(request, executor, stopping)
     if not sets:
-        return None
+        return []
     common = reduce(np.intersect1d, [each.keys for each in sets])
     sets = [each.at(np.flatnonzero(np.isin(each.keys, common))) for each in sets]
     for each in sets:
@@ -265,8 +255,6 @@ def fit_parts(
     sets: list[Dataset],
     parts: split.Split,
     say: Callable[[str], None],
-    *,
-    source: Path | None = None,
     others: list[Dataset] | None = None,
 ) -> Surrogate:
     """Fit a surrogate to rows, from `read`, whose training and test parts have been chosen.
@@ -274,10 +262,9 @@ def fit_parts(
     `others` are rows of another database that calibrate, for each target. InputError is raised if
     there are too few rows to train on, or too little memory.
     """
-    (model,) = models_named(list(request.models))
     plan = calibrating.planned(sets[0], parts.train, others)
     train, name = plan.train, sets[0].source["database"]
-    check_memory(model.name, train.size)
+    check_memory(request.models[0], train.size)
     for rows in sets:
         if np.ptp(rows.target[train]) == 0:
             raise InputError(
@@ -295,12 +282,9 @@ def fit_parts(
     learnt: dict[str, Learnt] = {}
     judged: dict[str, dict[str, Any]] = {}
     for number, (target, rows) in enumerate(zip(request.targets, sets, strict=True)):
-        folder = None if source is None else Folder(source / short_name(rows.target_name))
         folds = parts.folds[: train.size]
-        fitted = fit_target(request, rows.at(train), plan.rows(rows, number), folds, folder=folder)
-        learnt[target], judged[target] = fitted.learnt, _judged(fitted, rows, plan, parts.test)
-        for line in _said(rows.target_name, judged[target]):
-            say(line)
+        fitted = fit_target(request, rows.at(train), plan.rows(rows, number), folds)
+        learnt[target], judged[target] = fitted.learnt, _judged(fitted, rows, plan, parts.test, say)
     inputs = sets[0].inputs[train]
     sizes = {"train": train.size, "calibration": plan.size, "test": parts.test.size}
     return Surrogate(
@@ -310,25 +294,6 @@ def fit_parts(
         high=inputs.max(axis=0),
         distance=plan.distance(sets[0]),
     )
-
-
-def request_from(request: Request, source: Path, given: dict[str, Any]) -> Request:
-    """Take features, scaling, rows and seed of a request from a comparison's folder.
-
-    InputError is raised if the folder lacks the model, or contradicts an option that the user has
-    given, of "features", "normalisation", "area_max" and "seed".
-    """
-    column = TARGETS.get(request.targets[0], request.targets[0])
-    folder = Folder(source / short_name(column))
-    conditions = tuned_conditions(folder, request.models[0])
-    names = ("features", "normalisation", "area_max", "seed")
-    for name in names:
-        if name in given and given[name] != conditions[name]:
-            raise InputError(
-                f"--from: {folder.path} was made with {name} {conditions[name]!r}, not"
-                f" {given[name]!r}: leave that out, or give another folder"
-            )
-    return replace(request, **{name: conditions[name] for name in names})
 
 
 @dataclass(frozen=True, eq=False)
@@ -343,29 +308,27 @@ class Fit:
     crossed: Values | None = None  # (n,), over the scale, by models without a row's group
 
 
-def _judged(fitted: Fit, rows: Dataset, plan: Plan, test: Indices) -> dict[str, Any]:
-    """Return the card's entry of a target."""
-    scored = card.judge(fitted.learnt, rows, test)
-    judged = scored | {
-        "settings": {name: str(each) for name, each in sorted(fitted.settings.values.items())},
-        "settings_from": fitted.settings.origin,
+def _judged(
+    fitted: Fit, rows: Dataset, plan: Plan, test: Indices, say: Callable[[str], None]
+) -> dict[str, Any]:
+    """Judge the fit of a target on the test rows, tell the user, and return the card's entry."""
+    judged, settings = card.judge(fitted.learnt, rows, test), fitted.settings
+    scores = judged["scores"]
+    judged |= {
+        "settings": {name: str(each) for name, each in sorted(settings.values.items())},
+        "settings_from": settings.origin,
         "fit_seconds": fitted.fitting,
-        "remarks": [*fitted.remarks, *filter(None, [no_better(scored["scores"]["r2"])])],
+        "remarks": [*fitted.remarks, *filter(None, [no_better(scores["r2"])])],
     }
-    if fitted.crossed is not None:
-        judged["left_out"] = card.left_out(fitted.learnt, rows.at(plan.train), fitted.crossed)
-    return judged
-
-
-def _said(name: str, judged: dict[str, Any]) -> list[str]:
-    """Return the lines about the fit of a target."""
-    scores, seconds = judged["scores"], judged["fit_seconds"]
     score = f"R2 {scores['r2']:.3f} %, nMAE {scores['nmae']:.2f} %"
-    lines = [f"{name}: {judged['settings_from']}; {score}, fit {seconds:.3g} s"]
-    if left_out := judged.get("left_out"):
-        score = f"R2 {left_out['r2']:.3f} %, nMAE {left_out['nmae']:.2f} %"
-        lines.append(f"  left out in turn: {score}")
-    return lines + [f"  warning: {remark}" for remark in judged["remarks"]]
+    say(f"{rows.target_name}: {settings.origin}; {score}, fit {fitted.fitting:.3g} s")
+    if fitted.crossed is not None:
+        scores = card.scores_of(fitted.learnt, rows.at(plan.train), fitted.crossed)
+        judged["left_out"] = scores
+        say(f"  left out in turn: R2 {scores['r2']:.3f} %, nMAE {scores['nmae']:.2f} %")
+    for remark in judged["remarks"]:
+        say(f"  warning: {remark}")
+    return judged
 
 
 def fit_target(
@@ -373,30 +336,28 @@ def fit_target(
     train: Dataset,
     calibration: Dataset | None,
     folds: Folds,
-    *,
-    folder: Folder | None = None,
     settings: Settings | None = None,
 ) -> Fit:
     """Fit and calibrate the model of one target, after a choice of settings if none are given.
 
     Without rows that calibrate the training rows do, which have to be of several maps or databases:
     further fits, with the same settings, leave out some of them each. The first of the training
-    rows' folds validates the candidates of a search; a comparison's folder has tuned settings.
+    rows' folds validates the candidates of a search.
     InputError is raised if this machine lacks the memory, or the folder lacks the model.
     """
     (name,) = request.models
     check_memory(name, train.size)
     # Settings of a comparison were tuned for the target as the paper has it.
-    standard = name == "gaussian-process" and folder is None
+    standard = name == "gaussian-process" and request.source is None
     scaling = scaling_of(train, np.arange(train.size), standard=standard)
     target = scaling.scaled(train.target)
     began = process_time()
-    settings = settings or choose(request, folder, train.inputs, target, folds)
+    settings = settings or choose(request, train, target, folds)
     chose = process_time()
     fitted, said = _fitted(request, settings, train.inputs, target)
     done = process_time()
     column = results(Scene.from_text(train.source["scene"]))[train.target_name]
-    own = NOT_CALIBRATED, _clip(train), column.bounds
+    own = NOT_CALIBRATED, clip_of(train), column.bounds
     learnt = Learnt(column.name, column.unit, fitted, scaling, *own)
     crossed = None
     if calibration is None:
@@ -421,13 +382,6 @@ def _fitted(
     return fitted, tuple(said)
 
 
-def _clip(train: Dataset) -> Clip | None:
-    """Return the training ranges that moments are clipped to; None for features with units."""
-    if not train.features.scaled:
-        return None
-    return clip_of(train.features.columns, train.inputs.min(axis=0), train.inputs.max(axis=0))
-
-
 def _crossed(
     request: Request, settings: Settings, train: Dataset, target: Values, learnt: Learnt
 ) -> Values:
@@ -447,7 +401,7 @@ def _crossed(
     for mine, unseen in parts:
         others = np.setdiff1d(np.arange(train.size), unseen)
         fitted, _ = _fitted(request, settings, train.inputs[others], target[others])
-        without = replace(learnt, pipeline=fitted, clip=_clip(train.at(others)))
+        without = replace(learnt, pipeline=fitted, clip=clip_of(train.at(others)))
         found[mine] = without.raw(train.inputs[mine])
     return found
 

@@ -1,7 +1,7 @@
 """The model of one target: scaling, estimator and intervals, with a fast kernel ridge."""
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -10,6 +10,7 @@ import numpy as np
 
 from gen.arrays import Values
 from gen.runtime.errors import InputError
+from learn.dataset import Dataset
 from learn.features.sets import PURE
 from learn.models import STEP, Scaling, memory_available
 from learn.surrogate.interval import Calibration
@@ -33,9 +34,12 @@ Clip = tuple[Values, Values]
 """Ends, each (d,), of the ranges that features are clipped to; infinite for those that are not."""
 
 
-def clip_of(columns: Sequence[str], low: Values, high: Values) -> Clip:
-    """Return the training ranges, each end (d,), of the moments among some features."""
-    moment = np.array([name in MOMENTS for name in columns])
+def clip_of(train: Dataset) -> Clip | None:
+    """Return the training ranges of the moments among the features; None for sets with units."""
+    if not train.features.scaled:
+        return None
+    moment = np.array([name in MOMENTS for name in train.features.columns])
+    low, high = train.inputs.min(axis=0), train.inputs.max(axis=0)
     return np.where(moment, low, -np.inf), np.where(moment, high, np.inf)
 
 
