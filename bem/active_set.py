@@ -49,6 +49,10 @@ AIM, REACHED = 0.9, 0.8
 # single precision carries about seven digits.
 ROUNDING = 1e-6
 
+# Steps of conjugate gradients without a smaller residual after which single precision leaves none:
+# each step gains a factor of 2 or so.
+STAGNANT = 30
+
 # Violation, over the displacement, from which a round is ended by an exact residual instead of one
 # in single precision, where that is needed next.
 POLISHED = 0.02
@@ -307,13 +311,15 @@ class ActiveSet(Iterate):
         base, carried, deflation = self._constraint(yielded)
         direction, change = np.zeros_like(base), np.zeros_like(base)
         previous, goal, mean = math.inf, 0.0, 0.0
+        least, last = math.inf, self.iterations
         singular = self.load is None and patch.singular
         while self.iterations < self.most:
             here = patch.in_contact(residual)
             if carried:
                 mean = self._take_mean(here, base, carried)
             largest = max(float(here.max()), -float(here.min())) if here.size else 0.0
-            if not largest > floor:
+            least, last = min((largest, self.iterations), (least, last))
+            if not largest > floor or self.iterations - last >= STAGNANT:
                 break
             goal = goal or reduction * largest
             if largest <= goal:

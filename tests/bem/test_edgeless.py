@@ -219,6 +219,21 @@ def test_displacements_just_below_full_contact(boundary: Boundary, share: float)
         assert violation(contact) <= 2.1e-7 * delta
 
 
+@pytest.mark.parametrize("boundary", EDGELESS)
+@pytest.mark.parametrize("share", [0.999, 0.9999, 0.99999])
+def test_one_pit_just_below_full_contact(boundary: Boundary, share: float) -> None:
+    """Conjugate gradients end where single precision leaves no smaller residual."""
+    for row, column in [(0, 10), (2, 16), (3, 8), (7, 6), (12, 14), (13, 12), (15, 22)]:
+        heights = np.zeros((16, 24))
+        heights[row, column] = -0.33
+        delta = share * float(heights.max() - heights.mean())
+        contact = bem.solve(
+            heights, 1.0, delta, spacing=(1.0, 0.7836649649664404), boundary=boundary
+        )
+        assert violation(contact) <= 2.1e-7 * delta
+        assert contact.iterations <= 150
+
+
 def test_cells_beyond_what_is_tested_are_named() -> None:
     heights = np.random.default_rng(1).normal(size=(12, 9))
     with pytest.raises(bem.NotConverged, match="cells of 1:500 are beyond 1:100"):
