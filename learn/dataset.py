@@ -1,6 +1,7 @@
 """The rows to learn from: what is asked for, what is read, and what cannot be used."""
 
 import hashlib
+import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -44,7 +45,7 @@ class Request:
     seed: int = 0  # of the split and of the models
     train_rows: int | None = None  # training rows at most
     again: bool = False  # True to repeat fits whose results the folder has
-    limit: float | None = None  # time for the searches [s]
+    until: float = math.inf  # time of `time.time` at which searches end [s]
     roots: bool = False  # True to learn square roots, with the features that surrogates see
     blocks: int | None = None  # per side of the coarse solve of hybrid features
     calibrate_on: Path | None = None  # database whose rows calibrate the intervals

@@ -29,11 +29,10 @@ from learn.comparison import paper, tables
 from learn.comparison.folder import Folder
 from learn.comparison.paper import OPTIMA, SPACES
 from learn.comparison.pictures import DOTS
-from learn.metrics import Scores
+from learn.comparison.tables import NOT_SEARCHED
 from learn.models import MODELS
 from learn.surrogate.break_even import time_of
 
-ALIKE = 1.3  # unexplained variances count as alike up to this ratio
 # So far may the paper's nMSE and R2 of a model be from those of its others, relatively.
 BELONG = 0.15
 MANY = 20  # values of a hyperparameter that are all listed
@@ -60,6 +59,12 @@ def results(folder: Folder, kind: str) -> Shown:
     return {model: result for model, found, result in _scored(folder) if found == kind}
 
 
+def _searched(folder: Folder) -> Shown:
+    """Return the results of searches that judged enough candidates, by model."""
+    tuned = results(folder, "tuned").items()
+    return {m: each for m, each in tuned if tables.winner_of(each["search"]) != NOT_SEARCHED}
+
+
 def _scored(folder: Folder) -> list[tuple[str, str, dict[str, Any]]]:
     """Return model, kind and result of all that have scores."""
     return [each for each in folder.results() if each[2].get("test") is not None]
@@ -74,7 +79,7 @@ def spread(folder: Folder) -> float:
 
 def table_2(folder: Path, comparison: Path | None = None) -> list[Content]:
     """Tabulate search spaces and optima."""
-    tuned = {} if comparison is None else results(opened(comparison), "tuned")
+    tuned = {} if comparison is None else _searched(opened(comparison))
     rows: list[tuple[object, ...]] = []
     for model, space in SPACES.items():
         search, found = (tuned.get(model, {}).get(name, {}) for name in ("search", "settings"))
@@ -111,12 +116,12 @@ def _value(value: Any) -> str:
 
 def table_3(folder: Path, comparison: Path) -> list[Content]:
     """Tabulate the times of the searches."""
-    tuned = results(opened(comparison), "tuned")
+    tuned = _searched(opened(comparison))
     rows: list[tuple[object, ...]] = []
     for model, theirs in paper.TUNING_SECONDS.items():
         search = tuned.get(model, {}).get("search")
         if search is None:
-            rows.append((_title(model), "", float(theirs), "", "not searched here"))
+            rows.append((_title(model), "", float(theirs), "", "not searched"))
             continue
         ours = float(tuned[model]["times"]["search"])
         reason = why("search", done=search["fits"], nominal=search["fits_nominal"])
@@ -132,7 +137,7 @@ def table_4(folder: Path, comparison: Path) -> list[Content]:
     ours = opened(comparison)
     here = spread(ours)
     rows = [
-        (_title(model), kind, *_scores_and_times(model, kind, result, here))
+        (_title(model), tables.label(model, kind), *_scores_and_times(model, kind, result, here))
         for model, kind, result in _scored(ours)
     ]
     pairs = [f"{n}{end}" for n in (*tables.SCORES.values(), "fit_s", "predict_s") for end in ENDS]
@@ -144,27 +149,24 @@ def table_4(folder: Path, comparison: Path) -> list[Content]:
 
 def _scores_and_times(model: str, kind: str, result: dict[str, Any], here: float) -> Iterator[str]:
     """Yield the cells of a row of Table 4, ours and the paper's in turn."""
-    theirs, times = paper.TEST[kind][model], result.get("times") or {}
+    theirs, times = paper.TEST.get(kind, {}).get(model), result.get("times") or {}
     for name in tables.SCORES:
         yield f"{result['test'][name]:.2f}"
-        yield f"{getattr(theirs, name):.2f}"
-    for name, published in zip(("fit", "test"), paper.TIMES[kind][model], strict=True):
+        yield f"{getattr(theirs, name):.2f}" if theirs else ""
+    for place, name in enumerate(("fit", "test")):
         yield "" if times.get(name) is None else f"{times[name]:.3g}"
-        yield f"{published:.3g}"
-    unexplained = (100 - result["test"]["r2"]) / (100 - theirs.r2)
+        yield f"{paper.TIMES[kind][model][place]:.3g}" if theirs else ""
+    if theirs is None:
+        yield from ("", "", why("library"))
+        return
     yield ratio(result["test"]["nmae"], theirs.nmae)
-    yield ratio(unexplained, 1.0)
-    yield _why(theirs, unexplained, here)
-
-
-def _why(theirs: Scores, unexplained: float, here: float) -> str:
-    """Explain the distance of a row from the paper's, as far as it is known."""
-    reasons = [] if unexplained <= ALIKE else ["worse R2: not explained"]
+    yield ratio(100 - result["test"]["r2"], 100 - theirs.r2)
+    reasons = [f"nMSE x {here / paper.SPREAD:.2g} by the areas' spread, at equal R2"]
     if abs(paper.spread_of(theirs) / paper.SPREAD - 1) > BELONG:
-        reasons.append(why("two-spreads"))
-    if unexplained <= ALIKE:
-        reasons.append(f"R2 alike; nMSE x {here / paper.SPREAD:.2g} by the areas' spread")
-    return "; ".join(reasons)
+        reasons.insert(0, why("two-spreads"))
+    if result["search"] and tables.winner_of(result["search"]) == NOT_SEARCHED:
+        reasons.insert(0, why("few"))
+    yield "; ".join(reasons)
 
 
 # Times of Table 4, in its order.

@@ -75,8 +75,8 @@ def best_of_ours(name: str, size: str, samples: Samples, folds: Folds, path: Pat
     grid = grids.grid(model, space_of(name, size), inputs.shape[1])
     path.unlink(missing_ok=True)
     with Trials(path, {}) as trials:
-        found = GridSearch(model, grid, training, trials, Executor()).exhaustive()
-        return float(found.scores.means.max())
+        scores = GridSearch(model, grid, training, trials, Executor()).exhaustive()
+        return float(scores.means.max())
 
 
 @pytest.mark.parametrize("size", NUMBERS)

@@ -161,7 +161,8 @@ DRAWS = 3
 
 Build = dict[str, float]
 """Times before the first answer [s]: t_d, `database`, with the surfaces generated again where
-features need them; t_h, `tuning`; t_f, `fit`."""
+features need them; t_h, `tuning`, to choose among the settings that come with the program; t_f,
+`fit`."""
 GOALS = (10.0, 5.0, 3.0, 2.0, 1.0)  # errors (nMAE) that a user may want [%]
 
 
@@ -202,8 +203,9 @@ def measured(
 ) -> Costs:
     """Measure what a kernel ridge surrogate of the paper preset costs and saves.
 
-    The arguments are those of the command. A search in a comparison is one on the paper's features:
-    its time is their t_h, which is 0 otherwise, for the paper's optimum.
+    The arguments are those of the command. Break-even is counted twice: for those who take the
+    settings that come with the program, and for those who search as in the comparison, which is
+    on the paper's features.
 
     Raises
     ------
@@ -212,7 +214,7 @@ def measured(
     """
     if rows < 200:
         raise InputError(f"--rows {rows}: give 200 or more, the paper has 15878")
-    searched = 0.0 if comparison is None else tuning_seconds(comparison)
+    searched = math.nan if comparison is None else tuning_seconds(comparison)
     path = databases.of_the_paper(database, folder / "databases", rows)
     remark(f"the solver on {surfaces} surfaces")
     contacts = new_contacts(surfaces)
@@ -224,9 +226,9 @@ def measured(
         full = fit(request, parts.train, parts.calibration, parts.folds)
         answer = measure_surrogate(full, features, contacts)
         build = build_times(rows, costs.solver, answer, full, features)
-        build["tuning"] += searched if features == "paper" else 0.0
         costs.answers[features] = answer
-        costs.questions.extend(_questions(features, rows, costs.solver, answer, build))
+        search = searched if features == "paper" else math.nan
+        costs.questions.extend(_questions(features, rows, costs.solver, answer, build, search))
         costs.points.extend(_curve(request, parts, rows, costs.solver, answer, full))
     return costs
 
@@ -250,24 +252,38 @@ def tuning_seconds(comparison: Path) -> float:
 
 
 def question(
-    asked: str, solver: str, features: str, rows: int, build: Build, solve: float, query: float
+    asked: str,
+    solver: str,
+    features: str,
+    rows: int,
+    build: Build,
+    solve: float,
+    query: float,
+    search: float,
 ) -> Row:
     """Return a row: surrogate against a solver in one situation, by the times of an answer [s].
 
-    `query` is t_p, with the features that it needs.
+    `query` is t_p, with the features that it needs. With the time of a `search` for settings, NaN
+    if there was none, the row has break-even twice, and the contacts that pay for the search alone.
     """
     who = {"asked": asked, "solver": solver, "features": features, "rows": rows}
-    even = break_even(sum(build.values()), solve, query)
-    return {**who, **build, "solve": solve, "query": query, "break_even": even}
+    times = {**build, "search": search, "solve": solve, "query": query}
+    own, known = sum(build.values()), not math.isnan(search)
+    evens = {
+        "break_even": break_even(own, solve, query),
+        "break_even_searched": break_even(own + search, solve, query) if known else math.nan,
+        "search_pays": break_even(search, solve, query) if known else math.nan,
+    }
+    return {**who, **times, **evens}
 
 
 def of_the_paper() -> Row:
     """Return the paper's own break-even, from its own"""
     fit, tests = paper.TIMES["tuned"]["kernel-ridge"]
     searched = paper.TUNING_SECONDS["kernel-ridge"]
-    build = {"database": PAPER_ROWS * PAPER_SOLVE, "tuning": searched, "fit": fit}
+    build = {"database": PAPER_ROWS * PAPER_SOLVE, "tuning": 0.0, "fit": fit}
     query, who = tests / PAPER_TESTS, (KNOWN, PAPERS, "paper, as published")
-    return question(*who, PAPER_ROWS, build, PAPER_SOLVE, query)
+    return question(*who, PAPER_ROWS, build, PAPER_SOLVE, query, searched)
 
 
 def build_times(
@@ -280,16 +296,21 @@ def build_times(
 
 
 def _questions(
-    features: str, rows: int, solver: SolverTimes, answer: SurrogateTimes, build: Build
+    features: str,
+    rows: int,
+    solver: SolverTimes,
+    answer: SurrogateTimes,
+    build: Build,
+    search: float,
 ) -> Iterator[Row]:
     """Yield all situations of a feature set; a surface itself costs both sides the same."""
     theirs = {**build, "database": build["database"] + rows * (PAPER_SOLVE - solver.solve)}
     new, more = (each + answer.batched for each in (answer.surface, answer.load))
-    yield question(NEW, PAPERS, features, rows, theirs, PAPER_SOLVE, new)
-    yield question(NEW, OURS, features, rows, build, solver.solve, new)
-    yield question(LADDER, OURS, features, rows, build, solver.ladder, more)
+    yield question(NEW, PAPERS, features, rows, theirs, PAPER_SOLVE, new, search)
+    yield question(NEW, OURS, features, rows, build, solver.solve, new, search)
+    yield question(LADDER, OURS, features, rows, build, solver.ladder, more, search)
     if not chosen(features).needs_surface:
-        yield question(KNOWN, OURS, features, rows, build, solver.solve, answer.batched)
+        yield question(KNOWN, OURS, features, rows, build, solver.solve, answer.batched, search)
 
 
 def sizes(most: int) -> list[int]:
@@ -399,5 +420,7 @@ def draw_costs(axis: Any, questions: Sequence[Row], names: Sequence[str], solver
 
 
 def count(number: float) -> str:
-    """Write a number of queries, or never."""
+    """Write a number of queries, or never, or that it is not known."""
+    if math.isnan(number):
+        return "-"
     return "never" if math.isinf(number) else f"{number:,.0f}"

@@ -14,6 +14,7 @@ from bench.report import PARTS
 from gen.maps.settings import markdown_table as preparation
 from gen.scene.columns import markdown_table
 from learn.comparison.estimate import hours
+from learn.comparison.grid import LEAST_JUDGED, LIBRARY
 from learn.models import MODELS
 
 RESULTS = Path(__file__).resolve().parents[2] / "bench" / "results"
@@ -46,12 +47,24 @@ def pair(row: Row, first: str, second: str) -> str:
 def models() -> list[str]:
     """Scores of the nine models beside the paper's Table 4."""
     names = "nmse", "nmae", "nmaxe", "r2"
-    lines = []
+    lines, searched = [], ways_of_search()
     for (model, result), row in scores("comparison").items():
-        title = MODELS[model].title + (", tuned" if result == "tuned" else "")
+        tuned = ", tuned" if model in searched else ", tuned on too few candidates"
+        fixed = ", the paper's kernel" if model in LIBRARY else ""
+        added = {"tuned": tuned, "baseline": fixed, "library": ", its library's own"}[result]
+        title = MODELS[model].title + added
         theirs = cells(row, *(f"paper_{name}" for name in names))
         lines.append(f"| {title} | {cells(row, *names)} | {theirs} |")
     return lines
+
+
+def ways_of_search() -> dict[str, str]:
+    """Say how each model was searched of which enough candidates were judged."""
+    return {
+        row["model"]: row["searched"]
+        for row in table("comparison/area/tuning.csv")
+        if int(row["candidates_scored"]) >= min(LEAST_JUDGED, int(row["candidates_differing"]))
+    }
 
 
 def hybrid() -> list[str]:
@@ -124,18 +137,33 @@ def cost() -> list[str]:
     """From how many contacts on a surrogate pays, and how much cheaper its answers are."""
     rows = [row for row in table("cost/cost.csv") if row["solver"] == "ours"]
     found = {(row["asked"], row["features"]): row for row in rows}
+    times = {row["model"]: row for row in table("comparison/area/tuning-times.csv")}
+    search = float(times["kernel-ridge"]["fit_seconds"])
 
     def line(title: str, asked: str, text: Callable[[Row], str]) -> str:
         columns = [text(found[asked, features]) for features in FEATURES]
         return f"| {title} | {' | '.join(columns)} |"
+
+    def paid(row: Row) -> str:
+        saved = float(row["solve"]) - float(row["query"])
+        return f"{search / saved:,.0f}" if row["features"] == "paper" else "not searched"
+
+    def searched(row: Row) -> str:
+        saved = float(row["solve"]) - float(row["query"])
+        even = float(row["break_even"]) + search / saved
+        return f"{even:,.0f}" if row["features"] == "paper" else "not searched"
 
     def cheaper(row: Row) -> str:
         return f"{float(row['solve']) / float(row['query']):.3g}"
 
     return [
         line(
-            "pays from so many contacts on", "new surfaces", lambda r: f"{int(r['break_even']):,}"
+            "with the settings that come with the program, pays from so many contacts on",
+            "new surfaces",
+            lambda r: f"{int(r['break_even']):,}",
         ),
+        line("with a search for settings", "new surfaces", searched),
+        line("contacts that pay for the search alone", "new surfaces", paid),
         line(
             "an answer, with its statistics, is cheaper than a solve, times",
             "new surfaces",
@@ -182,7 +210,7 @@ def growths() -> list[str]:
 
 def grids() -> list[str]:
     """What whole grids of the search take, beside the paper's times."""
-    searched = {row["model"]: row["searched"] for row in table("comparison/area/tuning.csv")}
+    searched = ways_of_search()
     lines = []
     for row in table("comparison/area/whole-grids.csv"):
         ours, theirs = hours(float(row["seconds"])), hours(float(row["paper_s"]))
@@ -483,7 +511,7 @@ TABLES = {
             "`hybrid`",
         ),
         cost,
-        ("cost/cost.csv",),
+        ("cost/cost.csv", "comparison/area/tuning-times.csv"),
     ),
     "scans": PageTable(
         (

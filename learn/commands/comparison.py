@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
@@ -73,7 +75,7 @@ class Selection(NamedTuple):
     ] = False
     trust: Trust = False
 
-    def request(self, file: Path, output: Path, limit: float | None = None) -> Request:
+    def request(self, file: Path, output: Path, until: float = inf) -> Request:
         """Return the request of a comparison, after a look at its folder.
 
         InputError is raised if the folder cannot be written, or an option has no meaning.
@@ -94,7 +96,7 @@ class Selection(NamedTuple):
             seed=self.seed,
             train_rows=self.train_rows,
             again=self.again,
-            limit=limit,
+            until=until,
         )
 
 
@@ -102,7 +104,8 @@ class Selection(NamedTuple):
 def compare(file: Database, output: Output, *, selection: Selection) -> int:
     """Fit the models with their libraries' settings: errors and times beside the paper's Table 4.
 
-    The Gaussian process has the paper's kernel, whose length is fixed, not its library's.
+    The Gaussian process has the paper's kernel, whose length is fixed; beside it stands its
+    library's own, fitted to 1,000 rows at most.
     The fits run one after the other, so that their times are those of a process that works alone.
     """
     from learn.comparison import jobs
@@ -140,12 +143,13 @@ def tune(
     `mpiexec -n 65 python -m mpi4py -m learn tune ...` rank 0 hands out the fits, the others do
     them.
     """
+    began = time.time()
     from learn.bounded import seconds
     from learn.comparison import jobs
     from learn.executor import lead
 
     def job(executor: Executor) -> int:
-        request = selection.request(file, output, seconds(budget) if budget else None)
+        request = selection.request(file, output, began + seconds(budget) if budget else inf)
         with lock_folder(output):
             return _show(request, jobs.tune(request, executor), tuned=True)
 
@@ -167,12 +171,13 @@ def estimate(
     The times are those of one thread: divide by the workers. What is fitted is kept, and need not
     be done again by `tune` on the same folder.
     """
+    began = time.time()
     from learn.bounded import seconds
     from learn.comparison import jobs
     from learn.executor import lead
 
     def job(executor: Executor) -> int:
-        request = selection.request(file, output, seconds(budget))
+        request = selection.request(file, output, began + seconds(budget))
         with lock_folder(output):
             return _show(request, jobs.estimate(request, executor))
 

@@ -18,10 +18,10 @@ from rich.table import Table
 
 from gen.arrays import Values
 from gen.runtime.terminal import print_table
-from learn.comparison import halving, paper
+from learn.comparison import paper
 from learn.comparison.folder import Folder
 from learn.comparison.grid import Task, expected_work, key
-from learn.comparison.search import GridSearch
+from learn.comparison.search import GridSearch, growth, steps
 from learn.models import MODELS
 from learn.split import FOLDS
 
@@ -47,25 +47,24 @@ def estimate(search: GridSearch, until: float) -> Cost | None:
     The baseline's fits are the first, and are counted as they are. None is returned if one of them,
     or the first drawn fit on the fewest rows, was not finished.
     """
-    title, total = search.model.title, search.training.rows
-    if own := search.baseline_tasks(total):
-        search.run(own, f"{title}: {len(own)} fits of the baseline", until=until)
+    total = search.training.rows
+    own = search.baseline_tasks(total)
+    search.run(own, f"{len(own)} fits of the baseline", until=until)
     if search.baseline_tasks(total):
         return None
-    began, sizes = time.time(), halving.steps(total)
+    began, sizes, drawn = time.time(), steps(total), draw(search)[:DRAWN]
     for place, rows in enumerate(sizes, start=1):
-        drawn = draw(search)[:DRAWN]
         tasks = [
             t for family, fold in drawn for t in search.tasks([family], rows) if t.fold == fold
         ]
-        said = f"{title}: {search.fits} fits, {len(tasks)} drawn to be timed on {rows} rows"
+        said = f"{search.fits} fits, {len(tasks)} drawn to be timed on {rows} rows"
         search.run(tasks, said, until=began + place / len(sizes) * (until - began))
     return cost(search)
 
 
 def cost(search: GridSearch) -> Cost | None:
     """Estimate the time of a grid from its finished fits; None if those drawn first are not."""
-    sizes, drawn, model = halving.steps(search.training.rows), draw(search), search.model
+    sizes, drawn, model = steps(search.training.rows), draw(search), search.model
     times = [_times(search, drawn, rows) for rows in sizes]
     last = max(range(len(sizes)), key=lambda place: (times[place].size, place))
     if not (number := times[last].size):
@@ -81,7 +80,7 @@ def cost(search: GridSearch) -> Cost | None:
             factor, last = factor * step, place
             errors.append(error)
     if last + 1 < len(sizes):
-        factor *= halving.growth(model, sizes[-1] / sizes[last])
+        factor *= growth(model, sizes[-1] / sizes[last])
         errors.append(math.nan)
     seconds, relative = factor * float(works.sum()), math.hypot(*errors)
     own = [trial.seconds for trial in search.baseline_trials(search.training.rows) if trial]

@@ -68,6 +68,11 @@ class Training:
         """Number of inputs."""
         return int(self.inputs.shape[1])
 
+    def first(self, rows: int) -> Self:
+        """Return the same with the first training rows only."""
+        some = {name: getattr(self, name)[:rows] for name in ("inputs", "target", "folds")}
+        return replace(self, **some)
+
 
 class Trial(documents.Document):
     """The score of one candidate on one fold, a line of the file."""

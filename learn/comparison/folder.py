@@ -4,6 +4,7 @@
     area/rows.csv               row of the database, part, fold, group that is kept together
     area/trials/MODEL.jsonl     finished fits of a search (`learn.comparison.fits`)
     area/baseline/MODEL.json    settings, scores, times; MODEL.csv has the test rows' predictions
+    area/library/MODEL.json     the same with its library's settings, where a baseline's are others
     area/tuned/MODEL.json       the same for a search's winner, and how it was searched
     area/tuned/MODEL-grid.csv   every candidate of the grid with its scores
     area/*.csv, *.png           the tables and pictures that `learn show` makes of them
@@ -35,7 +36,7 @@ from learn.split import FOLDS, Split
 LIBRARIES = ("numpy", "scipy", "scikit-learn", "xgboost-cpu")
 """Libraries whose versions decide the numbers."""
 
-KINDS = ("baseline", "tuned")
+KINDS = ("baseline", "library", "tuned")
 """Kinds of results, and the names of their folders."""
 
 LARGEST = 1e30
@@ -106,6 +107,7 @@ class Search(Document):
     fits: Count
     r2_folds: list[Score]
     winner: Literal["grid", "optimum", "baseline"] | None = None
+    ends: list[str] = Field(default_factory=list)
     grid_r2_folds: list[Score] = Field(default_factory=list)
     optimum_r2_folds: list[Score] = Field(default_factory=list)
     baseline_r2_folds: list[Score] = Field(default_factory=list)
@@ -121,42 +123,28 @@ class NoSearch(Document):
 
 
 class Result(Document):
-    """The files baseline/MODEL.json and tuned/MODEL.json."""
+    """The files KIND/MODEL.json; one of a search without a winner has model and failure only."""
 
     model: str
-    settings: dict[str, Setting]
-    fitted: dict[str, str]
-    test: Scored | None
-    train: Scored | None
+    settings: dict[str, Setting] = Field(default_factory=dict)
+    fitted: dict[str, str] = Field(default_factory=dict)
+    test: Scored | None = None
+    train: Scored | None = None
     failure: str
     remarks: list[str]
-    search: Search | NoSearch
-    times: Times
+    search: Search | NoSearch = Field(default_factory=NoSearch)
+    times: Times | None = None
 
     @model_validator(mode="after")
-    def _times_belong_to_scores(self) -> "Result":
-        times = self.times.fit, self.times.test, self.times.row
-        sound = all(each is not None and 0 <= each <= 1e15 for each in times)
-        if self.test is not None and not sound:
+    def _scores_have_settings_and_times(self) -> "Result":
+        if self.test is None:
+            return self
+        if missing := {"settings", "train", "search", "times"} - self.model_fields_set:
+            raise ValueError(f"there are scores without {', '.join(sorted(missing))}")
+        times = () if self.times is None else (self.times.fit, self.times.test, self.times.row)
+        if not times or any(each is None or not 0 <= each <= 1e15 for each in times):
             raise ValueError("there are scores without times of fit and predictions")
         return self
-
-
-class Failure(Document):
-    """The file tuned/MODEL.json where no candidate could be fitted."""
-
-    model_config = ConfigDict(extra="forbid")
-
-    model: str
-    failure: str
-    remarks: list[str]
-
-
-DOCUMENTS: dict[str, tuple[type[Document], ...]] = {
-    "baseline": (Result,),
-    "tuned": (Result, Failure),
-}
-"""The documents that each folder of results may hold."""
 
 
 def versions() -> dict[str, str]:
@@ -255,7 +243,7 @@ class Folder:
 
     def result(self, kind: str, model: str) -> dict[str, Any] | None:
         """Read the "baseline" or "tuned" result of a model, None if there is none."""
-        return documents.read(self.path / kind / f"{model}.json", *DOCUMENTS[kind])
+        return documents.read(self.path / kind / f"{model}.json", Result)
 
     def results(self) -> Iterator[tuple[str, str, dict[str, Any]]]:
         """Yield model, kind and result of each result, in the order of the paper's Table 4."""
@@ -286,7 +274,7 @@ class Folder:
             return Winner(settings, of_grid=False)
         grid, space = grids.space_of(model, features)
         for name, value in settings.items():
-            if value not in space.get(name, []):
+            if value not in grids.reach(name, space.get(name, [])):
                 raise InputError(f"{path}: {name} = {value!r} is not in the grid {grid!r}")
         return Winner(settings, of_grid=True)
 

@@ -89,31 +89,57 @@ def baseline(model: str, features: str) -> Settings:
     return {}
 
 
-def at_ends(space: Space, settings: Mapping[str, Any]) -> str:
-    """Name the settings that lie at an end of three numbers or more: a better one may be beyond."""
-    numbers = {
-        name: values
-        for name, values in space.items()
-        if len(values) > 2 and all(isinstance(value, int | float) for value in values)
-    }
-    ends = {name: (min(values), max(values)) for name, values in numbers.items()}
-    found = (name for name in ends if settings.get(name) in ends[name])
-    return ", ".join(f"{name} = {settings[name]:g}" for name in found)
+LIBRARY: dict[str, Settings] = {
+    "gaussian-process": {"kernel": None, "optimizer": "fmin_l_bfgs_b"},
+}
+"""Settings on top of a baseline that make it its library's own, where it is not.
+
+scikit-learn's Gaussian process fits amplitude and length of its kernel.
+"""
+
+LIBRARY_ROWS = 1000
+"""Training rows of such a model at most: each step of its optimiser takes their third power."""
+
+LEAST_JUDGED = 10
+"""Candidates that have to be judged over five folds of all rows before a search has a winner."""
+
+BEYOND = 3
+"""Values that a search tries at most beyond each end of a setting's values."""
+
+SMALLEST = {"min_samples_split": 2}
+"""Smallest whole number that a setting can have; 1 of all others."""
+
+
+def reach(name: str, values: list[Any]) -> list[Any]:
+    """Return the values of a setting with those that a search may try beyond, in ascending order.
+
+    Numbers go on in the ratio of the last two. Nothing lies beyond zero, and nothing beyond fewer
+    than three numbers, or values that are no numbers.
+    """
+    if len(values) < 3 or not all(isinstance(value, int | float) for value in values):
+        return values
+    chain = sorted(values)
+    for upwards in (False, True) * BEYOND:
+        near, end = chain[-2:] if upwards else chain[1::-1]
+        if near <= 0 or end <= 0:
+            continue
+        further = float(f"{end * end / near:.2g}")
+        if isinstance(end, int):
+            further = max(int(further), SMALLEST.get(name, 1))
+        if further not in chain:
+            chain.insert(len(chain) * upwards, further)
+    return chain
 
 
 @dataclass(frozen=True)
 class Grid:
     """A grid of candidates, and those of them that differ."""
 
+    space: Space  # values by setting
     candidates: tuple[Settings, ...]  # all points, in the order of scikit-learn's ParameterGrid
     canonical: tuple[int, ...]  # number of the canonical settings of each candidate
     differing: tuple[Settings, ...]  # canonical settings, in the order of their first candidate
     families: tuple[tuple[int, ...], ...]  # numbers of those that one fit serves
-
-    @property
-    def nominal(self) -> int:
-        """Number of points of the grid."""
-        return len(self.candidates)
 
     def served_by(self, family: int) -> tuple[Settings, ...]:
         """Return the canonical settings that one fit of a family serves."""
@@ -156,7 +182,11 @@ def grid(model: Model, space: Space, inputs: int) -> Grid:
     """
     names = sorted(space)
     points = product(*(space[name] for name in names))
-    candidates = tuple(dict(zip(names, point, strict=True)) for point in points)
+    return _grid(model, space, [dict(zip(names, point, strict=True)) for point in points], inputs)
+
+
+def _grid(model: Model, space: Space, candidates: list[Settings], inputs: int) -> Grid:
+    """Find which candidates differ, and which of these one fit serves."""
     numbers: dict[str, int] = {}
     differing: list[Settings] = []
     canonical = []
@@ -171,7 +201,34 @@ def grid(model: Model, space: Space, inputs: int) -> Grid:
             differing.append(settings)
         canonical.append(numbers[name])
     families = tuple(tuple(family) for family in shared.values())
-    return Grid(candidates, tuple(canonical), tuple(differing), families)
+    return Grid(space, tuple(candidates), tuple(canonical), tuple(differing), families)
+
+
+def beyond(grid: Grid, model: Model, settings: Settings, inputs: int) -> Settings:
+    """Return the next value of each setting with which a candidate lies at an end of the grid."""
+    found = {}
+    for name in settings.keys() & canonical_settings(model, settings, inputs).keys():
+        chain = reach(name, grid.space[name])
+        place = chain.index(settings[name])
+        for value in (*chain[max(place - 1, 0) : place], *chain[place + 1 : place + 2]):
+            if not any(candidate[name] == value for candidate in grid.candidates):
+                found[name] = value
+    return dict(sorted(found.items()))
+
+
+def extended(grid: Grid, model: Model, winner: Settings, inputs: int) -> Grid:
+    """Return a grid with further candidates where a winner lies at an end of it, else the grid.
+
+    They have the winner's settings but for the one that goes on, and all values that one fit
+    serves.
+    """
+    shared, further = shared_fit(model), []
+    for name, value in beyond(grid, model, winner, inputs).items():
+        served = grid.space[shared] if shared in winner and shared != name else []
+        further += [{**winner, name: value, shared: each} for each in served] or [
+            {**winner, name: value}
+        ]
+    return _grid(model, grid.space, [*grid.candidates, *further], inputs) if further else grid
 
 
 def shared_fit(model: Model) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 
 from gen.runtime.figure import draw_parity, new_figure, parity_axes, save
 from learn.comparison import tables
-from learn.comparison.folder import KINDS, Folder
+from learn.comparison.folder import Folder
 from learn.comparison.tables import Intervals
 from learn.metrics import LEVEL
 from learn.models import MODELS
@@ -22,7 +22,7 @@ DOTS: dict[str, dict[str, Any]] = {
 }
 """Looks of predictions: circles of the baseline stay visible round the dots of tuned models."""
 
-SHIFTS = dict(zip(KINDS, (-0.2, 0.2), strict=True))
+SHIFTS = {"baseline": -0.2, "tuned": 0.2}
 """Distances of the bars from the middle of their model."""
 
 BESIDE = 0.13
@@ -41,7 +41,8 @@ def draw(folder: Folder) -> list[Path]:
     Nothing is drawn if the folder of the target has no results.
     """
     record, found = folder.record(), tables.intervals(folder)
-    shown = {(m, kind): each for m, kind, each in folder.results() if each.get("test") is not None}
+    scored = [each for each in folder.results() if each[2].get("test") and each[1] in COLOURS]
+    shown = {(model, kind): result for model, kind, result in scored}
     if found is None:
         return []
     target = str(record["conditions"]["target"])
@@ -82,7 +83,7 @@ def _scores(found: Intervals, shown: dict[Place, dict[str, Any]], target: str) -
     for name, axis in zip(wanted, axes, strict=True):
         unexplained = name == "r2"  # R2 of good models look alike
         values = {place: result["test"][name] for place, result in shown.items()}
-        ends = {place: own[name] for place, own in found.of.items() if name in own}
+        ends = {p: own[name] for p, own in found.of.items() if p in shown and name in own}
         if unexplained:
             values = {place: 100 - value for place, value in values.items()}
             ends = {place: (100 - high, 100 - low) for place, (low, high) in ends.items()}

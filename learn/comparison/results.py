@@ -20,9 +20,9 @@ from gen.runtime.terminal import RunProgress
 from learn import bounded
 from learn.comparison.fits import Training, reason
 from learn.comparison.folder import Folder
-from learn.comparison.grid import Settings
-from learn.comparison.search import GridScores, GridSearch, SearchResult
-from learn.comparison.tables import why_baseline
+from learn.comparison.grid import Settings, beyond
+from learn.comparison.search import Found
+from learn.comparison.tables import WHY_BASELINE
 from learn.metrics import scores
 from learn.models import MODELS, STEP, Model, pipeline, remarks
 from learn.split import FOLDS
@@ -36,9 +36,6 @@ ENOUGH = 5.0
 TOO_LONG = 300.0
 """Seconds after which no further repetition is begun."""
 
-UNFINISHED = f"neither baseline nor candidate was finished on {FOLDS} folds within the time"
-"""Why a search with a budget has no winner."""
-
 UNFITTED = "the winner's fit to all rows was not finished within the time: give a larger --budget"
 """Why the winner of a search with a budget has no scores."""
 
@@ -49,14 +46,9 @@ class TimedFit:
 
     model: str
     settings: Settings = field(default_factory=dict)  # on top of the baseline's
-    tuned: bool = False  # whether it is the winner of a search, a candidate or the baseline
+    kind: str = "baseline"  # one of `learn.comparison.folder.KINDS`
     of_grid: bool = False  # whether it has the settings that all candidates of a grid share
     until: float = math.inf  # time of `time.time` at which the fit is stopped [s]
-
-    @property
-    def kind(self) -> str:
-        """Name of the folder of its result."""
-        return "tuned" if self.tuned else "baseline"
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,44 +150,43 @@ def _chosen(fitted: Any) -> dict[str, str]:
     return chosen
 
 
-def winner_of(search: GridSearch, found: SearchResult) -> TimedFit:
+def winner_of(found: Found) -> TimedFit:
     """Return the winner of a search, a candidate of the grid or the baseline, to be fitted."""
-    name, scores = search.model.name, found.scores
+    search, scores = found.search, found.scores
     if scores.baseline_wins:
-        return TimedFit(name, search.baseline or {}, tuned=True)
-    return TimedFit(name, search.grid.first(scores.winner), tuned=True, of_grid=True)
+        return TimedFit(search.model.name, search.baseline or {}, "tuned")
+    settings = search.grid.first(scores.winner)
+    return TimedFit(search.model.name, settings, "tuned", of_grid=True)
 
 
-def has_winner(folder: Folder, search: GridSearch, found: SearchResult) -> bool:
+def has_winner(folder: Folder, found: Found) -> bool:
     """Whether a folder has the result of this very search and winner."""
-    result, report = folder.result("tuned", search.model.name), _report(search, found)
+    result, report = folder.result("tuned", found.search.model.name), _report(found)
     if result is None or "settings" not in result:
         return False
-    settings = json.loads(json.dumps(winner_of(search, found).settings))  # lists in JSON, no tuples
+    settings = json.loads(json.dumps(winner_of(found).settings))  # lists in JSON, no tuples
     same = "winner", "how", "grid", "candidates_scored"
     alike = all(result["search"].get(name) == report[name] for name in same)
     return alike and result["settings"] == settings
 
 
-def write_search(
-    folder: Folder, search: GridSearch, found: SearchResult, result: FitResult
-) -> None:
+def write_search(folder: Folder, found: Found, result: FitResult) -> None:
     """Write and print the result of a search and of its winner's last fit."""
-    model, scores, report = search.model, found.scores, _report(search, found)
-    folder.write_table(f"tuned/{model.name}-grid.csv", *_candidates(search, scores))
-    task = winner_of(search, found)
-    write_fit(folder, task, search.training, result, report, found.seconds)
+    search, scores, task = found.search, found.scores, winner_of(found)
+    title = search.model.title
+    folder.write_table(f"tuned/{task.model}-grid.csv", *_candidates(found))
+    write_fit(folder, task, search.training, result, _report(found), found.seconds)
     with RunProgress(1) as progress:
         for text, number in [*scores.failures.items(), *scores.remarks.items()]:
-            progress.say(f"{model.title}: {number} of {scores.folds.size} scores: {text}")
+            progress.say(f"{title}: {number} of {scores.folds.size} scores: {text}")
         print_result(progress.say, task, result)
         if scores.baseline_wins:
-            progress.say(f"{model.title}: {why_baseline(report)}")
+            progress.say(f"{title}: {WHY_BASELINE}")
 
 
-def _report(search: GridSearch, found: SearchResult) -> dict[str, Any]:
+def _report(found: Found) -> dict[str, Any]:
     """Describe a search in the result of its winner."""
-    grid, scores = search.grid, found.scores
+    search, scores, grid = found.search, found.scores, found.search.grid
     own = [] if np.isnan(scores.baseline).any() else scores.baseline.tolist()
     of_folds = {
         "r2_folds": own if scores.baseline_wins else scores.of(scores.winner),
@@ -204,32 +195,34 @@ def _report(search: GridSearch, found: SearchResult) -> dict[str, Any]:
         "baseline_r2_folds": own,
     }
     place = "optimum" if scores.winner == search.optimum else "grid"
+    best = grid.first(max(scores.winner, 0))
     return {
         "how": found.how,
         "grid": search.source,
         "rows": search.training.rows,
-        "candidates": grid.nominal,
+        "candidates": len(grid.candidates),
         "candidates_differing": len(grid.differing),
         "candidates_scored": scores.scored,
-        "fits_nominal": FOLDS * grid.nominal,
+        "fits_nominal": FOLDS * len(grid.candidates),
         "fits": scores.fits,
         "baseline_fits": int(np.count_nonzero(~np.isnan(scores.baseline))),
         "winner": "baseline" if scores.baseline_wins else place,
+        "ends": [*beyond(grid, search.model, best, search.training.columns)],
         **{name: [100 * score for score in folds] for name, folds in of_folds.items()},
         "failures": scores.failures,
         "remarks": scores.remarks,
     }
 
 
-def _candidates(search: GridSearch, scores: GridScores) -> tuple[list[str], list[list[object]]]:
+def _candidates(found: Found) -> tuple[list[str], list[list[object]]]:
     """Return the table of all candidates as the paper counts them, in ParameterGrid's order."""
-    names = list(search.grid.candidates[0])
+    grid, scores, means = found.search.grid, found.scores, found.scores.means
+    names = list(grid.candidates[0])
+    rows = [
+        [*(candidate[name] for name in names), number, float(means[number]), *scores.folds[number]]
+        for candidate, number in zip(grid.candidates, grid.canonical, strict=True)
+    ]
     folds = [f"r2_fold_{fold}" for fold in range(FOLDS)]
-    rows: list[list[object]] = []
-    means = scores.means
-    for candidate, number in zip(search.grid.candidates, search.grid.canonical, strict=True):
-        r2 = [float(means[number]), *map(float, scores.folds[number])]
-        rows.append([*(candidate[name] for name in names), number, *r2])
     return [*names, "differing_candidate", "r2_mean", *folds], rows
 
 
@@ -270,7 +263,7 @@ def write_fit(
 def print_result(say: Callable[[str], None], task: TimedFit, result: FitResult) -> None:
     """Print a model's scores and times, and the warnings of its fit."""
     title = f"{MODELS[task.model].title}, {task.kind}"
-    title += ", which is the baseline" if task.tuned and not task.of_grid else ""
+    title += ", which is the baseline" if task.kind == "tuned" and not task.of_grid else ""
     found = result.description
     if found["test"] is None:
         say(f"warning: {title}: {found['failure']}")

@@ -1,9 +1,16 @@
 """The search of a grid: exact scores of its candidates, each distinct fit done once on a worker.
 
-The score of a candidate is the mean R2 over the folds. Ties go to the first in the order of
-ParameterGrid; candidates with a failed fold come last. The baseline, which is no point of the grid,
-wins where no candidate is better. A killed search resumes where it was: the master keeps every
-finished fit on disk.
+The score of a candidate is the mean R2 over the folds of all rows. Ties go to the first in the
+order of ParameterGrid; candidates with a failed fold come last. The baseline, which is no point of
+the grid, wins where no candidate is better. Where the winner lies at an end of the grid, the search
+goes on beyond it. A killed search resumes where it was: the master keeps every finished fit.
+
+Within a given time, successive halving on the number of training rows says who is judged: all
+candidates are fitted to few rows and scored on two folds, the best third on three times as many,
+and so on. Then candidates are judged over five folds of all rows, the best ones first, until the
+time is over. A model of which fewer than `LEAST_JUDGED` candidates were judged, or not the paper's,
+counts as not searched. scikit-learn's own halving knows rows, not hours, shares no fits, and can
+be neither spread over machines nor resumed.
 """
 
 import math
@@ -13,7 +20,6 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from itertools import product
 from math import inf
-from typing import NamedTuple
 
 import numpy as np
 
@@ -22,10 +28,34 @@ from gen.runtime.terminal import RunProgress
 from learn import bounded
 from learn.comparison import grid as grids
 from learn.comparison.fits import Training, Trial, Trials, fit
-from learn.comparison.grid import Grid, Settings, Task, expected_work
+from learn.comparison.grid import LEAST_JUDGED, Grid, Settings, Task, expected_work
 from learn.executor import Executor
-from learn.models import AT_BOUND, Model
+from learn.models import Model
 from learn.split import FOLDS
+
+RUNG_FOLDS = 2
+"""Folds on which a rung ranks its candidates."""
+
+RUNGS_SHARE = 0.4
+"""Share of the time after which all rungs have ended, in equal parts."""
+
+DECISION_SHARE = 0.75
+"""Share of the time after which the decision has ended; the winner's fit to all rows gets the rest.
+
+A fit of the decision is stopped once a fit to all rows would need more than that.
+"""
+
+ALWAYS = 5.0
+"""Seconds that a fit may take in any case: the first one of a process loads its library."""
+
+FACTOR = 3
+"""Of three candidates one goes on, with three times the rows."""
+
+LEAST_ROWS = 300
+"""Training rows of the first step at least."""
+
+GROWTH = {"gaussian-process": 3.0, "kernel-ridge": 3.0, "svm": 2.5}
+"""Exponents with which a fit's time grows with the rows, on the safe side; 1.5 of other models."""
 
 
 @dataclass(frozen=True)
@@ -34,11 +64,11 @@ class GridScores:
 
     folds: Values  # R2 of every differing candidate on the folds that count, (candidates, folds)
     baseline: Values  # R2 of the baseline on them, (folds,); empty if there is none
+    judged: int  # number of candidates whose fits are all finished, failed ones included
     fits: int  # finished ones of the grid, those of earlier runs included
     seconds: float  # sum of their times and of the baseline's
     failures: dict[str, int]  # number of scores that each reason has cost
     remarks: dict[str, int]  # and that each warning concerns
-    collapsed: frozenset[int]  # families in which a likelihood was largest at its range's end
 
     @property
     def means(self) -> Values:
@@ -63,24 +93,11 @@ class GridScores:
             return False
         return self.winner < 0 or float(self.means[self.winner]) <= float(self.baseline.mean())
 
-    @property
-    def decided(self) -> bool:
-        """Whether there is a winner: a candidate of the grid, or the baseline."""
-        return self.winner >= 0 or self.baseline_wins
-
     def of(self, number: int | None) -> list[float]:
         """Return R2 of a candidate on every fold, nothing if a fold or the candidate lacks."""
         if number is None or number < 0 or np.isnan(self.folds[number]).any():
             return []
         return [float(score) for score in self.folds[number]]
-
-
-class SearchResult(NamedTuple):
-    """Scores on all rows and folds, which decide; the steps in words, and all fits' times [s]."""
-
-    scores: GridScores
-    how: str
-    seconds: float
 
 
 @dataclass(frozen=True)
@@ -113,11 +130,11 @@ class GridSearch:
                     tasks.append(Task(self.model.name, lacking, fold, rows))
         return tasks
 
-    def baseline_tasks(self, rows: int, folds: int = FOLDS) -> list[Task]:
+    def baseline_tasks(self, rows: int) -> list[Task]:
         """List the fits that the baseline still lacks."""
         return [
             Task(self.model.name, (self.baseline or {},), fold, rows, baseline=True)
-            for fold, trial in enumerate(self.baseline_trials(rows, folds))
+            for fold, trial in enumerate(self.baseline_trials(rows))
             if trial is None
         ]
 
@@ -137,9 +154,11 @@ class GridSearch:
         stopped after the time `longest` too; its candidates are not tried on further folds [s].
         InputError is raised for a full disk, or a machine that lacks the memory for a fit.
         """
+        if not tasks:
+            return
         too_long: set[str] = set()
         with RunProgress(len(tasks), "fits", sum(map(expected_work, tasks))) as progress:
-            progress.say(title)
+            progress.say(f"{self.model.title}: {title}")
 
             def keep(task: Task, trials: list[Trial] | None) -> None:
                 if trials is None:
@@ -166,7 +185,8 @@ class GridSearch:
         scores = np.full((len(self.grid.differing), folds), math.nan)
         failures: Counter[str] = Counter()
         remarks: Counter[str] = Counter()
-        seconds, fits, collapsed = 0.0, set(), set()
+        there: Counter[int] = Counter()
+        seconds, fits = 0.0, set()
         for family, numbers in enumerate(self.grid.families):
             for number, fold in product(numbers, range(folds)):
                 name = grids.key(self.grid.differing[number])
@@ -176,29 +196,158 @@ class GridSearch:
                 scores[number, fold] = math.nan if trial.r2 is None else trial.r2
                 seconds += trial.seconds
                 fits.add((family, fold))
-                if AT_BOUND in trial.remark:
-                    collapsed.add(family)
+                there[number] += 1
                 failures.update(filter(None, [trial.failure]))
                 remarks.update(filter(None, [trial.remark]))
         own = self.baseline_trials(rows, folds)
         seconds += sum(trial.seconds for trial in own if trial)
         reached = [math.nan if trial is None or trial.r2 is None else trial.r2 for trial in own]
-        counts = len(fits), seconds, dict(failures), dict(remarks)
-        return GridScores(scores, np.array(reached), *counts, frozenset(collapsed))
+        judged = sum(each == folds for each in there.values())
+        counts = judged, len(fits), seconds, dict(failures), dict(remarks)
+        return GridScores(scores, np.array(reached), *counts)
 
-    def exhaustive(self) -> SearchResult:
-        """Search the whole grid, and judge the baseline beside it."""
-        rows = self.training.rows
-        tasks, own = self.tasks(range(len(self.grid.families)), rows), self.baseline_tasks(rows)
-        beside = "" if self.baseline is None else f", {len(own)} of the baseline"
+    def exhaustive(self) -> GridScores:
+        """Do all fits of the grid and of the baseline, and return the scores."""
+        rows, families = self.training.rows, range(len(self.grid.families))
+        tasks, own = self.tasks(families, rows), self.baseline_tasks(rows)
         title = (
-            f"{self.model.title}: {self.grid.nominal} candidates,"
-            f" {len(self.grid.differing)} differ, {self.fits} fits, {len(tasks)} to do{beside}"
+            f"{len(self.grid.candidates)} candidates, {len(self.grid.differing)} differ,"
+            f" {self.fits} fits, {len(tasks)} to do, {len(own)} of the baseline"
         )
         # The longest first: the last ones are short, so that no process waits long at the end.
         self.run(sorted([*tasks, *own], key=expected_work, reverse=True), title)
-        scores = self.scores(rows)
-        return SearchResult(scores, grids.WHOLE, scores.seconds)
+        return self.scores(rows)
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a search has found: its grid, with what lies beyond, and the scores that decide."""
+
+    search: GridSearch
+    how: str  # the steps of the search in words
+    seconds: float  # sum of the times of all fits
+    scores: GridScores
+
+    @property
+    def fault(self) -> str:
+        """Why the search has no winner, "" if it has one."""
+        scores, grid, optimum = self.scores, self.search.grid, self.search.optimum
+        if any(trial is None for trial in self.search.baseline_trials(self.search.training.rows)):
+            return f"not searched: the baseline was not finished on {FOLDS} folds within the time"
+        if not scores.scored and scores.failures:
+            return "; ".join(scores.failures)
+        least = min(LEAST_JUDGED, len(grid.differing))
+        if scores.judged < least:
+            return (
+                f"not searched: {scores.judged} of {len(grid.differing)} candidates were judged"
+                f" over {FOLDS} folds of all rows, {least} are needed: give a larger --budget"
+            )
+        if optimum is not None and not scores.of(optimum) and not scores.failures:
+            return "not searched: the paper's optimum was not judged: give a larger --budget"
+        return ""
+
+
+def whole(search: GridSearch) -> Found:
+    """Search the whole grid, and beyond an end at which the winner lies."""
+    search.exhaustive()
+    wider = _beyond(search)
+    scores = wider.scores(wider.training.rows)
+    return Found(wider, grids.WHOLE, scores.seconds, scores)
+
+
+def within(search: GridSearch, until: float) -> Found:
+    """Search a grid until a time of `time.time`, at which the winner is fitted to all rows too."""
+    total, began = search.training.rows, time.time()
+    decided = began + DECISION_SHARE * (until - began)
+    last = (1 - DECISION_SHARE) * (until - began)
+    longest = max(last / growth(search.model, FOLDS / (FOLDS - 1)), ALWAYS)
+    own = search.baseline_tasks(total)
+    search.run(own, f"the baseline on {total} rows", until=decided, longest=longest)
+    told: list[str] = []
+    if not search.baseline_tasks(total):
+        families, told = _ranked(search, began, until)
+        title = f"the best candidates first, on {total} rows, {FOLDS} folds"
+        search.run(search.tasks(families, total), title, until=decided, longest=longest)
+        search = _beyond(search, until=decided, longest=longest)
+    scores = search.scores(total)
+    told.append(f"{_counted(scores.judged)} on {total} rows, {FOLDS} folds")
+    is_whole = scores.judged == len(search.grid.differing)
+    how = grids.WHOLE if is_whole else f"successive halving: {', '.join(told)}"
+    spent = sum(trial.seconds for trial in search.trials.finished.values())
+    return Found(search, how, spent, scores)
+
+
+def steps(total: int) -> list[int]:
+    """Return the number of training rows of each step, ascending; the last has all rows."""
+    sizes = [total]
+    while sizes[0] // FACTOR >= LEAST_ROWS:
+        sizes.insert(0, sizes[0] // FACTOR)
+    return sizes
+
+
+def growth(model: Model, factor: float) -> float:
+    """Return the factor by which a fit takes longer on `factor` times the rows, at most."""
+    return float(factor ** GROWTH.get(model.name, 1.5))
+
+
+def _ranked(search: GridSearch, began: float, until: float) -> tuple[list[int], list[str]]:
+    """Climb the rungs; return all families in the order to judge them, and the rungs in words.
+
+    The paper's optimum is on every rung, and the first to be judged: few rows must not hide it.
+    """
+    sizes, grid = steps(search.training.rows), search.grid
+    optimum = [f for f, numbers in enumerate(grid.families) if search.optimum in numbers]
+    families = order = list(dict.fromkeys([*optimum, *_drawn(search, sizes[0])]))
+    told = []
+    for place, rows in enumerate(sizes[:-1], start=1):
+        end = began + RUNGS_SHARE * place / (len(sizes) - 1) * (until - began)
+        title = f"candidates on {rows} rows, {RUNG_FOLDS} folds"
+        search.run(search.tasks(families, rows, RUNG_FOLDS), title, until=end)
+        means = search.scores(rows, RUNG_FOLDS).means
+        scored = {f: means[[*grid.families[f]]] for f in families}
+        scored = {f: own[np.isfinite(own)] for f, own in scored.items() if np.isfinite(own).any()}
+        if scored:
+            number = sum(own.size for own in scored.values())
+            told.append(f"{_counted(number)} on {rows} rows, {RUNG_FOLDS} folds")
+        ranked = sorted(scored, key=lambda family: (-scored[family].max(), family))
+        order = list(dict.fromkeys([*optimum, *ranked, *order]))
+        families = list(dict.fromkeys([*optimum, *ranked[: -(-len(ranked) // FACTOR)]]))
+    return order, told
+
+
+def _drawn(search: GridSearch, rows: int) -> list[int]:
+    """Draw all families, with odds inverse to the work of their fits: cheap ones are seen first."""
+    grid, name = search.grid, search.model.name
+    families = range(len(grid.families))
+    work = [expected_work(Task(name, grid.served_by(family), 0, rows)) for family in families]
+    waiting = np.random.default_rng(search.training.seed).exponential(work)
+    return [int(family) for family in np.argsort(waiting, kind="stable")]
+
+
+def _beyond(search: GridSearch, *, until: float = inf, longest: float = inf) -> GridSearch:
+    """Go on beyond the ends of a grid as long as the winner lies on one, and the time allows."""
+    rows = search.training.rows
+    while True:
+        scores = search.scores(rows)
+        if scores.winner < 0 or scores.baseline_wins or search.stopping():
+            return search
+        winner = search.grid.first(scores.winner)
+        wider = grids.extended(search.grid, search.model, winner, search.training.columns)
+        if wider is search.grid:
+            return search
+        further = replace(search, grid=wider)
+        tasks = further.tasks(range(len(wider.families)), rows)
+        new = {grids.key(each) for each in wider.differing[len(search.grid.differing) :]}
+        tasks = [task for task in tasks if new.intersection(task.names)]
+        title = f"the winner is at an end of the grid: {len(tasks)} fits beyond it"
+        further.run(tasks, title, until=until, longest=longest)
+        if further.scores(rows).judged == scores.judged:
+            return search
+        search = further
+
+
+def _counted(number: int) -> str:
+    return f"{number} candidate{'' if number == 1 else 's'}"
 
 
 def fit_in_time(training: Training, task: Task) -> list[Trial] | None:

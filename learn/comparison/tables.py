@@ -14,7 +14,7 @@ from gen.runtime.errors import InputError
 from gen.runtime.terminal import echo, print_table
 from learn.comparison import paper
 from learn.comparison.folder import Folder
-from learn.comparison.grid import TABLE_2, at_ends, space_of
+from learn.comparison.grid import LEAST_JUDGED, LIBRARY, LIBRARY_ROWS, TABLE_2, space_of
 from learn.metrics import BOOTSTRAP, LEVEL, bootstrap, no_better, spread
 from learn.models import MODELS
 
@@ -30,8 +30,14 @@ WIDTH = 150
 EXTENT = ["rows", "candidates", "candidates_differing", "candidates_scored", "fits_nominal", "fits"]
 """The extent of a search: keys of a result, and columns of tuning.csv."""
 
-WHOLE = {"Model", "", *SCORES.values()}
+UNBROKEN = {"Model", "", *SCORES.values()}
 """Columns whose cells are not broken into lines."""
+
+NOT_SEARCHED = "not searched"
+"""Name of the winner of a search that judged too few candidates."""
+
+WHY_BASELINE = "the baseline wins, no candidate is better over five folds of all rows"
+"""What is said of a search that no candidate has won."""
 
 WINNERS = {"grid": "grid", "optimum": "the paper's optimum", "baseline": "the baseline"}
 """Names of the winners' places in tables."""
@@ -123,7 +129,8 @@ def _score_rows(folder: Folder, target: str) -> Iterator[list[object]]:
             scored = result.get(part) or {}
             row += [scored.get(name, "") for name in names(target)]
         if target == OUR_AREA:
-            row += [getattr(paper.TEST[kind][model], name) for name in names(target)]
+            theirs = paper.TEST.get(kind, {}).get(model)
+            row += ["" if theirs is None else getattr(theirs, name) for name in names(target)]
         row += [result.get("failure", ""), (result.get("search") or {}).get("winner") or ""]
         own = found.of.get((model, kind), {}) if found else {}
         row += [end for name in _bounded(target) for end in own.get(name, ("", ""))]
@@ -146,7 +153,14 @@ def _search_row(model: str, result: dict[str, Any], search: dict[str, Any]) -> l
     """Return a line of tuning.csv."""
     extent = [search.get("grid", TABLE_2), *(search[name] for name in ("how", *EXTENT))]
     means = [_mean(search, name) for name in DECIDED.values()]
-    return [model, *extent, search.get("winner") or "", *means, _settings(result)]
+    return [model, *extent, winner_of(search), *means, _settings(result)]
+
+
+def winner_of(search: dict[str, Any]) -> str:
+    """Return the place of a search's winner; earlier versions named one of too few candidates."""
+    few = search["candidates_scored"] < min(LEAST_JUDGED, search["candidates_differing"])
+    failed = sum(search["failures"].values()) > 0
+    return NOT_SEARCHED if few and not failed else search.get("winner") or ""
 
 
 def _mean(search: dict[str, Any], name: str) -> float | str:
@@ -189,22 +203,43 @@ def _remarks(folder: Folder) -> Iterator[str]:
     for *_, said in no_better_than_constant(folder):
         yield f"warning: {said}"
     for model, kind, result in folder.results():
+        title, search = MODELS[model].title, result.get("search") or {}
         if result.get("failure"):
-            yield f"{MODELS[model].title}, {kind}, failed: {result['failure']}"
-        elif kind == "tuned" and result["search"].get("winner") == "baseline":
-            yield f"{MODELS[model].title}: {why_baseline(result['search'])}"
-        elif kind == "tuned":
-            _, space = space_of(model, folder.record()["conditions"]["features"])
-            if ends := at_ends(space, result["settings"]):
-                title = MODELS[model].title
-                yield f"{title}: {ends} at an end of the grid: a better one may lie beyond"
+            yield f"{title}, {label(model, kind)}: {result['failure']}"
+        elif search and winner_of(search) == NOT_SEARCHED:
+            yield (
+                f"{title}: {NOT_SEARCHED}: {search['candidates_scored']} candidates were judged, of"
+                f" {LEAST_JUDGED} at least: give a larger --budget"
+            )
+        elif search.get("winner") == "baseline":
+            yield f"{title}: {WHY_BASELINE}"
+        elif search:
+            yield from _ends(folder, model, result, search)
+    if any(kind == "library" for _, kind, _ in folder.results()):
+        yield (
+            f"Its library fits amplitude and length of a Gaussian process ({LIBRARY_ROWS:,} rows at"
+            " most here); the paper's, and ours, has a fixed kernel."
+        )
 
 
-def why_baseline(report: dict[str, Any]) -> str:
-    """Say why the baseline is the winner of a search, by the description in its result."""
-    if report.get("grid_r2_folds"):
-        return "the baseline wins, no candidate is better over five folds of all rows"
-    return "the baseline stays, no candidate was finished on five folds of all rows within the time"
+def _ends(
+    folder: Folder, model: str, result: dict[str, Any], search: dict[str, Any]
+) -> Iterator[str]:
+    """Say which settings of a winner lie beyond the grid, or at an end with more beyond."""
+    _, space = space_of(model, folder.record()["conditions"]["features"])
+    for name, value in result["settings"].items():
+        title, said = MODELS[model].title, f"{name} = {value}"
+        if isinstance(value, int | float) and value not in space.get(name, [value]):
+            yield f"{title}: {said} lies beyond the grid, where the search went on"
+        if name in search.get("ends", ()):
+            yield f"{title}: {said} at an end of what was tried: a better one may lie beyond"
+
+
+def label(model: str, kind: str) -> str:
+    """Return the name of a kind of result for people."""
+    if kind == "library":
+        return "its library's own"
+    return "baseline: the paper's" if kind == "baseline" and model in LIBRARY else kind
 
 
 def nmse_note(spread: float) -> str:
@@ -228,9 +263,9 @@ def _new_table(title: str, texts: Sequence[str], numbers: Iterable[str]) -> Tabl
     """Return a table without rows, with columns of texts and of numbers."""
     table = Table(title=title)
     for column in texts:
-        table.add_column(column, no_wrap=column in WHOLE)
+        table.add_column(column, no_wrap=column in UNBROKEN)
     for column in numbers:
-        table.add_column(column, justify="right", no_wrap=column in WHOLE)
+        table.add_column(column, justify="right", no_wrap=column in UNBROKEN)
     return table
 
 
@@ -242,18 +277,20 @@ def _score_table(folder: Folder, target: str, found: Intervals | None) -> Table:
     beside = target == OUR_AREA
     for model, kind, result in folder.results():
         won = (result.get("search") or {}).get("winner") == "baseline"
-        cells = [MODELS[model].title, f"{kind}: baseline" if won else kind]
+        cells = [MODELS[model].title, f"{kind}: baseline" if won else label(model, kind)]
         scored, times = result.get("test"), result.get("times") or {}
         if not scored:
             table.add_row(*cells, "failed")
             continue
         own = found.of.get((model, kind), {}) if found else {}
+        theirs = paper.TEST.get(kind, {}).get(model) if beside else None
         for name in names(target):
-            theirs = f" ({getattr(paper.TEST[kind][model], name):.2f})" if beside else ""
+            published = f" ({getattr(theirs, name):.2f})" if theirs else ""
             ends = "\n{:.2f} to {:.2f}".format(*own[name]) if name in own else ""
-            cells.append(f"{scored[name]:.2f}{theirs}{ends}")
-        for name, theirs_s in zip(("fit", "test"), paper.TIMES[kind][model], strict=True):
-            cells.append(_seconds(times[name]) + (f" ({theirs_s:.3g})" if beside else ""))
+            cells.append(f"{scored[name]:.2f}{published}{ends}")
+        for place, name in enumerate(("fit", "test")):
+            published = f" ({paper.TIMES[kind][model][place]:.3g})" if theirs else ""
+            cells.append(f"{_seconds(times[name])}{published}")
         table.add_row(*cells, _seconds(times["row"]))
     return table
 
@@ -273,7 +310,7 @@ def _search_table(folder: Folder, *, beside: bool) -> Table:
             continue
         search = result.get("search")
         if not search:
-            table.add_row(MODELS[model].title, "failed")
+            table.add_row(MODELS[model].title, "", result["failure"].partition(":")[0])
             continue
         theirs = f" ({paper.TUNING_SECONDS[model]:.0f})" if beside else ""
         means = [_mean(search, name) for name in ("r2_folds", "baseline_r2_folds")]
@@ -282,7 +319,7 @@ def _search_table(folder: Folder, *, beside: bool) -> Table:
             MODELS[model].title,
             str(search.get("grid", TABLE_2)),
             str(search["how"]),
-            WINNERS.get(search.get("winner"), ""),
+            WINNERS.get(winner_of(search), winner_of(search)),
             _settings(result),
             *(f"{mean:.2f}" if isinstance(mean, float) else mean for mean in means),
             *(str(search[name]) for name in extent),

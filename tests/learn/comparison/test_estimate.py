@@ -6,7 +6,8 @@ import pytest
 from comparisons import run, table
 
 from learn.comparison import grid as grids
-from learn.comparison import halving, paper
+from learn.comparison import paper
+from learn.comparison import search as searches
 from learn.comparison.estimate import cost, draw
 from learn.comparison.fits import Trial
 from learn.comparison.grid import Task, expected_work
@@ -26,7 +27,7 @@ def add(search, places, rows, rate):
 
 
 def test_the_estimate_is_exact_where_times_follow_the_expected_work(searching, monkeypatch):
-    monkeypatch.setattr(halving, "LEAST_ROWS", 20)  # rungs of 26 and of all 80 rows
+    monkeypatch.setattr(searches, "LEAST_ROWS", 20)  # rungs of 26 and of all 80 rows
     search = searching("decision-tree", SPACE)
     drawn = draw(search)
     assert sorted(drawn) == [(f, k) for f in range(len(search.grid.families)) for k in range(FOLDS)]

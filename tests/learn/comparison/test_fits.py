@@ -43,7 +43,7 @@ def test_a_staged_fit_that_fails_late_keeps_its_good_beginnings(searching, monke
 
     monkeypatch.setattr(GradientBoostingRegressor, "fit", limited)
     search = searching("gradient-boost", {"n_estimators": [2, 5, 9]})
-    scores = search.exhaustive().scores
+    scores = search.exhaustive()
     assert np.isfinite(scores.means[:2]).all()
     assert np.isnan(scores.means[2])
     assert scores.failures == {"diverged": 5}
@@ -54,7 +54,7 @@ def test_a_staged_fit_that_fails_late_keeps_its_good_beginnings(searching, monke
 def test_a_fit_that_diverges_is_a_failure_that_the_next_run_can_read(searching, trials):
     """Steps of 50 times the gradient: 49 times the residual after each, with other signs."""
     space = {"learning_rate": [0.1, 50.0], "n_estimators": [2, 60]}
-    scores = searching("gradient-boost", space).exhaustive().scores
+    scores = searching("gradient-boost", space).exhaustive()
     assert scores.failures == {"prediction diverged": 5}
     assert np.isnan(scores.means).sum() == 1
     trials.__exit__(None, None, None)

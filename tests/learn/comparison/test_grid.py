@@ -37,7 +37,7 @@ def test_grids_are_those_of_scikit_learn_without_what_cannot_matter(model):
 
     grid = grids.grid(MODELS[model], SPACES[model], inputs=23)
     assert list(grid.candidates) == list(ParameterGrid(SPACES[model]))
-    assert (grid.nominal, len(grid.differing), 5 * len(grid.families)) == LEFT[model]
+    assert (len(grid.candidates), len(grid.differing), 5 * len(grid.families)) == LEFT[model]
     served = sorted(number for family in grid.families for number in family)
     assert served == [*range(len(grid.differing))]
     assert grid.first(grid.canonical[-1]) in grid.candidates

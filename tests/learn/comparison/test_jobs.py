@@ -39,8 +39,9 @@ def test_compare_tune_and_show(work, capsys):
     assert scores[0]["train_r2"] == "100.0"
     assert table("out/area/times.csv")[0]["fits"] != "0"
     (found,) = table("out/area/tuning.csv")
-    assert (found["candidates"], found["fits"], found["fits_nominal"]) == ("160", "55", "800")
-    assert len(table("out/area/tuned/kernel-ridge-grid.csv")) == 160
+    assert int(found["candidates"]) >= 160, "and those beyond the end at which the winner lay"
+    assert int(found["fits_nominal"]) == 5 * int(found["candidates"])
+    assert len(table("out/area/tuned/kernel-ridge-grid.csv")) == int(found["candidates"])
     record = json.loads((work / "out/area/comparison.json").read_text())
     assert record["scene"]["samples"] == 90
     assert record["conditions"]["versions"] == folder.versions()
@@ -71,7 +72,7 @@ def test_a_model_that_fails_is_reported_and_the_others_go_on(work, capsys, monke
     assert run("compare", "database.h5", "-o", "out", *models) == 0
     said = capsys.readouterr()
     assert "warning: Decision Tree, baseline: no tree today" in said.err
-    assert "Decision Tree, baseline, failed: no tree today" in said.out
+    assert "Decision Tree, baseline: no tree today" in said.out
     assert run("show", "out") == 0
     assert table("out/area/scores.csv")[0]["failure"] == "no tree today"
     assert float(table("out/area/scores.csv")[1]["r2"]) > 0
@@ -115,7 +116,7 @@ def test_all_nine_models_survive_odd_data(work, change, words, capsys, monkeypat
     for word in words:
         assert word in said
     scores = table("out/area/scores.csv")
-    assert len(scores) == 9
+    assert len(scores) == 10, "nine models, and a library's own Gaussian process"
     for row in scores:
         assert row["failure"] == ""
         assert np.isfinite(float(row["r2"])), row["model"]
@@ -128,7 +129,7 @@ def test_a_search_in_which_every_fit_fails_says_why(work, capsys, monkeypatch):
     assert run("tune", "database.h5", "-o", "out", "--model", "svm") == 0
     assert "'C' parameter" in capsys.readouterr().err
     assert run("show", "out") == 0
-    assert "failed" in capsys.readouterr().out
+    assert "SVM Regressor, tuned: " in capsys.readouterr().out
     assert "'C' parameter" in table("out/area/scores.csv")[0]["failure"]
 
 

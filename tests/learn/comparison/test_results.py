@@ -6,9 +6,8 @@ import pytest
 from comparisons import run, table
 
 from learn import Surrogate, bounded
-from learn.comparison import halving, paper, results
+from learn.comparison import paper, results, search
 from learn.comparison.folder import Folder
-from learn.comparison.search import GridSearch
 
 TREE = ["--model", "decision-tree"]
 STUMPS = {"max_depth": [1, 2], "min_samples_leaf": [30]}
@@ -31,8 +30,7 @@ def stumps(monkeypatch):
 @pytest.mark.usefixtures("stumps")
 @pytest.mark.parametrize("limit", [[], ["--budget", "1h"]])
 def test_where_the_baseline_wins_every_table_and_picture_names_it(work, limit, capsys, monkeypatch):
-    monkeypatch.setattr(halving, "LEAST_ROWS", 20)
-    monkeypatch.setattr(halving, "_whole_fits", lambda *arguments: False)
+    monkeypatch.setattr(search, "LEAST_ROWS", 20)
     assert run("compare", "database.h5", "-o", "out", *TREE) == 0
     assert run("tune", "database.h5", "-o", "out", *TREE, *limit) == 0
     said = capsys.readouterr()
@@ -70,7 +68,7 @@ def test_a_surrogate_of_a_search_that_the_baseline_won_is_the_baseline(work):
 
 def test_a_budget_too_small_for_the_baseline_gives_no_result_and_says_so(work, capsys):
     assert run("tune", "database.h5", "-o", "out", *TREE, "--budget", "0.001s") == 0
-    said = "neither baseline nor candidate was finished on 5 folds within the time"
+    said = "not searched: the baseline was not finished on 5 folds within the time"
     assert said in capsys.readouterr().err
     assert run("show", "out", "--no-pictures") == 0
     assert said in capsys.readouterr().out
@@ -96,8 +94,7 @@ def test_a_winner_that_is_not_fitted_in_time_is_fitted_by_the_next_call(work, ca
 def test_a_search_within_a_time_goes_on_where_it_was_and_decides_alike(work, monkeypatch, capsys):
     from learn.comparison.fits import Trials
 
-    monkeypatch.setattr(halving, "LEAST_ROWS", 20)
-    monkeypatch.setattr(halving, "_whole_fits", lambda *arguments: False)
+    monkeypatch.setattr(search, "LEAST_ROWS", 20)
     arguments = ["tune", "database.h5", *TREE, "--budget", "1h"]
     assert run(*arguments, "-o", "whole") == 0
     add, left = Trials.add, [40]
@@ -139,17 +136,3 @@ def test_perceptrons_are_scored_as_they_are_fitted_in_the_end(work, monkeypatch)
     assert len(searched) == 5
     assert all(params == searched[0] for params in [*searched, *refitted])
     assert (searched[0]["max_iter"], searched[0]["random_state"]) == (20_000, 3)
-
-
-@pytest.mark.usefixtures("few")
-def test_a_baseline_beside_which_nothing_was_judged_is_not_said_to_be_better(
-    work, monkeypatch, capsys
-):
-    monkeypatch.setattr(GridSearch, "tasks", lambda *arguments: [])
-    assert run("tune", "database.h5", "-o", "out", *TREE, "--budget", "1h") == 0
-    said = "Decision Tree: the baseline stays, no candidate was finished on five folds"
-    shown = capsys.readouterr()
-    assert said in shown.out
-    assert said in shown.err
-    (found,) = table("out/area/tuning.csv")
-    assert (found["winner"], found["grid_r2"], found["candidates_scored"]) == ("baseline", "", "0")

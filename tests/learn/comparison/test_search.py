@@ -1,14 +1,18 @@
-"""The grid search beside scikit-learn's own, its winner, and how it resumes."""
+"""The grid search beside scikit-learn's own, beyond its grid, within a time, and how it resumes."""
 
 import json
+import math
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from sklearn.kernel_ridge import KernelRidge
 from sklearn.model_selection import GridSearchCV, PredefinedSplit
 
-from learn.comparison.fits import Trials
+from learn.comparison import search as searches
+from learn.comparison.fits import Training, Trials
+from learn.comparison.grid import canonical_settings, key, reach
 from learn.models import MODELS, STEP, pipeline
 
 # Every kind of synonym and of shared fit, small enough for a test.
@@ -85,7 +89,7 @@ def test_scores_and_winner_are_those_of_scikit_learns_grid_search(
     model, space, training, searching
 ):
     search = searching(model, space)
-    grid, scores = search.grid, search.exhaustive().scores
+    grid, scores = search.grid, search.exhaustive()
     theirs = pipeline(MODELS[model], tuned=True)
     if model == "kernel-ridge":
         theirs.set_params(**{STEP: KernelRidge()})
@@ -106,20 +110,20 @@ def test_scores_and_winner_are_those_of_scikit_learns_grid_search(
     assert grid.first(scores.winner) == {key.partition("__")[2]: best[key] for key in best}
     assert scores.fits == 5 * len(grid.families)
     if space is REDUCED[model] and model != "gaussian-process":
-        assert len(grid.families) < grid.nominal
+        assert len(grid.families) < len(grid.candidates)
 
 
 def test_ties_go_to_the_first_in_the_grid(searching):
     space = {"min_samples_split": [2, 3, 4], "min_samples_leaf": [2], "max_depth": [3]}
     search = searching("decision-tree", space)
     assert len(search.grid.differing) == 1
-    assert search.grid.first(search.exhaustive().scores.winner)["min_samples_split"] == 2
+    assert search.grid.first(search.exhaustive().winner)["min_samples_split"] == 2
 
 
 def test_finished_fits_are_not_done_again(searching, trees, tmp_path):
     path = tmp_path / "cut.jsonl"
     with Trials(path, {"seed": 0}) as opened:
-        first = searching("decision-tree", trees, opened).exhaustive().scores
+        first = searching("decision-tree", trees, opened).exhaustive()
     whole = path.read_bytes()
     # A kill in the midst of a line.
     path.write_bytes(whole[: int(0.6 * len(whole))])
@@ -129,7 +133,107 @@ def test_finished_fits_are_not_done_again(searching, trees, tmp_path):
         search = searching("decision-tree", trees, opened)
         tasks = search.tasks(range(len(search.grid.families)), 80)
         assert sum(len(task.candidates) for task in tasks) == first.folds.size - left
-        again = search.exhaustive().scores
+        again = search.exhaustive()
     np.testing.assert_array_equal(first.folds, again.folds)
     for line in path.read_text().splitlines():
         json.loads(line)
+
+
+def levels(rows):
+    """Two hundred random levels of one input: a tree finds them in many rows only."""
+    generator = np.random.default_rng(0)
+    inputs = np.c_[generator.uniform(size=rows), np.ones(rows)]
+    target = generator.normal(size=200)[(200 * inputs[:, 0]).astype(int)]
+    folds = (np.arange(rows) % 5).astype(np.int8)
+    return Training(inputs, target, folds, inputs[:9], target[:9], normalisation="none")
+
+
+def limited(search, fits):
+    """A search that is stopped after a number of fits of all rows."""
+    total = search.training.rows
+    finished = search.trials.finished
+    return replace(search, stopping=lambda: sum(n == total for *_, n in finished) >= fits)
+
+
+def test_with_time_enough_the_whole_grid_is_judged(searching, trees, monkeypatch):
+    monkeypatch.setattr(searches, "LEAST_ROWS", 20)
+    found = searches.within(searching("decision-tree", trees), math.inf)
+    exact = searching("decision-tree", trees).exhaustive()
+    assert found.how == "whole grid"
+    assert found.fault == ""
+    number = len(exact.folds)
+    np.testing.assert_array_equal(found.scores.folds[:number], exact.folds)
+    assert found.seconds >= exact.seconds
+
+
+def test_the_best_on_few_rows_are_judged_first_after_the_optimum(searching, trials, monkeypatch):
+    """On 26 rows of `levels` the deep trees come after all others, on all of them they are best."""
+    monkeypatch.setattr(searches, "LEAST_ROWS", 20)
+    space = {"max_depth": [1, 2, 3, 4, 30], "min_samples_leaf": [1, 40, 80]}
+    search = replace(searching("decision-tree", space), training=levels(720), baseline={})
+    settings = {"max_depth": 30, "min_samples_leaf": 1}
+    deep = search.grid.number_of(canonical_settings(search.model, settings, 2))
+    found = searches.within(limited(replace(search, optimum=deep), 11 * 5), math.inf)
+    few = search.scores(26, 2).means
+    assert few[deep] < np.sort(few)[-3]
+    assert found.fault == ""
+    assert (found.scores.judged, found.scores.winner) == (10, deep)
+    assert found.how.startswith("successive halving: 15 candidates on 26 rows, 2 folds, ")
+    assert found.how.endswith(" 2 folds, 10 candidates on 720 rows, 5 folds")
+    assert {trial.fold for trial in trials.finished.values() if trial.rows == 26} == {0, 1}
+    assert found.seconds == pytest.approx(sum(t.seconds for t in trials.finished.values()))
+
+
+@pytest.mark.parametrize(
+    ("fits", "words"),
+    [(3, "the baseline was not finished"), (25, "4 of 15 candidates were judged over 5 folds")],
+)
+def test_a_model_of_which_too_few_candidates_were_judged_is_not_searched(
+    fits, words, searching, monkeypatch
+):
+    monkeypatch.setattr(searches, "LEAST_ROWS", 20)
+    space = {"max_depth": [1, 2, 3, 4, 30], "min_samples_leaf": [1, 40, 80]}
+    search = replace(searching("decision-tree", space), training=levels(720), baseline={})
+    found = searches.within(limited(search, fits), math.inf)
+    assert found.fault.startswith("not searched: ")
+    assert words in found.fault
+    assert searches.within(search, math.inf).fault == "", "with more time it goes on"
+
+
+def test_a_search_goes_on_beyond_the_end_at_which_its_winner_lies(searching, trials):
+    """The smallest trees of the grid are too small: deeper ones are tried, and only the needed."""
+    space = {"max_depth": [1, 2, 3], "min_samples_leaf": [1, 2, 4]}
+    search = replace(searching("decision-tree", space), training=levels(720), baseline=None)
+    found = searches.whole(search)
+    added = found.search.grid.candidates[9:]
+    best = found.search.grid.first(found.scores.winner)
+    assert [each["max_depth"] for each in added if each["min_samples_leaf"] == 1][:3] == [4, 5, 6]
+    assert best["max_depth"] == 6
+    inside = search.grid.first(int(np.argmax(found.scores.means[:9])))
+    assert inside["max_depth"] == 3
+    before = dict(trials.finished)
+    assert searches.whole(search).scores.means == pytest.approx(found.scores.means)
+    assert trials.finished == before, "the next call finds the fits beyond the grid done"
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "wider"),
+    [
+        ("C", [1e-4, 1e-3, 1e-2], [1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0]),
+        ("min_samples_leaf", [1, 4, 7], [1, 4, 7, 12, 21, 37]),
+        ("gamma", [0.0, 1.0, 2.0], [0.0, 1.0, 2.0, 4.0, 8.0, 16.0]),
+        ("max_features", [1.0, "sqrt", None], [1.0, "sqrt", None]),
+    ],
+)
+def test_numbers_go_on_beyond_both_ends_unless_nothing_lies_there(name, values, wider):
+    assert reach(name, values) == wider
+
+
+def test_one_fit_beyond_the_grid_serves_all_that_it_can(searching):
+    space = {"alpha": [1e-8, 1e-6, 1e-4], "gamma": [10.0, 20.0, 40.0], "kernel": ["rbf"]}
+    found = searches.whole(searching("kernel-ridge", space))
+    beyond = {key(each) for each in found.search.grid.differing[9:]}
+    gammas = {each["gamma"] for each in found.search.grid.candidates[9:]} - {10.0, 20.0, 40.0}
+    for gamma in gammas:
+        assert {f"alpha={a!r}, gamma={gamma!r}, kernel='rbf'" for a in space["alpha"]} <= beyond
+    assert gammas

@@ -1,5 +1,6 @@
 """Intervals of scores, drawn by surface; what the nMSE is; bars and predictions in pictures."""
 
+import json
 import shutil
 from pathlib import Path
 
@@ -9,9 +10,10 @@ from comparisons import run, table
 
 from gen import cli as gen_cli
 from gen.runtime.errors import InputError
+from learn import dataset, split
 from learn.comparison import paper, pictures, tables
 from learn.comparison.folder import Folder
-from learn.comparison.grid import at_ends
+from learn.comparison.grid import reach
 
 SCENE = "samples = 60\nsamples_per_surface = 3\n[surface]\nnodes = 9\n"
 TREE = ["--model", "decision-tree"]
@@ -89,12 +91,44 @@ def test_r2_is_drawn_as_what_is_left_of_it_and_baselines_as_circles(work, monkey
     assert list(line.get_xdata()) == list(line.get_ydata())
 
 
-def test_a_winner_at_an_end_of_its_grid_is_said_to_be(work, capsys, monkeypatch):
-    space = {"max_depth": [1, 2, 3], "min_samples_leaf": [1]}
-    monkeypatch.setitem(paper.SPACES, "decision-tree", space)
-    assert run("tune", "database.h5", "-o", "out", "--model", "decision-tree") == 0
+def test_winners_beyond_the_grid_and_searches_of_too_few_candidates_are_said(work, capsys):
+    assert run("tune", "database.h5", "-o", "out", *TREE) == 0
+    path = work / "out/area/tuned/decision-tree.json"
+    result = json.loads(path.read_text())
+    deepest = reach("max_depth", paper.SPACES["decision-tree"]["max_depth"])[-1]
+    result["settings"]["max_depth"] = deepest
+    result["search"] |= {"winner": "grid", "ends": ["min_samples_leaf"]}
+    path.write_text(json.dumps(result))
+    capsys.readouterr()
+    assert run("show", "out", "--no-pictures") == 0
     said = capsys.readouterr().out
-    (row,) = table("out/area/tuning.csv")
-    assert ("max_depth = 3 at an end of the grid" in said) == (row["winner"] != "baseline")
-    assert at_ends(space, {"max_depth": 2, "min_samples_leaf": 1}) == ""
-    assert at_ends({"C": [1.0, 10.0, 100.0], "kernel": ["rbf"]}, {"C": 1.0}) == "C = 1"
+    assert f"max_depth = {deepest} lies beyond the grid" in said
+    assert "at an end of what was tried: a better one may lie beyond" in said
+    result["search"]["candidates_scored"] = 9
+    path.write_text(json.dumps(result))
+    assert run("show", "out", "--no-pictures") == 0
+    assert "not searched: 9 candidates were judged" in capsys.readouterr().out
+    assert table("out/area/tuning.csv")[0]["winner"] == "not searched"
+
+
+@pytest.mark.filterwarnings("ignore::sklearn.exceptions.ConvergenceWarning")
+def test_the_library_s_own_process_stands_beside_the_one_with_the_paper_s_kernel(work, capsys):
+    """The table said "their libraries' settings" of a process whose kernel was ours."""
+    from sklearn.gaussian_process import GaussianProcessRegressor
+    from sklearn.preprocessing import normalize
+
+    assert run("compare", "database.h5", "-o", "out", "--model", "gaussian-process") == 0
+    said = capsys.readouterr().out
+    assert "the paper's" in said
+    assert "its library's own" in said
+    ours, library = table("out/area/scores.csv")
+    assert (ours["result"], library["result"]) == ("baseline", "library")
+    assert ours["paper_r2"]
+    assert not library["paper_r2"]
+    rows = dataset.read(work / "database.h5")
+    parts = split.draw(rows, 0)
+    inputs, target = normalize(rows.inputs), rows.target
+    process = GaussianProcessRegressor(random_state=0).fit(inputs[parts.train], target[parts.train])
+    expected = 100 * process.score(inputs[parts.test], target[parts.test])
+    assert float(library["r2"]) == pytest.approx(expected, rel=1e-6)
+    assert run("show", "out") == 0
