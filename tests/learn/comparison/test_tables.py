@@ -14,6 +14,7 @@ from learn import dataset, split
 from learn.comparison import paper, pictures, tables
 from learn.comparison.folder import Folder
 from learn.comparison.grid import reach
+from learn.dataset import Request
 
 SCENE = "samples = 60\nsamples_per_surface = 3\n[surface]\nnodes = 9\n"
 TREE = ["--model", "decision-tree"]
@@ -125,7 +126,7 @@ def test_the_library_s_own_process_stands_beside_the_one_with_the_paper_s_kernel
     assert (ours["result"], library["result"]) == ("baseline", "library")
     assert ours["paper_r2"]
     assert not library["paper_r2"]
-    rows = dataset.read(work / "database.h5")
+    (rows,) = dataset.read(Request((work / "database.h5",)))
     parts = split.draw(rows, 0)
     inputs, target = normalize(rows.inputs), rows.target
     process = GaussianProcessRegressor(random_state=0).fit(inputs[parts.train], target[parts.train])
