@@ -26,27 +26,17 @@ def _trust(context: typer.Context, wanted: bool) -> bool:
     return wanted
 
 
+OUT = "--output", "-o"
 Database = Annotated[Path, Argument(metavar="FILE", help="A database (HDF5).")]
 SurfaceFile = Annotated[
-    Path,
-    Argument(
-        metavar="SURFACE",
-        help="Heights: .npy, text, or an instrument's file (x3p, sur, al3d, opd, plu, gwy ...).",
-    ),
+    Path, Argument(metavar="SURFACE", help="Heights: .npy, text, or an instrument's file.")
 ]
 Table = Annotated[Path | None, Option("--csv", metavar="FILE", help="Also write a table.")]
 Scene = Annotated[
-    str,
-    Argument(
-        metavar="SCENE", help="A shipped scene, as quick or paper, or the path of a TOML file."
-    ),
+    str, Argument(metavar="SCENE", help="A shipped scene, as quick or paper, or a TOML file.")
 ]
-NewDatabase = Annotated[
-    Path, Option("--output", "-o", metavar="FILE", help="The database to write.")
-]
-ExportFolder = Annotated[
-    Path, Option("--output", "-o", metavar="FOLDER", help="The folder to write.")
-]
+NewDatabase = Annotated[Path, Option(*OUT, metavar="FILE", help="The database to write.")]
+ExportFolder = Annotated[Path, Option(*OUT, metavar="FOLDER", help="The folder to write.")]
 Title = Annotated[str, Option(metavar="TEXT", help="Title of the dataset.")]
 Creator = Annotated[str, Option(metavar="TEXT", help="Who made it, as the dataset is to be cited.")]
 Licence = Annotated[
@@ -58,17 +48,11 @@ RetryFailed = Annotated[bool, Option("--retry-failed", help="Compute failed rows
 Force = Annotated[bool, Option("--force", help="Continue a file of another physics number.")]
 SampleLimit = Annotated[
     float | None,
-    Option(
-        metavar="SECONDS",
-        help="Leave slower samples pending; which samples these are depends on the machine.",
-    ),
+    Option(metavar="SECONDS", help="Leave slower samples pending; machines differ in which."),
 ]
 Writer = Annotated[
     Literal["auto", "single", "parallel"],
-    Option(
-        help="Who writes: rank 0 (single), every worker its own rows (parallel; needs an h5py with"
-        " MPI), or parallel if that is possible (auto)."
-    ),
+    Option(help="Who writes: rank 0, or every worker its own rows (needs an h5py with MPI)."),
 ]
 Trust = Annotated[
     bool,
@@ -81,9 +65,7 @@ Trust = Annotated[
 DryRun = Annotated[bool, Option("--dry-run", help="Show the plan and write nothing.")]
 Delta = Annotated[str, Option(metavar="UM", help="Far-field displacement from first touch in um.")]
 NormalForce = Annotated[str, Option(metavar="UN", help="Or normal force in uN.")]
-Pressure = Annotated[
-    str, Option(metavar="MPA", help="Or mean pressure over the whole patch in MPa.")
-]
+Pressure = Annotated[str, Option(metavar="MPA", help="Or mean pressure over the patch in MPa.")]
 Young = Annotated[
     list[float] | None,
     Option(metavar="MPA", help="Young's modulus; give it twice for two elastic bodies [1]."),
@@ -100,20 +82,14 @@ Spots = Annotated[
     bool, Option("--spots", help="Count spots of contact; see whether contact and gap cross.")
 ]
 GridError = Annotated[
-    bool,
-    typer.Option(
-        help="Give the area in the continuum and the error of the grid, by a coarser contact."
-    ),
+    bool, Option(help="Give the area in the continuum and the error of the grid.")
 ]
 Stiffness = Annotated[
     bool, Option("--stiffness", help="Solve for the stiffness of contact and interface.")
 ]
 Conductivity = Annotated[
     list[float] | None,
-    Option(
-        metavar="W/MK",
-        help="Conductivity of the bodies in W/(m K), for the conductance; twice if they differ.",
-    ),
+    Option(metavar="W/MK", help="Conductivity of the bodies in W/(m K); twice if they differ."),
 ]
 Flattened = Annotated[
     Path | None,
@@ -122,10 +98,7 @@ Flattened = Annotated[
 Kernel = Annotated[str, Option(help="uniform-pressure or concentrated-force.")]
 Boundary = Annotated[
     Literal["free", "periodic", "mirror"],
-    Option(
-        help="free: the patch is all there is; periodic: it repeats; mirror: its mirror images"
-        " surround it, for a piece of a larger surface."
-    ),
+    Option(help="The patch is all there is, repeats, or is a piece among its mirror images."),
 ]
 FarField = Annotated[str, Option(help="rigid or compliant.")]
 Tolerance = Annotated[float, Option(help="Residual to reach, divided by Delta.")]
@@ -135,8 +108,7 @@ Threads = Annotated[
     Option(
         min=1,
         metavar="N",
-        help="Threads for grids of some 500 nodes a side or more; the results do not depend on it."
-        "  [default: OMP_NUM_THREADS, or all cores]",
+        help="Threads for large grids.  [default: OMP_NUM_THREADS, or all cores]",
         show_default=False,
     ),
 ]
@@ -154,7 +126,7 @@ SurfacePicture = Annotated[
     Path | None,
     Option("--plot", metavar="FILE", help="Draw heights, distribution and spectrum with its law."),
 ]
-NewPicture = Annotated[Path, Option("--output", "-o", metavar="PNG", help="The picture to write.")]
+NewPicture = Annotated[Path, Option(*OUT, metavar="PNG", help="The picture to write.")]
 Recompute = Annotated[
     int, Option(metavar="N", min=0, help="Number of rows to recompute and compare bit for bit.")
 ]
@@ -165,10 +137,7 @@ Ranks = Annotated[int, Option(min=1, help="Processes of the run; rank 0 computes
 
 Surfaces = Annotated[
     list[str],
-    Argument(
-        metavar="INPUT...",
-        help="A surface, or for a population several, folders of them, databases or scenes.",
-    ),
+    Argument(metavar="INPUT...", help="A surface; or several, folders, databases or scenes."),
 ]
 Deltas = Annotated[
     str, Option(metavar="UM", help="Far-field displacements: 2, 1,2,5 or start:stop:count[:log].")
@@ -187,12 +156,7 @@ Band = Annotated[
 ]
 LawFiles = Annotated[
     Path | None,
-    Option(
-        "--output",
-        "-o",
-        metavar="NAME",
-        help="Write NAME.csv, NAME.json, NAME.h, NAME-calculix.inp and NAME-abaqus.inp.",
-    ),
+    Option(*OUT, metavar="NAME", help="Write NAME.csv, .json, .h, -calculix.inp, -abaqus.inp."),
 ]
 Maps = Annotated[
     list[str] | None,
@@ -200,7 +164,7 @@ Maps = Annotated[
 ]
 NewScene = Annotated[
     Path,
-    Option("--output", "-o", metavar="TOML", help="The scene to write; a file is never replaced."),
+    Option(*OUT, metavar="TOML", help="The scene to write; a file is never replaced."),
 ]
 Like = Annotated[
     Path | None,
@@ -219,8 +183,7 @@ class Against(NamedTuple):
         Path | None,
         Option(
             metavar="SURFACE",
-            help="A second rough body instead of a plane: a file, read and prepared alike; for gen"
-            " law a folder too, each of which every surface is pressed against.",
+            help="A second rough body, read and prepared alike; for gen law a folder of them too.",
         ),
     ] = None
     against_options: Annotated[
@@ -234,8 +197,8 @@ class Against(NamedTuple):
         str,
         Option(
             metavar="AXIS",
-            help="Axis of the second map that runs backwards as its body is turned over: x, y, or"
-            " none for a map seen through its body [x].",
+            help="Axis of the second map that runs backwards, as its body is turned over: x, y or"
+            " none [x].",
         ),
     ] = ""
     shift: Annotated[
@@ -251,35 +214,30 @@ class Against(NamedTuple):
 
         Raise InputError if an option of the second body comes without it, or cannot be used.
         """
-        from gen.maps.bodies import Opposite, Placement
-
         path, text, turned, shift = self
         if path is None:
             given = {"--against-options": text is not None, "--turned": turned, "--shift": shift}
             for option in (name for name, value in given.items() if value):
                 raise InputError(f"{option}: needs --against, the second rough body")
             return None
+        from gen.maps.bodies import Opposite, Placement
+
         placement = Placement.parse(turned, shift)
         if text is None:
             return Opposite(path, first, placement)
-        return Opposite(path, _own_reading(path, text), placement, shared=False)
-
-
-def _own_reading(path: Path, text: str) -> Reading:
-    """Return how a surface is read and prepared by the options in a text."""
-    named = f"--against-options {shown(text)}"
-    alone = typer.Typer(add_completion=False, rich_markup_mode=None)
-    alone.command()(command_line.grouped(_one_body))
-    try:
-        arguments = [str(path.absolute()), *shlex.split(text)]
-        parser = typer.main.get_command(alone)
-        context = parser.make_context("describe", arguments, help_option_names=[])
-    except command_line.CommandLineError as error:
-        raise InputError(f"{named}: {error.format_message()}") from None
-    except ValueError as error:  # a quotation mark that is not closed
-        raise InputError(f"{named}: {error}") from None
-    given = {name: value for name, value in context.params.items() if name != "surface"}
-    return Reading.of_options(**given)
+        named = f"--against-options {shown(text)}"
+        alone = typer.Typer(add_completion=False, rich_markup_mode=None)
+        alone.command()(command_line.grouped(_one_body))
+        try:
+            arguments = [str(path.absolute()), *shlex.split(text)]
+            parser = typer.main.get_command(alone)
+            context = parser.make_context("describe", arguments, help_option_names=[])
+        except command_line.CommandLineError as error:
+            raise InputError(f"{named}: {error.format_message()}") from None
+        except ValueError as error:  # a quotation mark that is not closed
+            raise InputError(f"{named}: {error}") from None
+        own = {name: value for name, value in context.params.items() if name != "surface"}
+        return Opposite(path, Reading.of_options(**own), placement, shared=False)
 
 
 def _one_body(surface: SurfaceFile, *, reading: Reading) -> None:

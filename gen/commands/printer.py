@@ -76,8 +76,11 @@ def print_database(reader: Reader) -> None:
         f"  made      {attributes['created']}, commit {attributes['git_commit'] or 'unknown'},"
         f" layout {attributes['schema']}, physics {attributes['physics']}"
     )
-    for line in _changes_since(int(attributes["physics"])):
-        echo(f"            {line}")
+    physics = int(attributes["physics"])
+    changes = (f"since physics {n}, {said}" for n, said in PHYSICS_CHANGES.items() if n > physics)
+    if another := made_by_another(physics):
+        for line in (another, *changes):
+            echo(f"            {line}")
     if counts.done:
         _print_ranges(reader)
 
@@ -122,12 +125,16 @@ def print_estimate(scene: Scene, estimate: Estimate) -> None:
 
 def _scene_lines(scene: dict[str, Any]) -> list[str]:
     """Return the lines that show a scene: single keys, tables, and each map of its surfaces."""
-    tables = {name: value for name, value in scene.items() if isinstance(value, dict)}
-    single = {name: value for name, value in scene.items() if name not in {"title", *tables}}
-    lines = [_settings(single)]
+    tables = {"": {name: each for name, each in scene.items() if name != "title"}}
+    tables |= {name: each for name, each in scene.items() if isinstance(each, dict)}
+    lines = []
     for table, keys in tables.items():
-        shown = {name: value for name, value in keys.items() if name not in MAPS}
-        lines.append(f"[{table}] {_settings(shown)}")
+        shown = (
+            f"{name} = {json.dumps(value)}"
+            for name, value in keys.items()
+            if name not in MAPS and (table or name not in tables)
+        )
+        lines.append(f"{f'[{table}] ' if table else ''}{', '.join(shown)}")
         for name in (each for each in MAPS if each in keys):
             for number, found in enumerate(keys[name]["maps"]):
                 nx, ny = found["nodes"]
@@ -136,25 +143,12 @@ def _scene_lines(scene: dict[str, Any]) -> list[str]:
     return lines
 
 
-def _settings(keys: dict[str, Any]) -> str:
-    """Return keys and their values on one line."""
-    return ", ".join(f"{name} = {json.dumps(value)}" for name, value in keys.items())
-
-
-def _changes_since(physics: int) -> list[str]:
-    """Say that another solver made a database, and in one line each what has changed since."""
-    changes = [f"since physics {n}, {said}" for n, said in PHYSICS_CHANGES.items() if n > physics]
-    another = made_by_another(physics)
-    return [another, *changes] if another else []
-
-
 def _times(reader: Reader) -> str:
     """Return the times of the done rows in words."""
     done = reader.column("status") == Status.DONE
     if not done.any():
         return "no row is done"
-    solve = 1e3 * reader.column("solve_seconds")[done]
-    surface = 1e3 * reader.column("surface_seconds")[done]
+    solve, surface = (1e3 * reader.column(f"{name}_seconds")[done] for name in ("solve", "surface"))
     return (
         f"solve {solve.mean():.2f} ms on average, {np.median(solve):.2f} median,"
         f" {solve.max():.2f} at most; surface and statistics {surface.mean():.2f} ms"
@@ -180,9 +174,10 @@ def print_preparation(topography: Topography, warnings: list[str]) -> None:
         echo(f"warning: {warning}", err=True)
 
 
-def print_statistics(topography: Topography, description: Description) -> None:
-    """Print the 22 roughness statistics of a surface, and its tilt unless it has been levelled."""
+def print_statistics(topography: Topography, found: Description, areal: Description) -> None:
+    """Print the 22 statistics of a surface and its areal parameters, and its tilt unless level."""
     from gen.maps.prepare import tilt
+    from gen.maps.texture import PARAMETERS
 
     heights, spacing = topography.heights, topography.spacing
     said = (
@@ -192,68 +187,45 @@ def print_statistics(topography: Topography, description: Description) -> None:
     if not topography.followed & {"level plane", "level quadratic", "form"}:
         said += ", tilt {:.4g} along x, {:.4g} along y".format(*tilt(topography))
     echo(said)
-    print_columns(
-        (
-            (each.name, f"{description.values[each.name]:.6g}", each.unit, each.long_name)
-            for each in statistics_columns()
-        ),
-        ("statistic", "value", "unit", "meaning"),
-        right={"value"},
-    )
-    if description.reason:
-        echo(f"nan: {description.reason}")
+    own = [(each.name, each.unit, each.long_name) for each in statistics_columns()]
+    for title, known, names in (
+        ("statistic", found, own),
+        ("ISO 25178", areal, [each for each in PARAMETERS if each[0] in areal.values]),
+    ):
+        rows = ((name, f"{known.values[name]:.6g}", unit, words) for name, unit, words in names)
+        print_columns(rows, (title, "value", "unit", "meaning"), right={"value"})
+        if known.reason:
+            echo(f"nan: {known.reason}")
 
 
-def print_areal(parameters: Description) -> None:
-    """Print the areal parameters of a surface."""
-    from gen.maps.texture import PARAMETERS
-
-    print_columns(
-        (
-            (name, f"{parameters.values[name]:.6g}", unit, meaning)
-            for name, unit, meaning in PARAMETERS
-            if name in parameters.values
-        ),
-        ("ISO 25178", "value", "unit", "meaning"),
-        right={"value"},
-    )
-    if parameters.reason:
-        echo(f"nan: {parameters.reason}")
-
-
-def print_self_affine(fit: SelfAffineFit | str) -> None:
-    """Print a self-affine law as the generator `spectral` takes it, or why there is none."""
-    if isinstance(fit, str):
-        echo(f"self-affine law: none, {fit}")
-        return
-    law = fit.spectrum
-    remarks = "".join(f"; {remark}" for remark in fit.remarks)
-    echo(
-        f"self-affine law over {fit.decades:.2g} decades, from {law.roll_off:.4g} to"
-        f" {law.cut_off:.4g} um, the spectrum within a factor of {fit.scatter:.3g}{remarks}; as a"
-        " start for the generator spectral:"
-    )
-    print_columns(
-        (name, f"{value:.6g}", unit, meaning)
-        for name, value, unit, meaning in (
-            ("hurst", law.hurst, "1", "Hurst exponent"),
-            ("roll_off", law.roll_off, "um", "longest wavelength of the power law"),
-            ("cut_off", law.cut_off, "um", "shortest wavelength"),
-            ("rms_height", fit.rms_height, "um", "root mean square height"),
-        )
-    )
-
-
-def print_resolution(nodes: float) -> None:
-    """Print how many nodes the shortest wave has, and what follows for areas of contact."""
+def print_spectrum(fit: SelfAffineFit | str, nodes: float) -> None:
+    """Print the self-affine law of a surface, or why there is none, and its shortest wave."""
     from gen.maps.texture import WELL_RESOLVED
 
-    if math.isnan(nodes):
-        return
-    said = "nodes: areas of contact are those of the grid, see gen contact"
-    if nodes >= WELL_RESOLVED:
-        said = "nodes: enough for the area of contact in the continuum to 1 %"
-    print_columns([("shortest wave", f"{nodes:.2g}", said)])
+    if isinstance(fit, str):
+        echo(f"self-affine law: none, {fit}")
+    else:
+        law = fit.spectrum
+        remarks = "".join(f"; {remark}" for remark in fit.remarks)
+        echo(
+            f"self-affine law over {fit.decades:.2g} decades, from {law.roll_off:.4g} to"
+            f" {law.cut_off:.4g} um, the spectrum within a factor of {fit.scatter:.3g}{remarks}; as"
+            " a start for the generator spectral:"
+        )
+        print_columns(
+            (name, f"{value:.6g}", unit, meaning)
+            for name, value, unit, meaning in (
+                ("hurst", law.hurst, "1", "Hurst exponent"),
+                ("roll_off", law.roll_off, "um", "longest wavelength of the power law"),
+                ("cut_off", law.cut_off, "um", "shortest wavelength"),
+                ("rms_height", fit.rms_height, "um", "root mean square height"),
+            )
+        )
+    if not math.isnan(nodes):
+        said = "nodes: areas of contact are those of the grid, see gen contact"
+        if nodes >= WELL_RESOLVED:
+            said = "nodes: enough for the area of contact in the continuum to 1 %"
+        print_columns([("shortest wave", f"{nodes:.2g}", said)])
 
 
 ONE_ONLY = {

@@ -52,14 +52,12 @@ def describe(
     warnings = surface_warnings(topography)
     printer.print_preparation(topography, warnings)
     description = statistics.describe(topography.heights, topography.spacing)
-    printer.print_statistics(topography, description)
     areal = areal_parameters(topography, depth)
-    printer.print_areal(areal)
+    printer.print_statistics(topography, description, areal)
     radial = radial_spectrum(topography)
     fit = fit_self_affine(topography, radial, areal.values["Str"])
-    printer.print_self_affine(fit)
     nodes = nodes_a_wave(radial, topography.spacing)
-    printer.print_resolution(nodes)
+    printer.print_spectrum(fit, nodes)
     if spectrum is not None and not radial.wavenumbers.size:
         raise InputError(f"--spectrum {spectrum}: there is none, {fit}")
     if table is not None:
