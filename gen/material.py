@@ -39,7 +39,16 @@ class Bodies(NamedTuple):
         """Make the bodies of the options of `gen contact`; raise InputError if they are none."""
         known = bool(young) or e_star is not None
         combined = combined_modulus(young, poisson, e_star)
-        return cls(combined, require_hardness(hardness, material=known), known)
+        if hardness is not None and not magnitude(hardness):
+            raise InputError(
+                f"--hardness {hardness:g}: the hardness must be above 0 MPa, and finite"
+            )
+        if hardness is not None and not known:
+            raise InputError(
+                f"--hardness {hardness:g}: give the modulus too (--young or --e-star), which is 1"
+                " MPa without these options"
+            )
+        return cls(combined, hardness, known)
 
     @property
     def hardness_ratio(self) -> float | None:
@@ -52,11 +61,7 @@ class Bodies(NamedTuple):
         ratio, (low, high) = self.hardness_ratio, HARDNESSES
         if ratio is not None and not low <= ratio <= high:
             slips = [words for factor, words in SLIPS if low <= ratio * factor <= high]
-            slip = (
-                next(iter(slips), "are the units right")
-                if self.known
-                else "is the modulus left out"
-            )
+            slip = [*slips, "are the units right"][0] if self.known else "is the modulus left out"
             said = f"hardness over E* is {ratio:.3g}, solids have {low:g} to {high:g}: {slip}?"
             return [f"{said} Both count in MPa, and E* is {self.e_star:.4g} MPa (steel: 2.3e5)"]
         if self.e_star > STIFFEST:
@@ -109,17 +114,3 @@ def combined_modulus(
         if not -1 < ratio <= 0.5:
             raise InputError(f"--poisson {ratio:g}: must be above -1 and at most 0.5")
     return 1 / sum(1 / plane_strain_modulus(e, nu) for e, nu in zip(moduli, ratios, strict=True))
-
-
-def require_hardness(hardness: float | None, *, material: bool) -> float | None:
-    """Return a hardness [MPa]; refuse one that is impossible, or that no modulus goes with."""
-    if hardness is None:
-        return None
-    if not magnitude(hardness):
-        raise InputError(f"--hardness {hardness:g}: the hardness must be above 0 MPa, and finite")
-    if not material:
-        raise InputError(
-            f"--hardness {hardness:g}: give the modulus too (--young or --e-star), which is 1 MPa"
-            " without these options"
-        )
-    return hardness

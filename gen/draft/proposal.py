@@ -36,6 +36,7 @@ class Proposal:
     looks: tuple[MapSurvey, ...]  # all files; those without a fault are used
     reading: Reading  # how files are read and prepared
     spacing: float | None  # spacing to which all maps are resampled; None if they share theirs [um]
+    length: float  # autocorrelation length of a usual map [um]; NaN if it is unknown
     nodes: int  # nodes along each side of a window
     windows: int  # number of windows
     loads: Loads  # loads of the scene
@@ -50,11 +51,6 @@ class Proposal:
     def step(self) -> float:
         """Distance of the nodes of all windows, along x if it differs [um]."""
         return self.used[0].spacing[0] if self.spacing is None else self.spacing
-
-    @property
-    def length(self) -> float:
-        """Autocorrelation length of a usual map [um]; NaN if it is unknown."""
-        return _usual_length(self.used)
 
     @property
     def tiling(self) -> Tiling:
@@ -88,7 +84,9 @@ def propose(
         looked()
     used = require_used(looks)
     step = max(used[0].spacing) if spacing is None else spacing
-    nodes = window_nodes([each.prepared for each in used], _usual_length(used) / step)
+    known = [each.length for each in used if not math.isnan(each.length)]
+    length = statistics.median(known) if known else math.nan
+    nodes = window_nodes([each.prepared for each in used], length / step)
     if nodes is None:
         raise InputError(
             f"the maps are too small for windows: all have fewer than {SIZES[-1]} nodes a side"
@@ -101,7 +99,7 @@ def propose(
     loads = choose_loads(material, [each.rms_slope for each in used], nodes**2)
     beside = sum(math.prod(each.prepared) for each in used) / nodes**2
     windows = 10 * round(min(max(OVERLAP * beside, WINDOWS[0]), WINDOWS[1]) / 10)
-    return Proposal(tuple(looks), reading, spacing, nodes, windows, loads, material)
+    return Proposal(tuple(looks), reading, spacing, length, nodes, windows, loads, material)
 
 
 def require_used(looks: Sequence[MapSurvey]) -> list[MapSurvey]:
@@ -124,12 +122,6 @@ def with_steps(reading: Reading, looks: Sequence[MapSurvey]) -> Reading:
     )
 
 
-def _usual_length(looks: Sequence[MapSurvey]) -> float:
-    """Return the median of the autocorrelation lengths that are known [um]."""
-    known = [each.length for each in looks if not math.isnan(each.length)]
-    return statistics.median(known) if known else math.nan
-
-
 # nodes a side of the windows, the widest first; cosine transforms of these numbers are fast
 SIZES = (256, 192, 128, 96, 64, 48, 32)
 USUAL = 128  # nodes a side, more only where these are narrow beside the texture
@@ -141,11 +133,10 @@ COARSE = 4.0  # spacing over the median one from which maps are left out, howeve
 
 
 def common_spacing(spacings: Sequence[Sides]) -> float | None:
-    """Choose the spacing that all maps are resampled to.
+    """Choose the spacing that all maps are resampled to [um]; None if all have the same.
 
     It is the one that the share `FINE` of the maps have or are finer than, without those that are
-    coarser than `COARSE` times the median [um]: finer maps can lose detail, coarser ones cannot
-    gain it and are left out. None if all maps have the same spacing.
+    coarser than `COARSE` times the median: coarser maps cannot gain detail and are left out.
     """
     first = spacings[0]
     if all(is_same(*pair) for each in spacings for pair in zip(each, first, strict=True)):
@@ -160,10 +151,8 @@ def common_spacing(spacings: Sequence[Sides]) -> float | None:
 def window_nodes(shapes: Sequence[tuple[int, int]], length: float) -> int | None:
     """Choose the nodes along each side of the windows, None if all maps are too small.
 
-    They are the most up to `USUAL` of which most maps hold two windows side by side along both
-    axes, so that each map has tiles for training and for testing, and more where the texture, with
-    this autocorrelation length [nodes], asks for it. Where no size fits twice, the largest that
-    most maps hold once is taken.
+    Most maps hold two windows side by side along both axes, for training and for testing, or one
+    if no size fits twice. They are wider than usual where an autocorrelation length [nodes] asks.
     """
     sides = [min(shape) for shape in shapes if min(shape) >= SIZES[-1]]
     narrower = dict(pairwise(SIZES))
@@ -229,9 +218,7 @@ def choose_loads(material: Material, slopes: Sequence[float], nodes: int) -> Loa
     """Choose loads from first contacts that the grid resolves to a large part of the patch.
 
     The contact area under a mean pressure p is about KAPPA p / (E* rms slope) of an elastic
-    body, and at least p / hardness. The area of elastic bodies follows from p / (E* rms slope),
-    so that this quantity gives rough and smooth surfaces the same areas; with a hardness there
-    are two scales, and loads are pressures.
+    body, and at least p / hardness: with a hardness there are two scales, and loads are pressures.
     """
     smallest = min(FEWEST_NODES / nodes, LARGEST_AREA / 10)
     if material.hardness is None:
@@ -285,20 +272,14 @@ class Likeness:
     def doubt(self) -> str:
         """Why the surfaces are not like the map, "" if they are."""
         off = max(self.height / self.windows[0], self.windows[0] / self.height)
-        if off > UNLIKE:
-            return (
-                f"rms heights of the generated surfaces are off the map's by a factor of {off:.2g}"
-            )
-        if self.fit.scatter > UNLIKE:
-            return f"the map's spectrum is off the law by a factor of {self.fit.scatter:.2g}"
-        return ""
+        said = f"rms heights of generated surfaces are off the map's by a factor of {off:.2g}"
+        if off <= UNLIKE:
+            said = f"the map's spectrum is off the law by a factor of {self.fit.scatter:.2g}"
+        return said if max(off, self.fit.scatter) > UNLIKE else ""
 
 
 def propose_like(path: Path, reading: Reading, material: Material) -> Likeness:
-    """Fit a self-affine law to a map, and generate a few surfaces to see how like they are.
-
-    Raises InputError if the map cannot be read, or no self-affine law fits its spectrum.
-    """
+    """Fit a self-affine law to a map, and generate a few surfaces to see how like they are."""
     [look] = require_used(survey([path], reading))
     reading = with_steps(reading, [look])
     [look] = require_used([with_texture(look, reading, None)])

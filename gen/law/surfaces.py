@@ -47,11 +47,10 @@ class LawSurface:
         return float(self.heights.max()) - float(self.heights.mean())
 
     def patch_compliance(self, e_star: float) -> float:
-        """Compute how far the half-space behind the whole patch gives way [um / MPa].
+        """Compute how far a flat punch that fills the patch sinks per nominal pressure [um / MPa].
 
-        It is that of a flat punch that fills the patch, per nominal pressure. Delta on a rigid far
-        field includes it, and so does the mesh of a finite-element model. A patch without edges has
-        none, and a compliant far field has taken it out of Delta.
+        Delta on a rigid far field includes it, and so does the mesh of a finite-element model. A
+        patch without edges has none, and a compliant far field has taken it out of Delta.
         """
         if self.boundary != "free" or self.settings.get("far_field", "rigid") != "rigid":
             return 0.0
@@ -76,41 +75,29 @@ class LawSurfaces:
     doubts: Sequence[str] = ()  # warnings about the maps, each with the name of its input
 
     def modulus(self) -> float | None:
-        """Return the E* of all scenes [MPa], or None if a surface comes from a file.
-
-        Raise InputError if the scenes have different E*.
-        """
+        """Return the E* of all scenes [MPa], which have one; None if a surface is from a file."""
         moduli = {_modulus(scene) for scene in self.scenes}
-        if len(self.scenes) < len(self.origins):
-            return None
-        if len(moduli) > 1:
+        if len(self.scenes) == len(self.origins) and len(moduli) > 1:
             said = " and ".join(f"{each:g}" for each in sorted(moduli))
             raise InputError(f"the scenes have E* = {said} MPa: give one with --e-star")
-        return moduli.pop()
+        return moduli.pop() if len(self.scenes) == len(self.origins) else None
 
     def hardness_ratio(self) -> float | None:
-        """Return the hardness over E* of all scenes; None for elastic bodies or surfaces of files.
-
-        Raise InputError if the scenes have more than one.
-        """
+        """Return the hardness over E* of all scenes, which have one; None without any."""
         ratios: set[float | None] = set()
         for scene in self.scenes:
             ends = scene.contact.hardness_limits or (None,)
             ratios |= {None if end is None else end / _modulus(scene) for end in ends}
-        if len(self.scenes) < len(self.origins):
-            return None
-        if len(ratios) > 1:
+        if len(self.scenes) == len(self.origins) and len(ratios) > 1:
             raise InputError("the scenes have more than one hardness: give one with --hardness")
-        return ratios.pop()
+        return ratios.pop() if len(self.scenes) == len(self.origins) else None
 
     def loads(self, number: int, e_star: float) -> tuple[Load, Values]:
         """Return "delta" [um] or "pressure" [MPa] with ascending loads over all scenes' range.
 
         Loads that a scene gives relative to its surfaces, and forces, become displacements or
         pressures by the surfaces of this law: from the smallest of all to the largest that none
-        exceeds. They are spaced evenly, or by an even ratio where a scene draws them
-        log-uniformly. Raise InputError if a surface comes from a file, some scenes give
-        displacements and others do not, or they press nothing.
+        exceeds. They are spaced evenly, or by an even ratio where a scene draws log-uniformly.
         """
         if len(self.scenes) < len(self.origins):
             raise InputError(
@@ -175,8 +162,7 @@ def read_subjects(
 
     Scenes and databases give their first `surfaces` surfaces. Those of another boundary are refused
     with `only_boundary`, or else take this one. Surfaces from files are pressed against the second
-    rough body, or against each of a folder of them; scenes name their own. Raise InputError for the
-    first input that cannot be used.
+    rough body, or against each of a folder of them; scenes name their own.
     """
     subjects: list[LawSurface] = []
     scenes: list[Scene] = []

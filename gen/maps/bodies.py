@@ -50,10 +50,7 @@ class Placement:
 
     @classmethod
     def parse(cls, turned: str, shift: str) -> Placement:
-        """Make a placement of the texts of `--turned` and `--shift`; "" takes the default.
-
-        Raises InputError if a text is anything else.
-        """
+        """Make a placement of the texts of `--turned` and `--shift`; "" takes the default."""
         turned = turned or cls.turned
         if turned not in TURNS:
             raise InputError(f"--turned {shown(turned)}: give one of {', '.join(TURNS)}")
@@ -117,7 +114,15 @@ def composite(
     result = replace(grid, name=name, heights=heights, sides=(x, y))
     repeats = first.repeats and second.repeats
     result = replace(result, followed=first.followed & second.followed, repeats=repeats)
-    said = [_laid(second.name, placement), _added(result, first.sides, other.sides)]
+    turn = f"turned over (its {placement.turned} runs backwards)"
+    turn = "not turned over" if placement.turned == "none" else turn
+    said = [f"pressed against body 2 ({second.name}), {turn}"]
+    if any(placement.shift):
+        said.append("its centre shifted by {:g} and {:g} um".format(*placement.shift))
+    said.append("heights added on {} x {} nodes".format(*heights.shape))
+    if not all(np.allclose((x, y), body.sides, rtol=SAME, atol=0) for body in (first, other)):
+        shared = f"{_size(first.sides)} and {_size(other.sides)} um share"
+        said.append(f"the {_size((x, y))} um that {shared}")
     if not all(line.exact for line in lines):
         said.append(
             f"body {2 if onto_first else 1} interpolated by cubic splines from nodes every"
@@ -169,26 +174,6 @@ def _at(heights: Heights, lines: list[_Line]) -> Heights:
     return heights
 
 
-def _laid(name: str, placement: Placement) -> str:
-    """Say how the second body lies on the first one."""
-    turn = f"turned over (its {placement.turned} runs backwards)"
-    if placement.turned == "none":
-        turn = "not turned over"
-    said = f"pressed against body 2 ({name}), {turn}"
-    if any(placement.shift):
-        said += ", its centre shifted by {:g} and {:g} um".format(*placement.shift)
-    return said
-
-
-def _added(result: Topography, *given: Sides) -> str:
-    """Say where the heights were added, and which part of the maps that is."""
-    nx, ny = result.heights.shape
-    said = f"heights added on {nx} x {ny} nodes"
-    if all(np.allclose(result.sides, sides, rtol=SAME, atol=0) for sides in given):
-        return said
-    return f"{said}, the {_size(result.sides)} um that {' and '.join(map(_size, given))} um share"
-
-
 def _size(lengths: Sides) -> str:
     """Write two lengths as "1000 x 500"."""
     return f"{lengths[0]:.6g} x {lengths[1]:.6g}"
@@ -204,30 +189,26 @@ class Opposite:
     # whether it is read as the first body: lengths and unit that its own file states then stand
     shared: bool = True
 
-    def measured(self, boundary: Boundary) -> Topography:
-        """Read the surface as a patch of a boundary; raise InputError if it cannot be read."""
+    def prepared(self, boundary: Boundary) -> Topography:
+        """Read the surface as a patch of a boundary, and prepare it."""
         reading = self.reading
         try:
-            return read(self.path, reading, boundary)
+            surface = read(self.path, reading, boundary)
         except InputError:
-            if self.shared and not reading.override_scale and (reading.side or reading.unit):
-                with suppress(InputError):
-                    return read(self.path, replace(reading, side="", unit=""), boundary)
+            if not self.shared or reading.override_scale or not (reading.side or reading.unit):
+                raise
+            with suppress(InputError):
+                return prepare(
+                    read(self.path, replace(reading, side="", unit=""), boundary), reading
+                )
             raise
-
-    def prepared(self, boundary: Boundary) -> Topography:
-        """Read and prepare the surface; raise InputError if that is not possible."""
-        return prepare(self.measured(boundary), self.reading)
+        return prepare(surface, reading)
 
 
 def surface_of(
     path: Path, reading: Reading, opposite: Opposite | None, boundary: Boundary
 ) -> Topography:
-    """Read and prepare a surface, or the composite surface of two bodies.
-
-    Raises InputError if a file cannot be read or prepared, or the bodies share fewer than 2 x 2
-    nodes.
-    """
+    """Read and prepare a surface, or the composite surface of two bodies."""
     surface = prepare(read(path, reading, boundary), reading)
     if opposite is None:
         return surface

@@ -56,22 +56,13 @@ class Answer(NamedTuple):
 
 
 def require_conductivities(given: Sequence[float]) -> tuple[float, float] | None:
-    """Return the conductivities of both bodies, the same for both if one is given.
-
-    Conductivities are in W/(m K); none is returned for none. Raises InputError if there are more
-    than two, or one is not above 0 and finite.
-    """
-    if not given:
-        return None
+    """Return the conductivities of both bodies [W/(m K)], the same for both if one is given."""
     if len(given) > 2:
-        raise InputError(
-            f"--conductivity was given {len(given)} times: give it once for two bodies of one"
-            " material, or twice"
-        )
+        raise InputError(f"--conductivity was given {len(given)} times: give it once or twice")
     for conductivity in given:
         if not 0 < conductivity < math.inf:
             raise InputError(f"--conductivity {conductivity:g}: must be above 0 W/(m K), finite")
-    return given[0], given[-1]
+    return (given[0], given[-1]) if given else None
 
 
 def answers(contact: Contact, wanted: Wanted) -> list[Answer]:
@@ -216,12 +207,7 @@ class Solution(NamedTuple):
 
 
 def chosen_load(given: dict[str, str]) -> tuple[str, list[float]]:
-    """Return the name and the values of the load that the user gave.
-
-    The text of each option of `LOADS` is "", a number, start:stop:count[:log], or several numbers
-    with commas. Raises InputError if none or several of the options were given, or a
-    text is not a number.
-    """
+    """Return the name and the values of the load that the user gave by one of the options."""
     chosen = [name for name in LOADS if given[name]]
     if len(chosen) != 1:
         said = " and ".join(f"--{name}" for name in chosen) or "no load"
@@ -235,9 +221,8 @@ def solve_loads(
 ) -> Iterator[Solution]:
     """Solve the contact problem of a surface under one load after another.
 
-    A load under which the solver does not converge costs only itself. Raises InputError if a
-    number is not allowed, there is no solution, none of the loads converges, or memory is too
-    short.
+    A load under which the solver does not converge costs only itself, unless none does. Raises
+    InputError if a number is not allowed, there is no solution, or memory is too short.
     """
     import bem
     from bem.problem import pose
@@ -277,12 +262,12 @@ def contact_warnings(
     """List reasons to distrust contacts of a surface: full contact, and pressures that yield."""
     problem, largest = contacts[0].problem, max(each.largest_pressure for each in contacts)
     limit = problem.modulus / YIELDING
-    given = problem.delta is None  # a force or a pressure, which E* scales
+    # without a material, a force or a pressure scales with an E* that nobody gave
+    unscaled = problem.delta is None and not material
+    check = "check the load and the unit of the heights"
+    check = Bodies(problem.modulus).stated if unscaled else check
     full = [each.delta for each in contacts if each.contact_nodes == each.pressure.size]
     beyond = [each.delta for each in contacts if each.largest_pressure > limit]
-    check = "check the load and the unit of the heights"
-    if given and not material:
-        check = Bodies(problem.modulus).stated
     warnings = []
     if full:
         span = f"{np.ptp(topography.heights):.4g}"
@@ -290,25 +275,21 @@ def contact_warnings(
             f"from Delta = {min(full):.4g} um on every node touches, the heights span {span} um:"
             f" {check}"
         )
-    elif largest > problem.modulus and given and not material:
+    elif largest > problem.modulus and unscaled:
         warnings.append(f"the largest pressure is {largest:.4g} MPa: {check}")
     if beyond and material and problem.hardness is None:
         start = f"from Delta = {min(beyond):.4g} um on, " if len(contacts) > 1 else ""
+        units = ", and check E*: moduli count in MPa (210e3)" * (largest > problem.modulus)
         warnings.append(
             f"{start}the largest pressure ({largest:.4g} MPa) is above E*/{YIELDING:g} ="
             f" {limit:.4g} MPa: real metals and polymers would have yielded, and their contact area"
-            " is larger than this elastic one; give --hardness"
-            + (", and check E*: moduli count in MPa (210e3)" if largest > problem.modulus else "")
+            f" is larger than this elastic one; give --hardness{units}"
         )
     return warnings
 
 
 def border_remark(topography: Topography, contacts: Sequence[Contact]) -> str:
-    """Say which share of the force the borders of a free patch carry under the last load.
-
-    No boundary is advised while the map is tilted, and "" is returned for a patch without edges or
-    with too few nodes, and without a force.
-    """
+    """Say which share of the last force the borders of a free patch carry, if that is known."""
     pressure = contacts[-1].pressure
     outer = [int(OUTER * nodes) for nodes in pressure.shape]
     if topography.boundary != "free" or min(outer) < 1 or not pressure.any():
