@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gen.database import Reader
 from gen.generation.plan import parameters
 from gen.generation.sample import load_of, solve_contact, surface_of
-from gen.maps.pictures import DECADES, contact_maps, draw_map, load_text, metric
+from gen.maps.pictures import DECADES, LETTERS, contact_maps, draw_map, load_text, metric
 from gen.runtime.errors import InputError
 from gen.runtime.figure import log_axis, new_figure, require_picture_name, save
 from gen.runtime.terminal import shortened
@@ -19,16 +19,10 @@ from gen.scene.columns import columns_for, parameter_columns
 from gen.schema import Status
 
 WIDTH = 11.0  # width of the picture [inches]
-LETTERS = 50  # letters in a line above a map that fills its half of the picture
 
 
 def draw_database(file: Path, picture: Path) -> None:
-    """Draw one sample's heights and pressure, all areas, and all solve times.
-
-    The sample is the done row with the median area; its fields are computed again. Raise InputError
-    if the database cannot be read or has no done row, matplotlib is not installed, or the picture
-    cannot be written.
-    """
+    """Draw the heights and the pressure of the row with the median area, all areas, all times."""
     require_picture_name(picture)
     figure = new_figure(WIDTH, WIDTH, dpi=110)
     with Reader(file) as reader:
@@ -77,13 +71,10 @@ def _draw_sample(axes: NDArray[Any], scene: Scene, row: int) -> None:
         f"{'' if boundary == 'free' else f', {boundary} boundary'}:"
         f" {contact.area_percent:.3g} % of {contact.pressure.size} nodes, the median of rows done"
     )
+    # A narrow map is centred in its half, so that fewer letters fit into a line above it.
+    letters = int(LETTERS * min(1.0, 0.4 + 0.6 * scene.sides[0] / scene.sides[1]))
     for axis, surface_map in zip(axes, contact_maps(contact, surface, pressure), strict=True):
-        draw_map(axis, surface_map, letters=_letters(scene.sides))
-
-
-def _letters(sides: tuple[float, float]) -> int:
-    """Return the letters that fit into a line above a map; a narrow one is centred in its half."""
-    return int(LETTERS * min(1.0, 0.4 + 0.6 * sides[0] / sides[1]))
+        draw_map(axis, surface_map, letters=letters)
 
 
 def _draw_areas(figure: Any, axis: Any, columns: dict[str, NDArray[Any]], scene: Scene) -> None:
@@ -121,9 +112,4 @@ def _draw_times(axis: Any, columns: dict[str, NDArray[Any]]) -> None:
         xlabel="effective contact area [%]",
         ylabel="time of the solve [ms]",
     )
-    # A single solve that waited for the machine must not flatten the rest of the picture.
-    top = 1.3 * np.quantile(milliseconds, 0.99)
-    axis.set_ylim(0, top)
-    if slower := np.count_nonzero(milliseconds > top):
-        note = f"{slower} above, up to {milliseconds.max():.3g} ms"
-        axis.text(0.98, 0.97, note, ha="right", va="top", transform=axis.transAxes)
+    log_axis(axis.yaxis)  # a single solve that waited for the machine flattens nothing

@@ -50,11 +50,7 @@ def draft(
     material: Material,
     command: str,
 ) -> None:
-    """Look at maps, or at one that surfaces are to be like, print what is found, write the scene.
-
-    The command line is for the record. Raises InputError if there is not exactly one of the inputs
-    and `like`, no map can be used, or the scene cannot be written.
-    """
+    """Look at maps, or at one to be like, print what is found, and write a scene."""
     if bool(inputs) == (like is not None):
         raise InputError(
             "give measured maps (files, folders or patterns) for a scene of their windows, or"
@@ -85,10 +81,7 @@ def draft(
 
 
 def scene_of_windows(proposal: Proposal, inputs: list[str], command: str, output: Path) -> str:
-    """Return a scene of windows of maps, with comments that say why it has its values.
-
-    The inputs are named as the user did, for scenes of more maps than a list may hold.
-    """
+    """Return a scene of windows of maps, with comments that say why it has its values."""
     nodes, tiles, length = proposal.nodes, proposal.tiling.total, proposal.length
     few = " That is few: scores of a surrogate on them mean little." * (tiles < FEW_TILES)
     if not math.isnan(length):
@@ -320,10 +313,7 @@ def document(text: str) -> str:
 
 
 def quoted(text: str) -> str:
-    """Write a text in TOML's notation.
-
-    Raises InputError if the text holds bytes that are no UTF-8, as some names of files do.
-    """
+    """Write a text in TOML's notation; refuse bytes that are no UTF-8, as names of files have."""
     try:
         text.encode()
     except UnicodeEncodeError:
@@ -350,10 +340,7 @@ def require_new(path: Path) -> None:
 
 
 def write(path: Path, text: str) -> Scene:
-    """Write a scene, never over another file, and return it as `gen run` reads it.
-
-    Raises InputError if the file cannot be written, or another process has made it meanwhile.
-    """
+    """Write a scene, never over another file, and return it as `gen run` reads it."""
     scene = Scene.parse(text, str(path))
     require_new(path)
     with atomic(path, replace=False) as file:

@@ -39,11 +39,7 @@ BINS = 80  # number of bars of the height distribution
 
 @dataclass(frozen=True, eq=False)
 class Map:
-    """A field over a surface with the texts and colours to draw it with.
-
-    Name and unit of the quantity are empty where the values only number colours: then the scale
-    holds all `COLOURS` of them, and there is no colour bar.
-    """
+    """A field over a surface; without a quantity its values only number `COLOURS`."""
 
     field: Values  # masked where there is nothing to draw, shape (nx, ny) [unit]
     sides: Sides  # lengths of the patch along x and y [um]
@@ -108,10 +104,7 @@ def spot_maps(contact: Contact) -> tuple[Map, Map]:
 
 
 def patch_sides(contact: Contact) -> tuple[float, float]:
-    """Return the lengths of a contact's patch along x and y [um].
-
-    A free patch ends at its outer nodes; one without edges is made of cells.
-    """
+    """Return the lengths of a contact's patch along x and y [um]."""
     (nx, ny), (dx, dy) = contact.pressure.shape, contact.problem.spacing
     outer = contact.problem.boundary == "free"
     return dx * (nx - outer), dy * (ny - outer)
@@ -120,9 +113,7 @@ def patch_sides(contact: Contact) -> tuple[float, float]:
 def yielded_nodes(contact: Contact) -> NDArray[np.bool_]:
     """Return the mask of the nodes whose pressure is the hardness, shape (nx, ny)."""
     hardness = contact.problem.hardness
-    if hardness is None:
-        return np.zeros(contact.pressure.shape, dtype=bool)
-    return contact.pressure >= hardness
+    return contact.pressure >= (math.inf if hardness is None else hardness)
 
 
 def draw_map(axis: Any, surface_map: Map, letters: int = LETTERS) -> None:
@@ -165,15 +156,13 @@ def draw_map(axis: Any, surface_map: Map, letters: int = LETTERS) -> None:
 def _scale(values: Values) -> tuple[float, float, str]:
     """Return the limits of a colour scale, and its open ends, beyond which a few outliers are.
 
-    The scale spans all values, unless those beyond a percentile would take more than half as much
-    of it as the rest.
+    Values beyond a percentile are left out if they would take over half as much as the rest.
     """
     if not values.size:
         return 0.0, 1.0, "neither"
     low, high = float(values.min()), float(values.max())
     first, last = map(float, np.percentile(values, [100 - UPPER_PERCENTILE, UPPER_PERCENTILE]))
-    room = 0.5 * (last - first)
-    below, above = low < first - room, high > last + room
+    below, above = low < 1.5 * first - 0.5 * last, high > 1.5 * last - 0.5 * first
     extend = {(True, True): "both", (True, False): "min", (False, True): "max"}
     limits = first if below else low, last if above else high
     return *limits, extend.get((below, above), "neither")
@@ -186,10 +175,7 @@ def draw_surface(
     fit: SelfAffineFit | str,
     picture: Path,
 ) -> None:
-    """Draw the heights, their distribution with the bearing curve, and the spectrum with its law.
-
-    The fit is the reason where there is no law. The picture is written from an empty figure.
-    """
+    """Draw the heights, their distribution with the bearing curve, and the spectrum."""
     top, bottom = figure.subfigures(2, 1, height_ratios=[1.12, 1.0])
     left, right = top.subplots(1, 2, width_ratios=[1.15, 1.0])
     figure.suptitle(shortened(topography.name), fontsize=11, parse_math=False)
@@ -227,7 +213,12 @@ def _draw_distribution(axis: Any, heights: Heights) -> None:
 def _draw_spectrum(axis: Any, spectrum: RadialSpectrum, fit: SelfAffineFit | str) -> None:
     """Draw the radial power spectrum with the self-affine law over the range that it fits."""
     seen = np.isfinite(spectrum.density) & (spectrum.density > 0.0)
-    axis.set_title(_spectrum_title(fit), loc="left", fontsize=10)
+    title = textwrap.fill(f"radial power spectrum; no self-affine law: {fit}", 2 * LETTERS)
+    if not isinstance(fit, str):
+        numbers = f"Hurst exponent {fit.spectrum.hurst:.3g} over {fit.decades:.2g} decades"
+        numbers += f", rms height {fit.rms_height:.4g} µm"
+        title = "; ".join((f"radial power spectrum: {numbers}", *fit.remarks))
+    axis.set_title(title, loc="left", fontsize=10)
     axis.set(xlabel="wavenumber q [1/µm]", ylabel="radial power spectrum C [µm$^4$]")
     if not seen.any():
         axis.text(0.5, 0.5, "no wave", ha="center", transform=axis.transAxes)
@@ -254,15 +245,6 @@ def _draw_spectrum(axis: Any, spectrum: RadialSpectrum, fit: SelfAffineFit | str
     axis.legend(loc="lower left", fontsize="small")
 
 
-def _spectrum_title(fit: SelfAffineFit | str) -> str:
-    """Return the title of the spectrum: the law's numbers, or why there is none."""
-    if isinstance(fit, str):
-        return textwrap.fill(f"radial power spectrum; no self-affine law: {fit}", 2 * LETTERS)
-    numbers = f"Hurst exponent {fit.spectrum.hurst:.3g} over {fit.decades:.2g} decades, "
-    numbers += f"rms height {fit.rms_height:.4g} µm"
-    return "; ".join((f"radial power spectrum: {numbers}", *fit.remarks))
-
-
 @dataclass(frozen=True)
 class Subject:
     """Surface, load and material of a picture of contacts."""
@@ -277,10 +259,7 @@ class Subject:
 def draw_contacts(
     figure: Any, contacts: Sequence[Contact], subject: Subject, picture: Path
 ) -> None:
-    """Draw a surface, its contact and a section under the last load, and the law of several loads.
-
-    The picture is written from an empty figure.
-    """
+    """Draw a surface, its contact and a section under the last load, and the law of several."""
     last, law = contacts[-1], len(contacts) > 1
     panels = [["heights"] * 3 + ["contact"] * 3, ["section"] * 6]
     heights = [4.4, 2.6]
@@ -312,11 +291,10 @@ def _title(contacts: Sequence[Contact], subject: Subject) -> str:
     """Return the title: file, load and material, a line each."""
     last = contacts[-1]
     load = (
+        f"{f'last of {len(contacts)} loads: ' if len(contacts) > 1 else ''}"
         f"Δ = {metric(1e-6 * last.delta, 'm')}, force {metric(1e-6 * last.force, 'N')},"
         f" mean pressure {metric(1e6 * last.force / nominal_area(last), 'Pa')}"
     )
-    if len(contacts) > 1:
-        load = f"last of {len(contacts)} loads: {load}"
     material = f"E* = {metric(1e6 * last.problem.modulus, 'Pa')}"
     if last.problem.hardness is not None:
         material += f", hardness {metric(1e6 * last.problem.hardness, 'Pa')}"
@@ -328,10 +306,9 @@ def _title(contacts: Sequence[Contact], subject: Subject) -> str:
 
 
 def section_line(contact: Contact) -> tuple[int, int]:
-    """Return the axis along which to draw a section, and the index of its line on the other axis.
+    """Return the axis of a section, and the index of its line on the other axis.
 
-    Among the lines along the longer side, the one with the largest force is chosen; if these have
-    no contact off the border, the one with the largest force along the shorter side.
+    It is the line with the largest force off the border, along the longer side if there is one.
     """
     sides = patch_sides(contact)
     longer = 0 if sides[0] >= sides[1] else 1
@@ -379,8 +356,15 @@ def _draw_law(axes: Sequence[Any], contacts: Sequence[Contact], load: str) -> No
     """Draw area, force or far-field displacement, and mean gap over the load that was given."""
     cells = nominal_area(contacts[0])
     forces = np.array([contact.force for contact in contacts])
+    lengths = []
+    for values, name in (
+        (np.array([contact.delta for contact in contacts]), "displacement Δ"),
+        (np.array([contact.mean_gap for contact in contacts]), "mean gap"),
+    ):
+        factor, unit = axis_unit(float(values.max()))
+        lengths.append((factor * values, f"{name} [{unit}]"))
     quantities = {
-        "delta": _lengths([contact.delta for contact in contacts], "displacement Δ"),
+        "delta": lengths[0],
         "force": (forces, "normal force [µN]"),
         "pressure": (forces / cells, "mean pressure [MPa]"),
     }
@@ -388,11 +372,8 @@ def _draw_law(axes: Sequence[Any], contacts: Sequence[Contact], load: str) -> No
     order = np.argsort(loads)
     loads = loads[order]
     decades = bool(loads[0] > 0 and loads[-1] >= DECADES * loads[0])
-    answers = (
-        (np.array([contact.area_percent for contact in contacts]), "contact area [%]"),
-        quantities["force" if load == "delta" else "delta"],
-        _lengths([contact.mean_gap for contact in contacts], "mean gap"),
-    )
+    areas = np.array([contact.area_percent for contact in contacts]), "contact area [%]"
+    answers = areas, quantities["force" if load == "delta" else "delta"], lengths[1]
     colours = ("tab:blue", "tab:orange", "tab:green")
     for axis, (numbers, name), colour in zip(axes, answers, colours, strict=True):
         values = numbers[order]
@@ -405,9 +386,3 @@ def _draw_law(axes: Sequence[Any], contacts: Sequence[Contact], load: str) -> No
             log_axis(axis.yaxis)
         else:
             axis.set_ylim(0, 1.06 * float(values.max()) or 1.0)
-
-
-def _lengths(values: Sequence[float], name: str) -> tuple[Values, str]:
-    """Return lengths [um] in the unit of their axis, and the label of that axis."""
-    factor, unit = axis_unit(max(values))
-    return factor * np.array(values), f"{name} [{unit}]"

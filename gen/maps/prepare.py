@@ -33,12 +33,9 @@ def prepare(topography: Topography, settings: Reading) -> Topography:
     """Crop, invert, mask, despike, level, fill, filter and downsample a map, in this order.
 
     Heights out of range are no part of any median, so the mask comes before the spikes. Spikes
-    would bend a fit, and stand at the rims of holes, which are filled from there. The level or
-    form is fitted to measured nodes only. A filter needs all nodes, and no slope that its
-    weights would cut off at the borders. Means come last, when the S-filter has taken out the
-    waves that they would fold back. Raises InputError if a setting is not allowed or does not
-    suit the map, holes are left, there are more holes than heights, or heights are too large to
-    compute with.
+    would bend a fit, and stand at the rims of holes, which are filled from there. A filter needs
+    all nodes, and no slope at the borders. Means come last, when the S-filter has taken out the
+    waves that they would fold back. Raises InputError if a setting does not suit the map.
     """
     settings.check()
     followed = topography.followed | settings.followed
@@ -94,17 +91,14 @@ def cropped(topography: Topography, text: str) -> Topography:
     limits = [numbers_in(part, ":") for part in text.split(",")]
     if [len(ends) for ends in limits] != [2, 2]:
         raise InputError(f"{named}: give x0:x1,y0:y1 in um, as 100:900,0:500")
-    parts = []
-    for (low, high), apart, nodes in zip(limits, spacing, topography.heights.shape, strict=True):
-        places = np.arange(nodes)
-        kept = np.flatnonzero(
-            (places >= low / apart - ROUNDING) & (places <= high / apart + ROUNDING)
-        )
-        if kept.size < 2:
-            whole = " x ".join(f"{side:.6g}" for side in topography.sides)
-            raise InputError(f"{named}: holds fewer than 2 x 2 nodes of {whole} um")
-        parts.append(slice(int(kept[0]), int(kept[-1]) + 1))
-    heights = np.ascontiguousarray(topography.heights[tuple(parts)])
+    heights = topography.heights
+    for axis, ((low, high), apart) in enumerate(zip(limits, spacing, strict=True)):
+        places = np.arange(heights.shape[axis])
+        kept = (places >= low / apart - ROUNDING) & (places <= high / apart + ROUNDING)
+        heights = np.compress(kept, heights, axis)
+    if min(heights.shape) < 2:
+        whole = " x ".join(f"{side:.6g}" for side in topography.sides)
+        raise InputError(f"{named}: holds fewer than 2 x 2 nodes of {whole} um")
     if np.isnan(heights).all():
         raise InputError(f"{named}: all heights are missing there")
     step = f"cropped to {heights.shape[0]} x {heights.shape[1]} nodes, {text} um"
@@ -250,13 +244,11 @@ def is_same(one: float, other: float) -> bool:
 
 
 def resampled(topography: Topography, spacing: Sides) -> Topography:
-    """Give a map another spacing [um], axis by axis.
+    """Give a map another spacing [um], axis by axis, unless it has it but for rounding.
 
     Cubic splines through the nodes are evaluated where the new nodes are closer. Where they are
     further apart, the splines are averaged over the new cells: values at the new nodes would fold
-    short waves back into long ones. An axis keeps its nodes if the two spacings are the same but
-    for rounding, see `SAME`. Raises InputError if fewer than 2 x 2 nodes are left, or the map has
-    fewer than four along such an axis.
+    short waves back into long ones.
     """
     heights = topography.heights
     for axis in (0, 1):
@@ -370,14 +362,14 @@ def is_tilted(topography: Topography) -> bool:
 
 def tilt(topography: Topography) -> tuple[float, float]:
     """Fit a plane to the measured nodes and return its slopes along x and y [1]."""
-    _, coefficients = least_squares(topography.heights, 1)
-    slopes = []
-    for side, nodes, slope in zip(
-        topography.sides, topography.heights.shape, coefficients[1:], strict=True
-    ):
-        between = side * ((nodes - 1) / intervals(nodes, topography.boundary))  # outer nodes
-        slopes.append(2 * float(slope) / between)
-    return slopes[0], slopes[1]
+    _, (_, *slopes) = least_squares(topography.heights, 1)
+    x, y = (
+        2 * float(slope) / (side * ((nodes - 1) / intervals(nodes, topography.boundary)))
+        for side, nodes, slope in zip(
+            topography.sides, topography.heights.shape, slopes, strict=True
+        )
+    )
+    return x, y
 
 
 def _spike(heights: Heights) -> tuple[int, int, float] | None:

@@ -67,13 +67,3 @@ def test_areas_stand_over_the_load_that_was_drawn(
     said = {"pressure": "Pa mean pressure, E*", "force": "N, E*", "delta": "m, E*"}[quantity]
     assert said in title
     assert "E* = 200 GPa, hardness 2 GPa" in title
-
-
-def test_times_beyond_the_picture_are_counted() -> None:
-    axis = picture.new_figure(4, 3, dpi=50).subplots()
-    seconds = np.append(np.full(300, 0.01), [0.5, 0.7, np.nan])
-    columns = {"solve_seconds": seconds, "area_percent": np.linspace(0, 9, seconds.size)}
-    picture._draw_times(axis, columns)
-    (note,) = axis.texts
-    assert note.get_text() == "2 above, up to 700 ms"
-    assert axis.get_ylim()[1] < 500
