@@ -1,9 +1,11 @@
-"""Command lines of learn in this process, and the tables that they write."""
+"""Command lines of learn in this process, the tables that they write, and surrogates as numbers."""
 
 import csv
 from pathlib import Path
 
-from learn import cli
+import numpy as np
+
+from learn import Surrogate, cli
 
 
 def run(*arguments: object) -> int:
@@ -15,3 +17,15 @@ def table(path: str | Path) -> list[dict[str, str]]:
     """Read a table (CSV)."""
     with Path(path).open(newline="") as file:
         return list(csv.DictReader(file))
+
+
+def numbers_of(path: Path | str) -> str:
+    """Training ranges, and predictions with their intervals at places between their ends."""
+    found = Surrogate.load(path)
+    shares = np.random.default_rng(0).uniform(-0.2, 1.2, (50, found.low.size))
+    inputs = found.low + shares * (found.high - found.low)
+    numbers = [found.low, found.high, found.distance.of(inputs)]
+    for learnt in found.learnt.values():
+        raw = learnt.raw(inputs)
+        numbers += [raw, *learnt.ends(inputs, raw, 0.5)]
+    return repr([each.tolist() for each in numbers])

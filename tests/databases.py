@@ -1,9 +1,18 @@
-"""Look at databases with h5py alone, as any reader of the file could."""
+"""Small databases: scenes, blocks of rows, processes of their own, and looks with h5py alone."""
 
+import subprocess
+import sys
+import textwrap
 from pathlib import Path
 
 import h5py
 import numpy as np
+
+from gen import database, schema
+from gen.database import Writer, create
+from gen.scene import DisplacedSurface, Scene
+from gen.scene.columns import columns_for
+from gen.schema import Reason, Status
 
 
 def deterministic_bytes(path: Path) -> dict[str, bytes]:
@@ -31,3 +40,65 @@ def has_begun(path: Path) -> bool:
         return bool((status(path) != 0).any())
     except OSError:  # not there yet, or met in the midst of a write: the caller looks again
         return False
+
+
+NO_ROOM = """
+    import resource, signal, sys
+    from pathlib import Path
+    import numpy as np
+    from gen.runtime.errors import InputError
+    from gen.database import *
+    from gen.scene import Scene
+    def forbid_growth_beyond(size):
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
+    path = Path(sys.argv[1])
+    try:
+        {action}
+    except InputError as error:
+        print(error)
+"""
+
+PHYSICS = schema.PHYSICS  # before a test raises it
+
+
+def run(script, *arguments, **options):
+    """Run a script in a process of its own."""
+    command = [sys.executable, "-c", textwrap.dedent(script), *map(str, arguments)]
+    return subprocess.run(
+        command, capture_output=True, text=True, timeout=60, check=False, **options
+    )
+
+
+def small(samples=10, **keys):
+    return Scene(samples=samples, surface=DisplacedSurface(nodes=5), **keys)
+
+
+def block(scene, start, stop, status=Status.DONE):
+    """Values that tell the row and the column; any scene's."""
+    values = {}
+    for number, column in enumerate(columns_for(scene)):
+        rows = np.arange(start, stop) * 100.0 + number
+        shape = column.shape(stop - start, scene.shape)
+        field = np.broadcast_to(rows.reshape(-1, *[1] * (len(shape) - 1)), shape)
+        values[column.name] = field.astype(column.dtype)
+    values["status"] = np.full(stop - start, status, dtype="u1")
+    values["reason"] = np.full(
+        stop - start, Reason.NOT_CONVERGED if status == Status.FAILED else 0, dtype="u1"
+    )
+    return values
+
+
+def filled(path, scene, *runs):
+    """Create a database with finished rows: (start, stop, status)."""
+    create(path, scene)
+    with Writer(path, scene) as writer:
+        for start, stop, status in runs:
+            writer.write_block(start, stop, block(scene, start, stop, status))
+    return path
+
+
+def raise_physics(monkeypatch):
+    """Have a version of the code that computes other results."""
+    for module in (database.creation, database.layout, database.reader):
+        monkeypatch.setattr(module, "PHYSICS", PHYSICS + 1)

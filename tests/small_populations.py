@@ -1,4 +1,4 @@
-"""Scenes of small databases that no default decides, and a generator as a user might write it."""
+"""Scenes of small databases that no default decides, a user's generator, targets of all kinds."""
 
 import numpy as np
 
@@ -94,3 +94,26 @@ def waves(shape, spacing, rng, amplitude, count):
         phase = 2 * np.pi * (along_x * x + along_y * y + rng.uniform())
         heights += rng.normal() * np.cos(phase) / np.hypot(along_x, along_y)
     return amplitude * heights
+
+
+KINDS = {
+    "negative": "-1.0 - area",
+    "signed": "area - 4.0",
+    "zero_in_part": "max(area - 5.0, 0.0)",
+    "negative_in_part": "min(area - 5.0, 0.0)",
+    "constant_in_part": "max(area, 4.0)",
+    "rare": "max(area - 15.0, 0.0)",
+    "tiny": "-1e-15 * area",
+    "huge": "1e15 * area",
+    "distant": "1e6 + area",
+    "spoilt": "area",
+}
+"""Targets of every kind, by their names, as functions of the area [%]."""
+
+KIND_SCENES = {
+    "free": "",
+    "yielding": "[contact]\nhardness_ratio = [0.003, 0.1]\n",
+    "mirror": (
+        "[contact]\nboundary = 'mirror'\n[delta]\npieces = [{ share = 1.0, range = [0.5, 9.0] }]\n"
+    ),
+}

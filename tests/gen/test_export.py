@@ -9,8 +9,8 @@ import mlcroissant as mlc
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from databases import block, filled, small
 from markdown_it import MarkdownIt
-from small_databases import block, filled, small
 
 from gen import cli, schema
 from gen.database import Reader, Writer

@@ -8,8 +8,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from small_populations import POPULATIONS
-from target_kinds import KIND_SCENES, KINDS
+from small_populations import KIND_SCENES, KINDS, POPULATIONS
 
 from gen import cli
 from gen.surface import generate

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from comparisons import run
 from learnt_rows import read
-from target_kinds import KIND_SCENES, KINDS
+from small_populations import KIND_SCENES, KINDS
 
 from gen import cli as gen
 from gen.runtime.errors import InputError

@@ -6,8 +6,7 @@ from importlib.util import find_spec
 
 import command_lines
 import pytest
-from launch import command, environment, mpiexec
-from walk import SECONDS, walk
+from launch import SECONDS, command, environment, mpiexec, walk
 
 pytestmark = [
     pytest.mark.mpi,

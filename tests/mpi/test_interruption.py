@@ -1,12 +1,14 @@
-"""Signals to a run on three ranks: it stops in order, says how to go on, and goes on."""
+"""Signals to a run on three ranks, what fails on one alone, files that become others: it ends."""
 
+import json
 import signal
 import subprocess
 import time
 
+import h5py
 import pytest
 from databases import deterministic_bytes, has_begun, status
-from launch import TIMEOUT, command, environment, is_open_mpi, mpiexec
+from launch import TIMEOUT, command, environment, is_open_mpi, launch, mpiexec
 
 from gen import cli
 
@@ -138,3 +140,116 @@ def test_an_early_signal_leaves_no_rank_waiting(folder, delay):
     finally:
         run.kill()
     assert go_on_here(folder, "short", f"early-{delay}.h5") == 0
+
+
+FAILING = """
+import contextlib, errno, faulthandler, io, json, os, sys
+from unittest.mock import patch
+from mpi4py import MPI
+from gen import cli
+from gen.generation import run
+from gen.runtime.errors import InputError
+faulthandler.dump_traceback_later(60, exit=True)
+world = MPI.COMM_WORLD
+full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "disk")
+missing = ModuleNotFoundError("No module named 'matplotlib'", name="matplotlib")
+FAULTS = {
+    "a disk full while rows come in": (0, run, "write", full),
+    "a package that is missing": (0, run, "blocks_of", missing),
+    "an error of the system at the start": (0, run, "_Job", full),
+    "a refusal after the start": (0, run, "opened", InputError("no file")),
+    "a worker alone": (1, run, "opened", InputError("no file")),
+}
+for name, (rank, home, attribute, error) in FAULTS.items():
+    err = io.StringIO() if name != "a worker alone" else sys.stderr
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(contextlib.redirect_stderr(err))
+        if world.rank == rank:
+            stack.enter_context(patch.object(home, attribute, side_effect=error))
+        code = cli.main(["run", "scene.toml", "-o", "rows.h5", "--writer", "single"])
+    ends = world.gather((code, err.getvalue()))
+    if world.rank == 0:
+        print(json.dumps([name, ends]), flush=True)
+"""
+
+
+FATES = ("replaced", "moved", "overwritten", "linked")
+
+SUDDENLY = """
+import json, os, shutil, sys
+from pathlib import Path
+from gen import cli, database
+from gen.generation import run
+from gen.scene import load
+from mpi4py import MPI
+world, master = MPI.COMM_WORLD, MPI.COMM_WORLD.rank == 0
+run.BLOCK_ROWS, run.ANSWER_NODES = 1, 0
+write = run.write
+def happen(path):
+    if path.name == "replaced.h5":
+        os.replace(shutil.copy("other.h5", "new"), path)
+    if path.name == "moved.h5":
+        path.rename("away.h5")
+    if path.name == "overwritten.h5":
+        shutil.copyfile("other.h5", path)
+current, count = [], []
+def write_then_happen(*arguments):
+    tally = write(*arguments)
+    count.append(1)
+    if len(count) == 3:
+        happen(current[-1])
+    return tally
+run.write = write_then_happen
+for fate in sys.argv[1:]:
+    current.append(Path(fate + ".h5"))
+    count.clear()
+    held = None
+    if fate == "linked" and master:
+        database.create(Path("linked.h5"), load("scene.toml"))
+        os.symlink("linked.h5", "other-name.h5")
+        held = database.lock(Path("other-name.h5"))
+        held.__enter__()
+    world.Barrier()
+    codes = world.gather(cli.main(["run", "scene.toml", "-o", fate + ".h5"]))
+    if master:
+        sys.stderr.flush()
+        print(json.dumps(codes), flush=True)
+"""
+
+
+def test_what_fails_on_one_rank_ends_all(tmp_path):
+    (tmp_path / "scene.toml").write_text("samples = 200\n[surface]\nnodes = 9\n")
+    (tmp_path / "failing.py").write_text(FAILING)
+    done = launch(3, folder=tmp_path, module="failing")
+    ended = [json.loads(line) for line in done.stdout.splitlines() if line.startswith("[")]
+    assert len(ended) == 4, done.stderr
+    for name, ends in ended:
+        (_, said), *others = ends
+        assert [code for code, _ in ends] == [2, 2, 2], (name, ends)
+        assert [words for _, words in others] == ["", ""], (name, ends)
+        assert sum(line.startswith("gen: ") for line in said.splitlines()) == 1, (name, said)
+    # A worker that fails where the others go on: nobody waits for it.
+    assert done.returncode not in {0, 1}
+    assert "gen: no file (rank 1)" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_the_run_ends_on_all_ranks_and_the_newcomer_stays(tmp_path):
+    text = "samples = 40\nseed = {}\n[surface]\nnodes = 17\n"
+    for name, seed in (("scene", 0), ("other", 7)):
+        (tmp_path / f"{name}.toml").write_text(text.format(seed))
+    assert launch(0, "run", "other.toml", "-o", "other.h5", folder=tmp_path).returncode == 0
+    (tmp_path / "suddenly.py").write_text(SUDDENLY)
+    done = launch(3, *FATES, folder=tmp_path, module="suddenly")
+    assert done.returncode == 0, done.stderr
+    assert [json.loads(line) for line in done.stdout.splitlines()] == len(FATES) * [[2, 2, 2]]
+    said = [line for line in done.stderr.splitlines() if line.startswith("gen: ")]
+    words = ("replaced by another file", "moved or deleted", "overwritten", "is being written")
+    for line, fate, word in zip(said, FATES, words, strict=True):
+        assert line.startswith(f"gen: {fate}.h5 ")
+        assert word in line
+    assert "Traceback" not in done.stderr
+    other = (tmp_path / "other.h5").read_bytes()
+    assert (tmp_path / "replaced.h5").read_bytes() == other
+    if not h5py.get_config().mpi:  # MPI-IO writes a file's first bytes when it is closed
+        assert (tmp_path / "overwritten.h5").read_bytes() == other

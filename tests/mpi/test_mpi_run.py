@@ -1,16 +1,13 @@
 """The main job under mpiexec: the bytes of a serial run, also grown, merged, killed and resumed."""
 
-import subprocess
 import sys
-import time
 from importlib.util import find_spec
 
 import h5py
 import pytest
 import user_functions
-from databases import deterministic_bytes, has_begun, status
-from launch import TIMEOUT, command, environment, launch, mpiexec
-from walk import walk
+from databases import deterministic_bytes, status
+from launch import launch, mpiexec, walk
 
 from bench.made_maps import Faults, MadeMap, write_all
 from gen import cli
@@ -140,29 +137,6 @@ def test_parts_merge_into_the_same_bytes(folder, name):
     assert run_here(folder, "check", merged, "--trust", "--recompute", "20") == 0
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("name", [name for name in SCENES if name != "plain"])
-def test_a_killed_run_goes_on(folder, name):
-    """Those of plain surfaces are killed in test_interruption.py."""
-    output = folder / f"{name}-killed.h5"
-    run = subprocess.Popen(
-        command(0, "run", f"{name}.toml", "--trust", "-o", output.name),
-        cwd=folder,
-        env=environment(),
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
-    limit = time.monotonic() + TIMEOUT
-    while not has_begun(output):
-        assert time.monotonic() < limit
-        assert run.poll() is None
-        time.sleep(0.005)
-    run.kill()
-    run.communicate(timeout=TIMEOUT)
-    assert run_here(folder, "run", f"{name}.toml", "--trust", "-o", output.name) == 0
-    assert deterministic_bytes(output) == deterministic_bytes(folder / f"{name}.h5")
-
-
 def test_a_bug_in_a_worker_ends_all_ranks(folder):
     script = "import sys, bem\nfrom gen import cli\nbem.solve = None\n"
     run = "sys.exit(cli.main(['run', 'plain.toml', '-o', 'x.h5']))\n"
@@ -189,19 +163,6 @@ def test_a_function_may_print_and_a_changed_one_is_another_scene(folder, tmp_pat
     assert refused.returncode == 2
     assert refused.stderr.count("\n") == 1
     assert "surface.source" in refused.stderr
-
-
-@pytest.mark.long
-def test_a_function_that_fails_late_ends_all_ranks_with_its_row(tmp_path):
-    late = "def spots(contact):\n    return {'a' if contact.delta < 0.9 else 'b': 1.0}\n"
-    module = user_functions.MODULE.partition("def spots")[0] + late
-    user_functions.write(tmp_path, text("python"), module)
-    done = launch(3, "run", "mine.toml", "--trust", "-o", "a.h5", folder=tmp_path)
-    assert done.returncode == 2
-    assert "Traceback" not in done.stderr
-    *_, said = done.stderr.splitlines()
-    assert said.startswith("gen: mine:spots, row ")
-    assert said.endswith(": returned b; the database has a")
 
 
 @pytest.mark.long

@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 from launch import launch, mpiexec
 
-from tests.slurm.cluster import Cluster, install, missing, temporary_folder
-from tests.slurm.stand_in import environment_with_python
+from tests.slurm.cluster import Cluster, environment_with_python, install, missing, temporary_folder
 
 SLURM = Path(__file__).resolve().parents[2] / "slurm"
 SCENE = "samples = {}\nsamples_per_surface = 2\n[surface]\nnodes = 33\n"

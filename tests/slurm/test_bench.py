@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from launch import launch
 
-from tests.slurm.stand_in import environment_with_python
+from tests.slurm.cluster import environment_with_python
 
 pytestmark = pytest.mark.slurm
 

@@ -11,7 +11,7 @@ import pytest
 from databases import deterministic_bytes, status
 from launch import mpiexec
 
-from tests.slurm.stand_in import environment_with_python, thin_environment
+from tests.slurm.cluster import environment_with_python, thin_environment
 
 pytestmark = [pytest.mark.mpi, pytest.mark.slurm]
 

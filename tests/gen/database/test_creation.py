@@ -4,7 +4,7 @@ import signal
 
 import numpy as np
 import pytest
-from small_databases import NO_ROOM, PHYSICS, block, filled, raise_physics, run, small
+from databases import NO_ROOM, PHYSICS, block, filled, raise_physics, run, small
 
 from gen import database
 from gen.database import Reader, Writer, create, merge, open_or_create

@@ -7,7 +7,7 @@ import crafted_databases as crafted
 import h5py
 import numpy as np
 import pytest
-from small_databases import small
+from databases import small
 
 from gen import cli, schema
 from gen.database import Reader, Writer, create

@@ -3,7 +3,7 @@
 import h5py
 import numpy as np
 import pytest
-from small_databases import PHYSICS, block, filled, raise_physics, small
+from databases import PHYSICS, block, filled, raise_physics, small
 
 from gen import database, schema
 from gen.database import Reader, Writer, create, merge, open_or_create

@@ -7,9 +7,9 @@ import stat
 
 import numpy as np
 import pytest
+from databases import NO_ROOM, block, filled, run, small
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from small_databases import NO_ROOM, block, filled, run, small
 
 from gen import cli, database
 from gen.database import Reader, Writer, create, extend, lock, open_or_create

@@ -6,9 +6,9 @@ import time
 from pathlib import Path
 
 import pytest
+from comparisons import numbers_of
 from databases import deterministic_bytes
 from launch import TIMEOUT, command, environment, launch, mpiexec
-from surrogate_numbers import numbers_of
 
 from gen import cli as gen
 from learn import cli

@@ -10,8 +10,7 @@ import h5py
 import numpy as np
 import pytest
 from comparisons import run, table
-from launch import TIMEOUT, command, environment, mpiexec
-from walk import walk
+from launch import TIMEOUT, command, environment, mpiexec, walk
 
 from learn.comparison import folder, paper, results, tables
 from learn.stored import INPUTS

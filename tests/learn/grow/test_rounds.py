@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from comparisons import numbers_of
 from databases import deterministic_bytes
-from surrogate_numbers import numbers_of
 
 from gen import database
 from gen.database import Reader, Writer

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from databases import run
 from skops import io
-from small_databases import run
 
 from gen.runtime.errors import InputError
 from learn import Surrogate, cli

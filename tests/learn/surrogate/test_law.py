@@ -1,11 +1,11 @@
 """Laws at the given loads, their bands, and no band outside the training."""
 
+import csv
 import re
 from pathlib import Path
 
 import numpy as np
 import pytest
-from laws import LOADS, STEEL, column, rows_of, run
 from strict import json_of
 
 from gen import cli as gen_cli
@@ -13,7 +13,29 @@ from gen.generation.plan import parameters
 from gen.generation.sample import solve_contact, surface_of
 from gen.law.curves import Points
 from gen.scene import Scene
+from learn import cli
 from learn.surrogate.law import at_pressures
+
+STEEL = ["--young", "210e3", "--poisson", "0.3"]
+LOADS = ["--pressure", "100:2000:4"]
+
+
+def run(*arguments, ends=0):
+    """Run a command of learn; it has to end with this exit code."""
+    assert cli.main([str(argument) for argument in arguments]) == ends
+
+
+def rows_of(path, against=None):
+    """Rows of a table, or those against one argument."""
+    with Path(path).open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    return [row for row in rows if against is None or row["against"] == against]
+
+
+def column(rows, name):
+    """A column of numbers."""
+    return np.array([float(row[name]) for row in rows])
+
 
 COLUMNS = ("delta_um", "area_percent", "mean_gap_um")
 FREE = ["--boundary", "free"]
