@@ -19,7 +19,7 @@ from bem.dense import MOST_SETS, ContactFactor
 from bem.influence import InfluenceMatrix, Kernel
 from bem.iterate import Effort, cut_to_load
 from bem.operators.patch import Patch
-from bem.problem import NoSolution, Overlap, Problem, overlap, whole_grid
+from bem.problem import NoSolution, Overlap, Problem, overlap
 from bem.threads import on_one_blas_thread
 
 # Largest number of nodes that may touch for which dense algebra alone is faster than convolutions
@@ -232,7 +232,7 @@ def _on_few_nodes(problem: Problem, give: float) -> Equilibrium | None:
         if not delta > 0:
             return None
     touching = overlap(problem, delta)
-    if touching.nodes.size > FEW_NODES:
+    if np.count_nonzero(touching.below > -1) > FEW_NODES:
         return None
     return _solve_densely(problem, touching, delta, 0.0 if problem.delta is None else give)
 
@@ -249,7 +249,8 @@ def _solve_densely(
     shift = 0.0 if problem.delta is None else problem.delta / delta
     interference = below + shift
     sets = min(MOST_SETS, problem.max_iterations)
-    nodes = touching.nodes[np.argsort(-below[touching.nodes], kind="stable")]
+    nodes = np.flatnonzero(below > -1)
+    nodes = nodes[np.argsort(-below[nodes], kind="stable")]
     try:  # elastic bodies first, to the last bit
         with np.errstate(over="raise"):
             factor = ContactFactor(lambda some: matrix.among(some, give), nodes)
@@ -295,7 +296,7 @@ def _at_displacement(problem: Problem, near: Start | None, give: float) -> Equil
     whole = problem.boundary != "free"
     if whole and problem.hardness is not None and np.ptp(problem.heights) <= delta:
         return _all_yielded(problem, delta)
-    touching = whole_grid(problem, delta) if whole or give else overlap(problem, delta)
+    touching = overlap(problem, math.inf if whole or give else delta, delta)
     solve = _new(problem, touching, delta, give=give)
     with np.errstate(over="ignore", invalid="ignore"):
         if near is not None:
@@ -426,8 +427,7 @@ def _under_load(
     length = min(depth or problem.spacing[0], REACH * load)
     if reached is None:
         reached = _guessed_reach(problem) if problem.boundary == "free" else math.inf
-    part = reached < math.inf
-    touching = overlap(problem, reached, length) if part else whole_grid(problem, length)
+    touching = overlap(problem, reached, length)
     solve = _new(problem, touching, length, load=load / length)
     if near is not None and near.pressure[touching.box].any():
         solve.begin(*_reduced(problem, near, touching, length))

@@ -7,7 +7,7 @@ from typing import Any, Literal, NamedTuple, cast, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bem.arrays import Field, Mask, Nodes
+from bem.arrays import Field, Mask
 from bem.influence import KERNELS, Kernel
 
 Boundary = Literal["free", "periodic", "mirror"]
@@ -447,15 +447,12 @@ class Overlap(NamedTuple):
         Nodes (nx, ny) of the grid.
     box : tuple of slice
         Rows and columns of a box that holds these nodes.
-    nodes : ndarray, shape (m,)
-        Flat indices of the nodes in the box.
     below : ndarray, shape of the box
         Heights less the highest [displacement].
     """
 
     grid: tuple[int, ...]
     box: tuple[slice, slice]
-    nodes: Nodes
     below: Field
 
     def unfolded(self, values: Field, beyond: float = 0.0) -> Field:
@@ -468,24 +465,19 @@ class Overlap(NamedTuple):
 
 
 def overlap(problem: Problem, delta: float, length: float | None = None) -> Overlap:
-    """Find the nodes that may touch at a displacement of the far field [um].
+    """Find the part that may touch at a displacement, inf for the whole grid [um].
 
     The displacement is the unit of length, unless another one is given [um].
     """
     length = delta if length is None else length
     below = problem.heights - problem.heights.max()
-    box, nodes = boxed(below > -delta)
-    return Overlap(below.shape, box, nodes, np.maximum(below[box], -DEEPEST * length) / length)
+    box, grid = boxed(below > -delta), below.shape
+    below = np.maximum(below[box], -DEEPEST * length)
+    below /= length
+    return Overlap(grid, box, below)
 
 
-def whole_grid(problem: Problem, length: float) -> Overlap:
-    """Return the whole grid as the part in which bodies may touch, in units of a length [um]."""
-    below = np.maximum(problem.heights - problem.heights.max(), -DEEPEST * length) / length
-    everything = slice(0, below.shape[0]), slice(0, below.shape[1])
-    return Overlap(below.shape, everything, np.zeros(0, np.intp), below)
-
-
-def boxed(marked: Mask) -> tuple[tuple[slice, slice], Nodes]:
+def boxed(marked: Mask) -> tuple[slice, slice]:
     """Find a small box that holds some nodes of a grid, with lengths that transforms reuse.
 
     Parameters
@@ -495,10 +487,8 @@ def boxed(marked: Mask) -> tuple[tuple[slice, slice], Nodes]:
 
     Returns
     -------
-    box : tuple of slice
+    tuple of slice
         Rows and columns of the box.
-    inside : ndarray, shape (m,)
-        Flat indices of the nodes in the box, ascending.
     """
     spans = []
     for axis, size in enumerate(marked.shape):
@@ -508,5 +498,4 @@ def boxed(marked: Mask) -> tuple[tuple[slice, slice], Nodes]:
         nodes = min(-(-length // unit) * unit + 1, size)
         start = min(first, size - nodes)
         spans.append(slice(start, start + nodes))
-    box = spans[0], spans[1]
-    return box, np.flatnonzero(marked[box])
+    return spans[0], spans[1]

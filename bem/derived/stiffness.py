@@ -70,7 +70,7 @@ def punch_of(problem: Problem, nodes: Nodes) -> Punch:
     marked = np.zeros(problem.heights.shape, dtype=bool)
     marked.reshape(-1)[nodes] = True
     if problem.boundary == "free":
-        marked = marked[boxed(marked)[0]]
+        marked = marked[boxed(marked)]
     shape = len(marked), len(marked[0])
     patch = Patch(shape, problem.boundary, problem.kernel, problem.aspect)
     solve = ActiveSet(
