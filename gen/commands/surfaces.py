@@ -31,9 +31,8 @@ def describe(
     """Print the 22 roughness statistics, the parameters of ISO 25178 and the self-affine law."""
     from gen import statistics
     from gen.commands import printer
-    from gen.maps.bodies import surface_of
+    from gen.maps.bodies import read_surface
     from gen.maps.pictures import draw_surface
-    from gen.maps.prepare import surface_warnings
     from gen.maps.texture import (
         LAW,
         PARAMETERS,
@@ -48,8 +47,7 @@ def describe(
     outputs = [Output(table, "--csv"), Output(spectrum, "--spectrum")]
     check_outputs([*outputs, Output(picture, "--plot", "picture")], facing.with_first(surface))
     figure = empty_figure(picture, 10.5, 8.6)
-    topography = surface_of(surface, reading, facing.body(reading), boundary)
-    warnings = surface_warnings(topography)
+    topography, warnings = read_surface(surface, reading, boundary, facing.body(reading))
     printer.print_preparation(topography, warnings)
     description = statistics.describe(topography.heights, topography.spacing)
     areal = areal_parameters(topography, depth)
@@ -129,7 +127,7 @@ def contact(
     """
     from bem.threads import cores, default_threads, on_threads
     from gen.commands import printer
-    from gen.maps.bodies import surface_of
+    from gen.maps.bodies import read_surface
     from gen.maps.contacts import (
         Wanted,
         answers,
@@ -142,7 +140,6 @@ def contact(
         solve_loads,
         write_flattened,
     )
-    from gen.maps.prepare import surface_warnings
     from gen.material import Bodies
     from gen.runtime.documents import write_csv
 
@@ -155,8 +152,8 @@ def contact(
     check_outputs(outputs, facing.with_first(surface))
     figure = empty_figure(picture, 11, 8.2)
     bodies = Bodies.of_options(young or [], poisson or [], e_star, hardness)
-    topography = surface_of(surface, reading, facing.body(reading), boundary)
-    warnings = [*bodies.doubts, *surface_warnings(topography)]
+    topography, doubts = read_surface(surface, reading, boundary, facing.body(reading))
+    warnings = [*bodies.doubts, *doubts]
     contacts, faults, seconds = [], [], 0.0
     with (
         on_threads(threads or default_threads(cores())),

@@ -10,12 +10,11 @@ import numpy as np
 from bem.problem import Boundary
 from gen.arrays import Values
 from gen.distribution import LogUniform, limits
-from gen.maps.bodies import Opposite, composite
+from gen.maps.bodies import Opposite, composite, files_in, read_surface
 from gen.maps.prepare import surface_warnings
 from gen.maps.read import Topography
 from gen.maps.settings import Reading
 from gen.material import plane_strain_modulus
-from gen.reading import files_in, is_table, read_surface
 from gen.runtime.errors import InputError
 from gen.scene import Scene, preset_names
 
@@ -210,8 +209,6 @@ def _pressed(
     seconds: Sequence[Topography],
 ) -> Iterator[tuple[Topography, list[str]]]:
     """Yield the surface of a file, or its sums with all second bodies, with warnings about each."""
-    if is_table(file):
-        raise InputError(f"{file}: a law needs surfaces, not their statistics")
     first, warnings = read_surface(file, reading, boundary)
     pairs = [(first, warnings)]
     if opposite is not None:

@@ -12,14 +12,16 @@ from numpy.typing import NDArray
 from rich.table import Table as Printed
 
 from gen.arrays import Values
+from gen.database import is_database
+from gen.maps.bodies import files_in, read_surface
 from gen.maps.read import sides_from
 from gen.maps.settings import Reading
 from gen.material import Bodies
-from gen.reading import files_in, is_table, read_surface
 from gen.runtime.documents import Row
 from gen.runtime.errors import InputError
 from gen.runtime.files import require_file
 from gen.runtime.terminal import brief, echo, print_table, to_type
+from gen.schema import statistics_columns
 from learn.features import Undefined
 from learn.features.sets import HYBRID, STATISTICS, Rows
 from learn.surrogate import flag
@@ -90,11 +92,28 @@ def answers(
     if others:
         say(f"left out {others} files that hold no surfaces")
     for path in files:
+        if path.suffix.lower() == ".h5" and is_database(path):
+            raise InputError(
+                f"{path}: is a database; {to_type('learn fit')} makes a surrogate of it, which"
+                " predicts for surfaces"
+            )
         if is_table(path):
             table = read_table(path, question.reading.side)
             yield from _rows(surrogate, table.name, _of_table(surrogate, table, question))
         else:
             yield from _of_surface(surrogate, path, question, say, alone=len(files) == 1)
+
+
+def is_table(path: Path) -> bool:
+    """Return True if a file has rows of statistics, by the names in its first line."""
+    if path.suffix.lower() not in {".csv", ".txt"}:
+        return False
+    try:
+        with require_file(path).open(encoding="utf-8-sig", errors="replace") as file:
+            names = {name.strip() for name in file.readline().split(",")}
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}") from None
+    return bool(names & {column.name for column in statistics_columns()})
 
 
 def _of_surface(

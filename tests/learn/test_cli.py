@@ -49,7 +49,7 @@ WRONG = [
     (["fit", "database.h5", "-o", "x", "--target", "mean_gap"], "stores area, force"),
     (["fit", "database.h5", "-o", "x", "--normalise", "l1"], "min-max"),
     (["fit", "database.h5", "-o", "x", "--from", "out"], "is no comparison"),
-    (["law", "hybrid.surrogate", "table.csv"], "needs surfaces"),
+    (["law", "hybrid.surrogate", "table.csv"], "is not a number"),
     ([*PREDICT, "holes.npy"], "--fill closes holes"),
     ([*PREDICT, "bare"], "bare: holds no surface"),
     ([*PREDICT[:2], "database.h5", "--delta", "5"], "database.h5: is a database; python -m learn"),
