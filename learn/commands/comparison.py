@@ -231,12 +231,13 @@ def _write_and_print(folder: Path, *, pictures: bool) -> None:
     from learn.comparison.folder import targets
 
     for part in targets(folder):
-        tables.write(part)
-        tables.show(part)
+        found = tables.read(part)
+        tables.write(found)
+        tables.show(found)
         if pictures:
             from learn.comparison.pictures import draw
 
-            for path in draw(part):
+            for path in draw(found):
                 echo(f"wrote {path}")
 
 

@@ -47,8 +47,7 @@ def compare(request: Request, executor: Executor) -> int:
                         limited = task.kind == "library"
                         own = training.first(grids.LIBRARY_ROWS) if limited else training
                         result = executor.call(results.fit_and_time, own, task)
-                        results.write_fit(folder, task, own, result)
-                        results.print_result(progress.say, task, result)
+                        results.write_fit(folder, task, own, result, progress.say)
                     progress.advance(1, 0)
     return interruption.signal
 

@@ -1,15 +1,15 @@
 """The pictures of a comparison, like the paper's figures 8 to 10."""
 
 import textwrap
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from gen.runtime.figure import draw_parity, new_figure, parity_axes, save
-from learn.comparison import tables
 from learn.comparison.folder import Folder
-from learn.comparison.tables import Intervals
+from learn.comparison.tables import OUR_AREA, SCORES, Row, Tables, nmse_note
 from learn.metrics import LEVEL
 from learn.models import MODELS
 
@@ -31,31 +31,29 @@ BESIDE = 0.13
 DPI = 120
 """Dots per inch: pictures are about 1,400 wide then."""
 
-Place = tuple[str, str]
-"""Model and kind of a result."""
 
-
-def draw(folder: Folder) -> list[Path]:
+def draw(tables: Tables) -> list[Path]:
     """Draw parity.png (like figures 8 and 10), scores.png and times.png (like figure 9).
 
     Nothing is drawn if the folder of the target has no results.
     """
-    record, found = folder.record(), tables.intervals(folder)
-    scored = [each for each in folder.results() if each[2].get("test") and each[1] in COLOURS]
-    shown = {(model, kind): result for model, kind, result in scored}
-    if found is None:
+    folder = tables.folder
+    shown = [row for row in tables.scores if row["r2"] != "" and row["result"] in COLOURS]
+    if not shown:
         return []
-    target = str(record["conditions"]["target"])
-    quantity = f"{target.replace('_percent', '')} [{record['unit']}]"
+    quantity = f"{tables.target.replace('_percent', '')} [{folder.record()['unit']}]"
+    places = [(row["model"], row["result"]) for row in shown]
+    timed = [row for row in tables.times if (row["model"], row["result"]) in places]
     figures = {
-        "parity.png": _parity(folder, [*shown], quantity),
-        "scores.png": _scores(found, shown, target),
-        "times.png": _times(shown),
+        "parity.png": _parity(folder, places, quantity),
+        "scores.png": _bars(shown, [_score(name) for name in tables.names]),
+        "times.png": _bars(timed, TIMES),
     }
+    figures["scores.png"].axes[0].set_title(_said(tables, shown), fontsize=8, loc="left")
     return [save(figure, folder.path / name, dpi=DPI) for name, figure in figures.items()]
 
 
-def _parity(folder: Folder, places: list[Place], quantity: str) -> Any:
+def _parity(folder: Folder, places: list[tuple[str, str]], quantity: str) -> Any:
     """Draw predictions over the truth, baseline and tuned, and the line of equality."""
     models = list(dict.fromkeys(model for model, _ in places))
     columns = min(3, len(models))
@@ -75,71 +73,65 @@ def _parity(folder: Folder, places: list[Place], quantity: str) -> Any:
     return figure
 
 
-def _scores(found: Intervals, shown: dict[Place, dict[str, Any]], target: str) -> Any:
-    """Draw every score of every model with its interval; the worst model fills the height."""
-    wanted = tables.names(target)
-    figure = new_figure(1.6 + 1.15 * len(MODELS), 2.3 * len(wanted))
-    axes = figure.subplots(len(wanted), 1, sharex=True, squeeze=False)[:, 0]
-    for name, axis in zip(wanted, axes, strict=True):
-        unexplained = name == "r2"  # R2 of good models look alike
-        values = {place: result["test"][name] for place, result in shown.items()}
-        ends = {p: own[name] for p, own in found.of.items() if p in shown and name in own}
-        if unexplained:
-            values = {place: 100 - value for place, value in values.items()}
-            ends = {place: (100 - high, 100 - low) for place, (low, high) in ends.items()}
-        _bars(axis, values, "{:.3g}" if unexplained else "{:.2f}", ends)
-        axis.set_ylabel("1 - R2 [%]" if unexplained else f"{tables.SCORES[name]} [%]")
-        if unexplained:
-            axis.set_yscale("log")
-    axes[0].legend(ncols=2, loc="lower right", bbox_to_anchor=(1, 1))
-    axes[0].set_title(_said(found, shown, target), fontsize=8, loc="left")
-    return figure
+class Panel(NamedTuple):
+    """What a panel of bars shows: a column, its title, and how its numbers are written."""
+
+    column: str
+    title: str
+    form: str = "{:.2f}"
+    of: Callable[[float], float] = float  # makes the height of a bar of the column's value
+    log: bool = False
 
 
-def _said(found: Intervals, shown: dict[Place, dict[str, Any]], target: str) -> str:
+TIMES = [
+    Panel("fit_s", "fit [s]", "{:.2g}", log=True),
+    Panel("predict_test_s", "prediction of the test set [s]", "{:.2g}", log=True),
+    Panel("predict_row_s", "of one row [s]", "{:.2g}", log=True),
+]
+
+
+def _score(name: str) -> Panel:
+    """Return the panel of a score: of R2 what is left of it, since R2 of good models look alike."""
+    if name == "r2":
+        return Panel(name, "1 - R2 [%]", "{:.3g}", lambda value: 100 - value, log=True)
+    return Panel(name, f"{SCORES[name]} [%]")
+
+
+def _said(tables: Tables, shown: list[Row]) -> str:
     """Explain the whiskers and the nMSE, and name the models whose baseline won the search."""
     lines = []
-    if any(found.of.values()):
-        lines.append(f"whiskers: {100 * LEVEL:g} % bootstrap intervals, {found.in_words()}")
-    searches = ((model, result.get("search") or {}) for (model, _), result in shown.items())
-    won = [MODELS[model].title for model, each in searches if each.get("winner") == "baseline"]
+    if tables.drawn:
+        lines.append(f"whiskers: {100 * LEVEL:g} % bootstrap intervals, {tables.how_drawn}")
+    won = [MODELS[row["model"]].title for row in shown if row["winner"] == "baseline"]
     if won:
         lines.append(f"tuned is the baseline, which won the search: {', '.join(won)}")
-    if target == tables.OUR_AREA:
-        lines.append(tables.nmse_note(found.spread))
+    if tables.target == OUR_AREA:
+        lines.append(nmse_note(tables.spread))
     return "\n".join(textwrap.fill(line, 150) for line in lines)
 
 
-def _times(shown: dict[Place, dict[str, Any]]) -> Any:
-    """Draw times of fit and prediction on a logarithmic axis."""
-    titles = {"fit": "fit [s]", "test": "prediction of the test set [s]", "row": "of one row [s]"}
-    figure = new_figure(1.6 + 1.15 * len(MODELS), 7)
-    axes = figure.subplots(len(titles), 1, sharex=True)
-    for (name, title), axis in zip(titles.items(), axes, strict=True):
-        values = {place: result["times"][name] for place, result in shown.items()}
-        _bars(axis, values, "{:.2g}", {})
-        axis.set(ylabel=title, yscale="log")
+def _bars(rows: list[Row], panels: list[Panel]) -> Any:
+    """Draw a pair of bars for each model, baseline and tuned, in panels, with their intervals."""
+    figure = new_figure(1.6 + 1.15 * len(MODELS), 2.3 * len(panels))
+    axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+    models = list(dict.fromkeys(row["model"] for row in rows))
+    for axis, panel in zip(axes, panels, strict=True):
+        for kind, shift in SHIFTS.items():
+            own = [row for row in rows if row["result"] == kind]
+            places = np.array([models.index(row["model"]) for row in own]) + shift
+            heights = [panel.of(row[panel.column]) for row in own]
+            if not own:
+                continue
+            bars = axis.bar(places, heights, 0.38, color=COLOURS[kind], label=kind)
+            axis.bar_label(bars, [panel.form.format(height) for height in heights], fontsize=7)
+            for place, height, row in zip(places, heights, own, strict=True):
+                ends = [row.get(f"{panel.column}_{end}", "") for end in ("low", "high")]
+                if "" not in ends:
+                    low, high = sorted(map(panel.of, ends))
+                    reach = [[max(height - low, 0.0)], [max(high - height, 0.0)]]
+                    axis.errorbar(place + BESIDE, height, reach, color="0.2", lw=1, capsize=2)
+        axis.set_xticks(range(len(models)), [MODELS[m].title.replace(" ", "\n") for m in models])
+        axis.margins(y=0.2)
+        axis.set(ylabel=panel.title, yscale="log" if panel.log else "linear")
     axes[0].legend(ncols=2, loc="lower right", bbox_to_anchor=(1, 1))
     return figure
-
-
-def _bars(
-    axis: Any, values: dict[Place, float], form: str, ends: dict[Place, tuple[float, float]]
-) -> None:
-    """Draw a pair of bars for each model, baseline and tuned, with the intervals of some."""
-    models = list(dict.fromkeys(model for model, _ in values))
-    for kind, shift in SHIFTS.items():
-        there = [(models.index(m), value) for (m, each), value in values.items() if each == kind]
-        if there:
-            places, heights = zip(*there, strict=True)
-            bars = axis.bar(
-                np.array(places) + shift, heights, 0.38, color=COLOURS[kind], label=kind
-            )
-            axis.bar_label(bars, [form.format(height) for height in heights], fontsize=7)
-    for (model, kind), (low, high) in ends.items():
-        value = values[model, kind]
-        reach = [[max(value - low, 0.0)], [max(high - value, 0.0)]]
-        place = models.index(model) + SHIFTS[kind] + BESIDE
-        axis.errorbar(place, value, reach, color="0.2", lw=1, capsize=2)
-    axis.set_xticks(range(len(models)), [MODELS[m].title.replace(" ", "\n") for m in models])
-    axis.margins(y=0.2)

@@ -9,9 +9,10 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from statistics import median
 from time import perf_counter
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -51,13 +52,10 @@ class TimedFit:
     until: float = math.inf  # time of `time.time` at which the fit is stopped [s]
 
 
-@dataclass(frozen=True, eq=False)
-class FitResult:
-    """Predictions of the test rows, (m,), empty if the fit failed, and the fit's description.
+class FitResult(NamedTuple):
+    """Predictions of the test rows, (m,), empty if the fit failed, and what a result says of it.
 
-    It has settings that the fit has chosen by itself ("fitted"), four scores on the "test" and the
-    "train" rows, None if the fit failed, the reason ("failure"), warnings ("remarks") and medians
-    of "times" on one thread: of "fit", over "fits" fits, of predicting the "test" set and a "row".
+    Times are medians on one thread: of a "fit", of predicting the "test" set, and one "row" [s].
     """
 
     prediction: Values
@@ -71,49 +69,35 @@ def fit_in_time(training: Training, task: TimedFit) -> FitResult | None:
 
 def fit_and_time(training: Training, task: TimedFit) -> FitResult:
     """Fit, score and time a model."""
+    model, how, restored = MODELS[task.model], training.normalisation, training.scaling.restored
     unfitted = pipeline(
-        MODELS[task.model],
-        task.settings,
-        normalisation=training.normalisation,
-        seed=training.seed,
-        tuned=task.of_grid,
+        model, task.settings, normalisation=how, seed=training.seed, tuned=task.of_grid
     )
     prediction = np.empty(0)
     found: dict[str, Any] = {"fitted": {}, "test": None, "train": None, "failure": ""}
     found["times"] = {"fit": None, "fits": 0, "test": None, "row": None}
+    fit = partial(unfitted.fit, training.inputs, training.target)
     with remarks() as said:
         try:
-            prediction, more = _scored_and_timed(training, unfitted, task.until)
-            found |= more
+            began = perf_counter()
+            fitted = fit()
+            alone = perf_counter() - began
+            answer = partial(fitted.predict, training.test_inputs)
+            found["fitted"] = _chosen(fitted)
+            train = restored(fitted.predict(training.inputs))
+            found["train"] = asdict(scores(restored(training.target), train))
+            guess = restored(answer())
+            found["test"] = asdict(scores(training.test_target, guess))
+            of_test = median(repeated(answer, (3, 9)))
+            of_row = median(repeated(partial(fitted.predict, training.test_inputs[:1]), (5, 99)))
+            # The first of several fits is a warm-up; one that is too long counts itself.
+            fits = repeated(fit, FITS, alone, task.until) or [alone]
+            found["times"] |= {"fit": median(fits), "fits": len(fits)}
+            found["times"] |= {"test": of_test, "row": of_row}
+            prediction = guess
         except Exception as error:  # whatever a library raises: the model has no scores
-            found["failure"] = reason(error)
+            found |= {"failure": reason(error), "test": None, "train": None}
     return FitResult(prediction, {**found, "remarks": said})
-
-
-def _scored_and_timed(
-    training: Training, unfitted: Any, until: float
-) -> tuple[Values, dict[str, Any]]:
-    first = perf_counter()
-    fitted = unfitted.fit(training.inputs, training.target)
-    alone = perf_counter() - first
-    restored = training.scaling.restored
-    prediction = restored(fitted.predict(training.test_inputs))
-    train = scores(restored(training.target), restored(fitted.predict(training.inputs)))
-    found = {
-        "test": asdict(scores(training.test_target, prediction)),
-        "train": asdict(train),
-        "fitted": _chosen(fitted),
-    }
-    of_test = median(repeated(lambda: fitted.predict(training.test_inputs), (3, 9)))
-    of_row = median(repeated(lambda: fitted.predict(training.test_inputs[:1]), (5, 99)))
-
-    def again() -> None:
-        unfitted.fit(training.inputs, training.target)
-
-    # The first of several fits is a warm-up; a fit that is too long to be repeated counts itself.
-    fits = repeated(again, FITS, alone, until) or [alone]
-    times = {"fit": median(fits), "fits": len(fits), "test": of_test, "row": of_row}
-    return prediction, {**found, "times": times}
 
 
 def repeated(
@@ -140,14 +124,11 @@ def repeated(
 
 
 def _chosen(fitted: Any) -> dict[str, str]:
-    """Return the settings that the fit itself has chosen."""
+    """Return the kernel or the number of epochs that a fit itself has chosen."""
     estimator = fitted.named_steps[STEP]
-    kernel = getattr(estimator, "kernel_", None)
-    chosen = {} if kernel is None else {"kernel": str(kernel)}
-    epochs = getattr(estimator, "n_iter_", None)
-    if isinstance(epochs, int):
-        chosen["iterations"] = str(epochs)
-    return chosen
+    found = {"kernel": "kernel_", "iterations": "n_iter_"}
+    values = {name: getattr(estimator, attribute, None) for name, attribute in found.items()}
+    return {n: str(v) for n, v in values.items() if v is not None and not isinstance(v, np.ndarray)}
 
 
 def winner_of(found: Found) -> TimedFit:
@@ -161,25 +142,36 @@ def winner_of(found: Found) -> TimedFit:
 
 def has_winner(folder: Folder, found: Found) -> bool:
     """Whether a folder has the result of this very search and winner."""
-    result, report = folder.result("tuned", found.search.model.name), _report(found)
-    if result is None or "settings" not in result:
-        return False
-    settings = json.loads(json.dumps(winner_of(found).settings))  # lists in JSON, no tuples
-    same = "winner", "how", "grid", "candidates_scored"
-    alike = all(result["search"].get(name) == report[name] for name in same)
-    return alike and result["settings"] == settings
+    result = folder.result("tuned", found.search.model.name) or {}
+    wanted = {"settings": winner_of(found).settings, **_report(found)}
+    there = {"settings": result.get("settings"), **(result.get("search") or {})}
+    same = "settings", "winner", "how", "grid", "candidates_scored"
+    return json.dumps([there.get(n) for n in same]) == json.dumps([wanted[n] for n in same])
 
 
 def write_search(folder: Folder, found: Found, result: FitResult) -> None:
     """Write and print the result of a search and of its winner's last fit."""
-    search, scores, task = found.search, found.scores, winner_of(found)
+    search, scores, grid, means = found.search, found.scores, found.search.grid, found.scores.means
+    names, folds = list(grid.candidates[0]), [f"r2_fold_{fold}" for fold in range(FOLDS)]
+    folder.write_table(
+        f"tuned/{search.model.name}-grid.csv",
+        [*names, "differing_candidate", "r2_mean", *folds],
+        (
+            [
+                *(candidate[name] for name in names),
+                number,
+                float(means[number]),
+                *scores.folds[number],
+            ]
+            for candidate, number in zip(grid.candidates, grid.canonical, strict=True)
+        ),
+    )
     title = search.model.title
-    folder.write_table(f"tuned/{task.model}-grid.csv", *_candidates(found))
-    write_fit(folder, task, search.training, result, _report(found), found.seconds)
     with RunProgress(1) as progress:
         for text, number in [*scores.failures.items(), *scores.remarks.items()]:
             progress.say(f"{title}: {number} of {scores.folds.size} scores: {text}")
-        print_result(progress.say, task, result)
+        how = winner_of(found), search.training, result, progress.say
+        write_fit(folder, *how, _report(found), found.seconds)
         if scores.baseline_wins:
             progress.say(f"{title}: {WHY_BASELINE}")
 
@@ -214,18 +206,6 @@ def _report(found: Found) -> dict[str, Any]:
     }
 
 
-def _candidates(found: Found) -> tuple[list[str], list[list[object]]]:
-    """Return the table of all candidates as the paper counts them, in ParameterGrid's order."""
-    grid, scores, means = found.search.grid, found.scores, found.scores.means
-    names = list(grid.candidates[0])
-    rows = [
-        [*(candidate[name] for name in names), number, float(means[number]), *scores.folds[number]]
-        for candidate, number in zip(grid.candidates, grid.canonical, strict=True)
-    ]
-    folds = [f"r2_fold_{fold}" for fold in range(FOLDS)]
-    return [*names, "differing_candidate", "r2_mean", *folds], rows
-
-
 def write_failure(folder: Folder, model: Model, why: str) -> None:
     """Write and print the reason why a search has no winner."""
     content = {"model": model.name, "failure": why, "remarks": []}
@@ -239,10 +219,11 @@ def write_fit(
     task: TimedFit,
     training: Training,
     result: FitResult,
-    report: dict[str, Any] | None = None,
-    search_seconds: float = 0.0,
+    say: Callable[[str], None],
+    search: dict[str, Any] | None = None,
+    seconds: float = 0.0,
 ) -> None:
-    """Write scores, predictions and times of a model, and the report of its search if any."""
+    """Write and print scores and times of a model, with the report and the time of its search."""
     pairs = zip(training.test_target.tolist(), result.prediction.tolist(), strict=False)
     folder.write_table(
         f"{task.kind}/{task.model}.csv",
@@ -250,27 +231,19 @@ def write_fit(
         ((number, *pair) for number, pair in enumerate(pairs)),
     )
     found = result.description
-    content = {
-        "model": task.model,
-        "settings": task.settings,
-        **{name: found[name] for name in ("fitted", "test", "train", "failure", "remarks")},
-        "search": report or {},
-        "times": {**found["times"], "search": search_seconds},
-    }
-    folder.write_json(f"{task.kind}/{task.model}.json", content)
-
-
-def print_result(say: Callable[[str], None], task: TimedFit, result: FitResult) -> None:
-    """Print a model's scores and times, and the warnings of its fit."""
+    times = {**found["times"], "search": seconds}
+    content = {"model": task.model, "settings": task.settings, **found}
+    folder.write_json(
+        f"{task.kind}/{task.model}.json", {**content, "search": search or {}, "times": times}
+    )
     title = f"{MODELS[task.model].title}, {task.kind}"
     title += ", which is the baseline" if task.kind == "tuned" and not task.of_grid else ""
-    found = result.description
     if found["test"] is None:
         say(f"warning: {title}: {found['failure']}")
         return
     say(
         f"{title}: R2 {found['test']['r2']:.2f} %, nMAE {found['test']['nmae']:.2f} %,"
-        f" fit {found['times']['fit']:.3g} s, prediction {found['times']['test']:.3g} s"
+        f" fit {times['fit']:.3g} s, prediction {times['test']:.3g} s"
     )
     for remark in found["remarks"]:
         say(f"  warning: {remark}")

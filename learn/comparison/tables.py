@@ -1,12 +1,13 @@
-"""The tables of a comparison, beside the paper's: printed, and written as CSV.
+"""The tables of a comparison, beside the paper's: written as CSV, and printed.
 
 Scores and times go into separate files: the scores are the same for the same seeds whatever the
 number of processes, the times are not. Scores have intervals by a bootstrap of the test rows, in
 which rows of one surface, or of one tile of a map, are drawn together.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
 
 from rich.table import Table
 
@@ -27,20 +28,17 @@ OUR_AREA = "area_percent"
 WIDTH = 150
 """Width of the tables without a terminal [characters]."""
 
-EXTENT = ["rows", "candidates", "candidates_differing", "candidates_scored", "fits_nominal", "fits"]
-"""The extent of a search: keys of a result, and columns of tuning.csv."""
-
-UNBROKEN = {"Model", "", *SCORES.values()}
-"""Columns whose cells are not broken into lines."""
-
 NOT_SEARCHED = "not searched"
 """Name of the winner of a search that judged too few candidates."""
 
 WHY_BASELINE = "the baseline wins, no candidate is better over five folds of all rows"
 """What is said of a search that no candidate has won."""
 
-WINNERS = {"grid": "grid", "optimum": "the paper's optimum", "baseline": "the baseline"}
-"""Names of the winners' places in tables."""
+WINNERS = {"optimum": "the paper's optimum", "baseline": "the baseline"}
+"""Names of the winners' places for people, where they are others."""
+
+EXTENT = ("rows", "candidates", "candidates_differing", "candidates_scored", "fits_nominal", "fits")
+"""The extent of a search: keys of a result, and columns of tuning.csv."""
 
 DECIDED = {
     "winner_r2": "r2_folds",
@@ -50,46 +48,34 @@ DECIDED = {
 }
 """Columns of tuning.csv, and the R2 over the folds of a result whose means [%] they are."""
 
+TIMES = ("model", "result", "fit_s", "fits", "predict_test_s", "predict_row_s")
+TUNING = ("model", "grid", "searched", *EXTENT, "winner", *DECIDED, "settings")
+"""Columns of times.csv and of tuning.csv."""
 
-class Intervals(NamedTuple):
-    """Intervals of the scores on the test rows."""
+Row = dict[str, Any]
 
-    # Low and high of each score that has an interval [%], by model and kind of result; empty for a
-    # result whose test rows are all of one group.
-    of: dict[tuple[str, str], dict[str, tuple[float, float]]]
-    drawn: str  # number and name of what is drawn, as "12 surfaces"
+
+@dataclass(frozen=True, eq=False)
+class Tables:
+    """The tables of a target, by the columns of their files; cells without a value are empty."""
+
+    folder: Folder
+    target: str
+    drawn: str  # what the intervals are drawn from, as "12 surfaces"; "" if there are none
     spread: float  # variance of the solved test values over their mean, in the target's unit
+    scores: list[Row]
+    times: list[Row]
+    searches: list[Row]
 
-    def in_words(self) -> str:
-        """Say how the intervals were made."""
+    @property
+    def how_drawn(self) -> str:
+        """How the intervals were made, in words."""
         return f"{BOOTSTRAP:,} resamples of {self.drawn}; nMaxE has none"
 
-
-def intervals(folder: Folder) -> Intervals | None:
-    """Draw the intervals of all results of a folder; None if no result has scores.
-
-    InputError is raised if predictions or groups are damaged.
-    """
-    places = [(m, kind) for m, kind, result in folder.results() if result.get("test")]
-    if not places:
-        return None
-    record, groups = folder.record(), folder.test_groups()
-    found = {}
-    for model, kind in places:
-        truth, prediction = folder.prediction(kind, model)
-        path = folder.path / kind / f"{model}.csv"
-        if truth.size != groups.size:
-            raise InputError(
-                f"{path} has {truth.size} rows, rows.csv has {groups.size} test rows: move it away"
-            )
-        try:
-            found[model, kind] = bootstrap(truth, prediction, LEVEL, groups)
-        except ValueError as error:
-            raise InputError(f"{path} cannot be read: {error}: move it away") from None
-    drawn = "tiles" if record.get("split_by_tile") else "surfaces"
-    drawn = drawn if record.get("split_by_surface", True) else "rows"
-    middle = spread(folder.prediction(places[0][1], places[0][0])[0])
-    return Intervals(found, f"{len(set(groups.tolist()))} {drawn}", middle)
+    @property
+    def names(self) -> list[str]:
+        """The scores that the target has."""
+        return names(self.target)
 
 
 def names(target: str) -> list[str]:
@@ -97,103 +83,116 @@ def names(target: str) -> list[str]:
     return [name for name in SCORES if name != "nmse" or target == OUR_AREA]
 
 
-def _bounded(target: str) -> list[str]:
-    """Return the scores that have intervals: the largest error has none."""
-    return [name for name in names(target) if name != "nmaxe"]
+def columns(target: str) -> list[str]:
+    """Return the columns of scores.csv; the largest error has no interval."""
+    own = names(target)
+    published = [f"paper_{name}" for name in own if target == OUR_AREA]
+    ends = [f"{name}_{end}" for name in own if name != "nmaxe" for end in ("low", "high")]
+    return [
+        *("model", "result", *own, *(f"train_{name}" for name in own), *published),
+        *("failure", "winner", *ends, "level", "resamples", "drawn", "variance_over_mean"),
+    ]
 
 
-def write(folder: Folder) -> None:
-    """Write scores.csv, times.csv, tuning.csv and tuning-times.csv."""
-    target = str(folder.record()["conditions"]["target"])
-    header = ["model", "result", *names(target), *(f"train_{name}" for name in names(target))]
-    paper_header = [f"paper_{name}" for name in names(target)] if target == OUR_AREA else []
-    ends = [f"{name}_{end}" for name in _bounded(target) for end in ("low", "high")]
-    more = ["winner", *ends, "level", "resamples", "drawn", "variance_over_mean"]
-    header += [*paper_header, "failure", *more]
-    folder.write_table("scores.csv", header, _score_rows(folder, target))
-    times = ["model", "result", "fit_s", "fits", "predict_test_s", "predict_row_s"]
-    folder.write_table("times.csv", times, _time_rows(folder))
-    header = ["model", "grid", "searched", *EXTENT, "winner", *DECIDED, "settings"]
-    searched = [(m, r, r["search"]) for m, kind, r in folder.results() if _is_search(kind, r)]
-    folder.write_table("tuning.csv", header, (_search_row(*each) for each in searched))
-    spent = [(m, r["times"]["search"], paper.TUNING_SECONDS[m]) for m, r, _ in searched]
-    folder.write_table("tuning-times.csv", ["model", "fit_seconds", "paper_s"], spent)
+def read(folder: Folder) -> Tables:
+    """Make the tables of a folder; InputError is raised if predictions or groups are damaged."""
+    record, results = folder.record(), [*folder.results()]
+    target = str(record["conditions"]["target"])
+    drawn, middle = "", 0.0
+    scores, times, searches = [], [], []
+    for model, kind, result in results:
+        search = result.get("search") or {}
+        known = {"model": model, "result": kind, "failure": result.get("failure", "")}
+        known |= {"winner": search.get("winner") or "", **(result.get("test") or {})}
+        known |= {f"train_{name}": value for name, value in (result.get("train") or {}).items()}
+        if theirs := paper.TEST.get(kind, {}).get(model):
+            known |= {f"paper_{name}": value for name, value in vars(theirs).items()}
+        if result.get("test"):
+            ends, middle, number = _intervals(folder, kind, model)
+            known["variance_over_mean"] = middle
+            if ends:
+                by = "surface" if record.get("split_by_surface", True) else "row"
+                drawn = f"{number} {'tile' if record.get('split_by_tile') else by}s"
+                known |= {**ends, "level": LEVEL, "resamples": BOOTSTRAP, "drawn": drawn}
+        scores.append({name: known.get(name, "") for name in columns(target)})
+        if own := result.get("times"):
+            values = model, kind, own["fit"], own["fits"], own["test"], own["row"]
+            times.append(dict(zip(TIMES, values, strict=True)))
+        if kind == "tuned" and search:
+            searches.append(_search(model, result))
+    return Tables(folder, target, drawn, middle, scores, times, searches)
 
 
-def _score_rows(folder: Folder, target: str) -> Iterator[list[object]]:
-    """Yield the lines of scores.csv."""
-    found = intervals(folder)
-    for model, kind, result in folder.results():
-        row: list[object] = [model, kind]
-        for part in ("test", "train"):
-            scored = result.get(part) or {}
-            row += [scored.get(name, "") for name in names(target)]
-        if target == OUR_AREA:
-            theirs = paper.TEST.get(kind, {}).get(model)
-            row += ["" if theirs is None else getattr(theirs, name) for name in names(target)]
-        row += [result.get("failure", ""), (result.get("search") or {}).get("winner") or ""]
-        own = found.of.get((model, kind), {}) if found else {}
-        row += [end for name in _bounded(target) for end in own.get(name, ("", ""))]
-        row += [LEVEL, BOOTSTRAP, found.drawn] if found and own else ["", "", ""]
-        yield [*row, found.spread if found and (model, kind) in found.of else ""]
+def _intervals(folder: Folder, kind: str, model: str) -> tuple[Row, float, int]:
+    """Draw the intervals of a result; return their ends, the spread and the number of groups."""
+    (truth, prediction), groups = folder.prediction(kind, model), folder.test_groups()
+    path = folder.path / kind / f"{model}.csv"
+    if truth.size != groups.size:
+        raise InputError(
+            f"{path} has {truth.size} rows, rows.csv has {groups.size} test rows: move it away"
+        )
+    try:
+        found = bootstrap(truth, prediction, LEVEL, groups)
+    except ValueError as error:
+        raise InputError(f"{path} cannot be read: {error}: move it away") from None
+    ends = {f"{name}_low": low for name, (low, _) in found.items()}
+    ends |= {f"{name}_high": high for name, (_, high) in found.items()}
+    return ends, spread(truth), len(set(groups.tolist()))
 
 
-def _time_rows(folder: Folder) -> Iterator[list[object]]:
-    """Yield the lines of times.csv."""
-    for model, kind, result in folder.results():
-        if times := result.get("times"):
-            yield [model, kind, times["fit"], times["fits"], times["test"], times["row"]]
+def _search(model: str, result: Row) -> Row:
+    """Return a row of tuning.csv, with the times of tuning-times.csv."""
+    search = result["search"]
+    settings = ", ".join(f"{name}={value}" for name, value in sorted(result["settings"].items()))
+    folds = {column: search.get(name) or [] for column, name in DECIDED.items()}
+    return {
+        "model": model,
+        "grid": search.get("grid", TABLE_2),
+        "searched": search["how"],
+        **{name: search[name] for name in EXTENT},
+        "winner": winner_of(search),
+        **{column: sum(own) / len(own) if own else "" for column, own in folds.items()},
+        "settings": settings or "those of the library",
+        "fit_seconds": result["times"]["search"],
+        "paper_s": paper.TUNING_SECONDS[model],
+    }
 
 
-def _is_search(kind: str, result: dict[str, Any]) -> bool:
-    return kind == "tuned" and "search" in result
-
-
-def _search_row(model: str, result: dict[str, Any], search: dict[str, Any]) -> list[object]:
-    """Return a line of tuning.csv."""
-    extent = [search.get("grid", TABLE_2), *(search[name] for name in ("how", *EXTENT))]
-    means = [_mean(search, name) for name in DECIDED.values()]
-    return [model, *extent, winner_of(search), *means, _settings(result)]
-
-
-def winner_of(search: dict[str, Any]) -> str:
+def winner_of(search: Row) -> str:
     """Return the place of a search's winner; earlier versions named one of too few candidates."""
     few = search["candidates_scored"] < min(LEAST_JUDGED, search["candidates_differing"])
-    failed = sum(search["failures"].values()) > 0
-    return NOT_SEARCHED if few and not failed else search.get("winner") or ""
+    return NOT_SEARCHED if few and not search["failures"] else search.get("winner") or ""
 
 
-def _mean(search: dict[str, Any], name: str) -> float | str:
-    """Return the mean R2 over the folds [%], "" where there is none."""
-    folds = search.get(name) or []
-    return sum(folds) / len(folds) if folds else ""
+def write(tables: Tables) -> None:
+    """Write scores.csv, times.csv, tuning.csv and tuning-times.csv."""
+    files = {
+        "scores.csv": (columns(tables.target), tables.scores),
+        "times.csv": (TIMES, tables.times),
+        "tuning.csv": (TUNING, tables.searches),
+        "tuning-times.csv": (("model", "fit_seconds", "paper_s"), tables.searches),
+    }
+    for name, (header, rows) in files.items():
+        tables.folder.write_table(name, header, ([row[key] for key in header] for row in rows))
 
 
-def _settings(result: dict[str, Any]) -> str:
-    """Return the settings of a result in one line; a baseline without any is named."""
-    values = ", ".join(f"{name}={value}" for name, value in sorted(result["settings"].items()))
-    return values or "those of the library"
-
-
-def show(folder: Folder) -> None:
-    """Print the tables of a folder."""
-    record, found = folder.record(), intervals(folder)
-    conditions = record["conditions"]
-    target, area_max = str(conditions["target"]), conditions["area_max"]
+def show(tables: Tables) -> None:
+    """Print the tables of a folder, and what there is to say of them."""
+    folder, record = tables.folder, tables.folder.record()
+    conditions, area_max = record["conditions"], record["conditions"]["area_max"]
     limited = "" if area_max is None else f", areas to {area_max:g} %"
     echo(
-        f"{folder.path}: {target}, {conditions['train_rows']} training rows,"
+        f"{folder.path}: {tables.target}, {conditions['train_rows']} training rows,"
         f" {conditions['test_rows']} test rows{limited}; {record['threads']} thread"
     )
-    print_table(_score_table(folder, target, found), WIDTH)
-    if found is not None:
-        if any(found.of.values()):
-            how = f"bootstrap, {found.in_words()}"
-            echo(f"{100 * LEVEL:g} % intervals of the scores on the test rows [%]: {how}")
-        if target == OUR_AREA:
-            echo(nmse_note(found.spread))
-    if any(folder.result("tuned", model) for model in MODELS):
-        print_table(_search_table(folder, beside=target == OUR_AREA), WIDTH)
+    print_table(_score_table(tables), WIDTH)
+    if tables.drawn:
+        how = f"bootstrap, {tables.how_drawn}"
+        echo(f"{100 * LEVEL:g} % intervals of the scores on the test rows [%]: {how}")
+    if tables.spread and tables.target == OUR_AREA:
+        echo(nmse_note(tables.spread))
+    if any(row["result"] == "tuned" for row in tables.scores):
+        print_table(_search_table(tables), WIDTH)
     for line in _remarks(folder):
         echo(line)
 
@@ -206,33 +205,31 @@ def _remarks(folder: Folder) -> Iterator[str]:
         title, search = MODELS[model].title, result.get("search") or {}
         if result.get("failure"):
             yield f"{title}, {label(model, kind)}: {result['failure']}"
-        elif search and winner_of(search) == NOT_SEARCHED:
-            yield (
-                f"{title}: {NOT_SEARCHED}: {search['candidates_scored']} candidates were judged, of"
-                f" {LEAST_JUDGED} at least: give a larger --budget"
-            )
-        elif search.get("winner") == "baseline":
-            yield f"{title}: {WHY_BASELINE}"
         elif search:
-            yield from _ends(folder, model, result, search)
-    if any(kind == "library" for _, kind, _ in folder.results()):
-        yield (
-            f"Its library fits amplitude and length of a Gaussian process ({LIBRARY_ROWS:,} rows at"
-            " most here); the paper's, and ours, has a fixed kernel."
-        )
+            yield from (f"{title}: {said}" for said in _of_search(folder, model, result))
+        elif kind == "library":
+            yield (
+                f"Its library fits amplitude and length of a Gaussian process ({LIBRARY_ROWS:,}"
+                " rows at most here); the paper's, and ours, has a fixed kernel."
+            )
 
 
-def _ends(
-    folder: Folder, model: str, result: dict[str, Any], search: dict[str, Any]
-) -> Iterator[str]:
-    """Say which settings of a winner lie beyond the grid, or at an end with more beyond."""
+def _of_search(folder: Folder, model: str, result: Row) -> Iterator[str]:
+    """Say what is odd about the winner of a search."""
+    search = result["search"]
+    if winner_of(search) == NOT_SEARCHED:
+        number = search["candidates_scored"]
+        yield f"{NOT_SEARCHED}: {number} candidates were judged, of {LEAST_JUDGED} at least"
+        return
+    if search.get("winner") == "baseline":
+        yield WHY_BASELINE
+        return
     _, space = space_of(model, folder.record()["conditions"]["features"])
     for name, value in result["settings"].items():
-        title, said = MODELS[model].title, f"{name} = {value}"
         if isinstance(value, int | float) and value not in space.get(name, [value]):
-            yield f"{title}: {said} lies beyond the grid, where the search went on"
+            yield f"{name} = {value} lies beyond the grid, where the search went on"
         if name in search.get("ends", ()):
-            yield f"{title}: {said} at an end of what was tried: a better one may lie beyond"
+            yield f"{name} = {value} at an end of what was tried: a better one may lie beyond"
 
 
 def label(model: str, kind: str) -> str:
@@ -259,43 +256,34 @@ def no_better_than_constant(folder: Folder) -> Iterator[tuple[str, str, str]]:
             yield model, kind, f"{MODELS[model].title}, {kind}: {said}"
 
 
-def _new_table(title: str, texts: Sequence[str], numbers: Iterable[str]) -> Table:
-    """Return a table without rows, with columns of texts and of numbers."""
-    table = Table(title=title)
-    for column in texts:
-        table.add_column(column, no_wrap=column in UNBROKEN)
-    for column in numbers:
-        table.add_column(column, justify="right", no_wrap=column in UNBROKEN)
-    return table
-
-
-def _score_table(folder: Folder, target: str, found: Intervals | None) -> Table:
+def _score_table(tables: Tables) -> Table:
     """Return a table like Table 4, with the paper's numbers in brackets, intervals below."""
     title = "Scores on the test rows [%] with their intervals, times [s]; the paper's in brackets"
-    numbers = (*(SCORES[name] for name in names(target)), "fit", "test set", "one row")
+    numbers = (*(SCORES[name] for name in tables.names), "fit", "test set", "one row")
     table = _new_table(title, ("Model", ""), numbers)
-    beside = target == OUR_AREA
-    for model, kind, result in folder.results():
-        won = (result.get("search") or {}).get("winner") == "baseline"
+    times = {(row["model"], row["result"]): row for row in tables.times}
+    for row in tables.scores:
+        model, kind = row["model"], row["result"]
+        won = row["winner"] == "baseline"
         cells = [MODELS[model].title, f"{kind}: baseline" if won else label(model, kind)]
-        scored, times = result.get("test"), result.get("times") or {}
-        if not scored:
+        if row["r2"] == "":
             table.add_row(*cells, "failed")
             continue
-        own = found.of.get((model, kind), {}) if found else {}
-        theirs = paper.TEST.get(kind, {}).get(model) if beside else None
-        for name in names(target):
-            published = f" ({getattr(theirs, name):.2f})" if theirs else ""
-            ends = "\n{:.2f} to {:.2f}".format(*own[name]) if name in own else ""
-            cells.append(f"{scored[name]:.2f}{published}{ends}")
-        for place, name in enumerate(("fit", "test")):
+        theirs = row.get("paper_r2", "") != ""
+        for name in tables.names:
+            published = f" ({row[f'paper_{name}']:.2f})" if theirs else ""
+            ends = row.get(f"{name}_low", ""), row.get(f"{name}_high", "")
+            below = "" if "" in ends else "\n{:.2f} to {:.2f}".format(*ends)
+            cells.append(f"{row[name]:.2f}{published}{below}")
+        own = times[model, kind]
+        for place, name in enumerate(("fit_s", "predict_test_s")):
             published = f" ({paper.TIMES[kind][model][place]:.3g})" if theirs else ""
-            cells.append(f"{_seconds(times[name])}{published}")
-        table.add_row(*cells, _seconds(times["row"]))
+            cells.append(f"{_seconds(own[name])}{published}")
+        table.add_row(*cells, _seconds(own["predict_row_s"]))
     return table
 
 
-def _search_table(folder: Folder, *, beside: bool) -> Table:
+def _search_table(tables: Tables) -> Table:
     """Return a table like Table 3: extent and winners of the searches, the paper's times beside."""
     title = (
         "Searches: means of R2 over the five folds of all rows [%], which decide; sum of the fits'"
@@ -303,28 +291,31 @@ def _search_table(folder: Folder, *, beside: bool) -> Table:
     )
     texts = ("Model", "Grid", "Searched", "Winner", "Best settings")
     numbers = ("R2", "baseline", "candidates", "differ", "fits", "of", "time")
-    table = _new_table(title, texts, numbers)
-    for model in MODELS:
-        result = folder.result("tuned", model)
-        if result is None:
+    table, searches = _new_table(title, texts, numbers), {r["model"]: r for r in tables.searches}
+    for row in (row for row in tables.scores if row["result"] == "tuned"):
+        model = row["model"]
+        if (search := searches.get(model)) is None:
+            table.add_row(MODELS[model].title, "", row["failure"].partition(":")[0])
             continue
-        search = result.get("search")
-        if not search:
-            table.add_row(MODELS[model].title, "", result["failure"].partition(":")[0])
-            continue
-        theirs = f" ({paper.TUNING_SECONDS[model]:.0f})" if beside else ""
-        means = [_mean(search, name) for name in ("r2_folds", "baseline_r2_folds")]
+        theirs = f" ({search['paper_s']:.0f})" if tables.target == OUR_AREA else ""
+        means = (search[name] for name in ("winner_r2", "baseline_r2"))
         extent = ("candidates", "candidates_differing", "fits", "fits_nominal")
         table.add_row(
-            MODELS[model].title,
-            str(search.get("grid", TABLE_2)),
-            str(search["how"]),
-            WINNERS.get(winner_of(search), winner_of(search)),
-            _settings(result),
-            *(f"{mean:.2f}" if isinstance(mean, float) else mean for mean in means),
+            *(MODELS[model].title, search["grid"], search["searched"]),
+            *(WINNERS.get(search["winner"], search["winner"]), search["settings"]),
+            *("" if mean == "" else f"{mean:.2f}" for mean in means),
             *(str(search[name]) for name in extent),
-            f"{_seconds(result['times']['search'])}{theirs}",
+            f"{_seconds(search['fit_seconds'])}{theirs}",
         )
+    return table
+
+
+def _new_table(title: str, texts: tuple[str, ...], numbers: tuple[str, ...]) -> Table:
+    """Return a table without rows, with columns of texts and of numbers."""
+    table = Table(title=title)
+    for column in (*texts, *numbers):
+        unbroken = column in {"Model", "", *SCORES.values()}
+        table.add_column(column, justify="right" if column in numbers else "left", no_wrap=unbroken)
     return table
 
 

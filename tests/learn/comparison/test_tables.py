@@ -31,7 +31,7 @@ def thrice(tmp_path_factory):
 
 
 def test_surfaces_are_drawn_not_rows(thrice):
-    found = tables.intervals(Folder(thrice / "area"))
+    found = tables.read(Folder(thrice / "area"))
     rows = len(table(thrice / "area/baseline/decision-tree.csv"))
     assert found.drawn == f"{rows // 3} surfaces"
     groups = [row["group"] for row in table(thrice / "area/rows.csv")]
@@ -70,7 +70,7 @@ def test_rows_that_do_not_belong_to_the_predictions_are_refused(thrice, tmp_path
     rows = (thrice / "area/rows.csv").read_text().splitlines(keepends=True)
     (tmp_path / "area/rows.csv").write_text("".join(rows[:-1]))
     with pytest.raises(InputError, match=r"decision-tree.csv has 12 rows, rows.csv has 11"):
-        tables.intervals(Folder(tmp_path / "area"))
+        tables.read(Folder(tmp_path / "area"))
 
 
 def test_r2_is_drawn_as_what_is_left_of_it_and_baselines_as_circles(work, monkeypatch):
@@ -80,7 +80,7 @@ def test_r2_is_drawn_as_what_is_left_of_it_and_baselines_as_circles(work, monkey
     monkeypatch.setattr(
         pictures, "save", lambda figure, path, dpi: figures.setdefault(path.name, figure)
     )
-    pictures.draw(Folder(Path("out/area")))
+    pictures.draw(tables.read(Folder(Path("out/area"))))
     left = next(axis for axis in figures["scores.png"].axes if axis.get_ylabel() == "1 - R2 [%]")
     assert left.get_yscale() == "log"
     r2 = [float(row["r2"]) for row in table("out/area/scores.csv")]
