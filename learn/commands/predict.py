@@ -106,24 +106,20 @@ def predict(
     from gen.runtime.terminal import RunProgress
     from learn.surrogate import Surrogate
     from learn.surrogate.answers import Question, answers, show
-    from learn.surrogate.model import require_level
+    from learn.surrogate.model import bodies_of, require_level
 
     check_outputs([Output(output, "--output")], [file, *inputs])
     surrogate = Surrogate.load(file)
     require_level(surrogate, interval)
-    question = Question(
-        deltas=loads_from("delta", delta) if delta else None,
-        e_star=material.modulus(),
-        hardness=material.hardness,
-        level=interval,
-        reading=reading,
-    )
+    bodies = bodies_of(surrogate, material.modulus(), material.hardness)
+    deltas = loads_from("delta", delta) if delta else None
+    question = Question(deltas, bodies, interval, reading)
     rows: list[Row] = []
     with RunProgress(len(inputs), "inputs") as progress:
         for path in inputs:
-            rows += answers(surrogate, [path], question, progress.say)
+            rows += answers(surrogate, path, question, progress.say)
             progress.advance(1, 0)
-    show(rows, interval, question.bodies(surrogate))
+    show(rows, interval, bodies)
     if output is not None:
         write_csv(output, rows)
         echo(f"wrote {output}")

@@ -95,7 +95,7 @@ def choose(request: Request, train: Dataset, target: Values, folds: Folds) -> Se
     """
     (name,) = request.models
     if request.source is not None:
-        return _tuned(request.source, train.target_name, name)[0]
+        return _tuned(Folder(request.source / short_name(train.target_name)), name)
     if name == "gaussian-process":
         return _most_likely(request, train.inputs, target)
     if request.features == "paper" and request.normalisation == "l2":
@@ -107,16 +107,15 @@ def choose(request: Request, train: Dataset, target: Values, folds: Folds) -> Se
     return Settings(dict(OPTIMA[name]), True, "the paper's optimum")
 
 
-def _tuned(source: Path, column: str, model: str) -> tuple[Settings, Folder]:
-    """Return the winner of a model in a comparison's folder, and the folder of its target."""
-    folder = Folder(source / short_name(column))
+def _tuned(folder: Folder, model: str) -> Settings:
+    """Return the settings of a search's winner."""
     winner = folder.winner(model)
     if winner is None:
         raise InputError(
             f"--from: {folder.path} has no tuned {model}: {to_type(f'learn tune --model {model}')}"
         )
     origin = f"tuned in {folder.path}" if winner.of_grid else f"the baseline, by {folder.path}"
-    return Settings(winner.settings, winner.of_grid, origin), folder
+    return Settings(winner.settings, winner.of_grid, origin)
 
 
 def with_conditions(request: Request, source: Path, given: Mapping[str, object]) -> Request:
@@ -126,8 +125,9 @@ def with_conditions(request: Request, source: Path, given: Mapping[str, object])
     given, of "features", "normalisation", "area_max" and "seed".
     """
     column = TARGETS.get(request.targets[0], request.targets[0])
-    _, folder = _tuned(source, column, request.models[0])
+    folder = Folder(source / short_name(column))
     conditions = {"features": "paper", **folder.record()["conditions"]}
+    _tuned(folder, request.models[0])
     names = ("features", "normalisation", "area_max", "seed")
     for name in names:
         if given.get(name) not in {None, "", conditions[name]}:

@@ -34,8 +34,7 @@ from gen.material import Bodies
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import RunProgress
 from learn.features import SurfaceFeatures, Undefined
-from learn.surrogate import flag
-from learn.surrogate.model import OnSurface, Surrogate
+from learn.surrogate.model import OnSurface, Surrogate, bodies_of
 
 BEYOND = (1.15, 1.4, 2.0, 3.0)
 """Further Deltas to predict, over the last one: some surfaces reach a pressure late."""
@@ -80,12 +79,10 @@ def make(surrogate: Surrogate, order: Order, say: Callable[[str], None]) -> Law:
     subjects = read_subjects(order.inputs, order.surfaces, order.reading, surrogate.boundary, say)
     kept, left_out = _defined(subjects.surfaces)
     subjects = replace(subjects, surfaces=kept)
-    e_star, hardness = order.e_star or surrogate.modulus, order.hardness
+    hardness = order.hardness
     if hardness is None and (given := subjects.hardness_ratio()) is not None:
-        hardness = given * e_star
-    ratio = flag.hardness_ratio(surrogate.card, hardness, e_star)
-    hardness = None if ratio is None else ratio * e_star
-    bodies = Bodies(e_star, hardness, known=order.e_star is not None)
+        hardness = given * (order.e_star or surrogate.modulus)
+    bodies = bodies_of(surrogate, order.e_star, hardness)
     if deltas is None:
         low, high = surrogate.card["delta"]
         deltas = np.unique(np.linspace(float(low), float(high), STEPS))

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from bem.problem import Boundary
 from gen.arrays import Values, refuse_masked
+from gen.material import Bodies
 from gen.runtime.errors import InputError
 from learn.features import SETS, FeatureSet, SurfaceFeatures
 from learn.features.sets import Rows
@@ -362,6 +363,13 @@ class Surrogate:
             for each, ratio in zip(given * (number // len(given)), ratios, strict=True)
         ]
         return flag.reasons_of(inputs, notes, self.features, (self.low, self.high), self.distance)
+
+
+def bodies_of(surrogate: Surrogate, e_star: float | None, hardness: float | None) -> Bodies:
+    """Return E* and hardness of answers, for which the training has defaults; or InputError."""
+    given = surrogate.modulus if e_star is None else e_star
+    ratio = flag.hardness_ratio(surrogate.card, hardness, given)
+    return Bodies(given, None if ratio is None else ratio * given, known=e_star is not None)
 
 
 def _calibrated_by(card: Mapping[str, Any]) -> str:
