@@ -193,10 +193,6 @@ def _tables(
     If one kind of load is given, the other table of one surface has the same contacts. For a
     population further contacts are solved for it: a given Delta leads to a pressure on each
     surface, and the second table is at the means of these pressures; likewise the other way round.
-
-    Loads under which the solver did not converge on every surface are left out of the tables and
-    named among the lines that are returned with them. Raise InputError if a load has no solution,
-    or the solver converges under none.
     """
     lost: list[str] = []
     under = partial(_solved, order, surfaces, bodies, lost)
@@ -237,10 +233,9 @@ def _solved(
     *,
     derived: bool = False,
 ) -> tuple[Values, list[Points], list[str]]:
-    """Solve every surface under the same loads.
+    """Solve every surface; return the loads solved on all, the points, and warnings.
 
-    Return the loads solved on all surfaces, their points, and warnings: all of one surface, or the
-    number of surfaces and those of the first. Lines about the other loads are added to `lost`.
+    Lines about loads under which the solver did not converge on every surface go to `lost`.
     """
     loads = _possible(load, loads, surfaces, bodies, lost, derived=derived)
     found = []
@@ -273,10 +268,8 @@ def _possible(
     *,
     derived: bool,
 ) -> Values:
-    """Return the displacements [um] below full contact, or derived pressures below the hardness.
-
-    Elastic bodies without edges are in full contact at a displacement of the mean gap at rest; at
-    the hardness every node would yield.
+    """Return the loads below full contact: of elastic bodies without edges Delta is below the mean
+    gap at rest, and of bodies that yield a derived pressure is below the hardness.
     """
     full = [each.gap_at_rest for each in surfaces if each.boundary != "free"]
     if load == "delta" and full and bodies.hardness is None:
@@ -309,11 +302,9 @@ class _OfSurface(NamedTuple):
 def _of_surface(
     order: Order, surface: LawSurface, bodies: Bodies, load: Load, loads: Values, *, judged: bool
 ) -> _OfSurface:
-    """Solve the law of one surface at ascending loads, displacements [um] or pressures [MPa].
+    """Solve the law of one surface at ascending loads; NaN where the solver did not converge.
 
-    Points are NaN where the solver did not converge. If the surface is judged and the error of the
-    grid is asked for, the area in the continuum has its interval. Raise InputError if a load has no
-    solution, or the solver converges under none of them.
+    If it is judged and the error of the grid asked for, the area in the continuum has an interval.
     """
     topography = Topography(surface.name, surface.heights, surface.sides, boundary=surface.boundary)
     settings = {"modulus": bodies.e_star, **surface.settings}

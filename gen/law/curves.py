@@ -184,10 +184,8 @@ def tabulated(
     The values and intervals of one surface are those of its points. Those of a population are mean
     and quantiles over the surfaces at the same argument, with a share `level` between them. There
     is no band outside the surrogate's training: for one surface at points with a reason, for a
-    population where more surfaces are outside than the band leaves out on each side, (1 - level) /
-    2 of them. Where most are, closure, stiffness and conductance are NaN.
-
-    Raise InputError if a value is not finite, as that of a forged surrogate may be.
+    population where more surfaces are outside than the band leaves out on each side. Where most
+    are, closure, stiffness and conductance are NaN. A value that is not finite is refused.
     """
     outside = np.array([[bool(reason) for reason in part.reasons] for part in parts]).mean(axis=0)
     reasons = [_summary(each) for each in zip(*(part.reasons for part in parts), strict=True)]

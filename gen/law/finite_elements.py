@@ -1,19 +1,16 @@
 """A contact law as a surface interaction of finite elements, for CalculiX and for Abaqus.
 
-Both take the pressure over the closure as a table, from first touch on. They differ in the gap's
-conductance: CalculiX takes conductance, pressure and temperature a line; Abaqus needs the parameter
-PRESSURE, without which it takes the second column for a clearance.
+Both take the pressure over the closure as a table, from first touch on. Of the gap's conductance
+CalculiX takes conductance, pressure and temperature a line; Abaqus needs the parameter PRESSURE,
+without which it takes the second column for a clearance.
 
-CalculiX 2.20, like its newest source (commit 3593817 of August 2026), presses surface to surface
-only with tables of a certain form. springforc_f2f.f has room for 20 points, takes their number from
-where the 41st overclosure stands (plconloc(81), instead of plconloc(801)), and holds the pressure
-constant behind the last of them. A joint that is perfectly soft there is not only wrong: an
-iteration that gets there on its way to a smaller pressure finds no way back, separates both faces
-and converges without contact, or ends after too many cutbacks. So only 19 points belong to the law.
-The 20th is far away on the last slope, and so are 21 more, which bring the number 20 to its place
-and mean the same to programs that read all of them. Conductances have room for 20 points too: what
-follows overwrites other numbers of CalculiX. Node to surface presses right with any table, but its
-conductance does not look at the table. Abaqus continues the last slope by itself.
+CalculiX 2.20, like its newest source (commit 3593817 of August 2026), has room for 20 points where
+it presses surface to surface (springforc_f2f.f), takes their number from where the 41st overclosure
+stands (plconloc(81), instead of plconloc(801)), and holds the pressure constant behind the last of
+them, from where an iteration finds no way back. So only 19 points belong to the law. The 20th is
+far away on the last slope, and so are 21 more, which bring the number 20 to its place and mean the
+same to programs that read all of them. What follows 20 conductances overwrites other numbers of
+CalculiX. Abaqus continues the last slope by itself.
 """
 
 import re
@@ -68,11 +65,7 @@ SIDES = {"": ("value", "value"), "soft": ("high", "low"), "stiff": ("low", "high
 
 
 def write(path: Path, law: Law, program: Program, units: Units) -> list[Path]:
-    """Write the surface interaction of a law, and those of both sides of a band of its closure.
-
-    Return the files. Raise InputError if the closure does not rise with the pressure, or a file
-    cannot be written.
-    """
+    """Write the surface interaction of a law, and those of both sides of a band of its closure."""
     made = [(path, "")]
     if law.over_pressure.curves["closure_um"].banded.any():
         made += zip(sides_of(path), ("soft", "stiff"), strict=True)
@@ -86,8 +79,7 @@ def rising(law: Law, side: str = "") -> tuple[Values, Values, Values | None]:
     """Return the points inside the training at which closure and pressure rise, from first touch.
 
     They are pressures [MPa], closures [um] and, if the law has them, conductances [W/(mm2 K)], of
-    the law itself ("") or of the "soft" or "stiff" side of its band. Raise InputError if no point
-    is left.
+    the law itself ("") or of the "soft" or "stiff" side of its band.
     """
     table, (closure, conductance) = law.over_pressure, SIDES[side]
     closures = getattr(table.curves["closure_um"], closure)

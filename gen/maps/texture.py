@@ -1,17 +1,14 @@
 """Texture of a surface: areal parameters by ISO 25178-2, and the self-affine law of its spectrum.
 
-SurfaceTopography has Sq and Sdq of these parameters only, with which the tests compare; the others
-follow the definitions of the standard, whose clauses (edition of 2012) the functions name. Heights
-count from their mean. No plane and no form is subtracted and no filter applied beyond the
-preparation that the user asks for, which decides what these parameters are parameters of.
+The parameters follow the definitions of the standard, whose clauses (edition of 2012) the functions
+name. Heights count from their mean; nothing is subtracted beyond the preparation.
 
 The law is that of `gen.spectral`: constant up to the roll-off, then |q|^(-2 - 2 H), up to the
 cut-off. It is fitted as a piecewise straight line to the logarithm of the radially averaged
 spectrum by least squares: all roll-offs and ends of the law are tried, and the constant and the
 slope follow in closed form. A bin beyond the end costs as much as one that is off by a factor of
-`OUTLYING`, so that the law ends where the spectrum leaves it for good: at a cut-off or in a floor
-of noise. Towards a floor the spectrum flattens before it leaves the law, and the Hurst exponent is
-up to 0.1 too low: filter noise first.
+`OUTLYING`, so that the law ends where the spectrum leaves it for good. Towards a floor of noise
+the spectrum flattens before, and the Hurst exponent is up to 0.1 too low: filter noise first.
 """
 
 import math
@@ -130,9 +127,8 @@ def gradients(
 ) -> tuple[float, float]:
     """Return Sdq [1] and Sdr [%], gradient and developed area (ISO 25178-2:2012, 4.3).
 
-    Sdq^2 is the mean over the patch of the squared gradient, (dz/dx)^2 + (dz/dy)^2, and Sdr the
-    mean of sqrt(1 + squared gradient) - 1. The surface is made of plane triangles: a cell is
-    cut along one diagonal and along the other, and both count half.
+    Sdq^2 is the mean squared gradient, and Sdr the mean of sqrt(1 + squared gradient) - 1, of plane
+    triangles: a cell is cut along one diagonal and along the other, and both count half.
     """
     closed = np.pad(heights, (0, 1), mode="wrap") if periodic else heights
     with np.errstate(over="ignore", invalid="ignore"):  # heights of 1e300 um
@@ -184,10 +180,9 @@ def autocorrelation(heights: Heights, *, periodic: bool) -> Values:
 
 
 def decay_lengths(correlation: Values, spacing: tuple[float, float]) -> tuple[Values, Values]:
-    """Follow the autocorrelation from the origin in all directions until it has decayed.
+    """Return how far the autocorrelation decays to `DECAY` along `RAYS` directions, and can [um].
 
-    Return for each of `RAYS` directions the distance at which it first falls to `DECAY`, infinite
-    if it does not, and the distance to the largest lag [um].
+    The distance is infinite where it does not within the largest lag.
     """
     kx, ky = correlation.shape[0] - 1, correlation.shape[1] // 2
     decays, reaches = np.full(RAYS, math.inf), np.empty(RAYS)
@@ -288,8 +283,7 @@ class SelfAffineFit:
 def radial_spectrum(topography: Topography) -> RadialSpectrum:
     """Compute the power spectrum of a surface and average it over directions.
 
-    A patch that is not periodic is multiplied by a Hann window along both axes, or its borders
-    would add waves; the longest wave that is left is then half of the shorter side.
+    A patch that is not periodic is multiplied by a Hann window, or its borders would add waves.
     """
     heights, spacing = topography.heights, topography.spacing
     periodic = topography.boundary == "periodic"
