@@ -141,8 +141,8 @@ def _head(title: str, output: Path, surfaces: int, then: str = "") -> str:
 {then}
 title = {quoted(title)}
 
-# {surfaces} surfaces, each under {LOADS_PER_SURFACE} loads: more surfaces teach a surrogate more
-# than more loads do. A database can grow: raise samples, and run again.
+# {surfaces} surfaces, each under {LOADS_PER_SURFACE} loads. A database can grow: raise samples, and
+# run again.
 samples = {surfaces * LOADS_PER_SURFACE}
 samples_per_surface = {LOADS_PER_SURFACE}
 seed = 2025
@@ -204,8 +204,7 @@ level = {quoted(steps.level)}
 
 {fill}
 
-# No filter: the shortest waves carry much of the slope, which decides elastic areas. Where they are
-# an instrument's noise, filter = "{finest:.4g}:" would take out those below {finest:.4g} um.
+# Where the shortest waves are noise, filter = "{finest:.4g}:" takes out those below {finest:.4g} um.
 """
 
 
@@ -240,8 +239,7 @@ side = {rounded(NODES * likeness.step, 6)!r}  # um
 
 # The fit to the map's radial power spectrum: Hurst exponent {fit.spectrum.hurst:.2f}, roll-off
 # {fit.spectrum.roll_off:.3g} um, cut-off {fit.spectrum.cut_off:.3g} um, {fit.decades:.2g} decades;
-# the spectrum is off the law by a factor of {fit.scatter:.2g} (rms).{remarked} Ranges around it
-# give a surrogate something to tell apart; single numbers give one spectrum.
+# the spectrum is off the law by a factor of {fit.scatter:.2g} (rms).{remarked}
 hurst = {span(*(rounded(each, 3) for each in hurst))}
 roll_off = {span(*(rounded(each, 4) for each in roll_off))}
 cut_off = {spectrum.cut_off!r}

@@ -104,13 +104,11 @@ def further(contact: Contact, wanted: Wanted) -> list[Answer]:
     """Compute the answers that are asked for; see `answers`."""
     found = _in_the_continuum(contact) if wanted.grid_error else []
     found += _spots(contact) if wanted.spots else []
-    try:
-        if wanted.stiffness:
-            found += _stiffness(contact)
-        if wanted.conductivities is not None:
-            found += _conductance(contact, *wanted.conductivities)
-    except ArithmeticError as error:
-        raise InputError(str(error)) from None
+    if wanted.stiffness or wanted.conductivities is not None:
+        try:
+            found += _interface(contact, wanted)
+        except ArithmeticError as error:
+            raise InputError(str(error)) from None
     return found
 
 
@@ -147,39 +145,32 @@ def _spots(contact: Contact) -> list[Answer]:
     ]  # fmt: skip
 
 
-def _stiffness(contact: Contact) -> list[Answer]:
-    """Return the answers about stiffness; MPa um are N/m."""
-    found = [Answer("stiffness_N_per_m", contact.stiffness, "stiffness", "N/m, of unloading")]
-    if contact.problem.hardness is not None:
-        loading = contact.loading_stiffness
-        found.append(
-            Answer("loading_stiffness_N_per_m", loading, "stiffness of loading", "N/m, dF/dDelta")
-        )
-    interface, alone = contact.interface_stiffness, _alone("N/m", contact)
-    return [
-        *found,
-        Answer("interface_stiffness_N_per_m", interface, "interface's stiffness", alone),
-    ]
-
-
-def _conductance(contact: Contact, k1: float, k2: float) -> list[Answer]:
-    """Return the answers about conductance; conductivities times um are uW/K."""
-    interface = contact.interface_conductance(k1, k2)
-    return [
-        Answer("conductance_W_per_K", 1e-6 * contact.conductance(k1, k2), "conductance", "W/K"),
-        Answer("interface_conductance_W_per_K", 1e-6 * interface, "interface's conductance",
-               _alone("W/K", contact)),
-        Answer("interface_conductance_W_per_m2_K", 1e6 * interface / nominal_area(contact),
-               "per nominal area", _alone("W/(m2 K)", contact)),
-    ]  # fmt: skip
-
-
-def _alone(unit: str, contact: Contact) -> str:
-    """Return a unit with a remark on what the interface leaves out."""
-    if contact.interface_stiffness == math.inf:
-        return f"{unit}: full contact, in which nothing but the bodies is left"
+def _interface(contact: Contact, wanted: Wanted) -> list[Answer]:
+    """Return the answers about stiffness and conductance; MPa um are N/m, W/(m K) um are uW/K."""
     free = contact.problem.boundary == "free"
-    return f"{unit}, without the patch's own constriction" if free else unit
+    alone = ", without the patch's own constriction" if free else ""
+    if contact.interface_stiffness == math.inf:
+        alone = ": full contact, in which nothing but the bodies is left"
+    found = []
+    if wanted.stiffness:
+        yields, stiff = contact.problem.hardness is not None, contact.interface_stiffness
+        found = [
+            Answer("stiffness_N_per_m", contact.stiffness, "stiffness", "N/m, of unloading"),
+            *([Answer("loading_stiffness_N_per_m", contact.loading_stiffness,
+                      "stiffness of loading", "N/m, dF/dDelta")] if yields else []),
+            Answer("interface_stiffness_N_per_m", stiff, "interface's stiffness", f"N/m{alone}"),
+        ]  # fmt: skip
+    if wanted.conductivities is not None:
+        whole = 1e-6 * contact.conductance(*wanted.conductivities)
+        interface = contact.interface_conductance(*wanted.conductivities)
+        found += [
+            Answer("conductance_W_per_K", whole, "conductance", "W/K"),
+            Answer("interface_conductance_W_per_K", 1e-6 * interface, "interface's conductance",
+                   f"W/K{alone}"),
+            Answer("interface_conductance_W_per_m2_K", 1e6 * interface / nominal_area(contact),
+                   "per nominal area", f"W/(m2 K){alone}"),
+        ]  # fmt: skip
+    return found
 
 
 def nominal_area(contact: Contact) -> float:

@@ -53,11 +53,7 @@ class Channel:
 
 
 def choose_channel(path: Path, channels: Sequence[Channel], reading: Reading) -> tuple[int, str]:
-    """Return the index of the channel that is asked for, and words on it where there are others.
-
-    By default it is the first one with heights. Raises InputError if there is no such channel, it
-    holds no heights, or several have the name.
-    """
+    """Return the index of the channel asked for, or the first with heights, and words on it."""
     wanted, named = reading.channel, f"{reading.said('channel')} {reading.channel!r}"
     if not wanted and len(channels) == 1 and channels[0].heights:
         return channels[0].index, ""
@@ -95,11 +91,7 @@ ADVICE = "give the heights as a grid, one row of them a line, or x, y and z of p
 
 
 def arranged(path: Path, scan: Scan, names: Sequence[str] = ()) -> Scan:
-    """Turn a table of numbers into a map of heights.
-
-    Raises InputError if the numbers look like coordinates but not like a map: a profile, points
-    on no grid.
-    """
+    """Turn a table of numbers into a map of heights; refuse a profile, and points on no grid."""
     numbers = scan.heights
     if scan.widths is not None:
         return scan
@@ -215,7 +207,7 @@ class _Grid(NamedTuple):
     shape: tuple[int, int]
     spacing: tuple[float, float]
     repeated: int
-    covered: float
+    covered: float  # share of the nodes
 
 
 def _grid(x: Values, y: Values) -> _Grid | None:

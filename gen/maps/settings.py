@@ -162,11 +162,7 @@ class Reading(FileReading):
     ] = None
 
     def check(self) -> None:
-        """Refuse settings that suit no map, by their names.
-
-        Raises InputError if a setting is out of its range, or a level and a form are asked
-        for together.
-        """
+        """Refuse settings that suit no map, and a level together with a form, by their names."""
         self.kept_heights()
         self.cutoffs()
         for name, is_wrong in {

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from types import MappingProxyType
-from typing import NoReturn
 
 import numpy as np
 
@@ -96,23 +95,21 @@ def decoded(content: bytes) -> str | None:
 
 
 def matrices(content: str, path: Path) -> list[Matrix]:
-    """Read the numbers of a text file: one matrix, or one for each header that names a channel.
-
-    Raises InputError if there are words among the numbers, rows of unequal length, fewer rows
-    than a header states, or names of the columns of a profile.
-    """
+    """Read the numbers of a text file: one matrix, or one for each header that names a channel."""
     read: list[Matrix] = []
     rows: list[list[float]] = []
     entries: dict[str, str] = {}
     remarks: list[str] = []
     for number, comment, fields in _lines(content, path):
-        stated = _entry(comment)
-        if stated and rows and stated[0] in {"channel", "width"}:
+        match = ENTRY.fullmatch(comment)
+        meaning = MEANINGS.get(match["label"].lower(), "") if match else ""
+        stated = {meaning: match["value"].strip()} if match and meaning else {}
+        if rows and meaning in {"channel", "width"}:
             read.append(_matrix(path, rows, entries, remarks))
             rows, entries, remarks = [], {}, []
         named = {} if rows or fields or stated else _columns(comment)
         if stated or named:
-            entries = dict([stated] if stated else named.items()) | entries
+            entries = (stated or named) | entries
         elif SAYS_LENGTHS.search(comment):
             remarks.append(" ".join(comment.split())[:60])
         if fields:
@@ -170,7 +167,7 @@ def _lines(content: str, path: Path) -> Iterator[tuple[int, str, list[str]]]:
         if fields or comment.strip():
             yield number, comment.strip(), fields
     if titles and not begun:  # words alone
-        _complain(lines[titles - 1].split()[0], path, titles)
+        raise _no_number(lines[titles - 1].split()[0], path, titles)
 
 
 def _matrix(
@@ -183,9 +180,8 @@ def _matrix(
     found = numbers.shape
     widths, axis_units = _widths(entries, found)
     if widths is None:  # for example, one of the two lengths is missing
-        remarks = [
-            f"{name}: {entries[name]}" for name in ("width", "height") if name in entries
-        ] + (remarks)
+        halves = [f"{name}: {entries[name]}" for name in ("width", "height") if name in entries]
+        remarks = halves + remarks
     stated = [_quantity(entries.get(name, ""))[0] for name in ("lines", "columns")]
     # Without lengths the header may be somebody's own, with x down the columns, as in our files.
     allowed = [found] if widths else [found, found[::-1]]
@@ -225,14 +221,6 @@ def _widths(
     return (width, height), (x_unit, y_unit)
 
 
-def _entry(comment: str) -> tuple[str, str] | None:
-    """Return quantity and value of a line of a header, None if we do not read it."""
-    match = ENTRY.fullmatch(comment)
-    if match is None or match["label"].lower() not in MEANINGS:
-        return None
-    return MEANINGS[match["label"].lower()], match["value"].strip()
-
-
 def _quantity(text: str) -> tuple[float, str]:
     """Return number and unit of a value in a header, (0, "") if it holds no number."""
     match = QUANTITY.fullmatch(text)
@@ -256,7 +244,8 @@ def _row(fields: list[str], path: Path, line: int, above: list[list[float]]) -> 
     try:
         row = [float(field) for field in fields]
     except ValueError:
-        _complain(next(field for field in fields if not _is_number(field)), path, line)
+        wrong = next(field for field in fields if not _is_number(field))
+        raise _no_number(wrong, path, line) from None
     if above and len(row) != len(above[0]):
         raise InputError(
             f"{path}, line {line}: {len(row)} numbers where the first row has {len(above[0])};"
@@ -295,20 +284,16 @@ def _is_number(field: str) -> bool:
     return True
 
 
-def _complain(field: str, path: Path, line: int) -> NoReturn:
-    """Raise the error for a field that is not a number."""
-    shown = repr(field.strip())[:40]
-    raise InputError(
-        f"{path}, line {line}: {shown} is not a number; give numbers separated by whitespace,"
-        " commas or ';', and nan for a missing height"
+def _no_number(field: str, path: Path, line: int) -> InputError:
+    """Return the error for a field that is not a number."""
+    return InputError(
+        f"{path}, line {line}: {repr(field.strip())[:40]} is not a number; give numbers separated"
+        " by whitespace, commas or ';', and nan for a missing height"
     )
 
 
 def read(path: Path) -> list[Matrix]:
-    """Read the matrices of a .npy or text file; text with headers may have more than one.
-
-    Raises InputError if the file cannot be read.
-    """
+    """Read the matrices of a .npy or text file; text with headers may have more than one."""
     require_file(path)
     try:
         content = path.read_bytes()
