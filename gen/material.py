@@ -27,6 +27,8 @@ class Bodies(NamedTuple):
     e_star: float
     hardness: float | None = None  # None for elastic bodies
     known: bool = False  # whether the user gave E*, so that warnings about pressures apply
+    # Young's modulus [MPa] and Poisson's ratio of the only elastic body, if that was given
+    only: tuple[float, float] | None = None
 
     @classmethod
     def of_options(
@@ -48,7 +50,8 @@ class Bodies(NamedTuple):
                 f"--hardness {hardness:g}: give the modulus too (--young or --e-star), which is 1"
                 " MPa without these options"
             )
-        return cls(combined, hardness, known)
+        only = (young[0], poisson[0] if poisson else 0.0) if len(young) == 1 else None
+        return cls(combined, hardness, known, only)
 
     @property
     def hardness_ratio(self) -> float | None:

@@ -17,6 +17,7 @@ from gen.runtime.user_code import TRUSTED
 
 if TYPE_CHECKING:
     from gen.maps.bodies import Opposite
+    from gen.material import Bodies
 
 
 def _trust(context: typer.Context, wanted: bool) -> bool:
@@ -66,18 +67,6 @@ DryRun = Annotated[bool, Option("--dry-run", help="Show the plan and write nothi
 Delta = Annotated[str, Option(metavar="UM", help="Far-field displacement from first touch in um.")]
 NormalForce = Annotated[str, Option(metavar="UN", help="Or normal force in uN.")]
 Pressure = Annotated[str, Option(metavar="MPA", help="Or mean pressure over the patch in MPa.")]
-Young = Annotated[
-    list[float] | None,
-    Option(metavar="MPA", help="Young's modulus; give it twice for two elastic bodies [1]."),
-]
-Poisson = Annotated[
-    list[float] | None, Option(metavar="NU", help="Poisson's ratio, as often as --young [0].")
-]
-EStar = Annotated[float | None, Option(metavar="MPA", help="Or E* of both bodies.")]
-Hardness = Annotated[
-    float | None,
-    Option(metavar="MPA", help="Hardness of the softer body, which yields there [none]."),
-]
 Spots = Annotated[
     bool, Option("--spots", help="Count spots of contact; see whether contact and gap cross.")
 ]
@@ -170,6 +159,36 @@ Like = Annotated[
     Path | None,
     Option(metavar="MAP", help="Instead: self-affine surfaces fitted to the spectrum of this map."),
 ]
+
+
+class Material(NamedTuple):
+    """Elastic constants of one body on a rigid plane, or of two bodies, and their hardness."""
+
+    young: Annotated[
+        list[float] | None,
+        Option(metavar="MPA", help="Young's modulus; give it twice for two elastic bodies."),
+    ] = None
+    poisson: Annotated[
+        list[float] | None, Option(metavar="NU", help="Poisson's ratio, as often as --young [0].")
+    ] = None
+    e_star: Annotated[float | None, Option(metavar="MPA", help="Or E* of both bodies.")] = None
+    hardness: Annotated[
+        float | None, Option(metavar="MPA", help="Hardness of the softer body, which yields there.")
+    ] = None
+
+    def modulus(self) -> float | None:
+        """Return E* [MPa], or None if none was given."""
+        from gen.material import combined_modulus
+
+        given = self.young or self.poisson or self.e_star is not None
+        combined = combined_modulus(self.young or [], self.poisson or [], self.e_star)
+        return combined if given else None
+
+    def bodies(self) -> "Bodies":
+        """Return the bodies, with an E* of 1 MPa if none was given."""
+        from gen.material import Bodies
+
+        return Bodies.of_options(self.young or [], self.poisson or [], self.e_star, self.hardness)
 
 
 class Against(NamedTuple):

@@ -97,10 +97,7 @@ def contact(
     delta: options.Delta = "",
     force: options.NormalForce = "",
     pressure: options.Pressure = "",
-    young: options.Young = None,
-    poisson: options.Poisson = None,
-    e_star: options.EStar = None,
-    hardness: options.Hardness = None,
+    material: options.Material,
     reading: Reading,
     facing: options.Against,
     boundary: options.Boundary = "free",
@@ -140,18 +137,17 @@ def contact(
         solve_loads,
         write_flattened,
     )
-    from gen.material import Bodies
     from gen.runtime.documents import write_csv
 
     load, values = chosen_load({"delta": delta, "force": force, "pressure": pressure})
-    require_yielding(flattened, hardness)
+    require_yielding(flattened, material.hardness)
     conductivities = require_conductivities(conductivity or [])
     wanted = Wanted(spots, stiffness, conductivities, grid_error)
     outputs = [Output(table, "--csv"), Output(picture, "--plot", "picture")]
     outputs.append(Output(flattened, "--flattened", "heights"))
     check_outputs(outputs, facing.with_first(surface))
     figure = empty_figure(picture, 11, 8.2)
-    bodies = Bodies.of_options(young or [], poisson or [], e_star, hardness)
+    bodies = material.bodies()
     topography, doubts = read_surface(surface, reading, boundary, facing.body(reading))
     warnings = [*bodies.doubts, *doubts]
     contacts, faults, seconds = [], [], 0.0
@@ -201,12 +197,10 @@ def contact(
 def law(
     context: typer.Context,
     inputs: options.Surfaces,
+    *,
     delta: options.Deltas = "",
     pressure: options.Pressures = "",
-    young: options.Young = None,
-    poisson: options.Poisson = None,
-    e_star: options.EStar = None,
-    hardness: options.Hardness = None,
+    material: options.Material,
     conductivity: options.Conductivity = None,
     boundary: options.LawBoundary = "mirror",
     surfaces: options.Population = 50,
@@ -214,7 +208,6 @@ def law(
     grid_error: options.GridError = True,
     output: options.LawFiles = None,
     trust: options.Trust = False,
-    *,
     files: options.LawOutputs,
     reading: Reading,
     facing: options.Against,
@@ -228,19 +221,18 @@ def law(
     from gen.law import Order, by_solver
     from gen.law.files import show, write_files
     from gen.maps.contacts import require_conductivities
-    from gen.material import Bodies
 
     files = files.filled(output)
     check_outputs(files.outputs, facing.with_first(*inputs))
     figure = empty_figure(files.picture, 12.0, 7.0)
-    bodies = Bodies.of_options(young or [], poisson or [], e_star, hardness)
+    bodies = material.bodies()
     order = Order(
         inputs=tuple(inputs),
         delta=delta,
         pressure=pressure,
         surfaces=surfaces,
         level=require_share("--band", band),
-        e_star=bodies.e_star if bodies.known or poisson else None,
+        e_star=material.modulus(),
         hardness=bodies.hardness,
         boundary=boundary,
         conductivities=require_conductivities(conductivity or []),
@@ -263,10 +255,7 @@ def scene(
     *,
     output: options.NewScene,
     like: options.Like = None,
-    young: options.Young = None,
-    poisson: options.Poisson = None,
-    e_star: options.EStar = None,
-    hardness: options.Hardness = None,
+    material: options.Material,
     reading: FileReading,
 ) -> None:
     """Look at measured maps and write a scene of their windows, or of surfaces like one map.
@@ -274,8 +263,6 @@ def scene(
     Comments in the scene say why it has its values. It runs as it is, and is meant to be edited.
     """
     from gen.draft import draft
-    from gen.draft.proposal import Material
 
-    material = Material.of_options(young or [], poisson or [], e_star, hardness)
     how = Reading.of_options(**vars(reading))
-    draft(inputs or [], like, output, how, material, typed(context, "gen"))
+    draft(inputs or [], like, output, how, material.bodies(), typed(context, "gen"))

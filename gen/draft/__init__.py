@@ -21,7 +21,6 @@ from gen.draft.proposal import (
     WIDE,
     Likeness,
     Loads,
-    Material,
     Proposal,
     propose,
     propose_like,
@@ -32,6 +31,7 @@ from gen.generators.scans import MOST_PATTERNS
 from gen.maps.library import map_files
 from gen.maps.read import in_words
 from gen.maps.settings import Reading, said
+from gen.material import Bodies
 from gen.runtime.errors import InputError
 from gen.runtime.files import Output, atomic, check_outputs
 from gen.runtime.terminal import RunProgress, echo, to_type
@@ -47,7 +47,7 @@ def draft(
     like: Path | None,
     output: Path,
     reading: Reading,
-    material: Material,
+    bodies: Bodies,
     command: str,
 ) -> None:
     """Look at maps, or at one to be like, print what is found, and write a scene."""
@@ -60,7 +60,7 @@ def draft(
     check_outputs([Output(output, "--output")])
     doubts: list[str] = []
     if like is not None:
-        found = propose_like(like, reading, material)
+        found = propose_like(like, reading, bodies)
         print_looks([found.look])
         scene = write(output, scene_like(found, command, output))
         made = f"self-affine surfaces like {like.name}"
@@ -68,7 +68,7 @@ def draft(
     else:
         paths = map_files(inputs, Path.cwd())
         with RunProgress(2 * len(paths), noun="readings") as progress:
-            proposed = propose(paths, reading, material, lambda: progress.advance(1, 0))
+            proposed = propose(paths, reading, bodies, lambda: progress.advance(1, 0))
         print_looks(proposed.looks)
         scene = write(output, scene_of_windows(proposed, inputs, command, output))
         made = (
@@ -126,10 +126,10 @@ nodes = {nodes}
 {spacing}
 
 {_preparation(proposal)}{reading}
-{_loads(proposal.loads, proposal.material)}
+{_loads(proposal.loads, proposal.bodies)}
 # A window is a piece of a larger surface: mirrored, it has no edges that carry too much. "free" is
 # for bodies that end where the map does.
-{_contact(proposal.material)}""")
+{_contact(proposal.bodies)}""")
 
 
 def _head(title: str, output: Path, surfaces: int, then: str = "") -> str:
@@ -204,7 +204,7 @@ level = {quoted(steps.level)}
 
 {fill}
 
-# Where the shortest waves are noise, filter = "{finest:.4g}:" takes out those below {finest:.4g} um.
+# Where waves of less than four nodes are noise, filter = "{finest:.4g}:" takes them out.
 """
 
 
@@ -249,12 +249,12 @@ cut_off = {spectrum.cut_off!r}
 # (medians).{doubt}
 rms_slope = {span(rounded(likeness.slope / AROUND, 3), rounded(likeness.slope * AROUND, 3))}
 {stretch if spectrum.stretch != 1.0 else ""}
-{_loads(likeness.loads, likeness.material)}
+{_loads(likeness.loads, likeness.bodies)}
 # As for windows of maps. "periodic" would make each surface its own period.
-{_contact(likeness.material)}""")
+{_contact(likeness.bodies)}""")
 
 
-def _loads(loads: Loads, material: Material) -> str:
+def _loads(loads: Loads, bodies: Bodies) -> str:
     """Return the table of the loads."""
     small, large = loads.areas
     why = f"""\
@@ -263,7 +263,7 @@ def _loads(loads: Loads, material: Material) -> str:
     if loads.quantity == "pressure":
         why = f"""\
 # MPa, mean pressure over the patch. These loads bring about {small:.2g} to {large:.2g} % of a
-# middling surface into contact. The hardness, {material.hardness:g} MPa, is the pressure without
+# middling surface into contact. The hardness, {bodies.hardness:g} MPa, is the pressure without
 # equilibrium."""
     return f"""\
 [load]
@@ -277,18 +277,19 @@ range = {{ log_uniform = {span(loads.low, loads.high)} }}
 [contact]"""
 
 
-def _contact(material: Material) -> str:
+def _contact(bodies: Bodies) -> str:
     """Return the keys of the contact, the boundary first."""
-    unknown = "" if material.known else " None was given: areas of elastic bodies hold for any."
+    young, poisson = bodies.only or (bodies.e_star, 0.0)
+    unknown = "" if bodies.known else " None was given: areas of elastic bodies hold for any."
     hardness = "# Metals yield: hardness = 2000.0 (MPa, steel) with loads as pressures."
-    if material.hardness is not None:
-        hardness = f"# MPa, of the softer body.\nhardness = {float(material.hardness)!r}"
+    if bodies.hardness is not None:
+        hardness = f"# MPa, of the softer body.\nhardness = {float(bodies.hardness)!r}"
     return f"""\
 boundary = "mirror"
 
 # MPa, Young's modulus of an elastic body on a rigid one; E* = modulus / (1 - poisson^2).{unknown}
-modulus = {float(material.young)!r}
-poisson = {float(material.poisson)!r}
+modulus = {float(young)!r}
+poisson = {float(poisson)!r}
 
 {hardness}
 """

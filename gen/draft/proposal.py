@@ -18,7 +18,7 @@ from gen.maps.read import Sides, Topography, read
 from gen.maps.settings import Reading
 from gen.maps.texture import SelfAffineFit, areal_parameters, fit_self_affine, radial_spectrum
 from gen.maps.windows import Tiling
-from gen.material import Bodies, plane_strain_modulus
+from gen.material import Bodies
 from gen.runtime.errors import InputError
 from gen.spectral import SelfAffineSpectrum, generate_spectral
 from gen.statistics import rms_slope
@@ -40,7 +40,7 @@ class Proposal:
     nodes: int  # nodes along each side of a window
     windows: int  # number of windows
     loads: Loads  # loads of the scene
-    material: Material  # elastic constants and hardness
+    bodies: Bodies  # elastic constants and hardness
 
     @property
     def used(self) -> list[MapSurvey]:
@@ -62,7 +62,7 @@ class Proposal:
 def propose(
     paths: Sequence[Path],
     reading: Reading,
-    material: Material,
+    bodies: Bodies,
     looked: Callable[[], None] = lambda: None,
 ) -> Proposal:
     """Look at maps twice, raw and prepared, and choose windows and loads.
@@ -96,10 +96,10 @@ def propose(
             fault = f"{shape[0]} x {shape[1]} nodes hold no window of {nodes} x {nodes}"
             looks[index] = replace(look, fault=fault)
     used = require_used(looks)
-    loads = choose_loads(material, [each.rms_slope for each in used], nodes**2)
+    loads = choose_loads(bodies, [each.rms_slope for each in used], nodes**2)
     beside = sum(math.prod(each.prepared) for each in used) / nodes**2
     windows = 10 * round(min(max(OVERLAP * beside, WINDOWS[0]), WINDOWS[1]) / 10)
-    return Proposal(tuple(looks), reading, spacing, length, nodes, windows, loads, material)
+    return Proposal(tuple(looks), reading, spacing, length, nodes, windows, loads, bodies)
 
 
 def require_used(looks: Sequence[MapSurvey]) -> list[MapSurvey]:
@@ -173,36 +173,6 @@ KAPPA = 2.0
 
 
 @dataclass(frozen=True)
-class Material:
-    """Elastic constants and hardness of a contact."""
-
-    # Young's modulus of an elastic body on a rigid one, or E* with `poisson` 0 [MPa]
-    young: float = 1.0
-    poisson: float = 0.0  # Poisson's ratio [1]
-    hardness: float | None = None  # hardness of the softer body; None for elastic bodies [MPa]
-    known: bool = False  # whether the user gave a modulus
-
-    @classmethod
-    def of_options(
-        cls,
-        young: Sequence[float],
-        poisson: Sequence[float],
-        e_star: float | None,
-        hardness: float | None,
-    ) -> Material:
-        """Make a material of the options of `gen contact`; raise InputError if it is none."""
-        combined, hardness, known = Bodies.of_options(young, poisson, e_star, hardness)
-        if len(young) == 1:
-            return cls(young[0], poisson[0] if poisson else 0.0, hardness, known=True)
-        return cls(combined, 0.0, hardness, known)
-
-    @property
-    def e_star(self) -> float:
-        """Plane-strain modulus E* [MPa]."""
-        return plane_strain_modulus(self.young, self.poisson)
-
-
-@dataclass(frozen=True)
 class Loads:
     """Loads of a scene, and how they were found."""
 
@@ -214,20 +184,20 @@ class Loads:
     areas: tuple[float, float]
 
 
-def choose_loads(material: Material, slopes: Sequence[float], nodes: int) -> Loads:
+def choose_loads(bodies: Bodies, slopes: Sequence[float], nodes: int) -> Loads:
     """Choose loads from first contacts that the grid resolves to a large part of the patch.
 
     The contact area under a mean pressure p is about KAPPA p / (E* rms slope) of an elastic
     body, and at least p / hardness: with a hardness there are two scales, and loads are pressures.
     """
     smallest = min(FEWEST_NODES / nodes, LARGEST_AREA / 10)
-    if material.hardness is None:
+    if bodies.hardness is None:
         low, high = rounded(smallest / KAPPA), rounded(LARGEST_AREA / KAPPA)
         areas = 100 * KAPPA * low, 100 * KAPPA * high
         return Loads("pressure/(E* slope_rms)", low, high, areas)
-    bearing = min(material.hardness, material.e_star * statistics.median(slopes) / KAPPA)
+    bearing = min(bodies.hardness, bodies.e_star * statistics.median(slopes) / KAPPA)
     low = rounded(smallest * bearing)
-    high = rounded(min(LARGEST_AREA * bearing, YIELDING * material.hardness))
+    high = rounded(min(LARGEST_AREA * bearing, YIELDING * bodies.hardness))
     return Loads("pressure", low, high, (100 * low / bearing, 100 * high / bearing))
 
 
@@ -266,7 +236,7 @@ class Likeness:
     windows: tuple[float, float]
     height: float  # rms height of the generated surfaces, median [um]
     loads: Loads  # loads of the scene
-    material: Material  # elastic constants and hardness
+    bodies: Bodies  # elastic constants and hardness
 
     @property
     def doubt(self) -> str:
@@ -278,7 +248,7 @@ class Likeness:
         return said if max(off, self.fit.scatter) > UNLIKE else ""
 
 
-def propose_like(path: Path, reading: Reading, material: Material) -> Likeness:
+def propose_like(path: Path, reading: Reading, bodies: Bodies) -> Likeness:
     """Fit a self-affine law to a map, and generate a few surfaces to see how like they are."""
     [look] = require_used(survey([path], reading))
     reading = with_steps(reading, [look])
@@ -317,8 +287,8 @@ def propose_like(path: Path, reading: Reading, material: Material) -> Likeness:
         slope=rounded(slope, 3),
         windows=windows,
         height=slope * height,
-        loads=choose_loads(material, [look.rms_slope], NODES**2),
-        material=material,
+        loads=choose_loads(bodies, [look.rms_slope], NODES**2),
+        bodies=bodies,
     )
 
 

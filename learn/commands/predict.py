@@ -1,7 +1,7 @@
 """`learn predict`, `law` and `card`: ask a surrogate about surfaces, or about itself."""
 
 from pathlib import Path
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Literal
 
 import typer
 
@@ -58,37 +58,6 @@ LawBoundary = Annotated[
 ]
 
 
-class Material(NamedTuple):
-    """Elastic constants of one body on a rigid plane, or of two bodies, and their hardness."""
-
-    young: Annotated[
-        list[float] | None,
-        typer.Option(metavar="MPA", help="Young's modulus, twice for two elastic bodies."),
-    ] = None
-    poisson: Annotated[
-        list[float] | None, typer.Option(metavar="NU", help="Poisson's ratio, as often.")
-    ] = None
-    e_star: Annotated[
-        float | None, typer.Option(metavar="MPA", help="Or E*; that of the training if left out.")
-    ] = None
-    hardness: Annotated[
-        float | None,
-        typer.Option(
-            metavar="MPA",
-            help="Hardness of the softer body, where bodies yield; that of the training if it has"
-            " only one.",
-        ),
-    ] = None
-
-    def modulus(self) -> float | None:
-        """Return E* [MPa], or None if none was given."""
-        if self.young is None and self.poisson is None and self.e_star is None:
-            return None
-        from gen.material import combined_modulus
-
-        return combined_modulus(self.young or [], self.poisson or [], self.e_star)
-
-
 @grouped
 def predict(
     file: File,
@@ -98,7 +67,7 @@ def predict(
     interval: Coverage = 0.9,
     *,
     reading: Reading,
-    material: Material,
+    material: options.Material,
 ) -> None:
     """Predict area and force of surfaces, with intervals, and a flag outside the training."""
     from gen.law.contact_law import loads_from
@@ -149,7 +118,7 @@ def law(
     *,
     files: options.LawOutputs,
     reading: Reading,
-    material: Material,
+    material: options.Material,
 ) -> None:
     """Tabulate area, force, gap and closure against Delta and pressure, monotone, with slopes.
 

@@ -15,13 +15,13 @@ from gen.draft import write as write_scene
 from gen.draft.proposal import (
     FEWEST_NODES,
     SIZES,
-    Material,
     choose_loads,
     common_spacing,
     propose_like,
     window_nodes,
 )
 from gen.maps.settings import Reading
+from gen.material import Bodies
 from gen.runtime.errors import InputError
 from gen.spectral import SelfAffineSpectrum, generate_spectral
 from gen.statistics import rms_slope
@@ -61,7 +61,7 @@ def test_long_waves_ask_for_wider_windows():
     assert window_nodes([(300, 300)], 200.0) == 128
 
 
-STEEL = Material(210e3, 0.3, 2000.0, known=True)
+STEEL = Bodies.of_options([210e3], [0.3], None, 2000.0)
 NODES = 64
 
 
@@ -73,7 +73,9 @@ def surface():
     )
 
 
-@pytest.mark.parametrize("material", [STEEL, Material(210e3, 0.3, None, known=True), Material()])
+@pytest.mark.parametrize(
+    "material", [STEEL, Bodies.of_options([210e3], [0.3], None, None), Bodies(1.0)]
+)
 def test_areas_are_those_of_the_solver_within_a_half(surface, material):
     slope = rms_slope(surface, (1.0, 1.0))
     loads = choose_loads(material, [slope], surface.size)
@@ -83,23 +85,13 @@ def test_areas_are_those_of_the_solver_within_a_half(surface, material):
             surface,
             side=64.0,
             pressure=load * unit,
-            modulus=material.young,
-            poisson=material.poisson,
+            modulus=(material.only or (1.0, 0.0))[0],
+            poisson=(material.only or (1.0, 0.0))[1],
             hardness=material.hardness,
             boundary="periodic",
         )
         assert 0.5 * expected < contact.area_percent < 1.5 * expected
     assert loads.areas[0] == pytest.approx(100 * FEWEST_NODES / surface.size, rel=0.05)
-
-
-def test_a_material_from_options():
-    assert Material.of_options([], [], None, None) == Material()
-    assert Material.of_options([210e3], [], None, None) == Material(210e3, 0.0, None, known=True)
-    two = Material.of_options([210e3, 70e3], [0.3, 0.33], None, 900.0)
-    assert two.e_star == pytest.approx(1 / ((1 - 0.09) / 210e3 + (1 - 0.33**2) / 70e3))
-    assert (two.hardness, two.known) == (900.0, True)
-    with pytest.raises(InputError, match="--hardness 900: give the modulus"):
-        Material.of_options([], [], None, 900.0)
 
 
 READING = Reading(side="199.5")
@@ -122,7 +114,7 @@ def made(spectrum, slope, seed=0):
 @pytest.mark.parametrize("hurst", [0.5, 0.8])
 def test_the_scene_holds_the_law_that_the_map_was_made_by(tmp_path, hurst):
     path = save(tmp_path, made(SelfAffineSpectrum(hurst, 30.0, 2.5), 0.1))
-    like = propose_like(path, READING, Material())
+    like = propose_like(path, READING, Bodies(1.0))
     scene = write_scene(tmp_path / "a.toml", scene_like(like, "a command", Path("a.toml")))
     surface = scene.surface
     assert surface.generator == "spectral"
@@ -139,7 +131,7 @@ def test_the_scene_holds_the_law_that_the_map_was_made_by(tmp_path, hurst):
 
 def test_a_lay_becomes_a_stretch(tmp_path):
     path = save(tmp_path, made(SelfAffineSpectrum(0.7, 60.0, 4.2, stretch=0.25), 0.1))
-    like = propose_like(path, READING, Material())
+    like = propose_like(path, READING, Bodies(1.0))
     assert like.spectrum.stretch == pytest.approx(0.25, rel=0.15)
     assert like.spectrum.hurst == pytest.approx(0.7, abs=0.1)
     assert like.spectrum.roll_off == pytest.approx(60.0, rel=0.3)
@@ -149,7 +141,7 @@ def test_a_lay_becomes_a_stretch(tmp_path):
 
 def test_a_map_of_scratches_brings_a_doubt(tmp_path):
     [ground] = [each for each in MAPS if each.name == "ground-2"]
-    like = propose_like(write(ground, tmp_path), Reading(), Material())
+    like = propose_like(write(ground, tmp_path), Reading(), Bodies(1.0))
     assert like.doubt
     scene = tmp_path / "a.toml"
     write_scene(scene, scene_like(like, "a command", Path("a.toml")))
@@ -160,4 +152,4 @@ def test_a_map_of_scratches_brings_a_doubt(tmp_path):
 def test_a_law_over_less_than_a_decade_feeds_no_scene(tmp_path, name):
     [made_map] = [each for each in MAPS if each.name == name]
     with pytest.raises(InputError, match=r"no self-affine law fits it: .* over 0\.\d+ decades"):
-        propose_like(write(made_map, tmp_path), Reading(), Material())
+        propose_like(write(made_map, tmp_path), Reading(), Bodies(1.0))
