@@ -33,7 +33,7 @@ MOST = {
     "scene": Counts(41, 278, 23),  # a scene to the rows of a database
     "fit": Counts(37, 238, 23),  # a database to a surrogate
     "predict": Counts(28, 167, 16),  # a surrogate and a map to a prediction
-    "law": Counts(44, 308, 27),  # a map to its contact law
+    "law": Counts(44, 290, 25),  # a map to its contact law
 }
 """Most of each that a walk may pass."""
 
