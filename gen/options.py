@@ -30,27 +30,20 @@ def _trust(context: typer.Context, wanted: bool) -> bool:
 OUT = "--output", "-o"
 Database = Annotated[Path, Argument(metavar="FILE", help="A database (HDF5).")]
 SurfaceFile = Annotated[
-    Path, Argument(metavar="SURFACE", help="Heights: .npy, text, or an instrument's file.")
+    Path, Argument(metavar="SURFACE", help="Heights: .npy, text, instruments'.")
 ]
 Table = Annotated[Path | None, Option("--csv", metavar="FILE", help="Also write a table.")]
-Scene = Annotated[
-    str, Argument(metavar="SCENE", help="A shipped scene, as quick or paper, or a TOML file.")
-]
+Scene = Annotated[str, Argument(metavar="SCENE", help="A shipped scene, as quick, or a TOML file.")]
 NewDatabase = Annotated[Path, Option(*OUT, metavar="FILE", help="The database to write.")]
 ExportFolder = Annotated[Path, Option(*OUT, metavar="FOLDER", help="The folder to write.")]
 Title = Annotated[str, Option(metavar="TEXT", help="Title of the dataset.")]
 Creator = Annotated[str, Option(metavar="TEXT", help="Who made it, as the dataset is to be cited.")]
-Licence = Annotated[
-    str, Option(metavar="NAME", help="Its licence: an SPDX identifier as CC-BY-4.0, or URL.")
-]
+Licence = Annotated[str, Option(metavar="NAME", help="Its licence: an SPDX identifier, or URL.")]
 Doi = Annotated[str, Option(metavar="DOI", help="Its identifier, as 10.5281/zenodo.1234567.")]
 Rows = Annotated[str, Option(metavar="A:B", help="Only the rows A to B - 1, for job arrays.")]
 RetryFailed = Annotated[bool, Option("--retry-failed", help="Compute failed rows again.")]
 Force = Annotated[bool, Option("--force", help="Continue a file of another physics number.")]
-SampleLimit = Annotated[
-    float | None,
-    Option(metavar="SECONDS", help="Leave slower samples pending; machines differ in which."),
-]
+SampleLimit = Annotated[float | None, Option(metavar="SECONDS", help="Leave slower rows pending.")]
 Writer = Annotated[
     Literal["auto", "single", "parallel"],
     Option(help="Who writes: rank 0, or every worker its own rows (needs an h5py with MPI)."),
@@ -67,23 +60,14 @@ DryRun = Annotated[bool, Option("--dry-run", help="Show the plan and write nothi
 Delta = Annotated[str, Option(metavar="UM", help="Far-field displacement from first touch in um.")]
 NormalForce = Annotated[str, Option(metavar="UN", help="Or normal force in uN.")]
 Pressure = Annotated[str, Option(metavar="MPA", help="Or mean pressure over the patch in MPa.")]
-Spots = Annotated[
-    bool, Option("--spots", help="Count spots of contact; see whether contact and gap cross.")
-]
-GridError = Annotated[
-    bool, Option(help="Give the area in the continuum and the error of the grid.")
-]
-Stiffness = Annotated[
-    bool, Option("--stiffness", help="Solve for the stiffness of contact and interface.")
-]
+Spots = Annotated[bool, Option("--spots", help="Count spots; see if contact and gap cross.")]
+GridError = Annotated[bool, Option(help="Give the area in the continuum, and the grid's error.")]
+Stiffness = Annotated[bool, Option("--stiffness", help="Solve for stiffness and the interface's.")]
 Conductivity = Annotated[
     list[float] | None,
     Option(metavar="W/MK", help="Conductivity of the bodies in W/(m K); twice if they differ."),
 ]
-Flattened = Annotated[
-    Path | None,
-    Option(metavar="NPY", help="Write the heights that the last load leaves, for another."),
-]
+Flattened = Annotated[Path | None, Option(metavar="NPY", help="Write the heights that are left.")]
 Kernel = Annotated[str, Option(help="uniform-pressure or concentrated-force.")]
 Boundary = Annotated[
     Literal["free", "periodic", "mirror"],
@@ -101,24 +85,16 @@ Threads = Annotated[
         show_default=False,
     ),
 ]
-Depth = Annotated[
-    float | None,
-    Option(metavar="UM", min=0, help="Add the material ratio so far below the highest node."),
-]
+Depth = Annotated[float | None, Option(metavar="UM", min=0, help="Add Smr so far below the top.")]
 SpectrumTable = Annotated[
-    Path | None, Option("--spectrum", metavar="FILE", help="Write the radial power spectrum (CSV).")
+    Path | None, Option("--spectrum", metavar="FILE", help="Write its spectrum.")
 ]
-Picture = Annotated[
-    Path | None, Option("--plot", metavar="FILE", help="Draw heights, contact and a section.")
-]
+Picture = Annotated[Path | None, Option("--plot", metavar="FILE", help="Draw surface and contact.")]
 SurfacePicture = Annotated[
-    Path | None,
-    Option("--plot", metavar="FILE", help="Draw heights, distribution and spectrum with its law."),
+    Path | None, Option("--plot", metavar="FILE", help="Draw it and its spectrum.")
 ]
 NewPicture = Annotated[Path, Option(*OUT, metavar="PNG", help="The picture to write.")]
-Recompute = Annotated[
-    int, Option(metavar="N", min=0, help="Number of rows to recompute and compare bit for bit.")
-]
+Recompute = Annotated[int, Option(metavar="N", min=0, help="Rows to recompute and compare.")]
 Seed = Annotated[int, Option(min=0, help="Seed of the choice of rows.")]
 Databases = Annotated[list[Path], Argument(metavar="FILES", help="Databases of one scene.")]
 SceneName = Annotated[str, Argument(metavar="SCENE", help="A scene's name, or a TOML file.")]
@@ -129,36 +105,23 @@ Surfaces = Annotated[
     Argument(metavar="INPUT...", help="A surface; or several, folders, databases or scenes."),
 ]
 Deltas = Annotated[
-    str, Option(metavar="UM", help="Far-field displacements: 2, 1,2,5 or start:stop:count[:log].")
+    str, Option(metavar="UM", help="Displacements: 2, 1,2,5 or start:stop:count[:log].")
 ]
-Pressures = Annotated[
-    str, Option(metavar="MPA", help="Nominal pressures: 2, 1,2,5 or start:stop:count[:log].")
-]
-Population = Annotated[
-    int, Option(min=2, max=10_000, help="Surfaces of a database's or scene's population.")
-]
+Pressures = Annotated[str, Option(metavar="MPA", help="Nominal pressures, in the same notation.")]
+Population = Annotated[int, Option(min=2, max=10_000, help="Surfaces of a scene or database.")]
 LawBoundary = Annotated[
     Literal["mirror", "periodic", "free"], Option(help="Boundary of the patches, see gen contact.")
 ]
-Band = Annotated[
-    float, Option(metavar="SHARE", help="Share of a population between the ends of its band.")
-]
+Band = Annotated[float, Option(metavar="SHARE", help="Share of a population in its band.")]
 LawFiles = Annotated[
     Path | None,
     Option(*OUT, metavar="NAME", help="Write NAME.csv, .json, .h, -calculix.inp, -abaqus.inp."),
 ]
 Maps = Annotated[
-    list[str] | None,
-    Argument(metavar="MAPS", help="Measured maps: files, folders of them, or patterns in quotes."),
+    list[str] | None, Argument(metavar="MAPS", help="Files, folders, quoted patterns.")
 ]
-NewScene = Annotated[
-    Path,
-    Option(*OUT, metavar="TOML", help="The scene to write; a file is never replaced."),
-]
-Like = Annotated[
-    Path | None,
-    Option(metavar="MAP", help="Instead: self-affine surfaces fitted to the spectrum of this map."),
-]
+NewScene = Annotated[Path, Option(*OUT, metavar="TOML", help="The scene to write, a new file.")]
+Like = Annotated[Path | None, Option(metavar="MAP", help="Instead: surfaces like this map.")]
 
 
 class Material(NamedTuple):
