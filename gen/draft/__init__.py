@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import math
-import textwrap
+import re
 from pathlib import Path
 
 from gen.draft.proposal import (
@@ -39,7 +39,6 @@ from gen.scene import Scene
 from gen.scene.faults import one_line
 
 FEW_TILES = 10  # tiles from which the part that tests a surrogate, a fifth, holds two or more
-WIDTH = 96  # largest length of a line of comments
 
 
 def draft(
@@ -83,12 +82,11 @@ def draft(
 def scene_of_windows(proposal: Proposal, inputs: list[str], command: str, output: Path) -> str:
     """Return a scene of windows of maps, with comments that say why it has its values."""
     nodes, tiles, length = proposal.nodes, proposal.tiling.total, proposal.length
-    few = " That is few: scores of a surrogate on them mean little." * (tiles < FEW_TILES)
+    few = "\n# That is few: scores of a surrogate on them mean little." * (tiles < FEW_TILES)
     if not math.isnan(length):
-        few += (
-            f" The autocorrelation length (Sal) of a middling map is {length:.3g} um: below"
-            f" {WIDE:g} of them in a window its statistics scatter."
-        )
+        few += f"""
+# The autocorrelation length (Sal) of a middling map is {length:.3g} um: below {WIDE:g} of them in a
+# window its statistics scatter."""
     steps = [look.spacing for look in proposal.used]
     spacing = f"# All maps have a node every {in_words(steps[0])} um, and keep it."
     if proposal.spacing is not None:
@@ -105,7 +103,7 @@ spacing = {float(proposal.spacing)!r}"""
     )
     fit = f"{to_type('learn fit')} {database} --features hybrid -o {surrogate}"
     title = f"Windows of {len(steps)} measured map{'s' * (len(steps) != 1)}"
-    return document(f"""\
+    return f"""\
 # {title}. Written by
 #     {one_line(command)}
 # Every value is a proposal: change what you know better. Then
@@ -129,7 +127,7 @@ nodes = {nodes}
 {_loads(proposal.loads, proposal.bodies)}
 # A window is a piece of a larger surface: mirrored, it has no edges that carry too much. "free" is
 # for bodies that end where the map does.
-{_contact(proposal.bodies)}""")
+{_contact(proposal.bodies)}"""
 
 
 def _head(title: str, output: Path, surfaces: int, then: str = "") -> str:
@@ -215,17 +213,17 @@ def scene_like(likeness: Likeness, command: str, output: Path) -> str:
     taken += [f"level {steps.level}"] + ["fill"] * steps.fill
     prepared = " ".join(said(each, "option") for each in taken)
     fit, spectrum, (height, slope) = likeness.fit, likeness.spectrum, likeness.windows
-    remarked = f" The fit says: {'; '.join(fit.remarks)}." if fit.remarks else ""
+    remarked = f"\n# The fit says: {'; '.join(fit.remarks)}." if fit.remarks else ""
     hurst = max(0.0, spectrum.hurst - EXPONENTS), min(1.0, spectrum.hurst + EXPONENTS)
     roll_off = max(spectrum.roll_off / AROUND, spectrum.cut_off), spectrum.roll_off * AROUND
     doubt = ""
     if likeness.doubt:
-        doubt = f" DOUBTFUL: {likeness.doubt}. Windows of the map are safer: `gen scene MAP`."
+        doubt = f"\n# DOUBTFUL: {likeness.doubt}. Windows of the map are safer: `gen scene MAP`."
     stretch = f"""
 # The map has a lay: wavelengths along x over those along y, which are the ones above.
 stretch = {spectrum.stretch!r}
 """
-    return document(f"""\
+    return f"""\
 # Self-affine surfaces around {one_line(name)}, a start for a population of your own. Written by
 #     {one_line(command)}
 # The map was prepared by {prepared}. Then
@@ -251,7 +249,7 @@ rms_slope = {span(rounded(likeness.slope / AROUND, 3), rounded(likeness.slope * 
 {stretch if spectrum.stretch != 1.0 else ""}
 {_loads(likeness.loads, likeness.bodies)}
 # As for windows of maps. "periodic" would make each surface its own period.
-{_contact(likeness.bodies)}""")
+{_contact(likeness.bodies)}"""
 
 
 def _loads(loads: Loads, bodies: Bodies) -> str:
@@ -262,9 +260,9 @@ def _loads(loads: Loads, bodies: Bodies) -> str:
 # share of a surface into contact, rough or smooth, from about {small:.2g} % on."""
     if loads.quantity == "pressure":
         why = f"""\
-# MPa, mean pressure over the patch. These loads bring about {small:.2g} to {large:.2g} % of a
-# middling surface into contact. The hardness, {bodies.hardness:g} MPa, is the pressure without
-# equilibrium."""
+# MPa, mean pressure over the patch.
+# These loads bring about {small:.2g} to {large:.2g} % of a middling surface into contact.
+# The hardness, {bodies.hardness:g} MPa, is the pressure without equilibrium."""
     return f"""\
 [load]
 {why}
@@ -280,7 +278,7 @@ range = {{ log_uniform = {span(loads.low, loads.high)} }}
 def _contact(bodies: Bodies) -> str:
     """Return the keys of the contact, the boundary first."""
     young, poisson = bodies.only or (bodies.e_star, 0.0)
-    unknown = "" if bodies.known else " None was given: areas of elastic bodies hold for any."
+    unknown = "" if bodies.known else "\n# None was given: areas of elastic bodies hold for any."
     hardness = "# Metals yield: hardness = 2000.0 (MPa, steel) with loads as pressures."
     if bodies.hardness is not None:
         hardness = f"# MPa, of the softer body.\nhardness = {float(bodies.hardness)!r}"
@@ -293,22 +291,6 @@ poisson = {float(poisson)!r}
 
 {hardness}
 """
-
-
-def document(text: str) -> str:
-    """Wrap the comments of a scene anew, but for commands, which are indented in them."""
-    lines: list[str] = []
-    paragraph: list[str] = []
-    for line in [*text.splitlines(), ""]:
-        if line.startswith("# ") and not line.startswith("#  "):
-            paragraph.append(line[2:])
-            continue
-        wrapped = textwrap.wrap(" ".join(paragraph), WIDTH, break_long_words=False)
-        lines += [f"# {each}" for each in wrapped]
-        paragraph = []
-        if line or (lines and lines[-1]):
-            lines.append(line)
-    return "\n".join(lines).rstrip() + "\n"
 
 
 def quoted(text: str) -> str:
@@ -340,6 +322,7 @@ def require_new(path: Path) -> None:
 
 def write(path: Path, text: str) -> Scene:
     """Write a scene, never over another file, and return it as `gen run` reads it."""
+    text = re.sub(r"\n{3,}", "\n\n", text)
     scene = Scene.parse(text, str(path))
     require_new(path)
     with atomic(path, replace=False) as file:

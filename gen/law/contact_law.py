@@ -29,7 +29,6 @@ from gen.law.curves import (
 from gen.law.surfaces import LawSurface, LawSurfaces, Load, read_subjects
 from gen.maps.bodies import Opposite
 from gen.maps.contacts import contact_warnings, solve_loads
-from gen.maps.read import Topography
 from gen.maps.settings import Reading
 from gen.material import Bodies
 from gen.runtime.errors import InputError
@@ -306,7 +305,6 @@ def _of_surface(
 
     If it is judged and the error of the grid asked for, the area in the continuum has an interval.
     """
-    topography = Topography(surface.name, surface.heights, surface.sides, boundary=surface.boundary)
     settings = {"modulus": bodies.e_star, **surface.settings}
     if bodies.hardness is not None:
         settings["hardness"] = bodies.hardness
@@ -317,7 +315,7 @@ def _of_surface(
     faults, note = [], ""
     notable: dict[int, Contact] = {}  # the last, and the first with each number of warnings
     for place, (contact, _, fault) in enumerate(
-        solve_loads(topography, load, loads.tolist(), **settings)
+        solve_loads(surface, load, loads.tolist(), **settings)
     ):
         faults.append(fault)
         if contact is None:
@@ -339,7 +337,7 @@ def _of_surface(
             bars[place] = grid.area_percent if grid.resolved else np.nan
             if not (note or grid.resolved):
                 note = f"{surface.name}: the area is that of the grid: {grid.reason}"
-        warned = contact_warnings(topography, [contact], material=bodies.known)
+        warned = contact_warnings(surface, [contact], material=bodies.known)
         notable.setdefault(len(warned), contact)  # their number only rises with the load
         notable[-1] = contact
     values = dict(zip(names, rows.T, strict=True))
@@ -348,5 +346,5 @@ def _of_surface(
     if order.grid_error and judged:
         low[CONTINUUM] = np.clip(values[CONTINUUM] - bars, 0, 100)
         high[CONTINUUM] = np.clip(values[CONTINUUM] + bars, 0, 100)
-    said = contact_warnings(topography, list(notable.values()), material=bodies.known)
+    said = contact_warnings(surface, list(notable.values()), material=bodies.known)
     return _OfSurface(Points(values, low, high, ("",) * loads.size), faults, said, note)

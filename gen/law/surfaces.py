@@ -12,28 +12,28 @@ from gen.arrays import Values
 from gen.distribution import LogUniform, limits
 from gen.maps.bodies import Opposite, composite, files_in, read_surface
 from gen.maps.prepare import surface_warnings
-from gen.maps.read import Topography
+from gen.maps.read import Sides, Topography
 from gen.maps.settings import Reading
 from gen.material import plane_strain_modulus
 from gen.runtime.errors import InputError
 from gen.scene import Scene, preset_names
 
-Sides = tuple[float, float]
 Load = Literal["delta", "pressure"]  # quantities that a law can be solved at
 
 
 @dataclass(frozen=True, eq=False)
-class LawSurface:
+class LawSurface(Topography):
     """A surface of a law."""
 
-    name: str  # in messages
-    heights: Values  # [um], (nx, ny)
-    sides: Sides  # scan lengths along x and y [um]
-    spacing: Sides  # of the nodes along x and y [um]
-    # Settings of the solver that a scene states: kernel, far_field, rtol, max_iterations.
+    # Settings of the solver that a scene states: spacing, kernel, far_field, rtol, max_iterations.
     settings: Mapping[str, Any] = field(default_factory=dict)
-    boundary: Boundary = "free"
     scene: Scene | None = None  # that it was generated from
+
+    @property
+    def spacing(self) -> Sides:
+        """Distance of the nodes along x and y [um]."""
+        dx, dy = self.settings.get("spacing", super().spacing)
+        return dx, dy
 
     @property
     def nominal(self) -> float:
@@ -56,11 +56,9 @@ class LawSurface:
         from bem.derived.stiffness import patch_stiffness
         from bem.problem import pose
 
-        spacing = self.settings.get("spacing", self.spacing)
         kernel = self.settings.get("kernel", "uniform-pressure")
-        problem = pose(
-            self.heights, self.sides, 0.0, spacing=spacing, kernel=kernel, modulus=e_star
-        )
+        settings = {"spacing": self.spacing, "kernel": kernel, "modulus": e_star}
+        problem = pose(self.heights, self.sides, 0.0, **settings)
         return self.nominal / patch_stiffness(problem)
 
 
@@ -193,9 +191,7 @@ def read_subjects(
                 for line in warnings:
                     say(f"  warning: {line}")
                 subjects.append(
-                    LawSurface(
-                        each.name, each.heights, each.sides, each.spacing, boundary=each.boundary
-                    )
+                    LawSurface(each.name, each.heights, each.sides, boundary=each.boundary)
                 )
                 doubts += [f"warning: {text}{facing}: {doubt}" for doubt in each.warnings]
     return LawSurfaces(subjects, scenes, origins, list(dict.fromkeys(doubts)))
@@ -269,7 +265,11 @@ def _population(scene: Scene, text: str, number: int) -> Iterator[LawSurface]:
     plan = parameters(scene, 0, step * number)
     for surface in range(number):
         heights = surface_of(scene, plan, step * surface)
-        name = f"{text}, surface {surface}"
         yield LawSurface(
-            name, heights, scene.sides, scene.spacing, settings, contact.boundary, scene
+            f"{text}, surface {surface}",
+            heights,
+            scene.sides,
+            boundary=contact.boundary,
+            settings=settings,
+            scene=scene,
         )

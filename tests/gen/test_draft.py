@@ -11,7 +11,7 @@ import pytest
 from bench.made_maps import MAPS, Faults, measured, write
 from gen import cli
 from gen.database import Reader
-from gen.draft import WIDTH, document, quoted
+from gen.draft import quoted
 from gen.draft import write as write_scene
 from gen.draft.survey import find_spikes
 from gen.runtime.errors import InputError
@@ -170,15 +170,6 @@ def test_what_is_no_scene_is_not_written(tmp_path):
     with pytest.raises(InputError, match="samples"):
         write_scene(tmp_path / "a.toml", "samples = -1")
     assert not list(tmp_path.iterdir())
-
-
-def test_comments_are_wrapped_but_commands():
-    written = document(
-        "# " + "word " * 100 + "\n#     gen run " + "x" * 99 + "\na = 1\n\n\n\nb = 2\n"
-    )
-    *comments, command, first, empty, last = written.splitlines()
-    assert max(map(len, comments)) <= WIDTH + 2
-    assert (command[:14], first, empty, last) == ("#     gen run ", "a = 1", "", "b = 2")
 
 
 def test_names_of_maps_stay_names(tmp_path, monkeypatch):
