@@ -106,11 +106,7 @@ class Law:
     band: str  # its description
     origins: tuple[str, ...]  # surfaces of the law, one line for each input
     notes: tuple[str, ...]  # remarks about the making of the law, one line each
-
-    @property
-    def title(self) -> str:
-        """Names of the surfaces, with those of the second bodies, on one line."""
-        return shortened("; ".join(self.origins))
+    title: str  # names of the surfaces, with those of the second bodies, on one line
 
 
 def by_solver(order: Order, say: Callable[[str], None]) -> Law:
@@ -175,9 +171,16 @@ def law_of(
     if few.size:
         to = f"up to {few[-1]:.4g} MPa fewer than {FEW} nodes touch"
         notes.append(f"{to}: there the law is the grid's")
-    origins = tuple(subjects.origins)
     return Law(
-        order, over_delta, over_pressure, bodies, boundary, band, origins, notes=tuple(notes)
+        order=order,
+        over_delta=over_delta,
+        over_pressure=over_pressure,
+        bodies=bodies,
+        boundary=boundary,
+        band=band,
+        origins=tuple(subjects.origins),
+        notes=tuple(notes),
+        title=shortened("; ".join(subjects.origins)),
     )
 
 
