@@ -89,7 +89,7 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
     "gen/surface.py": (("2.0 ** (-hurst / 2.0)", "2.0 ** (-hurst)"),),
     "gen/spectral.py": (("(-1 - self.hurst)", "(-0.5 - self.hurst)"),),
     "gen/maps/prepare.py": (
-        ("int(kept[-1]) + 1))", "int(kept[-1])))"),
+        ("<= high / apart + ROUNDING", "<= high / apart - 1 + ROUNDING"),
         ("(heights < below) | (heights > above)", "(heights < below) & (heights > above)"),
     ),
     "gen/maps/filters.py": (("scatter = 1.4826 *", "scatter = 1.0 *"),),
