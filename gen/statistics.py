@@ -21,6 +21,7 @@ ranges decide the kurtoses and agree with every statistic but the bandwidth
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -66,8 +67,9 @@ class Description:
 
 
 class Moments(NamedTuple):
-    """Population moments of a set of values; NaN for moments that the values do not define."""
+    """Number of values and their population moments; NaN for those that they do not define."""
 
+    number: int
     mean: float
     rms: float  # standard deviation of the population: squares are divided by their number
     skewness: float
@@ -85,24 +87,6 @@ class Profiles(NamedTuple):
     peaks: NDArray[np.bool_]  # whether a node is above both neighbours; false at the ends
     slope_square: float  # mean of the squared first differences
     curvature_square: float  # that of the second differences; NaN for profiles of two nodes
-
-
-class Surface(NamedTuple):
-    """Heights in a unit in which no power of them overflows or underflows."""
-
-    nodes: Values  # C-contiguous, shape (nx, ny), with the offset that they were given with
-    lowest: float
-    highest: float
-    unit: float  # a power of two, so that scaling is exact [um]
-    spacing: float  # of floating-point numbers at the largest height [unit]
-
-
-class Summits(NamedTuple):
-    """Number of the peaks or asperities of a surface, and the moments of their values."""
-
-    number: int
-    heights: Moments
-    curvatures: Moments
 
 
 def describe(heights: Values, spacing: float | tuple[float, float]) -> Description:
@@ -134,34 +118,55 @@ def describe(heights: Values, spacing: float | tuple[float, float]) -> Descripti
     ----------
     Section 2.3 (sec_stat_of_top) and Table 1 (tab:list_of_params) of the paper.
     """
-    spacing_x, spacing_y = _spacings(spacing)
-    surface = _normalised(heights)
-    nodes, unit, noise = surface.nodes, surface.unit, ROUNDING * surface.spacing
+    pair = spacing if isinstance(spacing, tuple) else (spacing, spacing)
+    if len(pair) != 2 or not all(SPACINGS[0] <= value <= SPACINGS[1] for value in pair):
+        raise InputError(
+            f"spacing {np.asarray(spacing).tolist()}: give one or a pair, from {SPACINGS[0]:g} to"
+            f" {SPACINGS[1]:g} um"
+        )
+    nodes, unit, rounding = _normalised(heights)
+    noise, ratio = ROUNDING * rounding, (pair[0] / pair[1]) ** 2
     along_x, along_y = _profiles(nodes, axis=0), _profiles(nodes, axis=1)
-    ratio = (spacing_x / spacing_y) ** 2
-    peaks = _peaks(surface, along_x, along_y, ratio, noise)
-    asperities = _asperities(surface, along_x, along_y, ratio, noise)
-    mean, _, variance = _spread(nodes.ravel(), surface.lowest)
-    bandwidths = [_bandwidth(variance, along, noise) for along in (along_x, along_y)]
-    per_length = unit / spacing_x / spacing_x
-    of_peaks, of_asperities = _values(peaks, asperities, nodes.size, unit, per_length)
+    lowest, highest = float(nodes.min()), float(nodes.max())
+    mean, _, variance = _spread(nodes.ravel(), lowest)
+    bandwidths = [
+        math.nan
+        if along.slope_square <= noise * noise  # flat to rounding
+        else (variance / along.slope_square) * (along.curvature_square / along.slope_square)
+        for along in (along_x, along_y)
+    ]
+    peaks, asperities = (
+        (_moments(summits, lowest, noise), _moments(curvatures, 0.0, noise * max(1.0, ratio)))
+        for summits, curvatures in _summits(nodes.ravel(), along_x, along_y, ratio)
+    )
+    per_length = unit / pair[0] / pair[0]
     values = (
-        *of_peaks,
+        *(peaks[0].mean * unit, peaks[0].rms * unit, peaks[0].kurtosis, peaks[0].skewness),
+        *(peaks[0].number / (2 * nodes.size), peaks[1].mean * per_length),
+        *(peaks[1].kurtosis - 3.0, peaks[1].skewness),
         *bandwidths,
-        *of_asperities,
-        mean * unit,
-        (surface.highest - surface.lowest) * unit,
-        math.sqrt(variance) * unit,
+        *(asperities[0].mean * unit, asperities[0].rms * unit),
+        *(asperities[0].kurtosis - 3.0, asperities[0].skewness),
+        *(asperities[0].number / nodes.size, asperities[1].mean * per_length),
+        *(asperities[1].rms * per_length, asperities[1].kurtosis, asperities[1].skewness),
+        *(mean * unit, (highest - lowest) * unit, math.sqrt(variance) * unit),
     )
     if per_length < np.finfo(np.float64).tiny or any(map(math.isinf, values)):
         raise InputError(
-            f"heights over {values[-2]:g} um on a spacing of {spacing_x:g} um: their curvatures are"
+            f"heights over {values[-2]:g} um on a spacing of {pair[0]:g} um: their curvatures are"
             " beyond what numbers hold; give other units"
         )
     named = dict(zip(NAMES, values, strict=True))
-    if 0.0 < variance <= (LOST * surface.spacing) ** 2:
-        return _lost(named, surface)
-    return Description(named, _reason(surface, peaks, asperities, bandwidths))
+    if 0.0 < variance <= (LOST * rounding) ** 2:
+        kept = {name: named[name] for name in ("height_mean", "height_max", "height_rms")}
+        return Description(
+            dict.fromkeys(NAMES, math.nan) | kept,
+            f"heights lost in rounding: rms {named['height_rms']:.3g} um at an offset where numbers"
+            f" are {rounding * unit:.2g} um apart",
+        )
+    if lowest == highest:
+        return Description(named, "flat surface: no profile peak, no asperity")
+    return Description(named, _reason(nodes.shape, peaks, asperities, bandwidths))
 
 
 def rms_slope(heights: Values, spacing: tuple[float, float]) -> float:
@@ -192,61 +197,12 @@ def rms_slope(heights: Values, spacing: tuple[float, float]) -> float:
     return math.sqrt(squares)
 
 
-def _values(
-    peaks: Summits, asperities: Summits, nodes: int, unit: float, per_length: float
-) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Return the statistics of peaks and of asperities in Table 1's order, from their units."""
-    heights, curvatures = peaks.heights, peaks.curvatures
-    of_peaks = (
-        heights.mean * unit,
-        heights.rms * unit,
-        heights.kurtosis,
-        heights.skewness,
-        peaks.number / (2 * nodes),
-        curvatures.mean * per_length,
-        curvatures.kurtosis - 3.0,
-        curvatures.skewness,
-    )
-    heights, curvatures = asperities.heights, asperities.curvatures
-    return of_peaks, (
-        heights.mean * unit,
-        heights.rms * unit,
-        heights.kurtosis - 3.0,
-        heights.skewness,
-        asperities.number / nodes,
-        curvatures.mean * per_length,
-        curvatures.rms * per_length,
-        curvatures.kurtosis,
-        curvatures.skewness,
-    )
+def _normalised(heights: Values) -> tuple[Values, float, float]:
+    """Scale heights by a power of two, exactly, so that no power of them overflows or underflows.
 
-
-def _lost(values: dict[str, float], surface: Surface) -> Description:
-    """Keep the moments of heights whose offset has cost most of their digits; give the reason."""
-    kept = ("height_mean", "height_max", "height_rms")
-    reason = (
-        f"heights lost in rounding: rms {values['height_rms']:.3g} um at an offset where numbers"
-        f" are {surface.spacing * surface.unit:.2g} um apart"
-    )
-    return Description(
-        {name: value if name in kept else math.nan for name, value in values.items()}, reason
-    )
-
-
-def _spacings(spacing: float | tuple[float, float]) -> tuple[float, float]:
-    """Check the spacings along x and y, and return them [um]."""
-    pair = spacing if isinstance(spacing, tuple) else (spacing, spacing)
-    smallest, largest = SPACINGS
-    if len(pair) != 2 or not all(smallest <= value <= largest for value in pair):
-        raise InputError(
-            f"spacing {np.asarray(spacing).tolist()}: give one or a pair, from {smallest:g} to"
-            f" {largest:g} um"
-        )
-    return float(pair[0]), float(pair[1])
-
-
-def _normalised(heights: Values) -> Surface:
-    """Scale heights by a power of two so that their range is between 0.5 and 1."""
+    Return the nodes, whose range is between 0.5 and 1 and which keep their offset, the unit [um],
+    and the spacing of floating-point numbers at the largest height [unit].
+    """
     if heights.ndim != 2 or min(heights.shape) < 2:
         raise InputError(f"heights of shape {heights.shape}: give 2-D heights, 2 x 2 nodes or more")
     if heights.dtype.kind not in "buif":
@@ -256,15 +212,14 @@ def _normalised(heights: Values) -> Surface:
     if not math.isfinite(highest - lowest):
         raise InputError("heights with NaN, infinities or an infinite range: give finite heights")
     if lowest == highest:
-        return Surface(np.zeros(heights.shape), 0.0, 0.0, 1.0, 0.0)
+        return np.zeros(heights.shape), 1.0, 0.0
     exponent = math.frexp(highest - lowest)[1]
     unit = 2.0 ** min(max(exponent, -1000), 1000)
     nodes = np.multiply(heights, 1.0 / unit, order="C", dtype=np.float64)
     # Heights that were given in single precision keep its number of digits.
     single = heights.dtype.kind == "f" and heights.dtype.itemsize < 8
     eps = float(np.finfo(heights.dtype if single else np.float64).eps)
-    largest = max(abs(lowest), abs(highest)) / unit
-    return Surface(nodes, lowest / unit, highest / unit, unit, eps * largest)
+    return nodes, unit, eps * (max(abs(lowest), abs(highest)) / unit)
 
 
 def _profiles(surface: Values, axis: int) -> Profiles:
@@ -298,55 +253,35 @@ def _profiles(surface: Values, axis: int) -> Profiles:
     )
 
 
-def _peaks(
-    surface: Surface, along_x: Profiles, along_y: Profiles, ratio: float, noise: float
-) -> Summits:
-    """Describe the peaks of all profiles; `ratio` converts curvatures along y to units of x."""
-    nodes = surface.nodes.ravel()
+def _summits(
+    nodes: Values, along_x: Profiles, along_y: Profiles, ratio: float
+) -> Iterator[tuple[Values, Values]]:
+    """Yield heights and curvatures of the peaks of all profiles, then those of the asperities.
+
+    `ratio` converts curvatures along y to units of x.
+    """
     on_x, on_y = np.flatnonzero(along_x.peaks), np.flatnonzero(along_y.peaks)
     heights = np.concatenate((nodes[on_x + along_x.stride], nodes[on_y + along_y.stride]))
-    curvatures = np.concatenate((along_x.curvature[on_x], along_y.curvature[on_y] * ratio))
-    return _summits(heights, curvatures, surface.lowest, ratio, noise)
-
-
-def _asperities(
-    surface: Surface, along_x: Profiles, along_y: Profiles, ratio: float, noise: float
-) -> Summits:
-    """Describe the nodes above their four neighbours, with the mean of both curvatures."""
+    yield heights, np.concatenate((along_x.curvature[on_x], along_y.curvature[on_y] * ratio))
     shift = along_x.stride - along_y.stride
     on_x = np.flatnonzero(along_x.peaks & along_y.peaks[shift : shift + along_x.peaks.size])
-    on_y = on_x + shift
-    heights = surface.nodes.ravel()[on_x + along_x.stride]
-    curvatures = 0.5 * (along_x.curvature[on_x] + along_y.curvature[on_y] * ratio)
-    return _summits(heights, curvatures, surface.lowest, ratio, noise)
-
-
-def _summits(
-    heights: Values,
-    curvatures: Values,
-    lowest: float,
-    ratio: float,
-    noise: float,
-) -> Summits:
-    """Count peaks or asperities and compute the moments of their heights and curvatures."""
-    curvature_noise = noise * max(1.0, ratio)
-    return Summits(
-        heights.size, _moments(heights, lowest, noise), _moments(curvatures, 0.0, curvature_noise)
-    )
+    curvatures = 0.5 * (along_x.curvature[on_x] + along_y.curvature[on_x + shift] * ratio)
+    yield nodes[on_x + along_x.stride], curvatures
 
 
 def _moments(values: Values, origin: float, noise: float) -> Moments:
     """Compute the moments of values (count,); no skewness or kurtosis if their rms is noise."""
-    if not values.size:
-        return Moments(math.nan, math.nan, math.nan, math.nan)
+    number = values.size
+    if not number:
+        return Moments(0, math.nan, math.nan, math.nan, math.nan)
     mean, deviations, variance = _spread(values, origin)
     rms = math.sqrt(variance)
     if rms <= noise:
-        return Moments(mean, rms, math.nan, math.nan)
+        return Moments(number, mean, rms, math.nan, math.nan)
     squares = deviations * deviations
-    third = _sum_of_products(squares, deviations) / values.size
-    fourth = _sum_of_products(squares, squares) / values.size
-    return Moments(mean, rms, third / (variance * rms), fourth / (variance * variance))
+    third = _sum_of_products(squares, deviations) / number
+    fourth = _sum_of_products(squares, squares) / number
+    return Moments(number, mean, rms, third / (variance * rms), fourth / (variance * variance))
 
 
 def _spread(values: Values, origin: float) -> tuple[float, Values, float]:
@@ -372,31 +307,27 @@ def _sum_of_products(first: Values, second: Values) -> float:
     return float(np.einsum("i,i->", first, second))
 
 
-def _bandwidth(variance: float, along: Profiles, noise: float) -> float:
-    """Compute Nayak's m0 m4 / m2^2 along one axis; NaN if the profiles are flat to rounding."""
-    if along.slope_square <= noise * noise:
-        return math.nan
-    return (variance / along.slope_square) * (along.curvature_square / along.slope_square)
-
-
-def _reason(surface: Surface, peaks: Summits, asperities: Summits, bandwidths: list[float]) -> str:
+def _reason(
+    shape: tuple[int, ...],
+    peaks: tuple[Moments, Moments],
+    asperities: tuple[Moments, Moments],
+    bandwidths: list[float],
+) -> str:
     """Say in a short text why statistics are NaN; empty if none is NaN."""
-    if surface.lowest == surface.highest:
-        return "flat surface: no profile peak, no asperity"
     faults = [
         f"flat profiles along {axis}" if length > 2 else f"two nodes along {axis}"
-        for axis, length, bandwidth in zip("xy", surface.nodes.shape, bandwidths, strict=True)
+        for axis, length, bandwidth in zip("xy", shape, bandwidths, strict=True)
         if math.isnan(bandwidth)
     ]
-    for summits, one, many in (
+    for moments, one, many in (
         (peaks, "profile peak", "profile peaks"),
         (asperities, "asperity", "asperities"),
     ):
-        if summits.number < 2:
-            faults.append(f"{'one' if summits.number else 'no'} {one}")
+        if (number := moments[0].number) < 2:
+            faults.append(f"{'one' if number else 'no'} {one}")
             continue
-        quantities = (("height", summits.heights), ("curvature", summits.curvatures))
-        equal = [quantity for quantity, moments in quantities if math.isnan(moments.kurtosis)]
+        quantities = zip(("height", "curvature"), moments, strict=True)
+        equal = [quantity for quantity, each in quantities if math.isnan(each.kurtosis)]
         if equal:
             faults.append(f"{many} of equal {' and '.join(equal)}")
     return ", ".join(faults)
