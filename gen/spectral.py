@@ -1,18 +1,18 @@
 """Rough surfaces from a power spectrum: self-affine, periodic, with random phases."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Literal, Self
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from gen.arrays import Heights, Values
 from gen.distribution import AboveZero, AtLeastZero, FromZeroToOne, limits
 from gen.runtime.errors import InputError
-from gen.surface import MOST_NODES, Drawn, Grid, GridSurface
+from gen.surface import MOST_NODES, Drawn, Grid, GridSurface, Parameters, Random
 
 FARTHEST = 1e30
 """Largest roll-off over the longest wave: beyond it has no effect, and its powers overflow."""
@@ -132,44 +132,12 @@ def generate_spectral(
         value of 0 or more is given.
     """
     sides = side if isinstance(side, tuple) else (side, side)
-    _check_grid(shape, sides, spectrum)
     qx, qy = _wavevectors(shape, sides, spectrum)
     half = spectrum.density(qx[: len(qx) // 2 + 1], qy)
     density = np.concatenate((half, half[:0:-1]))  # the same along -x
     powers = _scaled(density, qx, qy, rms_height, rms_slope)
     phases = random.uniform(0.0, 2 * math.pi, powers.shape)
-    return _synthesis(math.prod(shape) * _waves(np.sqrt(powers / 2), phases), shape)
-
-
-def _waves(amplitudes: Values, phases: Values) -> np.ndarray:
-    """Return complex amplitudes whose moduli are exact.
-
-    Single precision is enough for phases that are random, and its functions are many times faster.
-    """
-    angles = phases.astype(np.float32)
-    cosines, sines = (function(angles).astype(np.float64) for function in (np.cos, np.sin))
-    amplitudes = amplitudes / np.sqrt(cosines**2 + sines**2)
-    waves = np.empty(phases.shape, dtype=complex)
-    np.multiply(amplitudes, cosines, out=waves.real)
-    np.multiply(amplitudes, sines, out=waves.imag)
-    return waves
-
-
-def _check_grid(
-    shape: tuple[int, int], sides: tuple[float, float], spectrum: SelfAffineSpectrum
-) -> None:
-    """Refuse grids on which the shortest waves cannot be told from longer ones."""
-    if min(shape) < 2:
-        raise InputError(f"nodes {shape[0]} x {shape[1]}: give at least 2 along both axes")
-    for length in sides:
-        if not 0.0 < length < math.inf:
-            raise InputError(f"side {length}: give a length above 0 um")
-    shortest = max(2 * sides[0] / shape[0] / spectrum.stretch, 2 * sides[1] / shape[1])
-    if spectrum.cut_off * (1 + ROUNDING) < shortest:
-        raise InputError(
-            f"cut-off {spectrum.cut_off:g}: give at least {shortest:.6g} um,"
-            " two nodes a wavelength along both axes, or a finer grid"
-        )
+    return _synthesis(np.sqrt(powers / 2), phases, shape)
 
 
 def _wavevectors(
@@ -178,18 +146,28 @@ def _wavevectors(
     """List the wavevectors (2 kx + 1, 1) and (1, ky + 1) up to the cut-off [1/um].
 
     Components along x are in the order 0, 1, ..., kx, -kx, ..., -1. Waves of exactly two nodes a
-    wavelength are left out: the grid does not hold their phase.
+    wavelength are left out: the grid does not hold their phase. Grids on which the shortest waves
+    cannot be told from longer ones are refused.
     """
+    if min(shape) < 2:
+        raise InputError(f"nodes {shape[0]} x {shape[1]}: give at least 2 along both axes")
+    for length in sides:
+        if not 0.0 < length < math.inf:
+            raise InputError(f"side {length}: give a length above 0 um")
+    finest = max(2 * sides[0] / shape[0] / spectrum.stretch, 2 * sides[1] / shape[1])
+    if spectrum.cut_off * (1 + ROUNDING) < finest:
+        raise InputError(
+            f"cut-off {spectrum.cut_off:g}: give at least {finest:.6g} um,"
+            " two nodes a wavelength along both axes, or a finer grid"
+        )
     shortest = spectrum.cut_off * spectrum.stretch, spectrum.cut_off
-    periods = [
+    kx, ky = (
         min(math.floor(length / wavelength * (1 + ROUNDING)), (nodes - 1) // 2)
         for nodes, length, wavelength in zip(shape, sides, shortest, strict=True)
-    ]
-    along_x = np.fft.ifftshift(np.arange(-periods[0], periods[0] + 1))
-    along_y = np.arange(periods[1] + 1)
-    qx = np.asarray(2 * math.pi / sides[0] * along_x[:, None], dtype=np.float64)
-    qy = np.asarray(2 * math.pi / sides[1] * along_y[None, :], dtype=np.float64)
-    return qx, qy
+    )
+    qx = 2 * math.pi / sides[0] * np.fft.ifftshift(np.arange(-kx, kx + 1)).reshape(-1, 1)
+    qy = 2 * math.pi / sides[1] * np.arange(ky + 1).reshape(1, -1)
+    return np.asarray(qx, dtype=np.float64), np.asarray(qy, dtype=np.float64)
 
 
 def _scaled(
@@ -214,8 +192,19 @@ def _scaled(
     return np.asarray(powers * (rms**2 / total))
 
 
-def _synthesis(waves: np.ndarray, shape: tuple[int, int]) -> Heights:
-    """Sum the waves, complex amplitudes of shape (2 kx + 1, ky + 1), on the grid."""
+def _synthesis(amplitudes: Values, phases: Values, shape: tuple[int, int]) -> Heights:
+    """Sum waves of amplitudes and phases (2 kx + 1, ky + 1) on the grid.
+
+    Single precision is enough for phases that are random, and its functions are many times faster;
+    the moduli of the complex amplitudes are exact.
+    """
+    angles = phases.astype(np.float32)
+    cosines, sines = (function(angles).astype(np.float64) for function in (np.cos, np.sin))
+    amplitudes = amplitudes / np.sqrt(cosines**2 + sines**2)
+    waves: NDArray[np.complex128] = np.empty(phases.shape, dtype=complex)
+    np.multiply(amplitudes, cosines, out=waves.real)
+    np.multiply(amplitudes, sines, out=waves.imag)
+    waves *= math.prod(shape)
     kx = len(waves) // 2
     transform = np.zeros((shape[0], shape[1] // 2 + 1), dtype=complex)
     transform[: kx + 1, : waves.shape[1]] = waves[: kx + 1]
@@ -223,18 +212,6 @@ def _synthesis(waves: np.ndarray, shape: tuple[int, int]) -> Heights:
         transform[-kx:, : waves.shape[1]] = waves[kx + 1 :]
         transform[-kx:, 0] = np.conj(waves[kx:0:-1, 0])
     return np.fft.irfft2(transform, s=shape)
-
-
-def _smooth(nodes: int) -> int:
-    """Return the first number from `nodes` on without prime factors above 5: it transforms fast."""
-    while True:
-        rest = nodes
-        for factor in (2, 3, 5):
-            while rest % factor == 0:
-                rest //= factor
-        if rest == 1:
-            return nodes
-        nodes += 1
 
 
 class SpectralSurface(GridSurface):
@@ -288,30 +265,26 @@ class SpectralSurface(GridSurface):
             )
         return self
 
-    def periods(self, boundary: str) -> float:
-        """Return the surface's period in sides of a patch with a boundary [1]."""
-        if self.period is not None:
-            return self.period
-        return 1.0 if boundary == "periodic" else 2.0
-
-    def period_nodes(self, boundary: str) -> tuple[int, int]:
-        """Return the nodes along x and y of a surface's period on a patch with a boundary.
+    def period_nodes(self, grid: Grid) -> tuple[int, int]:
+        """Return the nodes along x and y of a surface's period on a grid.
 
         A period that is not the patch itself is rounded up to a number that suits transforms.
         """
-        nx, ny = self.shape(edgeless=boundary != "free")
-        if (periods := self.periods(boundary)) == 1.0:
-            return nx, ny
-        return _smooth(math.ceil(periods * nx)), _smooth(math.ceil(periods * ny))
+        from scipy.fft import next_fast_len
+
+        periods = self.period or (1.0 if grid.boundary == "periodic" else 2.0)
+        if periods == 1.0:
+            return grid.shape
+        nx, ny = (next_fast_len(math.ceil(periods * nodes), real=True) for nodes in grid.shape)
+        return nx, ny
 
     def fault_on(self, grid: Grid) -> str:
         """Return why a wave may be too short for the grid, or too long for the period, or ""."""
-        spacing, boundary = grid.spacing, grid.boundary
-        if max(self.period_nodes(boundary)) > MOST_PERIOD_NODES:
-            nx, ny = self.period_nodes(boundary)
+        spacing, (nx, ny) = grid.spacing, self.period_nodes(grid)
+        if max(nx, ny) > MOST_PERIOD_NODES:
             return (
-                f"its period has {nx} x {ny} nodes, {self.periods(boundary):g} times those of the"
-                f" patch: give a shorter period, at most {MOST_PERIOD_NODES} nodes"
+                f"its period has {nx} x {ny} nodes: give a shorter period, at most"
+                f" {MOST_PERIOD_NODES} nodes"
             )
         (shortest, longest), stretches = limits(self.cut_off), limits(self.stretch)
         finest = max(2 * spacing[0] / stretches[0], 2 * spacing[1])
@@ -320,7 +293,7 @@ class SpectralSurface(GridSurface):
                 f"cut_off is from {shortest:g} um on; this grid holds waves of {finest:.6g} um"
                 " and more: give a longer cut_off or more nodes"
             )
-        periods = zip(self.period_nodes(boundary), spacing, (stretches[1], 1.0), strict=True)
+        periods = zip((nx, ny), spacing, (stretches[1], 1.0), strict=True)
         most = max(nodes * pitch / ratio if nodes > 2 else 0.0 for nodes, pitch, ratio in periods)
         if longest > most * (1 + ROUNDING):
             return (
@@ -331,13 +304,7 @@ class SpectralSurface(GridSurface):
             return f"roll_off is up to {beyond:g} um: give at most {FARTHEST * most:g} um"
         return ""
 
-    def heights(
-        self,
-        grid: Grid,
-        surface: int,
-        parameters: Mapping[str, float],
-        random: np.random.Generator,
-    ) -> Heights:
+    def heights(self, grid: Grid, surface: int, parameters: Parameters, random: Random) -> Heights:
         """Add waves up; see `GeneratedSurface.heights`.
 
         A surface on a periodic patch has the patch as its period. Any other one is a window of a
@@ -345,7 +312,7 @@ class SpectralSurface(GridSurface):
         other.
         """
         names = ("hurst", "roll_off", "cut_off", "stretch")
-        nodes = self.period_nodes(grid.boundary)
+        nodes = self.period_nodes(grid)
         whole = generate_spectral(
             nodes,
             (nodes[0] * grid.spacing[0], nodes[1] * grid.spacing[1]),

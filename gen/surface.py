@@ -50,12 +50,27 @@ NODES = f"a whole number from 2 to {MOST_NODES}, or one for each axis, [nx, ny]"
 SIDE = "a finite number above 0, or one for each axis, [x, y] [um]"
 
 
+Parameters = Mapping[str, float]
+"""Parameters that were drawn for a surface, by their names."""
+
+Random = np.random.Generator
+
+
 class Grid(NamedTuple):
     """The grid that a scene's surfaces are made on."""
 
     shape: tuple[int, int]  # nodes along x and y
+    sides: tuple[float, float]  # lengths of the patch: of all cells, or between outer nodes [um]
     spacing: tuple[float, float]  # distances of neighbouring nodes along x and y [um]
     boundary: str  # "free", "periodic" or "mirror"
+
+    @classmethod
+    def of(
+        cls, shape: tuple[int, int], sides: tuple[float, float], boundary: str, *, cells: bool
+    ) -> Self:
+        """Make the grid of a patch whose sides hold all cells or, without `cells`, one less."""
+        (nx, ny), (x, y) = shape, sides
+        return cls(shape, sides, (x / (nx - (not cells)), y / (ny - (not cells))), boundary)
 
 
 class Drawn(NamedTuple):
@@ -73,6 +88,12 @@ class GeneratedSurface(Table):
     database.
     """
 
+    NAMES: ClassVar[tuple[str, ...]] = ()
+    """Names by which scenes ask for this generator."""
+
+    PARAMETERS: ClassVar[Mapping[str, Drawn]] = {}
+    """Parameters that every scene of this generator may draw, by their keys."""
+
     PLACES: ClassVar[Mapping[str, str]] = {}
     """Columns that say where a surface was taken from, with their meanings."""
 
@@ -87,38 +108,24 @@ class GeneratedSurface(Table):
     generator: str
 
     @classmethod
-    def names(cls) -> tuple[str, ...]:
-        """Return the names by which scenes ask for this generator."""
-        return get_args(cls.model_fields["generator"].annotation)
-
-    @classmethod
-    def known_parameters(cls) -> dict[str, Drawn]:
-        """Return the parameters that every scene of this generator may draw, by their keys."""
+    def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
+        """List the names and the parameters of a generator."""
+        cls.NAMES = get_args(cls.model_fields["generator"].annotation)
         fields = cls.model_fields.items()
-        return {
+        cls.PARAMETERS = {
             name: each for name, field in fields for each in field.metadata if type(each) is Drawn
         }
 
     def drawn(self) -> dict[str, Distribution]:
         """Return the distributions of the parameters that are drawn for each surface."""
-        values = {name: getattr(self, name) for name in self.known_parameters()}
+        values = {name: getattr(self, name) for name in self.PARAMETERS}
         return {name: value for name, value in values.items() if value is not None}
 
-    def shape(self, *, edgeless: bool) -> tuple[int, int]:
-        """Return the nodes along x and y of the solved grid."""
+    def grid(self, boundary: str, *, cells: bool) -> Grid:
+        """Return the solved grid of a patch, whose sides hold all cells or one less."""
         raise NotImplementedError
 
-    def sides(self, *, cells: bool) -> tuple[float, float]:
-        """Return the patch's lengths along x and y [um], of all cells or between outer nodes."""
-        raise NotImplementedError
-
-    def heights(
-        self,
-        grid: Grid,
-        surface: int,
-        parameters: Mapping[str, float],
-        random: np.random.Generator,
-    ) -> Heights:
+    def heights(self, grid: Grid, surface: int, parameters: Parameters, random: Random) -> Heights:
         """Make a surface: heights above the lowest node [um], a pure function of these arguments.
 
         `surface` is its index, `parameters` were drawn for it, and `random` is a stream of its own.
@@ -127,22 +134,13 @@ class GeneratedSurface(Table):
         raise NotImplementedError
 
     def opposite_heights(
-        self,
-        grid: Grid,
-        surface: int,
-        parameters: Mapping[str, float],
-        first: np.random.Generator,
-        random: np.random.Generator,
+        self, grid: Grid, surface: int, parameters: Parameters, first: Random, random: Random
     ) -> Heights:
         """Make the second rough body that a surface is pressed against, of the same parameters.
 
         `first` is the surface's own stream of random numbers, `random` the second body's.
         """
         return self.heights(grid, surface, parameters, random)
-
-    def has_sides(self) -> bool:
-        """Tell whether the lengths of the patch are known."""
-        return True
 
     def fault_on(self, grid: Grid) -> str:
         """Return why some surfaces cannot be made on a grid, or an empty text."""
@@ -152,13 +150,9 @@ class GeneratedSurface(Table):
         """Return the keys of the table that change results, given all its keys."""
         return content
 
-    def places(self, randoms: Iterable[np.random.Generator]) -> dict[str, NDArray[np.int32]]:
+    def places(self, randoms: Iterable[Random]) -> dict[str, NDArray[np.int32]]:
         """Return where surfaces are taken from, from the stream of random numbers of each."""
         return {}
-
-    def anchored(self, folder: Path) -> Self:
-        """Let the files that the table names start from the folder of its scene."""
-        return self
 
     def resolved(self, home: Path | None) -> Self:
         """Complete the table by hashes of the files and sources that its surfaces depend on.
@@ -191,21 +185,15 @@ class GridSurface(GeneratedSurface):
     nodes: Nodes = Field(default=128, description=NODES)
     side: Side = Field(default=1000.0, description=SIDE)
 
-    def shape(self, *, edgeless: bool) -> tuple[int, int]:
-        """Return the given nodes along x and y."""
-        return pair(self.nodes)
-
-    def sides(self, *, cells: bool) -> tuple[float, float]:
-        """Return the lengths of the patch along x and y [um]."""
-        return pair(self.side)
+    def grid(self, boundary: str, *, cells: bool) -> Grid:
+        """Return the grid of the given nodes and sides."""
+        return Grid.of(pair(self.nodes), pair(self.side), boundary, cells=cells)
 
 
-Generator = Callable[[int, float, float, np.random.Generator], Heights]
+Generator = Callable[[int, float, float, Random], Heights]
 
 
-def generate(
-    generator: str, nodes: int, hurst: float, sigma0: float, random: np.random.Generator
-) -> Heights:
+def generate(generator: str, nodes: int, hurst: float, sigma0: float, random: Random) -> Heights:
     """Generate a random self-affine surface.
 
     Parameters
@@ -281,7 +269,7 @@ def without_last_nodes(heights: Heights) -> Heights:
     return np.ascontiguousarray(cells - cells.min())
 
 
-def diamond_square(nodes: int, hurst: float, sigma0: float, random: np.random.Generator) -> Heights:
+def diamond_square(nodes: int, hurst: float, sigma0: float, random: Random) -> Heights:
     """Displace centres and then edges, level by level: MIRCO's generator, and the default.
 
     The centre of a square is the mean of its 4 corners + N(0, a^2); then the midpoint of an edge
@@ -305,19 +293,10 @@ def diamond_square(nodes: int, hurst: float, sigma0: float, random: np.random.Ge
     ndarray, shape (nodes, nodes)
         Heights, not checked, with the corners at 0 [um].
     """
-    heights = np.zeros((2, 2))
-    amplitude, decay = sigma0, 2.0 ** (-hurst / 2.0)
-    while len(heights) < nodes:
-        centres = _displaced(_centre_means(heights), amplitude, random)
-        amplitude *= decay
-        edges_x = _displaced(_edge_means(heights, centres), amplitude, random)
-        edges_y = _displaced(_edge_means(heights.T, centres.T).T, amplitude, random)
-        amplitude *= decay
-        heights = _refined(heights, centres, edges_x, edges_y)
-    return heights
+    return _displaced(nodes, sigma0, 2.0 ** (-hurst / 2.0), random, diamonds=True)
 
 
-def midpoint(nodes: int, hurst: float, sigma0: float, random: np.random.Generator) -> Heights:
+def midpoint(nodes: int, hurst: float, sigma0: float, random: Random) -> Heights:
     """Displace centres and edges together, level by level, as the paper's text describes it.
 
     The centre of a square is the mean of its 4 corners and the midpoint of an edge the mean of its
@@ -343,15 +322,7 @@ def midpoint(nodes: int, hurst: float, sigma0: float, random: np.random.Generato
     ----------
     Section 2.2 (sec_rmd) of the paper.
     """
-    heights = np.zeros((2, 2))
-    amplitude, decay = sigma0, 2.0**-hurst
-    while len(heights) < nodes:
-        centres = _displaced(_centre_means(heights), amplitude, random)
-        edges_x = _displaced(0.5 * (heights[:-1] + heights[1:]), amplitude, random)
-        edges_y = _displaced(0.5 * (heights[:, :-1] + heights[:, 1:]), amplitude, random)
-        amplitude *= decay
-        heights = _refined(heights, centres, edges_x, edges_y)
-    return heights
+    return _displaced(nodes, sigma0, 2.0**-hurst, random, diamonds=False)
 
 
 GENERATORS: Mapping[str, Generator] = MappingProxyType(
@@ -360,41 +331,39 @@ GENERATORS: Mapping[str, Generator] = MappingProxyType(
 """Generators by the names that scenes use."""
 
 
-def _centre_means(corners: Heights) -> Heights:
-    """Average the 4 corners of each square: heights (m + 1, m + 1) give means (m, m)."""
-    pairs = corners[:-1] + corners[1:]
-    return 0.25 * (pairs[:, :-1] + pairs[:, 1:])
+def _displaced(
+    nodes: int, amplitude: float, decay: float, random: Random, *, diamonds: bool
+) -> Heights:
+    """Displace centres and edges until there are enough nodes; with `diamonds` one after another.
 
-
-def _edge_means(corners: Heights, centres: Heights) -> Heights:
-    """Average the 2 corners and the 1 or 2 centres around the midpoint of each edge along axis 0.
-
-    Corners (m + 1, m + 1) and centres (m, m) give means (m, m + 1).
+    The midpoint of an edge is then the mean of its diamond: 2 corners, and the 1 or 2 centres
+    beside it.
     """
-    means = corners[:-1] + corners[1:]
-    means[:, 1:] += centres
-    means[:, :-1] += centres
-    means[:, 1:-1] *= 0.25
-    means[:, :: len(centres)] /= 3.0  # the border's two columns
-    return means
-
-
-def _displaced(means: Heights, amplitude: float, random: np.random.Generator) -> Heights:
-    """Add independent normal numbers of standard deviation `amplitude` to the means."""
-    displacements = random.standard_normal(means.shape)
-    displacements *= amplitude
-    displacements += means
-    return displacements
-
-
-def _refined(corners: Heights, centres: Heights, edges_x: Heights, edges_y: Heights) -> Heights:
-    """Join the nodes, centres and edges of one level into a surface of half the spacing."""
-    nodes = 2 * len(centres) + 1
-    heights = np.empty((nodes, nodes))
-    heights[::2, ::2] = corners
-    heights[1::2, 1::2] = centres
-    heights[1::2, ::2] = edges_x
-    heights[::2, 1::2] = edges_y
+    heights = np.zeros((2, 2))
+    while len(heights) < nodes:
+        squares = len(heights) - 1
+        finer = np.empty((2 * squares + 1, 2 * squares + 1))
+        finer[::2, ::2] = heights
+        pairs = heights[:-1] + heights[1:]
+        centres = amplitude * random.standard_normal((squares, squares))
+        centres += 0.25 * (pairs[:, :-1] + pairs[:, 1:])
+        finer[1::2, 1::2] = centres
+        amplitude *= decay if diamonds else 1.0
+        for axis in (0, 1):
+            corners, beside, edges = (each.swapaxes(0, axis) for each in (heights, centres, finer))
+            means = corners[:-1] + corners[1:]
+            if diamonds:
+                means[:, 1:] += beside
+                means[:, :-1] += beside
+                means[:, 1:-1] *= 0.25
+                means[:, ::squares] /= 3.0  # the border's two columns
+            else:
+                means *= 0.5
+            displacements = random.standard_normal(means.swapaxes(0, axis).shape)
+            displacements *= amplitude
+            edges[1::2, ::2] = displacements.swapaxes(0, axis) + means
+        amplitude *= decay
+        heights = finer
     return heights
 
 
@@ -405,7 +374,7 @@ def _power_of_two_plus_one(nodes: int) -> int:
     return nodes
 
 
-class DisplacedSurface(GeneratedSurface):
+class DisplacedSurface(GridSurface):
     """Surfaces of random midpoint displacement.
 
     The defaults are the paper's (section 3.2, Table 1). The paper does not give `sigma0`: its
@@ -432,21 +401,12 @@ class DisplacedSurface(GeneratedSurface):
         " distribution [um]",
     )
 
-    def shape(self, *, edgeless: bool) -> tuple[int, int]:
-        """Return 2^k nodes along both axes on a patch without edges, otherwise 2^k + 1."""
-        return (self.nodes - edgeless,) * 2
+    def grid(self, boundary: str, *, cells: bool) -> Grid:
+        """Return a grid of 2^k nodes a side on a patch without edges, otherwise of 2^k + 1."""
+        nodes = self.nodes - (boundary != "free")
+        return Grid.of((nodes, nodes), (self.side, self.side), boundary, cells=cells)
 
-    def sides(self, *, cells: bool) -> tuple[float, float]:
-        """Return the side twice [um]."""
-        return self.side, self.side
-
-    def heights(
-        self,
-        grid: Grid,
-        surface: int,
-        parameters: Mapping[str, float],
-        random: np.random.Generator,
-    ) -> Heights:
+    def heights(self, grid: Grid, surface: int, parameters: Parameters, random: Random) -> Heights:
         """Displace midpoints; see `GeneratedSurface.heights`."""
         hurst, sigma0 = parameters["hurst"], parameters["sigma0"]
         heights = generate(self.generator, self.nodes, hurst, sigma0, random)

@@ -20,14 +20,14 @@ GENERATORS: tuple[type[GeneratedSurface], ...] = (
 """Tables of surfaces; a new generator is a file of this folder and a line here. A scene that names
 no generator has the first one, the paper's. Columns of parameters stand in this order."""
 
-TAGS = {f"<{table.names()[0]}>": table for table in GENERATORS}
+TAGS = {f"<{table.NAMES[0]}>": table for table in GENERATORS}
 """Tables of surfaces by the tags that locations of errors have."""
 
 
 def tag_of(value: object) -> str:
     """Return the tag of the rules for a table of surfaces, the paper's if it names no generator."""
     own = value.get("generator") if isinstance(value, dict) else getattr(value, "generator", None)
-    tags = (tag for tag, table in TAGS.items() if own in table.names())
+    tags = (tag for tag, table in TAGS.items() if own in table.NAMES)
     return next(tags, next(iter(TAGS)))
 
 

@@ -1,7 +1,6 @@
 """Surfaces that a function of the user's makes, and how scenes name such functions."""
 
 import re
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Literal, Self, TypeVar
 
@@ -12,7 +11,7 @@ from gen.arrays import Heights
 from gen.distribution import AnyNumber, Distribution
 from gen.runtime.errors import InputError, SourceError
 from gen.runtime.user_code import faults_of, load_function, source_hash
-from gen.surface import Grid, GridSurface
+from gen.surface import Grid, GridSurface, Parameters, Random
 
 T = TypeVar("T")
 
@@ -67,13 +66,7 @@ class PythonSurface(GridSurface):
             return self
         return self.model_copy(update={"source": source_hash(self.function)})
 
-    def heights(
-        self,
-        grid: Grid,
-        surface: int,
-        parameters: Mapping[str, float],
-        random: np.random.Generator,
-    ) -> Heights:
+    def heights(self, grid: Grid, surface: int, parameters: Parameters, random: Random) -> Heights:
         """Call the function; see `GeneratedSurface.heights`."""
         if self.source is None:  # only a file that was not made by a run lacks it
             raise SourceError(f"{self.function}: the scene lacks the hash of its source")

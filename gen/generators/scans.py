@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeA
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, PlainValidator, Strict, create_model
+from pydantic import Field, PlainValidator, Strict, ValidationInfo, create_model
 from pydantic_core import PydanticCustomError
 
 from gen.arrays import Heights
@@ -27,6 +27,8 @@ from gen.surface import (
     GeneratedSurface,
     Grid,
     Nodes,
+    Parameters,
+    Random,
     Side,
     pair,
 )
@@ -42,8 +44,8 @@ MOST_PATTERNS = 1000
 """Largest number of names in the list of files."""
 
 
-def files(value: object) -> tuple[str, ...]:
-    """Accept a name or a list of names."""
+def files(value: object, given: ValidationInfo) -> tuple[str, ...]:
+    """Accept a name or a list of names, which start from the folder of the scene's file."""
     names = (value,) if isinstance(value, str) else value
     if (
         not isinstance(names, list | tuple)
@@ -51,7 +53,10 @@ def files(value: object) -> tuple[str, ...]:
         or not all(isinstance(name, str) and name.strip() for name in names)
     ):
         raise PydanticCustomError("files", "not a name or a list of names")
-    return tuple(names)
+    if given.context is None:
+        return tuple(names)
+    folder = given.context["folder"].absolute()
+    return tuple(name if name.startswith("~") else str(folder / name) for name in names)
 
 
 Files = Annotated[tuple[str, ...], PlainValidator(files)]
@@ -77,15 +82,7 @@ def lengths(value: object) -> str:
 Lengths = Annotated[str, PlainValidator(lengths)]
 
 
-class Keys(Table):
-    """Keys of `gen.maps.settings.Reading` in a table of a scene."""
-
-    def given(self) -> dict[str, Any]:
-        """Return the keys that are given, with their values."""
-        return {name: value for name, value in self if value is not None}
-
-
-def _table(name: str) -> type[Keys]:
+def _table(name: str) -> type[Table]:
     """Make a table of a scene of the keys of `gen.maps.settings.Reading`.
 
     Texts, and keys that exclude each other, are checked where the maps are looked for.
@@ -102,12 +99,12 @@ def _table(name: str) -> type[Keys]:
         else:
             rule = rules[kind_of(key)]
         made[key] = (rule | None, Field(default=None, description=told.allowed))
-    return create_model(f"{name.capitalize()}Table", __base__=Keys, **made)
+    return create_model(f"{name.capitalize()}Table", __base__=Table, **made)
 
 
 if TYPE_CHECKING:
-    ReadingTable: TypeAlias = Keys
-    PreparationTable: TypeAlias = Keys
+    ReadingTable: TypeAlias = Table
+    PreparationTable: TypeAlias = Table
 else:
     ReadingTable, PreparationTable = _table("reading"), _table("preparation")
 
@@ -137,18 +134,16 @@ class Found(Table):
         description="the maps in the order of their indices"
     )
 
+    @property
     def contents(self) -> dict[str, Any]:
-        """Return what identifies the maps: their spacing, contents and nodes, not their places."""
-        maps = tuple(
-            f"{each.sha256}, {each.nodes[0]} x {each.nodes[1]}"  # short enough for a message
-            for each in self.maps
-        )
+        """What identifies the maps: their spacing, contents and nodes, not their places."""
+        maps = tuple(f"{each.sha256}, {each.nodes[0]} x {each.nodes[1]}" for each in self.maps)
         return {"spacing": self.spacing, "number": len(maps), "maps": maps}
 
 
 AnotherOrFiles = Annotated[
     str | tuple[str, ...],
-    PlainValidator(lambda value: ANOTHER if value == ANOTHER else files(value)),
+    PlainValidator(lambda value, given: value if value == ANOTHER else files(value, given)),
 ]
 
 
@@ -181,18 +176,11 @@ class ScanSurface(GeneratedSurface):
         default=None, description="the maps of the second body that a run has found"
     )
 
-    def shape(self, *, edgeless: bool) -> tuple[int, int]:
-        """Return the given nodes along x and y."""
-        return pair(self.nodes)
-
-    def sides(self, *, cells: bool) -> tuple[float, float]:
-        """Return the lengths of a window along x and y [um]; the maps have to be known."""
-        maps, (nx, ny) = self.known(), pair(self.nodes)
-        return maps.spacing[0] * (nx - (not cells)), maps.spacing[1] * (ny - (not cells))
-
-    def has_sides(self) -> bool:
-        """Tell whether a run has found the maps, whose spacing decides."""
-        return self.found is not None
+    def grid(self, boundary: str, *, cells: bool) -> Grid:
+        """Return the grid of a window; the maps have to be known."""
+        (x, y), (nx, ny) = self.known().spacing, pair(self.nodes)
+        sides = x * (nx - (not cells)), y * (ny - (not cells))
+        return Grid.of((nx, ny), sides, boundary, cells=cells)
 
     def known(self) -> Found:
         """Return the maps that a run has found; unknown before a run."""
@@ -215,23 +203,11 @@ class ScanSurface(GeneratedSurface):
         """Leave out where the maps are, once they are known by their contents."""
         if self.found is None:
             return content
-        kept = {key: value for key, value in content.items() if key != "files"}
-        kept["found"] = self.found.contents()
+        kept = {key: content[key] for key in content.keys() - {"files", "against_found"}}
+        kept["found"] = self.found.contents
         if self.against_found is not None:
-            kept["against"] = self.against_found.contents()
-            del kept["against_found"]
+            kept["against"] = self.against_found.contents
         return kept
-
-    def anchored(self, folder: Path) -> Self:
-        """Let the files of maps start from the folder of the scene."""
-        update = {
-            key: tuple(
-                name if name.startswith("~") else str(folder.absolute() / name) for name in names
-            )
-            for key, names in (("files", self.files), ("against", self.against))
-            if isinstance(names, tuple)
-        }
-        return self.model_copy(update=update)
 
     def resolved(self, home: Path | None) -> Self:
         """Search for the maps, and prepare them unless that has been done."""
@@ -252,13 +228,11 @@ class ScanSurface(GeneratedSurface):
         paths = library.map_files(self.files, Path.cwd())
         sha256s = library.digests(paths)
         maps = library.prepared(paths, sha256s, self._wanted(), home)
-        found = Found(
-            spacing=maps.spacing,
-            maps=tuple(
-                ScannedMap(file=str(path), sha256=sha256, nodes=shape)
-                for path, sha256, shape in zip(paths, sha256s, maps.shapes, strict=True)
-            ),
+        scanned = tuple(
+            ScannedMap(file=str(path), sha256=sha256, nodes=shape)
+            for path, sha256, shape in zip(paths, sha256s, maps.shapes, strict=True)
         )
+        found = Found(spacing=maps.spacing, maps=scanned)
         _OPEN[self.alone().model_copy(update={"found": found})] = maps
         return found
 
@@ -279,8 +253,6 @@ class ScanSurface(GeneratedSurface):
             if maps is None:
                 paths = [library.located(Path(each.file), each.sha256, home) for each in found.maps]
                 maps = library.prepared(paths, sha256s, wanted, home)
-        except SourceError:
-            raise
         except InputError as error:
             raise SourceError(str(error)) from None
         shapes = tuple(each.nodes for each in found.maps)
@@ -297,7 +269,9 @@ class ScanSurface(GeneratedSurface):
         from gen.maps.library import Wanted
 
         spacing = None if self.spacing is None else pair(self.spacing)
-        reading = Reading(**self.reading.given(), **self.preparation.given(), asked="key")
+        given = {**self.reading.model_dump(), **self.preparation.model_dump()}
+        given = {name: value for name, value in given.items() if value is not None}
+        reading = Reading(**given, asked="key")
         try:
             reading.check()
         except InputError as error:
@@ -308,23 +282,22 @@ class ScanSurface(GeneratedSurface):
         """Return lines about the maps for the user of a run: numbers, place and warnings."""
         from gen.maps.read import in_words
 
+        bodies = [self.alone()]
         if isinstance(self.against, tuple):
-            lines = []
-            for number, body in enumerate((self.alone(), self.opposite()), start=1):
-                for line in body.remarks():
-                    warned, rest = line.startswith("warning: "), line.removeprefix("warning: ")
-                    lines.append(f"{'warning: ' * warned}body {number}: {rest}")
-            return lines
-        alone = self.alone()
-        maps, step = _OPEN[alone], in_words(self.known().spacing)
-        tiles = self._tiling().total
-        size = f"{len(maps.maps)} maps with a node every {step} um, {tiles} tiles"
-        lines = [f"{size}; they are kept prepared in {maps.file}"]
-        for each, prepared in zip(self.known().maps, maps.maps, strict=True):
-            lines += [f"warning: {Path(each.file).name}: {remark}" for remark in prepared.remarks]
+            bodies.append(self.opposite())
+        lines = []
+        for number, body in enumerate(bodies, start=1):
+            place = f"body {number}: " if len(bodies) > 1 else ""
+            maps, found = _OPEN[body], body.known()
+            size = f"{len(maps.maps)} maps with a node every {in_words(found.spacing)} um"
+            tiles = body._tiling().total
+            lines.append(f"{place}{size}, {tiles} tiles; they are kept prepared in {maps.file}")
+            for each, prepared in zip(found.maps, maps.maps, strict=True):
+                name = Path(each.file).name
+                lines += [f"warning: {place}{name}: {remark}" for remark in prepared.remarks]
         return lines
 
-    def places(self, randoms: Iterable[np.random.Generator]) -> dict[str, NDArray[np.int32]]:
+    def places(self, randoms: Iterable[Random]) -> dict[str, NDArray[np.int32]]:
         """Return the maps and tiles of surfaces, from the stream of random numbers of each.
 
         Tiles of a second body's own maps are paired with those of the first: the tile is that pair.
@@ -340,23 +313,12 @@ class ScanSurface(GeneratedSurface):
         """Return the number of groups of tiles, the values that the column `tile` can have."""
         return self._pairing().groups
 
-    def heights(
-        self,
-        grid: Grid,
-        surface: int,
-        parameters: Mapping[str, float],
-        random: np.random.Generator,
-    ) -> Heights:
+    def heights(self, grid: Grid, surface: int, parameters: Parameters, random: Random) -> Heights:
         """Cut a window out; see `GeneratedSurface.heights`."""
         return self._cut(self._window(random))
 
     def opposite_heights(
-        self,
-        grid: Grid,
-        surface: int,
-        parameters: Mapping[str, float],
-        first: np.random.Generator,
-        random: np.random.Generator,
+        self, grid: Grid, surface: int, parameters: Parameters, first: Random, random: Random
     ) -> Heights:
         """Cut the second body's window out of a tile that is paired with the first body's."""
         from gen.maps.windows import facing
@@ -365,7 +327,7 @@ class ScanSurface(GeneratedSurface):
         other = self.opposite()
         return other._cut(facing(random, other._tiling(), tiles, square=other._is_square()))
 
-    def _window(self, random: np.random.Generator) -> Window:
+    def _window(self, random: Random) -> Window:
         """Draw the window of the first body."""
         from gen.maps.windows import drawn
 

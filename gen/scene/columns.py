@@ -24,9 +24,9 @@ def _of_generators() -> Iterator[Column]:
     columns = {}
     owners: dict[str, list[str]] = {}
     for table in GENERATORS:
-        known = table.known_parameters()
+        known = table.PARAMETERS
         for name in (*table.PLACES, *known):
-            owners.setdefault(name, []).extend(f"`{each}`" for each in table.names())
+            owners.setdefault(name, []).extend(f"`{each}`" for each in table.NAMES)
         for name, words in table.PLACES.items():
             columns[name] = Column(name, "i4", "1", words)
         for name, (unit, words, span) in known.items():
@@ -83,7 +83,7 @@ def require_own_names(scene: Scene) -> None:
 
     Parameters of a user's generator may have the names that other generators' parameters have.
     """
-    known = {name for table in GENERATORS for name in table.known_parameters()}
+    known = {name for table in GENERATORS for name in table.PARAMETERS}
     for name in scene.drawn_parameters:
         if name in RESERVED - known or name in ARGUMENTS:
             raise InputError(f"surface.parameters.{name}: {name} {TAKEN}, as own_{name}")

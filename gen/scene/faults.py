@@ -98,7 +98,7 @@ def _unknown(location: Location, key: str, value: str, known: dict[str, str]) ->
     """Describe a key that no table has, or only the table of another generator."""
     owners = [name for name, table in TAGS.items() if location[-1] in table.model_fields]
     if len(location) == 3 and owners and any(part in TAGS for part in location):
-        there = " or ".join(f"'{name}'" for owner in owners for name in TAGS[owner].names())
+        there = " or ".join(f"'{name}'" for owner in owners for name in TAGS[owner].NAMES)
         return f"unknown key {key} = {value} of this generator; it is one of {there}"
     # Of keys with the same last name the one in the same table is meant.
     nearest = sorted(known, key=lambda name: name.startswith(f"{location[0]}."))
@@ -109,7 +109,7 @@ def _unknown(location: Location, key: str, value: str, known: dict[str, str]) ->
 
 def _known_keys(table: type[Table], tag: str, prefix: str = "") -> Iterator[tuple[str, str]]:
     """Yield every key of a scene, dotted and without indices, with its allowed values in words."""
-    *others, last = (f"'{name}'" for each in GENERATORS for name in each.names())
+    *others, last = (f"'{name}'" for each in GENERATORS for name in each.NAMES)
     for name, field in table.model_fields.items():
         words = f"{', '.join(others)} or {last}" if name == "generator" else field.description
         yield prefix + name, words or ""

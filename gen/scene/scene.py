@@ -19,9 +19,9 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from gen.distribution import Distribution, Table, limits
-from gen.generators import TAGS, DisplacedSurface, Surface, tag_of
+from gen.generators import TAGS, DisplacedSurface, ScanSurface, Surface, tag_of
+from gen.runtime.documents import read_bytes
 from gen.runtime.errors import InputError
-from gen.runtime.files import require_file
 from gen.scene.faults import Location, dotted, first_fault, one_line, require_simple, shown
 from gen.scene.tables import UNITS, Contact, Delta, Load, Piece, Quantity, Store
 from gen.surface import Grid
@@ -105,7 +105,7 @@ class Scene(Table):
 
         Those of maps are known once a run has found them. Corrected areas need square cells.
         """
-        if not self.surface.has_sides():
+        if isinstance(self.surface, ScanSurface) and self.surface.found is None:
             return self
         if fault := self.surface.fault_on(self.grid):
             raise PydanticCustomError("conflict", f"surface: {fault}")
@@ -154,29 +154,25 @@ class Scene(Table):
         return self.contact.boundary != "free"
 
     @property
+    def grid(self) -> Grid:
+        """The grid that surfaces are made on; only free patches may have MIRCO's side/n."""
+        contact = self.contact
+        return self.surface.grid(contact.boundary, cells=contact.spacing == "side/n")
+
+    @property
     def shape(self) -> tuple[int, int]:
         """Nodes along x and y."""
-        return self.surface.shape(edgeless=self.edgeless)
+        return self.grid.shape
 
     @property
     def sides(self) -> tuple[float, float]:
         """Lengths of the patch along x and y [um]."""
-        cells = self.edgeless or self.contact.spacing == "side/n"
-        return self.surface.sides(cells=cells)
+        return self.grid.sides
 
     @property
     def spacing(self) -> tuple[float, float]:
-        """Distances between neighbouring nodes along x and y [um].
-
-        They follow from the boundary, apart from free patches with MIRCO's side/n.
-        """
-        (nx, ny), (x, y) = self.shape, self.sides
-        return x / self.contact.intervals(nx), y / self.contact.intervals(ny)
-
-    @property
-    def grid(self) -> Grid:
-        """The grid that surfaces are made on."""
-        return Grid(self.shape, self.spacing, self.contact.boundary)
+        """Distances between neighbouring nodes along x and y [um]."""
+        return self.grid.spacing
 
     def resolved(self, home: Path | None = None) -> Self:
         """Complete a scene by hashes of the files and sources that its surfaces depend on.
@@ -261,7 +257,7 @@ class Scene(Table):
         return frozenset(names)
 
     @classmethod
-    def parse(cls, text: str, source: str) -> Self:
+    def parse(cls, text: str, source: str, folder: Path | None = None) -> Self:
         """Read a scene from TOML.
 
         Parameters
@@ -270,6 +266,8 @@ class Scene(Table):
             Content of the file.
         source : str
             Name of the scene in error messages, usually that of the file.
+        folder : Path, optional
+            Folder that the files of maps start from; names stay as they are if it is left out.
 
         Returns
         -------
@@ -289,7 +287,7 @@ class Scene(Table):
             raise InputError(one_line(f"{source}: not TOML: {error}")) from None
         if not content:
             raise InputError(one_line(f"{source}: is empty; a scene says at least samples = ..."))
-        return cls._validated(content, source)
+        return cls._validated(content, source, folder)
 
     @classmethod
     def from_text(cls, text: str, source: str = "the scene's text") -> Self:
@@ -319,10 +317,11 @@ class Scene(Table):
         return cls._validated(content, source)
 
     @classmethod
-    def _validated(cls, content: object, source: str) -> Self:
+    def _validated(cls, content: object, source: str, folder: Path | None = None) -> Self:
         """Make a scene of nested tables, and name the first fault if that is impossible."""
         try:
-            return cls.model_validate(content)
+            context = None if folder is None else {"folder": folder}
+            return cls.model_validate(content, context=context)
         except ValidationError as error:
             raise InputError(one_line(f"{source}: {first_fault(error, cls)}")) from None
 
@@ -389,28 +388,18 @@ def load(name_or_path: str) -> Scene:
     if name_or_path in preset_names():
         preset = files("gen") / "scenes" / f"{name_or_path}.toml"
         return Scene.parse(preset.read_text(encoding="utf-8"), f"scene {name_or_path}")
-    scene = Scene.parse(_read(name_or_path), name_or_path)
-    anchored = scene.surface.anchored(Path(name_or_path).parent)
-    return scene.model_copy(update={"surface": anchored})
+    return Scene.parse(_read(name_or_path), name_or_path, Path(name_or_path).parent)
 
 
 def _read(path: str) -> str:
     """Read a scene's file; drop the byte order mark that some editors write."""
     try:
-        with require_file(Path(path)).open("rb") as file:
-            content = file.read(MOST_BYTES + 1)
-        if len(content) <= MOST_BYTES:
-            return content.decode("utf-8-sig")
-        reason = f"over {MOST_BYTES:,} bytes"
-    except InputError:
-        raise
+        return read_bytes(Path(path), MOST_BYTES).decode("utf-8-sig")
     except FileNotFoundError:
         reason = "neither a file nor a preset"
     except UnicodeDecodeError as error:
         reason = f"not UTF-8 text (byte {error.start} is {error.object[error.start]:#04x})"
-    except OSError as error:
-        reason = error.strerror or str(error)
-    except ValueError as error:  # a null character in the path
+    except ValueError as error:  # no regular file, too large, a null character in the path
         reason = str(error)
     presets = ", ".join(preset_names())
     raise InputError(

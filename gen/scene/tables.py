@@ -128,10 +128,6 @@ class Contact(Table):
             raise PydanticCustomError("conflict", "the hardness is beyond what numbers hold [MPa]")
         return self
 
-    def intervals(self, nodes: int) -> int:
-        """Return how many times the spacing of some nodes along a side is in that side."""
-        return nodes - (self.boundary == "free" and self.spacing == "side/(n-1)")
-
     @property
     def hardness_unit(self) -> float:
         """Unit of the hardness as it is given: E* for a ratio, otherwise 1 [MPa]."""

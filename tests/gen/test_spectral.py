@@ -164,7 +164,7 @@ def surfaces(of, number):
         ({"cut_off": 7.4}, "cut_off is from 7.4 um on; this grid holds waves of 7.5 um and more"),
         ({"cut_off": 7.5, "stretch": 0.5}, "waves of 12.5 um"),
         ({"cut_off": 55.0, "side": [40.0, 54.0]}, "the longest wave of the period 54 um"),
-        ({"nodes": [4000, 4], "further": "period = 4.5"}, "its period has 18000 x 18 nodes, 4.5"),
+        ({"nodes": [4000, 4], "further": "period = 4.5"}, "its period has 18000 x 18 nodes"),
         ({"cut_off": 60.0, "nodes": 2, "side": 30.0}, "the longest wave of the period 0 um"),
     ],
 )
