@@ -102,7 +102,7 @@ def row_bytes(scene: Scene) -> int:
 
 
 def markdown_table() -> str:
-    """Write the table of columns that stands in `docs/how-to/reading.md`, in Markdown."""
+    """Write the table of columns of `docs/how-to/reading.md` and `gen/columns.md`, in Markdown."""
     lines = ["| Column | Unit | Meaning | Paper's range |", "|---|---|---|---|"]
     for column in ALL_COLUMNS:
         span = "{:g} to {:g}".format(*column.paper_range) if column.paper_range else ""
