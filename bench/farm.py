@@ -7,8 +7,7 @@ The farm on this machine: its own work, real speed-up, and how fast rows are wri
 - `generation`: one generation. Two processors that share a clock, a cache or a memory bus are not
   twice as fast as one. So every round of `speedup` also runs two copies side by side that know
   nothing of each other: what they gain over one alone bounds what any farm could gain. Start-up is
-  not in the time: all ranks are there and have solved a problem of the same size. `busy` says how
-  much of the machine others used meanwhile.
+  not in the time: all ranks are there and have solved a problem of the same size.
 - `writing`: rows with fields that cost nothing to compute, from workers into a file, with each
   writer in turn. What counts is the way of the rows: through MPI to the master and into the file,
   or from each worker into the file; to the kernel, where a killed run leaves them, not to the disk.
@@ -135,33 +134,16 @@ GAINS: dict[str, Callable[[Turn], float]] = {
 
 def time_rounds(rows: int, rounds: int) -> list[Turn]:
     """Generate the first rows of `paper` alone, with workers and in two copies, in turn."""
-    runs: dict[str, Callable[[], tuple[float, float]]] = {
+    runs: dict[str, Callable[[], float]] = {
         name: partial(generate, ranks, rows) for name, ranks in RANKS.items()
     }
     runs[COPIES] = partial(_side_by_side, rows)
     turns = []
     for number in range(rounds):
         found = {name: runs[name]() for name in list(runs)[:: (-1) ** number]}
-        times = (f"{name} {found[name][0]:.2f} s ({found[name][1]:.0%} busy)" for name in runs)
-        turns.append({name: wall for name, (wall, _) in found.items()})
-        over_worker, over_alone, bound, _ = (gain(turns[-1]) for gain in GAINS.values())
-        remark(
-            f"{', '.join(times)}: speed-up {over_worker:.2f} over 1 worker, {over_alone:.2f} over"
-            f" alone, of {bound:.2f}"
-        )
+        turns.append({name: found[name] for name in runs})
+        remark(", ".join(f"{name} {seconds:.2f} s" for name, seconds in turns[-1].items()))
     return turns
-
-
-def summary(turns: list[Turn]) -> str:
-    """Return medians and extremes in one line each."""
-    lines = []
-    for what, gain in GAINS.items():
-        ratios = [gain(turn) for turn in turns]
-        lines.append(
-            f"{what}: {median(ratios):.2f} (median of {len(ratios)} rounds,"
-            f" {min(ratios):.2f} to {max(ratios):.2f})"
-        )
-    return "\n".join(lines)
 
 
 def speedup(rows: int, rounds: int) -> Report:
@@ -173,29 +155,23 @@ def speedup(rows: int, rounds: int) -> Report:
         | {what.partition(":")[0]: gain(turn) for what, gain in GAINS.items()}
         for number, turn in enumerate(turns, 1)
     ]
-    return Report({"speedup": found}, text=summary(turns))
+    return Report({"speedup": found})
 
 
-def generate(
-    ranks: int, rows: int, meeting: str = "", folder: Path | None = None
-) -> tuple[float, float]:
-    """Generate rows on some ranks; return the wall time [s], and how busy the machine was [1]."""
+def generate(ranks: int, rows: int, meeting: str = "") -> float:
+    """Generate rows on some ranks; return the wall time [s]."""
     with tempfile.TemporaryDirectory() as name:
-        home = folder or Path(name)
-        (home / "scene.toml").write_text(f"samples = {rows}\n")
-        found = launch(ranks, "generation", {"meeting": meeting}, home)
-    return float(found["wall"]), float(found["busy"])
+        (Path(name) / "scene.toml").write_text(f"samples = {rows}\n")
+        return float(launch(ranks, "generation", {"meeting": meeting}, Path(name)))
 
 
-def _side_by_side(rows: int) -> tuple[float, float]:
-    """Generate twice without MPI, beginning together; return the means."""
+def _side_by_side(rows: int) -> float:
+    """Generate twice without MPI, beginning together; return the mean time [s]."""
     with tempfile.TemporaryDirectory() as meeting, ThreadPoolExecutor(2) as pool:
-        both = list(pool.map(lambda _: generate(0, rows, meeting), range(2)))
-    wall, busy = zip(*both, strict=True)
-    return mean(wall), mean(busy)
+        return mean(pool.map(lambda _: generate(0, rows, meeting), range(2)))
 
 
-def _generation(arguments: dict[str, Any], world: farm.World) -> dict[str, float]:
+def _generation(arguments: dict[str, Any], world: farm.World) -> float:
     """Generate the scene of this folder, once both copies have met where they are to meet."""
     compute_rows(load("scene.toml"), 0, 1)
     world.broadcast(None)
@@ -204,18 +180,9 @@ def _generation(arguments: dict[str, Any], world: farm.World) -> dict[str, float
         (folder / str(os.getpid())).touch()
         while len(list(folder.iterdir())) < 2:  # whoever started them bounds the wait
             time.sleep(0.001)
-    before, began = _jiffies(), time.perf_counter()
+    began = time.perf_counter()
     generate_database(Request("scene.toml", Path("rows.h5")), world)
-    wall = time.perf_counter() - began
-    busy = (_jiffies() - before) / os.sysconf("SC_CLK_TCK") / wall / (os.cpu_count() or 1)
-    return {"wall": wall, "busy": busy}
-
-
-def _jiffies() -> int:
-    """Read how long all processors have been busy, or were taken away, since the start."""
-    fields = Path("/proc/stat").read_text().splitlines()[0].split()[1:]
-    user, nice, system, _, _, interrupts, soft, steal = (int(field) for field in fields[:8])
-    return user + nice + system + interrupts + soft + steal
+    return time.perf_counter() - began
 
 
 WRITTEN = "samples = {rows}\n[surface]\nnodes = {nodes}\n[store]\npressure = true\n"

@@ -58,23 +58,18 @@ def read_toml(name: str) -> dict[str, Any]:
     return tomllib.loads(path.read_text(encoding="utf-8"))
 
 
-def rendered(name: str, values: Mapping[str, Any], *, markup: bool = False) -> str:
-    """Fill in a template of this package; what goes into markup is escaped.
-
-    A line that ends in a backslash goes on in the next one. `form` writes a number:
-    `seconds | form(".3g")`.
-    """
+def rendered(name: str, values: Mapping[str, Any]) -> str:
+    """Fill in a template of this package with escaped values."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
         loader=PackageLoader("bench", "."),
-        autoescape=markup,
+        autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters["form"] = format
-    return environment.get_template(name).render(values).replace("\\\n", "")
+    return environment.get_template(name).render(values)
 
 
 def write_table(

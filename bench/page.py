@@ -82,7 +82,7 @@ def page_of(parts: Sequence[Part], inputs: Inputs) -> str:
     said["states"] = states([each["record"] for each in of_today])
     said["judged"] = [each for each in there if each["verdicts"]]
     said["failures"] = sum(each["failures"] for each in there)
-    return rendered("page.html", said, markup=True)
+    return rendered("page.html", said)
 
 
 def states(records: Sequence[Record | None]) -> str:

@@ -2,12 +2,12 @@
 
 Errors are against a solution that is exact to rounding, or against the finest grid; cost is wall
 time, and applications of the influence matrix, which no other load on the machine can blur. Each
-study varies the tolerance, the grid, the solver or the hardness.
+study varies the tolerance, the grid or the solver.
 """
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import lru_cache
 from statistics import fmean
 
@@ -74,7 +74,6 @@ def evaluate(task: Task, answer: Answer) -> Row:
         "area_error_percent": 100 * abs(touching / pressure.size / exact.contact_share - 1),
         # L2 norm over that of the pressure; of averages over coarse cells against a finer grid
         "pressure_error": float(difference),
-        "hardness": case.hardness,  # over E*, None for elastic bodies
     }
 
 
@@ -118,9 +117,6 @@ GRID_EXACT_RTOL = 1e-10
 # to which the solvers of others are measured.
 PEER_ROWS = (4, 0, 7)
 PEER_RTOL = 1e-8
-
-# Over E*; on the paper's samples few nodes yield at the first, nearly all in contact at the last.
-HARDNESSES = (0.3, 0.1, 0.02)
 
 
 @lru_cache(maxsize=64)  # the same case has its exact solution found once
@@ -207,30 +203,16 @@ def peer_study(extent: Extent) -> Iterator[Row]:
     return compare("peers", [BEM, *installed()], cases, rtols, rounds=2)
 
 
-def hardness_study(extent: Extent) -> Iterator[Row]:
-    """Compare on bodies that yield, with other solvers that know a hardness."""
-    cases = [
-        replace(paper_case(row, extent.nodes), hardness=hardness)
-        for row in PEER_ROWS[: extent.samples]
-        for hardness in HARDNESSES
-    ]
-    solvers = [BEM, *(solver for solver in installed() if solver.plastic)]
-    rtols = [rtol for rtol in extent.rtols if rtol >= PEER_RTOL]
-    return compare("hardness", solvers, cases, rtols, rounds=2)
-
-
 STUDIES = {
     "tolerance": tolerance_study,
     "grid": grid_study,
     "peers": peer_study,
-    "hardness": hardness_study,
 }
 
 CURVES = {
     "tolerance": "{kernel}",
     "grid": "{kernel}",
     "peers": "{solver}",
-    "hardness": "{solver}, {hardness:g}",
 }
 """What tells the curves of a study apart."""
 
@@ -251,12 +233,12 @@ def curves(points: Sequence[Row]) -> list[Row]:
         if not grid or row["nodes"] != row["reference_nodes"]:
             setting = row["nodes" if grid else "rtol"]
             groups.setdefault((study, CURVES[study].format(**row), setting), []).append(row)
-            cases.setdefault((study, row["nodes"], row["hardness"]), set()).add(row["case"])
+            cases.setdefault((study, row["nodes"]), set()).add(row["case"])
     return [
         {"study": study, "curve": curve, "setting": setting}
         | {name: _mean([row[name] for row in own]) for name in AVERAGED}
         for (study, curve, setting), own in groups.items()
-        if len(own) == len(cases[study, own[0]["nodes"], own[0]["hardness"]])
+        if len(own) == len(cases[study, own[0]["nodes"]])
     ]
 
 

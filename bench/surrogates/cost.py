@@ -18,7 +18,7 @@ import numpy as np
 import bem
 from bench import databases
 from bench.databases import OTHER_SEED
-from bench.files import Row, rendered
+from bench.files import Row
 from bench.picture import STYLES, draw_panel, new_figure
 from bench.report import Report, remark
 from bench.surrogates.fitting import Fitted, Parts, fit, parted, read, request_for
@@ -38,8 +38,6 @@ from learn.surrogate.break_even import break_even, time_of
 PAPER_SOLVE = 189.79  # mean time of the paper's solver for one contact (section 4.4) [s]
 # Rows of the paper's database, and of its test set, which its prediction times are for.
 PAPER_ROWS, PAPER_TESTS = 15_878, 3_175
-PAPER_BREAK_EVEN = 15_893  # contacts, where the paper finds its break-even point (section 4.4)
-TAKEN = 1e-3  # s; settings that took less were taken from a table, not searched
 
 ENOUGH = 0.3  # s of calls that a median is over
 ROUNDS = (3, 300)  # calls that a median is over, at least and at most
@@ -183,24 +181,6 @@ def cost(
     area_max: float = 16.56,
     surfaces: int = 32,
 ) -> Report:
-    """Report what `measured` returns, and when to use a surrogate; the arguments are the same."""
-    costs = measured(folder, rows, database, comparison, area_max, surfaces)
-    return Report(
-        {"cost": costs.questions, "learning": costs.points},
-        pictures={"cost": _picture(costs)},
-        text=_advice(costs),
-        text_name="cost",
-    )
-
-
-def measured(
-    folder: Path,
-    rows: int,
-    database: Path | None = None,
-    comparison: Path | None = None,
-    area_max: float = 16.56,
-    surfaces: int = 32,
-) -> Costs:
     """Measure what a kernel ridge surrogate of the paper preset costs and saves.
 
     The arguments are those of the command. Break-even is counted twice: for those who take the
@@ -230,7 +210,8 @@ def measured(
         search = searched if features == "paper" else math.nan
         costs.questions.extend(_questions(features, rows, costs.solver, answer, build, search))
         costs.points.extend(_curve(request, parts, rows, costs.solver, answer, full))
-    return costs
+    tables = {"cost": costs.questions, "learning": costs.points}
+    return Report(tables, pictures={"cost": _picture(costs)}, text=_advice(costs), text_name="cost")
 
 
 def tuning_seconds(comparison: Path) -> float:
@@ -357,21 +338,43 @@ def _fits(request: Request, parts: Parts, size: int) -> list[Fitted]:
 
 
 def _advice(costs: Costs) -> str:
-    """Describe the measurement, and say when to use a surrogate and when not."""
-    new, loose = _new(costs, OURS), costs.solver.loose
-    evens = [break_even(_build(each), loose, each["query"]) for each in new]
-    goals = {goal: [p for p in costs.points if p["nmae"] <= goal] for goal in GOALS}
-    said = costs._asdict() | {"new": new, "ours": OURS, "known": KNOWN, "never": math.inf}
-    said |= {"loads": LOADS, "loose": LOOSE, "papers": PAPER_BREAK_EVEN}
-    said |= {"taken": TAKEN, "time": time_of, "count": count}
-    said["goals"] = {
-        goal: min(points, key=lambda point: point["break_even"], default=None)
-        for goal, points in goals.items()
-    }
-    said["beside_loose"] = [
-        f"{each['features']} from {count(even)}" for each, even in zip(new, evens, strict=True)
+    """Say what answers take, which surrogate is the cheapest for an error, and what beats all."""
+    solver, new = costs.solver, _new(costs, OURS)
+    first = (
+        f"Solver, mean processor times: {time_of(solver.solve)} a contact on a new surface,"
+        f" {time_of(solver.ladder)} among {LOADS} loads on one surface; a row of a database"
+        f" {time_of(solver.row)}, of which the surface {time_of(solver.surface)}"
+    )
+    said = [first] + [
+        f"{name} features: {time_of(each.surface)} on a new surface, {time_of(each.load)} for a"
+        f" further load; {time_of(each.single)} a prediction alone, {time_of(each.batched)} in a"
+        " batch"
+        for name, each in costs.answers.items()
     ]
-    return rendered("surrogates/cost.txt.jinja", said)
+    said += [
+        f"{each['asked']}, {each['solver']}, {each['features']}: a search takes"
+        f" {time_of(each['search'])}, for which {count(each['search_pays'])} contacts pay"
+        for each in costs.questions
+        if each["search"] > 0
+    ]
+    said += ["", "Cheapest surrogate for an error, on new surfaces, beside our solver:"]
+    for goal in GOALS:
+        fits = (point for point in costs.points if point["nmae"] <= goal)
+        best = min(fits, key=lambda point: point["break_even"], default=None)
+        told = "none of those fitted; solve"
+        if best is not None:
+            told = f"{best['features']} features, {best['trained']:,} training rows, built in"
+            told += f" {time_of(best['build'])}; pays from {count(best['break_even'])} queries on"
+        said.append(f"  nMAE {goal:g} %: {told}")
+    evens = ", ".join(
+        f"{each['features']} {count(break_even(_build(each), solver.loose, each['query']))}"
+        for each in new
+    )
+    return "\n".join(said) + (
+        f"\nA loose solve (residual {LOOSE:g}) takes {time_of(solver.loose)} and is off by"
+        f" {solver.loose_nmae:.2g} % (nMAE), without any training. Beside it, queries from which on"
+        f" surrogates on new surfaces pay: {evens}."
+    )
 
 
 def _new(costs: Costs, solver: str) -> list[Row]:

@@ -38,9 +38,7 @@ from learn.split import FOLDS
 
 LEVEL = 0.9  # of the intervals whose coverage is counted
 FEWEST = 200  # smallest number of rows: ten of each map
-WANTED_R2, WANTED_NMAE = 99.5, 4.0  # of unseen tiles, smallest and largest that are asked for [%]
 MISSED = 2.0  # times that a wrong row's error is half the width of its interval, at least
-CHANCE = 0.001  # share of wrong rows by chance, were errors normal and intervals exact
 
 SCENE = """samples = {rows}
 [surface]
@@ -121,10 +119,7 @@ def scans(folder: Path, rows: int, nodes: Sequence[int], seed: int) -> Report:
     """Judge surrogates of windows: the arguments are those of `judged_scans`."""
     found = judged_scans(folder, rows, nodes, seed)
     table = [row for judged in found for row in judged.rows()]
-    text = "\n".join(_in_words(row) for row in table if row["map"] == "all")
-    return Report(
-        {"scans": table}, pictures={"scans": picture(found)}, text=text, text_name="scans"
-    )
+    return Report({"scans": table}, pictures={"scans": picture(found)})
 
 
 def judged_scans(folder: Path, rows: int, nodes: Sequence[int], seed: int = 0) -> list[Judged]:
@@ -177,7 +172,8 @@ def _judged(path: Path, nodes: int, left_out: str, seed: int) -> Judged:
         prediction[test] = fitted.predict(judged)
         flagged[test] = fitted.flags(judged)
     made = Judged(nodes, left_out, maps, names, rows.target, prediction, low, high, flagged)
-    remark(_in_words(made.rows()[0]))
+    score = scores(made.truth, made.prediction)
+    remark(f"{nodes} nodes, {left_out}: R2 {score.r2:.2f} %, nMAE {score.nmae:.2f} %")
     return made
 
 
@@ -202,29 +198,6 @@ def _ordered(rows: Dataset, kept: Indices) -> tuple[Indices, NDArray[np.int8]]:
 def _mean(values: NDArray[np.bool_]) -> float:
     """Return a share, NaN of nothing."""
     return float(values.mean()) if values.size else float("nan")
-
-
-def _in_words(row: Row) -> str:
-    """Say how all rows of a database were predicted."""
-    asked = ""
-    if PARTS[row["left_out"]] == "tile":
-        met = row["r2"] >= WANTED_R2 and row["nmae"] <= WANTED_NMAE
-        asked = f" (asked: {WANTED_R2:g} % at least, {WANTED_NMAE:g} % at most, "
-        asked += "met)" if met else "not met)"
-    return (
-        f"{row['nodes']} x {row['nodes']} nodes, {row['left_out']}: R2 {row['r2']:.2f} %, nMAE"
-        f" {row['nmae']:.2f} %{asked};"
-        f" {row['covered']:.1%} inside intervals of 90 %, {row['width']:.2f} % of area wide on"
-        f" average; {row['flagged']:.1%} flagged, {row['covered_unflagged']:.1%} of the others"
-        f" inside; {row['wrong']} wrong (off by more than {MISSED:g} times as far as the interval"
-        f" reaches), {_flagged(row)} flagged; of those not flagged {row['wrong_unflagged']:.2%} are"
-        f" wrong ({CHANCE:.2%} would be by chance)"
-    )
-
-
-def _flagged(row: Row) -> str:
-    """Say how many of the wrong rows are flagged."""
-    return f"{round(row['wrong'] * row['wrong_flagged'])} of them" if row["wrong"] else "none"
 
 
 def picture(found: Sequence[Judged]) -> Any:

@@ -15,7 +15,6 @@ from bench.files import read_table
 from bench.solvers.case import Case, find_exact
 from bench.solvers.solver import Answer, Failure
 from bench.work_precision import (
-    HARDNESSES,
     QUICK,
     STUDIES,
     Row,
@@ -78,18 +77,6 @@ def test_errors_of_the_default_kernel_fall_with_the_grid(done: list[Row]) -> Non
     ]
     for good, poor in zip(uniform, concentrated, strict=True):
         assert good["force_error"] < poor["force_error"]
-
-
-def test_errors_fall_with_the_tolerance_on_bodies_that_yield(done: list[Row]) -> None:
-    points = [point for point in done if (point["study"], point["solver"]) == ("hardness", "bem")]
-    assert {point["hardness"] for point in points} == set(HARDNESSES)
-    for case in {(point["case"], point["hardness"]) for point in points}:
-        loose, *_, tight = (point for point in points if (point["case"], point["hardness"]) == case)
-        assert tight["rtol"] < loose["rtol"]
-        assert tight["pressure_error"] <= loose["pressure_error"]
-        assert tight["force_error"] < 1e-6
-    drawn = {row["curve"]: None for row in curves(points)}
-    assert list(drawn) == [f"bem, {hardness:g}" for hardness in HARDNESSES]
 
 
 @dataclass

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bench import __main__ as bench
-from bench.contents import Figure, Table, Words, contents_of
+from bench.contents import Figure, Table, contents_of
 from bench.made_maps import MAPS
 from bench.surrogates import scans as study
 from bench.surrogates.scans import Judged, judged_scans, scans
@@ -52,7 +52,7 @@ def test_the_report_has_a_row_for_each_map(made, monkeypatch, tmp_path):
     monkeypatch.setattr(study, "judged_scans", lambda *_: found)
     assert bench.main(["scans", "-o", str(tmp_path)]) == 0
     kinds = [type(each) for each in contents_of("scans", tmp_path)]
-    assert kinds == [Figure, Words, Table]
+    assert kinds == [Figure, Table]
     written = scans(tmp_path, 200, [32], 0)
     rows = list(written.tables["scans"])
     assert len(rows) == 2 * 6
@@ -60,8 +60,6 @@ def test_the_report_has_a_row_for_each_map(made, monkeypatch, tmp_path):
     assert every["rows"] == sum(row["rows"] for row in each) == found[0].truth.size
     assert {row["map"] for row in each} == set(found[0].names)
     assert every["r2"] > 90
-    assert written.text.count("R2") == 2
-    assert written.text.count("asked: 99.5 % at least, 4 % at most") == 1
 
 
 def test_scores_are_those_of_the_rows():
