@@ -79,7 +79,7 @@ DATA = {
 
 KINDS = [
     *(r"gen/scenes/[\w-]+\.toml", r"gen/\w+/[\w.]+\.jinja"),
-    r"bench/(\w+/)?[\w.-]+\.(toml|jinja)",
+    r"bench/(\w+/)?[\w.-]+\.toml",
 ]
 
 

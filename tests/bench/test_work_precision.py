@@ -152,7 +152,7 @@ def test_command_writes_table_picture_and_circumstances(tmp_path: Path) -> None:
     assert done.stdout.split()[-2:] == [f"new/reports/solver.{end}" for end in ("json", "png")]
     folder = tmp_path / "new" / "reports"
     assert (folder / "solver.png").read_bytes().startswith(b"\x89PNG")
-    assert len(read_table(folder / "solver.csv")[1]) > 40
+    assert len(read_table(folder / "solver.csv")[1]) > 30
     record = json.loads((folder / "solver.json").read_text(encoding="utf-8"))
     assert record["machine"]["processor"]
     assert {"python", "numpy", "scipy", "pyfftw"} <= record["versions"].keys()
