@@ -16,9 +16,10 @@ from gen.runtime.errors import InputError
 from learn import stored
 from learn.executor import Executor
 from learn.features import FeatureSet, chosen
+from learn.features.scene import SCENE
 from learn.features.sets import BLOCKS, Rows, limits_of, modulus, node_count
 from learn.metrics import usual_size
-from learn.stored import Origin, Population, Stored, reasons_against
+from learn.stored import Origin, Population, Stored, load_drawn, reasons_against
 
 SMALLEST = 10
 """Usable rows at least: two of these are for testing, and a score needs two."""
@@ -50,6 +51,7 @@ class Request:
     blocks: int | None = None  # per side of the coarse solve of hybrid features
     calibrate_on: Path | None = None  # database whose rows calibrate the intervals
     source: Path | None = None  # comparison folder whose winners' settings are taken
+    load: str = ""  # one of `learn.features.scene.LOADS`; the scene's with its features, or Delta
 
     @property
     def database(self) -> Path:
@@ -113,9 +115,10 @@ def read(
     """
     if request.area_max is not None and not request.area_max > 0:
         raise InputError(f"--area-max {request.area_max:g}: give a percentage above 0")
-    found = [stored.read_stored(path, request.targets) for path in request.databases]
+    load = request.load or (load_drawn(request.database) if request.features == SCENE else "delta")
+    found = [stored.read_stored(path, request.targets, load) for path in request.databases]
     scenes = [part.scene for part in found]
-    wanted = chosen(request.features, scenes, roots=request.roots, blocks=request.blocks)
+    wanted = chosen(request.features, scenes, roots=request.roots, blocks=request.blocks, load=load)
     stored.require_compatible(found, scaled=wanted.scaled)
     rows: list[Rows] = []
     for part in found:
@@ -143,7 +146,7 @@ def _numbers(part: Stored, hybrid: Values | None) -> Rows:
     if (limits := limits_of([part.scene])) is not None:
         ratio = limits[0] if part.hardness is None else part.hardness / modulus(part.scene)
     statistics, delta, nodes = part.inputs[:, 1:], part.inputs[:, 0], node_count(part.scene)
-    return Rows(statistics, delta, part.length, ratio, nodes, hybrid)
+    return Rows(statistics, delta, part.length, ratio, nodes, hybrid, given=part.given)
 
 
 def _usable(

@@ -22,6 +22,7 @@ import numpy as np
 from gen.arrays import Indices, Values
 from gen.runtime.errors import InputError
 from gen.runtime.memory import MIB, allowed, free
+from learn.features.scene import SCENE
 from learn.metrics import usual_size
 
 if TYPE_CHECKING:
@@ -133,6 +134,13 @@ MODELS: dict[str, Model] = {
 """All nine models by name, in the order of the paper's Table 4."""
 
 
+POPULATION = Model("population", "Population Mean", _plain("learn.population.Population"))
+"""The model of a scene's own features, beside the nine, which fit these too."""
+
+EVERY = MODELS | {POPULATION.name: POPULATION}
+"""All models by name."""
+
+
 def normalisation_of(usual: str, given: str) -> str:
     """Return the given scaling, or the usual one of the features; InputError if there is none."""
     if given and given not in NORMALISATIONS:
@@ -147,12 +155,18 @@ STEP = "model"
 """Name of the estimator in its pipeline; its settings are `model__alpha` and so on."""
 
 
-def models_named(names: list[str] | None) -> list[Model]:
-    """Return the models of some names, or all nine, in the order of `MODELS`; or InputError."""
+def models_named(names: list[str] | None, features: str = "") -> list[Model]:
+    """Return the models of some names, or all of a feature set, in the order of `EVERY`.
+
+    InputError is raised for a name that the set has no model of.
+    """
+    known = EVERY if features == SCENE else MODELS
     for name in names or ():
-        if name not in MODELS:
-            raise InputError(f"--model {name!r}: give one of {', '.join(MODELS)}")
-    return [model for model in MODELS.values() if not names or model.name in names]
+        if name == POPULATION.name and name not in known:
+            raise InputError(f"--model {name}: needs --features {SCENE}")
+        if name not in known:
+            raise InputError(f"--model {name!r}: give one of {', '.join(known)}")
+    return [model for model in known.values() if not names or model.name in names]
 
 
 def pipeline(

@@ -23,6 +23,7 @@ from gen.scene import ScanSurface, Scene
 from gen.scene.columns import columns_for, parameter_columns
 from gen.scene.faults import shown
 from gen.schema import REASONS, Column, Reason, Status, statistics_columns
+from learn.features.scene import BY_FORCE, given_values, load_of
 from learn.features.sets import modulus, patch_length
 
 INPUTS: tuple[str, ...] = ("delta", *(column.name for column in statistics_columns()))
@@ -49,9 +50,14 @@ def short_name(column: str) -> str:
     return next((short for short, name in TARGETS.items() if name == column), column)
 
 
-def results(scene: Scene) -> dict[str, Column]:
-    """Return the columns of a scene's database that can be learnt, area and force first."""
+def results(scene: Scene, load: str = "delta") -> dict[str, Column]:
+    """Return the columns of a scene's database that can be learnt for a load, area and force first.
+
+    At a pressure or a force Delta is a result, and the force none.
+    """
     given = NO_TARGETS | set(parameter_columns(scene).values())
+    if load in BY_FORCE:
+        given = (given - {"delta"}) | {"force"}
     found = {
         column.name: column
         for column in columns_for(scene)
@@ -62,7 +68,7 @@ def results(scene: Scene) -> dict[str, Column]:
             and column.name not in given
         )
     }
-    return {name: found[name] for name in TARGETS.values()} | found
+    return {name: found[name] for name in TARGETS.values() if name in found} | found
 
 
 class Population(NamedTuple):
@@ -94,6 +100,7 @@ class Stored:
     reason: NDArray[np.uint8]  # of a failure, or of statistics that are undefined
     inputs: Values  # (n, 23), Delta and the 22 statistics
     hardness: Values | None  # where it varies [MPa]
+    given: dict[str, Values]  # what the scene draws, and loads, see `learn.features.scene`
     map: Indices | None  # where surfaces are windows of maps
     tile: Indices | None
     area: Values  # [%]
@@ -118,11 +125,12 @@ class Stored:
             if isinstance(value, np.ndarray)
         }
         targets = [(column, values[positions]) for column, values in self.targets]
-        return replace(self, **arrays, targets=targets)
+        given = {name: values[positions] for name, values in self.given.items()}
+        return replace(self, **arrays, targets=targets, given=given)
 
 
-def read_stored(path: Path, targets: Sequence[str]) -> Stored:
-    """Read the columns of a database; targets are short names or columns.
+def read_stored(path: Path, targets: Sequence[str], load: str = "delta") -> Stored:
+    """Read the columns of a database for a load; targets are short names or columns.
 
     InputError is raised if the file is no database, or lacks a target.
     """
@@ -132,7 +140,7 @@ def read_stored(path: Path, targets: Sequence[str]) -> Stored:
         def whole(name: str) -> Indices | None:
             return np.asarray(reader.column(name), dtype=np.int64) if name in places else None
 
-        columns = [_target_column(reader, target) for target in targets]
+        columns = [_target_column(reader, target, load) for target in targets]
         draws = reader.scene.contact.draws_hardness
         return Stored(
             path=path,
@@ -143,6 +151,7 @@ def read_stored(path: Path, targets: Sequence[str]) -> Stored:
             reason=reader.column("reason"),
             inputs=np.stack([reader.column(name) for name in INPUTS], axis=1),
             hardness=reader.column("hardness") if draws else None,
+            given=given_values(reader.scene, reader.column),
             map=whole(MAP),
             tile=whole(TILE),
             area=reader.column("area_percent"),
@@ -153,9 +162,15 @@ def read_stored(path: Path, targets: Sequence[str]) -> Stored:
         )
 
 
-def _target_column(reader: Reader, target: str) -> Column:
-    """Find the column of a target, if the database stores it."""
-    found = results(reader.scene)
+def load_drawn(path: Path) -> str:
+    """Return the name of the load that a database's scene draws."""
+    with Reader(path) as reader:
+        return load_of(reader.scene)
+
+
+def _target_column(reader: Reader, target: str, load: str) -> Column:
+    """Find the column of a target, if the database stores it and it is not the load."""
+    found = results(reader.scene, load)
     name = TARGETS.get(target, target)
     if name in found:
         return found[name]

@@ -36,7 +36,7 @@ from gen.scene import Scene, differences, load
 from gen.scene.columns import ALL_COLUMNS
 from gen.schema import Column, Status, statistics_columns
 from learn.dataset import Dataset
-from learn.features import SETS
+from learn.features import OF_SURFACES
 from learn.metrics import Scores, scores
 
 # Share of rows inside the paper's range from which on only its ends differ [%].
@@ -203,7 +203,7 @@ class Judged(NamedTuple):
 def fine_grid(folder: Path, database: Path, fine: Path) -> list[Content]:
     """Train with each feature set on the preset's grid, test on the finer one."""
     same = check(fine).seed == PRESET.seed
-    found = {name: _judge(database, fine, name) for name in SETS}
+    found = {name: _judge(database, fine, name) for name in OF_SURFACES}
     first = found["paper"].rows
     curvature = _curvature(database, first)
     data = _table_5(folder, found, curvature)

@@ -22,7 +22,7 @@ from learn.comparison.fits import Training, Trials
 from learn.comparison.paper import Space
 from learn.comparison.search import GridSearch
 from learn.executor import Executor
-from learn.features import SETS, SurfaceFeatures, chosen
+from learn.features import OF_SURFACES, SurfaceFeatures, chosen
 from learn.features.sets import HYBRID
 from learn.models import MODELS, STEP, check_memory, pipeline
 
@@ -131,7 +131,7 @@ SIDE, DELTA = 1000.0, 12.0
 
 
 @pytest.mark.parametrize("size", NODES)
-@pytest.mark.parametrize("name", SETS)
+@pytest.mark.parametrize("name", OF_SURFACES)
 def test_features(benchmark: Any, name: str, size: str) -> None:
     """Cold: statistics, and all else that a surface is asked for, anew in every round."""
     heights = generate("diamond-square", NODES[size], 0.65, 12.0, np.random.default_rng(7))

@@ -31,7 +31,7 @@ from gen.scene import load
 from learn.comparison import paper
 from learn.comparison.folder import Folder
 from learn.dataset import Request
-from learn.features import SETS, SurfaceFeatures, chosen
+from learn.features import OF_SURFACES, SurfaceFeatures, chosen
 from learn.metrics import scores
 from learn.surrogate.break_even import break_even, time_of
 
@@ -199,7 +199,7 @@ def cost(
     remark(f"the solver on {surfaces} surfaces")
     contacts = new_contacts(surfaces)
     costs = Costs(measure_solver(contacts), {}, [of_the_paper()], [])
-    for features in SETS:
+    for features in OF_SURFACES:
         request = request_for(path, "kernel-ridge", features, area_max)
         parts = parted(read(request, rows))
         remark(f"{features} features: {parts.train.size} rows train")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 import typer
 
@@ -37,14 +37,27 @@ class Choice(NamedTuple):
     """Model, features, targets and rows of a surrogate; see the help of the options."""
 
     model: Annotated[
-        str, typer.Option(metavar="NAME", help="One of the nine models, as in learn compare.")
-    ] = "kernel-ridge"
+        str,
+        typer.Option(
+            metavar="NAME",
+            help="One of the nine models, as in learn compare, or population, for scene features;"
+            " population there if left out, else kernel-ridge.",
+        ),
+    ] = ""
     features: Annotated[
         str,
         typer.Option(
             metavar="SET",
-            help="paper, dimensionless (any scan length) or hybrid (most exact; needs surfaces);"
-            " dimensionless if left out.",
+            help="paper, dimensionless (any scan length), hybrid (most exact; needs surfaces), or"
+            " scene: the parameters that the scene draws, and its load; dimensionless if left out.",
+        ),
+    ] = ""
+    load: Annotated[
+        Literal["", "delta", "pressure", "force", "relative_delta", "relative_pressure"],
+        typer.Option(
+            metavar="NAME",
+            help="The load of scene features: delta, pressure or force, or a relative one that the"
+            " scene draws; what it draws if left out.",
         ),
     ] = ""
     blocks: Annotated[
@@ -60,7 +73,8 @@ class Choice(NamedTuple):
         typer.Option(
             metavar="NAME",
             help="area, force, both, or the column of another result that is stored, as mean_gap"
-            " or an output of your own; several with commas.",
+            " or an output of your own; several with commas. At a pressure, both are area and"
+            " delta.",
         ),
     ] = "both"
     source: Annotated[
@@ -127,16 +141,22 @@ def _request(files: list[Path], output: Path, choice: Choice) -> Request:
     """Return the request; a comparison folder adds the rows and the seed of its winner."""
     from learn.dataset import Request
     from learn.features import chosen
-    from learn.models import models_named, normalisation_of
+    from learn.features.scene import SCENE
+    from learn.models import normalisation_of
+    from learn.stored import load_drawn
     from learn.surrogate.fitting import with_conditions
 
-    models_named([choice.model])
     features = chosen(choice.features or "dimensionless", roots=True, blocks=choice.blocks)
+    model, load = model_for(choice.model, features.name), ""
+    if features.name == SCENE:
+        load = choice.load or load_drawn(files[0])
+    elif choice.load:
+        raise InputError(f"--load {choice.load}: needs --features {SCENE}")
     request = Request(
         databases=tuple(files),
         output=output,
-        targets=targets_in(choice.target),
-        models=(choice.model,),
+        targets=targets_in(choice.target, load),
+        models=(model,),
         area_max=choice.area_max,
         normalisation=normalisation_of(features.normalisation, choice.normalise),
         features=features.name,
@@ -146,6 +166,7 @@ def _request(files: list[Path], output: Path, choice: Choice) -> Request:
         # The settings of a comparison were tuned without what surrogates see besides.
         roots=choice.source is None,
         blocks=choice.blocks,
+        load=load,
     )
     if choice.source is None:
         return request
@@ -161,9 +182,22 @@ def _request(files: list[Path], output: Path, choice: Choice) -> Request:
     )
 
 
-def targets_in(text: str) -> tuple[str, ...]:
-    """Parse targets, "both" or "area,force,mean_gap"."""
-    targets = ("area", "force") if text == "both" else tuple(text.split(","))
+def model_for(name: str, features: str) -> str:
+    """Return the model of a name, or the one that is best for a feature set; refuse others."""
+    from learn.features.scene import SCENE
+    from learn.models import POPULATION, models_named
+
+    wanted = name or (POPULATION.name if features == SCENE else "kernel-ridge")
+    models_named([wanted], features)
+    return wanted
+
+
+def targets_in(text: str, load: str = "") -> tuple[str, ...]:
+    """Parse targets, "both" or "area,force,mean_gap"; at some loads both are area and Delta."""
+    from learn.features.scene import BY_FORCE
+
+    both = "area", "delta" if load in BY_FORCE else "force"
+    targets = both if text == "both" else tuple(text.split(","))
     if len(set(targets)) < len(targets) or not all(targets):
         raise InputError(f"--target {text!r}: give each once, as area,force")
     return targets

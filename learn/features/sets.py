@@ -23,7 +23,7 @@ shares by Persson's theory alone make it 0.16 %.
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
 import numpy as np
@@ -33,6 +33,8 @@ from gen.material import plane_strain_modulus
 from gen.runtime.errors import InputError
 from gen.scene import Scene
 from gen.schema import statistics_columns
+from learn.features import scene as scenic
+from learn.features.scene import SCENE
 
 STATISTICS: tuple[str, ...] = tuple(column.name for column in statistics_columns())
 """The 22 statistics, in the order of the paper's Table 1."""
@@ -126,6 +128,7 @@ class Rows:
     nodes: Values | float | None = None  # along a side, the geometric mean of both axes
     hybrid: Values | None = None  # (n, 17), columns of `HYBRID`
     notes: tuple[str, ...] = ()  # why rows are unlike a training: none, one for all rows, or n
+    given: Mapping[str, Values] = field(default_factory=dict)  # (n,) each, what the scene gives
 
     def statistic(self, name: str) -> Values:
         """Return a statistic, (n,)."""
@@ -220,8 +223,24 @@ class FeatureSet:
 
     @property
     def units(self) -> tuple[str, ...]:
-        """Units of the features."""
+        """Units of the features, or of the numbers that a scene's are of."""
+        if self.name == SCENE:
+            return tuple(map(scenic.unit_of, self.columns))
         return tuple(_UNITS.get(name, "1") for name in self.columns)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the features, or of the numbers that a scene's are of, as `shown` gives them."""
+        return tuple(map(scenic.plain, self.columns)) if self.name == SCENE else self.columns
+
+    def shown(self, values: Values) -> Values:
+        """Return features, (..., d), for users: a scene's without logarithms."""
+        return scenic.shown(self.columns, values) if self.name == SCENE else values
+
+    @property
+    def load(self) -> str:
+        """Name of the load, the last of a scene's features; others are at given Delta."""
+        return scenic.plain(self.columns[-1]) if self.name == SCENE else "delta"
 
     @property
     def needs_surface(self) -> bool:
@@ -240,6 +259,9 @@ class FeatureSet:
 
     def of(self, rows: Rows) -> Values:
         """Return the features of n rows, (n, d), NaN or infinite where they are undefined."""
+        if self.name == SCENE:
+            with np.errstate(divide="ignore", invalid="ignore"):
+                return scenic.inputs(self.columns, rows.given)
         capped = rows.capped() if self.elastic else rows
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             every = [FORMULAS[name](rows if name == PLASTIC else capped) for name in self.columns]
@@ -277,20 +299,29 @@ SETS: Mapping[str, FeatureSet] = {
         FeatureSet("paper", ("delta", *STATISTICS), "l2", scaled=False),
         FeatureSet("dimensionless", _WITHOUT_UNITS, "standard", scaled=True),
         FeatureSet("hybrid", (*_WITHOUT_UNITS, *COARSE), "standard", scaled=True),
+        FeatureSet(SCENE, (), "standard", scaled=False),
     )
 }
+OF_SURFACES = tuple(name for name in SETS if name != SCENE)
+"""Sets whose features a surface has."""
 
 
 def chosen(
-    name: str, scenes: Sequence[Scene] = (), *, roots: bool = False, blocks: int | None = None
+    name: str,
+    scenes: Sequence[Scene] = (),
+    *,
+    roots: bool = False,
+    blocks: int | None = None,
+    load: str = "",
 ) -> FeatureSet:
     """Return the feature set of a name for the rows of one or more scenes.
 
     Bodies that yield add the hardness: to a set with units if it varies; to one without always,
     because its other features lack the scale of the heights, and with it the pressure. Patches that
     differ in their nodes add the number of these. With `roots` it is the set that surrogates see,
-    with a number of blocks per side of the coarse solve, `BLOCKS` if left out. InputError is raised
-    if no set has this name, or its coarse solve not this number of blocks.
+    with a number of blocks per side of the coarse solve, `BLOCKS` if left out. A scene's own set
+    takes the scene's load, or one of `learn.features.scene.LOADS`. InputError is raised if no set
+    has this name, or its coarse solve not this number of blocks.
     """
     if name not in SETS:
         raise InputError(f"--features {name!r}: give one of {', '.join(SETS)}")
@@ -302,6 +333,8 @@ def chosen(
         known = " or ".join(map(str, BLOCK_COUNTS))
         raise InputError(f"--blocks {blocks}: give {known}, the blocks along a side")
     features, limits = SETS[name], limits_of(scenes)
+    if name == SCENE:
+        return replace(features, columns=scenic.columns_of(scenes, load) if scenes else ())
     local = roots and features.needs_surface
     added: list[str] = []
     if local:

@@ -8,6 +8,7 @@ turn, and its errors are those of a model of the others.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,13 +16,20 @@ import numpy as np
 from gen.arrays import Indices, Values
 from gen.runtime.errors import InputError
 from learn.dataset import Dataset
+from learn.features.scene import SCENE
 from learn.split import FOLDS
 from learn.surrogate import flag
 from learn.surrogate.flag import Distance
-from learn.surrogate.interval import Calibration, Growth, Scheme, fit_scale
+from learn.surrogate.interval import Calibration, Growth, Scheme, fit_scale, quadratic
 
 FEWEST = 9
 """Smallest number of groups whose intervals of 90 % hold for other groups too."""
+
+SURFACE = "surface"
+"""Kind of the groups of a scene's own features, of which surfaces of one population differ."""
+
+SLIGHT = 1e-3
+"""Weight of the penalty on the slopes of usual errors between surfaces."""
 
 MOST_FITS = 20
 """Largest number of fits that leave groups out; several groups then go together."""
@@ -53,7 +61,7 @@ class Groups(NamedTuple):
 
     labels: Indices  # (n,), group of each row, from 0 on
     number: int  # of groups
-    kind: str  # "map" or "database"
+    kind: str  # "map", "database", or `SURFACE`
     scheme: Scheme  # "others" if there are enough for intervals that hold for others, else "each"
 
     def left_out(self, rows: Dataset) -> Indices:
@@ -81,6 +89,9 @@ def groups_of(rows: Dataset) -> Groups | None:
     keys = [each.map or each.database for each in rows.populations]
     number_of = {key: number for number, key in enumerate(dict.fromkeys(keys))}
     known = np.array([number_of[key] for key in keys], dtype=np.int64)
+    if rows.features.name == SCENE and not all(each.map for each in rows.populations):
+        surfaces, labels = np.unique(rows.groups, return_inverse=True)
+        return Groups(labels, surfaces.size, SURFACE, "others") if surfaces.size >= FEWEST else None
     if known.size < 2 or not rows.size:
         return None
     used, labels = np.unique(known[rows.population], return_inverse=True)
@@ -171,16 +182,19 @@ def calibrate_by_groups(
     is known, and by their usual size, which is fitted without the part that a row is in.
     """
     inputs, labels, parts = rows.inputs, groups.labels, groups.left_out(rows)
+    by_surface = groups.kind == SURFACE  # of which there are many, and few features
+    terms = quadratic(inputs) if by_surface else inputs
+    fit = partial(fit_scale, shrinkage=SLIGHT) if by_surface else fit_scale
     if growth is not None and squares is not None:
         errors = errors / growth.of_squares(squares)
     usual = np.empty(errors.size)
     for part in np.unique(parts):
         own = parts == part
-        usual[own] = fit_scale(inputs[~own], errors[~own], labels[~own]).at(inputs[own])
+        usual[own] = fit(terms[~own], errors[~own], labels[~own]).at(inputs[own])
     if groups.scheme == "each":
         labels = _large(labels)
     scores = tuple(np.sort((errors / usual)[labels == each]) for each in np.unique(labels))
-    scale = fit_scale(inputs, errors, groups.labels)
+    scale = fit(terms, errors, groups.labels)
     return Calibration(np.empty(0), scores, root, groups.scheme, scale, growth)
 
 
@@ -233,6 +247,8 @@ class Plan:
     def distance(self, rows: Dataset) -> Distance:
         """Return distances from the training, with the limit of its groups or of its rows."""
         inputs = rows.inputs[self.train]
+        if rows.features.name == SCENE:  # drawn independently of each other: ranges say all
+            return flag.nowhere(inputs.shape[1])
         if self.groups is None or self.groups.scheme != "others":
             return near(rows.at(self.train))
         if self.others is None:

@@ -13,9 +13,10 @@ from gen.runtime.terminal import printable
 from gen.scene import Scene
 from learn.comparison.folder import versions
 from learn.dataset import Dataset, Request
+from learn.features.scene import SCENE, plain, shown
 from learn.features.sets import limits_of, modulus
 from learn.metrics import magnitude, scores
-from learn.models import MODELS
+from learn.models import EVERY
 from learn.surrogate import flag
 from learn.surrogate.calibration import FEWEST
 from learn.surrogate.learnt import Learnt
@@ -54,10 +55,11 @@ def make(
         "boundary": boundary if boundary != "free" else "",
         "hardness_ratio": None if limits is None else list(limits),
         "elastic": features.elastic,
+        "load": features.load if features.name == SCENE else "",
         "databases": databases(rows) if len(scenes) > 1 else [],
     }
     return {
-        "title": f"{MODELS[model].title} for {', '.join(request.targets)}",
+        "title": f"{EVERY[model].title} for {', '.join(request.targets)}",
         "model": model,
         "features": features.name,
         "columns": [list(pair) for pair in zip(features.columns, features.units, strict=True)],
@@ -309,6 +311,10 @@ def _intervals(card: Mapping[str, Any]) -> "Table":
 
 
 def _ranges(card: Mapping[str, Any], low: Values, high: Values) -> "Table":
+    if card["features"] == SCENE:
+        names = [name for name, _ in card["columns"]]
+        low, high = shown(names, low), shown(names, high)
+        card = {**card, "columns": [(plain(name), unit) for name, unit in card["columns"]]}
     columns = zip(card["columns"], low, high, strict=True)
     rows = [(name, unit, f"{least:.5g}", f"{most:.5g}") for (name, unit), least, most in columns]
     return _table("Inputs and their training ranges", "Input|Unit", "from|to", rows)

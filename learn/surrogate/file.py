@@ -21,7 +21,7 @@ import json
 import re
 import shlex
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from copy import copy
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -33,8 +33,9 @@ from gen.arrays import Values
 from gen.runtime.errors import InputError
 from gen.runtime.files import SURROGATE, atomic, require_file
 from gen.runtime.terminal import printable, to_type
+from learn.features.scene import SCENE
 from learn.features.sets import FORMULAS, SETS
-from learn.models import MODELS, STEP, Scaling
+from learn.models import EVERY, STEP, Scaling
 from learn.surrogate.flag import Distance
 from learn.surrogate.interval import Calibration, ErrorScale, Growth
 from learn.surrogate.learnt import Learnt
@@ -50,7 +51,11 @@ OLDER = range(3, FORMAT)
 
 HEAD = re.compile(SURROGATE + rb"format (\d{1,9})\nsha256 ([0-9a-f]{64})\n")
 
+MOST_SCORES = 100
+"""Groups whose scores are arrays of their own in the archive, at most."""
+
 REVIEWED = (
+    "learn.population.Population",
     "sklearn.dummy.DummyRegressor",
     "sklearn.ensemble._forest.RandomForestRegressor",
     "sklearn.ensemble._gb.GradientBoostingRegressor",
@@ -134,12 +139,19 @@ def _packed(learnt: Learnt, distance: Distance) -> dict[str, Any]:
         "clip": learnt.clip,
         "bounds": learnt.bounds,
         "borders": intervals.borders,
-        "scores": list(intervals.scores),
+        **_packed_scores(intervals.scores),
         "root": intervals.root,
         "scheme": intervals.scheme,
         "usual": None if intervals.usual is None else vars(intervals.usual),
         "growth": None if growth is None else growth.rate,
     }
+
+
+def _packed_scores(scores: Sequence[Values]) -> dict[str, Any]:
+    """Return the scores of groups; those of many, each a file in the archive, as one array."""
+    if len(scores) <= MOST_SCORES:
+        return {"scores": list(scores)}
+    return {"scores": np.concatenate(scores), "sizes": np.array([each.size for each in scores])}
 
 
 def _portable(estimator: Any) -> Any:
@@ -149,6 +161,9 @@ def _portable(estimator: Any) -> Any:
     if hasattr(estimator, "L_"):  # the factor of a Gaussian process, as large as its rows squared
         estimator = copy(estimator)
         estimator.L_ = None
+    if hasattr(estimator, "left_out_"):  # predictions of the training rows
+        estimator = copy(estimator)
+        del estimator.left_out_
     if isinstance(estimator, KernelRidge):
         plain = KernelRidge()
         vars(plain).update(vars(estimator))
@@ -227,10 +242,12 @@ def _unpacked(
     """Return the model of a target, after a trial if another scikit-learn has made it."""
     import sklearn
 
-    usual, growth = part["usual"], part["growth"]
+    usual, growth, scores = part["usual"], part["growth"], part["scores"]
+    if "sizes" in part:
+        scores = np.split(scores, np.cumsum(part["sizes"])[:-1])
     intervals = Calibration(
         part["borders"],
-        tuple(part["scores"]),
+        tuple(scores),
         part["root"],
         part["scheme"],
         None if usual is None else ErrorScale(**usual),
@@ -248,9 +265,10 @@ def _unpacked(
     estimator = learnt.pipeline.named_steps[STEP]
     if part["trees"] is not None:
         _with_trees(estimator, part["trees"])
-    if not isinstance(MODELS[card["model"]].estimator(0), type(estimator)):
+    if not isinstance(EVERY[card["model"]].estimator(0), type(estimator)):
         raise TypeError(f"its model is no {card['model']}")
-    if card["features"] not in SETS or not {name for name, _ in card["columns"]} <= {*FORMULAS}:
+    names = {name for name, _ in card["columns"]}
+    if card["features"] != SCENE and (card["features"] not in SETS or not names <= {*FORMULAS}):
         raise TypeError("its features are unknown")
     if sklearn.__version__ != card["versions"].get("scikit-learn"):
         learnt.ends(low[None], learnt.raw(low[None]), 0.5)
@@ -319,6 +337,8 @@ def _anew(path: Path, card: Mapping[str, Any]) -> str:
     words += ["--target", ",".join(card["targets"]), "--seed", f"{card['seed']}"]
     if card.get("blocks"):
         words += ["--blocks", f"{card['blocks']}"]
+    if card["features"] == SCENE:
+        words += ["--load", card["load"]]
     if card.get("area_max") is not None:
         words += ["--area-max", f"{card['area_max']:g}"]
     if card["normalisation"] != SETS[card["features"]].normalisation:

@@ -21,10 +21,12 @@ from learn.comparison.folder import Folder
 from learn.comparison.paper import OPTIMA
 from learn.dataset import Dataset, Request
 from learn.executor import Executor
+from learn.features.scene import SCENE, training_ranges
 from learn.kernel_ridge import left_out_errors
 from learn.metrics import no_better
 from learn.models import (
-    MODELS,
+    EVERY,
+    POPULATION,
     STEP,
     check_memory,
     models_named,
@@ -36,7 +38,7 @@ from learn.split import Folds
 from learn.stored import TARGETS, results, short_name
 from learn.surrogate import calibration as calibrating
 from learn.surrogate import card, interval
-from learn.surrogate.calibration import Plan, groups_of, holdout_squares, holdouts, near
+from learn.surrogate.calibration import SURFACE, Plan, groups_of, holdout_squares, holdouts, near
 from learn.surrogate.interval import Calibration
 from learn.surrogate.learnt import Learnt, clip_of
 from learn.surrogate.model import Surrogate
@@ -79,6 +81,9 @@ NETWORK: dict[str, Any] = {
 }
 """The perceptron for features without units, for which two layers suffice."""
 
+BUILT_IN: dict[str, dict[str, Any]] = {"mlp": NETWORK, POPULATION.name: {}}
+"""Settings where nothing is searched; the mean of a population chooses its own."""
+
 
 class Settings(NamedTuple):
     """Settings of an estimator, and their origin."""
@@ -102,8 +107,8 @@ def choose(request: Request, train: Dataset, target: Values, folds: Folds) -> Se
         return Settings(dict(OPTIMA[name]), True, "the paper's optimum")
     if name in CANDIDATES:
         return _searched(request, train.inputs, target, folds)
-    if name == "mlp":
-        return Settings(dict(NETWORK), False, "built in")
+    if name in BUILT_IN:
+        return Settings(dict(BUILT_IN[name]), False, "built in")
     return Settings(dict(OPTIMA[name]), True, "the paper's optimum")
 
 
@@ -207,7 +212,7 @@ def fit(
     raised if the input cannot be used, there are too few rows or too little memory, or a target is
     predicted no better than by a constant.
     """
-    models_named(list(request.models))
+    models_named(list(request.models), request.features)
     sets, others = read(request, executor, stopping), None
     if sets and request.calibrate_on is not None:
         wider = replace(request, databases=(*request.databases, request.calibrate_on))
@@ -285,13 +290,17 @@ def fit_parts(
         folds = parts.folds[: train.size]
         fitted = fit_target(request, rows.at(train), plan.rows(rows, number), folds)
         learnt[target], judged[target] = fitted.learnt, _judged(fitted, rows, plan, parts.test, say)
-    inputs = sets[0].inputs[train]
+    inputs, features = sets[0].inputs[train], sets[0].features
+    scenes = [Scene.from_text(origin.scene) for origin in sets[0].origins]
+    low, high = inputs.min(axis=0), inputs.max(axis=0)
+    if features.name == SCENE:
+        low, high = training_ranges(scenes, features.columns, inputs)
     sizes = {"train": train.size, "calibration": plan.size, "test": parts.test.size}
     return Surrogate(
         card=card.make(request, sets[0], train, sizes, judged) | plan.entry(),
         learnt=learnt,
-        low=inputs.min(axis=0),
-        high=inputs.max(axis=0),
+        low=low,
+        high=high,
         distance=plan.distance(sets[0]),
     )
 
@@ -348,15 +357,17 @@ def fit_target(
     (name,) = request.models
     check_memory(name, train.size)
     # Settings of a comparison were tuned for the target as the paper has it.
-    standard = name == "gaussian-process" and request.source is None
+    scenic = request.features == SCENE and name != POPULATION.name
+    standard = scenic or (name == "gaussian-process" and request.source is None)
     scaling = scaling_of(train, np.arange(train.size), standard=standard)
     target = scaling.scaled(train.target)
     began = process_time()
     settings = settings or choose(request, train, target, folds)
     chose = process_time()
-    fitted, said = _fitted(request, settings, train.inputs, target)
+    fitted, said = _fitted(request, settings, train.inputs, target, train.groups)
     done = process_time()
-    column = results(Scene.from_text(train.source["scene"]))[train.target_name]
+    scene = Scene.from_text(train.source["scene"])
+    column = results(scene, train.features.load)[train.target_name]
     own = NOT_CALIBRATED, clip_of(train), column.bounds
     learnt = Learnt(column.name, column.unit, fitted, scaling, *own)
     crossed = None
@@ -368,17 +379,22 @@ def fit_target(
 
 
 def _fitted(
-    request: Request, settings: Settings, inputs: Values, target: Values
+    request: Request,
+    settings: Settings,
+    inputs: Values,
+    target: Values,
+    groups: Indices | None = None,
 ) -> tuple[Any, tuple[str, ...]]:
-    """Return a fitted pipeline and the warnings of its fit."""
+    """Return a fitted pipeline and the warnings of its fit; groups are surfaces of the rows."""
     (name,) = request.models
+    surfaces = {f"{STEP}__surfaces": groups} if name == POPULATION.name else {}
     own: dict[str, Any] = {
         "normalisation": request.normalisation,
         "seed": request.seed,
         "tuned": settings.tuned,
     }
     with remarks() as said:
-        fitted = pipeline(MODELS[name], settings.values, **own).fit(inputs, target)
+        fitted = pipeline(EVERY[name], settings.values, **own).fit(inputs, target, **surfaces)
     return fitted, tuple(said)
 
 
@@ -393,6 +409,8 @@ def _crossed(
     groups = groups_of(train)
     if groups is None:
         raise ValueError("rows of one map or database cannot be calibrated by groups")
+    if groups.kind == SURFACE and request.models == (POPULATION.name,):
+        return learnt.scaling.restored(learnt.pipeline.named_steps[STEP].left_out_)
     parts = list(holdouts(train, groups.left_out(train)))
     found = _ridge_left_out(learnt, target, parts)
     if found is not None:
@@ -400,7 +418,8 @@ def _crossed(
     found = np.empty(train.size)
     for mine, unseen in parts:
         others = np.setdiff1d(np.arange(train.size), unseen)
-        fitted, _ = _fitted(request, settings, train.inputs[others], target[others])
+        rest = train.inputs[others], target[others], train.groups[others]
+        fitted, _ = _fitted(request, settings, *rest)
         without = replace(learnt, pipeline=fitted, clip=clip_of(train.at(others)))
         found[mine] = without.raw(train.inputs[mine])
     return found

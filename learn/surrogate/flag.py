@@ -58,6 +58,11 @@ class Distance:
         return nearest
 
 
+def nowhere(features: int) -> Distance:
+    """Return distances of 0, of which none is flagged."""
+    return Distance(np.zeros((1, features)), np.zeros((1, features, features)), np.inf)
+
+
 def from_training(inputs: Values, groups: Indices) -> Distance:
     """Measure distances from rows, (n, d); groups, (n,), left out in turn, give the limit."""
     found = np.empty(len(inputs))
@@ -157,10 +162,11 @@ def reasons_of(
     """
     (low, high), far = ranges, distance.of(inputs)
     outside = (inputs < low) | (inputs > high)
+    inputs, low, high = (features.shown(each) for each in (inputs, low, high))
     found = list(notes)
     for row in np.flatnonzero(outside.any(axis=1) | (far > distance.limit)).tolist():
         beyond = [
-            f"{features.columns[place]} {inputs[row, place]:.4g} outside {low[place]:.4g} to"
+            f"{features.names[place]} {inputs[row, place]:.4g} outside {low[place]:.4g} to"
             f" {high[place]:.4g}"
             for place in np.flatnonzero(outside[row])
         ]

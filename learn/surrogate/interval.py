@@ -105,9 +105,9 @@ def checked_level(level: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class ErrorScale:
-    """Usual errors, whose logarithm is linear in the d features."""
+    """Usual errors, whose logarithm is linear in the d features, or quadratic."""
 
-    slopes: Values  # (d,), change of the logarithm with each feature
+    slopes: Values  # (d,), change of the logarithm with each feature; and with products of two
     offset: float  # logarithm where all features are 0
     low: float  # least value of the logarithm
     high: float  # and largest one
@@ -115,12 +115,21 @@ class ErrorScale:
     def at(self, inputs: Values) -> Values:
         """Return the usual errors, (n,), at the features, (n, d)."""
         with np.errstate(over="ignore", invalid="ignore"):
-            logarithm = inputs @ self.slopes + self.offset
+            terms = inputs if self.slopes.size == inputs.shape[1] else quadratic(inputs)
+            logarithm = terms @ self.slopes + self.offset
         logarithm[np.isnan(logarithm)] = self.high
         return np.asarray(np.exp(np.clip(logarithm, self.low, self.high)))
 
 
-def fit_scale(inputs: Values, errors: Values, groups: Indices) -> ErrorScale:
+def quadratic(inputs: Values) -> Values:
+    """Return the features, (n, d), and their products of two, (n, d (d + 3) / 2)."""
+    first, second = np.triu_indices(inputs.shape[1])
+    return np.column_stack([inputs, inputs[:, first] * inputs[:, second]])
+
+
+def fit_scale(
+    inputs: Values, errors: Values, groups: Indices, shrinkage: float = SHRINKAGE
+) -> ErrorScale:
     """Fit usual errors by ridge regression of the logarithm of errors, (n,); groups weigh alike."""
     _, place, sizes = np.unique(groups, return_inverse=True, return_counts=True)
     weights = 1.0 / (sizes[place] * sizes.size)
@@ -131,7 +140,7 @@ def fit_scale(inputs: Values, errors: Values, groups: Indices) -> ErrorScale:
     varying = deviation > CONSTANT * np.abs(inputs).max(axis=0)
     unit = offset[:, varying] / deviation[varying]
     weighted = unit * weights[:, None]
-    matrix = weighted.T @ unit + SHRINKAGE * np.eye(unit.shape[1])
+    matrix = weighted.T @ unit + shrinkage * np.eye(unit.shape[1])
     found = np.linalg.solve(matrix, weighted.T @ (logarithms - mean))
     slopes = np.zeros(inputs.shape[1])
     slopes[varying] = found / deviation[varying]

@@ -70,6 +70,18 @@ class Learnt:
         """Return both ends, each (n,), of the interval over the scale around `raw` predictions."""
         return self.calibration.ends(raw, level, inputs)
 
+    def mean_ends(self, inputs: Values, raw: Values, level: float) -> tuple[Values, Values]:
+        """Return both ends, each (n,), of the interval of the mean over all surfaces.
+
+        InputError is raised if the model does not know how uncertain the mean is.
+        """
+        model = self.pipeline.named_steps[STEP]
+        if not hasattr(model, "coefficients_"):
+            raise InputError("the mean has an interval with --model population alone: fit one")
+        errors = _by_parts(lambda part: model.error(self.pipeline[:-1].transform(part)), inputs)
+        half = model.quantile(level) * errors * self.scaling.deviation
+        return raw - half, raw + half
+
     def _predict(self, inputs: Values) -> Values:
         """Predict some rows, kernel ridge without scikit-learn's checks of its training rows."""
         (_, scaling), (_, estimator) = self.pipeline.steps

@@ -17,6 +17,7 @@ from gen.arrays import Values, refuse_masked
 from gen.material import Bodies
 from gen.runtime.errors import InputError
 from learn.features import SETS, FeatureSet, SurfaceFeatures
+from learn.features.scene import SCENE
 from learn.features.sets import Rows
 from learn.surrogate import file, flag
 from learn.surrogate.flag import Distance
@@ -50,6 +51,9 @@ class Prediction:
         Standard deviations by target, of Gaussian processes, on request.
     reasons : tuple of str
         For each row, the features outside the training; "" if there is none.
+    given : dict of str to ndarray, shape (n,)
+        Parameters and load of each row, for a surrogate of a scene's own features. There `delta` is
+        NaN unless it is the load.
     """
 
     delta: Values
@@ -58,6 +62,7 @@ class Prediction:
     high: dict[str, Values] = field(default_factory=dict)
     std: dict[str, Values] = field(default_factory=dict)
     reasons: tuple[str, ...] = ()
+    given: dict[str, Values] = field(default_factory=dict)
 
     @property
     def area(self) -> Values:
@@ -164,15 +169,21 @@ class Surrogate:
 
     def predict(
         self,
-        surface: ArrayLike,
-        side: float | tuple[float, float],
-        delta: ArrayLike,
+        surface: ArrayLike | None = None,
+        side: float | tuple[float, float] | None = None,
+        delta: ArrayLike | None = None,
         *,
         e_star: float | None = None,
-        hardness: float | None = None,
+        hardness: ArrayLike | None = None,
         level: float | None = 0.9,
+        mean: bool = False,
+        **given: ArrayLike,
     ) -> Prediction:
-        """Predict contacts of one surface.
+        """Predict contacts of one surface, or of a scene's surfaces by their parameters.
+
+        A surrogate of a scene's own features takes its parameters and its load by their names, as
+        `predict(hurst=0.7, rms_height=1.2, pressure=[10.0, 20.0])`, arrays of one length or
+        numbers, and no surface.
 
         Parameters
         ----------
@@ -184,25 +195,87 @@ class Surrogate:
             One or more far-field displacements [um].
         e_star : float, optional
             E* of forces and pressures; that of the training by default [MPa].
-        hardness : float, optional
+        hardness : ArrayLike, optional
             Hardness of the softer body, for a surrogate of bodies that yield; by default that of
             the training, if it has only one [MPa].
         level : float or None
             Coverage of the intervals; None for no intervals.
+        mean : bool
+            True for intervals of the mean over all surfaces of the parameters, not of a new one.
+        **given : ArrayLike
+            Parameters and load of a surrogate of a scene's own features, in the scene's units.
 
         Returns
         -------
         Prediction
-            Predictions of all targets, one row for each displacement.
+            Predictions of all targets, one row for each displacement, or set of numbers.
 
         Raises
         ------
         InputError
             If heights, lengths, displacements, `e_star` or `hardness` are impossible, or the
-            training asks for a hardness that is not given.
+            training asks for a hardness, a parameter or a load that is not given.
         """
+        if self.features.name == SCENE:
+            if surface is not None or side is not None or e_star is not None:
+                raise InputError(f"the surrogate asks for {self._asks()}, not for a surface or E*")
+            named = {"delta": delta, "hardness": hardness} | given
+            rows = self.of_numbers({k: v for k, v in named.items() if v is not None})
+            return self.predict_rows(rows, level=level, mean=mean)
+        if surface is None or side is None or delta is None or given or mean:
+            raise InputError(
+                "the surrogate asks for a surface, its side and Delta: parameters of a scene and"
+                " means over its surfaces need one that is fitted with --features scene"
+            )
         on_surface = self.for_surface(surface, side)
-        return on_surface.predict(delta, e_star=e_star, hardness=hardness, level=level)
+        one = None if hardness is None else float(np.asarray(hardness))
+        return on_surface.predict(delta, e_star=e_star, hardness=one, level=level)
+
+    def _asks(self) -> str:
+        """Name the numbers that a scene's surrogate asks for."""
+        return ", ".join(self.features.names)
+
+    def of_numbers(self, given: Mapping[str, ArrayLike]) -> Rows:
+        """Turn parameters and loads into rows for `predict_rows`.
+
+        Parameters
+        ----------
+        given : mapping of str to ArrayLike
+            Numbers or arrays of one length, (n,), by the names of `features.names`.
+
+        Returns
+        -------
+        Rows
+            n rows to predict.
+
+        Raises
+        ------
+        InputError
+            If a name is missing or unknown, lengths differ, or a number is not finite, or not above
+            0 where its logarithm is learnt.
+        """
+        wanted = self.features.names
+        if self.features.name != SCENE or {*given} != {*wanted}:
+            missing = ", ".join(sorted({*wanted} - {*given}))
+            unknown = ", ".join(sorted({*given} - {*wanted}))
+            said = f"{missing} not given" if missing else f"{unknown}: unknown"
+            raise InputError(f"{said}: the surrogate asks for {self._asks()}")
+        try:
+            every = np.broadcast_arrays(*(np.atleast_1d(_own(n, given[n])) for n in wanted))
+        except ValueError as error:
+            raise InputError(f"{self._asks()}: {error}") from None
+        if any(each.ndim != 1 for each in every):
+            raise InputError(f"{self._asks()}: give numbers or arrays of one dimension")
+        numbers = dict(zip(wanted, every, strict=True))
+        columns = self.features.columns
+        for name, column, values in zip(wanted, columns, every, strict=True):
+            bad = ~np.isfinite(values) | ((values <= 0) & (column != name))
+            if bad.any():
+                above = " above 0" if column != name else ""
+                raise InputError(f"{name} = {values[bad][0]:g}: give finite numbers{above}")
+        ones = np.ones(every[0].size)
+        delta = numbers.get("delta", np.nan * ones)
+        return Rows(np.empty((ones.size, 0)), delta, 1.0, given=numbers)
 
     def for_surface(
         self, surface: ArrayLike, side: float | tuple[float, float], name: str = "the surface"
@@ -289,6 +362,8 @@ class Surrogate:
                 "names no nodes_x and nodes_y, which the surrogate was trained with as a feature"
             )
         inputs = features.of(rows)
+        if features.name == SCENE:  # checked by `of_numbers`
+            return inputs
         wrong = ~(np.abs(inputs) <= LARGEST).all(axis=1) & ~np.isnan(rows.statistics).any(axis=1)
         bad = np.flatnonzero(wrong | ~(rows.delta > 0))
         if bad.size:
@@ -307,6 +382,7 @@ class Surrogate:
         level: float | None = 0.9,
         std: bool = False,
         reasons: bool = True,
+        mean: bool = False,
     ) -> Prediction:
         """Predict rows.
 
@@ -319,6 +395,8 @@ class Surrogate:
         std, reasons : bool
             True for standard deviations of Gaussian processes; False to skip the check of training
             ranges. A prediction that is not finite always has a reason.
+        mean : bool
+            True for intervals of the mean over surfaces, of a surrogate of a scene's own features.
 
         Returns
         -------
@@ -330,7 +408,7 @@ class Surrogate:
         ratio = 1.0 if e_star is None else e_star / self.modulus
         inputs = self._inputs(rows)
         said = list(self._reasons(rows, inputs) if reasons else ("",) * len(rows.delta))
-        prediction = Prediction(rows.delta.copy(), {})
+        prediction = Prediction(rows.delta.copy(), {}, given=dict(rows.given))
         known = ~np.isnan(inputs).any(axis=1)
         for name, learnt in self.learnt.items():
             scale = self.features.scale(learnt.column, rows, self.modulus)
@@ -343,7 +421,8 @@ class Surrogate:
                 said[row] = flag.joined(f"the surrogate has no finite {name}", said[row])
             prediction.values[name] = learnt.within(raw * scale)
             if level is not None:
-                low, high = learnt.ends(inputs, raw, level)
+                ends = learnt.mean_ends if mean else learnt.ends
+                low, high = ends(inputs, raw, level)
                 prediction.low[name] = learnt.within(low * scale)
                 prediction.high[name] = learnt.within(high * scale)
             spread = learnt.spread(inputs) if std else None
