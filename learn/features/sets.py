@@ -260,6 +260,8 @@ class FeatureSet:
     def of(self, rows: Rows) -> Values:
         """Return the features of n rows, (n, d), NaN or infinite where they are undefined."""
         if self.name == SCENE:
+            if not {*self.names} <= rows.given.keys():
+                raise InputError(f"a surrogate of a scene asks for {', '.join(self.names)} instead")
             with np.errstate(divide="ignore", invalid="ignore"):
                 return scenic.inputs(self.columns, rows.given)
         capped = rows.capped() if self.elastic else rows

@@ -1,0 +1,69 @@
+"""The mean of a population: what it finds, how sure it is, and how a surrogate answers by it."""
+
+import numpy as np
+import pytest
+
+from gen import cli as gen_cli
+from gen.runtime.errors import InputError
+from learn import Surrogate
+from learn import cli as learn_cli
+from learn.population import Population
+
+
+def test_the_mean_is_found_within_its_error_and_surfaces_scatter_about_it():
+    random = np.random.default_rng(0)
+    surfaces = np.repeat(np.arange(400), 3)
+    X = np.column_stack([random.normal(size=400)[surfaces], random.uniform(-1.7, 1.7, 1200)])
+    mean = np.exp(X[:, 1]) * (2.0 + np.sin(X[:, 0]))
+    y = mean * (1.0 + 0.1 * random.normal(size=400)[surfaces])
+    found = Population().fit(X, y, surfaces)
+    wrong = np.abs(found.predict(X) - mean)
+    assert wrong.mean() < 0.03 * mean.mean()
+    assert np.mean(wrong < found.quantile(0.9) * found.error(X)) > 0.7
+    assert np.abs(found.left_out_ - y).mean() == pytest.approx(0.08 * mean.mean(), rel=0.15)
+
+
+SCENE = """
+samples = 240
+samples_per_surface = 2
+[surface]
+generator = "spectral"
+nodes = 16
+side = 160.0
+hurst = [0.5, 0.9]
+rms_height = [0.5, 3.0]
+cut_off = 40.0
+[load]
+quantity = "pressure"
+range = { log_uniform = [0.001, 0.1] }
+[contact]
+boundary = "periodic"
+"""
+
+
+def test_a_scene_by_pressure_is_learnt_kept_and_asked(tmp_path):
+    (tmp_path / "s.toml").write_text(SCENE)
+    database, kept = tmp_path / "s.h5", tmp_path / "s.surrogate"
+    assert gen_cli.main(["run", str(tmp_path / "s.toml"), "-o", str(database)]) == 0
+    assert learn_cli.main(["fit", str(database), "--features", "scene", "-o", str(kept)]) == 0
+    surrogate = Surrogate.load(kept)
+    assert surrogate.features.names == ("hurst", "rms_height", "pressure")
+    asked = {"hurst": 0.7, "rms_height": 1.2, "pressure": [0.002, 0.02, 0.2]}
+    new, mean = (surrogate.predict(**asked, mean=each) for each in (False, True))
+    assert new.values.keys() == {"area", "delta"}
+    assert (np.diff(new.area) > 0).all()
+    assert (mean.high["area"] - mean.low["area"] < new.high["area"] - new.low["area"]).all()
+    assert new.reasons == ("", "", "pressure 0.2 outside 0.001 to 0.1")
+    with pytest.raises(InputError, match="rms_height not given"):
+        surrogate.predict(hurst=0.7, pressure=0.01)
+    with pytest.raises(InputError, match="a scene asks for hurst, rms_height, pressure"):
+        surrogate.for_surface(np.eye(16), 160.0).predict(1.0)
+
+
+def test_the_force_is_no_target_at_a_pressure(tmp_path, capsys):
+    (tmp_path / "s.toml").write_text(SCENE.replace("240", "40"))
+    database = str(tmp_path / "s.h5")
+    assert gen_cli.main(["run", str(tmp_path / "s.toml"), "-o", database]) == 0
+    command = ["fit", database, "--features", "scene", "--target", "force"]
+    assert learn_cli.main([*command, "-o", str(tmp_path / "s.surrogate")]) == 2
+    assert "force" in capsys.readouterr().err
