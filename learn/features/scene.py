@@ -55,7 +55,7 @@ def load_of(scene: Scene) -> str:
 
 def unit_of(name: str) -> str:
     """Return the unit of a parameter or a load; "1" for those of a user's own."""
-    drawn = [each for table in GENERATORS for each in table.known_parameters().items()]
+    drawn = [each for table in GENERATORS for each in table.PARAMETERS.items()]
     known = {key: each.unit for key, each in drawn}
     return {**known, **LOADS, **HARDNESSES}.get(plain(name), "1")
 

@@ -32,6 +32,7 @@ nodes = 16
 side = 160.0
 hurst = [0.5, 0.9]
 rms_height = [0.5, 3.0]
+roll_off = 100.0
 cut_off = 40.0
 [load]
 quantity = "pressure"
@@ -52,7 +53,8 @@ def test_a_scene_by_pressure_is_learnt_kept_and_asked(tmp_path):
     new, mean = (surrogate.predict(**asked, mean=each) for each in (False, True))
     assert new.values.keys() == {"area", "delta"}
     assert (np.diff(new.area) > 0).all()
-    assert (mean.high["area"] - mean.low["area"] < new.high["area"] - new.low["area"]).all()
+    of_mean, of_new = (each.high["area"] - each.low["area"] for each in (mean, new))
+    assert (of_mean < of_new)[:2].all()  # the third is outside
     assert new.reasons == ("", "", "pressure 0.2 outside 0.001 to 0.1")
     with pytest.raises(InputError, match="rms_height not given"):
         surrogate.predict(hurst=0.7, pressure=0.01)
