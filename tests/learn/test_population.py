@@ -58,8 +58,8 @@ def test_a_scene_by_pressure_is_learnt_kept_and_asked(tmp_path):
     assert new.reasons == ("", "", "pressure 0.2 outside 0.001 to 0.1")
     with pytest.raises(InputError, match="rms_height not given"):
         surrogate.predict(hurst=0.7, pressure=0.01)
-    with pytest.raises(InputError, match="a scene asks for hurst, rms_height, pressure"):
-        surrogate.for_surface(np.eye(16), 160.0).predict(1.0)
+    with pytest.raises(InputError, match="asks for hurst, rms_height, pressure, not for a surface"):
+        surrogate.predict(np.eye(16), 160.0, 1.0)
 
 
 def test_the_force_is_no_target_at_a_pressure(tmp_path, capsys):
