@@ -180,11 +180,6 @@ class SurfaceFeatures:
         """The 22 statistics, in the order of Table 1, NaN where the surface defines none."""
         return np.array(list(self.description.values.values()))
 
-    def require_statistics(self) -> None:
-        """Raise Undefined if the surface does not define all statistics."""
-        if self.description.reason:
-            raise Undefined(f"{self.name}: statistics undefined: {self.description.reason}")
-
     def rows(
         self, features: FeatureSet, deltas: Values, hardness_ratio: float | None = None
     ) -> Rows:
@@ -196,7 +191,8 @@ class SurfaceFeatures:
         wrong = deltas[~((deltas > 0) & (deltas < np.inf))]
         if wrong.size:
             raise InputError(f"{self.name}: Delta {wrong[0]:g} um: give finite numbers above 0")
-        self.require_statistics()
+        if reason := self.description.reason:
+            raise Undefined(f"{self.name}: statistics undefined: {reason}")
         hybrid = None
         if features.needs_surface:
             blocks = features.blocks or BLOCKS
@@ -204,7 +200,7 @@ class SurfaceFeatures:
             hybrid = np.array(every).reshape(-1, len(HYBRID))
         statistics = np.repeat(self.statistics[None], deltas.size, axis=0)
         nodes = math.sqrt(self.heights.size)
-        return Rows(statistics, deltas, patch_length(self.sides), hardness_ratio, nodes, hybrid)
+        return Rows(statistics, deltas, self.length, hardness_ratio, nodes, hybrid)
 
     def features(
         self, features: FeatureSet, deltas: Values, hardness_ratio: float | None = None
@@ -225,13 +221,14 @@ class SurfaceFeatures:
 
         The coarse solve has `blocks` per side, one of `BLOCK_COUNTS`.
         """
-        interference = self.heights - (self._highest - delta)
+        interference = self.heights - (float(self.heights.max()) - delta)
         bearing, coarse = _above(interference, delta), self._blocks(blocks)
-        if self._depth(coarse, delta) <= 0:  # not one block's mean is reached
+        depth = self._depth(coarse, delta)
+        if depth <= 0:  # not one block's mean is reached
             counted = *bearing, 0.0, 0.0, 0.0, *bearing
             shares = (0.0,) * len(FACTORS)
             return *counted, *shares, *_shifted(interference, delta, coarse.roughness), 0.0
-        contact = self._pressed(coarse, self._depth(coarse, delta), hardness_ratio)
+        contact = self._pressed(coarse, depth, hardness_ratio)
         # Only nodes that stand above it by more than the residual of the coarse solve.
         stands = interference - coarse.interpolated(contact.displacement) - LOOSE * delta
         return (
@@ -255,12 +252,8 @@ class SurfaceFeatures:
             return math.inf
         return float((self.heights.max() - self.heights).mean())
 
-    def coarse_contact(self, depth: float, hardness_ratio: float | None = None) -> bem.Contact:
-        """Solve the contact of the block means, `depth` [um] below the highest, with E* = 1 MPa."""
-        return self._pressed(self._blocks(BLOCKS), depth, hardness_ratio)
-
     def _pressed(self, coarse: Blocks, depth: float, hardness_ratio: float | None) -> bem.Contact:
-        """Solve the contact of the means of some blocks."""
+        """Solve the contact of the block means, `depth` [um] below the highest, with E* = 1 MPa."""
         means, (step_x, step_y), (nx, ny) = coarse.means, self.steps, self.heights.shape
         blocks_x, blocks_y = means.shape
         steps = step_x * nx / blocks_x, step_y * ny / blocks_y
@@ -291,8 +284,9 @@ class SurfaceFeatures:
         """
         if self.boundary != "free" and hardness_ratio is None:
             return 0.0, 0.0
-        depth = self._depth(self._blocks(BLOCKS), delta)
-        contact = self.coarse_contact(max(depth, 1e-3 * delta), hardness_ratio)
+        coarse = self._blocks(BLOCKS)
+        depth = max(self._depth(coarse, delta), 1e-3 * delta)
+        contact = self._pressed(coarse, depth, hardness_ratio)
         compliance = self._mean_displacement(contact) * self.length / contact.force
         if hardness_ratio is None:
             return compliance, 0.0
@@ -302,13 +296,9 @@ class SurfaceFeatures:
         """Return the mean displacement of a coarse contact, which is 0 without edges [um]."""
         return float(contact.displacement.mean()) if self.boundary == "free" else 0.0
 
-    @cached_property
-    def _highest(self) -> float:
-        return float(self.heights.max())
-
     def _depth(self, coarse: Blocks, delta: float) -> float:
         """Return how far Delta reaches below the highest block [um]."""
-        return delta - (self._highest - float(coarse.means.max()))
+        return delta - (float(self.heights.max()) - float(coarse.means.max()))
 
     def _blocks(self, number: int) -> Blocks:
         """Return the surface in a number of blocks per side, one less without edges."""

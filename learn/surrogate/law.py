@@ -101,10 +101,8 @@ def _defined(surfaces: Sequence[LawSurface]) -> tuple[Sequence[LawSurface], list
     """
     kept, faults = [], []
     for surface in surfaces:
-        try:
-            _features(surface).require_statistics()
-        except Undefined as fault:
-            faults.append(fault)
+        if reason := _features(surface).description.reason:
+            faults.append(Undefined(f"{surface.name}: statistics undefined: {reason}"))
         else:
             kept.append(surface)
     if not kept:
