@@ -459,7 +459,8 @@ def _guessed_reach(problem: Problem) -> float:
     if not (share < MOST_OVERLAPPING and number < size):
         return math.inf
     highest = np.partition(problem.heights, size - number, axis=None)[size - number]
-    return float(problem.heights.max() - highest) or math.inf
+    depth = float(problem.heights.max() - highest)
+    return math.nextafter(depth, math.inf) if depth > 0 else math.inf  # equally high nodes too
 
 
 def _first_pressure(problem: Problem, solve: ActiveSet) -> tuple[Field, bool]:
@@ -492,11 +493,15 @@ def _first_pressure(problem: Problem, solve: ActiveSet) -> tuple[Field, bool]:
 
 def _relative_load(problem: Problem) -> float:
     """Return a load's mean pressure over E* times the rms slope of some rows and columns [1]."""
-    heights = problem.heights
-    along, across = np.diff(heights[:, ::SAMPLED], axis=0), np.diff(heights[::SAMPLED], axis=1)
+    unit = float(np.ptp(problem.heights))
+    if not unit > 0:
+        return math.inf
+    along = np.diff(problem.heights[:, ::SAMPLED], axis=0) / unit
+    across = np.diff(problem.heights[::SAMPLED], axis=1) / unit
     rows, columns = (float((d * d).sum()) / max(d.size, 1) for d in (along, across))
     slope = math.sqrt(rows + columns / problem.aspect**2)
-    return _reduced_load(problem) / heights.size / slope if slope > 0 else math.inf
+    load = _reduced_load(problem) / problem.heights.size / unit
+    return load / slope if slope > 0 else math.inf
 
 
 def _full_contact(problem: Problem, pressure: Field, length: float) -> Equilibrium:

@@ -72,7 +72,7 @@ def described(wheel: zipfile.ZipFile) -> Message:
 
 DATA = {
     "asperity/py.typed",
-    *("bem/py.typed", "gen/py.typed", "learn/py.typed"),
+    *("bem/py.typed", "gen/py.typed", "learn/py.typed", "gen/columns.md"),
     *("bench/page.html", "bench/two-blocks.inp"),
 }
 """Files of the wheel that are neither Python nor of a kind below."""

@@ -219,6 +219,18 @@ def test_round_loads_are_carried(kind: str, shape: tuple[int, int], every: int):
                 assert contact.residual <= 2e-7
 
 
+@pytest.mark.parametrize("nodes", [40, 65])
+@pytest.mark.parametrize("many", [0.3, 1.0, 1.28, 2.0, 260.5])
+def test_a_load_beyond_the_one_summit_of_a_plateau_is_carried(nodes: int, many: float):
+    """The nodes that are equally high as the last one of the guessed part belong to it."""
+    heights = np.zeros((nodes, nodes))
+    heights[nodes // 3, nodes // 2] = 1.0
+    contact = bem.solve(heights, 1, force=many, spacing=1.0, hardness=1.0, modulus=2.1e5)
+    assert contact.force == pytest.approx(many, rel=1e-11)
+    assert contact.largest_pressure <= 1.0
+    assert contact.residual <= 2e-7
+
+
 @pytest.mark.parametrize("boundary", BOUNDARIES)
 @pytest.mark.parametrize("many", [1, 7, 45])
 def test_where_all_that_touches_yields_the_displacement_is_the_smallest(
