@@ -422,7 +422,10 @@ class Surrogate:
             prediction.values[name] = learnt.within(raw * scale)
             if level is not None:
                 ends = learnt.mean_ends if mean else learnt.ends
-                low, high = ends(inputs, raw, level)
+                with np.errstate(invalid="ignore", divide="ignore"):  # about what is answered, so
+                    answer = prediction.values[name]  # that bounds leave no interval without width
+                    centre = np.where(answer == raw * scale, raw, answer / scale)
+                low, high = ends(inputs, centre, level)
                 prediction.low[name] = learnt.within(low * scale)
                 prediction.high[name] = learnt.within(high * scale)
             spread = learnt.spread(inputs) if std else None

@@ -21,6 +21,7 @@ from learn.models import MODELS
 from learn.surrogate import fitting, law
 from learn.surrogate.card import lines
 from learn.surrogate.flag import grid_note
+from learn.surrogate.learnt import Learnt
 
 
 def say(line):
@@ -186,6 +187,16 @@ def test_a_prediction_that_is_not_finite_is_never_inside(ridge, heights, tmp_pat
             InputError, match=r"h\.npy: the surrogate has no finite .* at Delta = 5"
         ):
             law.make(spoilt, order, say)
+
+
+def test_an_answer_at_a_bound_has_an_interval_with_width(solved, heights, monkeypatch):
+    surrogate = fitted(solved, features="paper")
+    monkeypatch.setattr(Learnt, "raw", lambda self, inputs: np.full(len(inputs), -1e9))
+    answer = surrogate.predict(heights, 1000.0, [5.0, 30.0])
+    for name, high in answer.high.items():
+        assert (answer.values[name] == 0).all()
+        assert (answer.low[name] == 0).all()
+        assert (high > 0).all()
 
 
 @pytest.fixture(scope="module")
