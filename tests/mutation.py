@@ -83,8 +83,8 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
         ("if not np.isfinite(contact.force):", "if False:"),
     ),
     "gen/statistics.py": (
-        ("curvatures.kurtosis - 3.0,", "curvatures.kurtosis,"),
-        ("ratio = (spacing_x / spacing_y) ** 2", "ratio = spacing_x / spacing_y"),
+        ("peaks[1].kurtosis - 3.0,", "peaks[1].kurtosis,"),
+        ("(pair[0] / pair[1]) ** 2", "pair[0] / pair[1]"),
     ),
     "gen/surface.py": (("2.0 ** (-hurst / 2.0)", "2.0 ** (-hurst)"),),
     "gen/spectral.py": (("(-1 - self.hurst)", "(-0.5 - self.hurst)"),),

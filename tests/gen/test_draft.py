@@ -109,7 +109,8 @@ def test_text_maps_are_read_as_the_options_say(scans):
     np.savetxt(scans / "nm.txt", rough)
     arguments = ["scans/nm.txt", "-o", "mine.toml", "--side", "149", "--unit", "nm"]
     assert cli.main(["scene", *arguments]) == 0
-    assert load("mine.toml").surface.reading.given() == {"side": "149", "unit": "nm"}
+    reading = load("mine.toml").surface.reading
+    assert (reading.side, reading.unit) == ("149", "nm")
     assert cli.main(["run", "mine.toml", "-o", "mine.h5", "--rows", "0:2"]) == 0
 
 
