@@ -1,7 +1,7 @@
 """`learn predict`, `law` and `card`: ask a surrogate about surfaces, or about itself."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -11,17 +11,28 @@ from gen.runtime.command_line import grouped, typed
 from gen.runtime.errors import InputError
 from gen.runtime.figure import empty_figure
 from gen.runtime.files import Output, check_outputs, kind_of
+from gen.runtime.numbers import shown
 from gen.runtime.terminal import echo
 from learn.commands.fit import note
 
 File = Annotated[Path, typer.Argument(metavar="FILE", help="A surrogate made by learn fit.")]
 Inputs = Annotated[
-    list[Path],
+    list[Path] | None,
     typer.Argument(
-        metavar="INPUT...",
+        metavar="[INPUT]...",
         help="Surfaces (.npy, text, instruments' files), folders of them, or tables of statistics"
-        " as gen describe --csv writes them.",
+        " as gen describe --csv writes them; for a scene's surrogate, tables of its numbers.",
     ),
+]
+At = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME=NUMBER,...",
+        help="Parameters of a surrogate made with --features scene: hurst=0.7,rms_height=1.2.",
+    ),
+]
+Mean = Annotated[
+    bool, typer.Option("--mean", help="Predict the mean over all surfaces of the parameters.")
 ]
 Deltas = Annotated[
     str,
@@ -61,37 +72,74 @@ LawBoundary = Annotated[
 @grouped
 def predict(
     file: File,
-    inputs: Inputs,
+    inputs: Inputs = None,
     delta: Deltas = "",
+    pressure: options.Pressures = "",
+    at: At = "",
     output: TableFile = None,
     interval: Coverage = 0.9,
+    mean: Mean = False,
     *,
     reading: Reading,
     material: options.Material,
 ) -> None:
-    """Predict area and force of surfaces, with intervals, and a flag outside the training."""
+    """Predict area and force of surfaces, with intervals, and a flag outside the training.
+
+    A surrogate made with --features scene takes the scene's parameters and its load instead of
+    surfaces: --at and --delta or --pressure, or tables with a column for each.
+    """
     from gen.law.contact_law import loads_from
     from gen.runtime.documents import Row, write_csv
     from gen.runtime.terminal import RunProgress
+    from learn.features.scene import SCENE
     from learn.surrogate import Surrogate
-    from learn.surrogate.answers import Question, answers, show
+    from learn.surrogate.answers import Question, answers, answers_of_parameters, show
     from learn.surrogate.model import bodies_of, require_level
 
+    inputs = inputs or []
     check_outputs([Output(output, "--output")], [file, *inputs])
     surrogate = Surrogate.load(file)
     require_level(surrogate, interval)
-    bodies = bodies_of(surrogate, material.modulus(), material.hardness)
     deltas = loads_from("delta", delta) if delta else None
-    question = Question(deltas, bodies, interval, reading)
     rows: list[Row] = []
-    with RunProgress(len(inputs), "inputs") as progress:
-        for path in inputs:
-            rows += answers(surrogate, path, question, progress.say)
-            progress.advance(1, 0)
-    show(rows, interval, bodies)
+    if surrogate.features.name == SCENE:
+        numbers: dict[str, Any] = {**_parameters(at)}
+        numbers |= {} if deltas is None else {"delta": deltas}
+        numbers |= {"pressure": loads_from("pressure", pressure)} if pressure else {}
+        numbers |= {} if material.hardness is None else {"hardness": material.hardness}
+        rows += answers_of_parameters(surrogate, inputs, numbers, interval, mean=mean)
+        of = "means over surfaces" if mean else f"new surfaces with {100 * interval:g} % intervals"
+        show(rows, f"Predictions of {of}")
+    elif at or pressure or mean or not inputs:
+        raise InputError(
+            f"{file}: predicts for surfaces: give some, and --delta; --at, --pressure and --mean"
+            " are for surrogates that learn fit --features scene makes"
+        )
+    else:
+        bodies = bodies_of(surrogate, material.modulus(), material.hardness)
+        question = Question(deltas, bodies, interval, reading)
+        with RunProgress(len(inputs), "inputs") as progress:
+            for path in inputs:
+                rows += answers(surrogate, path, question, progress.say)
+                progress.advance(1, 0)
+        show(rows, f"Predictions with {100 * interval:g} % intervals, {bodies.text}", bodies.doubts)
     if output is not None:
         write_csv(output, rows)
         echo(f"wrote {output}")
+
+
+def _parameters(text: str) -> dict[str, float]:
+    """Parse --at, as "hurst=0.7,rms_height=1.2"."""
+    found = {}
+    for part in filter(None, text.split(",")):
+        name, _, number = part.partition("=")
+        try:
+            found[name.strip()] = float(number)
+        except ValueError:
+            raise InputError(
+                f"--at {shown(text)}: give NAME=NUMBER with commas between, as hurst=0.7"
+            ) from None
+    return found
 
 
 def card(file: File) -> None:

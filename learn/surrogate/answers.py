@@ -3,11 +3,12 @@
 import csv
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 from rich.table import Table
 
 from gen.arrays import Values
@@ -21,9 +22,10 @@ from gen.runtime.errors import InputError
 from gen.runtime.files import require_file
 from gen.runtime.terminal import brief, echo, print_table, to_type
 from learn.features import Undefined
+from learn.features.scene import unit_of
 from learn.features.sets import HYBRID, STATISTICS, Rows
 from learn.surrogate import flag
-from learn.surrogate.model import Surrogate
+from learn.surrogate.model import Prediction, Surrogate
 
 REASONS = 12
 """Reasons that are printed at most."""
@@ -83,18 +85,66 @@ def answers(
             )
         except InputError as error:
             raise InputError(f"{file}: {error}") from None
-        for place, reason in enumerate(prediction.reasons):
-            row: Row = {"input": str(file), "delta_um": float(prediction.delta[place])}
-            for target, learnt in surrogate.learnt.items():
-                key = heading(learnt.column, learnt.unit)
-                row[key] = float(prediction.values[target][place])
-                # Outside the training no interval holds: the cells stay empty.
+        asked: list[Row] = [
+            {"input": str(file), "delta_um": float(each)} for each in prediction.delta
+        ]
+        for row in _answered(surrogate, prediction, asked):
+            yield {**row, "warnings": "; ".join(warnings)}
+
+
+def answers_of_parameters(
+    surrogate: Surrogate,
+    tables: Sequence[Path],
+    numbers: Mapping[str, ArrayLike],
+    level: float,
+    *,
+    mean: bool = False,
+) -> Iterator[Row]:
+    """Yield the rows of a scene's surrogate for numbers, or for each row of CSV tables with them.
+
+    Numbers are those of the parameters and the load, (k,) each, by their names; the columns of a
+    table have the names of the others. The mean over surfaces has no interval. InputError is raised
+    for a name that is missing or unknown, and for what is no number.
+    """
+    names = [name for name in surrogate.features.names if name not in numbers]
+    fixed = {name: np.atleast_1d(np.asarray(each, float)) for name, each in numbers.items()}
+    files: list[Path | None] = [*tables] or [None]
+    for table in files:
+        given, count = dict(fixed), 1
+        if table is not None:
+            cells = _cells(table, names, f"the surrogate asks for {', '.join(names)}")
+            columns, count = _numbers(table, cells, names).T, len(cells)
+            given |= dict(zip(names, columns, strict=True))
+        most = max((each.size for each in fixed.values()), default=1)
+        spread = {
+            name: np.resize(each, most * count) if name in numbers else np.repeat(each, most)
+            for name, each in given.items()
+        }
+        try:
+            rows = surrogate.of_numbers(spread)
+        except InputError as error:
+            raise InputError(f"{table}: {error}" if table else str(error)) from None
+        prediction = surrogate.predict_rows(rows, level=None if mean else level)
+        asked = [
+            {"input": str(table or "")}
+            | {heading(n, unit_of(n)): float(prediction.given[n][k]) for n in prediction.given}
+            for k in range(len(prediction.delta))
+        ]
+        yield from _answered(surrogate, prediction, asked)
+
+
+def _answered(surrogate: Surrogate, prediction: Prediction, asked: Sequence[Row]) -> Iterator[Row]:
+    """Yield rows of what was asked with the answers, their intervals and flags."""
+    for place, (row, reason) in enumerate(zip(asked, prediction.reasons, strict=True)):
+        for target, learnt in surrogate.learnt.items():
+            key = heading(learnt.column, learnt.unit)
+            row[key] = float(prediction.values[target][place])
+            if target in prediction.low:  # outside the training no interval holds: empty cells
                 row[f"{key}_low"] = "" if reason else float(prediction.low[target][place])
                 row[f"{key}_high"] = "" if reason else float(prediction.high[target][place])
-                if target in prediction.std:
-                    row[f"{key}_std"] = float(prediction.std[target][place])
-            row["flag"] = "outside" if reason else "inside"
-            yield {**row, "reason": reason, "warnings": "; ".join(warnings)}
+            if target in prediction.std:
+                row[f"{key}_std"] = float(prediction.std[target][place])
+        yield {**row, "flag": "outside" if reason else "inside", "reason": reason}
 
 
 def is_table(path: Path) -> bool:
@@ -153,7 +203,7 @@ def rows_of_table(surrogate: Surrogate, path: Path, question: Question) -> Rows:
     optional, and other columns are ignored. InputError names the row and column that is missing or
     no number.
     """
-    cells = _cells(path)
+    cells = _cells(path, STATISTICS, f"{to_type('gen describe --csv')} writes all 22")
     for boundary in sorted({row.get("boundary") or "free" for row in cells}):
         if boundary != surrogate.boundary:
             raise InputError(
@@ -195,8 +245,8 @@ def rows_of_table(surrogate: Surrogate, path: Path, question: Question) -> Rows:
     return Rows(statistics[rows], delta, length, ratio, along, notes=said_of)
 
 
-def _cells(path: Path) -> list[dict[str, str]]:
-    """Read the cells of a table of statistics by the names of its columns."""
+def _cells(path: Path, wanted: Sequence[str], advice: str) -> list[dict[str, str]]:
+    """Read the cells of a table by the names of its columns, all wanted ones among them."""
     try:
         with require_file(path).open(encoding="utf-8-sig", newline="") as file:
             reader = csv.DictReader(file, skipinitialspace=True)
@@ -204,13 +254,10 @@ def _cells(path: Path) -> list[dict[str, str]]:
             rows = list(reader)
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{path} cannot be read: {error}") from None
-    missing = [name for name in STATISTICS if name not in names]
+    missing = [name for name in wanted if name not in names]
     if missing:
         more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
-        raise InputError(
-            f"{path}: has no column {', '.join(missing[:3])}{more}; {to_type('gen describe --csv')}"
-            " writes all 22"
-        )
+        raise InputError(f"{path}: has no column {', '.join(missing[:3])}{more}; {advice}")
     if not rows:
         raise InputError(f"{path}: has a header and no rows")
     return rows
@@ -238,18 +285,18 @@ def _numbers(
     return found
 
 
-def show(rows: Sequence[Row], level: float, bodies: Bodies) -> None:
+def show(rows: Sequence[Row], title: str, doubts: Sequence[str] = ()) -> None:
     """Print the first rows of the table, and the reasons of those outside the training."""
     hidden = ("_low", "_high", "_std", "warnings")  # warnings were said with the surface
     names = [name for name in rows[0] if not name.endswith(hidden)]
-    table = Table(title=f"Predictions with {100 * level:g} % intervals, {bodies.text}")
+    table = Table(title=title)
     for name in names:
         table.add_column(name, justify="left" if name in {"input", "flag", "reason"} else "right")
     for row in rows[:SHOWN]:
         style = "dim" if row["flag"] == "outside" else ""
         table.add_row(*(_cell(row, name) for name in names), style=style)
     print_table(table, WIDTH)
-    for doubt in bodies.doubts:
+    for doubt in doubts:
         echo(f"warning: {doubt}")
     if len(rows) > SHOWN:
         echo(f"... and {len(rows) - SHOWN} more: -o writes all of them")

@@ -1,5 +1,7 @@
 """The mean of a population: what it finds, how sure it is, and how a surrogate answers by it."""
 
+import csv
+
 import numpy as np
 import pytest
 
@@ -56,10 +58,55 @@ def test_a_scene_by_pressure_is_learnt_kept_and_asked(tmp_path):
     of_mean, of_new = (each.high["area"] - each.low["area"] for each in (mean, new))
     assert (of_mean < of_new)[:2].all()  # the third is outside
     assert new.reasons == ("", "", "pressure 0.2 outside 0.001 to 0.1")
+    command_line_answers(kept, surrogate, new, mean)
     with pytest.raises(InputError, match="rms_height not given"):
         surrogate.predict(hurst=0.7, pressure=0.01)
     with pytest.raises(InputError, match="asks for hurst, rms_height, pressure, not for a surface"):
         surrogate.predict(np.eye(16), 160.0, 1.0)
+
+
+def command_line_answers(kept, surrogate, new, mean):
+    table, answers = kept.with_name("asked.csv"), kept.with_name("answers.csv")
+    asked = ["predict", str(kept), "-o", str(answers)]
+    at = [*asked, "--at", "hurst=0.7, rms_height=1.2"]
+    assert learn_cli.main([*at, "--pressure", "0.002,0.02,0.2"]) == 0
+    rows = list(csv.DictReader(answers.read_text().splitlines()))
+    assert [float(row["pressure_MPa"]) for row in rows] == [0.002, 0.02, 0.2]
+    assert [float(row["area_percent"]) for row in rows] == pytest.approx(new.area)
+    assert [row["area_percent_low"] for row in rows][2] == "" != rows[0]["area_percent_low"]
+    assert learn_cli.main([*at, "--pressure", "0.002,0.02,0.2", "--mean"]) == 0
+    rows = list(csv.DictReader(answers.read_text().splitlines()))
+    assert [float(row["area_percent"]) for row in rows] == pytest.approx(mean.area)
+    assert "area_percent_low" not in rows[0]
+    table.write_text("hurst,rms_height\n0.6,1.0\n0.7,1.2\n")
+    assert learn_cli.main([*asked, str(table), "--pressure", "0.002,0.02"]) == 0
+    rows = list(csv.DictReader(answers.read_text().splitlines()))
+    assert [float(row["hurst"]) for row in rows] == [0.6, 0.6, 0.7, 0.7]
+    assert [float(row["area_percent"]) for row in rows][2:] == pytest.approx(new.area[:2])
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--at", "hurst=0.7", "--pressure", "0.01"], "rms_height not given"),
+        (["--at", "hurst=0.7,rms_height=1,roll=2", "--pressure", "0.01"], "roll: unknown"),
+        (["--at", "hurst=much,rms_height=1", "--pressure", "0.01"], "give NAME=NUMBER"),
+        (["surface.npy", "--delta", "1"], "no column"),
+    ],
+)
+def test_wrong_numbers_are_refused_in_a_line(tmp_path_factory, capsys, options, said):
+    folder = tmp_path_factory.getbasetemp() / "small-scene"
+    if not folder.exists():
+        folder.mkdir()
+        (folder / "s.toml").write_text(SCENE.replace("240", "120"))
+        np.savetxt(folder / "surface.npy", np.eye(3))
+        assert gen_cli.main(["run", str(folder / "s.toml"), "-o", str(folder / "s.h5")]) == 0
+        command = ["fit", str(folder / "s.h5"), "--features", "scene"]
+        assert learn_cli.main([*command, "-o", str(folder / "s.surrogate")]) == 0
+    options = [str(folder / each) if each.endswith(".npy") else each for each in options]
+    capsys.readouterr()
+    assert learn_cli.main(["predict", str(folder / "s.surrogate"), *options]) == 2
+    assert said in capsys.readouterr().err
 
 
 def test_the_force_is_no_target_at_a_pressure(tmp_path, capsys):
