@@ -144,9 +144,11 @@ class SurrogateModel:
 
     def __init__(self, path: Path) -> None:
         from learn.surrogate import Surrogate
+        from learn.surrogate.model import require_surfaces
 
         self.name = path.stem
         self.surrogate = Surrogate.load(path)
+        require_surfaces(self.surrogate, str(path))
         self.scene = Scene.from_text(self.surrogate.card["scene"], str(path))
         if isinstance(self.scene.surface, PythonSurface):
             raise InputError(

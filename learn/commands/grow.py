@@ -141,6 +141,7 @@ def _order(output: Path, goal: Goal) -> Order:
     """Check the options, and return the growth that they describe."""
     from learn.dataset import Request
     from learn.features import chosen
+    from learn.features.scene import SCENE
     from learn.grow.rounds import Order
     from learn.models import models_named
 
@@ -149,6 +150,8 @@ def _order(output: Path, goal: Goal) -> Order:
             f"--nmae {goal.nmae:g}: give an error above 0 % and up to {LARGEST_NMAE:g} %, as 2"
         )
     models_named([goal.model])
+    if goal.features == SCENE:
+        raise InputError(f"--features {SCENE}: learn grow takes features of surfaces")
     features = chosen(goal.features, roots=True, blocks=goal.blocks)
     request = Request(
         databases=(_beside(output, ".h5"),),

@@ -25,7 +25,7 @@ from learn.features import Undefined
 from learn.features.scene import unit_of
 from learn.features.sets import HYBRID, STATISTICS, Rows
 from learn.surrogate import flag
-from learn.surrogate.model import Prediction, Surrogate
+from learn.surrogate.model import Prediction, Surrogate, require_surfaces
 
 REASONS = 12
 """Reasons that are printed at most."""
@@ -112,6 +112,8 @@ def answers_of_parameters(
     for table in files:
         given, count = dict(fixed), 1
         if table is not None:
+            if table.suffix.lower() not in {".csv", ".txt"}:
+                require_surfaces(surrogate, str(table))
             cells = _cells(table, names, f"the surrogate asks for {', '.join(names)}")
             columns, count = _numbers(table, cells, names).T, len(cells)
             given |= dict(zip(names, columns, strict=True))

@@ -34,7 +34,7 @@ from gen.material import Bodies
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import RunProgress
 from learn.features import SurfaceFeatures, Undefined
-from learn.surrogate.model import OnSurface, Surrogate, bodies_of
+from learn.surrogate.model import OnSurface, Surrogate, bodies_of, require_surfaces
 
 BEYOND = (1.15, 1.4, 2.0, 3.0)
 """Further Deltas to predict, over the last one: some surfaces reach a pressure late."""
@@ -68,6 +68,7 @@ def make(surrogate: Surrogate, order: Order, say: Callable[[str], None]) -> Law:
     The surrogate's E*, hardness and range of Delta stand in for those that are not given.
     InputError is raised for input that cannot be used, or a pressure that the law does not reach.
     """
+    require_surfaces(surrogate, "a law")
     if not {"area", "force"} <= set(surrogate.learnt):
         raise InputError("a law needs a surrogate of both area and force: fit --target both")
     if order.boundary not in {None, surrogate.boundary}:

@@ -16,6 +16,7 @@ from bem.problem import Boundary
 from gen.arrays import Values, refuse_masked
 from gen.material import Bodies
 from gen.runtime.errors import InputError
+from gen.runtime.terminal import to_type
 from learn.features import SETS, FeatureSet, SurfaceFeatures
 from learn.features.scene import SCENE
 from learn.features.sets import Rows
@@ -294,6 +295,8 @@ class Surrogate:
         OnSurface
             The surrogate with the features of this surface.
         """
+        if self.features.name == SCENE:
+            raise InputError(f"{name}: the surrogate asks for {self._asks()}, not for a surface")
         heights = _own(name, surface)
         if np.shape(side) not in {(), (2,)}:
             raise InputError(f"{name}: side {side!r}: give one length or one for each axis")
@@ -452,6 +455,15 @@ def bodies_of(surrogate: Surrogate, e_star: float | None, hardness: float | None
     given = surrogate.modulus if e_star is None else e_star
     ratio = flag.hardness_ratio(surrogate.card, hardness, given)
     return Bodies(given, None if ratio is None else ratio * given, known=e_star is not None)
+
+
+def require_surfaces(surrogate: Surrogate, what: str) -> None:
+    """Refuse a scene's surrogate, which answers for parameters, where surfaces are answered for."""
+    if surrogate.features.name == SCENE:
+        raise InputError(
+            f"{what}: the surrogate answers for {surrogate._asks()}, not for surfaces: ask"
+            f" {to_type('learn predict --at')}"
+        )
 
 
 def _calibrated_by(card: Mapping[str, Any]) -> str:

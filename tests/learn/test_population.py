@@ -91,7 +91,7 @@ def command_line_answers(kept, surrogate, new, mean):
         (["--at", "hurst=0.7", "--pressure", "0.01"], "rms_height not given"),
         (["--at", "hurst=0.7,rms_height=1,roll=2", "--pressure", "0.01"], "roll: unknown"),
         (["--at", "hurst=much,rms_height=1", "--pressure", "0.01"], "give NAME=NUMBER"),
-        (["surface.npy", "--delta", "1"], "no column"),
+        (["surface.npy", "--delta", "1"], "not for surfaces: ask"),
     ],
 )
 def test_wrong_numbers_are_refused_in_a_line(tmp_path_factory, capsys, options, said):
