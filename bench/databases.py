@@ -38,7 +38,7 @@ def generated(folder: Path, name: str, text: str) -> Path:
         return path
     make_folder(folder)
     write(scene, text)
-    remark(f"generating {path}: {wanted.samples} rows, {wanted.shape[0]} nodes a side")
+    remark(f"generating {path}: {wanted.samples} rows")
     if generate_database(Request(str(scene), path), World()).signal:
         remark(f"{path}: interrupted; the same command goes on")
         raise KeyboardInterrupt

@@ -93,7 +93,7 @@ def test_tables_hold_both_sides(made, preset):
     assert {row["model"] for row in tuned} == {"Kernel Ridge"}
     third = {row["model"]: row for row in table_of(folder / "table-3.csv")}
     assert "55 fits instead of 800" in third["Kernel Ridge"]["explanation"]
-    assert third["AdaBoost"]["explanation"] == "not searched here"
+    assert third["AdaBoost"]["explanation"] == "not searched"
     fourth = table_of(folder / "table-4.csv")
     assert [(row["model"], row["result"]) for row in fourth] == [
         ("Decision Tree", "baseline"),
