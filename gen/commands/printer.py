@@ -246,6 +246,7 @@ def print_contacts(contacts: Sequence[Contact], seconds: float, wanted: Wanted) 
         print_columns([[each.shown for each in row] for row in kept], titles, right=titles)
         return
     ([contact], [row]) = contacts, rows
+    row = [each for each in row if each.column != "continuum_area_error_percent"]  # with the area
     if contact.approach == contact.delta:  # as it is on a rigid far field
         row = [each for each in row if each.column != "approach_um"]
     x, y = contact.problem.spacing

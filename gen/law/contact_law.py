@@ -134,7 +134,7 @@ def by_solver(order: Order, say: Callable[[str], None]) -> Law:
         deltas, pressures = (loads, None) if kind == "delta" else (None, loads)
     tables = _tables(order, subjects.surfaces, bodies, {"delta": deltas, "pressure": pressures})
     one = "none, one surface was solved"
-    if order.grid_error:
+    if order.grid_error and any(each.curves[CONTINUUM].banded.any() for each in tables[:2]):
         one = "the error of the grid, 9 times in 10, of the area in the continuum; one surface"
     return law_of(order, subjects, bodies, tables, ("solved contact by contact", one))
 

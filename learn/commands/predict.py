@@ -1,5 +1,6 @@
 """`learn predict`, `law` and `card`: ask a surrogate about surfaces, or about itself."""
 
+import math
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -103,6 +104,8 @@ def predict(
     deltas = loads_from("delta", delta) if delta else None
     rows: list[Row] = []
     if surrogate.features.name == SCENE:
+        if material.modulus() is not None:
+            raise InputError("the surrogate's modulus is that of its scene: leave out the option")
         numbers: dict[str, Any] = {**_parameters(at)}
         numbers |= {} if deltas is None else {"delta": deltas}
         numbers |= {"pressure": loads_from("pressure", pressure)} if pressure else {}
@@ -134,11 +137,15 @@ def _parameters(text: str) -> dict[str, float]:
     for part in filter(None, text.split(",")):
         name, _, number = part.partition("=")
         try:
-            found[name.strip()] = float(number)
+            value = float(number)
         except ValueError:
+            value = math.nan
+        if math.isnan(value) or name.strip() in found:
             raise InputError(
-                f"--at {shown(text)}: give NAME=NUMBER with commas between, as hurst=0.7"
-            ) from None
+                f"--at {shown(text)}: give NAME=NUMBER once a name, with commas between, as"
+                " hurst=0.7"
+            )
+        found[name.strip()] = value
     return found
 
 

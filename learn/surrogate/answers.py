@@ -115,6 +115,8 @@ def answers_of_parameters(
             if table.suffix.lower() not in {".csv", ".txt"}:
                 require_surfaces(surrogate, str(table))
             cells = _cells(table, names, f"the surrogate asks for {', '.join(names)}")
+            if twice := sorted(fixed.keys() & cells[0].keys()):
+                raise InputError(f"{table}: has its own {', '.join(twice)}: leave out the option")
             columns, count = _numbers(table, cells, names).T, len(cells)
             given |= dict(zip(names, columns, strict=True))
         most = max((each.size for each in fixed.values()), default=1)

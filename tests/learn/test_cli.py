@@ -40,6 +40,8 @@ WRONG = [
     (["predict", "hybrid.surrogate", "many", "--side", "9", "--delta", "0"], "from 1e-60"),
     (["predict", "hybrid.surrogate", "nowhere", "--delta", "5"], "neither a file nor a folder"),
     (["predict", "paper.surrogate", "table.csv"], "has no Delta: give --delta"),
+    (["predict", "paper.surrogate", "table.csv", "--mean"], "predicts for surfaces"),
+    (["predict", "paper.surrogate", "--at", "hurst=0.7"], "predicts for surfaces"),
     (["predict", "paper.surrogate", "broken.csv", "--delta", "5"], "row 1: peak_mean is 'x'"),
     (["predict", "paper.surrogate", "short.csv", "--delta", "5"], "has no column"),
     (["predict", "paper.surrogate", "table.csv", "--delta", "5", "--interval", "2"], "--interval"),

@@ -91,6 +91,9 @@ def command_line_answers(kept, surrogate, new, mean):
         (["--at", "hurst=0.7", "--pressure", "0.01"], "rms_height not given"),
         (["--at", "hurst=0.7,rms_height=1,roll=2", "--pressure", "0.01"], "roll: unknown"),
         (["--at", "hurst=much,rms_height=1", "--pressure", "0.01"], "give NAME=NUMBER"),
+        (["--at", "hurst=0.7,hurst=0.8,rms_height=1", "--pressure", "0.01"], "once a name"),
+        (["--at", "hurst=0.7,rms_height=1", "--pressure", "0.01", "--young", "2e5"], "modulus"),
+        (["asked.csv", "--at", "hurst=0.7", "--pressure", "0.01"], "has its own hurst"),
         (["surface.npy", "--delta", "1"], "not for surfaces: ask"),
     ],
 )
@@ -99,14 +102,22 @@ def test_wrong_numbers_are_refused_in_a_line(tmp_path_factory, capsys, options, 
     if not folder.exists():
         folder.mkdir()
         (folder / "s.toml").write_text(SCENE.replace("240", "120"))
-        np.savetxt(folder / "surface.npy", np.eye(3))
+        np.save(folder / "surface.npy", np.eye(3))
+        (folder / "asked.csv").write_text("hurst,rms_height\n0.6,1.0\n")
         assert gen_cli.main(["run", str(folder / "s.toml"), "-o", str(folder / "s.h5")]) == 0
         command = ["fit", str(folder / "s.h5"), "--features", "scene"]
         assert learn_cli.main([*command, "-o", str(folder / "s.surrogate")]) == 0
-    options = [str(folder / each) if each.endswith(".npy") else each for each in options]
+    options = [str(folder / each) if each.endswith((".npy", ".csv")) else each for each in options]
+    surrogate = str(folder / "s.surrogate")
     capsys.readouterr()
-    assert learn_cli.main(["predict", str(folder / "s.surrogate"), *options]) == 2
+    assert learn_cli.main(["predict", surrogate, *options]) == 2
     assert said in capsys.readouterr().err
+    if said == "not for surfaces: ask":
+        assert learn_cli.main(["law", surrogate, options[0]]) == 2
+        assert said in capsys.readouterr().err
+        grown = ["grow", str(folder / "s.toml"), "--features", "scene"]
+        assert learn_cli.main([*grown, "-o", str(folder / "g.surrogate")]) == 2
+        assert "features of surfaces" in capsys.readouterr().err
 
 
 def test_the_force_is_no_target_at_a_pressure(tmp_path, capsys):
