@@ -176,7 +176,7 @@ for name, (rank, home, attribute, error) in FAULTS.items():
 FATES = ("replaced", "moved", "overwritten", "linked")
 
 SUDDENLY = """
-import json, os, shutil, sys
+import contextlib, json, os, shutil, sys
 from pathlib import Path
 from gen import cli, database
 from gen.generation import run
@@ -185,11 +185,12 @@ from mpi4py import MPI
 world, master = MPI.COMM_WORLD, MPI.COMM_WORLD.rank == 0
 run.BLOCK_ROWS, run.ANSWER_NODES = 1, 0
 write = run.write
-def happen(path):
+def happen(path):  # on each rank that writes, perhaps at the same moment
     if path.name == "replaced.h5":
-        os.replace(shutil.copy("other.h5", "new"), path)
+        os.replace(shutil.copy("other.h5", f"new-{world.rank}"), path)
     if path.name == "moved.h5":
-        path.rename("away.h5")
+        with contextlib.suppress(FileNotFoundError):
+            path.rename("away.h5")
     if path.name == "overwritten.h5":
         shutil.copyfile("other.h5", path)
 current, count = [], []
