@@ -152,7 +152,7 @@ CRAFTED: dict[str, tuple[Crafting, str]] = {
     "text-for-a-number": (attribute("physics", np.bytes_("4")), "'physics'"),
     "list-for-a-number": (attribute("physics", [4, 4]), "'physics'"),
     "other-rows": (attribute("samples", 23), "not the one that it was made with"),
-    "versions-list": (versions("[]"), "names no versions"),
+    "versions-list": (versions("[]"), "is damaged"),
     "versions-text": (versions("{'"), "is damaged"),
     "versions-deep": (versions("[" * 60_000), "is damaged"),
 }

@@ -67,7 +67,7 @@ def open_or_create(
         there = rows_of(read_attributes(file))
         other_physics = int(file.attrs["physics"]) != PHYSICS
     if other_physics:
-        with open_file(path, writing=True) as file:
+        with HeldFile(path), open_file(path, writing=True) as file:
             file.attrs.modify("physics_forced", PHYSICS)
     if _hull(there, wanted) == there:
         return Opened("resumed", len(there))

@@ -208,84 +208,53 @@ def check_columns(file: h5py.File, path: Path, scene: Scene, rows: int) -> None:
     size = path.stat().st_size
     places = []
     for column in columns_for(scene):
-        dataset = _dataset(file, path, column)
-        shape = column.shape(rows, scene.shape)
-        if not _is_of(dataset, column, shape):
-            raise _missing(path, column, f" of type {column.dtype} and shape {shape}")
-        if fault := _foreign(dataset):
-            raise _refusal(path, column, fault)
-        first, length = dataset.get_offset(), rows * column.row_bytes(scene.shape)
-        if first is None or first + length > size:
-            raise InputError(
-                f"{path} is damaged: {rows} rows of column {column.path!r} do not fit"
-                f" into its {size} bytes; restore it from a copy or remove it"
-            )
-        places.append((first, first + length, column))
-    places.sort(key=lambda place: place[0])
-    for (_, end, column), (first, _, other) in pairwise(places):
+        name = stored_path(file, column)
+        fault = _fault(file, name, column.dtype, column.shape(rows, scene.shape))
+        if not fault:
+            first, length = file[name].id.get_offset(), rows * column.row_bytes(scene.shape)
+            if first is None or first + length > size:
+                fault = f"has {rows} rows that do not fit into its {size} bytes"
+            else:
+                places.append((first, first + length, name))
+        if fault:
+            raise _refusal(path, name, fault)
+    places.sort()
+    for (_, end, name), (first, _, other) in pairwise(places):
         if first < end:
-            raise _refusal(path, other, f"lies on top of column {column.path!r}")
+            raise _refusal(path, other, f"lies on top of column {name!r}")
 
 
 def stored_path(file: h5py.File, column: Column) -> str:
     """Return the name of a column in a file: in older ones, some have those of the parameters."""
     older = {name: parameter for parameter, name in DRAWN_NAMES.items()}.get(column.name)
-    if older is None or column.path.encode() in h5py.h5g.open(file.id, b"/"):
-        return column.path
-    return older
+    return column.path if older is None or column.path in file else older
 
 
-def _dataset(file: h5py.File, path: Path, column: Column) -> h5py.h5d.DatasetID:
-    """Open the dataset of a column; refuse links other than hard links."""
-    node = h5py.h5g.open(file.id, b"/")
-    *groups, name = stored_path(file, column).split("/")
-    for part in (*groups, name):
-        wanted = h5py.h5d.DatasetID if part == name else h5py.h5g.GroupID
-        if part.encode() not in node:
-            raise _missing(path, column)
-        if node.links.get_info(part.encode()).type != h5py.h5l.TYPE_HARD:
-            raise _refusal(path, column, "is a link to somewhere else")
-        node = h5py.h5o.open(node, part.encode())
-        if not isinstance(node, wanted):
-            raise _missing(path, column)
-    return node
-
-
-def _is_of(dataset: h5py.h5d.DatasetID, column: Column, shape: tuple[int, ...]) -> bool:
-    """Tell whether a dataset has the schema's type and a shape that cannot grow."""
-    space, kind = dataset.get_space(), dataset.get_type()
-    return (
-        space.get_simple_extent_type() == h5py.h5s.SIMPLE
-        and space.shape == shape == space.get_simple_extent_dims(maxdims=True)
-        and not kind.committed()
-        and bool(kind.equal(h5py.h5t.py_create(np.dtype(column.dtype))))
-    )
-
-
-def _foreign(dataset: h5py.h5d.DatasetID) -> str:
-    """Return why a dataset's data are not one contiguous piece of its file, or "" if they are."""
-    properties = dataset.get_create_plist()
-    layout = properties.get_layout()
-    if properties.get_external_count():
+def _fault(file: h5py.File, name: str, dtype: str, shape: tuple[int, ...]) -> str:
+    """Say how a column is not one contiguous piece of its file; an empty text if it is."""
+    group = name.rpartition("/")[0]
+    for part in filter(None, (group, name)):
+        link = file.get(part, getclass=True, getlink=True)
+        if link is not h5py.HardLink:
+            return "is missing" if link is None else "is a link to somewhere else"
+    column = file[name]
+    if (
+        not isinstance(column, h5py.Dataset)
+        or (column.shape, column.dtype) != (shape, np.dtype(dtype))
+        or column.id.get_type().committed()
+    ):
+        return f"is not of type {dtype} and shape {shape}"
+    if column.external:
         return "keeps its data in another file (external storage)"
-    if layout == h5py.h5d.VIRTUAL:
+    if column.is_virtual:
         return "is put together from other datasets (virtual)"
-    if layout != h5py.h5d.CONTIGUOUS or properties.get_nfilters():
-        return "is stored in chunks or compressed, as copies by other programs are"
-    return ""
+    copied = column.chunks is not None
+    return "is stored in chunks or compressed, as copies by other programs are" if copied else ""
 
 
-def _refusal(path: Path, column: Column, fault: str) -> InputError:
+def _refusal(path: Path, name: str, fault: str) -> InputError:
     """Return the error for a column that is laid out in another way."""
     return InputError(
-        f"{path}: column {column.path!r} {fault}: gen writes no such file and uses none; give the"
-        " file that gen wrote"
-    )
-
-
-def _missing(path: Path, column: Column, wanted: str = "") -> InputError:
-    """Return the error for a column that is missing or of another type."""
-    return InputError(
-        f"{path} is damaged (no column {column.path!r}{wanted}); restore it from a copy or remove"
-        " it"
+        f"{path} is damaged, or gen has not written it: column {name!r} {fault}; restore it from a"
+        " copy or remove it"
     )

@@ -4,7 +4,8 @@ import errno
 import json
 import math
 import os
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
@@ -15,7 +16,6 @@ from numpy.typing import NDArray
 from gen.database.layout import (
     FLAGS,
     NUMBERS,
-    SIGNATURE,
     TEXTS,
     check_columns,
     chunks,
@@ -24,7 +24,7 @@ from gen.database.layout import (
     stored_path,
 )
 from gen.runtime.errors import InputError
-from gen.runtime.files import require_file, require_writable
+from gen.runtime.files import require_file
 from gen.scene import Scene, columns_for, differences
 from gen.schema import DRAWN_NAMES, PART, PHYSICS, REASON, SCHEMA, STATUS, Column, Reason, Status
 
@@ -43,13 +43,8 @@ def open_file(path: Path, *, writing: bool = False, communicator: Any = None) ->
     HDF5's buffer for small writes is off, so that data reach the kernel in the order of the calls,
     and a failed write leaves nothing that would make closing fail as well.
     """
-    if path.is_dir():
-        raise InputError(f"{path} is a folder; give the name of a database")
-    require_file(path)
-    if path.is_file() and not path.stat().st_size:  # HDF5 would make it a file of its own
+    if require_file(path).is_file() and not path.stat().st_size:  # HDF5 would make it its own
         raise InputError(f"{path} is empty, not a database; give another name or remove it")
-    if writing and path.is_file():
-        require_writable(path)
     access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
     access.set_fclose_degree(h5py.h5f.CLOSE_STRONG)
     access.set_file_locking(False, True)  # no locks, and no error if the environment disables them
@@ -62,20 +57,12 @@ def open_file(path: Path, *, writing: bool = False, communicator: Any = None) ->
     try:
         return h5py.File(h5py.h5f.open(os.fsencode(path), mode, access))
     except OSError as error:
-        raise InputError(f"{path} {_unreadable(path, error)}") from None
-
-
-def _unreadable(path: Path, error: OSError) -> str:
-    """Describe why HDF5 could not open a file, with advice."""
-    if error.errno == errno.ENOENT:
-        return "does not exist; check the name"
-    if error.errno is not None:
-        return f"cannot be opened: {os.strerror(error.errno)}"
-    if "truncated" in str(error):
-        return "is cut off: its end is missing; restore it from a copy or remove it"
-    if "signature" in str(error):
-        return "is not a database, nor HDF5 at all; give another name or remove it"
-    return f"is damaged ({first_line(error)}); restore it from a copy or remove it"
+        if error.errno == errno.ENOENT:
+            raise InputError(f"{path} does not exist; check the name") from None
+        reason = os.strerror(error.errno) if error.errno else first_line(error)
+        raise InputError(
+            f"{path} cannot be read as a database ({reason}); give another name, or restore it"
+        ) from None
 
 
 def first_line(error: Exception) -> str:
@@ -83,45 +70,39 @@ def first_line(error: Exception) -> str:
     return str(error).partition("\n")[0]
 
 
-def checked(file: h5py.File, path: Path) -> Scene:
-    """Check that an open file is a database of this layout, and return its scene."""
+@contextmanager
+def _damage(path: Path) -> Iterator[None]:
+    """Turn what h5py and ours raise of a damaged file into an InputError of one line."""
     try:
-        return _scene_of(file, path)
+        yield
     except InputError:
         raise
-    except (
-        OSError,
-        RuntimeError,
-        KeyError,
-        TypeError,
-        ValueError,
-    ) as error:  # h5py raises all of these
+    except (OSError, RuntimeError, KeyError, TypeError, AttributeError, ValueError) as error:
         raise InputError(
             f"{path} is damaged ({first_line(error)}); restore it from a copy or remove it"
         ) from None
 
 
-def _scene_of(file: h5py.File, path: Path) -> Scene:
-    """Return the scene of an intact file; a damaged one may raise any error of h5py."""
-    if not all(name in file.attrs for name in ("schema", "physics", "scene", "samples")):
-        raise InputError(f"{path} is HDF5 but not a database of Asperity; give another name")
-    attributes = read_attributes(file)
-    schema = attributes["schema"]
-    if schema not in {SCHEMA, PART}:
-        raise InputError(
-            f"{path} has layout {schema}, this version reads layout {SCHEMA}; "
-            f"use the version that made it ({attributes.get('versions', 'unknown')})"
-        )
-    if missing := [name for name in (*TEXTS, *NUMBERS) if name not in attributes]:
-        raise InputError(f"{path} is damaged: it lacks the attribute {missing[0]!r}")
-    scene = Scene.from_text(str(attributes["scene"]), str(path))
-    own = (attributes["scene_hash"], attributes["samples"])
-    if own != (scene.fingerprint(), scene.samples):
-        raise InputError(f"{path} is damaged: its scene is not the one that it was made with")
-    if not isinstance(json.loads(str(attributes["versions"])), dict):
-        raise InputError(f"{path} is damaged: its attribute 'versions' names no versions")
-    check_columns(file, path, scene, len(rows_of(attributes)))
-    return scene
+def checked(file: h5py.File, path: Path) -> Scene:
+    """Check that an open file is a database of this layout, and return its scene."""
+    with _damage(path):
+        if not all(name in file.attrs for name in ("schema", "physics", "scene", "samples")):
+            raise InputError(f"{path} is HDF5 but not a database of Asperity; give another name")
+        attributes = read_attributes(file)
+        if (schema := attributes["schema"]) not in {SCHEMA, PART}:
+            raise InputError(
+                f"{path} has layout {schema}, this version reads layout {SCHEMA}; "
+                f"use the version that made it ({attributes.get('versions', 'unknown')})"
+            )
+        if missing := [name for name in (*TEXTS, *NUMBERS) if name not in attributes]:
+            raise ValueError(f"it lacks the attribute {missing[0]!r}")
+        scene = Scene.from_text(str(attributes["scene"]), str(path))
+        own = (attributes["scene_hash"], attributes["samples"])
+        if own != (scene.fingerprint(), scene.samples):
+            raise ValueError("its scene is not the one that it was made with")
+        json.loads(str(attributes["versions"])).items()
+        check_columns(file, path, scene, len(rows_of(attributes)))
+        return scene
 
 
 def checked_for(file: h5py.File, path: Path, scene: Scene, *, force: bool) -> Scene:
@@ -151,55 +132,7 @@ def counts(status: h5py.Dataset) -> Counts:
     return Counts(len(status) - done - failed, done, failed)
 
 
-class OpenDatabase:
-    """An open file with its scene and its rows, which have the numbers of the scene's plan."""
-
-    def __init__(self, path: Path, scene: Scene, file: h5py.File) -> None:
-        self.path = path
-        self.scene = scene
-        self.rows = rows_of(read_attributes(file))
-        self._file = file
-
-    def _places(self, first: int, last: int | None) -> tuple[int, int]:
-        """Return first and last position in the columns of those rows that the file has."""
-        start, stop = self.rows.start, self.rows.stop
-        last = stop if last is None else min(max(last, start), stop)
-        return min(max(first, start), last) - start, last - start
-
-    def __enter__(self) -> Self:
-        """Return the database, which is closed at the end of the block."""
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        """Close the file."""
-        self.close()
-
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
-
-    def columns(self) -> tuple[Column, ...]:
-        """Return the columns of the file in the schema's order.
-
-        Returns
-        -------
-        tuple of Column
-            Name, type, unit and meaning of each column.
-        """
-        return columns_for(self.scene)
-
-    def counts(self) -> Counts:
-        """Count the pending, done and failed rows of the file.
-
-        Returns
-        -------
-        Counts
-            Numbers of pending, done and failed rows.
-        """
-        return counts(self._file[STATUS.path])
-
-
-class Reader(OpenDatabase):
+class Reader:
     """A database open for reading, even while a run writes it; a context manager.
 
     Parameters
@@ -223,11 +156,58 @@ class Reader(OpenDatabase):
     """
 
     def __init__(self, path: Path | str) -> None:
-        path = Path(path)
+        self.path = Path(path)
         with ExitStack() as stack:
-            file = stack.enter_context(open_file(path))
-            super().__init__(path, checked(file, path), file)
+            self._file = stack.enter_context(self._open())
+            self.scene = self._checked()
+            self.rows = rows_of(read_attributes(self._file))
             stack.pop_all()
+
+    def _open(self) -> h5py.File:
+        """Open the file."""
+        return open_file(self.path)
+
+    def _checked(self) -> Scene:
+        """Check the open file, and return its scene."""
+        return checked(self._file, self.path)
+
+    def __enter__(self) -> Self:
+        """Return the database, which is closed at the end of the block."""
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Close the file."""
+        self.close()
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def _places(self, first: int, last: int | None) -> tuple[int, int]:
+        """Return first and last position in the columns of those rows that the file has."""
+        start, stop = self.rows.start, self.rows.stop
+        last = stop if last is None else min(max(last, start), stop)
+        return min(max(first, start), last) - start, last - start
+
+    def columns(self) -> tuple[Column, ...]:
+        """Return the columns of the file in the schema's order.
+
+        Returns
+        -------
+        tuple of Column
+            Name, type, unit and meaning of each column.
+        """
+        return columns_for(self.scene)
+
+    def counts(self) -> Counts:
+        """Count the pending, done and failed rows of the file.
+
+        Returns
+        -------
+        Counts
+            Numbers of pending, done and failed rows.
+        """
+        return counts(self._file[STATUS.path])
 
     @property
     def attributes(self) -> dict[str, str | int]:
@@ -322,9 +302,6 @@ class Reader(OpenDatabase):
 def is_database(path: Path) -> bool:
     """Tell whether there is a file that is a readable database."""
     try:
-        with require_file(path).open("rb") as file:
-            if file.read(len(SIGNATURE)) != SIGNATURE:
-                return False
         with Reader(path):
             return True
     except (OSError, InputError):

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gen.database.layout import chunks, stored_path, write_rows
-from gen.database.reader import OpenDatabase, checked_for, counts, first_line, open_file
+from gen.database.reader import Reader, checked_for, counts, first_line, open_file
 from gen.runtime.errors import InputError
 from gen.runtime.files import require_writable
 from gen.scene import Scene
@@ -40,14 +40,11 @@ class HeldFile:
         self.path = path
         self._parts: tuple[tuple[int, int], ...] = ()
         self._metadata: list[bytes] = []
-        if path.is_dir():
-            raise InputError(f"{path} is a folder; give the name of a database")
         try:
             require_writable(path)
             self._descriptor = os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
-        except OSError as error:
-            reason = "does not exist; check the name" if error.errno == errno.ENOENT else error
-            raise InputError(f"{path} {reason}") from None
+        except FileNotFoundError:
+            raise InputError(f"{path} does not exist; check the name") from None
 
     def __enter__(self) -> Self:
         """Return the file, which is released at the end of the block."""
@@ -91,23 +88,27 @@ class HeldFile:
         return [os.pread(self._descriptor, stop - start, start) for start, stop in self._parts]
 
 
-class Writer(OpenDatabase):
+class Writer(Reader):
     """A database open for writing rows; a context manager; the caller holds `lock(path)`.
 
     No call changes metadata, so that `ParallelWriter` can write rows from many processes at once.
     """
 
     def __init__(self, path: Path, scene: Scene, *, force: bool = False) -> None:
+        self._wanted, self._force = scene, force
         with ExitStack() as stack:
             self._held = stack.enter_context(self._hold(path))
-            file = stack.enter_context(self._open(path))
-            super().__init__(path, checked_for(file, path, scene, force=force), file)
-            self._datasets = {
-                column.name: file[stored_path(file, column)] for column in self.columns()
-            }
-            self._status = self._datasets[STATUS.name]
-            self._held.remember(self._datasets.values())
+            super().__init__(path)
             stack.pop_all()
+        self._datasets = {
+            column.name: self._file[stored_path(self._file, column)] for column in self.columns()
+        }
+        self._status = self._datasets[STATUS.name]
+        self._held.remember(self._datasets.values())
+
+    def _checked(self) -> Scene:
+        """Check that rows of the scene may be written into the open file."""
+        return checked_for(self._file, self.path, self._wanted, force=self._force)
 
     def close(self) -> None:
         """Close and release the file; if it has been replaced, write nothing more into it."""
@@ -133,9 +134,9 @@ class Writer(OpenDatabase):
         """Hold the file by device and inode."""
         return HeldFile(path)
 
-    def _open(self, path: Path) -> h5py.File:
+    def _open(self) -> h5py.File:
         """Open the file for this process alone."""
-        return open_file(path, writing=True)
+        return open_file(self.path, writing=True)
 
     def write_block(self, start: int, stop: int, columns: Mapping[str, ArrayLike]) -> None:
         """Write finished rows, all columns by name: first all others, then the status.
@@ -221,32 +222,27 @@ class ParallelWriter(Writer):
     def _hold(self, path: Path) -> HeldFile:
         """Hold the file; if one process refuses it, all do."""
         _require_one_file(path, self._communicator)
-        held, refusals = self._attempt(lambda: HeldFile(path))
-        if held is not None and not any(refusals):
-            return held
-        if held is not None:
-            held.close()
-        raise InputError(next(filter(None, refusals)))
+        return self._everywhere(lambda: HeldFile(path))
 
-    def _open(self, path: Path) -> h5py.File:
+    def _open(self) -> h5py.File:
         """Open the file together with the other processes."""
-        file, refusals = self._attempt(
-            lambda: open_file(path, writing=True, communicator=self._communicator)
+        return self._everywhere(
+            lambda: open_file(self.path, writing=True, communicator=self._communicator)
         )
-        if file is None and all(refusals):
-            raise InputError(refusals[0])
-        if file is None or any(refusals):  # those that have opened it would wait in its closing
-            raise RuntimeError("; ".join(filter(None, refusals)))
-        return file
 
-    def _attempt(self, opening: Callable[[], T]) -> tuple[T | None, list[str]]:
-        """Open something, and return it with the refusals on all processes."""
+    def _everywhere(self, opening: Callable[[], T]) -> T:
+        """Open something on all processes; what one of them refuses is refused on all."""
         opened, refusal = None, ""
         try:
             opened = opening()
         except InputError as error:
             refusal = str(error)
-        return opened, self._communicator.allgather(refusal)
+        refusals = [each for each in self._communicator.allgather(refusal) if each]
+        if refusals and isinstance(opened, h5py.File):  # it would wait for the others as it closes
+            raise RuntimeError("; ".join(refusals))
+        if refusals or opened is None:
+            raise InputError(refusals[0])
+        return opened
 
     def _abandon(self) -> None:
         """Do nothing, since closing is a collective call of MPI."""

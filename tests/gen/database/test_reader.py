@@ -86,12 +86,12 @@ def bad_file(path, kind):
 
 
 BAD_FILES = {
-    "folder": "is a folder",
-    "text": "is not a database",
+    "folder": "Is a directory",
+    "text": "cannot be read as a database .*signature",
     "empty": "is empty",
     "foreign": "HDF5 but not a database",
-    "cut off": "is cut off",
-    "damaged": "no column 'force'",
+    "cut off": "cannot be read as a database .*truncated",
+    "damaged": "column 'force' is missing",
     "spoilt": "is damaged",
 }
 
