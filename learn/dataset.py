@@ -1,25 +1,53 @@
-"""The rows to learn from: what is asked for, what is read, and what cannot be used."""
+"""The rows to learn from: what is read, what cannot be used, and what belongs together.
+
+Rows of one surface are never on both sides of a split, whichever databases they are in. Related are
+surfaces with the same statistics, surfaces of one number and one seed, whatever their grid and
+generator (they are made of the same random numbers), and windows of one tile of a map; where two
+databases cut a map into other tiles, all windows of that map.
+"""
 
 import hashlib
 import math
+import os
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Indices, Values
+from gen.database import Reader
 from gen.runtime.errors import InputError
-from learn import stored
+from gen.scene import ScanSurface, Scene
+from gen.scene.columns import columns_for, parameter_columns
+from gen.scene.faults import shown
+from gen.schema import REASONS, Column, Reason, Status, statistics_columns
 from learn.executor import Executor
 from learn.features import FeatureSet, chosen
-from learn.features.scene import SCENE
-from learn.features.sets import BLOCKS, Rows, limits_of, modulus, node_count
+from learn.features.scene import BY_FORCE, SCENE, given_values, load_of
+from learn.features.sets import BLOCKS, Rows, limits_of, modulus, node_count, patch_length
 from learn.metrics import usual_size
-from learn.stored import Origin, Population, Stored, load_drawn, reasons_against
+
+INPUTS: tuple[str, ...] = ("delta", *(column.name for column in statistics_columns()))
+"""The 23 inputs: Delta and the 22 statistics, in the order of the paper's Table 1."""
+
+TARGETS: dict[str, str] = {"area": "area_percent", "force": "force"}
+"""Short names of the two targets that every database has, and their columns."""
+
+WHOLE_TARGETS = ("contact_nodes", "contact_spots")
+"""Results that are whole numbers, and are learnt like real numbers."""
+
+NO_TARGETS = frozenset({*INPUTS, "load", "hardness", "residual"})
+"""Columns of floating numbers that are no results: inputs, and how well a row was solved."""
+
+MAP, TILE = "map", "tile"
+"""Columns of the map and of its tile that a surface was cut out of."""
+
+DIGITS = 8
+"""Digits of a file's hash in the labels of maps, so that maps of one name differ."""
 
 SMALLEST = 10
 """Usable rows at least: two of these are for testing, and a score needs two."""
@@ -59,6 +87,50 @@ class Request:
         return self.databases[0]
 
 
+def short_name(column: str) -> str:
+    """Return the name of a target's column in folders and on the command line."""
+    return next((short for short, name in TARGETS.items() if name == column), column)
+
+
+def results(scene: Scene, load: str = "delta") -> dict[str, Column]:
+    """Return the columns of a scene's database that can be learnt for a load, area and force first.
+
+    At a pressure or a force Delta is a result, and the force none.
+    """
+    given = NO_TARGETS | set(parameter_columns(scene).values())
+    if load in BY_FORCE:
+        given = (given - {"delta"}) | {"force"}
+    found = {
+        column.name: column
+        for column in columns_for(scene)
+        if column.name in WHOLE_TARGETS
+        or (
+            column.dtype == "f8"
+            and not (column.group or column.shape_of)
+            and column.name not in given
+        )
+    }
+    return {name: found[name] for name in TARGETS.values() if name in found} | found
+
+
+class Population(NamedTuple):
+    """Where surfaces come from: those of one population are more alike than those of others."""
+
+    database: str
+    generator: str
+    map: str = ""  # file name and hash of the map of a window
+
+
+class Origin(NamedTuple):
+    """A database that usable rows were read from."""
+
+    database: str
+    sha256: str  # of the columns that decide the results
+    scene: Scene
+    rows: int
+    versions: str = "{}"  # of the libraries that made it, as it states them
+
+
 @dataclass(frozen=True, eq=False)
 class Dataset:
     """The usable rows of a database, or of several: n rows of d inputs and one target."""
@@ -73,17 +145,33 @@ class Dataset:
     target_name: str  # the column of the target
     unit: str  # of the target, "1" if it was made free of units
     dropped: dict[str, int]  # number of rows left out, by reason
-    source: dict[str, str]  # origin of the rows, which is recorded beside all results
     described: Values  # (n, 23), Delta and the 22 statistics, NaN if undefined and not needed [um]
     scale: Values  # (n,), divisor of the target
+    origins: tuple[Origin, ...]
     by_tile: bool = False  # whether the groups are tiles of maps
-    origins: tuple[Origin, ...] = ()
     populations: tuple[Population, ...] = ()
 
     @property
     def size(self) -> int:
         """Number of usable rows."""
         return self.target.size
+
+    @property
+    def name(self) -> str:
+        """The databases' paths."""
+        return ", ".join(origin.database for origin in self.origins)
+
+    @property
+    def sha256(self) -> str:
+        """Fingerprint of the columns that decide the results, of all databases."""
+        digests = [origin.sha256 for origin in self.origins]
+        together = hashlib.sha256("".join(digests).encode()).hexdigest()
+        return digests[0] if len(digests) == 1 else together
+
+    @property
+    def scene(self) -> Scene:
+        """The scene of the first database."""
+        return self.origins[0].scene
 
     @property
     def keys(self) -> Indices:
@@ -101,6 +189,28 @@ class Dataset:
         return replace(self, **arrays)
 
 
+class Stored(NamedTuple):
+    """Rows of a database, usable or not."""
+
+    path: Path
+    scene: Scene
+    versions: str
+    rows: Indices  # (n,), their numbers
+    columns: Mapping[str, NDArray[Any]]  # (n,) each, by name: all that learning needs
+    given: Mapping[str, Values]  # (n,) each, see `learn.features.scene.given_values`
+    targets: Sequence[Column]
+
+    @property
+    def inputs(self) -> Values:
+        """Delta and the 22 statistics, (n, 23)."""
+        return np.stack([self.columns[name] for name in INPUTS], axis=1)
+
+    def at(self, positions: Indices) -> "Stored":
+        """Return the rows at some positions, (k,), without what the scene gives."""
+        columns = {name: values[positions] for name, values in self.columns.items()}
+        return self._replace(rows=self.rows[positions], columns=columns, given={})
+
+
 def read(
     request: Request,
     executor: Executor | None = None,
@@ -116,11 +226,11 @@ def read(
     if request.area_max is not None and not request.area_max > 0:
         raise InputError(f"--area-max {request.area_max:g}: give a percentage above 0")
     load = request.load or (load_drawn(request.database) if request.features == SCENE else "delta")
-    found = [stored.read_stored(path, request.targets, load) for path in request.databases]
+    found = [_read_stored(path, request.targets, load) for path in request.databases]
     scenes = [part.scene for part in found]
     wanted = chosen(request.features, scenes, roots=request.roots, blocks=request.blocks, load=load)
-    stored.require_compatible(found, scaled=wanted.scaled)
-    rows: list[Rows] = []
+    _require_compatible(found, scaled=wanted.scaled)
+    numbers: list[Rows] = []
     for part in found:
         hybrid = None
         if wanted.needs_surface:
@@ -130,52 +240,83 @@ def read(
             hybrid = hybrid_rows(part.path, workers, stopping, wanted.blocks or BLOCKS)
             if stopping():
                 return []
-        rows.append(_numbers(part, hybrid))
-    with np.errstate(over="ignore", invalid="ignore"):
-        made = [wanted.of(each) for each in rows]
-    every = list(zip(found, rows, made, strict=True))
-    return [
-        _together([_usable(*each, number, wanted, request.area_max) for each in every])
-        for number in range(len(request.targets))
-    ]
+        numbers.append(_numbers(part, hybrid))
+    sets = []
+    for target in range(len(request.targets)):
+        usable = [
+            _usable(part, own, part.targets[target], wanted, request.area_max)
+            for part, own in zip(found, numbers, strict=True)
+        ]
+        sets.append(_together(usable))
+    return sets
+
+
+def _read_stored(path: Path, targets: Sequence[str], load: str) -> Stored:
+    """Read what learning needs of a database for a load; targets are short names or columns."""
+    with Reader(path) as reader:
+        scene, known = reader.scene, results(reader.scene, load)
+        columns = [TARGETS.get(target, target) for target in targets]
+        for target, column in zip(targets, columns, strict=True):
+            if column not in known:
+                names = ", ".join(map(short_name, known))
+                raise InputError(f"--target {target!r}: {path} stores {names}")
+        places = [name for name in (MAP, TILE) if name in scene.surface.PLACES]
+        drawn = ["hardness"] if scene.contact.draws_hardness else []
+        wanted = {*INPUTS, "status", "reason", "area_percent", *columns, *places, *drawn}
+        return Stored(
+            path,
+            scene,
+            str(reader.attributes["versions"]),
+            np.array(reader.rows, dtype=np.int64),
+            {name: reader.column(name) for name in wanted},
+            given_values(scene, reader.column),
+            [known[column] for column in columns],
+        )
+
+
+def load_drawn(path: Path) -> str:
+    """Return the name of the load that a database's scene draws."""
+    with Reader(path) as reader:
+        return load_of(reader.scene)
 
 
 def _numbers(part: Stored, hybrid: Values | None) -> Rows:
     """Return the numbers of all rows of a database, finite where they can be used."""
     ratio: Values | float | None = None
     if (limits := limits_of([part.scene])) is not None:
-        ratio = limits[0] if part.hardness is None else part.hardness / modulus(part.scene)
-    statistics, delta, nodes = part.inputs[:, 1:], part.inputs[:, 0], node_count(part.scene)
-    return Rows(statistics, delta, part.length, ratio, nodes, hybrid, given=part.given)
+        hardness = part.columns.get("hardness")
+        ratio = limits[0] if hardness is None else hardness / modulus(part.scene)
+    inputs, length = part.inputs, patch_length(part.scene.sides)
+    nodes = node_count(part.scene)
+    return Rows(inputs[:, 1:], inputs[:, 0], length, ratio, nodes, hybrid, given=part.given)
 
 
 def _usable(
-    part: Stored,
-    numbers: Rows,
-    made: Values,
-    number: int,
-    wanted: FeatureSet,
-    area_max: float | None,
+    part: Stored, numbers: Rows, column: Column, wanted: FeatureSet, area_max: float | None
 ) -> tuple[Dataset, Stored]:
-    """Keep the rows that can be used for one target, by its number; groups are not known yet."""
-    column, values = part.targets[number]
-    reasons = reasons_against(part, values)
+    """Keep the rows that can be used for one target; groups and populations are not known yet."""
+    values = np.asarray(part.columns[column.name], dtype=np.float64)
+    area, inputs = part.columns["area_percent"], part.inputs
+    with np.errstate(over="ignore", invalid="ignore"):
+        made = wanted.of(numbers)
+    reasons, lacking = _reasons_against(part, inputs, values)
     if area_max is not None:
-        reasons[(reasons == "") & (part.area > area_max)] = f"area above {area_max:g} %"
+        reasons[(reasons == "") & (area > area_max)] = f"area above {area_max:g} %"
     odd = (reasons == "") & ~np.isfinite(made).all(axis=1)
     reasons[odd] = f"{wanted.name} features not finite"
     needs = "features need statistics that the surface does not define"
-    reasons[odd & part.undefined] = f"{wanted.name} {needs}"
+    reasons[odd & lacking] = f"{wanted.name} {needs}"
     kept = np.flatnonzero(reasons == "")
-    usable, scene = part.at(kept), part.scene.text()
     scale = wanted.scale(column.name, numbers, modulus(part.scene))[kept]
-    hardness = () if part.hardness is None else (part.hardness,)
-    digest = _digest(part.status, part.inputs, values, part.area, *hardness)
+    drawn = [part.columns[name] for name in ("hardness",) if name in part.columns]
+    digest = hashlib.sha256()
+    for each in (part.columns["status"], inputs, values, area, *drawn):
+        digest.update(np.ascontiguousarray(each).tobytes())
     unknown = np.zeros(kept.size, dtype=np.int64)
     rows = Dataset(
         inputs=made[kept],
         target=values[kept] / scale,
-        rows=usable.rows,
+        rows=part.rows[kept],
         groups=unknown,
         database=unknown,
         population=unknown,
@@ -183,40 +324,50 @@ def _usable(
         target_name=column.name,
         unit=column.unit if (scale == 1).all() else "1",
         dropped={why: count for why, count in sorted(Counter(reasons).items()) if why},
-        source={
-            "database": str(part.path),
-            "database_sha256": digest,
-            "scene": scene,
-            "versions": part.versions,
-        },
-        described=usable.inputs,
+        described=inputs[kept],
         scale=scale,
-        by_tile=part.tile is not None,
-        origins=(Origin(str(part.path), digest, scene, kept.size),),
+        origins=(Origin(str(part.path), digest.hexdigest(), part.scene, kept.size, part.versions),),
+        by_tile=TILE in part.columns,
     )
-    return rows, usable
+    return rows, part.at(kept)
 
 
-def _digest(*columns: NDArray[np.generic]) -> str:
-    """Return a fingerprint of the columns that decide the results."""
-    digest = hashlib.sha256()
-    for column in columns:
-        digest.update(np.ascontiguousarray(column).tobytes())
-    return digest.hexdigest()
+def _reasons_against(
+    part: Stored, inputs: Values, target: Values
+) -> tuple[NDArray[np.object_], NDArray[np.bool_]]:
+    """Return why each row cannot be used with any features, "" if it can, and which lack some.
+
+    Rows whose surfaces do not define all statistics are done, and of use to some features.
+    """
+    status, reason = part.columns["status"], part.columns["reason"]
+    lacking = np.asarray((status == Status.DONE) & (reason == Reason.NO_STATISTICS))
+    reasons = np.full(status.size, "", dtype=object)
+    inputs = np.where(lacking[:, None] & np.isnan(inputs), 0.0, inputs)
+    with np.errstate(over="ignore", invalid="ignore"):
+        square = np.einsum("ij,ij->i", inputs, inputs)
+    reasons[~np.isfinite(target)] = "target not finite"
+    reasons[~np.isfinite(square)] = "input not finite, or too large to be squared"
+    reasons[~np.isin(status, list(Status))] = "status unknown"
+    reasons[status == Status.PENDING] = "not computed yet"
+    for code in np.unique(reason[status == Status.FAILED]):
+        text = REASONS.get(int(code), f"reason {code}") or "no reason given"
+        reasons[(status == Status.FAILED) & (reason == code)] = f"failed: {text}"
+    return reasons, lacking
 
 
 def _together(parts: Sequence[tuple[Dataset, Stored]]) -> Dataset:
     """Join the usable rows of databases, and find the groups that every split keeps together."""
     sets, usable = [rows for rows, _ in parts], [part for _, part in parts]
-    population, populations = stored.populations(usable)
-    whole = joined(sets) if len(sets) > 1 else sets[0]
+    whole = joined(sets)
     require_usable(whole)
+    names = [each for part in usable for each in _populations(part)]
+    known = {name: number for number, name in enumerate(dict.fromkeys(names))}
     return replace(
         whole,
-        groups=stored.related(usable),
+        groups=_related(usable),
         database=np.repeat(np.arange(len(sets)), [rows.size for rows in sets]),
-        population=population,
-        populations=populations,
+        population=np.array([known[name] for name in names], dtype=np.int64),
+        populations=tuple(known),
         by_tile=all(rows.by_tile for rows in sets),
     )
 
@@ -236,15 +387,134 @@ def joined(sets: Sequence[Dataset]) -> Dataset:
     for rows in sets:
         dropped.update(rows.dropped)
     origins = tuple(origin for rows in sets for origin in rows.origins)
-    digests = "".join(origin.sha256 for origin in origins)
-    source = first.source | {
-        "database": ", ".join(origin.database for origin in origins),
-        "database_sha256": hashlib.sha256(digests.encode()).hexdigest(),
-    }
     unit = first.unit if all(rows.unit == first.unit for rows in sets) else "1"
-    return replace(
-        first, **arrays, dropped=dict(dropped), origins=origins, source=source, unit=unit
-    )
+    return replace(first, **arrays, dropped=dict(dropped), origins=origins, unit=unit)
+
+
+def _require_compatible(parts: Sequence[Stored], *, scaled: bool) -> None:
+    """Refuse databases that no single surrogate describes, or that are given twice.
+
+    With `scaled` features, which have no units, scan length and E* make no difference, and elastic
+    bodies are very hard ones.
+    """
+    files = Counter(os.path.realpath(part.path) for part in parts)
+    for file in [file for file, times in files.items() if times > 1]:
+        raise InputError(f"{file}: is given twice: give each database once")
+    wanted = _must_agree(parts[0].scene, scaled=scaled)
+    for part in parts[1:]:
+        for key, value in _must_agree(part.scene, scaled=scaled).items():
+            if value != wanted[key]:
+                raise InputError(
+                    f"{part.path}: {key} is {shown(value)}, {shown(wanted[key])} in"
+                    f" {parts[0].path}: they cannot be learnt together"
+                )
+
+
+def _must_agree(scene: Scene, *, scaled: bool) -> dict[str, Any]:
+    """Return what all scenes of a fit have in common, by the keys of the scene that decide it."""
+    contact, (along, across) = scene.contact, scene.sides
+    common: dict[str, Any] = {
+        "contact.boundary": contact.boundary,
+        "contact.kernel": contact.kernel,
+        "contact.far_field": contact.far_field,
+        "contact.spacing": contact.spacing,
+        "surface.side (x over y)": float(f"{along / across:.3g}"),
+    }
+    if not scaled:
+        common |= {
+            "contact.hardness": "none" if contact.hardness_limits is None else "given",
+            "surface.side": float(f"{along:.6g}"),
+            "contact.modulus / (1 - contact.poisson^2)": float(f"{modulus(scene):.9g}"),
+        }
+    return common
+
+
+def _populations(part: Stored) -> Iterator[Population]:
+    """Yield the population of each row of a database."""
+    surface = part.scene.surface
+    own = Population(str(part.path), str(getattr(surface, "generator", "")))
+    if MAP not in part.columns or not isinstance(surface, ScanSurface):
+        return iter([own] * part.rows.size)
+    maps = [
+        own._replace(map=f"{Path(each.file).name} {each.sha256[:DIGITS]}")
+        for each in surface.known().maps
+    ]
+    return (maps[index] for index in part.columns[MAP])
+
+
+def _related(parts: Sequence[Stored]) -> Indices:
+    """Number the groups of rows that every split keeps together, (n,), database by database.
+
+    Rows of one surface have its 22 statistics in common, bit for bit; the column `surface` does not
+    tell, where all surfaces are read from one file.
+    """
+    statistics = np.concatenate([part.inputs[:, 1:] for part in parts])
+    # No statistic is minus infinity, which stands for NaN: that differs from itself.
+    defined = np.where(np.isnan(statistics), -np.inf, statistics)
+    surfaces = np.unique(defined, axis=0, return_inverse=True)[1].ravel()
+    if len(parts) == 1 and TILE not in parts[0].columns:
+        return np.asarray(surfaces, dtype=np.int64)
+    kinds: dict[object, int] = {}
+    pairs = []
+    for part in parts:
+        kind, numbers = _alike(part, parts)
+        same = np.full(numbers.size, kinds.setdefault(kind, len(kinds)))
+        pairs.append(np.column_stack([same, numbers]))
+    labels = np.unique(np.concatenate(pairs), axis=0, return_inverse=True)[1].ravel()
+    return _linked(surfaces, labels)
+
+
+def _alike(part: Stored, parts: Sequence[Stored]) -> tuple[object, Indices]:
+    """Return the kind of a database's groups, and the group of each row, (n,).
+
+    Surfaces are of the random numbers that made them; windows of their tiles, or of their maps
+    where another database has other tiles of these.
+    """
+    surface = part.scene.surface
+    if TILE not in part.columns or not isinstance(surface, ScanSurface):
+        return ("seed", part.scene.seed), part.rows // part.scene.samples_per_surface
+    own, tiling = _hashes(part.scene), _tiling(part.scene)
+    others = [each for each in parts if each is not part and own & _hashes(each.scene)]
+    if all(_tiling(other.scene) == tiling for other in others):
+        return ("tiles", tiling), part.columns[TILE]
+    if any(each.scene.surface.against is not None for each in (part, *others)):
+        raise InputError(
+            f"{part.path}: has windows of maps of {others[0].path} in other tiles, and a second"
+            " rough body: no split of both would keep their nodes apart"
+        )
+    numbers = np.array([int(each.sha256[:15], 16) for each in surface.known().maps])
+    return "maps", numbers[part.columns[MAP]]
+
+
+def _tiling(scene: Scene) -> str:
+    """Return the table of surfaces of a scene, which decides the tiles of its maps."""
+    content = scene.surface.model_dump(exclude_none=True)
+    return str(sorted(scene.surface.relevant(content).items()))
+
+
+def _hashes(scene: Scene) -> set[str]:
+    """Return the hashes of a scene's maps."""
+    surface = scene.surface
+    if not isinstance(surface, ScanSurface):
+        return set()
+    found = [surface.known(), *filter(None, (surface.against_found,))]
+    return {each.sha256 for maps in found for each in maps.maps}
+
+
+def _linked(first: Indices, second: Indices) -> Indices:
+    """Number the groups, (n,), of rows that share one of two labels, directly or by other rows.
+
+    Groups are numbered in the order of their first rows, labels from 0 on.
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    size = int(first.max()) + 1 + int(second.max()) + 1
+    ends = first, second + int(first.max()) + 1
+    graph = coo_array((np.ones(first.size), ends), shape=(size, size))
+    component = connected_components(graph, directed=False)[1][first]
+    _, start, place = np.unique(component, return_index=True, return_inverse=True)
+    return np.asarray(np.argsort(np.argsort(start))[place.ravel()], dtype=np.int64)
 
 
 def remarks(dataset: Dataset, normalisation: str) -> list[str]:
@@ -280,7 +550,7 @@ def remarks(dataset: Dataset, normalisation: str) -> list[str]:
 
 def require_usable(rows: Dataset) -> None:
     """Refuse rows that are too few, of a database without any, or of a constant target."""
-    name = rows.source["database"]
+    name = rows.name
     if rows.size < SMALLEST:
         left_out = "; ".join(f"{number} {text}" for text, number in sorted(rows.dropped.items()))
         raise InputError(

@@ -87,7 +87,7 @@ def require_tiles(dataset: Dataset, wanted: int) -> None:
     tiles = np.unique(dataset.groups).size
     if dataset.by_tile and tiles < wanted:
         raise InputError(
-            f"{dataset.source['database']}: its windows lie in {tiles} of the maps' tiles,"
+            f"{dataset.name}: its windows lie in {tiles} of the maps' tiles,"
             f" {wanted} at least are needed, as no tile may train and test: give larger maps, or"
             " more of them"
         )
@@ -110,7 +110,7 @@ def _fault(sets: Sequence[Dataset], train: Indices, test: Indices, train_rows: i
         for name, rows in (("training", train), ("test", test)):
             if rows.size < 2 or np.ptp(dataset.target[rows]) == 0:
                 return (
-                    f"{dataset.source['database']}: {dataset.target_name} does not vary over the"
+                    f"{dataset.name}: {dataset.target_name} does not vary over the"
                     f" {rows.size} {name} rows drawn from {np.unique(dataset.groups).size}"
                     f" {'tiles' if dataset.by_tile else 'surfaces'}: more are needed"
                 )
@@ -129,6 +129,6 @@ def check_folds(dataset: Dataset, split: Split) -> None:
         rows = dataset.target[split.train[split.folds == fold]]
         if np.ptp(rows) == 0:
             raise InputError(
-                f"{dataset.source['database']}: {dataset.target_name} is {rows[0]:g} in all"
+                f"{dataset.name}: {dataset.target_name} is {rows[0]:g} in all"
                 f" {rows.size} rows of a fold of the search: more rows are needed"
             )

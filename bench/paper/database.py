@@ -261,7 +261,7 @@ def _judge(database: Path, fine: Path, features: str) -> Judged:
 
 def _curvature(database: Path, fine: Dataset) -> str:
     """Say why the statistics do not carry over: how the mean curvature of peaks changes."""
-    with Reader(database) as reader, Reader(Path(fine.source["database"])) as other:
+    with Reader(database) as reader, Reader(Path(fine.name)) as other:
         coarse, own = reader.column(CURVATURE), other.column(CURVATURE)[fine.rows]
     growth = float(np.median(own) / np.nanmedian(coarse))
     return why("fine", growth=growth, beyond=100 * float((own > np.nanmax(coarse)).mean()))

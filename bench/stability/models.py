@@ -20,11 +20,10 @@ from gen.runtime.errors import InputError
 from gen.scene import Scene, load
 from gen.statistics import describe
 from learn.comparison.grid import baseline, untuned
-from learn.dataset import Dataset, Request, remarks
+from learn.dataset import Dataset, Origin, Request, remarks
 from learn.features import chosen
 from learn.features.sets import Rows
 from learn.models import MODELS, STEP
-from learn.stored import Origin
 from learn.surrogate import Surrogate
 from learn.surrogate.calibration import near
 from learn.surrogate.fitting import Fit, Settings, fit_target
@@ -80,9 +79,8 @@ def ordinary(features: str = "paper") -> Dataset:
         target_name="area_percent",
         unit="%",
         dropped={},
-        source={"database": "the cases' rows", "database_sha256": "", "scene": SCENE.text()},
         described=described,
-        origins=(Origin("the cases' rows", "", SCENE.text(), ROWS),),
+        origins=(Origin("the cases' rows", "", SCENE, ROWS),),
         scale=scale,
         features=wanted,
     )

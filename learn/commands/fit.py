@@ -139,11 +139,10 @@ def fit(files: Databases, output: SurrogateFile, *, choice: Choice, trust: Trust
 
 def _request(files: list[Path], output: Path, choice: Choice) -> Request:
     """Return the request; a comparison folder adds the rows and the seed of its winner."""
-    from learn.dataset import Request
+    from learn.dataset import Request, load_drawn
     from learn.features import chosen
     from learn.features.scene import SCENE
     from learn.models import normalisation_of
-    from learn.stored import load_drawn
     from learn.surrogate.fitting import with_conditions
 
     features = chosen(choice.features or "dimensionless", roots=True, blocks=choice.blocks)

@@ -167,7 +167,7 @@ def conditions(
 ) -> dict[str, Any]:
     """Describe the conditions of results: two results can be compared if these are equal."""
     return {
-        "database_sha256": dataset.source["database_sha256"],
+        "database_sha256": dataset.sha256,
         "target": dataset.target_name,
         "features": dataset.features.name,
         "inputs": list(dataset.features.columns),
@@ -221,9 +221,9 @@ class Folder:
             "comparison.json",
             {
                 "conditions": agreed,
-                "database": dataset.source["database"],
-                "database_versions": json.loads(dataset.source["versions"]),
-                "scene": json.loads(dataset.source["scene"]),
+                "database": dataset.name,
+                "database_versions": json.loads(dataset.origins[0].versions),
+                "scene": json.loads(dataset.scene.text()),
                 "usable_rows": dataset.size,
                 "dropped_rows": dataset.dropped,
                 "surfaces": int(np.unique(dataset.groups).size),

@@ -22,10 +22,9 @@ from learn.comparison.folder import Folder, conditions
 from learn.comparison.grid import untuned
 from learn.comparison.pictures import DPI
 from learn.comparison.results import repeated
-from learn.dataset import Request
+from learn.dataset import Request, short_name
 from learn.metrics import scores
 from learn.models import MODELS, check_memory, models_named, pipeline, remarks
-from learn.stored import short_name
 
 SHUFFLES = 5
 """Times that an input is shuffled: enough for a mean and its scatter."""

@@ -22,10 +22,9 @@ from learn.comparison.fits import Training, Trials
 from learn.comparison.folder import Folder, conditions
 from learn.comparison.results import TimedFit
 from learn.comparison.search import GridSearch, whole, within
-from learn.dataset import Dataset, Request
+from learn.dataset import Dataset, Request, short_name
 from learn.executor import Executor
 from learn.models import Model, check_memory, models_named, scaling_of
-from learn.stored import short_name
 
 
 def compare(request: Request, executor: Executor) -> int:

@@ -23,13 +23,12 @@ from numpy.typing import NDArray
 from gen.arrays import Indices, Values
 from gen.database import Reader
 from gen.runtime.errors import InputError
-from gen.scene import ScanSurface, Scene
+from gen.scene import ScanSurface
 from learn import bounded
-from learn.dataset import Dataset, Request
+from learn.dataset import TILE, Dataset, Request
 from learn.executor import Executor
 from learn.metrics import no_better
 from learn.split import FOLDS, Split
-from learn.stored import TILE
 from learn.surrogate import fitting
 from learn.surrogate.learnt import Learnt
 from learn.surrogate.model import Surrogate
@@ -156,10 +155,10 @@ def split_holdout(rows: Dataset) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     that test, as windows of two tiles do that are equal to the last bit. Surfaces that repeat an
     earlier one follow that one.
     """
-    scene = Scene.from_text(rows.source["scene"])
+    scene = rows.scene
     if rows.by_tile:
         assert isinstance(scene.surface, ScanSurface)
-        with Reader(Path(rows.source["database"])) as reader:
+        with Reader(Path(rows.name)) as reader:
             tiles = np.asarray(reader.column(TILE)[rows.rows], dtype=np.int64)
         test = drawn(tiles, scene.seed, min(SHARE, scene.surface.tile_groups()))
     elif np.ptp(rows.groups) == 0:  # one surface under many loads: its rows are drawn one by one
@@ -185,7 +184,7 @@ def parted(sets: list[Dataset], seed: int) -> Split:
         for name, part in (("training", train), ("test", test)):
             if part.size < 2 or np.ptp(each.target[part]) == 0:
                 raise InputError(
-                    f"{rows.source['database']}: {each.target_name} does not vary over the"
+                    f"{rows.name}: {each.target_name} does not vary over the"
                     f" {part.size} {name} rows of {rows.size}: more are needed"
                 )
     by_surface = rows.by_tile or bool(np.ptp(rows.groups) > 0)

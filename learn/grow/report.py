@@ -12,7 +12,6 @@ import numpy as np
 
 from gen.runtime.figure import draw_parity, log_axis, parity_axes
 from gen.runtime.terminal import echo, print_table, printable
-from gen.scene import Scene
 from learn.grow.accuracy import LEVEL, RISK, Appraisal
 from learn.grow.curve import Curve
 from learn.grow.rounds import Ending, Growth, asked_for
@@ -110,8 +109,7 @@ def _errors(found: Appraisal) -> object:
 def payback(grown: Growth, found: Appraisal) -> str:
     """Say when a surrogate pays, by the times of its making, of an answer and of a solve."""
     test = found.sets[0].at(found.parts.test)
-    scene = Scene.from_text(test.source["scene"])
-    query = break_even.answer_seconds(found.surrogate, scene, test.rows, test.described[:, 0])
+    query = break_even.answer_seconds(found.surrogate, test.scene, test.rows, test.described[:, 0])
     there = stock(grown.order.request.database)
     again = 0.0 if math.isnan(query) else there.rows * query
     build = there.seconds + again + grown.fitting

@@ -12,12 +12,11 @@ from gen.generation.functions import completed
 from gen.runtime.errors import InputError
 from gen.scene import Scene, differences
 from learn import bounded
-from learn.dataset import Request
+from learn.dataset import TARGETS, Request, results, short_name
 from learn.executor import Executor
 from learn.grow.accuracy import Appraisal, Sizes, appraise
 from learn.grow.curve import EXPONENTS, Advice, Curve, advise, learning_curve
 from learn.grow.rows import Pace, generate, stock
-from learn.stored import TARGETS, results, short_name
 
 FURTHEST = 4
 """Sizes that one round goes on at most: the first curves are uncertain."""

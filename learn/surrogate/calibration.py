@@ -294,7 +294,7 @@ def without_calibration(rows: Dataset, train: Indices) -> tuple[Indices, Indices
     inside = train[:cut]
     if inside.size < 2 or np.ptp(rows.target[inside]) == 0:
         raise InputError(
-            f"{rows.source['database']}: {inside.size} rows of {starts.size}"
+            f"{rows.name}: {inside.size} rows of {starts.size}"
             f" {'tiles' if rows.by_tile else 'surfaces'} are left to train on: more are needed"
         )
     return inside, train[cut:]

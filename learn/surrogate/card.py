@@ -10,7 +10,6 @@ from gen.arrays import Indices, Values
 from gen.runtime import VERSION
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import printable
-from gen.scene import Scene
 from learn.comparison.folder import versions
 from learn.dataset import Dataset, Request
 from learn.features.scene import SCENE, plain, shown
@@ -45,8 +44,7 @@ def make(
     `train` are positions among the usable rows; `sizes` are the numbers of rows that "train",
     "calibration" and "test" have; `judged` are the entries of the targets.
     """
-    scenes = [Scene.from_text(origin.scene) for origin in rows.origins]
-    scene, limits = scenes[0], limits_of(scenes)
+    scene, limits = rows.scene, limits_of([origin.scene for origin in rows.origins])
     boundary = scene.contact.boundary
     features, (model,) = rows.features, request.models
     sometimes = {
@@ -56,7 +54,7 @@ def make(
         "hardness_ratio": None if limits is None else list(limits),
         "elastic": features.elastic,
         "load": features.load if features.name == SCENE else "",
-        "databases": databases(rows) if len(scenes) > 1 else [],
+        "databases": _databases_of(rows) if len(rows.origins) > 1 else [],
     }
     return {
         "title": f"{EVERY[model].title} for {', '.join(request.targets)}",
@@ -79,28 +77,27 @@ def make(
             "left_out": {why: int(number) for why, number in rows.dropped.items()},
         },
         "seed": request.seed,
-        "database": rows.source["database"],
-        "database_sha256": rows.source["database_sha256"],
+        "database": rows.name,
+        "database_sha256": rows.sha256,
         "versions": {"asperity": VERSION, **versions()},
         "licence": LICENCE,
         "made": datetime.now(UTC).isoformat(timespec="seconds"),
     }
 
 
-def databases(rows: Dataset) -> list[dict[str, Any]]:
+def _databases_of(rows: Dataset) -> list[dict[str, Any]]:
     """Return an entry of the card for each database: rows, generator and grid."""
-    scenes = [Scene.from_text(origin.scene) for origin in rows.origins]
     return [
         {
             "database": origin.database,
             "sha256": origin.sha256,
             "rows": origin.rows,
-            "generator": str(getattr(scene.surface, "generator", "")),
-            "nodes": list(scene.shape),
-            "side": list(scene.sides),
-            "scene": origin.scene,
+            "generator": str(getattr(origin.scene.surface, "generator", "")),
+            "nodes": list(origin.scene.shape),
+            "side": list(origin.scene.sides),
+            "scene": origin.scene.text(),
         }
-        for origin, scene in zip(rows.origins, scenes, strict=True)
+        for origin in rows.origins
     ]
 
 

@@ -15,11 +15,10 @@ from sklearn.kernel_ridge import KernelRidge
 from gen.arrays import Indices, Values
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import to_type
-from gen.scene import Scene
 from learn import dataset, split
 from learn.comparison.folder import Folder
 from learn.comparison.paper import OPTIMA
-from learn.dataset import Dataset, Request
+from learn.dataset import TARGETS, Dataset, Request, results, short_name
 from learn.executor import Executor
 from learn.features.scene import SCENE, training_ranges
 from learn.kernel_ridge import left_out_errors
@@ -35,7 +34,6 @@ from learn.models import (
     scaling_of,
 )
 from learn.split import Folds
-from learn.stored import TARGETS, results, short_name
 from learn.surrogate import calibration as calibrating
 from learn.surrogate import card, interval
 from learn.surrogate.calibration import SURFACE, Plan, groups_of, holdout_squares, holdouts, near
@@ -268,7 +266,7 @@ def fit_parts(
     there are too few rows to train on, or too little memory.
     """
     plan = calibrating.planned(sets[0], parts.train, others)
-    train, name = plan.train, sets[0].source["database"]
+    train, name = plan.train, sets[0].name
     check_memory(request.models[0], train.size)
     for rows in sets:
         if np.ptp(rows.target[train]) == 0:
@@ -291,10 +289,11 @@ def fit_parts(
         fitted = fit_target(request, rows.at(train), plan.rows(rows, number), folds)
         learnt[target], judged[target] = fitted.learnt, _judged(fitted, rows, plan, parts.test, say)
     inputs, features = sets[0].inputs[train], sets[0].features
-    scenes = [Scene.from_text(origin.scene) for origin in sets[0].origins]
     low, high = inputs.min(axis=0), inputs.max(axis=0)
     if features.name == SCENE:
-        low, high = training_ranges(scenes, features.columns, inputs)
+        low, high = training_ranges(
+            [each.scene for each in sets[0].origins], features.columns, inputs
+        )
     sizes = {"train": train.size, "calibration": plan.size, "test": parts.test.size}
     return Surrogate(
         card=card.make(request, sets[0], train, sizes, judged) | plan.entry(),
@@ -366,8 +365,7 @@ def fit_target(
     chose = process_time()
     fitted, said = _fitted(request, settings, train.inputs, target, train.groups)
     done = process_time()
-    scene = Scene.from_text(train.source["scene"])
-    column = results(scene, train.features.load)[train.target_name]
+    column = results(train.scene, train.features.load)[train.target_name]
     own = NOT_CALIBRATED, clip_of(train), column.bounds
     learnt = Learnt(column.name, column.unit, fitted, scaling, *own)
     crossed = None

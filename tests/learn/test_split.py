@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gen.runtime.errors import InputError
+from gen.scene import load
 from learn import split
-from learn.dataset import Dataset
+from learn.dataset import Dataset, Origin
 from learn.features import FeatureSet
 from learn.surrogate.calibration import without_calibration
 
@@ -31,9 +32,9 @@ def rows_of(sizes, seed=0):
         target_name="area_percent",
         unit="%",
         dropped={},
-        source={"database": "x.h5"},
         described=inputs,
         scale=np.ones(size),
+        origins=(Origin("x.h5", "", load("paper"), size),),
     )
 
 

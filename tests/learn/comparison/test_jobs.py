@@ -13,7 +13,7 @@ from comparisons import run, table
 from launch import TIMEOUT, command, environment, mpiexec, walk
 
 from learn.comparison import folder, paper, results, tables
-from learn.stored import INPUTS
+from learn.dataset import INPUTS
 
 
 def test_compare_tune_and_show(work, capsys):

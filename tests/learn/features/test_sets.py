@@ -9,6 +9,7 @@ import bem
 from gen.runtime.errors import InputError
 from gen.scene import Scene
 from gen.surface import generate
+from learn.dataset import INPUTS
 from learn.features import OF_SURFACES, SETS, SurfaceFeatures, chosen
 from learn.features.sets import (
     BLOCK_COUNTS,
@@ -18,7 +19,6 @@ from learn.features.sets import (
     Rows,
 )
 from learn.features.surface import LOOSE
-from learn.stored import INPUTS
 
 FREE = [name for name, each in SETS.items() if each.scaled]
 

@@ -9,9 +9,8 @@ from learnt_rows import read
 from gen import cli as gen_cli
 from gen.runtime.errors import InputError
 from learn import Surrogate, cli, split
-from learn.dataset import Request
+from learn.dataset import Population, Request
 from learn.executor import Executor
-from learn.stored import Population
 from learn.surrogate import calibration, fitting
 from learn.surrogate.fitting import Settings, fit_target
 from learn.surrogate.flag import from_rows
