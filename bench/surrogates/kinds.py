@@ -14,7 +14,12 @@ Spacing = tuple[float, float]
 
 
 def _self_affine(
-    shape: Shape, spacing: Spacing, rng: np.random.Generator, *, longest: float = 0.5, **given: float
+    shape: Shape,
+    spacing: Spacing,
+    rng: np.random.Generator,
+    *,
+    longest: float = 0.5,
+    **given: float,
 ) -> Heights:
     """Make a window of a self-affine surface, rms 1; `longest` is the roll-off over the side."""
     larger = 2 * shape[0], 2 * shape[1]
@@ -69,18 +74,24 @@ def sandblasted(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Hei
 
 def one_to_five(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
     """Waves that are five times as long along y as along x."""
-    return _sized(_self_affine(shape, spacing, rng, longest=rng.uniform(0.1, 0.4), stretch=0.2), rng)
+    return _sized(
+        _self_affine(shape, spacing, rng, longest=rng.uniform(0.1, 0.4), stretch=0.2), rng
+    )
 
 
 def one_to_ten(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
     """Waves that are ten times as long along y as along x."""
-    return _sized(_self_affine(shape, spacing, rng, longest=rng.uniform(0.1, 0.2), stretch=0.1), rng)
+    return _sized(
+        _self_affine(shape, spacing, rng, longest=rng.uniform(0.1, 0.2), stretch=0.1), rng
+    )
 
 
 def sine(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
     """A wave along one direction, with self-affine noise of 0.1 to 0.4 of its rms height."""
     (x, y), angle = _axes(shape), rng.uniform(0, np.pi)
-    phase = 2 * np.pi * (rng.uniform(3, 10) * (x * np.cos(angle) + y * np.sin(angle)) + rng.uniform())
+    phase = (
+        2 * np.pi * (rng.uniform(3, 10) * (x * np.cos(angle) + y * np.sin(angle)) + rng.uniform())
+    )
     noise = _self_affine(shape, spacing, rng)
     return _sized(np.sqrt(2) * np.sin(phase) + rng.uniform(0.1, 0.4) * noise, rng)
 
@@ -160,5 +171,7 @@ def scratched(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heigh
     for _ in range(int(rng.integers(5, 30))):
         angle = rng.uniform(0, np.pi)
         across = (x - rng.uniform()) * np.cos(angle) + (y - rng.uniform()) * np.sin(angle)
-        heights = heights - rng.uniform(0.5, 2.0) * np.exp(-((across / rng.uniform(0.01, 0.04)) ** 2))
+        heights = heights - rng.uniform(0.5, 2.0) * np.exp(
+            -((across / rng.uniform(0.01, 0.04)) ** 2)
+        )
     return _sized(heights, rng)

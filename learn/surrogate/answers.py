@@ -81,7 +81,7 @@ def answers(
             rows, warnings = _rows_of_surface(surrogate, file, question, say, alone=alone)
         try:
             prediction = surrogate.predict_rows(
-                rows, e_star=question.bodies.e_star, level=question.level, std=True
+                rows, e_star=question.bodies.e_star, level=question.level
             )
         except InputError as error:
             raise InputError(f"{file}: {error}") from None
@@ -146,8 +146,6 @@ def _answered(surrogate: Surrogate, prediction: Prediction, asked: Sequence[Row]
             if target in prediction.low:  # outside the training no interval holds: empty cells
                 row[f"{key}_low"] = "" if reason else float(prediction.low[target][place])
                 row[f"{key}_high"] = "" if reason else float(prediction.high[target][place])
-            if target in prediction.std:
-                row[f"{key}_std"] = float(prediction.std[target][place])
         yield {**row, "flag": "outside" if reason else "inside", "reason": reason}
 
 
@@ -291,7 +289,7 @@ def _numbers(
 
 def show(rows: Sequence[Row], title: str, doubts: Sequence[str] = ()) -> None:
     """Print the first rows of the table, and the reasons of those outside the training."""
-    hidden = ("_low", "_high", "_std", "warnings")  # warnings were said with the surface
+    hidden = ("_low", "_high", "warnings")  # warnings were said with the surface
     names = [name for name in rows[0] if not name.endswith(hidden)]
     table = Table(title=title)
     for name in names:
@@ -333,5 +331,4 @@ def _cell(row: Row, name: str) -> str:
         return f"{value:.4g}"
     if row["flag"] == "outside":
         return f"{value:.4g} (-)"
-    spread = f" +- {row[f'{name}_std']:.2g}" if f"{name}_std" in row else ""
-    return f"{value:.4g}{spread} ({row[f'{name}_low']:.4g} to {row[f'{name}_high']:.4g})"
+    return f"{value:.4g} ({row[f'{name}_low']:.4g} to {row[f'{name}_high']:.4g})"

@@ -1,6 +1,5 @@
 """The model of one target: scaling, estimator and intervals, with a fast kernel ridge."""
 
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,7 +11,7 @@ from gen.arrays import Values
 from gen.runtime.errors import InputError
 from learn.dataset import Dataset
 from learn.features.sets import PURE
-from learn.models import STEP, Scaling, memory_available
+from learn.models import STEP, Scaling
 from learn.surrogate.interval import Calibration
 
 PART = 2000
@@ -85,7 +84,7 @@ class Learnt:
     def _predict(self, inputs: Values) -> Values:
         """Predict some rows, kernel ridge without scikit-learn's checks of its training rows."""
         (_, scaling), (_, estimator) = self.pipeline.steps
-        without_factor = self.has_spread and estimator.L_ is None
+        without_factor = getattr(estimator, "L_", estimator) is None
         if self._expansion is None and not without_factor:
             return np.asarray(self.pipeline.predict(inputs), dtype=np.float64).reshape(-1)
         scaled = inputs if scaling == "passthrough" else scaling.transform(inputs)
@@ -109,54 +108,6 @@ class Learnt:
         gamma = 1.0 / centres.shape[1] if ridge.gamma is None else float(ridge.gamma)
         weights = np.asarray(ridge.dual_coef_, dtype=np.float64).reshape(-1)
         return centres, np.einsum("ij,ij->i", centres, centres), gamma, weights
-
-    @property
-    def has_spread(self) -> bool:
-        """Whether the model is a Gaussian process, which knows the deviation of its predictions."""
-        return hasattr(self.pipeline.named_steps[STEP], "log_marginal_likelihood")
-
-    def spread(self, inputs: Values) -> Values | None:
-        """Return the deviation of a Gaussian process, over the scale; None for other models."""
-        if not self.has_spread:
-            return None
-        process = self.pipeline.named_steps[STEP]
-        if process.L_ is None:
-            process.L_ = _factor(process)
-
-        def deviations(part: Values) -> Values:
-            return np.asarray(self.pipeline.predict(part, return_std=True)[1]).reshape(-1)
-
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # variances below 0 by rounding become 0
-            spread = _by_parts(deviations, inputs) * self.scaling.deviation
-        if not self.scaling.root:
-            return spread
-        # The deviation of the square of a normally distributed number with this spread.
-        squares = 4.0 * self.raw(inputs) * spread**2 + 2.0 * spread**4
-        return np.asarray(np.sqrt(squares))
-
-
-def _factor(process: Any) -> Values:
-    """Compute the Cholesky factor of a Gaussian process's kernel matrix, as its fit does.
-
-    Files do not hold it: it is as large as the square of the number of rows. InputError is raised
-    if it needs more memory than this machine has, or the matrix is not positive definite.
-    """
-    from scipy.linalg import LinAlgError, cholesky
-
-    rows = len(process.X_train_)
-    need, limit = 3 * 8 * rows**2, memory_available()  # distances, kernel, factor
-    if need > limit:
-        raise InputError(
-            f"deviations of a Gaussian process with {rows} rows need {need / 2**30:.1f} GiB, this"
-            f" machine has {limit / 2**30:.1f} to give"
-        )
-    kernel = process.kernel_(process.X_train_)
-    kernel[np.diag_indices_from(kernel)] += process.alpha
-    try:
-        return np.asarray(cholesky(kernel, lower=True, check_finite=False))
-    except LinAlgError as error:
-        raise InputError(f"the surrogate's Gaussian process is none: {error}") from None
 
 
 def _by_parts(predict: Callable[[Values], Values], inputs: Values) -> Values:

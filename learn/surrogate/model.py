@@ -48,8 +48,6 @@ class Prediction:
     low, high : dict of str to ndarray, shape (n,)
         Ends of the intervals by target; empty if no level was given. They only hold for rows
         inside the training; tables leave them out for the other rows.
-    std : dict of str to ndarray, shape (n,)
-        Standard deviations by target, of Gaussian processes, on request.
     reasons : tuple of str
         For each row, the features outside the training; "" if there is none.
     given : dict of str to ndarray, shape (n,)
@@ -61,7 +59,6 @@ class Prediction:
     values: dict[str, Values]
     low: dict[str, Values] = field(default_factory=dict)
     high: dict[str, Values] = field(default_factory=dict)
-    std: dict[str, Values] = field(default_factory=dict)
     reasons: tuple[str, ...] = ()
     given: dict[str, Values] = field(default_factory=dict)
 
@@ -383,7 +380,6 @@ class Surrogate:
         *,
         e_star: float | None = None,
         level: float | None = 0.9,
-        std: bool = False,
         reasons: bool = True,
         mean: bool = False,
     ) -> Prediction:
@@ -395,9 +391,9 @@ class Surrogate:
             Rows from `of_statistics` or `OnSurface.rows`.
         e_star, level : float, optional
             See `predict`; InputError is raised if E* is not above 0.
-        std, reasons : bool
-            True for standard deviations of Gaussian processes; False to skip the check of training
-            ranges. A prediction that is not finite always has a reason.
+        reasons : bool
+            False to skip the check of training ranges. A prediction that is not finite always has a
+            reason.
         mean : bool
             True for intervals of the mean over surfaces, of a surrogate of a scene's own features.
 
@@ -431,9 +427,6 @@ class Surrogate:
                 low, high = ends(inputs, centre, level)
                 prediction.low[name] = learnt.within(low * scale)
                 prediction.high[name] = learnt.within(high * scale)
-            spread = learnt.spread(inputs) if std else None
-            if spread is not None:
-                prediction.std[name] = spread * scale
         return replace(prediction, reasons=tuple(said))
 
     def _reasons(self, rows: Rows, inputs: Values) -> tuple[str, ...]:
@@ -546,7 +539,6 @@ class OnSurface:
         e_star: float | None = None,
         hardness: float | None = None,
         level: float | None = 0.9,
-        std: bool = False,
         reasons: bool = True,
     ) -> Prediction:
         """Predict contacts at one or more displacements above 0.
@@ -557,7 +549,7 @@ class OnSurface:
             One displacement, or n of them [um].
         e_star, hardness, level : float, optional
             See `Surrogate.predict`, which also tells what is raised.
-        std, reasons : bool
+        reasons : bool
             See `Surrogate.predict_rows`.
 
         Returns
@@ -566,6 +558,4 @@ class OnSurface:
             Predictions of all targets, one row for each displacement.
         """
         rows = self.rows(delta, flag.hardness_ratio(self.surrogate.card, hardness, e_star))
-        return self.surrogate.predict_rows(
-            rows, e_star=e_star, level=level, std=std, reasons=reasons
-        )
+        return self.surrogate.predict_rows(rows, e_star=e_star, level=level, reasons=reasons)

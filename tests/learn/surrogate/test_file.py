@@ -94,7 +94,7 @@ def test_a_gaussian_process_is_kept_without_the_square_of_its_rows(ridge, tmp_pa
     assert (tmp_path / "x.surrogate").stat().st_size < 400 * 400 * 8 / 4
     assert process.named_steps["model"].L_ is not None, "the fitted one keeps its own"
     loaded = Surrogate.load(tmp_path / "x.surrogate").learnt["area"]
-    np.testing.assert_allclose(loaded.spread(inputs), area.spread(inputs), rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(loaded.raw(inputs), area.raw(inputs), rtol=1e-6, atol=1e-9)
 
 
 def test_models_of_types_that_nobody_reviewed_are_not_written(ridge, tmp_path):
