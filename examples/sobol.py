@@ -4,7 +4,8 @@
     python examples/sobol.py area.surrogate --samples 512
 
 Sobol indices by SALib. Chance is an input too: which of 2^20 surfaces it is. First order is an
-input's own share of the variance, the total includes its interplay with the others.
+input's own share of the variance, the total includes its interplay with the others. A surrogate
+that was fitted with --features scene answers for all surfaces at once: there chance is no input.
 """
 
 import argparse
@@ -35,6 +36,9 @@ def main(arguments: list[str]) -> dict[str, np.ndarray]:
     drawn = {name: each for name, each in scene.drawn_parameters.items() if is_drawn(each)}
     low, high = surrogate.hardness_limits or (0.0, 0.0)
     names = [*drawn, *(["hardness"] if low < high else []), "Delta", "chance"]
+    of_scene = surrogate.features.name == "scene"
+    if of_scene:
+        names = [*surrogate.features.names]
     problem = {"num_vars": len(names), "names": names, "bounds": [[0.0, 1.0]] * len(names)}
     number = 32 if given.small else given.samples
     target = next(iter(surrogate.learnt))
@@ -50,8 +54,15 @@ def main(arguments: list[str]) -> dict[str, np.ndarray]:
         given = surrogate.predict(heights, scene.sides, delta, hardness=hardness, level=None)
         return given.values[target][0]
 
+    def answers_of_scene(shares: np.ndarray) -> np.ndarray:
+        """Predict the means at points of the unit cube; hardness and load lie within their ends."""
+        ranges = surrogate.low + shares * (surrogate.high - surrogate.low)
+        values = dict(zip(names, surrogate.features.shown(ranges).T, strict=True))
+        values |= {name: quantiles(drawn[name], shares[:, names.index(name)]) for name in drawn}
+        return surrogate.predict(**values, level=None).values[target]
+
     inputs = sampling.sample(problem, number, calc_second_order=False, seed=2025)
-    values = np.array([answer(row) for row in inputs])
+    values = answers_of_scene(inputs) if of_scene else np.array([*map(answer, inputs)])
     found = analysis.analyze(problem, values, calc_second_order=False, seed=2025)
     print(f"{len(values)} values of {target}: mean {values.mean():.3g}, std {values.std():.3g}")
     for place, name in enumerate(names):

@@ -195,6 +195,15 @@ def test_sobol_finds_that_delta_decides_most(surrogate):
     assert (indices["ST"] > -0.05).all()
 
 
+def test_sobol_asks_a_scenes_surrogate_without_surfaces(surrogate):
+    path = str(Path(surrogate).with_name("scene.surrogate"))
+    line = ["fit", str(Path(surrogate).with_name("rows.h5")), "--features", "scene"]
+    assert learn.cli.main([*line, "--target", "area", "-o", path]) == 0
+    indices = example("sobol")([path, "--small"])
+    assert indices["ST"].shape == (3,)  # hurst, sigma0, delta
+    assert np.argmax(indices["ST"]) == 2
+
+
 def test_the_sample_is_the_first_rows_of_the_papers_database(tmp_path):
     """Elsewhere it differs in the last bits, as processors' vector instructions do."""
     again = tmp_path / "again.h5"

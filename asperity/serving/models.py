@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from typing import Annotated, Protocol
 
@@ -139,16 +140,24 @@ class SurrogateModel:
 
     Every target is a vector of four numbers: predicted value, low and high end of its 90 %
     interval, and 1 where the question lies inside what the surrogate was trained on, else 0. Where
-    the scene of the training gives pressures or forces, the load is still Delta [um].
+    the scene of the training gives pressures or forces, the load is still Delta [um], unless the
+    surrogate has learnt the scene's own numbers: then it is theirs, and no surface is made.
     """
 
     def __init__(self, path: Path) -> None:
+        from learn.features.scene import HARDNESSES, SCENE
         from learn.surrogate import Surrogate
-        from learn.surrogate.model import require_surfaces
 
         self.name = path.stem
         self.surrogate = Surrogate.load(path)
-        require_surfaces(self.surrogate, str(path))
+        self._names: list[str] = []  # of a scene's own numbers, in the order of the vectors
+        if self.surrogate.features.name == SCENE:
+            *drawn, load = self.surrogate.features.names
+            hard = [name for name in drawn if name in HARDNESSES]
+            parameters = tuple(name for name in drawn if name not in HARDNESSES)
+            self._inputs = Inputs(parameters, load, bool(hard))
+            self._names, self.input_sizes = [*parameters, load, *hard], self._inputs.sizes
+            return
         self.scene = Scene.from_text(self.surrogate.card["scene"], str(path))
         if isinstance(self.scene.surface, PythonSurface):
             raise InputError(
@@ -172,10 +181,16 @@ class SurrogateModel:
         """Predict one contact problem."""
         if config.stiffness:
             raise InputError("config.stiffness: a surrogate predicts its targets alone")
-        asked = question(self.scene, self._inputs, vectors, config)
-        predicted = self.surrogate.predict(
-            asked.heights, asked.scene.sides, asked.load["delta"], hardness=asked.hardness
-        )
+        if self._names and config != Configuration():
+            raise InputError("config: the surrogate answers for all surfaces of the parameters")
+        if self._names:
+            numbers = dict(zip(self._names, chain.from_iterable(vectors), strict=True))
+            predicted = self.surrogate.predict_rows(self.surrogate.of_numbers(numbers))
+        else:
+            asked = question(self.scene, self._inputs, vectors, config)
+            predicted = self.surrogate.predict(
+                asked.heights, asked.scene.sides, asked.load["delta"], hardness=asked.hardness
+            )
         parts = predicted.values, predicted.low, predicted.high
         output = [[float(part[name][0]) for part in parts] for name in self.surrogate.learnt]
         rows = self.surrogate.card["rows"]["calibration"]

@@ -171,7 +171,7 @@ def _body(law: Law, name: str) -> Iterator[str]:
     yield FUNCTIONS.replace("NAME", name)
     for curves in (law.over_delta, law.over_pressure):
         argument, suffix = ARGUMENTS[curves.against]
-        at, columns = _columns(curves, suffix, law.over_delta.curves["mean_gap_um"])
+        at, columns = _columns(curves, suffix, law.over_delta.curves.get("mean_gap_um"))
         yield from _tables(name, argument, at, columns)
     pressures, closures, _ = rising(law)
     yield from _tables(name, "closure", closures, {"pressure_at_closure": pressures})
@@ -193,16 +193,16 @@ def _tables(name: str, argument: str, at: Values, columns: dict[str, Values]) ->
             yield f"{{ return {name}_{function}({tables}); }}"
 
 
-def _columns(curves: Curves, suffix: str, gap: Curve) -> tuple[Values, dict[str, Values]]:
-    """Return arguments and columns from first touch on; `gap` is the curve against Delta."""
+def _columns(curves: Curves, suffix: str, gap: Curve | None) -> tuple[Values, dict[str, Values]]:
+    """Return arguments and columns from first touch on; `gap` is the curve over Delta, if any."""
     missing = curves.at[:1] > 0  # first touch, where pressures were given
     columns = {}
     for name, curve in curves.curves.items():
-        parts = {"": (curve.value, gap.value)}
-        if curves.banded or curve.banded.all():
-            parts |= {"_low": (curve.low, gap.low), "_high": (curve.high, gap.high)}
-        for end, (values, gaps) in parts.items():
-            first = gaps[:1] if name == "mean_gap_um" else np.zeros(1)
+        banded = curves.banded or curve.banded.all()
+        for end, part in (("", "value"), ("_low", "low"), ("_high", "high"))[: 3 if banded else 1]:
+            values, first = getattr(curve, part), np.zeros(1)
+            if name == "mean_gap_um" and gap is not None:
+                first = getattr(gap, part)[:1]
             columns[f"{SHORT[name]}{suffix}{end}"] = np.concatenate([first[missing], values])
     return np.concatenate([np.zeros(1)[missing], curves.at]), columns
 

@@ -104,12 +104,9 @@ def predict(
     deltas = loads_from("delta", delta) if delta else None
     rows: list[Row] = []
     if surrogate.features.name == SCENE:
-        if material.modulus() is not None:
-            raise InputError("the surrogate's modulus is that of its scene: leave out the option")
-        numbers: dict[str, Any] = {**_parameters(at)}
+        numbers: dict[str, Any] = _parameters(at, reading, material)
         numbers |= {} if deltas is None else {"delta": deltas}
         numbers |= {"pressure": loads_from("pressure", pressure)} if pressure else {}
-        numbers |= {} if material.hardness is None else {"hardness": material.hardness}
         rows += answers_of_parameters(surrogate, inputs, numbers, interval, mean=mean)
         of = "means over surfaces" if mean else f"new surfaces with {100 * interval:g} % intervals"
         show(rows, f"Predictions of {of}")
@@ -131,9 +128,13 @@ def predict(
         echo(f"wrote {output}")
 
 
-def _parameters(text: str) -> dict[str, float]:
-    """Parse --at, as "hurst=0.7,rms_height=1.2"."""
-    found = {}
+def _parameters(text: str, reading: Reading, material: options.Material) -> dict[str, float]:
+    """Parse --at, as "hurst=0.7,rms_height=1.2", add a hardness, and refuse options of surfaces."""
+    if material.modulus() is not None:
+        raise InputError("the surrogate's modulus is that of its scene: leave out the option")
+    if reading != Reading.of_options():
+        raise InputError("the surrogate reads no surfaces: leave out the options that prepare them")
+    found = {} if material.hardness is None else {"hardness": material.hardness}
     for part in filter(None, text.split(",")):
         name, _, number = part.partition("=")
         try:
@@ -164,6 +165,7 @@ def law(
     delta: Deltas = "",
     pressure: options.Pressures = "",
     conductivity: options.Conductivity = None,
+    at: At = "",
     solver: Solver = False,
     surfaces: options.Population = 50,
     boundary: LawBoundary = None,
@@ -179,7 +181,8 @@ def law(
 
     Bands are the surrogate's intervals for one surface, and quantiles over the surfaces of a
     population. There is none for one surface that is solved, or outside the surrogate's training.
-    With --solver it is what gen law makes, with the boundary of the first scene. With
+    With --solver it is what gen law makes, with the boundary of the first scene. A surrogate made
+    with --features scene takes --at, and no surface. With
     --conductivity there is the conductance too. Surrogates that have not learnt the stiffness take
     it from the slope of the force, for elastic bodies only.
     """
@@ -187,18 +190,26 @@ def law(
     from gen.law.files import show, write_files
     from gen.law.surfaces import is_scene, scene_of
     from gen.maps.contacts import require_conductivities
+    from learn.features.scene import SCENE
     from learn.surrogate import Surrogate
     from learn.surrogate.interval import checked_level
-    from learn.surrogate.law import make
+    from learn.surrogate.law import make, of_parameters
     from learn.surrogate.model import require_level
 
     files = files.filled(output)
     check_outputs(files.outputs, inputs)
     figure = empty_figure(files.picture, 12.0, 7.0)
     first, *others = inputs
-    if solver and Path(first).is_file() and kind_of(Path(first)) == "surrogate":
+    known = Path(first).is_file() and kind_of(Path(first)) == "surrogate"
+    if solver and known:
         raise InputError(f"{first}: --solver solves the law without a surrogate: leave it out")
-    if not solver and not others:
+    surrogate = Surrogate.load(Path(first)) if known else None
+    of_scene = surrogate is not None and surrogate.features.name == SCENE
+    if of_scene and (others or boundary):
+        raise InputError(f"{first}: a law at given parameters: leave out surfaces and --boundary")
+    if at and not of_scene:
+        raise InputError("--at: is for surrogates that learn fit --features scene makes")
+    if not (solver or others or of_scene):
         raise InputError(
             f"{first}: nothing else given: give a surrogate and then surfaces, or surfaces and"
             " --solver"
@@ -206,7 +217,7 @@ def law(
     if solver and boundary is None and (scenes := list(filter(is_scene, inputs))):
         boundary = scene_of(scenes[0]).contact.boundary
     order = Order(
-        inputs=tuple(inputs if solver else others),
+        inputs=tuple(inputs if solver or of_scene else others),
         delta=delta,
         pressure=pressure,
         surfaces=surfaces,
@@ -221,9 +232,12 @@ def law(
     if solver:
         made = by_solver(order, note)
     else:
-        surrogate = Surrogate.load(Path(first))
+        surrogate = surrogate or Surrogate.load(Path(first))
         require_level(surrogate, order.level)
-        made = make(surrogate, order, note)
+        if of_scene:
+            made = of_parameters(surrogate, order, _parameters(at, reading, material))
+        else:
+            made = make(surrogate, order, note)
     show(made)
     for written in write_files(made, files, figure):
         echo(f"wrote {written}")

@@ -103,14 +103,15 @@ def answers_of_parameters(
     """Yield the rows of a scene's surrogate for numbers, or for each row of CSV tables with them.
 
     Numbers are those of the parameters and the load, (k,) each, by their names; the columns of a
-    table have the names of the others. The mean over surfaces has no interval. InputError is raised
-    for a name that is missing or unknown, and for what is no number.
+    table have the names of the others, and its further columns are kept as they are. The mean over
+    surfaces has no interval. InputError is raised for a name that is missing or unknown, and for
+    what is no number.
     """
     names = [name for name in surrogate.features.names if name not in numbers]
     fixed = {name: np.atleast_1d(np.asarray(each, float)) for name, each in numbers.items()}
     files: list[Path | None] = [*tables] or [None]
     for table in files:
-        given, count = dict(fixed), 1
+        given, count, further = dict(fixed), 1, [dict[str, str]()]
         if table is not None:
             if table.suffix.lower() not in {".csv", ".txt"}:
                 require_surfaces(surrogate, str(table))
@@ -118,6 +119,7 @@ def answers_of_parameters(
             if twice := sorted(fixed.keys() & cells[0].keys()):
                 raise InputError(f"{table}: has its own {', '.join(twice)}: leave out the option")
             columns, count = _numbers(table, cells, names).T, len(cells)
+            further = [{name: row[name] for name in row if name not in names} for row in cells]
             given |= dict(zip(names, columns, strict=True))
         most = max((each.size for each in fixed.values()), default=1)
         spread = {
@@ -129,8 +131,9 @@ def answers_of_parameters(
         except InputError as error:
             raise InputError(f"{table}: {error}" if table else str(error)) from None
         prediction = surrogate.predict_rows(rows, level=None if mean else level)
-        asked = [
+        asked: list[Row] = [
             {"input": str(table or "")}
+            | further[k // most]
             | {heading(n, unit_of(n)): float(prediction.given[n][k]) for n in prediction.given}
             for k in range(len(prediction.delta))
         ]

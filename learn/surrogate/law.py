@@ -17,9 +17,13 @@ lie between the ends of their own intervals at these two Deltas. This holds when
 do; it is wider than an interval made for given pressures, because the errors of area and force are
 correlated. For a population the curves of each surface are inverted, and the band is that of the
 results.
+
+A scene's surrogate has the law of a new surface of given parameters: its loads are those that it
+has learnt, and its band is the interval of a new surface at such a load. The other table is that of
+the same contacts, without a band.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -27,14 +31,24 @@ import numpy as np
 from bem.derived.stiffness import without_patch
 from gen.arrays import Values
 from gen.law import Law, Order
-from gen.law.contact_law import STEPS, law_of
-from gen.law.curves import STIFFNESS, Curves, Points, continued, monotone, slopes, tabulated
-from gen.law.surfaces import LawSurface, read_subjects
+from gen.law.contact_law import ARGUMENTS, STEPS, law_of
+from gen.law.curves import (
+    STIFFNESS,
+    Curves,
+    Points,
+    continued,
+    monotone,
+    risen,
+    slopes,
+    tabulated,
+)
+from gen.law.surfaces import LawSurface, LawSurfaces, Load, read_subjects
 from gen.material import Bodies
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import RunProgress
+from gen.scene import Scene
 from learn.features import SurfaceFeatures, Undefined
-from learn.surrogate.model import OnSurface, Surrogate, bodies_of, require_surfaces
+from learn.surrogate.model import OnSurface, Prediction, Surrogate, bodies_of, require_surfaces
 
 BEYOND = (1.15, 1.4, 2.0, 3.0)
 """Further Deltas to predict, over the last one: some surfaces reach a pressure late."""
@@ -93,6 +107,97 @@ def make(surrogate: Surrogate, order: Order, say: Callable[[str], None]) -> Law:
     )
     said = f"predicted by {surrogate.card['title']}", f"{100 * order.level:g} % conformal interval"
     return law_of(order, subjects, bodies, (over_delta, over_pressure, [*left_out, *notes]), said)
+
+
+def of_parameters(surrogate: Surrogate, order: Order, numbers: Mapping[str, float]) -> Law:
+    """Make the law of a new surface of some parameters, by a surrogate of a scene's own features.
+
+    InputError is raised if a parameter is missing or unknown, for loads other than those that were
+    learnt, and if a target is missing without which there is no law.
+    """
+    load, asked = surrogate.features.load, dict(zip(ARGUMENTS, order.loads(), strict=True))
+    kind: Load = "delta" if load == "delta" else "pressure"
+    needed = {"area", "force" if kind == "delta" else "delta"}
+    if load not in {"delta", "pressure", "force"} or not needed <= surrogate.learnt.keys():
+        targets = ",".join(sorted(needed))
+        raise InputError(
+            f"a law needs a surrogate with --load delta or pressure, and --target {targets}"
+        )
+    if any(each is not None for other, each in asked.items() if other != kind):
+        raise InputError(f"the surrogate has learnt what a {load} leads to: give --{kind} instead")
+    scene = Scene.from_text(str(surrogate.card["scene"]))
+    settings = {name: getattr(scene.contact, name) for name in ("kernel", "far_field")}
+    patch = LawSurface(
+        ", ".join(f"{name} {value:g}" for name, value in numbers.items()) or "any surface",
+        np.zeros(scene.shape),
+        scene.sides,
+        boundary=surrogate.boundary,
+        settings={"spacing": scene.spacing, **settings},
+    )
+    unit, at = patch.nominal if load == "force" else 1.0, asked[kind]
+    if at is None:
+        ends = np.linspace(surrogate.low, surrogate.high, STEPS)
+        at = surrogate.features.shown(ends)[:, -1] / unit
+    rows = surrogate.of_numbers({**numbers, load: at[at > 0] * unit})
+    answer = surrogate.predict_rows(rows, level=order.level)
+    hardness = numbers.get("hardness")
+    if (limits := surrogate.hardness_limits) is not None and hardness is None:
+        hardness = numbers.get("hardness_ratio", limits[0]) * surrogate.modulus
+    bodies = Bodies(surrogate.modulus, hardness, known=True)
+    points, correction = monotone(_points_of_scene(answer, kind, at[at > 0], patch, bodies))
+    if (order.stiffness or order.conductivities is not None) and STIFFNESS not in points.values:
+        if bodies.hardness is not None:
+            raise InputError(YIELDING_STIFFNESS)
+        points = _with_stiffness(points, patch, bodies)
+    tables = _both_tables(points, kind, order.level)
+    subjects = LawSurfaces([patch], [scene], [f"{order.inputs[0]}: {patch.name}"])
+    remarks = [*_corrected(tables[kind], [correction]), f"only the table over {kind} has a band"]
+    said = f"predicted by {surrogate.card['title']}", f"{100 * order.level:g} % of new surfaces"
+    return law_of(order, subjects, bodies, (tables["delta"], tables["pressure"], remarks), said)
+
+
+def _points_of_scene(
+    answer: Prediction, kind: Load, at: Values, patch: LawSurface, bodies: Bodies
+) -> Points:
+    """Return the points of a law at ascending loads, (k,), from the answers of a scene's surrogate.
+
+    A Delta of answers rises with the closure: what the patch gives way is that of the pressure.
+    """
+    behind, parts = patch.patch_compliance(bodies.e_star), []
+    for ends in (answer.values, answer.low, answer.high):
+        pressure = ends["force"] / patch.nominal if kind == "delta" else at
+        closure = np.maximum((at if kind == "delta" else ends["delta"]) - behind * pressure, 0.0)
+        if kind == "pressure":
+            closure = np.maximum.accumulate(closure)
+        found = {"area_percent": ends["area"], "pressure_MPa": pressure, "closure_um": closure}
+        found |= {"delta_um": at if kind == "delta" else closure + behind * at}
+        found |= {"force_uN": pressure * patch.nominal}
+        found |= {"mean_gap_um": ends["mean_gap"]} if "mean_gap" in ends else {}
+        if STIFFNESSES & ends.keys():
+            found[STIFFNESS] = _learnt_stiffness(ends, patch, bodies)
+        parts.append(found)
+    values, low, high = parts
+    without = {"delta_um", "closure_um"} if kind == "delta" else {"pressure_MPa", "force_uN"}
+    for name in without:  # the load, and at a given Delta the closure, which falls with the force
+        del low[name], high[name]
+    return Points(values, low, high, answer.reasons)
+
+
+def _both_tables(points: Points, kind: Load, level: float) -> dict[Load, Curves]:
+    """Tabulate points against their load, and without a band against the other quantity."""
+    gaps, rest, made = points.values.get("mean_gap_um"), 0.0, {}
+    if gaps is not None:  # at first touch, but for what a free patch gives way
+        rest = float(gaps[0] + points.values["delta_um"][0])
+    for load, argument in ARGUMENTS.items():
+        own = points
+        if load != kind:
+            rising = risen(points.values[argument])
+            own = replace(points, low={}, high={}).chosen(rising)
+        over = own.values[argument]
+        if load == "delta" or load != kind:
+            own, over = own.from_rest(rest), np.append(0.0, over)
+        made[load] = tabulated(argument, over, [own], level, rest)
+    return made
 
 
 def _defined(surfaces: Sequence[LawSurface]) -> tuple[Sequence[LawSurface], list[str]]:

@@ -5,6 +5,7 @@ import csv
 import numpy as np
 import pytest
 
+from asperity.serving.models import Configuration, SurrogateModel
 from gen import cli as gen_cli
 from gen.runtime.errors import InputError
 from learn import Surrogate
@@ -59,6 +60,7 @@ def test_a_scene_by_pressure_is_learnt_kept_and_asked(tmp_path):
     assert (of_mean < of_new)[:2].all()  # the third is outside
     assert new.reasons == ("", "", "pressure 0.2 outside 0.001 to 0.1")
     command_line_answers(kept, surrogate, new, mean)
+    laws_and_servers_answer(kept, new)
     with pytest.raises(InputError, match="rms_height not given"):
         surrogate.predict(hurst=0.7, pressure=0.01)
     with pytest.raises(InputError, match="asks for hurst, rms_height, pressure, not for a surface"):
@@ -78,11 +80,31 @@ def command_line_answers(kept, surrogate, new, mean):
     rows = list(csv.DictReader(answers.read_text().splitlines()))
     assert [float(row["area_percent"]) for row in rows] == pytest.approx(mean.area)
     assert "area_percent_low" not in rows[0]
-    table.write_text("hurst,rms_height\n0.6,1.0\n0.7,1.2\n")
+    table.write_text("part,hurst,rms_height\nseat,0.6,1.0\nseal,0.7,1.2\n")
     assert learn_cli.main([*asked, str(table), "--pressure", "0.002,0.02"]) == 0
     rows = list(csv.DictReader(answers.read_text().splitlines()))
     assert [float(row["hurst"]) for row in rows] == [0.6, 0.6, 0.7, 0.7]
+    assert [row["part"] for row in rows] == ["seat", "seat", "seal", "seal"]
     assert [float(row["area_percent"]) for row in rows][2:] == pytest.approx(new.area[:2])
+
+
+def laws_and_servers_answer(kept, new):
+    line = ["law", str(kept), "--at", "hurst=0.7,rms_height=1.2", "--pressure", "0.002,0.02"]
+    files = ["--csv", str(kept.with_suffix(".csv")), "--header", str(kept.with_suffix(".h"))]
+    assert learn_cli.main([*line, "--conductivity", "50", *files]) == 0
+    rows = list(csv.DictReader(kept.with_suffix(".csv").read_text().splitlines()))
+    given = [row for row in rows if row["against"] == "pressure_MPa"]
+    for name, target in (("area_percent", "area"), ("closure_um", "delta")):  # there are no edges
+        for end, part in (("", new.values), ("_high", new.high)):
+            found = [float(row[name + end]) for row in given]
+            assert found == pytest.approx(part[target][:2])
+    assert [row["area_percent_high"] for row in rows[:3]] == ["", "", ""]  # over Delta
+    model = SurrogateModel(kept)
+    assert model.input_sizes == [2, 1]
+    wanted = new.area[0], new.low["area"][0], new.high["area"][0], 1.0
+    assert model.evaluate([[0.7, 1.2], [0.002]], Configuration())[0] == pytest.approx(wanted)
+    with pytest.raises(InputError, match="for all surfaces"):
+        model.evaluate([[0.7, 1.2], [0.002]], Configuration(surface=3))
 
 
 @pytest.mark.parametrize(
@@ -93,6 +115,7 @@ def command_line_answers(kept, surrogate, new, mean):
         (["--at", "hurst=much,rms_height=1", "--pressure", "0.01"], "give NAME=NUMBER"),
         (["--at", "hurst=0.7,hurst=0.8,rms_height=1", "--pressure", "0.01"], "once a name"),
         (["--at", "hurst=0.7,rms_height=1", "--pressure", "0.01", "--young", "2e5"], "modulus"),
+        (["--at", "hurst=0.7,rms_height=1", "--pressure", "0.01", "--fill"], "reads no surfaces"),
         (["asked.csv", "--at", "hurst=0.7", "--pressure", "0.01"], "has its own hurst"),
         (["surface.npy", "--delta", "1"], "not for surfaces: ask"),
     ],
@@ -113,8 +136,14 @@ def test_wrong_numbers_are_refused_in_a_line(tmp_path_factory, capsys, options, 
     assert learn_cli.main(["predict", surrogate, *options]) == 2
     assert said in capsys.readouterr().err
     if said == "not for surfaces: ask":
-        assert learn_cli.main(["law", surrogate, options[0]]) == 2
-        assert said in capsys.readouterr().err
+        at = ["--at", "hurst=0.7,rms_height=1"]
+        for line, why in (
+            ([options[0]], "leave out surfaces"),
+            ([*at, "--delta", "1"], "give --pressure instead"),
+            (["--at", "hurst=0.7"], "rms_height not given"),
+        ):
+            assert learn_cli.main(["law", surrogate, *line]) == 2
+            assert why in capsys.readouterr().err
         grown = ["grow", str(folder / "s.toml"), "--features", "scene"]
         assert learn_cli.main([*grown, "-o", str(folder / "g.surrogate")]) == 2
         assert "features of surfaces" in capsys.readouterr().err
