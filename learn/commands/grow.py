@@ -12,11 +12,10 @@ from gen.runtime import farm
 from gen.runtime.command_line import grouped
 from gen.runtime.errors import InputError
 from gen.runtime.files import Output, check_outputs
-from gen.runtime.terminal import echo, to_type
+from gen.runtime.terminal import echo
 from learn.commands.fit import SEEDS, note, targets_in
 
 if TYPE_CHECKING:
-    from gen.scene import Scene
     from learn.executor import Executor
     from learn.grow.rounds import Order
 
@@ -93,6 +92,7 @@ def _grow(order: Order, scene: str, budget: str, executor: Executor) -> int:
     """Grow on the master; return the exit code."""
     from gen.runtime.figure import new_figure, save
     from gen.runtime.signals import Interruption
+    from gen.scene import load
     from learn.bounded import seconds
     from learn.grow import report, rounds
     from learn.grow.rows import Pace
@@ -108,7 +108,7 @@ def _grow(order: Order, scene: str, budget: str, executor: Executor) -> int:
     _require_own(database, output, drawing)
     figure = new_figure(report.WIDTH, report.HEIGHT, dpi=110)
     with Interruption(listening=True) as interruption:
-        whole = _scene(scene)
+        whole = load(scene)
         for doubt in whole.contact.doubts:
             note(f"warning: {doubt}")
         grown = rounds.grow(order, whole, executor, pace, note, interruption.requested)
@@ -172,13 +172,3 @@ def _beside(output: Path, suffix: str) -> Path:
     if not output.name or output.suffix in {".h5", ".png", ".toml"}:
         raise InputError(f"--output {output}: give the name of a surrogate, as my.surrogate")
     return output.with_suffix(suffix)
-
-
-def _scene(name: str) -> Scene:
-    """Read the scene of the rows; a folder of maps needs one first."""
-    from gen.scene import load, preset_names
-
-    if name not in preset_names() and Path(name).is_dir():
-        command = to_type(f"gen scene {name} -o mine.toml")
-        raise InputError(f"{name}: is a folder; {command} writes the scene of a folder of maps")
-    return load(name)

@@ -119,19 +119,14 @@ def accuracy(errors: Values, truth: Values, groups: Indices) -> Accuracy:
 
     Source: W. G. Cochran (1977), Sampling Techniques, sections 2.11 and 9A.
     """
-    wrong, true = summed(errors, groups), summed(np.abs(truth), groups)
+    _, place = np.unique(groups, return_inverse=True)
+    wrong, true = (np.bincount(place.ravel(), each) for each in (errors, np.abs(truth)))
     ratio, number = float(wrong.sum() / true.sum()), wrong.size
     if number < 2:
         return Accuracy(100 * ratio, math.inf, number)
     squares = float(np.sum((wrong - ratio * true) ** 2))
     error = math.sqrt(number / (number - 1) * squares) / float(true.sum())
     return Accuracy(100 * ratio, 100 * error, number)
-
-
-def summed(values: Values, groups: Indices) -> Values:
-    """Add up the values of each group, in the order of their numbers; shape (groups,)."""
-    _, place = np.unique(groups, return_inverse=True)
-    return np.asarray(np.bincount(place.ravel(), weights=values), dtype=np.float64)
 
 
 def drawn(numbers: Indices, seed: int, among: int = SHARE) -> NDArray[np.bool_]:

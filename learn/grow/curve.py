@@ -2,20 +2,18 @@
 
 The rows of a scene are independent draws, so that a part of a database is a smaller database.
 Models fitted to parts, judged on all rows of the holdout, give points of the curve a + b n^-c,
-which is fitted to their logarithms. Drawing the surfaces of the holdout and the parts again and
-again, with replacement, shows how uncertain the curve is.
+which is fitted to their logarithms.
 """
 
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from gen.arrays import Values
 from learn.dataset import Dataset, Request
-from learn.grow.accuracy import Appraisal, Sizes, judge, quantile, risk, summed
+from learn.grow.accuracy import Accuracy, Appraisal, Sizes, judge, risk
 from learn.surrogate.calibration import without_calibration
 from learn.surrogate.fitting import fit_target
 
@@ -35,15 +33,9 @@ that errors of still smaller parts would bend the curve."""
 DRAWS = 4
 """Parts of one size, at most."""
 
-REPETITIONS = 100
-"""Curves of resampled parts and test rows."""
-
 EXPONENTS = (0.1, 1.0)
 """Smallest and largest exponent of a curve. Steeper ones, which pass for a curve where few rows
 scatter, would level off at once."""
-
-BAND = (0.1, 0.9)
-"""Quantiles of the resampled curves that are stated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,25 +48,6 @@ class Curve:
     lowest: Values  # smallest of them, (k,) [%]
     highest: Values  # largest of them, (k,) [%]
     fit: Values  # a [%], b [%] and c of the curve a + b n^-c, (3,)
-    resampled: Values  # the same of the resampled curves, (repetitions, 3)
-
-    def at(self, rows: Values) -> tuple[Values, Values, Values]:
-        """Return the curve, and both ends of its band, at numbers of rows; each (n,) [%]."""
-        every = np.stack([values(each, rows) for each in self.resampled])
-        low, high = np.quantile(every, BAND, axis=0)
-        return values(self.fit, rows), low, high
-
-
-class Advice(NamedTuple):
-    """Rows of the database that meets the mark, infinite if no allowed number suffices.
-
-    With quantiles of the resampled curves, and the share of them that do not come to the mark.
-    """
-
-    rows: float
-    low: float
-    high: float
-    hopeless: float
 
 
 def learning_curve(request: Request, found: Appraisal) -> Curve | None:
@@ -83,29 +56,20 @@ def learning_curve(request: Request, found: Appraisal) -> Curve | None:
     None is returned if the database is too small for three points.
     """
     target = found.worst
-    rows, judged = found.sets[request.targets.index(target)], found.judged[target]
-    groups = rows.at(found.parts.test).groups
-    truth = summed(np.abs(judged.truth), groups)
-    points = [(found.rows, summed(np.abs(judged.prediction - judged.truth), groups))]
+    rows = found.sets[request.targets.index(target)]
+    points = [(found.rows, found.judged[target].accuracy.nmae)]
     for size, start in _parts(found.rows):
-        errors = _wrong_of_part(request, found, rows, start, start + size)
-        if errors is not None:
-            points.append((size, errors))
+        error = _error_of_part(request, found, rows, start, start + size)
+        if error is not None:
+            points.append((size, error))
     sizes = np.unique([size for size, _ in points])
     if sizes.size < 3:
         return None
-    wrong = [np.array([each for size, each in points if size == wanted]) for wanted in sizes]
-    shares = [100 * each.sum(axis=1) / truth.sum() for each in wrong]
-    means = np.array([each.mean() for each in shares])
-    return Curve(
-        target=target,
-        rows=sizes.astype(float),
-        nmae=means,
-        lowest=np.array([each.min() for each in shares]),
-        highest=np.array([each.max() for each in shares]),
-        fit=fitted(sizes.astype(float), means),
-        resampled=_resampled(sizes.astype(float), wrong, truth, request.seed),
-    )
+    errors = [np.array([error for size, error in points if size == wanted]) for wanted in sizes]
+    means = np.array([each.mean() for each in errors])
+    lowest, highest = (np.array([end(each) for each in errors]) for end in (np.min, np.max))
+    numbers = sizes.astype(float)
+    return Curve(target, numbers, means, lowest, highest, fitted(numbers, means))
 
 
 def _parts(rows: int) -> Iterator[tuple[int, int]]:
@@ -118,10 +82,10 @@ def _parts(rows: int) -> Iterator[tuple[int, int]]:
             yield from ((size, draw * size) for draw in range(min(DRAWS, rows // size)))
 
 
-def _wrong_of_part(
+def _error_of_part(
     request: Request, found: Appraisal, rows: Dataset, start: int, stop: int
-) -> Values | None:
-    """Return the absolute errors of a model of some rows, summed over each group of test rows.
+) -> float | None:
+    """Return the nMAE of a model of some rows on all test rows [%].
 
     None if these rows cannot be trained on, since they are too few or all alike.
     """
@@ -131,25 +95,7 @@ def _wrong_of_part(
     if part.size < FEWEST_TRAINING or np.ptp(part.target) == 0 or np.ptp(folds) == 0:
         return None
     fit = fit_target(request, part, rows.at(calibration), folds)
-    test = rows.at(found.parts.test)
-    judged = judge(fit.learnt, test)
-    return summed(np.abs(judged.prediction - judged.truth), test.groups)
-
-
-def _resampled(rows: Values, wrong: list[Values], truth: Values, seed: int) -> Values:
-    """Return curves of resampled parts and groups of test rows, shape (repetitions, 3)."""
-    random = np.random.default_rng(seed)
-    curves = []
-    for _ in range(REPETITIONS):
-        weights = random.multinomial(truth.size, np.full(truth.size, 1 / truth.size))
-        if not truth @ weights:  # only surfaces on which the target is 0
-            continue
-        errors = []
-        for parts in wrong:
-            drawn = parts[random.integers(len(parts), size=len(parts))]
-            errors.append(100 * float((drawn @ weights).mean()) / float(truth @ weights))
-        curves.append(fitted(rows, np.array(errors)))
-    return np.array(curves)
+    return judge(fit.learnt, rows.at(found.parts.test)).accuracy.nmae
 
 
 def fitted(rows: Values, nmae: Values) -> Values:
@@ -180,32 +126,19 @@ def values(curve: Values, rows: Values) -> Values:
     return np.asarray(floor + scale * rows**-exponent)
 
 
-def advise(found: Appraisal, curve: Curve, sizes: Sizes, most: int) -> Advice:
-    """Say how many rows meet the mark, of the sizes that the database can have up to the most.
+def advise(found: Appraisal, curve: Curve, sizes: Sizes, most: int) -> float:
+    """Return how many rows meet the mark, of the sizes that the database can have up to the most.
 
-    It is the first size at which the bound is expected to be below the mark.
+    It is the first size at which the bound is expected to be below the mark; infinite if none is.
     """
     error = found.judged[curve.target].accuracy
-    numbers = range(found.number + 1, sizes.number(most) + 1)
-    rows = np.array([min(sizes.rows(number), most) for number in numbers], dtype=float)
-    if not rows.size:
-        return Advice(math.inf, math.inf, math.inf, 1.0)
-    grows = rows / found.rows if not found.sets[0].by_tile else np.ones(rows.size)
-    relative = error.error / error.nmae / np.sqrt(grows) if error.nmae else np.zeros(rows.size)
-    groups = np.maximum(error.groups * grows, 2).astype(int)
-    margins = np.exp(
-        [
-            min(quantile(risk(number), count) * each, 700.0)
-            for number, count, each in zip(numbers, groups, relative, strict=True)
-        ]
-    )
-
-    def needed(each: Values) -> float:
-        here = values(each, np.array([float(found.rows)]))[0]
-        bounds = error.nmae * values(each, rows) / here * margins
-        meets = np.flatnonzero(bounds <= found.mark)
-        return float(rows[meets[0]]) if meets.size else math.inf
-
-    every = np.sort([needed(each) for each in curve.resampled])
-    low, high = (float(every[int(share * (every.size - 1))]) for share in BAND)
-    return Advice(needed(curve.fit), low, high, float(np.mean(np.isinf(every))))
+    for number in range(found.number + 1, sizes.number(most) + 1):
+        rows = min(sizes.rows(number), most)
+        grows = 1.0 if found.sets[0].by_tile else rows / found.rows
+        at, here = values(curve.fit, np.array([rows, found.rows], dtype=float))
+        nmae = error.nmae * at / here
+        relative = error.error / error.nmae / math.sqrt(grows) if error.nmae else 0.0
+        expected = Accuracy(nmae, nmae * relative, max(int(error.groups * grows), 2))
+        if expected.bound(risk(number)) <= found.mark:
+            return float(rows)
+    return math.inf

@@ -13,7 +13,7 @@ import numpy as np
 from gen.runtime.figure import draw_parity, log_axis, parity_axes
 from gen.runtime.terminal import echo, print_table, printable
 from learn.grow.accuracy import LEVEL, RISK, Appraisal
-from learn.grow.curve import Curve
+from learn.grow.curve import Curve, values
 from learn.grow.rounds import Ending, Growth, asked_for
 from learn.grow.rows import stock
 from learn.surrogate import break_even
@@ -127,15 +127,13 @@ def draw(figure: Any, found: Appraisal, curve: Curve | None) -> None:
 
 
 def _draw_learning(axis: Any, found: Appraisal, curve: Curve | None) -> None:
-    """Draw errors over rows, the curve with its band, and the mark."""
+    """Draw errors over rows, the curve, and the mark."""
     judged = found.judged[found.worst].accuracy
     if curve is not None:
         spread = curve.nmae - curve.lowest, curve.highest - curve.nmae
         axis.errorbar(curve.rows, curve.nmae, spread, fmt="o", color="0.4", ms=4, label="parts")
         rows = np.geomspace(curve.rows[0], 8 * curve.rows[-1], 100)
-        fit, low, high = curve.at(rows)
-        axis.plot(rows, fit, color=COLOUR, label="a + b n$^{-c}$, 80 % of its draws")
-        axis.fill_between(rows, low, high, color=COLOUR, alpha=0.2, lw=0)
+        axis.plot(rows, values(curve.fit, rows), color=COLOUR, label="a + b n$^{-c}$")
     bound = found.bound(found.worst) - judged.nmae
     axis.errorbar(
         [found.rows],

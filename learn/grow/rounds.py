@@ -15,7 +15,7 @@ from learn import bounded
 from learn.dataset import TARGETS, Request, results, short_name
 from learn.executor import Executor
 from learn.grow.accuracy import Appraisal, Sizes, appraise
-from learn.grow.curve import EXPONENTS, Advice, Curve, advise, learning_curve
+from learn.grow.curve import EXPONENTS, Curve, advise, learning_curve
 from learn.grow.rows import Pace, generate, stock
 
 FURTHEST = 4
@@ -23,9 +23,6 @@ FURTHEST = 4
 
 WORTH = 0.05
 """Rows of a round over those that there are, at least, if the budget is to be spent on them."""
-
-SURE = 0.95
-"""Share of the resampled learning curves that have to miss the mark before a growth gives up."""
 
 EARLIEST = 7
 """Number of the smallest size at which a growth gives up by its learning curve."""
@@ -60,7 +57,7 @@ class Growth:
     ending: Ending | None = None  # None while it goes on
     last: Appraisal | None = None  # the last surrogate with its errors
     curve: Curve | None = None  # the last learning curve
-    advice: Advice | None = None  # the last advice
+    advice: float | None = None  # rows that the last curve asks for, infinite if none suffice
     fitting: float = 0.0  # time of all looks [s]
 
     @property
@@ -144,7 +141,7 @@ class Growth:
 
     def _is_hopeless(self, rows: int) -> bool:
         """Tell whether the mark is out of reach for a curve, at first for the steepest one only."""
-        if self.last is None or self.advice is None or self.advice.hopeless < SURE:
+        if self.last is None or self.advice is None or math.isfinite(self.advice):
             return False
         error = self.last.judged[self.last.worst].accuracy.nmae
         steepest = error * (rows / self.order.most) ** EXPONENTS[1]
@@ -158,10 +155,10 @@ class Growth:
     def _next(self, rows: int) -> int:
         """Return the rows of the next look: as advised, but not far, and within the budget."""
         number = self.sizes.number(rows + 1)
-        if self.advice is not None and math.isinf(self.advice.rows):
+        if self.advice is not None and math.isinf(self.advice):
             number += 1
         elif self.advice is not None:
-            asked = min(self.advice.rows, self.sizes.rows(number + FURTHEST - 1))
+            asked = min(self.advice, self.sizes.rows(number + FURTHEST - 1))
             number = max(number, self.sizes.number(int(asked)))
         wanted = min(self.sizes.rows(number), self.order.most)
         affordable = self.pace.affordable(rows, wanted - rows)
@@ -203,7 +200,7 @@ def grow(
         return growth
 
 
-def in_words(found: Appraisal, advice: Advice | None) -> str:
+def in_words(found: Appraisal, advice: float | None) -> str:
     """Say how accurate a surrogate is, and how many rows the mark needs."""
     errors = ", ".join(
         f"{name} {each.accuracy.nmae:.2f} +- {each.accuracy.error:.2f} %"
@@ -216,14 +213,8 @@ def in_words(found: Appraisal, advice: Advice | None) -> str:
     return said if advice is None else f"{said}; {asked_for(found, advice)}"
 
 
-def asked_for(found: Appraisal, advice: Advice) -> str:
-    """Say how many more rows the learning curve asks for, and how sure that is."""
-    if math.isinf(advice.rows):
-        return f"the learning curve does not come to it ({1 - advice.hopeless:.0%} of its draws do)"
-    lie = f"from {advice.low:,.0f} to {advice.high:,.0f}"
-    if math.isinf(advice.high):
-        lie = f"above {advice.low:,.0f}"
-    return (
-        f"the learning curve asks for {advice.rows:,.0f} rows, {advice.rows - found.rows:,.0f} more"
-        f" (80 % of its draws lie {lie})"
-    )
+def asked_for(found: Appraisal, advice: float) -> str:
+    """Say how many more rows the learning curve asks for."""
+    if math.isinf(advice):
+        return "the learning curve does not come to it"
+    return f"the learning curve asks for {advice:,.0f} rows, {advice - found.rows:,.0f} more"

@@ -107,7 +107,7 @@ def test_a_signal_in_its_midst_leaves_a_growth_that_goes_on(number, grown, tmp_p
         (["nothing.toml", "-o", "my.surrogate"], "nothing.toml"),
         (["quick", "-o", "my.h5"], "--output my.h5"),
         (["quick", "-o", "my.surrogate", "--nmae", "0"], "--nmae 0"),
-        (["empty", "-o", "my.surrogate"], "gen scene empty -o mine.toml"),
+        (["empty", "-o", "my.surrogate"], "empty"),
         (["quick", "-o", "my.surrogate", "--target", "mean_gap"], "--target 'mean_gap'"),
     ],
 )
