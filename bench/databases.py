@@ -9,7 +9,7 @@ from typing import Any
 from bench.report import remark
 from gen import database
 from gen.database import Reader
-from gen.generation.run import Request, generate_database
+from gen.generation.run import generate_database
 from gen.generation.sample import compute_rows
 from gen.runtime.errors import InputError
 from gen.runtime.farm import World
@@ -39,7 +39,7 @@ def generated(folder: Path, name: str, text: str) -> Path:
     make_folder(folder)
     write(scene, text)
     remark(f"generating {path}: {wanted.samples} rows")
-    if generate_database(Request(str(scene), path), World()).signal:
+    if generate_database(str(scene), path, World()).signal:
         remark(f"{path}: interrupted; the same command goes on")
         raise KeyboardInterrupt
     return path

@@ -34,7 +34,7 @@ from bench.files import Row
 from bench.report import Report, remark
 from gen import database
 from gen.arrays import Columns
-from gen.generation.run import Block, Request, Target, blocks_of, generate_database, opened
+from gen.generation.run import Block, Target, blocks_of, generate_database, opened
 from gen.generation.run import write as write_block
 from gen.generation.sample import compute_rows
 from gen.runtime import farm
@@ -181,7 +181,7 @@ def _generation(arguments: dict[str, Any], world: farm.World) -> float:
         while len(list(folder.iterdir())) < 2:  # whoever started them bounds the wait
             time.sleep(0.001)
     began = time.perf_counter()
-    generate_database(Request("scene.toml", Path("rows.h5")), world)
+    generate_database("scene.toml", Path("rows.h5"), world)
     return time.perf_counter() - began
 
 

@@ -44,10 +44,18 @@ def run(
 
             printer.print_plan(completed(load(scene)), output)
         return 0
-    from gen.generation.run import Request, generate_database
+    from gen.generation.run import generate_database
 
-    request = Request(scene, output, share, retry_failed, force, sample_limit, writer)
-    result = generate_database(request, world)
+    result = generate_database(
+        scene,
+        output,
+        world,
+        rows=share,
+        retry_failed=retry_failed,
+        force=force,
+        limit=sample_limit,
+        choice=writer,
+    )
     if world.is_master:
         from gen.commands import printer
 

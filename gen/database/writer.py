@@ -99,12 +99,14 @@ class Writer(Reader):
         with ExitStack() as stack:
             self._held = stack.enter_context(self._hold(path))
             super().__init__(path)
+            stack.callback(super().close)
+            self._datasets = {
+                column.name: self._file[stored_path(self._file, column)]
+                for column in self.columns()
+            }
+            self._status = self._datasets[STATUS.name]
+            self._held.remember(self._datasets.values())
             stack.pop_all()
-        self._datasets = {
-            column.name: self._file[stored_path(self._file, column)] for column in self.columns()
-        }
-        self._status = self._datasets[STATUS.name]
-        self._held.remember(self._datasets.values())
 
     def _checked(self) -> Scene:
         """Check that rows of the scene may be written into the open file."""

@@ -143,17 +143,14 @@ def _first_outputs(scene: Scene) -> dict[str, str]:
 
     # Rows beyond the samples are tried too: a larger database has the same outputs.
     found = first_contact(scene, TRIED_ROWS)
-    if found is None:
-        raise InputError(
-            f"{scene.store.function}: none of the first {TRIED_ROWS} rows has a solution that would"
-            " show its outputs; give store.outputs = { name = 'unit' }"
-        )
-    row, contact = found
+    fault = f"none of the first {TRIED_ROWS} rows has a solution"
     try:
-        outputs = called(scene.store, contact, row)
+        if found is not None:
+            outputs = called(scene.store, found[1], found[0])
+            return {name: unit or "1" for name, (_, unit) in outputs.items()}
     except ArithmeticError as error:
-        raise InputError(
-            f"{scene.store.function}, row {row}: {type(error).__name__}, so its outputs are"
-            " unknown; give store.outputs = { name = 'unit' }"
-        ) from error
-    return {name: unit or "1" for name, (_, unit) in outputs.items()}
+        fault = f"row {found[0]}: {type(error).__name__}" if found else fault
+    raise InputError(
+        f"{scene.store.function}, {fault}, so its outputs are unknown; give store.outputs ="
+        " { name = 'unit' }"
+    )

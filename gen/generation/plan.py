@@ -18,7 +18,6 @@ another one gives other surfaces and loads for the same scene.
 
 import functools
 import zlib
-from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -106,37 +105,6 @@ def opposite_random(scene: Scene, surface: int | np.int64) -> np.random.Generato
     """Make the random generator of the second rough body that a surface is pressed against."""
     # A key of two words like that of a chunk, whose second word is never this one.
     return np.random.Generator(_stream(scene.seed, int(surface), 4))
-
-
-def blocks(
-    pending: Iterable[tuple[int, int]],
-    *,
-    samples_per_surface: int,
-    workers: int,
-    largest: int,
-    smallest: int = 1,
-) -> Iterator[tuple[int, int]]:
-    """Cut pending rows into blocks, the tasks of workers, which become smaller towards the end.
-
-    Guided self-scheduling (Polychronopoulos and Kuck, 1987): a block is a third of one worker's
-    share of the remaining rows, so that a slow block at the end delays the run little. It has at
-    least `smallest` rows while there are as many: one master cannot serve many workers row by row.
-    A block ends with a surface if possible, so that few surfaces are generated twice.
-    """
-    ranges = list(pending)
-    remaining = sum(stop - start for start, stop in ranges)
-    for start, stop in ranges:
-        position = start
-        while position < stop:
-            rows = min(max(smallest, remaining // (3 * workers)), largest)
-            border = (position + rows) // samples_per_surface * samples_per_surface
-            if border <= position:  # one surface has more rows: all of them, if a block may
-                border += samples_per_surface
-                border = border if border - position <= largest else position + rows
-            border = min(border, stop)
-            yield position, border
-            remaining -= border - position
-            position = border
 
 
 def _stream(seed: int, *key: int) -> np.random.PCG64:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import resource
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +20,7 @@ from gen.generation.sample import compute_rows, finished_parts
 from gen.runtime import farm
 from gen.runtime.errors import InputError
 from gen.runtime.signals import Interruption
+from gen.runtime.terminal import RunProgress
 from gen.scene import Scene, load, row_bytes
 from gen.schema import Status
 
@@ -57,19 +58,6 @@ Choice = Literal["auto", "single", "parallel"]
 
 
 @dataclass(frozen=True)
-class Request:
-    """Request to generate rows of a scene into a file."""
-
-    scene: str  # name of a shipped one, or path of a TOML file
-    path: Path  # of the database
-    rows: tuple[int, int] | None = None  # first row to compute and one past the last; None for all
-    retry_failed: bool = False
-    force: bool = False  # continue a file of another physics number
-    sample_limit: float | None = None  # time for a surface, and for each contact on it [s]
-    writer: Choice = "auto"  # every worker its own rows if h5py and the file system allow it
-
-
-@dataclass(frozen=True)
 class RunResult:
     """State in which a run left its database, the same on every process."""
 
@@ -85,14 +73,6 @@ class Target(NamedTuple):
     scene: Scene  # of the file
     parallel: bool  # whether every worker writes its own rows
     force: bool = False  # whether rows may be added to those of another physics number
-
-
-class Tally(NamedTuple):
-    """Numbers of rows of a block that failed, or took too long; and why none could be written."""
-
-    failed: int
-    overdue: int
-    trouble: str = ""
 
 
 @contextmanager
@@ -116,14 +96,12 @@ def opened(target: Target, world: farm.World) -> Iterator[Writer | None]:
             yield writer
 
 
-def write(writer: Writer | None, block: Block, rows: Columns) -> Tally:
-    """Write the finished rows of a block, and count its rows."""
+def write(writer: Writer | None, block: Block, rows: Columns) -> Columns:
+    """Write the finished rows of a block; return the column that tells which they are."""
     assert writer is not None  # workers that have none return their rows
     for start, stop, part in finished_parts(block[0], rows):
         writer.write_block(start, stop, part)
-    status = rows["status"]
-    failed, overdue = (np.count_nonzero(status == s) for s in (Status.FAILED, Status.PENDING))
-    return Tally(int(failed), int(overdue))
+    return {"status": rows["status"]}
 
 
 def in_parallel(choice: Choice, path: Path, world: farm.World) -> bool:
@@ -146,143 +124,138 @@ def in_parallel(choice: Choice, path: Path, world: farm.World) -> bool:
     return choice == "parallel" or (database.parallel_hdf5() and database.coherent(path))
 
 
-def generate_database(request: Request, world: farm.World) -> RunResult:
+def generate_database(
+    scene: str,
+    path: Path,
+    world: farm.World,
+    *,
+    rows: tuple[int, int] | None = None,
+    retry_failed: bool = False,
+    force: bool = False,
+    limit: float | None = None,
+    choice: Choice = "auto",
+) -> RunResult:
     """Create or continue a database; every process of the world has to call it.
 
-    On the master, an InputError names a scene or a file that cannot be used, or a full disk; the
-    workers raise `gen.runtime.farm.MasterLeft` then.
+    `scene` is the name of a shipped one, or the path of a TOML file; `rows` are the first one to
+    compute and one past the last; `limit` is the time for a surface, and for each contact on it
+    [s]. On the master, an InputError names a scene or a file that cannot be used, or a full disk;
+    the workers raise `gen.runtime.farm.MasterLeft` then.
     """
     with ExitStack() as stack:
         # From here on a signal is noted; it takes effect between two blocks, not in a broadcast.
         interruption = stack.enter_context(Interruption(listening=world.is_master))
-        job = stack.enter_context(_prepared(request, world)) if world.is_master else None
-        target: Target = world.broadcast(job and job.target)
+        job, overdue = None, 0
+        if world.is_master:
+            parallel = in_parallel(choice, path, world)
+            prepared = _prepared(scene, path, rows, retry_failed=retry_failed, force=force)
+            found, pending, said = stack.enter_context(prepared)
+            job = Target(path, found, parallel, force)
+        target: Target = world.broadcast(job)
 
         # If all processes have opened the file, all of them have to close it: between here and the
         # farm the master does nothing that can fail.
-        with opened(target, world) as writer:
+        with ExitStack() as inner:
+            writer = inner.enter_context(opened(target, world))
 
-            def work(block: Block) -> Columns | Tally:
+            def work(block: Block) -> Columns:
                 target.scene.surface.make_ready(target.path.parent, verify=False)
-                limit = request.sample_limit
-                rows = compute_rows(target.scene, *block, rank=world.rank, limit=limit)
-                try:
-                    return write(writer, block, rows) if target.parallel else rows
-                except InputError as error:
-                    return Tally(0, 0, str(error))
+                made = compute_rows(target.scene, *block, rank=world.rank, limit=limit)
+                return write(writer, block, made) if target.parallel else made
 
-            if job is None:
-                farm.run(work, iter(()), lambda block, result: None, world)
-            else:
-                overdue = _hand_out(job, work, writer, world, interruption)
+            def take(block: Block, result: Columns) -> None:
+                nonlocal overdue
+                status = (result if target.parallel else write(writer, block, result))["status"]
+                late = int(np.count_nonzero(status == Status.PENDING))
+                overdue += late
+                progress.advance(len(status) - late, int(np.count_nonzero(status == Status.FAILED)))
+
+            blocks: Iterator[Block] = iter(())
+            if job is not None:
+                progress = inner.enter_context(RunProgress(sum(b - a for a, b in pending)))
+                for line in _remarks(target, said, world):
+                    progress.say(line)
+                blocks = blocks_of(target.scene, pending, world.workers)
+            farm.run(work, blocks, take, world, stopping=interruption.requested)
+            if job is not None and writer is not None:
+                writer.confirm()
         # Every writer has closed the file: its rows can be counted now.
-        if job is None:
-            return world.broadcast(None)  # type: ignore[no-any-return]
-        from gen import database
+        ended = None
+        if job is not None:
+            from gen.database import Reader
 
-        with database.Reader(target.path) as reader:
-            ended = RunResult(reader.counts(), interruption.signal, overdue)
-        world.broadcast(ended)
-        return ended
-
-
-class _Job(NamedTuple):
-    """The master's side of a run: the file, its pending rows, and what there is to say of it."""
-
-    target: Target
-    pending: list[Block]
-    begun: str
+            with Reader(path) as reader:
+                ended = RunResult(reader.counts(), interruption.signal, overdue)
+        return world.broadcast(ended)  # type: ignore[no-any-return]
 
 
 @contextmanager
-def _prepared(request: Request, world: farm.World) -> Iterator[_Job]:
-    """Lock the file, create or check it, and find its pending rows, on the master."""
+def _prepared(
+    name: str, path: Path, rows: tuple[int, int] | None, *, retry_failed: bool, force: bool
+) -> Iterator[tuple[Scene, list[Block], str]]:
+    """Lock the file, create or check it, and find its scene and its pending rows, on the master."""
     from gen import database
 
-    path, force = request.path, request.force
-    asked_for = completed(load(request.scene), path.parent)
-    first, last = request.rows or (0, asked_for.samples)
+    asked_for = completed(load(name), path.parent)
+    first, last = rows or (0, asked_for.samples)
     if not 0 <= first < last <= asked_for.samples:
         raise InputError(
             f"--rows {first}:{last}: give first and last + 1 of the rows 0 to"
             f" {asked_for.samples}, as 0:{asked_for.samples}"
         )
-    parallel = in_parallel(request.writer, path, world)
     with database.lock(path):
         if not path.exists():
             rehearse(asked_for)
         opened = database.open_or_create(path, asked_for, range(first, last), force=force)
         with database.Writer(path, asked_for, force=force) as writer:
             scene = writer.scene
-            retried = writer.retry_failed(first, last) if request.retry_failed else 0
+            retried = writer.retry_failed(first, last) if retry_failed else 0
             pending = writer.pending(first, last)
         scene.surface.make_ready(path.parent)
-        todo = sum(stop - start for start, stop in pending)
         again = f", {retried} failed ones among them" if retried else ""
-        begun = (
-            f"{path}: {opened.how}, {opened.samples} rows, {todo} to do{again}; {world.workers}"
-            f" {'worker' if world.workers == 1 else 'workers'},"
-            f" {'parallel' if parallel else 'single'} writer"
-        )
-        yield _Job(Target(path, scene, parallel, force), pending, begun)
+        todo = sum(stop - start for start, stop in pending)
+        yield scene, pending, f"{opened.how}, {opened.samples} rows, {todo} to do{again}"
 
 
-def _hand_out(
-    job: _Job,
-    work: Callable[[Block], Columns | Tally],
-    writer: Writer | None,
-    world: farm.World,
-    interruption: Interruption,
-) -> int:
-    """Do the master's part: hand out blocks, take results, note signals; return late rows."""
-    from gen.runtime.terminal import RunProgress
-
-    overdue, scene = 0, job.target.scene
-    said = [
-        job.begun,
-        *(f"runs {function}" for function in functions(scene)),
-        *(f"  warning: {doubt}" for doubt in scene.contact.doubts),
-        *(f"  {line}" for line in scene.surface.remarks()),
+def _remarks(target: Target, begun: str, world: farm.World) -> list[str]:
+    """Return what there is to say of a run that begins."""
+    workers = f"{world.workers} {'worker' if world.workers == 1 else 'workers'}"
+    return [
+        f"{target.path}: {begun}; {workers}, {'parallel' if target.parallel else 'single'} writer",
+        *(f"runs {function}" for function in functions(target.scene)),
+        *(f"  warning: {doubt}" for doubt in target.scene.contact.doubts),
+        *(f"  {line}" for line in target.scene.surface.remarks()),
     ]
-    with RunProgress(sum(stop - start for start, stop in job.pending)) as progress:
-        for line in said:
-            progress.say(line)
-
-        def take(block: Block, result: Columns | Tally) -> None:
-            nonlocal overdue
-            tally = result if isinstance(result, Tally) else write(writer, block, result)
-            if tally.trouble:
-                raise InputError(tally.trouble)
-            overdue += tally.overdue
-            progress.advance(block[1] - block[0] - tally.overdue, tally.failed)
-
-        blocks = blocks_of(scene, job.pending, world.workers)
-        farm.run(work, blocks, take, world, stopping=interruption.requested)
-        if writer is not None:
-            writer.confirm()
-    return overdue
 
 
-def blocks_of(scene: Scene, pending: list[Block], workers: int) -> Iterator[Block]:
-    """Cut pending rows into the blocks of a run, as large as the size of a row allows.
+def blocks_of(scene: Scene, pending: Sequence[Block], workers: int) -> Iterator[Block]:
+    """Cut pending rows into blocks, the tasks of workers, which become smaller towards the end.
 
-    The master has to answer all workers in the time of a block. If there are few rows for each
-    worker, it is enough to deal with all blocks in that time: larger blocks would idle workers.
+    Guided self-scheduling (Polychronopoulos and Kuck, 1987): a block is a third of one worker's
+    share of the remaining rows, so that a slow block at the end delays the run little. It is as
+    large as the size of a row allows, and large enough for one master to answer all workers in the
+    time of a block; if there are few rows for each worker, to deal with all blocks in that time.
+    A block ends with a surface if possible, so that few surfaces are generated twice.
     """
-    nodes = math.prod(scene.shape)
-    rows = sum(stop - start for start, stop in pending)
+    nodes, m = math.prod(scene.shape), scene.samples_per_surface
+    remaining = sum(stop - start for start, stop in pending)
     answer = ANSWER_NODES / nodes  # the master's time for a block, in solves
-    answered = int(min(MASTER_SHARE * workers * answer, math.sqrt(rows * answer)))
+    answered = int(min(MASTER_SHARE * workers * answer, math.sqrt(remaining * answer)))
     most = max(1, BLOCK_BYTES // row_bytes(scene))
     least = max(1, min(most, answered))
-    fitting = max(1, min(BLOCK_ROWS, BLOCK_NODES // nodes))
-    return plan.blocks(
-        pending,
-        samples_per_surface=scene.samples_per_surface,
-        workers=workers,
-        largest=min(most, max(fitting, 2 * least - 1)),
-        smallest=least,
-    )
+    largest = min(most, max(1, min(BLOCK_ROWS, BLOCK_NODES // nodes), 2 * least - 1))
+    for start, stop in pending:
+        position = start
+        while position < stop:
+            rows = min(max(least, remaining // (3 * workers)), largest)
+            border = (position + rows) // m * m
+            if border <= position:  # one surface has more rows: all of them, if a block may
+                border += m
+                border = border if border - position <= largest else position + rows
+            border = min(border, stop)
+            yield position, border
+            remaining -= border - position
+            position = border
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ import itertools
 import socket
 import time
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 
@@ -78,7 +79,21 @@ def compute_rows(
     edges = np.flatnonzero(np.diff(plan.surface, prepend=-1, append=-1))
     try:
         for first, last in itertools.pairwise(edges.tolist()):
-            _compute_surface(scene, plan, rows, first, last, limit)
+            heights = _make_surface(scene, plan, rows, first, last, limit)
+            if heights is None:
+                continue
+            for row in range(first, last):
+                began = time.perf_counter()
+                try:
+                    with at_most(limit):
+                        reason = _solve(scene, heights, plan, rows, row)
+                except Overtime:
+                    continue
+                rows["solve_seconds"][row] = time.perf_counter() - began
+                if reason is not Reason.NONE:  # a statistic that lacks is the least of all reasons
+                    rows["reason"][row] = reason
+                done = rows["reason"][row] in DONE_REASONS
+                rows["status"][row] = Status.DONE if done else Status.FAILED
     except MemoryError:
         raise too_little_for_solve(scene.shape) from None
     return rows
@@ -170,40 +185,31 @@ def load_of(scene: Scene, heights: Heights, load: float) -> dict[str, float]:
     return {scene.quantity: load}
 
 
-def _compute_surface(
+def _make_surface(
     scene: Scene, plan: Parameters, rows: Columns, first: int, last: int, limit: float | None
-) -> None:
-    """Fill in the rows first to last - 1 of a block, which share one surface."""
+) -> Heights | None:
+    """Make and describe the surface of the rows first to last - 1; None if there is none."""
     began = time.perf_counter()
     try:
         with at_most(limit):
             heights = surface_of(scene, plan, first)
             description = describe(heights, scene.spacing)
     except Overtime:
-        return
+        return None
     except SourceError:
         raise
     except (ArithmeticError, InputError):  # beyond the range of numbers
         rows["reason"][first:last] = Reason.ARITHMETIC
         rows["status"][first:last] = Status.FAILED
-        return
+        return None
     for name, value in description.values.items():
         rows[name][first:last] = value
+    if description.reason:
+        rows["reason"][first:last] = Reason.NO_STATISTICS
     if scene.store.heights:
         rows["heights"][first:last] = heights
     rows["surface_seconds"][first:last] = (time.perf_counter() - began) / (last - first)
-    for row in range(first, last):
-        began = time.perf_counter()
-        try:
-            with at_most(limit):
-                reason = _solve(scene, heights, plan, rows, row)
-        except Overtime:
-            continue
-        rows["solve_seconds"][row] = time.perf_counter() - began
-        if reason is Reason.NONE and description.reason:
-            reason = Reason.NO_STATISTICS
-        rows["reason"][row] = reason
-        rows["status"][row] = Status.DONE if reason in DONE_REASONS else Status.FAILED
+    return heights
 
 
 def _solve(scene: Scene, heights: Heights, plan: Parameters, rows: Columns, row: int) -> Reason:
@@ -215,7 +221,12 @@ def _solve(scene: Scene, heights: Heights, plan: Parameters, rows: Columns, row:
             rows[name][row] = getattr(contact, name)
         if not np.isfinite(contact.force):
             return Reason.NOT_FINITE
-        return _add_results(scene, contact, rows, plan.first + row, row)
+        outputs = {}
+        if scene.store.function is not None:
+            outputs = outputs_of(scene.store, contact, plan.first + row)
+        for name, value in (_answers(scene, contact) | outputs).items():
+            rows[name][row] = value
+        return Reason.NONE if np.isfinite(list(outputs.values())).all() else Reason.NOT_FINITE
     except bem.NotConverged as failure:
         for name in EFFORT:
             rows[name][row] = getattr(failure.contact, name)
@@ -227,23 +238,12 @@ def _solve(scene: Scene, heights: Heights, plan: Parameters, rows: Columns, row:
         return Reason.ARITHMETIC
 
 
-def _add_results(
-    scene: Scene, contact: bem.Contact, rows: Columns, number: int, row: int
-) -> Reason:
-    """Fill in the results of one contact; return the reason if one is no number."""
+def _answers(scene: Scene, contact: bem.Contact) -> dict[str, Any]:
+    """Return what a scene's database holds of a contact beside effort and outputs."""
     wanted = scene.optional_columns
-    if scene.quantity != "delta":
-        rows["delta"][row] = contact.delta
-    for name in (*ANSWERS, *(OPTIONAL_ANSWERS & wanted)):
-        rows[name][row] = getattr(contact, name)
-    for name in SPOT_ANSWERS.keys() & wanted:
-        rows[name][row] = SPOT_ANSWERS[name](contact.spots)
-    if scene.store.function is None:
-        return Reason.NONE
-    outputs = outputs_of(scene.store, contact, number)
-    for name, value in outputs.items():
-        rows[name][row] = value
-    return Reason.NONE if np.isfinite(list(outputs.values())).all() else Reason.NOT_FINITE
+    names = {*ANSWERS, *(OPTIONAL_ANSWERS & wanted)} | ({"delta"} - {scene.quantity})
+    spots = {name: SPOT_ANSWERS[name](contact.spots) for name in SPOT_ANSWERS.keys() & wanted}
+    return {name: getattr(contact, name) for name in names} | spots
 
 
 def first_contact(scene: Scene, rows: int) -> tuple[int, bem.Contact] | None:

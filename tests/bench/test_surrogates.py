@@ -57,7 +57,7 @@ def test_databases_are_resumed_and_others_are_refused(tmp_path, capsys):
 
 def test_a_signal_ends_the_report_with_what_to_do(tmp_path, monkeypatch, capsys):
     interrupted = RunResult(Counts(4, 2, 0), signal.SIGTERM, "")
-    monkeypatch.setattr(databases, "generate_database", lambda request, world: interrupted)
+    monkeypatch.setattr(databases, "generate_database", lambda *_: interrupted)
     with pytest.raises(KeyboardInterrupt):
         databases.generated(tmp_path, "small", "samples = 6\n")
     said = capsys.readouterr().err.strip()

@@ -12,7 +12,7 @@ import bem
 from gen.arrays import Columns, Heights
 from gen.database import Reader
 from gen.generation.plan import parameters
-from gen.generation.run import Request, generate_database
+from gen.generation.run import generate_database
 from gen.generation.sample import compute_rows, surface_of
 from gen.runtime.farm import World
 from gen.scene import load
@@ -145,7 +145,7 @@ def job_counts() -> dict[Key, int]:
     """Generate the quick scene's database and tune models on it, in a temporary folder."""
     with tempfile.TemporaryDirectory() as folder:
         database = Path(folder) / "quick.h5"
-        generate_database(Request("quick", database), World())
+        generate_database("quick", database, World())
         return database_counts(database) | search_counts(database) | grid_counts()
 
 

@@ -156,7 +156,7 @@ missing = ModuleNotFoundError("No module named 'matplotlib'", name="matplotlib")
 FAULTS = {
     "a disk full while rows come in": (0, run, "write", full),
     "a package that is missing": (0, run, "blocks_of", missing),
-    "an error of the system at the start": (0, run, "_Job", full),
+    "an error of the system at the start": (0, run, "Target", full),
     "a refusal after the start": (0, run, "opened", InputError("no file")),
     "a worker alone": (1, run, "opened", InputError("no file")),
 }

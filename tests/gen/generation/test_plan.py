@@ -1,6 +1,7 @@
 """The plan: pure in scene and row, and cut into blocks that hold every pending row once."""
 
 import itertools
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -10,7 +11,6 @@ from hypothesis import strategies as st
 from gen.generation.plan import (
     CHUNK,
     Parameters,
-    blocks,
     parameters,
 )
 from gen.generation.run import BLOCK_BYTES, blocks_of
@@ -110,7 +110,8 @@ def test_blocks_hold_every_pending_row_once(
     plan: tuple[list[tuple[int, int]], int, int], workers: int, largest: int
 ) -> None:
     ranges, _, m = plan
-    cut = list(blocks(ranges, samples_per_surface=m, workers=workers, largest=largest))
+    with mock.patch.multiple("gen.generation.run", BLOCK_ROWS=largest, ANSWER_NODES=0):
+        cut = list(blocks_of(scene(m=m), ranges, workers))
     held = [row for start, stop in cut for row in range(start, stop)]
     assert held == sorted(set(held))
     assert held == [row for start, stop in ranges for row in range(start, stop)]
