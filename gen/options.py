@@ -1,6 +1,7 @@
 """Arguments and options of the commands of `python -m gen`, and groups that commands share."""
 
 import shlex
+import sys
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
@@ -115,7 +116,7 @@ LawBoundary = Annotated[
 Band = Annotated[float, Option(metavar="SHARE", help="Share of a population in its band.")]
 LawFiles = Annotated[
     Path | None,
-    Option(*OUT, metavar="NAME", help="Write NAME.csv, .json, .h, -calculix.inp, -abaqus.inp."),
+    Option(*OUT, metavar="NAME", help="Write NAME.csv .json .h _4c.py -calculix.inp -abaqus.inp."),
 ]
 Maps = Annotated[
     list[str] | None, Argument(metavar="MAPS", help="Files, folders, quoted patterns.")
@@ -226,7 +227,7 @@ def _one_body(surface: SurfaceFile, *, reading: Reading) -> None:
     """Take the options of one body, which are parsed and nothing more."""
 
 
-Units = Literal["mm", "si"]
+Units = Literal["mm", "si", "um"]
 
 
 def sides_of(path: Path) -> list[Path]:
@@ -240,6 +241,7 @@ LAW_ENDS = {
     "header": ".h",
     "calculix": "-calculix.inp",
     "abaqus": "-abaqus.inp",
+    "for_4c": "_4c.py",
 }
 """Ends of the names of a law's files that `--output NAME` writes."""
 
@@ -259,19 +261,36 @@ class LawOutputs(NamedTuple):
     abaqus: Annotated[
         Path | None, Option(metavar="FILE", help="Write Abaqus' surface interaction.")
     ] = None
+    for_4c: Annotated[
+        Path | None,
+        Option("--4c", metavar="FILE", help="Write 4C's Python file of a contact law."),
+    ] = None
     picture: Annotated[
         Path | None, Option("--plot", metavar="FILE", help="Draw the law with its band.")
     ] = None
     units: Annotated[
-        Units, Option(help="Units for CalculiX and Abaqus: mm (mm, N, s, MPa) or si.")
+        Units,
+        Option(help="Units for CalculiX, Abaqus and 4C: mm (mm, N, s, MPa), si or um (with MPa)."),
     ] = "mm"
 
     @property
     def outputs(self) -> list[Output]:
-        """The outputs, for `gen.runtime.files.check_outputs`, with those of a band's sides."""
+        """The outputs, for `gen.runtime.files.check_outputs`, with those of a band's sides.
+
+        Raise InputError if 4C could not import its file by the name.
+        """
+        path = self.for_4c
+        if path and (
+            path.suffix != ".py" or "." in path.stem or path.stem in sys.stdlib_module_names
+        ):
+            raise InputError(
+                f"--4c {path}: 4C imports it by its name, which has to end in .py, to have no other"
+                " point, and not to be that of a module of Python"
+            )
         found = [Output(self.picture, "--plot", "picture")]
         for name in LAW_ENDS:
-            path, option = getattr(self, name), "--csv" if name == "table" else f"--{name}"
+            path = getattr(self, name)
+            option = {"table": "--csv", "for_4c": "--4c"}.get(name, f"--{name}")
             sides = sides_of(path) if path and name in {"calculix", "abaqus"} else []
             found += [Output(each, option) for each in (path, *sides)]
         return found
@@ -284,9 +303,11 @@ class LawOutputs(NamedTuple):
             raise InputError(
                 f"--output {stem}: give what the names of the files begin with, as law"
             )
+        names = {name: f"{stem.name}{end}" for name, end in LAW_ENDS.items()}
+        names["for_4c"] = stem.name.replace(".", "_") + LAW_ENDS["for_4c"]  # to be imported
         missing: dict[str, Any] = {
-            name: stem.with_name(f"{stem.name}{end}")
-            for name, end in LAW_ENDS.items()
+            name: stem.with_name(each)
+            for name, each in names.items()
             if getattr(self, name) is None
         }
         return self._replace(**missing)

@@ -272,7 +272,7 @@ def test_the_finite_element_engineer(folder, monkeypatch):
     walk("docs/start/finite-elements.md", folder, monkeypatch)
     text = (folder / "joint-calculix.inp").read_text()
     assert "*SURFACE INTERACTION, NAME=JOINT_CALCULIX" in text
-    suffixes = {".inp", ".h", ".csv", ".json", ".png"}
+    suffixes = {".inp", ".h", ".csv", ".json", ".py", ".png"}
     assert {path.suffix for path in folder.glob("joint*")} == suffixes
     assert "stiffness_MPa_per_um" in (folder / "joint.csv").read_text()
     if shutil.which("ccx"):

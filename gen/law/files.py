@@ -162,6 +162,7 @@ WRITERS: dict[str, Callable[[Path, Law, Units], list[Path]]] = {
     "header": lambda path, law, _: c_header.write(path, law),
     "calculix": lambda path, law, units: finite_elements.write(path, law, "calculix", units),
     "abaqus": lambda path, law, units: finite_elements.write(path, law, "abaqus", units),
+    "for_4c": finite_elements.write_for_4c,
 }
 """What writes each field of `gen.options.LawOutputs`, and returns the files that it has written. A
 further format is a field there, with the end of its files' names, and a line here."""

@@ -1,8 +1,8 @@
-"""A contact law as a surface interaction of finite elements, for CalculiX and for Abaqus.
+"""A contact law for finite elements: surface interactions of CalculiX and Abaqus, a file for 4C.
 
-Both take the pressure over the closure as a table, from first touch on. Of the gap's conductance
-CalculiX takes conductance, pressure and temperature a line; Abaqus needs the parameter PRESSURE,
-without which it takes the second column for a clearance.
+The first two take the pressure over the closure as a table, from first touch on. Of the gap's
+conductance CalculiX takes conductance, pressure and temperature a line; Abaqus needs the parameter
+PRESSURE, without which it takes the second column for a clearance.
 
 CalculiX 2.20, like its newest source (commit 3593817 of August 2026), has room for 20 points where
 it presses surface to surface (springforc_f2f.f), takes their number from where the 41st overclosure
@@ -11,11 +11,15 @@ them, from where an iteration finds no way back. So only 19 points belong to the
 far away on the last slope, and so are 21 more, which bring the number 20 to its place and mean the
 same to programs that read all of them. What follows 20 conductances overwrites other numbers of
 CalculiX. Abaqus continues the last slope by itself.
+
+4C imports a Python file and calls its functions with the gap at a node, which is negative where the
+bodies overlap, and the offset of its input, by which they have to overlap before they touch. It
+does so where gap + offset <= 0, and takes pressures as negative, so that derivatives are positive.
 """
 
 import re
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -23,13 +27,13 @@ import numpy as np
 
 from gen.arrays import Values
 from gen.law.contact_law import Law
-from gen.law.curves import CONDUCTANCE, risen
+from gen.law.curves import CONDUCTANCE, risen, slopes
 from gen.options import Units, sides_of
 from gen.runtime import VERSION, files
 from gen.runtime.errors import InputError
 from gen.runtime.installation import git_commit
 
-Program = Literal["calculix", "abaqus"]
+Program = Literal["calculix", "abaqus", "4c"]
 
 POINTS = 20  # points that CalculiX has room for; all but the last one are points of the law
 
@@ -57,7 +61,41 @@ class UnitSystem(NamedTuple):
 UNITS: dict[Units, UnitSystem] = {
     "mm": UnitSystem("mm, N, s, MPa; conductance in mW/(mm2 K)", 1.0, 1e-3, 1e3),
     "si": UnitSystem("m, N, s, Pa; conductance in W/(m2 K)", 1e6, 1e-6, 1e6),
+    "um": UnitSystem("um, uN, s, MPa; conductance in pW/(um2 K)", 1.0, 1.0, 1e6),
 }
+
+FOR_4C = '''
+from bisect import bisect_right
+
+
+def evaluate(gap, offset):
+    """Return the contact pressure at a node, negative as 4C counts it."""
+    i, t = _place(gap, offset)
+    h, u = CLOSURES[i + 1] - CLOSURES[i], 1.0 - t
+    rise = t * t * (3.0 - 2.0 * t) * (PRESSURES[i + 1] - PRESSURES[i])
+    return -(PRESSURES[i] + rise + h * t * u * (u * SLOPES[i] - t * SLOPES[i + 1]))
+
+
+def evaluate_derivative(gap, offset):
+    """Return the derivative of `evaluate` by the gap, positive: its consistent tangent."""
+    i, t = _place(gap, offset)
+    h, u = CLOSURES[i + 1] - CLOSURES[i], 1.0 - t
+    secant = (PRESSURES[i + 1] - PRESSURES[i]) / h
+    ends = u * (1.0 - 3.0 * t) * SLOPES[i] + t * (3.0 * t - 2.0) * SLOPES[i + 1]
+    return 6.0 * t * u * secant + ends
+
+
+def _place(gap, offset):
+    """Return the piece of the cubic that holds the closure at a node, and the place in it."""
+    closure = -(gap + offset)
+    if not 0.0 <= closure <= CLOSURES[-1]:
+        raise ValueError(
+            f"gap {gap:g} and offset {offset:g}: the closure -(gap + offset) is {closure:g}, and"
+            f" this law goes from 0 to {CLOSURES[-1]:g}: make one with larger pressures"
+        )
+    i = min(bisect_right(CLOSURES, closure), len(CLOSURES) - 1) - 1
+    return i, (closure - CLOSURES[i]) / (CLOSURES[i + 1] - CLOSURES[i])
+'''
 
 
 SIDES = {"": ("value", "value"), "soft": ("high", "low"), "stiff": ("low", "high")}
@@ -73,6 +111,24 @@ def write(path: Path, law: Law, program: Program, units: Units) -> list[Path]:
     for (each, _), text in zip(made, texts, strict=True):
         files.write(each, text + "\n")
     return [each for each, _ in made]
+
+
+def write_for_4c(path: Path, law: Law, units: Units) -> list[Path]:
+    """Write a law's monotone cubic as the Python file of a contact constitutive law of 4C."""
+    pressures, closures, _ = rising(law)
+    system = UNITS[units]
+    loads, overclosures = pressures * system.pressure, closures * system.length
+    columns = {
+        "CLOSURES": overclosures,
+        "PRESSURES": loads,
+        "SLOPES": slopes(overclosures, loads, 0.0),
+    }
+    lines = list(_comment(_description(law, "4c", system, pressures, ""), "# "))
+    lines += FOR_4C.splitlines()
+    for name, values in columns.items():
+        lines += ["", f"{name} = (", *(f"    {value!r}," for value in values.tolist()), ")"]
+    files.write(path, "\n".join(lines) + "\n")
+    return [path]
 
 
 def rising(law: Law, side: str = "") -> tuple[Values, Values, Values | None]:
@@ -103,14 +159,7 @@ def rising(law: Law, side: str = "") -> tuple[Values, Values, Values | None]:
 def _lines(path: Path, law: Law, program: Program, units: UnitSystem, side: str) -> Iterator[str]:
     """Yield the whole file."""
     pressures, closures, conductances = rising(law, side)
-    for paragraph in _description(law, program, units, pressures, side):
-        yield from textwrap.wrap(
-            re.sub(r"[^ -~]", "?", paragraph),
-            WIDTH,
-            initial_indent="** ",
-            subsequent_indent="**   ",
-            break_on_hyphens=False,
-        )
+    yield from _comment(_description(law, program, units, pressures, side), "** ")
     yield f"*SURFACE INTERACTION, NAME={_name(path)}"
     yield "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TABULAR"
     loads, overclosures = pressures * units.pressure, closures * units.length
@@ -130,12 +179,24 @@ def _lines(path: Path, law: Law, program: Program, units: UnitSystem, side: str)
         yield f"{conductance:.10g}, {loads[place]:.10g}{temperature}"
 
 
+def _comment(paragraphs: Iterable[str], mark: str) -> Iterator[str]:
+    """Yield the lines of paragraphs, each after the mark of a comment."""
+    for text in paragraphs:
+        yield from textwrap.wrap(
+            re.sub(r"[^ -~]", "?", text),
+            WIDTH,
+            initial_indent=mark,
+            subsequent_indent=f"{mark}  ",
+            break_on_hyphens=False,
+        )
+
+
 def _description(
     law: Law, program: Program, units: UnitSystem, pressures: Values, side: str
 ) -> Iterator[str]:
     """Yield the paragraphs of the comment at the top."""
     yield f"Contact of rough surfaces: {law.bodies.text}. Units: {units.text}."
-    if law.order.conductivities is not None:
+    if law.order.conductivities is not None and program != "4c":
         k1, k2 = law.order.conductivities
         yield f"Conductivities of the bodies: {k1:g} and {k2:g} W/(m K)."
     yield f"Surface: {'; '.join(law.origins)}"
@@ -150,16 +211,19 @@ def _description(
         "Overclosure is counted from first touch: let the two meshes just touch where the highest"
         " asperities do. The elastic bodies are the mesh's; these tables are the interface's alone."
     )
+    between = "the cubic joins both" if program == "4c" else "the table is a straight line"
     yield (
-        f"From 0 to the first pressure, {pressures[1]:.6g} MPa, nothing was computed: there the"
-        " table is a straight line."
+        f"From 0 to the first pressure, {pressures[1]:.6g} MPa, nothing was computed: there"
+        f" {between}."
     )
     conducts = law.order.conductivities is not None
     conducting = " and the conductance stays the last one" if conducts else ""
+    beyond = f"the pressure follows the last slope there{conducting}"
+    if program == "4c":
+        beyond = "both functions raise an error there"
     yield (
-        f"The law ends at {pressures[-1]:.6g} MPa. No contact was computed beyond: the pressure"
-        f" follows the last slope there{conducting}. Give larger ones, up to full"
-        " contact, if your model gets there."
+        f"The law ends at {pressures[-1]:.6g} MPa. No contact was computed beyond: {beyond}. Give"
+        " larger ones, up to full contact, if your model gets there."
     )
     if program == "calculix":
         yield (

@@ -46,7 +46,7 @@ def test_a_law_is_that_of_a_piece_between_its_mirror_images(surfaces, run, capsy
     assert any("fewer than 10 nodes touch" in note for note in notes)
     run("many/s0.npy", "--pressure", "1:100:5:log", *CONDUCTING, "-o", "law")
     wrote = [line.split()[1] for line in capsys.readouterr().out.splitlines() if "wrote" in line]
-    files = ["law.csv", "law.json", "law.h", "law-calculix.inp", "law-abaqus.inp"]
+    files = ["law.csv", "law.json", "law.h", "law-calculix.inp", "law-abaqus.inp", "law_4c.py"]
     assert wrote == ["law.json", *files]
     command = json.loads(Path("law.json").read_text())["command"]
     assert re.match(r"python -m gen law many/s0.npy --pressure 1:100:5:log", command)

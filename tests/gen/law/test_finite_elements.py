@@ -1,7 +1,10 @@
-"""Surface interactions of laws, as text and as CalculiX reads them."""
+"""Surface interactions of laws, as text and as CalculiX reads them, and files as 4C calls them."""
 
+import ast
+import importlib
 import shutil
 import subprocess
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -11,7 +14,9 @@ from strict import json_of, rows_of
 from bench.calculix import DECK, DOWN, QUANTITIES, YOUNG, pressed
 from gen import cli
 from gen.law import finite_elements
+from gen.law.curves import Curve
 from gen.law.finite_elements import FAR
+from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
 
 STEEL = ["--young", "210e3", "--poisson", "0.3", "--hardness", "2000"]
@@ -293,6 +298,66 @@ def test_the_deck_of_the_manual_runs_as_it_stands_and_without_heat(law, tmp_path
     behaviour = read(folder / "plain.inp")[TABLE]
     wanted = np.interp(down, behaviour[:, 1] + 2 * behaviour[:, 0] / YOUNG, behaviour[:, 0])
     np.testing.assert_allclose(forces, wanted, rtol=1e-3)
+
+
+@pytest.fixture
+def imported(monkeypatch):
+    """Import a Python file as 4C does: by its name, from its folder."""
+
+    def by_name(path):
+        monkeypatch.syspath_prepend(path.parent)
+        return importlib.import_module(path.stem)
+
+    return by_name
+
+
+def test_4c_gets_the_monotone_cubic_with_its_tangent_in_its_signs(law, imported):
+    folder, table = law
+    path = folder / "joint_4c.py"
+    lines = ast.walk(ast.parse(path.read_text(encoding="ascii")))
+    assert [each.module for each in lines if isinstance(each, ast.ImportFrom)] == ["bisect"]
+    module = imported(path)
+    offset = 0.25  # mm, by which the bodies overlap at first touch
+    at = 1e-3 * table.closure_um.to_numpy()  # mm
+    pressures = [module.evaluate(-each - offset, offset) for each in at[:-1].tolist()]
+    np.testing.assert_allclose(pressures, -table.pressure_MPa[:-1], rtol=1e-10)
+    assert module.evaluate(-float(at[-1]), 0.0) == -table.pressure_MPa.iloc[-1]
+    assert module.evaluate(0.0, 0.0) == 0.0
+    gaps = np.linspace(-at[-1], 0, 1001)
+    values = [module.evaluate(gap, 0.0) for gap in gaps.tolist()]
+    assert {type(value) for value in values} == {float}
+    assert (np.diff(values) > 0).all(), "pressures are negative, and rise to 0 at first touch"
+    for low, high in zip([0.0, *at], at, strict=False):
+        gap, step = -(low + 0.3 * (high - low)), 0.1 * (high - low)
+        ends = [module.evaluate(gap + more * step, 0.0) for more in (-2, -1, 1, 2)]
+        tangent = np.dot([1, -8, 8, -1], ends) / (12 * step)  # exact for a cubic
+        assert module.evaluate_derivative(gap, 0.0) == pytest.approx(tangent, rel=1e-8)
+    for gap, moved in ((1.0, 0.0), (-0.2, 0.25), (-1.01 * at[-1], 0.0), (np.nan, 0.0)):
+        for function in (module.evaluate, module.evaluate_derivative):
+            with pytest.raises(ValueError, match="this law goes from 0 to"):
+                function(gap, moved)
+
+
+def test_4c_s_own_linear_example_is_reproduced(surfaces, make, imported):
+    """Its test of a law of slope 1.5 asks for -0.375 and 1.5 at the gap -0.75, offset 0.5."""
+    made = make("many/s0.npy", pressure="1,2,4", e_star=2e5, reading=Reading(side="100"))
+    at = np.array([0.75, 1.5, 3.0])
+    curves = {**made.over_pressure.curves, "closure_um": Curve(at / 1.5, *[at * np.nan] * 3)}
+    linear = replace(made, over_pressure=replace(made.over_pressure, at=at, curves=curves))
+    module = imported(*finite_elements.write_for_4c(surfaces / "linear.py", linear, "um"))
+    assert module.evaluate(-0.75, 0.5) == -0.375
+    assert module.evaluate_derivative(-0.75, 0.5) == 1.5
+    for gap in (1.0, -0.25):
+        with pytest.raises(ValueError, match="closure"):
+            module.evaluate(gap, 0.5)
+
+
+def test_a_file_that_4c_could_not_import_is_refused_before_any_work(surfaces, run, capsys):
+    for name in ("math.py", "law.2.py", "law.txt"):
+        run("many/s0.npy", "--pressure", "10", "--4c", name, ends=2)
+        assert f"--4c {name}: 4C imports it by its name" in capsys.readouterr().err
+    run("many/s0.npy", "--pressure", "10", "-o", "steel.2")
+    assert (surfaces / "steel_2_4c.py").exists()
 
 
 @pytest.mark.parametrize("points", [2, 19, 200])
