@@ -5,6 +5,7 @@ from __future__ import annotations  # short signatures in help()
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +18,9 @@ from bem.operators.filters import filtered
 from bem.operators.patch import displacement_filter
 from bem.problem import Problem
 from bem.threads import computed_once
+
+if TYPE_CHECKING:
+    from bem.derived.flow import Flow
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,6 +192,43 @@ class Contact:
         along, across = self.problem.spacing
         periodic = self.problem.boundary == "periodic"
         return spots_of(self.pressure > 0, along * across, periodic=periodic)
+
+    def flow(self, axis: int = 0) -> Flow:
+        """Let a fluid flow through the gap, by Reynolds' equation, and keep the answer.
+
+        Nodes in contact are closed. A patch that repeats itself is driven by a mean gradient; any
+        other one lies between two reservoirs, and its sides along the axis are closed. Where
+        contact seals the patch nothing flows, which is an answer too: a factor of 0.
+
+        Parameters
+        ----------
+        axis : int
+            0 for flow along x, 1 for flow along y.
+
+        Returns
+        -------
+        Flow
+            Flow factor, hydraulic aperture and field of flux, see `bem.derived.flow`.
+
+        Raises
+        ------
+        ValueError
+            If the axis is neither 0 nor 1.
+        ArithmeticError
+            If the equations are not solved to 1e-9.
+        """
+        from bem.derived.flow import flow_through  # here, because few contacts are asked for it
+
+        if axis not in self._flows:
+            gap = np.where(self.pressure > 0, 0.0, np.maximum(self.gap, 0.0))
+            periodic = self.problem.boundary == "periodic"
+            self._flows[axis] = flow_through(gap, self.problem.spacing, axis, periodic=periodic)
+        return self._flows[axis]
+
+    @computed_once
+    def _flows(self) -> dict[int, Flow]:
+        """Flows that were asked for, by their axes."""
+        return {}
 
     @computed_once
     def punch(self) -> Punch:

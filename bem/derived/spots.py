@@ -73,8 +73,8 @@ def spots_of(touching: NDArray[np.bool_], cell: float, *, periodic: bool) -> Spo
     periodic : bool
         Whether the patch repeats itself.
     """
-    labels, crosses = _regions(touching, periodic=periodic)
-    gaps, gap_crosses = _regions(~touching, periodic=periodic)
+    labels, crosses, _ = regions(touching, periodic=periodic)
+    gaps, gap_crosses, _ = regions(~touching, periodic=periodic)
     cells = np.bincount(labels.reshape(-1), minlength=len(crosses))[1:]
     order = np.argsort(-cells, kind="stable")
     places = np.zeros(len(crosses), dtype=np.int32)
@@ -92,8 +92,15 @@ def _either(crosses: Crosses) -> Connects:
     return bool(crosses[:, 0].any()), bool(crosses[:, 1].any())
 
 
-def _regions(mask: Mask, *, periodic: bool) -> tuple[Labels, Crosses]:
+def regions(mask: Mask, *, periodic: bool) -> tuple[Labels, Crosses, Labels]:
     """Label the regions of a mask from 1 on, and find those that connect opposite sides.
+
+    Parameters
+    ----------
+    mask : ndarray of bool, shape (nx, ny)
+        Nodes of the regions.
+    periodic : bool
+        Whether the patch repeats itself.
 
     Returns
     -------
@@ -102,19 +109,22 @@ def _regions(mask: Mask, *, periodic: bool) -> tuple[Labels, Crosses]:
     crosses : ndarray of bool, shape (k + 1, 2)
         Whether each region connects opposite sides along either axis; the first row, for nodes
         outside the mask, is False.
+    patches : ndarray of int, shape (2, nx, ny)
+        By how many patches along either axis each node lies off its place in the mask where its
+        region is seen as a whole, up to a number that the region shares; 0 if nothing repeats.
     """
     from scipy.ndimage import label  # here, because few contacts are asked for their spots
 
     labels = np.empty(mask.shape, dtype=np.int32)
     number = label(mask, output=labels)
     if periodic:
-        joined, around = _joined(number, _links(labels))
-        return joined[labels], around
+        joined, around, patches = _joined(number, _links(labels))
+        return joined[labels], around, patches[:, labels]
     crosses: Crosses = np.zeros((number + 1, 2), dtype=bool)
     crosses[np.intersect1d(labels[0], labels[-1]), 0] = True
     crosses[np.intersect1d(labels[:, 0], labels[:, -1]), 1] = True
     crosses[0] = False
-    return labels, crosses
+    return labels, crosses, np.zeros((2, *mask.shape), dtype=np.int32)
 
 
 def _links(labels: Labels) -> Iterator[Link]:
@@ -126,7 +136,7 @@ def _links(labels: Labels) -> Iterator[Link]:
         yield from ((int(one), int(other), step) for one, other in pairs)
 
 
-def _joined(number: int, links: Iterator[Link]) -> tuple[Labels, Crosses]:
+def _joined(number: int, links: Iterator[Link]) -> tuple[Labels, Crosses, Labels]:
     """Join linked regions; one that meets itself some patches further goes on without end.
 
     Parameters
@@ -142,6 +152,8 @@ def _joined(number: int, links: Iterator[Link]) -> tuple[Labels, Crosses]:
         New label of each region, 0 for 0.
     crosses : ndarray of bool, shape (k + 1, 2)
         Whether each joined region goes on without end along either axis.
+    patches : ndarray of int, shape (2, number + 1)
+        By how many patches each region lies off the first one that it is joined to.
     """
     neighbours: dict[int, list[tuple[int, int, int]]] = {}
     for one, other, (along, across) in links:
@@ -149,6 +161,7 @@ def _joined(number: int, links: Iterator[Link]) -> tuple[Labels, Crosses]:
         neighbours.setdefault(other, []).append((one, -along, -across))
     joined = np.zeros(number + 1, dtype=np.int32)
     crosses = np.zeros((number + 1, 2), dtype=bool)
+    patches = np.zeros((2, number + 1), dtype=np.int32)
     count = 0
     for region in range(1, number + 1):
         if joined[region]:
@@ -158,6 +171,7 @@ def _joined(number: int, links: Iterator[Link]) -> tuple[Labels, Crosses]:
         patch, open_ends = {region: (0, 0)}, [region]
         while open_ends:
             here = open_ends.pop()
+            patches[:, here] = patch[here]
             for other, along, across in neighbours.get(here, []):
                 there = patch[here][0] + along, patch[here][1] + across
                 if other in patch:
@@ -166,4 +180,4 @@ def _joined(number: int, links: Iterator[Link]) -> tuple[Labels, Crosses]:
                     continue
                 joined[other], patch[other] = count, there
                 open_ends.append(other)
-    return joined, crosses[: count + 1]
+    return joined, crosses[: count + 1], patches

@@ -1,0 +1,237 @@
+"""Flow of a thin fluid through the gap of a contact, by Reynolds' equation.
+
+A fluid that does not slip flows by -g^3 grad P / (12 mu) through a gap g, and not at all where the
+bodies touch. Every node is a cell: the flow between two cells is driven by the harmonic mean of
+their g^3, and that through the sides of the patch by the half of one cell. A patch that repeats
+itself is driven by the same mean gradient in every period and leaks to all sides; others lie
+between a reservoir on either side of the axis and are closed along it.
+
+Gaps span many decades, their cubes three times as many. In plain unknowns the pressure of a wide
+pocket behind a narrow throat is lost: its small difference from a pressure nearby, times a large
+conductance, is the flow. So the pressures are those of a hierarchy. Nodes whose gaps lie above one
+threshold after another form pockets, the next threshold joins them to larger ones; the widest node
+of a pocket carries the pressure of the whole pocket, and all others count from it. No entry of the
+equations is then a difference of larger numbers, and one factor solves them to rounding.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+from scipy.sparse.linalg import splu
+
+from bem.arrays import Field, Nodes, Values
+from bem.derived.spots import regions
+
+# Ratio of the thresholds of gaps from one level of pockets to the next: 6 decades of conductance
+# cost as many digits of the factor, which refinement gives back.
+STEP = 1e-2
+
+# Gaps that are narrower by this factor than the widest one are closed.
+CLOSED = 1e-50
+
+# Solutions with the factor, each of what the ones before have left, and how far the last one may
+# still change the flow.
+SOLUTIONS = 2
+RTOL = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Flow:
+    """Flow through a gap along one axis.
+
+    Attributes
+    ----------
+    factor : float
+        Flow over that between parallel plates at the mean gap; 0 if nothing flows [1].
+    aperture : float
+        Hydraulic aperture: the distance of parallel plates with the same flow; 0 if nothing flows.
+        The flow is W h^3 dP / (12 mu L) through a patch of the width W and the length L [um].
+    flux : ndarray, shape (2, nx, ny)
+        Flow per width at each node, along x and y, times 12 mu L / dP. Its mean along the axis is
+        the cube of the aperture [um^3].
+    """
+
+    factor: float
+    aperture: float
+    flux: Field
+
+
+@dataclass(frozen=True, eq=False)
+class _Faces:
+    """Faces between cells, each of shape (f,)."""
+
+    first: Nodes  # cell on one side; the number of cells stands for both reservoirs
+    second: Nodes  # cell on the other side, further along either axis
+    root: Values  # square root of the conductance [reduced]
+    drop: Values  # pressure that is lost on the way, beside that of the cells [dP]
+
+
+def flow_through(gap: Field, spacing: tuple[float, float], axis: int, *, periodic: bool) -> Flow:
+    """Compute the flow through a gap along one axis.
+
+    Parameters
+    ----------
+    gap : ndarray, shape (nx, ny)
+        Distance between the bodies, 0 where they touch [um].
+    spacing : tuple of float
+        Lengths of a cell along x and y [um].
+    axis : int
+        0 for flow along x, 1 for flow along y.
+    periodic : bool
+        Whether the patch repeats itself.
+
+    Returns
+    -------
+    Flow
+        Flow factor, hydraulic aperture and field of flux.
+
+    Raises
+    ------
+    ValueError
+        If the axis is neither 0 nor 1.
+    ArithmeticError
+        If the equations are not solved to `RTOL`.
+    """
+    if axis not in (0, 1):
+        raise ValueError(f"axis {axis!r}: give 0 for flow along x, 1 for flow along y")
+    if axis == 1:
+        turned = flow_through(gap.T, spacing[::-1], 0, periodic=periodic)
+        return Flow(turned.factor, turned.aperture, _fixed(turned.flux[::-1].transpose(0, 2, 1)))
+    largest = float(gap.max())
+    nothing = Flow(0.0, 0.0, _fixed(np.zeros((2, *gap.shape))))
+    if not largest > 0:
+        return nothing
+    reduced = np.where(gap > CLOSED * largest, gap / largest, 0.0)
+    basis, lift, flowing = _pockets(reduced, periodic=periodic)
+    if not flowing.any():
+        return nothing
+    faces, along = _faces(reduced, spacing, flowing, periodic=periodic)
+    lost = _solved(faces, basis, lift)
+    (nx, ny), (dx, dy) = gap.shape, spacing
+    cubed = largest**3 * (nx * dx) / (ny * dy)
+    conducted = float(lost @ lost) * cubed
+    flux = np.zeros((2, gap.size + 1))
+    through = faces.root * lost * (largest**3 * nx * dx / 2)
+    for component, chosen in enumerate((along, ~along)):
+        for cells in (faces.first[chosen], faces.second[chosen]):
+            flux[component] += np.bincount(cells, through[chosen], gap.size + 1)
+    flux /= np.array([[dy], [dx]])
+    field = _fixed(flux[:, :-1].reshape(2, nx, ny))
+    return Flow(conducted / float(gap.mean()) ** 3, float(np.cbrt(conducted)), field)
+
+
+def _fixed(flux: Field) -> Field:
+    """Return a field that cannot be written to."""
+    flux.setflags(write=False)
+    return flux
+
+
+def _pockets(gap: Field, *, periodic: bool) -> tuple[csr_matrix, Values, NDArray[np.bool_]]:
+    """Find the pockets of all levels.
+
+    Returns
+    -------
+    basis : csr_matrix, shape (cells + 1, unknowns)
+        1 where an unknown is part of a cell's pressure; none is part of the last, the reservoirs'.
+    lift : ndarray, shape (cells + 1,)
+        Pressure to begin with, the same all over each pocket that nothing crosses [dP].
+    flowing : ndarray of bool, shape (cells + 1,)
+        Cells that opposite sides are connected by, and the reservoirs if there are any.
+    """
+    cells = gap.size
+    nodes = np.arange(cells).reshape(gap.shape)
+    if not periodic:
+        gap = np.pad(gap, ((1, 1), (0, 0)), constant_values=np.inf)
+        nodes = np.pad(nodes, ((1, 1), (0, 0)), constant_values=cells)
+    rising = np.argsort(gap, axis=None, kind="stable")
+    lift, crosses = np.zeros(gap.shape), np.zeros(gap.shape, dtype=bool)
+    widest, rows, columns = nodes, [nodes.reshape(-1)], [nodes.reshape(-1)]
+    threshold, least = STEP, float(gap[gap > 0].min())
+    while True:
+        last = threshold <= least
+        inside = gap > 0 if last else gap >= threshold
+        labels, crossing, patch = regions(inside, periodic=periodic)
+        if not periodic:
+            patch = (labels == labels[0, 0])[None]  # joined to the reservoir at the higher pressure
+        crosses = crossing[labels, 0]
+        lift = np.where(inside & ~crosses, patch[0], lift)
+        roots = np.zeros(len(crossing), dtype=np.intp)
+        roots[labels.reshape(-1)[rising]] = nodes.reshape(-1)[rising]  # the widest of each is last
+        now = np.where(inside, roots[labels], nodes)
+        joined = (now != widest).reshape(-1)
+        rows.append(nodes.reshape(-1)[joined])
+        columns.append(now.reshape(-1)[joined])
+        widest = now
+        if last:
+            break
+        threshold *= STEP
+    whole, flowing = np.full(cells + 1, cells), np.zeros(cells + 1, dtype=bool)
+    lifted = np.zeros(cells + 1)
+    for array, values in ((whole, widest), (flowing, crosses), (lifted, lift)):
+        array[nodes] = values
+    lifted[cells], row, column = 0.0, np.concatenate(rows), np.concatenate(columns)
+    wanted = flowing[row] & (whole[column] != column)  # one of each region is where it counts from
+    unknowns, column = np.unique(column[wanted], return_inverse=True)
+    shape = cells + 1, unknowns.size
+    return csr_matrix((np.ones(column.size), (row[wanted], column)), shape), lifted, flowing
+
+
+def _faces(
+    gap: Field, spacing: tuple[float, float], flowing: NDArray[np.bool_], *, periodic: bool
+) -> tuple[_Faces, NDArray[np.bool_]]:
+    """Return the faces between cells where something flows, and whether each is crossed along x."""
+    nodes, line = np.arange(gap.size).reshape(gap.shape), gap.shape[1]
+    cells, gaps = nodes, gap
+    if periodic:
+        cells, gaps = np.concatenate([cells, cells[:1]]), np.concatenate([gaps, gaps[:1]])
+        nodes = np.concatenate([nodes, nodes[:, :1]], axis=1)
+        gap = np.concatenate([gap, gap[:, :1]], axis=1)
+    else:  # reservoirs, which are as wide as need be
+        cells = np.pad(cells, ((1, 1), (0, 0)), constant_values=gap.size)
+        gaps = np.pad(gaps, ((1, 1), (0, 0)), constant_values=np.inf)
+    ratio = spacing[1] / spacing[0]
+    first = np.concatenate([cells[:-1].reshape(-1), nodes[:, :-1].reshape(-1)])
+    second = np.concatenate([cells[1:].reshape(-1), nodes[:, 1:].reshape(-1)])
+    one = np.concatenate([gaps[:-1].reshape(-1), gap[:, :-1].reshape(-1)])
+    other = np.concatenate([gaps[1:].reshape(-1), gap[:, 1:].reshape(-1)])
+    place = np.arange(first.size)
+    along = place < cells.size - line
+    driven = along & (place >= cells.size - 2 * line) if periodic else place < line
+    low, high = np.minimum(one, other), np.maximum(one, other)
+    kept = (low > 0) & flowing[first] & flowing[second]
+    along, low, high = along[kept], low[kept], high[kept]
+    root = np.sqrt(2 * np.where(along, ratio, 1 / ratio) / (1 + (low / high) ** 3)) * low**1.5
+    return _Faces(first[kept], second[kept], root, driven[kept].astype(np.float64)), along
+
+
+def _solved(faces: _Faces, basis: csr_matrix, lift: Values) -> Values:
+    """Solve for the pressures; return the drops at faces by the roots of their conductances, (f,).
+
+    The sum of their squares is the flow, and the least that pressures can make it.
+    """
+    count, root = faces.root.size, faces.root
+    pairs = np.tile(np.arange(count), 2), np.concatenate([faces.second, faces.first])
+    rises = csr_matrix((np.concatenate([root, -root]), pairs), (count, basis.shape[0])) @ basis
+    drop: Values = root * (faces.drop - (lift[faces.second] - lift[faces.first]))
+    if not basis.shape[1]:
+        return drop
+    rises.eliminate_zeros()
+    squares = np.bincount(rises.indices, rises.data**2, basis.shape[1])
+    rises.data /= np.sqrt(squares)[rises.indices]
+    columns = rises.T.tocsr()
+    factor = splu(
+        (columns @ rises).tocsc(),
+        permc_spec="MMD_AT_PLUS_A",
+        diag_pivot_thresh=0.0,
+        relax=1,
+        panel_size=1,
+        options={"SymmetricMode": True},
+    )
+    for _ in range(SOLUTIONS):
+        before = float(drop @ drop)
+        drop = drop - rises @ factor.solve(columns @ drop)
+    if not abs(before - drop @ drop) <= RTOL * before:
+        raise ArithmeticError(f"flow through the gap: not solved to {RTOL:g}")
+    return drop

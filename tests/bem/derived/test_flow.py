@@ -1,0 +1,194 @@
+"""Flow of a thin fluid through gaps, beside closed forms, exact elimination and another solver."""
+
+import numpy as np
+import pytest
+
+import bem
+from bem.derived.flow import flow_through
+from gen.spectral import SelfAffineSpectrum, generate_spectral
+
+AXES_AND_BORDERS = [(axis, periodic) for axis in (0, 1) for periodic in (False, True)]
+
+# Flows of `waves` along x by reynoldsflow 0.1.3 with rtol 1e-14, by level and nodes. It has patches
+# that repeat themselves, and strips that do so across the flow: those have a closed last line here.
+OTHERS = {
+    (0.6, 40): (0.21574809177471388, 0.20703501021134477),
+    (0.1, 40): (0.004590655828437064, 0.006641141092485436),
+    (0.1, 64): (0.005264899326932438, 0.007701579475751482),
+    (-0.05, 64): (0.00012879937251391443, 0.0006586882052816042),
+}
+
+
+def waves(level, nodes):
+    x, y = np.mgrid[:nodes, :nodes] * (2 * np.pi / nodes)
+    mixed = np.cos(2 * x + y) * np.cos(x - 3 * y) + 0.5 * np.cos(5 * x + 1) * np.cos(4 * y - x)
+    return np.maximum(level + mixed, 0.0)
+
+
+def exactly(gap, spacing):
+    """Eliminate cell after cell between two reservoirs, by star and mesh: nothing is subtracted."""
+    nx, ny = gap.shape
+    conductances = np.zeros((gap.size + 2,) * 2)
+    padded = np.pad(gap, ((1, 1), (0, 0)), constant_values=np.inf)
+    cells = np.pad(np.arange(gap.size).reshape(gap.shape), ((1, 1), (0, 0)))
+    cells[0], cells[-1] = gap.size, gap.size + 1
+    ratio = spacing[1] / spacing[0]
+    steps = (
+        (padded[:-1], padded[1:], cells[:-1], cells[1:], ratio),
+        (*(gap[:, :-1], gap[:, 1:], cells[1:-1, :-1], cells[1:-1, 1:], 1 / ratio),),
+    )
+    for one, other, first, second, each in steps:
+        with np.errstate(divide="ignore"):
+            means = 2 * each / (one**-3.0 + other**-3.0)
+        conductances[first, second] += means
+        conductances[second, first] += means
+    for cell in range(gap.size):
+        star = conductances[cell].copy()
+        star[: cell + 1] = 0
+        if star.any():
+            conductances += np.outer(star, star) / star.sum()
+    return conductances[-1, -2] * nx / (ny * ratio)
+
+
+@pytest.mark.parametrize(("axis", "periodic"), AXES_AND_BORDERS)
+def test_parallel_plates_and_channels_have_closed_forms(axis, periodic):
+    def flow(gap):
+        turned = gap if axis == 0 else gap.T
+        return flow_through(turned, (2.0, 0.5), axis, periodic=periodic)
+
+    plates = flow(np.full((6, 8), 0.3))
+    assert plates.factor == pytest.approx(1.0, rel=1e-14)
+    assert plates.aperture == pytest.approx(0.3, rel=1e-14)
+    along, across = plates.flux[axis], plates.flux[1 - axis]
+    np.testing.assert_allclose(along, 0.027, rtol=1e-13)
+    np.testing.assert_allclose(across, 0, atol=1e-15)
+    widths = np.array([1e-12, 0.0, 1.0, 1.0, 0.2, 1e-5])
+    parallel = np.tile(widths, (6, 1))
+    assert flow(parallel).aperture ** 3 == pytest.approx((widths**3).mean(), rel=1e-13)
+    series = np.tile(widths[widths > 0][:, None], (1, 4))
+    assert flow(series).aperture ** 3 == pytest.approx(
+        1 / (widths[widths > 0] ** -3).mean(), rel=1e-13
+    )
+
+
+def test_one_open_channel_of_one_node_is_found_and_islands_are_not():
+    gap = np.zeros((9, 11))
+    gap[:, 4] = 1e-3  # the channel
+    gap[2:5, 7:10] = 5.0  # a pool that nothing leads to
+    gap[0:4, 0:2] = 5.0  # a bay that ends
+    for periodic in (False, True):
+        flow = flow_through(gap, (1.0, 1.0), 0, periodic=periodic)
+        assert flow.aperture**3 == pytest.approx(1e-9 / 11, rel=1e-12)
+        assert np.flatnonzero(abs(flow.flux[0]).max(axis=0) > 1e-24).tolist() == [4]
+        assert flow_through(gap, (1.0, 1.0), 1, periodic=periodic).factor == 0
+    gap[5, 4] = 0
+    nothing = flow_through(gap, (1.0, 1.0), 0, periodic=False)
+    assert (nothing.factor, nothing.aperture) == (0, 0)
+    assert not nothing.flux.any()
+
+
+def test_a_spiral_around_a_patch_that_repeats_flows_along_both_axes():
+    gap = np.eye(5) + np.roll(np.eye(5), 1, axis=1)
+    for axis in (0, 1):
+        assert flow_through(gap, (1.0, 1.0), axis, periodic=True).aperture ** 3 == pytest.approx(
+            0.1
+        )
+        assert flow_through(np.eye(5), (1.0, 1.0), axis, periodic=True).factor == 0
+
+
+@pytest.mark.parametrize("trials", [100, pytest.param(1000, marks=pytest.mark.long)])
+def test_gaps_of_many_decades_are_solved_to_rounding(trials):
+    random, flowing = np.random.default_rng(7), 0
+    for trial in range(trials):
+        shape = random.integers(1, 11, 2)
+        gap = 10 ** random.uniform((-12, -30)[trial % 5 == 0], 0, shape)
+        gap[random.random(shape) < (0.0, 0.3, 0.5, 0.2)[trial % 4]] = 0.0
+        spacing = tuple(random.uniform(0.5, 2.0, 2))
+        expected = exactly(gap, spacing) if gap.any() else 0.0
+        flow = flow_through(gap, spacing, 0, periodic=False)
+        assert flow.aperture**3 == pytest.approx(expected, rel=1e-12, abs=0)
+        np.testing.assert_allclose(flow.flux[0].mean(axis=1), expected, rtol=1e-12)
+        flowing += flow.factor > 0
+        for axis in (0, 1):
+            flow = flow_through(gap, spacing, axis, periodic=True)
+            np.testing.assert_allclose(
+                flow.flux[axis].mean(axis=1 - axis), flow.aperture**3, rtol=1e-12
+            )
+    assert 0.4 < flowing / trials < 0.8
+
+
+@pytest.mark.parametrize(("level", "nodes"), OTHERS)
+def test_another_solver_finds_the_same_flow(level, nodes):
+    gap = waves(level, nodes)
+    repeated, closed = OTHERS[level, nodes]
+    flow = flow_through(gap, (1.0, 1.0), 0, periodic=True)
+    assert flow.aperture**3 == pytest.approx(repeated, rel=1e-8)
+    gap[:, -1] = 0.0
+    flow = flow_through(gap, (1.0, 1.0), 0, periodic=False)
+    assert flow.aperture**3 == pytest.approx(closed, rel=1e-8)
+
+
+def spectral(nodes, seed, roll_off=4):
+    """Make a surface without edges, whose shortest waves have 8 nodes [um]."""
+    cut_off = 8 / nodes
+    spectrum = SelfAffineSpectrum(0.8, roll_off * cut_off, cut_off)
+    random = np.random.default_rng(seed)
+    return generate_spectral((nodes, nodes), 1.0, spectrum, random, rms_slope=0.1)
+
+
+@pytest.mark.parametrize("boundary", ["free", "periodic", "mirror"])
+def test_a_contact_lets_through_what_its_open_gap_does(boundary):
+    heights = spectral(65, 2)
+    light, heavy = (
+        bem.solve(heights, 1.0, pressure=load, boundary=boundary, spacing=1 / 64)
+        for load in (0.002, 0.05)
+    )
+    for axis in (0, 1):
+        flow = light.flow(axis)
+        assert flow is light.flow(axis)
+        assert 0.2 < flow.factor < 1
+        assert flow.aperture**3 == pytest.approx(flow.factor * light.mean_gap**3, rel=1e-3)
+        assert not flow.flux[:, light.pressure > 0].any()
+        assert heavy.flow(axis).factor == 0
+        assert heavy.spots.gap_connects[axis] is False
+    touching = bem.solve(heights, 1.0, 0.0, boundary=boundary)
+    assert 0.5 < touching.flow().factor < 1
+    full = bem.solve(heights, 1.0, pressure=1e3, boundary=boundary)
+    assert full.flow().aperture == 0
+
+
+@pytest.mark.long
+def test_the_gap_of_spectral_surfaces_seals_at_an_area_of_two_fifths():
+    sealing = []
+    for seed in range(20):
+        heights = spectral(512, seed)
+        for axis in (0, 1):
+            loads, areas = [0.015, 0.04], [0.0, 0.0]
+            for _ in range(6):
+                load = float(np.prod(loads)) ** 0.5
+                contact = bem.solve(heights, 1.0, pressure=load, boundary="periodic", rtol=1e-4)
+                sealed = not contact.spots.gap_connects[axis]
+                loads[sealed], areas[sealed] = load, contact.continuum_area_percent
+            sealing.append(np.mean(areas))
+            if not seed:  # what the flow itself says
+                assert contact.flow(axis).factor < 1e-3
+                assert (contact.flow(axis).factor == 0) == sealed
+    assert np.mean(sealing) == pytest.approx(41.5, abs=2.0)
+    assert np.ptp(sealing) < 10
+
+
+def test_bodies_that_have_yielded_seal_where_elastic_ones_leak():
+    heights = spectral(65, 2)
+    elastic, yielded = (
+        bem.solve(heights, 1.0, pressure=0.015, boundary="periodic", hardness=hardness)
+        for hardness in (None, 0.03)
+    )
+    assert elastic.flow().factor > 0
+    assert yielded.flow().factor < elastic.flow().factor
+
+
+def test_an_axis_that_there_is_not_is_refused():
+    contact = bem.solve(np.zeros((4, 4)), 1.0, force=1.0)
+    with pytest.raises(ValueError, match="axis 2: give 0"):
+        contact.flow(2)
+    assert contact.flow().factor == 0
