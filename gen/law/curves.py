@@ -121,13 +121,6 @@ class Curves:
         )
 
     @property
-    def withheld(self) -> NDArray[np.bool_]:
-        """True where there is no band because an argument lies outside the training, (k,)."""
-        banded = np.array([curve.banded for curve in self.curves.values()])
-        unknown: NDArray[np.bool_] = np.array(self.reasons, dtype=bool) & ~banded.any(axis=0)
-        return unknown
-
-    @property
     def flagged(self) -> NDArray[np.bool_]:
         """True where most surfaces are outside a surrogate's training, (k,)."""
         return self.outside > MOST

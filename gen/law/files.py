@@ -69,7 +69,8 @@ def show(law: Law) -> None:
 
 def _print(curves: Curves) -> None:
     """Print one table; rows outside the training have a reason instead of a band."""
-    names, withheld = list(curves.curves), curves.withheld
+    names = list(curves.curves)
+    banded = np.any([curve.banded for curve in curves.curves.values()], axis=0)
     if curves.against == "delta_um":
         names.remove("closure_um")  # so that rows fit
     elif np.array_equal(curves.curves["delta_um"].value, curves.curves["closure_um"].value):
@@ -79,7 +80,7 @@ def _print(curves: Curves) -> None:
         cells = [f"{argument:.5g}"]
         for curve in (curves.curves[name] for name in names):
             value, low, high = curve.value[place], curve.low[place], curve.high[place]
-            band = " (-)" if withheld[place] else ""
+            band = " (-)" if curves.reasons[place] and not banded[place] else ""
             band = f" ({low:.4g} to {high:.4g})" if low < high else band
             cells.append("-" if np.isnan(value) else f"{value:.4g}{band}")
         rows.append([*cells, brief(curves.reasons[place])])
