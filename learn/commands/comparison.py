@@ -144,9 +144,8 @@ def tune(
     them.
     """
     began = time.time()
-    from learn.bounded import seconds
     from learn.comparison import jobs
-    from learn.executor import lead
+    from learn.executor import lead, seconds
 
     def job(executor: Executor) -> int:
         request = selection.request(file, output, began + seconds(budget) if budget else inf)
@@ -172,9 +171,8 @@ def estimate(
     be done again by `tune` on the same folder.
     """
     began = time.time()
-    from learn.bounded import seconds
     from learn.comparison import jobs
-    from learn.executor import lead
+    from learn.executor import lead, seconds
 
     def job(executor: Executor) -> int:
         request = selection.request(file, output, began + seconds(budget))

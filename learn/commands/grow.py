@@ -93,7 +93,7 @@ def _grow(order: Order, scene: str, budget: str, executor: Executor) -> int:
     from gen.runtime.figure import new_figure, save
     from gen.runtime.signals import Interruption
     from gen.scene import load
-    from learn.bounded import seconds
+    from learn.executor import seconds
     from learn.grow import report, rounds
     from learn.grow.rows import Pace
     from learn.surrogate.fitting import require_better

@@ -3,9 +3,9 @@
 The winners of a search would bias it: their fits are shorter or longer than others. The drawn fits
 are done on few rows, then on three times as many, and so on up to all, as far as the time reaches.
 The sum of their times over the sum of their expected work, times the work of the whole grid, is a
-ratio estimate. The cost of more rows is the ratio of the times of the fits that were done on both
-numbers of rows: double sampling (W. G. Cochran, Sampling Techniques, chapters 6 and 12). Fits on
-all rows are trials like all others, which a later search does not repeat.
+ratio estimate (W. G. Cochran, Sampling Techniques, chapter 6). Where the last fits were of fewer
+rows, it is multiplied by the growth of a fit's time, which is on the safe side. Fits on all rows
+are trials like all others, which a later search does not repeat.
 """
 
 import math
@@ -14,7 +14,6 @@ from itertools import takewhile
 from typing import NamedTuple
 
 import numpy as np
-from rich.table import Table
 
 from gen.arrays import Values
 from gen.runtime.terminal import print_table
@@ -22,11 +21,15 @@ from learn.comparison import paper
 from learn.comparison.folder import Folder
 from learn.comparison.grid import Task, expected_work, key
 from learn.comparison.search import GridSearch, growth, steps
+from learn.comparison.tables import new_table
 from learn.models import MODELS
 from learn.split import FOLDS
 
 DRAWN = 40
 """Fits that are drawn at most: the error is then about a sixth of their times' scatter."""
+
+FEWEST = 5
+"""Fits on some rows that say more than any number of fits on fewer rows."""
 
 
 class Cost(NamedTuple):
@@ -35,7 +38,7 @@ class Cost(NamedTuple):
     model: str
     grid: str
     seconds: float
-    error: float | None  # standard error [s]; None if a part rests on one fit or on none
+    error: float | None  # standard error [s]; None for one fit, or for fits of fewer rows
     fits: int  # that were timed on all rows
     of: int  # fits that there are
     rows: int  # largest number on which a drawn fit was timed
@@ -64,32 +67,26 @@ def estimate(search: GridSearch, until: float) -> Cost | None:
 
 def cost(search: GridSearch) -> Cost | None:
     """Estimate the time of a grid from its finished fits; None if those drawn first are not."""
-    sizes, drawn, model = steps(search.training.rows), draw(search), search.model
-    times = [_times(search, drawn, rows) for rows in sizes]
-    last = max(range(len(sizes)), key=lambda place: (times[place].size, place))
-    if not (number := times[last].size):
+    total, drawn, model = search.training.rows, draw(search), search.model
+    times = {rows: _times(search, drawn, rows) for rows in steps(total)}
+    rows = max(times, key=lambda rows: (min(times[rows].size, FEWEST), rows))
+    if not (number := times[rows].size):
         return None
     families = {family: search.grid.served_by(family) for family, _ in drawn}
-    tasks = (Task(model.name, families[family], 0, sizes[last]) for family, _ in drawn)
+    tasks = (Task(model.name, families[family], 0, rows) for family, _ in drawn)
     works = np.fromiter(map(expected_work, tasks), float)
-    factor, error = _ratio(times[last], works[:number])
-    errors = [0.0 if number == len(drawn) else error * math.sqrt(1 - number / len(drawn))]
-    for place in range(last + 1, len(sizes)):
-        if common := times[place].size:
-            step, error = _ratio(times[place], times[last][:common])
-            factor, last = factor * step, place
-            errors.append(error)
-    if last + 1 < len(sizes):
-        factor *= growth(model, sizes[-1] / sizes[last])
-        errors.append(math.nan)
-    seconds, relative = factor * float(works.sum()), math.hypot(*errors)
-    own = [trial.seconds for trial in search.baseline_trials(search.training.rows) if trial]
+    ratio = float(times[rows].sum() / works[:number].sum())
+    seconds = ratio * float(works.sum()) * growth(model, total / rows)
+    error = None
+    if rows == total and number > 1:
+        scatter = (times[rows] - ratio * works[:number]).std(ddof=1) / times[rows].mean()
+        error = seconds * float(scatter) * math.sqrt(1 / number - 1 / len(drawn))
+    own = [trial.seconds for trial in search.baseline_trials(total) if trial]
     return Cost(
-        *(model.name, search.source, seconds + sum(own)),
-        error=None if math.isnan(relative) else seconds * relative,
-        fits=times[-1].size + len(own),
+        *(model.name, search.source, seconds + sum(own), error),
+        fits=times[total].size + len(own),
         of=len(drawn) + len(own),
-        rows=sizes[last],
+        rows=rows,
     )
 
 
@@ -108,14 +105,6 @@ def _times(search: GridSearch, drawn: list[tuple[int, int]], rows: int) -> Value
     return np.array([sum(t.seconds for t in each if t) for each in takewhile(all, found)])
 
 
-def _ratio(above: Values, below: Values) -> tuple[float, float]:
-    """Return the ratio of the sums of two times of the same fits, and its relative error."""
-    ratio = float(above.sum() / below.sum())
-    if above.size < 2:
-        return ratio, math.nan
-    return ratio, float((above - ratio * below).std(ddof=1) / math.sqrt(above.size) / above.mean())
-
-
 def hours(seconds: float) -> str:
     """Return a time [s] in hours as text."""
     number = seconds / 3600
@@ -126,13 +115,9 @@ def report(folder: Folder, costs: list[Cost]) -> None:
     """Print the times of whole grids, and write them to whole-grids.csv."""
     rows = [[*cost, paper.TUNING_SECONDS[cost.model]] for cost in costs]
     folder.write_table("whole-grids.csv", [*Cost._fields, "paper_s"], rows)
-    table = Table(
-        title="Whole grids, one fit after the other on one thread; the paper's in brackets"
-    )
-    for column in ("Model", "Grid"):
-        table.add_column(column)
-    for column in ("time [h]", "fits", "timed on all rows", "on rows up to", "relative error"):
-        table.add_column(column, justify="right")
+    title = "Whole grids, one fit after the other on one thread; the paper's in brackets"
+    numbers = ("time [h]", "fits", "timed on all rows", "on rows up to", "relative error")
+    table = new_table(title, ("Model", "Grid"), numbers)
     for cost in costs:
         took = f"{hours(cost.seconds)} ({hours(paper.TUNING_SECONDS[cost.model])})"
         error = "" if cost.error is None else f"{100 * cost.error / cost.seconds:.0f} %"

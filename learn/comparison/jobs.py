@@ -7,8 +7,7 @@ are left.
 
 import math
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator
 from dataclasses import replace
 
 from gen.runtime.signals import Interruption
@@ -21,8 +20,8 @@ from learn.comparison.estimate import Cost
 from learn.comparison.fits import Training, Trials
 from learn.comparison.folder import Folder, conditions
 from learn.comparison.results import TimedFit
-from learn.comparison.search import GridSearch, whole, within
-from learn.dataset import Dataset, Request, short_name
+from learn.comparison.search import GridSearch, halved, whole
+from learn.dataset import Request, short_name
 from learn.executor import Executor
 from learn.models import Model, check_memory, models_named, scaling_of
 
@@ -59,7 +58,7 @@ def tune(request: Request, executor: Executor) -> int:
     """
     with Interruption(listening=True) as interruption:
         for folder, search, until in _searches(request, executor, interruption):
-            found = whole(search) if math.isinf(until) else within(search, until)
+            found = whole(search) if math.isinf(until) else halved(search, until)
             if interruption.requested():
                 break
             if found.fault:
@@ -90,10 +89,6 @@ def estimate(request: Request, executor: Executor) -> int:
     return interruption.signal
 
 
-Target = tuple[Folder, Training]
-"""One target of a job: its folder, and its rows."""
-
-
 def _searches(
     request: Request, executor: Executor, interruption: Interruption
 ) -> Iterator[tuple[Folder, GridSearch, float]]:
@@ -104,34 +99,23 @@ def _searches(
     models = models_named(list(request.models))
     left = len(models) * len(request.targets)
     for folder, training in _targets(request, models, executor, interruption, searched=True):
+        agreed, columns = folder.record()["conditions"], training.columns
+        features = agreed["features"]
         for model in models:
             if interruption.requested():
                 return
             until = time.time() + max(request.until - time.time(), 0.0) / left
             left -= 1
-            with _search(folder, training, model, executor, interruption.requested) as search:
+            source, space = grids.space_of(model.name, features)
+            grid = grids.grid(model, space, columns)
+            _, known = grids.untuned(model.name, features)
+            with Trials(folder.path / "trials" / f"{model.name}.jsonl", agreed) as trials:
+                search = GridSearch(
+                    *(model, grid, training, trials, executor, interruption.requested, source),
+                    baseline=grids.baseline(model.name, features),
+                    optimum=grid.number_of(grids.canonical_settings(model, known, columns)),
+                )
                 yield folder, search, until
-
-
-@contextmanager
-def _search(
-    folder: Folder,
-    training: Training,
-    model: Model,
-    executor: Executor,
-    stopping: Callable[[], bool],
-) -> Iterator[GridSearch]:
-    """Open the search of a model's grid, with the fits that are finished."""
-    agreed, columns = folder.record()["conditions"], training.columns
-    source, space = grids.space_of(model.name, agreed["features"])
-    grid = grids.grid(model, space, columns)
-    _, known = grids.untuned(model.name, agreed["features"])
-    with Trials(folder.path / "trials" / f"{model.name}.jsonl", agreed) as trials:
-        yield GridSearch(
-            *(model, grid, training, trials, executor, stopping, source),
-            baseline=grids.baseline(model.name, agreed["features"]),
-            optimum=grid.number_of(grids.canonical_settings(model, known, columns)),
-        )
 
 
 def _targets(
@@ -141,40 +125,41 @@ def _targets(
     interruption: Interruption,
     *,
     searched: bool,
-) -> Iterator[Target]:
-    """Read the database, and prepare one target after the other until a signal comes."""
-    stopping = interruption.requested
-    for rows in dataset.read(request, executor, stopping):
-        if not stopping():
-            yield _prepare(request, rows, models, searched=searched)
+) -> Iterator[tuple[Folder, Training]]:
+    """Read the database; split the rows of each target and open its folder, until a signal comes.
 
-
-def _prepare(request: Request, rows: Dataset, models: list[Model], *, searched: bool) -> Target:
-    """Split the rows of one target, check the memory and open the target's folder."""
-    parts = split.draw(rows, request.seed, request.train_rows)
-    if searched:
-        split.check_folds(rows, parts)
-    for model in models:
-        check_memory(model.name, parts.train.size, baseline=not searched)
-    scaling = scaling_of(rows, parts.train)
-    folder = Folder(request.output / short_name(rows.target_name))
-    folder.begin(rows, parts, conditions(rows, parts, request.normalisation, request.area_max))
-    with RunProgress(1) as progress:
-        progress.say(
-            f"{request.database}: {rows.target_name}, {parts.train.size} training rows,"
-            f" {parts.test.size} test rows, {rows.features.name} features"
+    InputError is raised if there are too few rows, or this machine lacks the memory for a model.
+    """
+    for rows in dataset.read(request, executor, interruption.requested):
+        if interruption.requested():
+            return
+        parts = split.draw(rows, request.seed, request.train_rows)
+        if searched:
+            split.check_folds(rows, parts)
+        for model in models:
+            check_memory(model.name, parts.train.size, baseline=not searched)
+        scaling = scaling_of(rows, parts.train)
+        folder = Folder(request.output / short_name(rows.target_name))
+        folder.begin(rows, parts, conditions(rows, parts, request.normalisation, request.area_max))
+        with RunProgress(1) as progress:
+            progress.say(
+                f"{request.database}: {rows.target_name}, {parts.train.size} training rows,"
+                f" {parts.test.size} test rows, {rows.features.name} features"
+            )
+            for line in dataset.remarks(rows, request.normalisation):
+                progress.say(f"  {line}")
+            if not parts.by_surface:
+                progress.say("  all rows share one surface: they are split one by one")
+        yield (
+            folder,
+            Training(
+                inputs=rows.inputs[parts.train],
+                target=scaling.scaled(rows.target[parts.train]),
+                folds=parts.folds,
+                test_inputs=rows.inputs[parts.test],
+                test_target=rows.target[parts.test],
+                normalisation=request.normalisation,
+                seed=request.seed,
+                scaling=scaling,
+            ),
         )
-        for line in dataset.remarks(rows, request.normalisation):
-            progress.say(f"  {line}")
-        if not parts.by_surface:
-            progress.say("  all rows share one surface: they are split one by one")
-    return folder, Training(
-        inputs=rows.inputs[parts.train],
-        target=scaling.scaled(rows.target[parts.train]),
-        folds=parts.folds,
-        test_inputs=rows.inputs[parts.test],
-        test_target=rows.target[parts.test],
-        normalisation=request.normalisation,
-        seed=request.seed,
-        scaling=scaling,
-    )

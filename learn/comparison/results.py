@@ -18,12 +18,12 @@ import numpy as np
 
 from gen.arrays import Values
 from gen.runtime.terminal import RunProgress
-from learn import bounded
 from learn.comparison.fits import Training, reason
 from learn.comparison.folder import Folder
 from learn.comparison.grid import Settings, beyond
 from learn.comparison.search import Found
 from learn.comparison.tables import WHY_BASELINE
+from learn.executor import within
 from learn.metrics import scores
 from learn.models import MODELS, STEP, Model, pipeline, remarks
 from learn.split import FOLDS
@@ -64,7 +64,7 @@ class FitResult(NamedTuple):
 
 def fit_in_time(training: Training, task: TimedFit) -> FitResult | None:
     """Fit, score and time a model; None if that was stopped at its time."""
-    return bounded.call(fit_and_time, training, task, task.until)
+    return within(fit_and_time, training, task, task.until)
 
 
 def fit_and_time(training: Training, task: TimedFit) -> FitResult:

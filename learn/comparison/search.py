@@ -25,11 +25,10 @@ import numpy as np
 
 from gen.arrays import Values
 from gen.runtime.terminal import RunProgress
-from learn import bounded
 from learn.comparison import grid as grids
 from learn.comparison.fits import Training, Trial, Trials, fit
 from learn.comparison.grid import LEAST_JUDGED, Grid, Settings, Task, expected_work
-from learn.executor import Executor
+from learn.executor import Executor, within
 from learn.models import Model
 from learn.split import FOLDS
 
@@ -255,7 +254,7 @@ def whole(search: GridSearch) -> Found:
     return Found(wider, grids.WHOLE, scores.seconds, scores)
 
 
-def within(search: GridSearch, until: float) -> Found:
+def halved(search: GridSearch, until: float) -> Found:
     """Search a grid until a time of `time.time`, at which the winner is fitted to all rows too."""
     total, began = search.training.rows, time.time()
     decided = began + DECISION_SHARE * (until - began)
@@ -352,4 +351,4 @@ def _counted(number: int) -> str:
 
 def fit_in_time(training: Training, task: Task) -> list[Trial] | None:
     """Do the fit of a task; None if it was stopped at its time."""
-    return bounded.call(fit, training, task, task.until, task.longest)
+    return within(fit, training, task, task.until, task.longest)

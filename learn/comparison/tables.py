@@ -260,7 +260,7 @@ def _score_table(tables: Tables) -> Table:
     """Return a table like Table 4, with the paper's numbers in brackets, intervals below."""
     title = "Scores on the test rows [%] with their intervals, times [s]; the paper's in brackets"
     numbers = (*(SCORES[name] for name in tables.names), "fit", "test set", "one row")
-    table = _new_table(title, ("Model", ""), numbers)
+    table = new_table(title, ("Model", ""), numbers)
     times = {(row["model"], row["result"]): row for row in tables.times}
     for row in tables.scores:
         model, kind = row["model"], row["result"]
@@ -291,7 +291,7 @@ def _search_table(tables: Tables) -> Table:
     )
     texts = ("Model", "Grid", "Searched", "Winner", "Best settings")
     numbers = ("R2", "baseline", "candidates", "differ", "fits", "of", "time")
-    table, searches = _new_table(title, texts, numbers), {r["model"]: r for r in tables.searches}
+    table, searches = new_table(title, texts, numbers), {r["model"]: r for r in tables.searches}
     for row in (row for row in tables.scores if row["result"] == "tuned"):
         model = row["model"]
         if (search := searches.get(model)) is None:
@@ -310,7 +310,7 @@ def _search_table(tables: Tables) -> Table:
     return table
 
 
-def _new_table(title: str, texts: tuple[str, ...], numbers: tuple[str, ...]) -> Table:
+def new_table(title: str, texts: tuple[str, ...], numbers: tuple[str, ...]) -> Table:
     """Return a table without rows, with columns of texts and of numbers."""
     table = Table(title=title)
     for column in (*texts, *numbers):

@@ -24,9 +24,8 @@ from gen.arrays import Indices, Values
 from gen.database import Reader
 from gen.runtime.errors import InputError
 from gen.scene import ScanSurface
-from learn import bounded
 from learn.dataset import TILE, Dataset, Request
-from learn.executor import Executor
+from learn.executor import Executor, within
 from learn.metrics import no_better
 from learn.split import FOLDS, Split
 from learn.surrogate import fitting
@@ -270,7 +269,7 @@ def appraise(
     reading = time.monotonic() - began
     sets = [each.at(np.flatnonzero(each.rows < rows)) for each in sets]
     parts = parted(sets, request.seed)
-    done = bounded.call(_fitted, (request, sets, parts), None, until)
+    done = within(_fitted, (request, sets, parts), None, until)
     if done is None:
         return None
     surrogate, lines = done

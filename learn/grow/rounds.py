@@ -11,9 +11,8 @@ from gen.database import Reader
 from gen.generation.functions import completed
 from gen.runtime.errors import InputError
 from gen.scene import Scene, differences
-from learn import bounded
 from learn.dataset import TARGETS, Request, results, short_name
-from learn.executor import Executor
+from learn.executor import Executor, within
 from learn.grow.accuracy import Appraisal, Sizes, appraise
 from learn.grow.curve import EXPONENTS, Curve, advise, learning_curve
 from learn.grow.rows import Pace, generate, stock
@@ -93,7 +92,7 @@ class Growth:
         if found is None:
             return
         self.last = found
-        self.curve = bounded.call(learning_curve, self.order.request, found, self.pace.until)
+        self.curve = within(learning_curve, self.order.request, found, self.pace.until)
         self.advice = None
         if self.curve is not None and not found.met:
             self.advice = advise(found, self.curve, self.sizes, self.order.most)

@@ -1,10 +1,111 @@
-"""The executor on one process; tests/mpi/test_executor_mpi.py has the same on several ranks."""
+"""Tasks in other processes: on one, within a time; tests/mpi/test_executor_mpi.py has the ranks."""
 
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
 import pytest
 
 from gen.runtime import farm
 from gen.runtime.errors import InputError
-from learn.executor import Executor, lead
+from learn import executor
+from learn.executor import Executor, lead, within
+
+
+def count(shared, task):
+    return sum(range(task)) + shared, os.getpid()
+
+
+def spin(shared, task):
+    """Run for ever, as some fits seem to."""
+    while True:
+        np.linalg.svd(np.ones((100, 100)))
+
+
+def refuse(shared, task):
+    raise InputError("no")
+
+
+def leave(shared, task):
+    os._exit(3)
+
+
+def soon(seconds=60.0):
+    return time.time() + seconds
+
+
+@pytest.mark.parametrize(("text", "expected"), [("90s", 90), ("2h", 7200), ("1.5min", 90)])
+def test_budgets_are_read(text, expected):
+    assert executor.seconds(text) == expected
+
+
+@pytest.mark.parametrize("text", ["", "2", "-1h", "0s", "nan", "inf", "2 weeks", "h", "1e18s"])
+def test_budgets_that_are_none_are_refused(text):
+    if text == "2":
+        assert executor.seconds(text) == 2
+        return
+    with pytest.raises(InputError, match="--budget"):
+        executor.seconds(text)
+
+
+@pytest.mark.long
+def test_one_process_does_task_after_task_and_is_replaced_once_one_takes_too_long():
+    first, second = (within(count, 1, 3, soon()) for _ in range(2))
+    assert first == second
+    assert first[0] == 4
+    assert first[1] != os.getpid()
+    began = time.time()
+    assert within(spin, 1, 3, soon(0.5)) is None
+    assert time.time() - began < 2.0
+    with pytest.raises(ProcessLookupError):
+        os.kill(first[1], 0)
+    assert within(count, 2, 3, soon())[0] == 5
+    assert within(count, 2, 3, time.time()) is None, "its time is over: it is not begun"
+
+
+def test_refusals_come_back_and_the_end_of_the_process_is_one():
+    with pytest.raises(InputError, match=r"^no$"):
+        within(refuse, 1, 3, soon())
+    with pytest.raises(InputError, match="has ended by itself"):
+        within(leave, 1, 3, soon())
+    assert within(count, 1, 3, soon())[0] == 4
+
+
+def is_running(number):
+    try:
+        return " Z " not in Path(f"/proc/{number}/stat").read_text()
+    except OSError:
+        return False
+
+
+KILLED = """
+import sys, time
+from learn.executor import within
+import test_executor
+print(within(test_executor.count, 0, 3, time.time() + 60)[1], flush=True)
+within(test_executor.spin, 0, 3, time.time() + 60)
+"""
+
+
+def test_a_killed_process_leaves_none_behind():
+    path = os.pathsep.join([str(Path(__file__).parent), *sys.path])
+    parent = subprocess.Popen(
+        [sys.executable, "-c", KILLED],
+        stdout=subprocess.PIPE,
+        env={**os.environ, "PYTHONPATH": path},
+        text=True,
+    )
+    child = int(parent.stdout.readline())
+    parent.send_signal(signal.SIGKILL)
+    parent.communicate()
+    limit = time.time() + 60
+    while is_running(child):
+        assert time.time() < limit
+        time.sleep(0.1)
 
 
 def scaled(factor, task):
@@ -19,8 +120,7 @@ def test_results_arrive_with_their_tasks():
 
 def test_no_task_is_begun_once_it_is_told_to_stop():
     results = []
-    executor = Executor()
-    executor.run(
+    Executor().run(
         scaled,
         1,
         range(9),

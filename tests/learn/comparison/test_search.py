@@ -157,7 +157,7 @@ def limited(search, fits):
 
 def test_with_time_enough_the_whole_grid_is_judged(searching, trees, monkeypatch):
     monkeypatch.setattr(searches, "LEAST_ROWS", 20)
-    found = searches.within(searching("decision-tree", trees), math.inf)
+    found = searches.halved(searching("decision-tree", trees), math.inf)
     exact = searching("decision-tree", trees).exhaustive()
     assert found.how == "whole grid"
     assert found.fault == ""
@@ -173,7 +173,7 @@ def test_the_best_on_few_rows_are_judged_first_after_the_optimum(searching, tria
     search = replace(searching("decision-tree", space), training=levels(720), baseline={})
     settings = {"max_depth": 30, "min_samples_leaf": 1}
     deep = search.grid.number_of(canonical_settings(search.model, settings, 2))
-    found = searches.within(limited(replace(search, optimum=deep), 11 * 5), math.inf)
+    found = searches.halved(limited(replace(search, optimum=deep), 11 * 5), math.inf)
     few = search.scores(26, 2).means
     assert few[deep] < np.sort(few)[-3]
     assert found.fault == ""
@@ -194,10 +194,10 @@ def test_a_model_of_which_too_few_candidates_were_judged_is_not_searched(
     monkeypatch.setattr(searches, "LEAST_ROWS", 20)
     space = {"max_depth": [1, 2, 3, 4, 30], "min_samples_leaf": [1, 40, 80]}
     search = replace(searching("decision-tree", space), training=levels(720), baseline={})
-    found = searches.within(limited(search, fits), math.inf)
+    found = searches.halved(limited(search, fits), math.inf)
     assert found.fault.startswith("not searched: ")
     assert words in found.fault
-    assert searches.within(search, math.inf).fault == "", "with more time it goes on"
+    assert searches.halved(search, math.inf).fault == "", "with more time it goes on"
 
 
 def test_a_search_goes_on_beyond_the_end_at_which_its_winner_lies(searching, trials):

@@ -13,7 +13,7 @@ from gen.database import Reader, Writer
 from gen.generation.check import faults
 from gen.runtime.errors import InputError
 from gen.scene import Scene
-from learn import Surrogate, bounded
+from learn import Surrogate
 from learn.dataset import Request
 from learn.executor import Executor
 from learn.grow import accuracy, rounds, rows
@@ -168,7 +168,8 @@ def test_a_budget_ends_a_growth_by_the_clock_of_its_rows(limit, tmp_path, monkey
     for module in (rows, rounds, accuracy):
         monkeypatch.setattr(module, "time", clock)
     monkeypatch.setattr(Writer, "write_block", written)
-    monkeypatch.setattr(bounded, "call", lambda work, shared, task, until: work(shared, task))
+    for module in (rounds, accuracy):
+        monkeypatch.setattr(module, "within", lambda work, shared, task, until: work(shared, task))
     if limit < 0.6:  # fewer rows than a first look needs
         with pytest.raises(InputError, match="the budget sufficed for"):
             grow(order(tmp_path, mark=12.0), limit=limit)
