@@ -10,7 +10,7 @@ import functools
 import math
 import sys
 from dataclasses import dataclass
-from typing import Annotated, Self, TypeVar
+from typing import Annotated, Any, Self, TypeVar
 
 import numpy as np
 from pydantic import (
@@ -21,6 +21,7 @@ from pydantic import (
     PlainSerializer,
     PlainValidator,
     Strict,
+    TypeAdapter,
     ValidationError,
     model_validator,
 )
@@ -56,10 +57,12 @@ class Table(BaseModel):
 
 
 def ascending(limits: tuple[T, T]) -> tuple[T, T]:
-    """Refuse a range whose lower limit is above the upper one."""
+    """Refuse a range whose lower limit is above the upper one, or whose width no number holds."""
     low, high = limits
     if low > high:  # type: ignore[operator]  # pydantic has made both numbers
         raise ValueError(f"{low!r} is above {high!r}")
+    if math.isinf(high - low):  # type: ignore[operator]
+        raise ValueError("the range is too wide")
     return limits
 
 
@@ -172,6 +175,14 @@ TABLES: dict[str, type[LogUniform | Normal | Choice]] = {
 }
 """Distributions that are tables, by the key that names them."""
 
+_RULES = ConfigDict(strict=True, allow_inf_nan=False)
+_READERS: dict[str, TypeAdapter[Any]] = {
+    **{name: TypeAdapter(table) for name, table in TABLES.items()},
+    "range": TypeAdapter(Range[Number], config=_RULES),
+    "number": TypeAdapter(Number, config=_RULES),
+}
+"""What reads a number, an array, and each table."""
+
 
 @dataclass(frozen=True)
 class Drawn:
@@ -217,47 +228,25 @@ def _parsed(value: object) -> Distribution:
     """Turn TOML's number, array or table into a distribution."""
     if isinstance(value, LogUniform | Normal | Choice):
         return value
+    key = "range" if isinstance(value, list | tuple) else "number"
     if isinstance(value, dict):
-        return _table(value)
-    if isinstance(value, list | tuple):
-        if len(value) != 2:
-            raise PydanticCustomError("distribution", "not a range")
-        low, high = (_number(limit) for limit in value)
-        if low > high:
-            raise ValueError(f"{low!r} is above {high!r}")
-        if math.isinf(high - low):
-            raise ValueError("the range is too wide")
-        return low, high
-    return _number(value)
-
-
-def _table(value: dict[str, object]) -> Distribution:
-    """Turn a table into the distribution that one of its keys names."""
-    named = [table for name, table in TABLES.items() if name in value]
-    if len(named) != 1:
-        raise ValueError(f"give one of the keys {', '.join(TABLES)}")
+        named = [name for name in TABLES if name in value]
+        if len(named) != 1:
+            raise ValueError(f"give one of the keys {', '.join(TABLES)}")
+        (key,) = named
     try:
-        return named[0].model_validate(value)
+        read: Distribution = _READERS[key].validate_python(value)
     except ValidationError as error:
         fault = error.errors(include_url=False)[0]
         if fault["type"] == "value_error":
             raise ValueError(str(fault["ctx"]["error"])) from None
-        key = str(fault["loc"][0])
-        field = named[0].model_fields.get(key)
-        if field is None:
-            raise ValueError(
-                f"{key} is unknown beside {next(iter(named[0].model_fields))}"
-            ) from None
-        raise ValueError(f"{key} is {field.description}") from None
-
-
-def _number(value: object) -> float:
-    """Return a finite number as a float."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise PydanticCustomError("distribution", "not a number")
-    if not abs(value) <= sys.float_info.max:
-        raise PydanticCustomError("distribution", "not a finite number")
-    return float(value) + 0.0
+        if key not in TABLES:
+            raise PydanticCustomError("distribution", "not a finite number or a range") from None
+        inner = str(fault["loc"][0])
+        field = TABLES[key].model_fields.get(inner)
+        said = f"{inner} is {field.description}" if field else f"{inner} is unknown beside {key}"
+        raise ValueError(said) from None
+    return read
 
 
 def limits(distribution: Distribution) -> tuple[float, float]:

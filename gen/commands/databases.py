@@ -1,12 +1,13 @@
 """`gen run`, `estimate`, `info`, `plot`, `columns`, `check`, `merge`, `export`: databases."""
 
+import re
 from pathlib import Path
 
 from gen import options
 from gen.runtime import farm, signals
 from gen.runtime.errors import InputError
 from gen.runtime.files import Output, check_outputs
-from gen.runtime.numbers import rows_from
+from gen.runtime.numbers import shown
 from gen.runtime.terminal import echo
 
 COLUMNS = Path(__file__).parents[1] / "columns.md"  # what `gen.scene.columns.markdown_table` writes
@@ -30,7 +31,9 @@ def run(
     it has begun; the same command continues it.
     """
     world = farm.this_world()
-    share = rows_from(rows)
+    ends = re.fullmatch(r"([0-9]{1,18}):([0-9]{1,18})", rows)
+    if rows and not ends:
+        raise InputError(f"--rows {shown(rows)}: give two row numbers, as 0:1000")
     if sample_limit is not None and not 0 < sample_limit <= signals.LONGEST:
         raise InputError(
             f"--sample-limit {sample_limit:g}: give seconds, a number above 0, at most"
@@ -50,7 +53,7 @@ def run(
         scene,
         output,
         world,
-        rows=share,
+        rows=(int(ends[1]), int(ends[2])) if ends else None,
         retry_failed=retry_failed,
         force=force,
         limit=sample_limit,

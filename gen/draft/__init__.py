@@ -34,9 +34,8 @@ from gen.maps.settings import Reading, said
 from gen.material import Bodies
 from gen.runtime.errors import InputError
 from gen.runtime.files import Output, atomic, check_outputs
-from gen.runtime.terminal import RunProgress, echo, to_type
+from gen.runtime.terminal import RunProgress, echo, printable, to_type
 from gen.scene import Scene
-from gen.scene.faults import one_line
 
 FEW_TILES = 10  # tiles from which the part that tests a surrogate, a fifth, holds two or more
 
@@ -99,13 +98,13 @@ spacing = {float(proposal.spacing)!r}"""
     keys = "\n".join(f"{name} = {quoted(value)}" for name, value in given)
     reading = f"\n# For files that do not say it.\n[surface.reading]\n{keys}\n" if given else ""
     database, surrogate = (
-        one_line(str(output.with_suffix(suffix))) for suffix in (".h5", ".surrogate")
+        printable(str(output.with_suffix(suffix))) for suffix in (".h5", ".surrogate")
     )
     fit = f"{to_type('learn fit')} {database} --features hybrid -o {surrogate}"
     title = f"Windows of {len(steps)} measured map{'s' * (len(steps) != 1)}"
     return f"""\
 # {title}. Written by
-#     {one_line(command)}
+#     {printable(command)}
 # Every value is a proposal: change what you know better. Then
 {_head(title, output, proposal.windows, f"#     {fit}")}
 [surface]
@@ -132,7 +131,7 @@ nodes = {nodes}
 
 def _head(title: str, output: Path, surfaces: int, then: str = "") -> str:
     """Return the numbers of a scene, and the commands that use it."""
-    scene, database = (one_line(str(each)) for each in (output, output.with_suffix(".h5")))
+    scene, database = (printable(str(each)) for each in (output, output.with_suffix(".h5")))
     return f"""\
 #     {to_type("gen estimate")} {scene}
 #     {to_type("gen run")} {scene} -o {database}
@@ -159,7 +158,7 @@ def _files(proposal: Proposal, inputs: list[str], home: Path) -> str:
             name = str(look.path.relative_to(home))
             name = f"./{name}" if name.startswith("~") else name  # "~" is somebody's home
         if look.fault:
-            lines.append(f"    # {quoted(name)} is left out: {one_line(look.fault)}")
+            lines.append(f"    # {quoted(name)} is left out: {printable(look.fault)}")
             continue
         rough = f"rms height {look.rms_height:.3g} um, rms slope {look.rms_slope:.3g}"
         lines.append(f"    {quoted(name)},  # {'; '.join([rough, *remarks(look)])}")
@@ -180,7 +179,7 @@ despike = {steps.despike!r}"""
     tilt = max(max(map(abs, look.tilt)) for look in used)
     level = f"# The maps are tilted by up to {tilt:.2g}, as they lay under the instrument."
     if steps.level != "plane":
-        curved = one_line(next(look.path.name for look in used if look.form > FORM))
+        curved = printable(next(look.path.name for look in used if look.form > FORM))
         level = f"""\
 # A quadratic form holds over {100 * FORM:g} % of the variance about the mean plane of {curved}:
 # form rather than roughness. Others lose little by it."""
@@ -224,8 +223,8 @@ def scene_like(likeness: Likeness, command: str, output: Path) -> str:
 stretch = {spectrum.stretch!r}
 """
     return f"""\
-# Self-affine surfaces around {one_line(name)}, a start for a population of your own. Written by
-#     {one_line(command)}
+# Self-affine surfaces around {printable(name)}, a start for a population of your own. Written by
+#     {printable(command)}
 # The map was prepared by {prepared}. Then
 {_head(f"Self-affine surfaces like {name}", output, SURFACES)}
 [surface]

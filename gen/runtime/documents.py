@@ -15,9 +15,8 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from gen.runtime.errors import InputError
-from gen.runtime.files import require_file, write
+from gen.runtime.files import read_bytes, write
 
-LARGEST = 64 * 2**20  # most bytes of a document; those of this project have some thousands
 Row = dict[str, float | int | str]  # one line of a table: values by the names of the columns
 
 FORMULAS = ("=", "+", "-", "@", "\t", "\r", "\n")
@@ -57,23 +56,6 @@ def text_of(content: dict[str, Any]) -> str:
     """Return a JSON document with its keys and values, all of whose numbers must be finite."""
     text = json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False)
     return text.encode(errors="replace").decode() + "\n"
-
-
-def read_bytes(path: Path, largest: int = LARGEST) -> bytes:
-    """Read a whole regular file of `largest` bytes at most.
-
-    Raise FileNotFoundError if there is none, and InputError if it is larger, no regular file, or
-    cannot be read.
-    """
-    try:
-        size = require_file(path).stat().st_size
-        if size > largest:
-            raise InputError(f"{path} has {size} bytes; at most {largest} are read: move it away")
-        return path.read_bytes()
-    except OSError as error:
-        if isinstance(error, FileNotFoundError):
-            raise
-        raise InputError(f"{path} cannot be read: {error.strerror or error}") from None
 
 
 def read(path: Path, *kinds: type[Document]) -> dict[str, Any] | None:

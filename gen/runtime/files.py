@@ -23,19 +23,7 @@ Kind = Literal["text", "picture", "surrogate", "heights", "arrays", "maps", "par
 
 Present = Literal["replace", "keep", "refuse"]  # what a new file does to one that has its name
 _LONGEST_HEADER = 100_000  # number of characters within which the header of a table ends
-
-WORDS: dict[str, str] = {
-    "text": "text",
-    "picture": "a picture",
-    "surrogate": "a surrogate",
-    "heights": "an array",
-    "arrays": "an archive of arrays",
-    "maps": "prepared maps",
-    "parquet": "Parquet",
-    "database": "HDF5",
-    "binary": "something binary",
-}
-"""Name of each kind of content in messages."""
+LARGEST = 64 * 2**20  # most bytes of a file that is read whole; ours have some thousands
 
 BEGINNING = 4096  # bytes at the beginning of a file that decide its kind
 
@@ -58,15 +46,6 @@ SIGNATURES = {
 }
 """Kind of the files that begin with these bytes."""
 
-STREAMS = {
-    stat.S_IFIFO: "a pipe",
-    stat.S_IFSOCK: "a socket",
-    stat.S_IFCHR: "a device",
-    stat.S_IFBLK: "a device",
-}
-"""Kinds of paths that are neither files nor folders."""
-
-
 OURS = re.compile(rb"host .+, process [0-9]+(, job .+)?, since .+\n?")
 """Content of our lock files: their holder in one line."""
 
@@ -80,12 +59,29 @@ def require_file(path: Path) -> Path:
     pass, since the reader's own message says more.
     """
     try:
-        kind = STREAMS.get(stat.S_IFMT(path.stat().st_mode))
+        mode = path.stat().st_mode
     except (OSError, ValueError):  # a null character in the path
         return path
-    if kind:
-        raise InputError(f"{path} is {kind}; give a file on a disk, as pipes cannot be read twice")
+    if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+        raise InputError(f"{path} is a pipe or a device; give a file on a disk, to be read twice")
     return path
+
+
+def read_bytes(path: Path, largest: int = LARGEST) -> bytes:
+    """Read a whole regular file of `largest` bytes at most.
+
+    Raise FileNotFoundError if there is none, and InputError if it is larger, no regular file, or
+    cannot be read.
+    """
+    try:
+        size = require_file(path).stat().st_size
+        if size <= largest:
+            return path.read_bytes()
+    except FileNotFoundError:
+        raise
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror or error}") from None
+    raise InputError(f"{path} has {size} bytes; at most {largest} are read: move it away")
 
 
 class Output(NamedTuple):
@@ -267,12 +263,12 @@ def _place(path: Path, kind: Kind) -> Path:
     with _in_words(path, "cannot be read"):
         present = kind_of(path)
     if present not in {kind, ""}:
-        raise InputError(f"{path}: holds {WORDS[present]}, not {WORDS[kind]}: not replaced")
+        raise InputError(f"{path}: is of the kind {present}, not {kind}: not replaced")
     return real
 
 
 def kind_of(path: Path) -> str:
-    """Return the kind of a file, a key of `WORDS`, by its beginning; "" for an empty file."""
+    """Return a file's `Kind`, "database" or "binary", by its beginning; "" for an empty file."""
     with path.open("rb") as file:
         start = file.read(BEGINNING)
     for signature, kind in SIGNATURES.items():
@@ -387,55 +383,36 @@ def _held(path: Path, lock_path: Path) -> Iterator[None]:
 
 
 def _locked(path: Path, lock_path: Path) -> int:
-    """Return the descriptor of the locked file."""
-    while True:
-        descriptor = _opened(path, lock_path)
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            holder = os.pread(descriptor, LONGEST_HOLDER, 0).decode(errors="replace").strip()
-            os.close(descriptor)
-            raise InputError(
-                f"{path} is being written by {holder or 'another process'}; wait until it ends"
-            ) from None
-        except OSError as error:
-            if os.environ.get("HDF5_USE_FILE_LOCKING", "").upper() not in {"FALSE", "0"}:
-                os.close(descriptor)
-                raise InputError(
-                    f"{path}: its file system has no locks ({error.strerror}); set "
-                    "HDF5_USE_FILE_LOCKING=FALSE and let only one run write it"
-                ) from None
-            return descriptor
-        # The holder before us may have unlinked the file between our open and our lock.
-        if _leads_to(lock_path, descriptor):
-            return descriptor
-        os.close(descriptor)
-
-
-def _opened(path: Path, lock_path: Path) -> int:
-    """Return the descriptor of a new lock file, or of one that a killed process has left.
+    """Return the descriptor of the locked file, which may be new or a killed process's.
 
     A link is not followed, and a file of the user's is refused.
     """
     flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
-    try:
-        descriptor = os.open(lock_path, flags, 0o666)
-    except OSError as error:
-        if not os.path.lexists(lock_path):
-            raise InputError(
-                f"{path} cannot be written: {error.strerror}: {lock_path.parent}; "
-                "give a folder that exists and is yours to write"
-            ) from None
-    else:
-        if stat.S_ISREG(os.fstat(descriptor).st_mode):
-            content = os.pread(descriptor, LONGEST_HOLDER + 1, 0)
-            if not content or (len(content) <= LONGEST_HOLDER and OURS.fullmatch(content)):
-                return descriptor
+    while True:
+        with _in_words(path, f"cannot be written, as {lock_path} is there or cannot be made"):
+            descriptor = os.open(lock_path, flags, 0o666)
+        regular = stat.S_ISREG(os.fstat(descriptor).st_mode)
+        holder = os.pread(descriptor, LONGEST_HOLDER + 1, 0) if regular else b"no lock"
+        fault = ""
+        if holder and not OURS.fullmatch(holder):
+            fault = f"cannot be written: {lock_path} is there and no lock of ours; move it away"
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            told = holder.decode(errors="replace").strip() or "another process"
+            fault = fault or f"is being written by {told}; wait until it ends"
+        except OSError as error:
+            if os.environ.get("HDF5_USE_FILE_LOCKING", "").upper() not in {"FALSE", "0"}:
+                fault = fault or (
+                    f"is on a file system without locks ({error.strerror}); set"
+                    " HDF5_USE_FILE_LOCKING=FALSE and let only one run write it"
+                )
+        # The holder before us may have unlinked the file between our open and our lock.
+        if not fault and _leads_to(lock_path, descriptor):
+            return descriptor
         os.close(descriptor)
-    raise InputError(
-        f"{path} cannot be written: {lock_path} is there and not a lock that can be taken; move it"
-        " away"
-    )
+        if fault:
+            raise InputError(f"{path} {fault}")
 
 
 def _leads_to(path: Path, descriptor: int) -> bool:

@@ -18,17 +18,6 @@ def integer(text: str) -> int | None:
     return int(digits) if good else None
 
 
-def rows_from(text: str) -> tuple[int, int] | None:
-    """Parse the first row and one past the last, as "100:200"; return None for ""."""
-    if not text:
-        return None
-    first, _, last = text.partition(":")
-    rows = integer(first), integer(last)
-    if rows[0] is None or rows[1] is None:
-        raise InputError(f"--rows {shown(text)}: give two row numbers, as 0:1000")
-    return rows[0], rows[1]
-
-
 def values_from(text: str, option: str, advice: str) -> list[float]:
     """Parse the numbers of an option; `advice` says in messages which are allowed.
 

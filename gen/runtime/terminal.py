@@ -6,10 +6,12 @@ printed passes through `printable`.
 """
 
 import os
+import shutil
 import sys
 import time
 from collections.abc import Collection, Iterable, Sequence
 from contextlib import suppress
+from datetime import timedelta
 from typing import Any, Self
 
 from gen.runtime.errors import InputError
@@ -21,6 +23,8 @@ ENDLESS = 1000
 """Width of a table that goes to a file or a pipe, where no line is broken [characters]."""
 
 LINE_SECONDS = 30.0  # time between two lines of progress in a batch log [s]
+RENEWAL = 0.1  # least time between two states of a line of progress on a terminal [s]
+CLEAR = "\r\x1b[K"  # what empties a terminal's line
 COMMAND = "asperity"  # name of the installed command, under which all programs run too
 _start = "python -m"  # the words before the name of a program on the command line
 
@@ -117,7 +121,7 @@ def to_type(words: str) -> str:
 
 
 class RunProgress:
-    """Progress on standard error: a bar on a terminal, a line now and then in a batch log.
+    """Progress on standard error: on a terminal a line that renews itself, else one now and then.
 
     A stream that is full, closed or without a reader ends no run. `noun` is the plural of a row,
     which words that tell it from others may follow. The remaining time follows from the cost of all
@@ -128,78 +132,43 @@ class RunProgress:
         self._total, self._noun = total, noun
         self._here = self._failed = 0
         self._work, self._worked = float(total if work is None else work), 0.0
-        self._began = self._last_line = time.monotonic()
-        self._bar: Any = None
-        if sys.stderr is not None and sys.stderr.isatty():
-            self._bar = _bar(noun, total)
+        self._began = self._last = time.monotonic()
+        self._renews = sys.stderr is not None and sys.stderr.isatty()
 
     def __enter__(self) -> Self:
-        """Start the clock and the bar."""
-        self._began = self._last_line = time.monotonic()
-        with suppress(OSError, ValueError):
-            if self._bar:
-                self._bar.start()
+        """Return the progress, whose clock runs."""
         return self
 
     def __exit__(self, *error: object) -> None:
-        """Stop the bar; print a last line in a batch log, but not above a refusal of the input."""
-        with suppress(OSError, ValueError):
-            if self._bar:
-                self._bar.stop()
-        if not self._bar and self._here and not isinstance(error[1], InputError):
-            self._print_line()
+        """Print a last line, but not above a refusal of the input."""
+        if self._here and not isinstance(error[1], InputError):
+            self.say(self._line())
 
     def advance(self, rows: int, failed: int, work: float | None = None) -> None:
         """Count rows that have been written, failed ones, and their cost (by default, 1 each)."""
         self._here += rows
         self._failed += failed
         self._worked += rows if work is None else work
-        if self._bar:
-            with suppress(OSError, ValueError):
-                (task,) = self._bar.task_ids
-                self._bar.update(task, completed=self._here, pace=self._pace())
-        elif time.monotonic() > self._last_line + LINE_SECONDS:
-            self._print_line()
+        if time.monotonic() < self._last + (RENEWAL if self._renews else LINE_SECONDS):
+            return
+        self._last = time.monotonic()
+        if not self._renews:
+            self.say(self._line())
+            return
+        with suppress(ValueError):
+            put(f"{CLEAR}{self._line()[: shutil.get_terminal_size().columns - 1]}", sys.stderr)
 
     def say(self, message: str) -> None:
-        """Print a line above the bar."""
-        with suppress(OSError, ValueError):
-            if self._bar:
-                self._bar.console.print(
-                    printable(message), markup=False, highlight=False, soft_wrap=True
-                )
-            else:
-                echo(message, err=True)
+        """Print a line."""
+        with suppress(ValueError):
+            put(f"{CLEAR if self._renews else ''}{printable(message)}\n", sys.stderr)
 
-    def _print_line(self) -> None:
-        """Print the state as a line of a batch log."""
-        self._last_line = time.monotonic()
-        share = 100 * self._here / self._total
-        self.say(f"{self._here} of {self._total} {self._noun} ({share:.1f} %), {self._pace()}")
-
-    def _pace(self) -> str:
-        """Return rate, failures and remaining time in words."""
+    def _line(self) -> str:
+        """Return rows, rate, failures and remaining time in words."""
         elapsed = max(time.monotonic() - self._began, 1e-9)
         left = elapsed * (self._work / self._worked - 1) if self._worked else 0.0
-        minutes, seconds = divmod(round(max(left, 0.0)), 60)
-        clock = f"{minutes}:{seconds:02}"
-        if minutes >= 60:
-            clock = f"{minutes // 60}:{minutes % 60:02}:{seconds:02}"
+        clock = timedelta(seconds=round(max(left, 0.0)))
+        percent = 100 * self._here / self._total
+        share = f"{self._here} of {self._total} {self._noun} ({percent:.1f} %)"
         rate = f"{self._here / elapsed:.3g} {self._noun.partition(' ')[0]}/s"
-        return f"{rate}, {self._failed} failed, {clock} left"
-
-
-def _bar(noun: str, total: int) -> Any:
-    """Return a bar of rich's on standard error, with one task."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
-
-    bar = Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[pace]}"),
-        console=Console(stderr=True),
-    )
-    bar.add_task(noun, total=total, pace="")
-    return bar
+        return f"{share}, {rate}, {self._failed} failed, {clock} left"

@@ -1,4 +1,4 @@
-"""Texts that are no scene, and messages about a scene that breaks a rule: key, value, allowed."""
+"""Messages about a scene that breaks a rule: key, value, allowed."""
 
 import difflib
 import re
@@ -9,33 +9,11 @@ from pydantic import ValidationError
 
 from gen.distribution import TABLES, Table
 from gen.generators import GENERATORS, TAGS
-from gen.runtime.errors import InputError
 
 Location = tuple[int | str, ...]
 
-DEEPEST = 16
-"""Largest depth of nested tables and arrays; a scene has four levels."""
-
-TEXTS = re.compile(
-    r'''"""(?:\\.|[^\\])*?(?:"""|\\?\Z)|\'\'\'.*?(?:\'\'\'|\Z)|"(?:\\.|[^"\\\n])*"?|'[^'\n]*'?|\#[^\n]*''',
-    re.DOTALL,
-)
-"""Texts and comments of TOML, in which dots and brackets mean nothing. Unterminated texts match
-too, so that the search never starts again inside one."""
-
-DOTTED = re.compile(r"[^=,\[\]{}\n]*")
-"""A stretch of TOML that may be one dotted key."""
-
-
-def require_simple(text: str, source: str) -> None:
-    """Refuse texts that keep a TOML parser busy for minutes: deep arrays, keys of many dots."""
-    bare = TEXTS.sub("", text)
-    depth = deepest = 0
-    for bracket in re.findall(r"[\[\]{}]", bare):
-        depth += 1 if bracket in "[{" else -1
-        deepest = max(deepest, depth)
-    if deepest > DEEPEST or any(key.count(".") > DEEPEST for key in DOTTED.findall(bare)):
-        raise InputError(one_line(f"{source}: not TOML of a scene: over {DEEPEST} levels deep"))
+DOTTED = re.compile(r"(?:\.[^=.,\n]*+){100}")
+"""A key of TOML that would keep its parser busy, as the time grows with the square of its dots."""
 
 
 def dotted(location: Location) -> str:
@@ -55,14 +33,6 @@ def shown(value: object) -> str:
     except ValueError:  # Python refuses to write out whole numbers of over 4,300 digits
         text = "a number of thousands of digits"
     return text if len(text) <= 80 else f"{text[:76]} ..."
-
-
-def one_line(message: str) -> str:
-    """Escape line breaks and control characters, which a message may quote from the input."""
-    return "".join(
-        character if character.isprintable() else character.encode("unicode_escape").decode()
-        for character in message
-    )
 
 
 def first_fault(error: ValidationError, root: type[Table]) -> str:

@@ -20,16 +20,17 @@ from pydantic_core import PydanticCustomError
 
 from gen.distribution import Distribution, Table, limits
 from gen.generators import TAGS, DisplacedSurface, ScanSurface, Surface, tag_of
-from gen.runtime.documents import read_bytes
 from gen.runtime.errors import InputError
-from gen.scene.faults import Location, dotted, first_fault, one_line, require_simple, shown
+from gen.runtime.files import read_bytes
+from gen.runtime.terminal import printable
+from gen.scene.faults import DOTTED, Location, dotted, first_fault, shown
 from gen.scene.tables import UNITS, Contact, Delta, Load, Piece, Quantity, Store
 from gen.surface import Grid
 
 INERT = {"samples", "title", "creator", "licence"}
 """Keys of a scene that change no row."""
 
-MOST_BYTES = 1_000_000
+MOST_BYTES = 200_000
 """Largest size of a scene's file: a scene takes a few hundred bytes, apart from its title."""
 
 
@@ -280,13 +281,14 @@ class Scene(Table):
             If the text is not TOML, is empty or nested too deeply, or has a key or a value that is
             not allowed.
         """
-        require_simple(text, source)
+        if DOTTED.search(text):
+            raise InputError(f"{source}: not TOML of a scene: it has a key of 100 dots")
         try:
             content = tomllib.loads(text)
         except (ValueError, RecursionError) as error:  # whole numbers of over 4,300 digits too
-            raise InputError(one_line(f"{source}: not TOML: {error}")) from None
+            raise InputError(printable(f"{source}: not TOML: {error}")) from None
         if not content:
-            raise InputError(one_line(f"{source}: is empty; a scene says at least samples = ..."))
+            raise InputError(printable(f"{source}: is empty; a scene says at least samples = ..."))
         return cls._validated(content, source, folder)
 
     @classmethod
@@ -313,7 +315,7 @@ class Scene(Table):
         try:
             content = json.loads(text)
         except (ValueError, RecursionError) as error:
-            raise InputError(one_line(f"{source}: not a scene's text: {error}")) from None
+            raise InputError(printable(f"{source}: not a scene's text: {error}")) from None
         return cls._validated(content, source)
 
     @classmethod
@@ -323,7 +325,7 @@ class Scene(Table):
             context = None if folder is None else {"folder": folder}
             return cls.model_validate(content, context=context)
         except ValidationError as error:
-            raise InputError(one_line(f"{source}: {first_fault(error, cls)}")) from None
+            raise InputError(printable(f"{source}: {first_fault(error, cls)}")) from None
 
     def text(self) -> str:
         """Write the canonical text: JSON in one line, keys with values in alphabetical order.
@@ -403,7 +405,7 @@ def _read(path: str) -> str:
         reason = str(error)
     presets = ", ".join(preset_names())
     raise InputError(
-        one_line(f"scene {path!r}: {reason}; give a preset ({presets}) or the path of a TOML file")
+        printable(f"scene {path!r}: {reason}; give a preset ({presets}) or the path of a TOML file")
     )
 
 

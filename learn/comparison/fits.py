@@ -105,7 +105,7 @@ class Trials:
         self.finished: dict[tuple[str, int, int], Trial] = {}
         files.make_folder(path.parent)
         try:
-            content = documents.read_bytes(path) if path.exists() else b""
+            content = files.read_bytes(path) if path.exists() else b""
             whole = content[: content.rfind(b"\n") + 1]  # a kill may have cut the last line short
             self._read(whole, conditions)
             self._file = path.open("r+b" if content else "wb")

@@ -294,7 +294,7 @@ class Folder:
         """Read columns of a table, (rows, columns), or of the rows of one part of it."""
         path = self.path / name
         try:
-            lines = csv.DictReader(documents.read_bytes(path).decode().splitlines())
+            lines = csv.DictReader(files.read_bytes(path).decode().splitlines())
             rows = [row for row in lines if not part or row["part"] == part]
             table = np.array([[float(row[column]) for column in columns] for row in rows])
         except (FileNotFoundError, KeyError, ValueError, TypeError, csv.Error) as error:

@@ -57,6 +57,7 @@ def test_a_complaint_about_a_long_text_is_short(folder, capsys):
         (["run", "quick", "-o", "x.h5", "--rows", ""], "'' after '--rows' is empty"),
         (["run", "quick", "-o", "x.h5", "--rows="], "'--rows=' is empty"),
         (["run", "", "-o", "x.h5"], "'' after 'run' is empty"),
+        (["run", "quick", "-o", "x.h5", "--rows", "0:x"], "'0:x': give two row numbers"),
     ],
 )
 def test_an_empty_argument_chooses_nothing(tmp_path, monkeypatch, capsys, arguments, said):

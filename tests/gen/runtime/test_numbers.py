@@ -7,7 +7,7 @@ import pytest
 from gen import cli
 from gen.runtime import memory
 from gen.runtime.errors import InputError
-from gen.runtime.numbers import DIGITS, MOST, integer, rows_from, values_from
+from gen.runtime.numbers import DIGITS, MOST, integer, values_from
 from gen.schema import RUNTIME
 
 HUGE = "9" * 5000
@@ -18,18 +18,6 @@ ODD = ["", "-1", "1_0", "٣", "9" * (DIGITS + 1)]
 def test_what_is_no_whole_number_is_none(text):
     assert integer(text) is None
     assert [integer(text) for text in ("0", " 7 ", "0010")] == [0, 7, 10]
-
-
-@pytest.mark.parametrize("odd", ["x", HUGE])
-def test_odd_rows_are_refused_in_one_line(odd):
-    with pytest.raises(InputError, match=r"^--rows .*give two row numbers") as refused:
-        rows_from(f"0:{odd}")
-    assert len(str(refused.value)) < 200
-
-
-def test_rows_are_read():
-    assert rows_from("") is None
-    assert rows_from("100:200") == (100, 200)
 
 
 def test_values_are_those_of_linspace():

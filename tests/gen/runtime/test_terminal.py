@@ -96,6 +96,14 @@ def test_progress_in_a_program_of_somebody_else_ends_no_run(monkeypatch, termina
         progress.advance(2, 0)
 
 
+def test_progress_says_what_is_done_and_failed(capsys):
+    with RunProgress(4, "fits") as progress:
+        progress.advance(2, 1)
+    said = capsys.readouterr().err
+    assert said.startswith("2 of 4 fits (50.0 %), ")
+    assert ", 1 failed, " in said
+
+
 @pytest.mark.parametrize("text", ["=1+1", "-1", "\t=1"])
 def test_a_cell_of_text_is_no_formula(tmp_path, text):
     assert cell(text) == f"'{text}"
