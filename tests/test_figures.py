@@ -79,12 +79,12 @@ def figures_without_a_source(page: str, text: str) -> list[str]:
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_every_figure_of_a_page_has_a_source(page: str) -> None:
+def test_every_figure_of_a_page_has_a_source(page):
     missing = figures_without_a_source(page, PAGES[page])
     assert not missing, f"{page}: tell in tests/figures.toml where these come from: {missing}"
 
 
-def test_a_figure_without_a_source_is_found() -> None:
+def test_a_figure_without_a_source_is_found():
     text = PAGES["README.md"] + "\nIt is 17 times faster, in `3 s`, by 4 %.\n\n    took 5 s\n"
     assert figures_without_a_source("README.md", text) == ["17 times", "4 %"]
     changed = PAGES["README.md"].replace("jump within 0.1 %", "jump well within 0.1 %")
@@ -92,7 +92,7 @@ def test_a_figure_without_a_source_is_found() -> None:
 
 
 @pytest.mark.parametrize("entry", ENTRIES, ids=lambda e: f"{e['page']}: {e['says'].strip()[:40]}")
-def test_every_sentence_is_on_its_page_and_its_source_is_there(entry: dict[str, Any]) -> None:
+def test_every_sentence_is_on_its_page_and_its_source_is_there(entry):
     assert len(pattern(entry["says"]).findall(PAGES[entry["page"]])) == 1
     kinds = entry.keys() & {"cells", "test", "because"}
     assert len(kinds) == 1
@@ -122,7 +122,7 @@ def value(cell: dict[str, Any]) -> float:
 
 
 @pytest.mark.parametrize("entry", FIGURES["measured"], ids=lambda e: e["says"].strip()[:40])
-def test_figures_are_those_of_their_cells(entry: dict[str, Any]) -> None:
+def test_figures_are_those_of_their_cells(entry):
     (found,) = pattern(entry["says"]).finditer(PAGES[entry["page"]])
     for text, cell in zip(found.groups(), entry["cells"], strict=True):
         digits = len(text.partition(".")[2])
@@ -131,7 +131,7 @@ def test_figures_are_those_of_their_cells(entry: dict[str, Any]) -> None:
         assert said == near, cell
 
 
-def test_simulated_times_are_as_near_as_is_said() -> None:
+def test_simulated_times_are_as_near_as_is_said():
     near, of, percent, whole = stated(
         "docs/how-to/cluster.md",
         "Here # of # real times were within # % of the simulated ones, "
@@ -159,7 +159,7 @@ def test_simulated_times_are_as_near_as_is_said() -> None:
     assert said == [round(worst, 1), round(max(ratio for _, ratio in set(times) - set(runs)), 1)]
 
 
-def test_the_papers_optimum_of_kernel_ridge_is_as_good_as_is_said() -> None:
+def test_the_papers_optimum_of_kernel_ridge_is_as_good_as_is_said():
     packed = RESULTS / "comparison" / "area" / "trials" / "kernel-ridge.jsonl.xz"
     _, *trials = map(json.loads, lzma.decompress(packed.read_bytes()).decode().splitlines())
     folds: dict[str, list[float]] = {}
@@ -172,7 +172,7 @@ def test_the_papers_optimum_of_kernel_ridge_is_as_good_as_is_said() -> None:
     assert said == [round(theirs, 2), round(max(scores.values()), 2)]
 
 
-def test_searches_are_faster_as_is_said() -> None:
+def test_searches_are_faster_as_is_said():
     found = {
         row["case"]: float(row["more"].rpartition("scikit_learn_over_ours ")[2])
         for row in rows("benchmarks/times.csv")
@@ -186,7 +186,7 @@ def test_searches_are_faster_as_is_said() -> None:
     assert said == [round(found[f"search: {name}"], 1) for name in names]
 
 
-def test_no_fault_did_harm_as_is_said() -> None:
+def test_no_fault_did_harm_as_is_said():
     page, faults = "docs/results/reports.md", rows("faults/faults.csv")
     injected = sum(int(row["injected"]) for row in faults)
     assert [injected, len(faults)] == stated(page, "has disturbed runs by # faults of # kinds")
@@ -195,7 +195,7 @@ def test_no_fault_did_harm_as_is_said() -> None:
     assert [round(longest, 1)] == stated(page, "The longest end of a run came # s after the fault")
 
 
-def test_hertz_is_met_as_closely_as_is_said() -> None:
+def test_hertz_is_met_as_closely_as_is_said():
     force, area = (
         {
             (row["solution"], row["nodes"]): float(row[name])
@@ -226,7 +226,7 @@ def test_hertz_is_met_as_closely_as_is_said() -> None:
     assert said == round(100 * (1 - area["concentrated-force", f"{nodes:.0f}"] / area["hertz", ""]))
 
 
-def test_laws_are_met_in_calculix_as_closely_as_is_said() -> None:
+def test_laws_are_met_in_calculix_as_closely_as_is_said():
     (said,) = stated(
         "README.md", "| laws, used in CalculiX | closure, pressure and temperature jump within # %"
     )
@@ -236,7 +236,7 @@ def test_laws_are_met_in_calculix_as_closely_as_is_said() -> None:
     assert 100 * max(off) <= said
 
 
-def test_all_extreme_cases_pass_that_are_counted() -> None:
+def test_all_extreme_cases_pass_that_are_counted():
     passed, cases = stated("README.md", "| stiff and extreme cases | # of # pass |")
     found = [
         row
@@ -260,7 +260,7 @@ def ends(numbers: list[float]) -> list[float]:
     return [min(numbers), max(numbers)]
 
 
-def test_other_solvers_take_as_long_as_is_said() -> None:
+def test_other_solvers_take_as_long_as_is_said():
     peers = [row for row in rows("peers/peers.csv") if row["times_ours"]]
     others = least([each for each in peers if each["solver"] not in OTHERS], *CASE)
     said = stated("README.md", "the fastest takes # to # times our time")
@@ -279,7 +279,7 @@ def test_other_solvers_take_as_long_as_is_said() -> None:
     assert said == pytest.approx([*ends(fastest), *ends(rest)], rel=0.03)
 
 
-def test_bodies_that_yield_are_compared_as_is_said() -> None:
+def test_bodies_that_yield_are_compared_as_is_said():
     said = stated(
         "docs/results/reports.md",
         "it takes # to # times the CPU time of ours and # to # times the convolutions;",
@@ -296,7 +296,7 @@ def test_bodies_that_yield_are_compared_as_is_said() -> None:
     assert said == pytest.approx([*ends(times), *ends(more)], rel=0.03)
 
 
-def test_a_surrogate_pays_from_where_it_is_said() -> None:
+def test_a_surrogate_pays_from_where_it_is_said():
     numbers = stated(
         "docs/results/surrogates.md",
         "nMAE # % takes # hybrid training rows and pays from # contacts on, # %\n"
@@ -313,7 +313,7 @@ def test_a_surrogate_pays_from_where_it_is_said() -> None:
         assert float(row["break_even"]) == contacts
 
 
-def test_as_many_rows_lie_beyond_full_contact_as_is_said() -> None:
+def test_as_many_rows_lie_beyond_full_contact_as_is_said():
     """Of 600 rows, so to within three standard errors."""
     (percent,) = stated("docs/how-to/boundaries.md", "of the paper these are # % of the rows")
     scene = Scene.parse(
@@ -325,7 +325,7 @@ def test_as_many_rows_lie_beyond_full_contact_as_is_said() -> None:
     assert percent == pytest.approx(found, abs=6)
 
 
-def test_an_island_bears_on_its_borders_as_is_said(tmp_path, capsys) -> None:
+def test_an_island_bears_on_its_borders_as_is_said(tmp_path, capsys):
     """What the command says of the surface of the first example."""
     said = stated("docs/how-to/boundaries.md", "at 50 MPa this is # %, on # % of the nodes")
     surface = tmp_path / "surface.npy"
@@ -338,7 +338,7 @@ def test_an_island_bears_on_its_borders_as_is_said(tmp_path, capsys) -> None:
     assert said == [round(float(force)), float(nodes)]
 
 
-def test_files_that_the_text_names_are_there() -> None:
+def test_files_that_the_text_names_are_there():
     for page, text in PAGES.items():
         for name in re.findall(
             r"`((?:bench/results|tests|examples|figures|gen|learn|bem)/[\w./-]+)`", text

@@ -196,7 +196,7 @@ def told_by(code: str, folder: Path) -> "subprocess.CompletedProcess[str]":
 
 
 @pytest.mark.parametrize("line", ["learn fit none.h5 -o a", "bench cost -o c"])
-def test_a_missing_extra_is_one_line(line: str, tmp_path: Path) -> None:
+def test_a_missing_extra_is_one_line(line, tmp_path):
     """As after `make quickstart`, which installs what databases need and no more."""
     package, *arguments = line.split()
     home = {"learn": "learn.cli", "bench": "bench.__main__"}[package]
@@ -226,7 +226,7 @@ LEAVES_OUT = {
 
 
 @pytest.mark.parametrize("line", LEAVES_OUT)
-def test_what_is_not_needed_is_not_imported(line: str, tmp_path: Path) -> None:
+def test_what_is_not_needed_is_not_imported(line, tmp_path):
     np.save(tmp_path / "surface.npy", np.random.default_rng(1).normal(size=(9, 9)))
     (tmp_path / "small.toml").write_text("samples = 3\n[surface]\nnodes = 9\n")
     if "made.h5" in line:

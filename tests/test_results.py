@@ -29,7 +29,7 @@ def table(name: str) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def test_every_table_stands_on_a_page_and_every_page_shows_tables_that_there_are() -> None:
+def test_every_table_stands_on_a_page_and_every_page_shows_tables_that_there_are():
     assert sorted(re.findall(r"```{result} (\w+)", TEXT)) == sorted(
         [*TABLES, "columns", "preparation"]
     )
@@ -38,7 +38,7 @@ def test_every_table_stands_on_a_page_and_every_page_shows_tables_that_there_are
 
 
 @pytest.mark.parametrize("name", [*TABLES, "columns"])
-def test_tables_of_the_pages_are_filled(name: str) -> None:
+def test_tables_of_the_pages_are_filled(name):
     """The rows come from `bench/results` when the pages are built: none is typed a second time."""
     header, rule, *rows = markdown_of(name).splitlines()
     assert len(rows) >= 2
@@ -46,7 +46,7 @@ def test_tables_of_the_pages_are_filled(name: str) -> None:
     assert cells == {header.count(" | ")} == {rule.count("---") - 1}
 
 
-def test_no_page_repeats_a_table_of_the_results() -> None:
+def test_no_page_repeats_a_table_of_the_results():
     for name in TABLES:
         for line in markdown_of(name).splitlines()[2:]:
             assert line not in TEXT, line
@@ -63,7 +63,7 @@ def page() -> str:
 @pytest.mark.parametrize(
     ("width", "printed"), [(360, False), (1440, False), (680, True)], ids=["phone", "desk", "A4"]
 )
-def test_the_page_fits(page: str, tmp_path: Path, width: int, *, printed: bool) -> None:
+def test_the_page_fits(page, tmp_path, width, *, printed):
     (tmp_path / "index.html").write_text(page, encoding="utf-8")
     seen = look(tmp_path / "index.html", width, printed=printed)
     assert seen.complaints == []
@@ -72,7 +72,7 @@ def test_the_page_fits(page: str, tmp_path: Path, width: int, *, printed: bool) 
 
 
 @pytest.mark.parametrize("record", sorted(RESULTS.glob("*/*.part.json")), ids=lambda p: p.name)
-def test_every_part_says_how_it_came(record: Path, page: str) -> None:
+def test_every_part_says_how_it_came(record, page):
     found = json.loads(record.read_text(encoding="utf-8"))
     assert found["command"].startswith("python -m ")
     assert re.fullmatch(r"[0-9a-f]{40}", found["commit"])
@@ -83,7 +83,7 @@ def test_every_part_says_how_it_came(record: Path, page: str) -> None:
     assert found["commit"][:7] in page
 
 
-def test_every_part_is_on_the_page_as_published(page: str) -> None:
+def test_every_part_is_on_the_page_as_published(page):
     parts = dict(re.findall(r'<h3 id="([\w-]+)"(.*?)(?=<h3|$)', page, flags=re.DOTALL))
     assert parts.keys() == {part.name for part in PARTS}
     assert all("<img " in shown or "<table>" in shown for shown in parts.values())
@@ -92,14 +92,14 @@ def test_every_part_is_on_the_page_as_published(page: str) -> None:
     assert "cannot be read" not in page
 
 
-def test_every_picture_is_shown_somewhere(page: str) -> None:
+def test_every_picture_is_shown_somewhere(page):
     for picture in RESULTS.rglob("*.png"):
         shown = base64.b64encode(picture.read_bytes()).decode() in page
         assert shown or picture.relative_to(ROOT).as_posix() in TEXT, picture
 
 
 @pytest.mark.parametrize("name", ["comparison", "comparison-hybrid"])
-def test_comparisons_are_of_the_same_data_and_say_their_versions(name: str) -> None:
+def test_comparisons_are_of_the_same_data_and_say_their_versions(name):
     record = json.loads((RESULTS / name / "area" / "comparison.json").read_text("utf-8"))
     other = json.loads((RESULTS / "comparison" / "area" / "comparison.json").read_text("utf-8"))
     for key in ("database_sha256", "train_rows", "test_rows", "seed", "area_max"):
@@ -107,7 +107,7 @@ def test_comparisons_are_of_the_same_data_and_say_their_versions(name: str) -> N
     assert set(record["conditions"]["versions"]) == set(LIBRARIES)
 
 
-def test_finished_fits_are_those_of_their_comparison() -> None:
+def test_finished_fits_are_those_of_their_comparison():
     folder = RESULTS / "comparison" / "area"
     conditions = json.loads((folder / "comparison.json").read_text("utf-8"))["conditions"]
     files = sorted((folder / "trials").glob("*.jsonl.xz"))
@@ -118,14 +118,14 @@ def test_finished_fits_are_those_of_their_comparison() -> None:
         assert all(json.loads(line)["rows"] <= conditions["train_rows"] for line in lines[1:])
 
 
-def test_searches_took_the_time_that_is_said() -> None:
+def test_searches_took_the_time_that_is_said():
     seconds = [float(row["fit_seconds"]) for row in table("comparison/area/tuning-times.csv")]
     assert len(seconds) == len(MODELS)
     said = (RESULTS / "README.md").read_text(encoding="utf-8")
     assert f"of which the finished fits have {sum(seconds) / 3600:.1f};" in said
 
 
-def test_nothing_large_is_published() -> None:
+def test_nothing_large_is_published():
     page = RESULTS / "index.html"  # a reader's own, which git leaves out
     files = [path for path in RESULTS.rglob("*") if path.is_file() and path != page]
     sizes = {path: path.stat().st_size for path in files}

@@ -127,7 +127,7 @@ def walked() -> Any:
 
 
 @pytest.mark.parametrize("name", MOST)
-def test_a_main_path_passes_few_rooms(walked: Any, name: str) -> None:
+def test_a_main_path_passes_few_rooms(walked, name):
     counts = Counts(*walked[name])
     over = [each for each in Counts._fields if getattr(counts, each) > getattr(MOST[name], each)]
     assert not over, f"{name}: {counts}, and at most {MOST[name]}"

@@ -46,9 +46,7 @@ def assert_is_the_solution(contact: bem.Contact) -> None:
     kernel=st.sampled_from(KERNELS),
     depth=st.one_of(st.floats(-0.1, 0), st.floats(1e-300, 1), st.floats(1, 100)),
 )
-def test_any_surface_is_solved_as_the_dense_reference_does(
-    kind: str, seed: int, shape: Shape, kernel: Kernel, depth: float
-) -> None:
+def test_any_surface_is_solved_as_the_dense_reference_does(kind, seed, shape, kernel, depth):
     """From no contact to full contact and beyond: depth is Delta over the range of heights."""
     heights = surface(kind, shape, seed)
     delta = depth * (np.ptp(heights) or 1.0)
@@ -67,9 +65,7 @@ def test_any_surface_is_solved_as_the_dense_reference_does(
     aspect=st.sampled_from([2.0, 0.5, 7.3, 1 / 64]),
     depth=st.floats(0.01, 3),
 )
-def test_oblong_cells_are_solved_as_the_dense_reference_does(
-    kind: str, seed: int, shape: Shape, aspect: float, depth: float
-) -> None:
+def test_oblong_cells_are_solved_as_the_dense_reference_does(kind, seed, shape, aspect, depth):
     heights = surface(kind, shape, seed)
     delta = depth * (np.ptp(heights) or 1.0)
     contact = bem.solve(heights, 1.0, delta, spacing=(0.5, 0.5 * aspect), rtol=RTOL)
@@ -136,9 +132,7 @@ def complementary(patch: Dense, pressure: np.ndarray, gaps: np.ndarray, hardness
     depth=st.floats(0.01, 3),
     hardness=st.sampled_from([np.inf, 1.0, 0.1, 0.01]),
 )
-def test_other_matrices_have_their_solution(
-    kind: str, seed: int, shape: Shape, kernel: Kernel, depth: float, hardness: float
-) -> None:
+def test_other_matrices_have_their_solution(kind, seed, shape, kernel, depth, hardness):
     patch, below = written_out(kind, shape, seed, kernel)
     below /= depth * (float(np.ptp(below)) or 1.0)
     how = {"shift": 1.0, "hardness": hardness, "rtol": 1e-11, "most": 2000}
@@ -154,9 +148,7 @@ def test_other_matrices_have_their_solution(
     whole=st.booleans(),
     hardness=st.sampled_from([np.inf, 3.0, 0.3, 0.01]),
 )
-def test_loads_are_carried_to_the_last_digit(
-    seed: int, share: float, whole: bool, hardness: float
-) -> None:
+def test_loads_are_carried_to_the_last_digit(seed, share, whole, hardness):
     """Whole multiples of the hardness on a node, too, are ordinary loads."""
     patch, below = written_out("self-affine", (9, 8), seed, "uniform-pressure")
     load = share * 72 * min(hardness, 1.0)
@@ -192,7 +184,7 @@ def spoiled(spoil: Callable[[np.ndarray], np.ndarray]) -> tuple[ActiveSet, bool]
         return solve, solve.run()
 
 
-def test_residuals_that_rounding_keeps_up_end_the_solve() -> None:
+def test_residuals_that_rounding_keeps_up_end_the_solve():
     """Recomputed residuals are off by some 1e-6; no step corrects that, and the solve ends."""
     random = np.random.default_rng(0)
     solve, converged = spoiled(lambda displacement: displacement + 1e-6 * random.random((9, 9)))
@@ -202,7 +194,7 @@ def test_residuals_that_rounding_keeps_up_end_the_solve() -> None:
     assert max(solve.violation()) < 1e-5
 
 
-def test_residuals_that_are_nan_end_the_solve() -> None:
+def test_residuals_that_are_nan_end_the_solve():
     solve, converged = spoiled(lambda exact: exact * np.nan)
     assert not converged
     assert solve.patch.exact < 8  # type: ignore[attr-defined]
@@ -210,7 +202,7 @@ def test_residuals_that_are_nan_end_the_solve() -> None:
 
 
 @pytest.mark.parametrize("kernel", KERNELS)
-def test_a_tolerance_below_rounding_is_named_as_the_cause(kernel: Kernel) -> None:
+def test_a_tolerance_below_rounding_is_named_as_the_cause(kernel):
     """The message does not ask for more iterations where rounding ends the solve."""
     heights = surface("self-affine", (33, 33))
     delta = 0.999 * critical_delta(heights, kernel)
@@ -224,7 +216,7 @@ def test_a_tolerance_below_rounding_is_named_as_the_cause(kernel: Kernel) -> Non
     assert (str(copied), copied.stalled) == (str(end.value), True)
 
 
-def test_default_tolerance_finds_the_nodes_in_contact() -> None:
+def test_default_tolerance_finds_the_nodes_in_contact():
     """Databases need the force to 1e-5 and the area to the last node."""
     for seed in range(5):
         heights = surface("self-affine", (33, 33), seed)

@@ -5,7 +5,6 @@ import inspect
 import pydoc
 import textwrap
 import tracemalloc
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -14,7 +13,7 @@ import bem
 from bem.equilibrium import equilibrium_of
 from bem.influence import Kernel, influence_coefficients
 from bem.operators.patch import fast_period
-from bem.problem import FarField, pose
+from bem.problem import pose
 from bem.solving import contact_of
 from gen.surface import generate
 
@@ -35,7 +34,7 @@ def rough(shape: tuple[int, int] = (25, 33), seed: int = 0) -> np.ndarray:
 HEIGHTS = rough()
 
 
-def test_perimeter_goes_on_past_the_borders_of_a_periodic_patch() -> None:
+def test_perimeter_goes_on_past_the_borders_of_a_periodic_patch():
     contact = bem.solve(HEIGHTS, (30.0, 70.0), pressure=1e-2, boundary="periodic")
     touching, (dx, dy) = contact.pressure > 0, contact.problem.spacing
     across, along = (np.sum(touching != np.roll(touching, 1, axis)) for axis in (0, 1))
@@ -43,7 +42,7 @@ def test_perimeter_goes_on_past_the_borders_of_a_periodic_patch() -> None:
     assert contact.perimeter == pytest.approx(across * dy + along * dx, rel=1e-14)
 
 
-def test_a_residual_that_is_no_number_is_refused() -> None:
+def test_a_residual_that_is_no_number_is_refused():
     problem = pose(HEIGHTS, SIDE, 2.0)
     solved = equilibrium_of(problem)
     assert solved is not None
@@ -52,7 +51,7 @@ def test_a_residual_that_is_no_number_is_refused() -> None:
         contact_of(problem, lost)
 
 
-def test_results_cannot_be_rewritten() -> None:
+def test_results_cannot_be_rewritten():
     contact = bem.solve(HEIGHTS, SIDE, 2.0)
     with pytest.raises(dataclasses.FrozenInstanceError):
         contact.force = 0.0
@@ -62,7 +61,7 @@ def test_results_cannot_be_rewritten() -> None:
             field[0, 0] = 0.0
 
 
-def test_results_read_in_one_line() -> None:
+def test_results_read_in_one_line():
     text = repr(bem.solve(HEIGHTS, SIDE, 2.0))
     assert len(text.splitlines()) == 1
     assert "force=" in text
@@ -71,7 +70,7 @@ def test_results_read_in_one_line() -> None:
 
 @pytest.mark.parametrize("delta", [0.0, -0.0, -1e300, 0])
 @pytest.mark.parametrize("far_field", ["rigid", "compliant"])
-def test_nothing_touches_up_to_delta_zero(delta: float, far_field: FarField) -> None:
+def test_nothing_touches_up_to_delta_zero(delta, far_field):
     contact = bem.solve(HEIGHTS, SIDE, delta, far_field=far_field)
     assert not contact.pressure.any()
     assert contact.force == contact.area_percent == contact.contact_nodes == 0
@@ -82,7 +81,7 @@ def test_nothing_touches_up_to_delta_zero(delta: float, far_field: FarField) -> 
 
 
 @pytest.mark.parametrize("kernel", KERNELS)
-def test_one_spike_is_one_cell_under_load(kernel: Kernel) -> None:
+def test_one_spike_is_one_cell_under_load(kernel):
     heights = np.zeros((20, 31))
     heights[3, 30] = 1e3
     contact = bem.solve(heights, 1.0, 10.0, spacing=0.25, kernel=kernel)
@@ -94,7 +93,7 @@ def test_one_spike_is_one_cell_under_load(kernel: Kernel) -> None:
 
 @pytest.mark.parametrize("kernel", KERNELS)
 @pytest.mark.parametrize("delta", [1e-9, 1.0, 1e9])
-def test_flat_surfaces_touch_everywhere(delta: float, kernel: Kernel) -> None:
+def test_flat_surfaces_touch_everywhere(delta, kernel):
     contact = bem.solve(np.full((20, 31), 7.0), 1.0, delta, spacing=0.5, kernel=kernel)
     unit = bem.solve(np.zeros((20, 31)), 1.0, 1.0, spacing=0.5, kernel=kernel)
     assert contact.area_percent == 100.0
@@ -105,7 +104,7 @@ def test_flat_surfaces_touch_everywhere(delta: float, kernel: Kernel) -> None:
 
 @pytest.mark.parametrize("kernel", KERNELS)
 @pytest.mark.parametrize("delta", [1e4, 1e12])
-def test_full_contact_is_all_of_the_area(delta: float, kernel: Kernel) -> None:
+def test_full_contact_is_all_of_the_area(delta, kernel):
     """Far beyond full contact, the range of heights no longer matters."""
     contact = bem.solve(HEIGHTS, SIDE[0], delta, spacing=10.0, kernel=kernel, rtol=1e-12)
     punch = bem.solve(np.zeros(HEIGHTS.shape), SIDE[0], 1.0, spacing=10.0, kernel=kernel)
@@ -115,7 +114,7 @@ def test_full_contact_is_all_of_the_area(delta: float, kernel: Kernel) -> None:
 
 
 @pytest.mark.usefixtures("iterations_alone")
-def test_bound_on_iterations_raises_with_the_numbers_reached() -> None:
+def test_bound_on_iterations_raises_with_the_numbers_reached():
     with pytest.raises(bem.NotConverged) as stopped:
         bem.solve(HEIGHTS, SIDE, 5.0, rtol=1e-9, max_iterations=2)
     contact, message = stopped.value.contact, str(stopped.value)
@@ -131,7 +130,7 @@ def test_bound_on_iterations_raises_with_the_numbers_reached() -> None:
 @pytest.mark.usefixtures("iterations_alone")
 @pytest.mark.parametrize("far_field", ["rigid", "compliant"])
 @pytest.mark.parametrize("bound", [1, 7])
-def test_the_bound_on_iterations_is_never_passed(bound: int, far_field: FarField) -> None:
+def test_the_bound_on_iterations_is_never_passed(bound, far_field):
     heights = rough((33, 33))
     with pytest.raises(bem.NotConverged) as stopped:
         bem.solve(heights, 1.0, 2.0, rtol=1e-14, max_iterations=bound, far_field=far_field)
@@ -139,7 +138,7 @@ def test_the_bound_on_iterations_is_never_passed(bound: int, far_field: FarField
 
 
 @pytest.mark.parametrize("percent", [1, 10, 50])
-def test_memory_is_at_most_twelve_padded_arrays(percent: int) -> None:
+def test_memory_is_at_most_twelve_padded_arrays(percent):
     nodes = 239 + 2 * percent  # odd sizes of their own: nothing is kept from another test
     heights = generate("diamond-square", 513, 0.65, 12.5, np.random.default_rng(1))[:nodes, :nodes]
     delta = float(np.quantile(heights.max() - heights, min(3.5 * percent / 100, 1.0)))
@@ -154,7 +153,7 @@ def test_memory_is_at_most_twelve_padded_arrays(percent: int) -> None:
 
 
 @pytest.mark.parametrize("function", [bem.solve, bem.ladder])
-def test_help_opens_with_a_short_signature(function: Callable[..., object]) -> None:
+def test_help_opens_with_a_short_signature(function):
     """Whether a version of Python writes it as one paragraph or each parameter on a line."""
     title, _, signature, *_ = pydoc.plain(pydoc.render_doc(function)).splitlines()
     assert function.__name__ in title

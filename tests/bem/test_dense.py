@@ -29,9 +29,7 @@ def written_out(kernel: Kernel = "uniform-pressure", aspect: float = 1.0) -> np.
     shift=st.floats(-0.9, 2.0),
     hardness=st.sampled_from([np.inf, 0.5, 0.1, 0.01]),
 )
-def test_it_solves_the_complementarity_on_its_nodes(
-    seed: int, nodes: list[int], shift: float, hardness: float
-) -> None:
+def test_it_solves_the_complementarity_on_its_nodes(seed, nodes, shift, hardness):
     """White noise is harder than any asperity, from next to no contact to all nodes yielded."""
     field = np.random.default_rng(seed).uniform(-1, 1, 63) + shift
     picked = np.array(nodes)
@@ -54,7 +52,7 @@ def test_it_solves_the_complementarity_on_its_nodes(
 
 
 @pytest.mark.parametrize("load", [1e-3, 0.5, 20.0])
-def test_a_load_that_is_given(load: float) -> None:
+def test_a_load_that_is_given(load):
     """The far field moves until the pressure adds up to the load."""
     heights = np.random.default_rng(5).uniform(-0.2, 0, 63)
     factor = ContactFactor(MATRIX.among, np.arange(63))
@@ -68,7 +66,7 @@ def test_a_load_that_is_given(load: float) -> None:
 
 
 @pytest.mark.parametrize("dtype", ["float64", "float32"])
-def test_a_singular_matrix_is_refused(dtype: str) -> None:
+def test_a_singular_matrix_is_refused(dtype):
     matrix = InfluenceMatrix(SHAPE, "uniform-pressure", 1.0, dtype)
     with pytest.raises(np.linalg.LinAlgError):
         ContactFactor(matrix.among, np.array([3, 7, 40, 7]))
@@ -83,9 +81,7 @@ def test_a_singular_matrix_is_refused(dtype: str) -> None:
     share=st.floats(0.01, 3.0),
     hardness=st.sampled_from([None, 0.3, 0.01]),
 )
-def test_few_nodes_are_solved_alike_by_both_methods(
-    kind: str, seed: int, shape: tuple[int, int], kernel: Kernel, share: float, hardness: float
-) -> None:
+def test_few_nodes_are_solved_alike_by_both_methods(kind, seed, shape, kernel, share, hardness):
     """Dense linear algebra below `FEW_NODES` candidates, convolutions above."""
     heights = surface(kind, shape, seed)
     delta = share * (float(np.ptp(heights)) or 1.0)
@@ -97,7 +93,7 @@ def test_few_nodes_are_solved_alike_by_both_methods(
     assert np.abs(exact.pressure - iterated.pressure).max() < 1e-8 * iterated.pressure.max()
 
 
-def test_sets_that_cycle_are_left_to_iterations(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_sets_that_cycle_are_left_to_iterations(monkeypatch):
     monkeypatch.setattr(dense.ContactFactor.solve, "__defaults__", (1,))
     heights = surface("self-affine", (9, 9), 1)
     contact = bem.solve(heights, 8.0, 0.7 * float(np.ptp(heights)))

@@ -1,6 +1,5 @@
 """Patches without edges: those that repeat themselves, and those that mirror images continue."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,6 @@ import bem
 from bem.problem import BOUNDARIES, Boundary
 from bench.references.surfaces import SURFACES
 from bench.stability.edgeless import (
-    Judge,
     judge,
     judge_images,
     judge_shift,
@@ -19,7 +17,6 @@ from bench.stability.edgeless import (
     periodic_problem,
     problem,
 )
-from bench.stability.setup import Setup
 
 EDGELESS = [boundary for boundary in BOUNDARIES if boundary != "free"]
 
@@ -55,7 +52,7 @@ def press(
 
 @pytest.mark.parametrize("load", LOADS)
 @pytest.mark.parametrize("boundary", EDGELESS)
-def test_force_and_displacement_give_the_same_contact(boundary: Boundary, load: float) -> None:
+def test_force_and_displacement_give_the_same_contact(boundary, load):
     heights = rough((40, 33), seed=1)
     by_force = press(heights, boundary, load, rtol=1e-10)
     assert by_force.force == pytest.approx(load * slope(heights) * heights.size, rel=1e-12)
@@ -83,13 +80,13 @@ def test_force_and_displacement_give_the_same_contact(boundary: Boundary, load: 
         ),
     ],
 )
-def test_refuses_what_only_a_free_patch_has(settings: dict[str, Any], message: str) -> None:
+def test_refuses_what_only_a_free_patch_has(settings, message):
     with pytest.raises(ValueError, match=message):
         bem.solve(rough((8, 8), seed=5), 8.0, 0.5, **settings)
 
 
 @pytest.mark.parametrize("height", [1.776491303816993, 1e8 + 0.1])
-def test_a_load_far_below_the_rounding_of_full_contact_is_carried(height: float) -> None:
+def test_a_load_far_below_the_rounding_of_full_contact_is_carried(height):
     flat = np.full((6, 7), height)
     contact = bem.solve(flat, 1.0, spacing=1.0, pressure=0.0128, boundary="periodic")
     np.testing.assert_allclose(contact.pressure, 0.0128, rtol=1e-14)
@@ -102,9 +99,7 @@ def test_a_load_far_below_the_rounding_of_full_contact_is_carried(height: float)
 
 @pytest.mark.parametrize("boundary", EDGELESS)
 @pytest.mark.parametrize("spans", [1.0, 1.05, 3.0])
-def test_all_nodes_yield_where_all_of_the_surface_penetrates(
-    boundary: Boundary, spans: float
-) -> None:
+def test_all_nodes_yield_where_all_of_the_surface_penetrates(boundary, spans):
     heights = rough((16, 20), seed=7)
     delta = spans * float(np.ptp(heights))
     contact = bem.solve(heights, heights.shape, delta, boundary=boundary, hardness=0.01)
@@ -114,9 +109,7 @@ def test_all_nodes_yield_where_all_of_the_surface_penetrates(
 
 @pytest.mark.parametrize("hardness", [None, 0.1])
 @pytest.mark.parametrize("boundary", EDGELESS)
-def test_vanishing_loads_rest_on_the_highest_nodes(
-    boundary: Boundary, hardness: float | None
-) -> None:
+def test_vanishing_loads_rest_on_the_highest_nodes(boundary, hardness):
     """Single precision has no numbers for pressures of 1e-60 beside heights of 1."""
     heights = np.minimum(rough((24, 20), seed=3), 1.0)
     contacts = [
@@ -136,9 +129,7 @@ def test_vanishing_loads_rest_on_the_highest_nodes(
 
 @pytest.mark.parametrize("boundary", EDGELESS)
 @pytest.mark.parametrize("load", [0.01, 0.3, 1.5, 8.0])
-def test_a_start_from_coarser_cells_leads_to_the_same_contact(
-    boundary: Boundary, load: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_start_from_coarser_cells_leads_to_the_same_contact(boundary, load, monkeypatch):
     heights = rough((64, 96), seed=8)
     alone = press(heights, boundary, load, rtol=1e-9)
     monkeypatch.setattr("bem.equilibrium.NESTED", 32)
@@ -152,9 +143,7 @@ def test_a_start_from_coarser_cells_leads_to_the_same_contact(
 
 @pytest.mark.parametrize("boundary", EDGELESS)
 @pytest.mark.parametrize("scale", [1e6, 1e8, 1e12])
-def test_soft_bodies_on_high_peaks_flatten_as_many_nodes_as_the_load_needs(
-    boundary: Boundary, scale: float
-) -> None:
+def test_soft_bodies_on_high_peaks_flatten_as_many_nodes_as_the_load_needs(boundary, scale):
     """Beside the heights, elastic displacement is nothing: 13 nodes yield, and one does not."""
     heights = rough((4, 4), seed=8) * scale
     contact = bem.solve(heights, heights.shape, pressure=0.05, hardness=0.06, boundary=boundary)
@@ -192,7 +181,7 @@ def oblong(seed: int) -> tuple[NDArray[np.float64], dict[str, Any]]:
 @pytest.mark.parametrize(
     "first", [0, *(pytest.param(first, marks=pytest.mark.long) for first in range(100, 3000, 100))]
 )
-def test_oblong_cells_are_solved(first: int) -> None:
+def test_oblong_cells_are_solved(first):
     for seed in range(first, first + 100):
         heights, settings = oblong(seed)
         contact = bem.solve(heights, 1.0, **settings)
@@ -210,7 +199,7 @@ def violation(contact: bem.Contact) -> float:
 
 @pytest.mark.parametrize("boundary", EDGELESS)
 @pytest.mark.parametrize("share", [0.999, 0.9999, 0.99999, 0.999999])
-def test_displacements_just_below_full_contact(boundary: Boundary, share: float) -> None:
+def test_displacements_just_below_full_contact(boundary, share):
     """Loads whose displacement differs by less than it is wrong do not bound the one wanted."""
     for seed in range(12):
         heights = np.random.default_rng(seed).normal(size=(9, 9))
@@ -221,7 +210,7 @@ def test_displacements_just_below_full_contact(boundary: Boundary, share: float)
 
 @pytest.mark.parametrize("boundary", EDGELESS)
 @pytest.mark.parametrize("share", [0.999, 0.9999, 0.99999])
-def test_one_pit_just_below_full_contact(boundary: Boundary, share: float) -> None:
+def test_one_pit_just_below_full_contact(boundary, share):
     """Conjugate gradients end where single precision leaves no smaller residual."""
     for row, column in [(0, 10), (2, 16), (3, 8), (7, 6), (12, 14), (13, 12), (15, 22)]:
         heights = np.zeros((16, 24))
@@ -234,7 +223,7 @@ def test_one_pit_just_below_full_contact(boundary: Boundary, share: float) -> No
         assert contact.iterations <= 150
 
 
-def test_cells_beyond_what_is_tested_are_named() -> None:
+def test_cells_beyond_what_is_tested_are_named():
     heights = np.random.default_rng(1).normal(size=(12, 9))
     with pytest.raises(bem.NotConverged, match="cells of 1:500 are beyond 1:100"):
         bem.solve(heights, 1.0, 1.0, spacing=(1, 500), boundary="mirror", max_iterations=1)
@@ -258,14 +247,8 @@ NEARLY_FULL = [
     ("kind", "seed", "shape", "boundary", "aspect", "share", "hardness"), NEARLY_FULL
 )
 def test_long_cells_that_yield_near_full_contact(
-    kind: str,
-    seed: int,
-    shape: tuple[int, int],
-    boundary: Boundary,
-    aspect: float,
-    share: float,
-    hardness: float,
-) -> None:
+    kind, seed, shape, boundary, aspect, share, hardness
+):
     heights = SURFACES[kind](np.random.default_rng(seed), shape)
     delta = share * float(heights.max() - heights.mean())
     largest = hardness * float(np.ptp(heights)) / min(1.0, aspect)
@@ -297,7 +280,7 @@ def stiff_cases(nodes: int) -> list[tuple[NDArray[np.float64], dict[str, Any]]]:
 
 @pytest.mark.parametrize("nodes", [33, pytest.param(257, marks=pytest.mark.long)])
 @pytest.mark.parametrize("boundary", BOUNDARIES)
-def test_no_stiff_case_takes_thirty_times_the_median(boundary: Boundary, nodes: int) -> None:
+def test_no_stiff_case_takes_thirty_times_the_median(boundary, nodes):
     taken = [
         bem.solve(heights, nodes, spacing=1.0, boundary=boundary, **settings).convolutions
         for heights, settings in stiff_cases(nodes)
@@ -314,8 +297,6 @@ SEEDS = [
 
 @pytest.mark.few(60)
 @pytest.mark.parametrize(("draw", "compare", "seed"), SEEDS)
-def test_contact_is_that_of_another_way(
-    draw: Callable[[int], Setup], compare: Judge, seed: int
-) -> None:
+def test_contact_is_that_of_another_way(draw, compare, seed):
     asked = draw(seed)
     assert not [str(each) for each in compare(asked, asked.solve()) if not each.passed]

@@ -62,9 +62,7 @@ def mircos_loop(
 
 
 @pytest.mark.parametrize(("name", "delta", "mean_pressure", "area", "_factor"), RESULTS)
-def test_mircos_own_results(
-    name: str, delta: float, mean_pressure: float, area: float, _factor: float
-) -> None:
+def test_mircos_own_results(name, delta, mean_pressure, area, _factor):
     """They come from a loop that stopped at a change of 1 %."""
     contact = mircos_loop(topography(name), delta, tolerance=0.01)
     assert contact.force / SIDE**2 == pytest.approx(mean_pressure, rel=1e-8)
@@ -72,16 +70,14 @@ def test_mircos_own_results(
 
 
 @pytest.mark.parametrize(("name", "delta", "_pressure", "_area", "factor"), RESULTS)
-def test_shape_factors_of_mirco(
-    name: str, delta: float, _pressure: float, _area: float, factor: float
-) -> None:
+def test_shape_factors_of_mirco(name, delta, _pressure, _area, factor):
     nodes = len(topography(name))
     assert shape_factor((nodes, nodes), "concentrated-force") == pytest.approx(factor, rel=1e-12)
 
 
 @pytest.mark.parametrize("kernel", KERNELS)
 @pytest.mark.parametrize(("name", "delta"), [(row[0], row[1]) for row in RESULTS])
-def test_compliant_solves_the_limit_of_mircos_loop(name: str, delta: float, kernel: Kernel) -> None:
+def test_compliant_solves_the_limit_of_mircos_loop(name, delta, kernel):
     heights = topography(name)
     limit, contact = mircos_loop(heights, delta, 1e-13, kernel), compliant(heights, delta, kernel)
     stiffness = SIDE * MODULUS / shape_factor(heights.shape, kernel)
@@ -100,7 +96,7 @@ def rough(shape: tuple[int, int], seed: int) -> np.ndarray:
 
 @pytest.mark.parametrize("kernel", KERNELS)
 @pytest.mark.parametrize("excess", [1.0, 1 + 1e-12, 1.5, 1e6])
-def test_no_equilibrium_from_the_critical_delta_on(excess: float, kernel: Kernel) -> None:
+def test_no_equilibrium_from_the_critical_delta_on(excess, kernel):
     heights = rough((17, 17), 2)
     critical = critical_delta(heights, kernel)
     with pytest.raises(bem.NoSolution) as refused:
@@ -111,13 +107,13 @@ def test_no_equilibrium_from_the_critical_delta_on(excess: float, kernel: Kernel
     assert len(str(refused.value).splitlines()) == 1
 
 
-def test_flat_surfaces_have_no_equilibrium_on_a_compliant_far_field() -> None:
+def test_flat_surfaces_have_no_equilibrium_on_a_compliant_far_field():
     with pytest.raises(bem.NoSolution, match="Delta"):
         compliant(np.zeros((9, 9)), 1e-9)
 
 
 @pytest.mark.parametrize("kernel", KERNELS)
-def test_the_last_node_comes_to_touch_at_the_critical_delta(kernel: Kernel) -> None:
+def test_the_last_node_comes_to_touch_at_the_critical_delta(kernel):
     """With all nodes in contact, nothing resists the displacement of the far field."""
     heights = rough((17, 17), 3)
     critical = critical_delta(heights, kernel)
@@ -129,7 +125,7 @@ def test_the_last_node_comes_to_touch_at_the_critical_delta(kernel: Kernel) -> N
 
 @pytest.mark.parametrize("aspect", [1.0, 2.0, 1 / 7.3])
 @pytest.mark.parametrize("shape", [(1, 1), (1, 12), (7, 20), (16, 16)])
-def test_flat_punch_is_the_dense_solution(shape: tuple[int, int], aspect: float) -> None:
+def test_flat_punch_is_the_dense_solution(shape, aspect):
     nodes = shape[0] * shape[1]
     matrix = dense.influence_matrix(shape, "uniform-pressure", aspect).reshape(nodes, nodes)
     expected = np.linalg.solve(matrix, np.ones(nodes)).reshape(shape)
@@ -138,7 +134,7 @@ def test_flat_punch_is_the_dense_solution(shape: tuple[int, int], aspect: float)
 
 @pytest.mark.parametrize("kernel", KERNELS)
 @pytest.mark.parametrize("nodes", [65, 128])
-def test_flat_punch_stays_flat_on_large_grids(nodes: int, kernel: Kernel) -> None:
+def test_flat_punch_stays_flat_on_large_grids(nodes, kernel):
     """Rounding must not spoil a single long stage of conjugate gradients."""
     pressure = flat_punch((nodes, nodes), kernel)
     table = influence_coefficients((nodes, nodes), kernel)
@@ -147,7 +143,7 @@ def test_flat_punch_stays_flat_on_large_grids(nodes: int, kernel: Kernel) -> Non
     np.testing.assert_allclose(displacement, 1.0, rtol=0, atol=2e-12)
 
 
-def test_shape_factor_tends_to_the_rigid_square_punch() -> None:
+def test_shape_factor_tends_to_the_rigid_square_punch():
     """Published finite and boundary elements give K = 1.15 E* L."""
     factors = [shape_factor((nodes, nodes), "uniform-pressure") for nodes in (9, 33, 129)]
     assert factors == sorted(factors, reverse=True)
@@ -162,9 +158,7 @@ def test_shape_factor_tends_to_the_rigid_square_punch() -> None:
     noise=st.booleans(),
     share=st.floats(0.01, 0.999),
 )
-def test_any_equilibrium_is_that_of_its_own_approach(
-    seed: int, shape: tuple[int, int], kernel: Kernel, noise: bool, share: float
-) -> None:
+def test_any_equilibrium_is_that_of_its_own_approach(seed, shape, kernel, noise, share):
     """The dense reference has the same force and nodes at Delta + F / K on a rigid far field."""
     heights = np.random.default_rng(seed).standard_normal(shape) if noise else rough(shape, seed)
     delta = share * critical_delta(heights, kernel)

@@ -34,7 +34,7 @@ def area(contact: bem.Contact) -> float:
 
 @pytest.mark.parametrize("nodes", [128, 257])
 @pytest.mark.parametrize("delta", [0.25, 1.0])
-def test_uniform_pressure_meets_hertz(nodes: int, delta: float) -> None:
+def test_uniform_pressure_meets_hertz(nodes, delta):
     """The paper's example: force within 1 %, area within a ring of cells, above it at the end."""
     contact = solved(SPHERE, nodes, delta)
     radius = SPHERE.contact_radius(indentation(contact))
@@ -45,7 +45,7 @@ def test_uniform_pressure_meets_hertz(nodes: int, delta: float) -> None:
 
 
 @pytest.mark.parametrize(("nodes", "excess"), [(129, 0.03), (256, 0.02)])
-def test_concentrated_force_is_stiff_as_in_the_papers_figure(nodes: int, excess: float) -> None:
+def test_concentrated_force_is_stiff_as_in_the_papers_figure(nodes, excess):
     """At Delta = 1 the force is 1 to 3 % high and the area low, both less so on a finer grid."""
     contact = solved(SPHERE, nodes, 1.0, "concentrated-force")
     radius = SPHERE.contact_radius(indentation(contact))
@@ -58,7 +58,7 @@ def test_concentrated_force_is_stiff_as_in_the_papers_figure(nodes: int, excess:
     ("kernel", "accepted"), [("uniform-pressure", 0.005), ("concentrated-force", 0.06)]
 )
 @pytest.mark.parametrize("nodes", [128, 257])
-def test_pressure_profile_is_hertz(nodes: int, kernel: Kernel, accepted: float) -> None:
+def test_pressure_profile_is_hertz(nodes, kernel, accepted):
     """As a share of the largest pressure, but for the last two cells before the edge."""
     contact = solved(SPHERE, nodes, 1.0, kernel)
     spacing = contact.problem.spacing[0]
@@ -70,7 +70,7 @@ def test_pressure_profile_is_hertz(nodes: int, kernel: Kernel, accepted: float) 
     assert (contact.pressure[distance > radius + spacing] == 0).all()
 
 
-def test_cone_meets_its_closed_form() -> None:
+def test_cone_meets_its_closed_form():
     """Area within half a ring of cells; pressure within 0.5 % of E* slope but for tip and edge."""
     cone, delta = Cone(0.01), 3.0
     contact = solved(cone, 129, delta)
@@ -82,7 +82,7 @@ def test_cone_meets_its_closed_form() -> None:
     assert abs(area(contact) - np.pi * radius**2) < np.pi * radius * spacing
 
 
-def test_flat_punch_meets_its_closed_form() -> None:
+def test_flat_punch_meets_its_closed_form():
     """Contact on its face alone; pressure within 1 % up to three quarters of its radius."""
     punch = FlatPunch(200.0)
     contact = solved(punch, 129, 1.0)
@@ -94,7 +94,7 @@ def test_flat_punch_meets_its_closed_form() -> None:
 
 
 @pytest.mark.parametrize("shape", [(65, 129), (90, 65)])
-def test_spheres_are_round_on_oblong_patches_and_cells(shape: tuple[int, int]) -> None:
+def test_spheres_are_round_on_oblong_patches_and_cells(shape):
     side = (300.0, 400.0)
     heights = SPHERE.heights(distances_to_centre(shape, side))
     contact = bem.solve(heights, side, 1.0)
@@ -135,7 +135,7 @@ def orders(
 
 
 @pytest.mark.parametrize("indenter", list(PROFILES)[:3], ids=repr)
-def test_smooth_profiles_have_force_of_order_2_and_area_of_order_1(indenter: Indenter) -> None:
+def test_smooth_profiles_have_force_of_order_2_and_area_of_order_1(indenter):
     """The force is largest at the true area, so that errors of its edge count squared."""
     (force, covered), over_spacing = orders(indenter)
     assert 1.75 < force < 2.15
@@ -147,7 +147,7 @@ def test_smooth_profiles_have_force_of_order_2_and_area_of_order_1(indenter: Ind
     assert ((over_spacing[:, 0] > 0.2) & (over_spacing[:, 0] < 0.35)).all()
 
 
-def test_flat_punches_have_force_of_order_1_and_area_of_order_three_halves() -> None:
+def test_flat_punches_have_force_of_order_1_and_area_of_order_three_halves():
     """The singular pressure at the edge costs an order of the force."""
     (force, covered), _ = orders(FlatPunch(RADIUS))
     assert 0.85 < force < 1.2
@@ -162,13 +162,7 @@ def test_flat_punches_have_force_of_order_1_and_area_of_order_three_halves() -> 
     second_side=st.floats(900, 1100),
     shares=st.tuples(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5)),
 )
-def test_any_power_law_is_met_on_any_grid(
-    exponent: float,
-    radius: float,
-    shape: tuple[int, int],
-    second_side: float,
-    shares: tuple[float, float],
-) -> None:
+def test_any_power_law_is_met_on_any_grid(exponent, radius, shape, second_side, shares):
     """Square cells or not, the axis anywhere in its cell: the radius to half a cell."""
     indenter = PowerLaw(1 / PowerLaw(1.0, exponent).indentation(radius), exponent)
     sides, delta = (1000.0, second_side), 1.0

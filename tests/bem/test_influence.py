@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bem import influence
-from bem.influence import KERNELS, InfluenceMatrix, Kernel, influence_coefficients
+from bem.influence import KERNELS, InfluenceMatrix, influence_coefficients
 from bench.references import dense
 
 FARTHEST = 2049  # cells
@@ -53,15 +53,13 @@ def love(i: int, j: int, aspect: float = 1.0) -> mpmath.mpf:
 
 
 @pytest.mark.parametrize("offsets", [NEAR, FAR, random_offsets(500, FARTHEST)])
-def test_uniform_pressure_is_loves_closed_form(
-    largest_table: np.ndarray, offsets: list[tuple[int, int]]
-) -> None:
+def test_uniform_pressure_is_loves_closed_form(largest_table, offsets):
     for i, j in offsets:
         assert float(abs(largest_table[i, j] / love(i, j) - 1)) < 1e-13, (i, j)
 
 
 @pytest.mark.parametrize("aspect", [2.0, 0.5, 7.3, 1 / 64])
-def test_oblong_cells_follow_loves_closed_form(aspect: float) -> None:
+def test_oblong_cells_follow_loves_closed_form(aspect):
     table = influence_coefficients((257, 257), aspect=aspect)
     strips = [pair for i in range(0, 257, 8) for pair in [(i, 0), (0, i), (i, 2), (2, i)]]
     for i, j in [*NEAR, *strips, *random_offsets(200, 256)]:
@@ -70,7 +68,7 @@ def test_oblong_cells_follow_loves_closed_form(aspect: float) -> None:
 
 @pytest.mark.parametrize("kernel", ["uniform-pressure", "concentrated-force"])
 @pytest.mark.parametrize("shape", [(1, 9), (33, 70), (300, 7)])
-def test_oblong_grids_transpose_and_nest(kernel: str, shape: tuple[int, int]) -> None:
+def test_oblong_grids_transpose_and_nest(kernel, shape):
     """A coefficient depends on its offset, not on the grid it was tabulated for."""
     table = influence_coefficients(shape, kernel)
     np.testing.assert_array_equal(table, influence_coefficients(shape[::-1], kernel).T)
@@ -83,20 +81,18 @@ def test_oblong_grids_transpose_and_nest(kernel: str, shape: tuple[int, int]) ->
     [("uniform-pressure", 1.0), ("uniform-pressure", 7.3), ("concentrated-force", 1.0)],
 )
 @pytest.mark.parametrize("shape", [(1, 1), (129, 97), (520, 500)])
-def test_cut_from_a_larger_table_or_tabulated_the_same_bits(
-    shape: tuple[int, int], kernel: Kernel, aspect: float
-) -> None:
+def test_cut_from_a_larger_table_or_tabulated_the_same_bits(shape, kernel, aspect):
     cut = influence_coefficients(shape, kernel, aspect)
     assert cut.base is not None
     np.testing.assert_array_equal(cut, influence._table.__wrapped__(shape, kernel, aspect))
 
 
-def test_a_strip_does_not_take_the_table_of_a_square() -> None:
+def test_a_strip_does_not_take_the_table_of_a_square():
     strip = influence_coefficients((3, 2000))
     assert (strip if strip.base is None else strip.base).size == strip.size
 
 
-def test_concentrated_force_is_mircos_formula() -> None:
+def test_concentrated_force_is_mircos_formula():
     """u = F / (pi E* a) asin(a / r) with F = p g^2 and a = g / 2, here with g = E* = p = 1."""
     table = influence_coefficients((600, 600), "concentrated-force")
     np.testing.assert_array_equal(table, table.T)
@@ -107,7 +103,7 @@ def test_concentrated_force_is_mircos_formula() -> None:
             assert float(abs(table[i, j] / exact - 1)) < 1e-13, (i, j)
 
 
-def test_unknown_kernel_is_refused() -> None:
+def test_unknown_kernel_is_refused():
     with pytest.raises(ValueError, match="'gaussian' is unknown: choose one of uniform-pressure, "):
         influence_coefficients((3, 3), "gaussian")
 
@@ -118,9 +114,7 @@ def test_unknown_kernel_is_refused() -> None:
     kernel=st.sampled_from(KERNELS),
     dtype=st.sampled_from(["float64", "float32"]),
 )
-def test_entries_are_those_of_the_matrix(
-    nodes: list[int], loaded: list[int], kernel: Kernel, dtype: str
-) -> None:
+def test_entries_are_those_of_the_matrix(nodes, loaded, kernel, dtype):
     rtol = 1e-14 if dtype == "float64" else 1e-7
     matrix = InfluenceMatrix(SHAPE, kernel, 1.0, dtype)
     rows, columns = np.array(nodes), np.array(loaded)
@@ -133,9 +127,7 @@ def test_entries_are_those_of_the_matrix(
 
 
 @pytest.mark.parametrize("mirrored", [0, 2**20])
-def test_entries_of_oblong_cells_and_of_many_nodes(
-    monkeypatch: pytest.MonkeyPatch, mirrored: int
-) -> None:
+def test_entries_of_oblong_cells_and_of_many_nodes(monkeypatch, mirrored):
     """More nodes than are gathered at a time, in any order; as on small grids and on large ones."""
     monkeypatch.setattr(influence, "MIRRORED_NODES", mirrored)
     nodes = np.random.default_rng(1).permutation(63 * 4)

@@ -9,13 +9,13 @@ import pandas as pd
 import pytest
 
 import bem
-from bem.problem import BOUNDARIES, Boundary, node_spacing
+from bem.problem import BOUNDARIES, node_spacing
 from gen.surface import generate
 
 NAN, INF = math.nan, math.inf
 
 
-def test_one_side_of_one_cell_needs_its_spacing() -> None:
+def test_one_side_of_one_cell_needs_its_spacing():
     contact = bem.solve([[0.0, 1.0, 0.5]], 1.0, 0.2, spacing=(2.0, 4.0))
     assert contact.problem.spacing == (2.0, 4.0)
     assert contact.contact_nodes == 1
@@ -84,7 +84,7 @@ BAD_ARGUMENTS: list[tuple[dict[str, Any], list[str]]] = [
     ("arguments", "parts"),
     [*[({"heights": bad}, parts) for bad, parts in BAD_HEIGHTS], *BAD_ARGUMENTS],
 )
-def test_input_is_refused_in_one_line(arguments: dict[str, Any], parts: list[str]) -> None:
+def test_input_is_refused_in_one_line(arguments, parts):
     usable = {"heights": SQUARE, "side": 1.0, "delta": 1.0}
     with pytest.raises(ValueError, match=r"\A.*\Z") as refused:  # . is never the end of a line
         bem.solve(**usable | arguments)
@@ -98,7 +98,7 @@ ROUGH = generate("diamond-square", 65, 0.65, 12.5, np.random.default_rng(4))
 @pytest.mark.parametrize(
     "near", [np.zeros((3, 3)), np.full((65, 65), np.nan), np.full((65, 65), -1.0)]
 )
-def test_a_start_that_is_no_pressure_is_refused(near: np.ndarray) -> None:
+def test_a_start_that_is_no_pressure_is_refused(near):
     with pytest.raises(ValueError, match=r"finite pressures of shape \(65, 65\)"):
         bem.solve(ROUGH, 1000.0, 15.0, near=near)
 
@@ -120,14 +120,12 @@ INTEGERS = np.random.default_rng(2).integers(0, 50, (20, 31))
     ],
     ids=lambda given: str(getattr(given, "dtype", type(given).__name__)),
 )
-def test_any_array_of_real_numbers_will_do(
-    given: np.ndarray | list[list[int]] | pd.DataFrame,
-) -> None:
+def test_any_array_of_real_numbers_will_do(given):
     expected = bem.solve(INTEGERS.astype(float), (1.0, 1.0), 5.0)
     np.testing.assert_array_equal(bem.solve(given, (1.0, 1.0), 5.0).pressure, expected.pressure)
 
 
-def test_surfaces_are_neither_changed_nor_kept() -> None:
+def test_surfaces_are_neither_changed_nor_kept():
     heights = ROUGH.copy()
     heights.setflags(write=False)
     bem.solve(heights, 1000.0, 15.0)
@@ -157,7 +155,7 @@ SETTINGS: list[dict[str, Any]] = [
 
 @pytest.mark.parametrize("settings", SETTINGS)
 @pytest.mark.parametrize("name", ["delta", "pressure"])
-def test_a_caller_may_fill_its_arrays_anew(name: str, settings: dict[str, Any]) -> None:
+def test_a_caller_may_fill_its_arrays_anew(name, settings):
     """Every array argument is refilled after the call and before anything of the result is read."""
     loads = np.array([0.005, 0.008, 0.011]) * (1000.0 if name == "delta" else 1.0)
     near = bem.solve(ROUGH, 1000.0, **{name: loads[0]}, **settings).pressure
@@ -175,7 +173,7 @@ def test_a_caller_may_fill_its_arrays_anew(name: str, settings: dict[str, Any]) 
     assert [everything(contact) for contact in contacts] == [everything(other) for other in same]
 
 
-def test_masked_arrays_are_refused() -> None:
+def test_masked_arrays_are_refused():
     masked = np.ma.masked_less(np.array([5.0, 8.0, 11.0]), 6.0)
     with pytest.raises(ValueError, match="deltas are masked in places"):
         bem.ladder(ROUGH, 1000.0, masked)
@@ -192,7 +190,7 @@ EXPONENTS = [*itertools.product(BOUNDARIES, (-300, 0, 300), (-300, 0, 300), (-10
 
 @pytest.mark.parametrize("load", ["delta", "force"])
 @pytest.mark.filterwarnings("error")
-def test_results_are_finite_or_the_input_is_out_of_range(load: str) -> None:
+def test_results_are_finite_or_the_input_is_out_of_range(load):
     """Near the ends of double precision nothing overflows on the way or in what is derived."""
     heights, solved = np.random.default_rng(0).normal(size=(20, 20)), 0
     for boundary, height, modulus, spacing, share in EXPONENTS:
@@ -213,7 +211,7 @@ def test_results_are_finite_or_the_input_is_out_of_range(load: str) -> None:
     assert solved > 20
 
 
-def test_sums_over_many_nodes_do_not_overflow() -> None:
+def test_sums_over_many_nodes_do_not_overflow():
     heights = 1e303 * np.random.default_rng(0).uniform(0, 1, (300, 300))
     with pytest.raises(bem.OutOfRange, match="height range times nodes"):
         bem.solve(heights, 1e300, 1e302, boundary="mirror", spacing=1.0)
@@ -223,7 +221,5 @@ def test_sums_over_many_nodes_do_not_overflow() -> None:
     ("nodes", "boundary", "spacing"),
     [(5, "free", 2.0), (4, "periodic", 2.0), (4, "mirror", 2.0), (1, "mirror", 8.0)],
 )
-def test_outer_nodes_lie_on_the_border_or_half_a_cell_inside(
-    nodes: int, boundary: Boundary, spacing: float
-) -> None:
+def test_outer_nodes_lie_on_the_border_or_half_a_cell_inside(nodes, boundary, spacing):
     assert node_spacing(nodes, 8.0, boundary) == spacing

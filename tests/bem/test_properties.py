@@ -49,15 +49,7 @@ def reach(heights: np.ndarray, kernel: Kernel, far_field: FarField, depth: float
 
 @settings(max_examples=80)
 @given(kinds, seeds, shapes, kernels, far_fields, depths, shares)
-def test_force_grows_with_delta(
-    kind: str,
-    seed: int,
-    shape: tuple[int, int],
-    kernel: Kernel,
-    far_field: FarField,
-    depth: float,
-    share: float,
-) -> None:
+def test_force_grows_with_delta(kind, seed, shape, kernel, far_field, depth, share):
     """It is the slope of the elastic energy, which is convex in Delta."""
     heights = surface(kind, shape, seed)
     delta = reach(heights, kernel, far_field, depth)
@@ -69,9 +61,7 @@ def test_force_grows_with_delta(
 
 @settings(max_examples=60)
 @given(kinds, seeds, shapes, kernels, depths)
-def test_no_patch_is_stiffer_than_its_flat_punch(
-    kind: str, seed: int, shape: tuple[int, int], kernel: Kernel, depth: float
-) -> None:
+def test_no_patch_is_stiffer_than_its_flat_punch(kind, seed, shape, kernel, depth):
     """A single contact node has the least stiffness, all nodes the most."""
     force = press(surface(kind, shape, seed), delta=depth, kernel=kernel).force
     one, every = flat_punch((1, 1), kernel).sum(), flat_punch(shape, kernel).sum()
@@ -80,14 +70,7 @@ def test_no_patch_is_stiffer_than_its_flat_punch(
 
 @settings(max_examples=80)
 @given(kinds, seeds, shapes, far_fields, depths, shares)
-def test_no_node_is_unloaded_as_delta_grows(
-    kind: str,
-    seed: int,
-    shape: tuple[int, int],
-    far_field: FarField,
-    depth: float,
-    share: float,
-) -> None:
+def test_no_node_is_unloaded_as_delta_grows(kind, seed, shape, far_field, depth, share):
     """With uniform pressures, whose stiffness is as above: so the contact set only grows."""
     heights = surface(kind, shape, seed)
     delta = reach(heights, "uniform-pressure", far_field, depth)
@@ -97,7 +80,7 @@ def test_no_node_is_unloaded_as_delta_grows(
     assert (more.pressure[less.pressure > undecided] > 0).all()
 
 
-def test_concentrated_forces_lift_a_node_off_as_delta_grows() -> None:
+def test_concentrated_forces_lift_a_node_off_as_delta_grows():
     """The counterexample: a node whose four neighbours, 0.1 um lower, take its load over.
 
     Their common inverse has a negative sum in the middle row, since MIRCO's diagonal is small
@@ -124,16 +107,7 @@ def turned(field: np.ndarray, turns: int, transposed: bool) -> np.ndarray:
 
 @settings(max_examples=80)
 @given(kinds, seeds, shapes, kernels, far_fields, depths, st.integers(0, 3), st.booleans())
-def test_symmetries_of_the_square(
-    kind: str,
-    seed: int,
-    shape: tuple[int, int],
-    kernel: Kernel,
-    far_field: FarField,
-    depth: float,
-    turns: int,
-    transposed: bool,
-) -> None:
+def test_symmetries_of_the_square(kind, seed, shape, kernel, far_field, depth, turns, transposed):
     """Of the field itself; nodes with neither pressure nor gap may be either."""
     heights = surface(kind, shape, seed)
     delta = reach(heights, kernel, far_field, depth)
@@ -159,8 +133,8 @@ def side_by_side(first: np.ndarray, second: np.ndarray, distance: int) -> np.nda
 @settings(max_examples=40)
 @given(kinds, kinds, seeds, st.integers(1, 7), st.sampled_from([60, 120, 240]), kernels, depths)
 def test_far_contacts_feel_each_others_force_alone(
-    kind: str, other: str, seed: int, size: int, distance: int, kernel: Kernel, depth: float
-) -> None:
+    kind, other, seed, size, distance, kernel, depth
+):
     """A body sinks by F / (pi E* d) of the other; the rest is one order of n / d smaller."""
     bodies = surface(kind, (size, size), seed), surface(other, (size, size), seed + 1)
     pair = press(side_by_side(*bodies, distance), delta=depth, kernel=kernel)
@@ -181,15 +155,7 @@ def test_far_contacts_feel_each_others_force_alone(
 @given(
     kinds, seeds, shapes, kernels, depths, st.sampled_from([0.0, 1e-3, 1.0, 1e3]), st.floats(0, 1)
 )
-def test_every_start_leads_to_the_same_pressure(
-    kind: str,
-    seed: int,
-    shape: tuple[int, int],
-    kernel: Kernel,
-    depth: float,
-    scale: float,
-    loaded: float,
-) -> None:
+def test_every_start_leads_to_the_same_pressure(kind, seed, shape, kernel, depth, scale, loaded):
     """From no pressure to a thousand times too much, on few nodes or all: there is one solution."""
     heights = surface(kind, shape, seed)
     patch, below = Patch(shape, "free", kernel, 1.0), (heights - heights.max()) / depth
@@ -219,9 +185,7 @@ LEVEL = np.round(ROUGH * 2**20) / 2**20  # to which whole offsets are added exac
         ({}, 1.0, 1.0, 4096.0),
     ],
 )
-def test_force_follows_modulus_heights_and_side_and_the_area_none(
-    material: dict[str, float], height: float, size: float, offset: float
-) -> None:
+def test_force_follows_modulus_heights_and_side_and_the_area_none(material, height, size, offset):
     """Exactly where all numbers only move their points, or differences of heights are the same."""
     delta, sides = 0.4 * float(np.ptp(LEVEL)), (230.0, 320.0)
     unit = bem.solve(LEVEL, sides, delta, rtol=RTOL)
@@ -242,7 +206,7 @@ drawn = lru_cache(problem)  # both ways have the same problems, and one referenc
 
 
 @pytest.mark.parametrize("seed", range(100))
-def test_contact_is_that_of_bounded_least_squares(seed: int) -> None:
+def test_contact_is_that_of_bounded_least_squares(seed):
     asked = drawn(seed)
     failed = [str(finding) for finding in judge(asked, asked.solve()) if not finding.passed]
     assert not failed

@@ -138,7 +138,7 @@ def contacts(draw: st.DrawFn) -> bem.Contact:
 
 @settings(max_examples=120)
 @given(contacts())
-def test_numbers_and_fields_are_those_of_the_pressure(contact: bem.Contact) -> None:
+def test_numbers_and_fields_are_those_of_the_pressure(contact):
     rounding = {"rel": 0, "abs": 1e-12 * contact.approach}
     assert contact.approach == pytest.approx(approach(contact), rel=1e-11)
     assert contact.displacement == pytest.approx(displacement(contact), **rounding)
@@ -159,7 +159,7 @@ def test_numbers_and_fields_are_those_of_the_pressure(contact: bem.Contact) -> N
 @pytest.mark.usefixtures("iterations_alone")
 @pytest.mark.parametrize("far_field", FAR_FIELDS)
 @pytest.mark.parametrize("kernel", KERNELS)
-def test_numbers_of_a_solve_that_was_stopped(kernel: Kernel, far_field: FarField) -> None:
+def test_numbers_of_a_solve_that_was_stopped(kernel, far_field):
     """They belong to the pressure that was reached, not to the solution."""
     heights = surface("self-affine", (17, 16), seed=3)
     with pytest.raises(bem.NotConverged) as stopped:

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 import bem
 from bem import equilibrium
 from bem.equilibrium import Equilibrium, Start
-from bem.influence import KERNELS, Kernel
+from bem.influence import KERNELS
 from bem.operators import filters
-from bem.problem import FAR_FIELDS, FarField
+from bem.problem import FAR_FIELDS
 from bench.references.surfaces import SURFACES, surface
 from gen.runtime.signals import at_most
 from gen.surface import generate
@@ -27,7 +27,7 @@ ROUGH = generate("diamond-square", 65, 0.65, 12.5, np.random.default_rng(4))
 
 @pytest.mark.parametrize("deltas", [np.linspace(-1, 45, 24), [30.0, 30.0, 3.0, 44.0], [7.0]])
 @pytest.mark.parametrize("kernel", KERNELS)
-def test_a_ladder_gives_what_single_solves_give(deltas: list[float], kernel: Kernel) -> None:
+def test_a_ladder_gives_what_single_solves_give(deltas, kernel):
     ladder = list(bem.ladder(ROUGH, 1000.0, deltas, modulus=2.0, kernel=kernel, rtol=1e-9))
     assert len(ladder) == len(deltas)
     for contact, delta in zip(ladder, deltas, strict=True):
@@ -41,14 +41,14 @@ def test_a_ladder_gives_what_single_solves_give(deltas: list[float], kernel: Ker
         )
 
 
-def test_a_ladder_stops_at_the_delta_that_is_to_blame() -> None:
+def test_a_ladder_stops_at_the_delta_that_is_to_blame():
     rungs = bem.ladder(ROUGH, 1000.0, [5.0, np.nan])
     next(rungs)
     with pytest.raises(ValueError, match="delta = nan"):
         next(rungs)
 
 
-def test_a_ladder_of_small_steps_saves_convolutions() -> None:
+def test_a_ladder_of_small_steps_saves_convolutions():
     deltas = np.linspace(15, 45, 31)
     ladder = sum(c.convolutions for c in bem.ladder(ROUGH, 1000.0, deltas))
     single = sum(bem.solve(ROUGH, 1000.0, delta).convolutions for delta in deltas)
@@ -58,9 +58,7 @@ def test_a_ladder_of_small_steps_saves_convolutions() -> None:
 @pytest.mark.parametrize("far_field", FAR_FIELDS)
 @pytest.mark.parametrize("loads", [np.geomspace(1e-4, 0.1, 16), [0.02, 0.0, 0.02, 0.001], [0.01]])
 @pytest.mark.parametrize("name", ["forces", "pressures"])
-def test_ladders_of_forces_and_pressures(
-    name: str, loads: list[float], far_field: FarField
-) -> None:
+def test_ladders_of_forces_and_pressures(name, loads, far_field):
     unit = 1e6 * (65 / 64) ** 2 if name == "forces" else 1.0  # um2 of all cells
     settings: dict[str, Any] = {"modulus": 2.0, "far_field": far_field, "rtol": 1e-9}
     given: dict[str, Any] = {name: [unit * load for load in loads]}
@@ -83,14 +81,12 @@ def test_ladders_of_forces_and_pressures(
         ({"pressures": [-1.0]}, "pressure = -1.0: must be at least 0 MPa"),
     ],
 )
-def test_a_ladder_has_one_kind_of_load(given: dict[str, Any], told: str) -> None:
+def test_a_ladder_has_one_kind_of_load(given, told):
     with pytest.raises(ValueError, match=told):
         list(bem.ladder(ROUGH, 1000.0, **given))
 
 
-def test_a_load_that_is_not_solved_from_the_contacts_before_is_solved_from_scratch(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_load_that_is_not_solved_from_the_contacts_before_is_solved_from_scratch(monkeypatch):
     def spoilt(problem: bem.Problem, near: Start | None, **how: Any) -> Equilibrium | None:
         few = problem if near is None else replace(problem, max_iterations=1)
         return equilibrium.equilibrium_of(few, near, **how)
@@ -100,7 +96,7 @@ def test_a_load_that_is_not_solved_from_the_contacts_before_is_solved_from_scrat
         assert contact.force == bem.solve(ROUGH, 1000.0, contact.delta).force
 
 
-def test_a_ladder_goes_on_after_a_load_that_could_not_be_solved() -> None:
+def test_a_ladder_goes_on_after_a_load_that_could_not_be_solved():
     few = {"max_iterations": 2, "boundary": "mirror"}
     rungs = bem.ladder(ROUGH, 1000.0, [0.01, 10.0, np.nan, 0.02], **few)
     assert next(rungs).delta == 0.01
@@ -122,9 +118,7 @@ RTOL = 1e-9
     kernel=st.sampled_from(KERNELS),
     share=st.floats(0.01, 3.0),
 )
-def test_force_and_displacement_lead_to_one_another(
-    kind: str, seed: int, shape: tuple[int, int], kernel: bem.influence.Kernel, share: float
-) -> None:
+def test_force_and_displacement_lead_to_one_another(kind, seed, shape, kernel, share):
     heights = surface(kind, shape, seed)
     side = (10.0 * (shape[0] - 1), 10.0 * (shape[1] - 1))
     delta = share * (float(np.ptp(heights)) or 1.0)
@@ -144,7 +138,7 @@ LARGE = generate("diamond-square", 129, 0.65, 12.5, np.random.default_rng(4))
 
 @pytest.mark.parametrize("far_field", FAR_FIELDS)
 @pytest.mark.parametrize("delta", [0.5, 4.0, 9.0, 14.0, 17.0])
-def test_it_is_cheap_and_exact_on_rough_surfaces(delta: float, far_field: str) -> None:
+def test_it_is_cheap_and_exact_on_rough_surfaces(delta, far_field):
     """The count of convolutions is the cost; its mean ratio is in `pytest bench -k given_force`."""
     expected = bem.solve(LARGE, 1000.0, delta, modulus=3.0, far_field=far_field)
     contact = bem.solve(LARGE, 1000.0, force=expected.force, modulus=3.0, far_field=far_field)
@@ -155,19 +149,19 @@ def test_it_is_cheap_and_exact_on_rough_surfaces(delta: float, far_field: str) -
     assert contact.convolutions <= 60
 
 
-def test_mean_pressure_is_the_mean_over_all_nodes() -> None:
+def test_mean_pressure_is_the_mean_over_all_nodes():
     contact = bem.solve(LARGE, 1000.0, pressure=0.02, modulus=3.0)
     assert contact.pressure.mean() == pytest.approx(0.02, rel=2e-6)
     assert contact.problem.delta is None
     assert contact.delta > 0
 
 
-def test_no_force_is_first_touch() -> None:
+def test_no_force_is_first_touch():
     contact = bem.solve(LARGE, 1000.0, force=0.0)
     assert (contact.force, contact.delta, contact.contact_nodes) == (0.0, 0.0, 0)
 
 
-def test_flat_surfaces_and_single_nodes_have_a_displacement() -> None:
+def test_flat_surfaces_and_single_nodes_have_a_displacement():
     flat = bem.solve(np.zeros((9, 9)), 80.0, force=5.0)
     assert bem.solve(np.zeros((9, 9)), 80.0, flat.delta).force == pytest.approx(5.0, rel=1e-5)
     one = bem.solve(np.zeros((1, 1)), 1.0, force=5.0, spacing=2.0)
@@ -176,7 +170,7 @@ def test_flat_surfaces_and_single_nodes_have_a_displacement() -> None:
 
 @pytest.mark.filterwarnings("ignore:divide by zero", "ignore:invalid value")
 @pytest.mark.parametrize("pressure", [1e-30, 1e-24, 1e-15, 1e-6])
-def test_forces_far_below_any_guess_are_carried(pressure: float) -> None:
+def test_forces_far_below_any_guess_are_carried(pressure):
     """The highest node of the grid is not among those that the displacement is guessed on."""
     heights = generate("diamond-square", 513, 0.7, 12.5, np.random.default_rng(0))
     contact = bem.solve(heights, 1.0, pressure=pressure, spacing=1.0)
@@ -199,7 +193,7 @@ def ridges(shape: tuple[int, int], row: int, column: int | None = None) -> np.nd
         *((ridges((12, 37), row), 0.030927496547942784, 1e-10) for row in range(6)),
     ],
 )
-def test_ties_under_tight_tolerances_end(heights: np.ndarray, pressure: float, rtol: float) -> None:
+def test_ties_under_tight_tolerances_end(heights, pressure, rtol):
     """Rounding in the displacement of the far field must not add to the residual."""
     with at_most(20):
         contact = bem.solve(heights, 1.0, pressure=pressure, spacing=1.0, rtol=rtol)
@@ -209,7 +203,7 @@ def test_ties_under_tight_tolerances_end(heights: np.ndarray, pressure: float, r
 
 @pytest.mark.parametrize("far_field", FAR_FIELDS)
 @pytest.mark.parametrize("rtol", [1e-3, 2e-7, 1e-12])
-def test_residual_and_force_are_what_is_said(rtol: float, far_field: str) -> None:
+def test_residual_and_force_are_what_is_said(rtol, far_field):
     for pressure in (1e-3, 0.02, 0.2):
         contact = bem.solve(LARGE, 1000.0, pressure=pressure, rtol=rtol, far_field=far_field)
         gap = np.where(contact.pressure > 0, np.abs(contact.gap), -contact.gap)
@@ -218,7 +212,7 @@ def test_residual_and_force_are_what_is_said(rtol: float, far_field: str) -> Non
 
 
 @pytest.mark.parametrize("most", [1, 2, 5])
-def test_what_is_reached_before_the_bound_makes_sense(most: int) -> None:
+def test_what_is_reached_before_the_bound_makes_sense(most):
     contact = bem.solve(LARGE, 1000.0, pressure=0.02)
     with pytest.raises(bem.NotConverged, match="raise max_iterations") as stopped:
         bem.solve(LARGE, 1000.0, pressure=0.02, max_iterations=most, rtol=1e-12)
@@ -239,9 +233,7 @@ def test_what_is_reached_before_the_bound_makes_sense(most: int) -> None:
         (1e-30, 1.0, {"pressure": 1e-300}),
     ],
 )
-def test_forces_that_would_vanish_or_overflow_are_refused(
-    side: float, scale: float, load: dict[str, Any]
-) -> None:
+def test_forces_that_would_vanish_or_overflow_are_refused(side, scale, load):
     with pytest.raises(bem.OutOfRange, match="double precision"):
         bem.solve(scale * LARGE[:20, :20], side, **load)
 
@@ -249,9 +241,7 @@ def test_forces_that_would_vanish_or_overflow_are_refused(
 @pytest.mark.parametrize("shape", [(65, 65), (64, 66), (70, 41), (37, 90)])
 @pytest.mark.parametrize("kernel", KERNELS)
 @pytest.mark.parametrize("name", SURFACES)
-def test_a_nested_start_changes_no_answer(
-    name: str, kernel: Kernel, shape: tuple[int, int], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_nested_start_changes_no_answer(name, kernel, shape, monkeypatch):
     heights = surface(name, shape, seed=3)
     delta = 0.6 * float(heights.max() - heights.min())
     settings = {"spacing": 1.0, "kernel": kernel, "rtol": 1e-9}
@@ -264,9 +254,7 @@ def test_a_nested_start_changes_no_answer(
     np.testing.assert_allclose(nested.pressure, plain.pressure, rtol=0, atol=1e-5 * scale)
 
 
-def test_a_grid_that_starts_from_coarser_ones_keeps_its_own_filters(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_grid_that_starts_from_coarser_ones_keeps_its_own_filters(monkeypatch):
     """They take longest to make, and a second load needs them again."""
     monkeypatch.setattr(equilibrium, "NESTED", 20)
     monkeypatch.setattr(equilibrium, "FEW_NODES", 0)
@@ -283,9 +271,7 @@ def test_a_grid_that_starts_from_coarser_ones_keeps_its_own_filters(
     assert {shape[1] for shape in shapes} == {65}
 
 
-def test_a_peak_between_the_coarser_nodes_starts_from_nothing(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_peak_between_the_coarser_nodes_starts_from_nothing(monkeypatch):
     heights = np.zeros((41, 41))
     heights[20:23, 20:23] = 1.0
     heights[21, 21] = 3.0  # odd in both directions: every second node misses it
@@ -297,7 +283,7 @@ def test_a_peak_between_the_coarser_nodes_starts_from_nothing(
 
 
 @pytest.mark.parametrize("amount", [1e50, 1e300])
-def test_a_start_beyond_all_bounds_is_left_aside(amount: float) -> None:
+def test_a_start_beyond_all_bounds_is_left_aside(amount):
     heights = surface("white noise", (65, 65))
     with at_most(20):
         contact = bem.solve(heights, 1.0, 0.3, near=np.full((65, 65), amount))

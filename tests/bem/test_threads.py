@@ -9,7 +9,7 @@ import time
 import warnings
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager, suppress
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -35,9 +35,7 @@ def blas_threads() -> set[int]:
     return {pool.get_num_threads() for pool in pools}
 
 
-def test_dense_algebra_has_one_thread_and_leaves_the_others_alone(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_dense_algebra_has_one_thread_and_leaves_the_others_alone(monkeypatch):
     seen: list[set[int]] = []
     factorised = dense.ContactFactor._factorised
 
@@ -55,7 +53,7 @@ def test_dense_algebra_has_one_thread_and_leaves_the_others_alone(
     assert all(threads == {1} for threads in seen)
 
 
-def test_the_first_in_limits_and_the_last_out_restores() -> None:
+def test_the_first_in_limits_and_the_last_out_restores():
     with threadpool_limits(limits=2, user_api="blas"):
         before = blas_threads()
         inside, leave = threading.Event(), threading.Event()
@@ -98,7 +96,7 @@ def forked(work: Callable[[], object]) -> int:
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no forks here")
-def test_a_fork_waits_for_other_threads_to_leave() -> None:
+def test_a_fork_waits_for_other_threads_to_leave():
     inside, left = threading.Event(), []
 
     def other() -> None:
@@ -116,9 +114,7 @@ def test_a_fork_waits_for_other_threads_to_leave() -> None:
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no forks here")
-def test_a_child_forked_while_a_contact_computes_computes_too(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_child_forked_while_a_contact_computes_computes_too(monkeypatch):
     """A property of the class must not be locked: the child would wait for its parent's thread."""
     contacts = [bem.solve(ROUGH, 1000.0, delta, boundary="mirror") for delta in (4.0, 5.0)]
     inside, leave, parent = threading.Event(), threading.Event(), os.getpid()
@@ -141,7 +137,7 @@ def test_a_child_forked_while_a_contact_computes_computes_too(
         thread.join()
 
 
-def test_what_is_computed_once_is_the_same_for_all_threads() -> None:
+def test_what_is_computed_once_is_the_same_for_all_threads():
     contact, start = bem.solve(ROUGH, 1000.0, 4.0), threading.Barrier(8)
 
     def gap() -> np.ndarray:
@@ -153,9 +149,7 @@ def test_what_is_computed_once_is_the_same_for_all_threads() -> None:
     assert all(field is contact.gap for field in seen)
 
 
-def test_an_interrupt_on_the_way_into_a_section_leaves_no_thread_inside(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_an_interrupt_on_the_way_into_a_section_leaves_no_thread_inside(monkeypatch):
     """Else forks of other threads would wait for this one forever."""
     known = threads._SECTIONS
     put = known.put
@@ -174,9 +168,7 @@ def test_an_interrupt_on_the_way_into_a_section_leaves_no_thread_inside(
 
 
 @pytest.mark.parametrize("section", [threads.unforked, threads.on_one_blas_thread])
-def test_alarms_between_any_two_steps_leave_no_lock_and_no_thread_behind(
-    section: Callable[[], AbstractContextManager[None]],
-) -> None:
+def test_alarms_between_any_two_steps_leave_no_lock_and_no_thread_behind(section):
     """Else other threads, their forks or later sections would wait for this one forever."""
     known, other = threads._SECTIONS, ThreadPoolExecutor(1)
     random, free = np.random.default_rng(0), []
@@ -201,9 +193,7 @@ def test_alarms_between_any_two_steps_leave_no_lock_and_no_thread_behind(
 
 
 @pytest.mark.parametrize("point", ["before", "after"])
-def test_an_interrupt_on_the_way_into_a_dense_section_limits_nothing_for_good(
-    monkeypatch: pytest.MonkeyPatch, point: str
-) -> None:
+def test_an_interrupt_on_the_way_into_a_dense_section_limits_nothing_for_good(monkeypatch, point):
     """Else no later section would have one BLAS thread, and the rest of the process no other."""
     known = threads._SECTIONS
     put = known.put_dense
@@ -227,9 +217,7 @@ def test_an_interrupt_on_the_way_into_a_dense_section_limits_nothing_for_good(
 
 
 @pytest.mark.usefixtures("four_cores")
-def test_no_more_threads_are_begun_than_there_are_processors(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_no_more_threads_are_begun_than_there_are_processors(monkeypatch):
     class Counted(ThreadPoolExecutor):
         def __init__(self, many: int, name: str) -> None:
             begun.append(many)
@@ -246,7 +234,7 @@ def test_no_more_threads_are_begun_than_there_are_processors(
 
 @pytest.mark.usefixtures("four_cores")
 @pytest.mark.parametrize("many", [1, 2, 3])
-def test_every_piece_is_worked_on_once(many: int) -> None:
+def test_every_piece_is_worked_on_once(many):
     done: list[tuple[int, int]] = []
     with threads.on_threads(many):
         threads.share(lambda *thread_and_piece: done.append(thread_and_piece), range(50))
@@ -255,7 +243,7 @@ def test_every_piece_is_worked_on_once(many: int) -> None:
 
 
 @pytest.mark.usefixtures("four_cores")
-def test_an_error_of_any_piece_is_raised_when_nobody_works_any_more() -> None:
+def test_an_error_of_any_piece_is_raised_when_nobody_works_any_more():
     working = []
 
     def work(_: int, piece: int) -> None:
@@ -270,7 +258,7 @@ def test_an_error_of_any_piece_is_raised_when_nobody_works_any_more() -> None:
 
 
 @pytest.mark.usefixtures("four_cores")
-def test_blocks_of_threads_nest() -> None:
+def test_blocks_of_threads_nest():
     with threads.on_threads(2):
         with threads.on_threads(None):
             assert threads.threads_here() == 2
@@ -284,9 +272,7 @@ def test_blocks_of_threads_nest() -> None:
 @pytest.mark.parametrize(
     ("said", "many"), [("4", 4), ("3,1", 3), (" 2 ", 2), ("", 7), ("0", 7), ("all", 7)]
 )
-def test_the_environment_says_how_many(
-    monkeypatch: pytest.MonkeyPatch, said: str, many: int
-) -> None:
+def test_the_environment_says_how_many(monkeypatch, said, many):
     monkeypatch.setenv("OMP_NUM_THREADS", said)
     assert threads.default_threads(7) == many
     with threads.on_threads(None):
@@ -295,7 +281,7 @@ def test_the_environment_says_how_many(
 
 @pytest.mark.usefixtures("four_cores")
 @pytest.mark.parametrize("many", [0, 1.5, True, "2"])
-def test_other_numbers_of_threads_are_refused(many: Any) -> None:
+def test_other_numbers_of_threads_are_refused(many):
     refused = r"threads = .*: must be a whole number of at least 1"
     with pytest.raises(ValueError, match=refused):
         bem.solve(np.eye(3), 1.0, 0.5, threads=many)
@@ -314,9 +300,7 @@ def test_other_numbers_of_threads_are_refused(many: Any) -> None:
         ({"pressure": 2e-3}, {"boundary": "mirror"}),
     ],
 )
-def test_contacts_are_the_same_bits_on_any_number_of_threads(
-    load: dict[str, float], settings: dict[str, object]
-) -> None:
+def test_contacts_are_the_same_bits_on_any_number_of_threads(load, settings):
     edgeless = "boundary" in settings
     heights = generate("diamond-square", 513, 0.7, 12.5, np.random.default_rng(5))
     surface = heights[:512, :512] if edgeless else heights
@@ -343,7 +327,7 @@ print(min(faults))
 
 
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="about glibc's heap")
-def test_a_solve_finds_the_memory_of_the_one_before() -> None:
+def test_a_solve_finds_the_memory_of_the_one_before():
     """It would wait for hundreds of pages otherwise, of 4 KB each."""
     run = subprocess.run([sys.executable, "-c", SOLVES], capture_output=True, text=True, check=True)
     assert int(run.stdout) < 20

@@ -11,7 +11,7 @@ import bem
 from bem import equilibrium
 from bem.active_set import ActiveSet
 from bem.analytic import PowerLaw
-from bem.problem import BOUNDARIES, Boundary
+from bem.problem import BOUNDARIES
 from bench.references.surfaces import SURFACES
 
 SIDE = 100.0
@@ -34,7 +34,7 @@ def loads_of(contact: bem.Contact) -> dict[str, float]:
 @pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("load", LOADS)
 @pytest.mark.parametrize("above", [1 + 1e-9, 1e6])
-def test_a_hardness_above_all_pressures_changes_no_byte(seed: int, load: str, above: float):
+def test_a_hardness_above_all_pressures_changes_no_byte(seed, load, above):
     heights = self_affine(seed)
     amount = loads_of(bem.solve(heights, SIDE, 0.4 * np.ptp(heights)))[load]
     elastic = bem.solve(heights, SIDE, **{load: amount})
@@ -47,7 +47,7 @@ def test_a_hardness_above_all_pressures_changes_no_byte(seed: int, load: str, ab
     assert not contact.yielded_depth.any()
 
 
-def test_elastic_bodies_never_ask_for_the_hardness(monkeypatch: pytest.MonkeyPatch):
+def test_elastic_bodies_never_ask_for_the_hardness(monkeypatch):
     """Without one, the solver goes straight to the elastic solve."""
     monkeypatch.setattr(ActiveSet, "_let_yield", None)
     monkeypatch.setattr(ActiveSet, "_capped", None)
@@ -59,9 +59,7 @@ def test_elastic_bodies_never_ask_for_the_hardness(monkeypatch: pytest.MonkeyPat
 
 @pytest.mark.parametrize("few", [0, 10_000])
 @pytest.mark.parametrize("seed", range(3))
-def test_vanishing_hardness_leaves_the_bearing_area(
-    seed: int, few: int, monkeypatch: pytest.MonkeyPatch
-):
+def test_vanishing_hardness_leaves_the_bearing_area(seed, few, monkeypatch):
     monkeypatch.setattr(equilibrium, "FEW_NODES", few)
     heights = self_affine(seed, 25)
     delta = 0.3 * np.ptp(heights)
@@ -74,7 +72,7 @@ def test_vanishing_hardness_leaves_the_bearing_area(
 
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("hardness", [0.003, 0.02, 0.1])
-def test_loading_again_after_yielding_is_elastic(seed: int, hardness: float):
+def test_loading_again_after_yielding_is_elastic(seed, hardness):
     """The same pressure at the same place of the far field, for which the datum is lower."""
     heights = self_affine(seed)
     first = bem.solve(heights, SIDE, 0.4 * np.ptp(heights), hardness=hardness, rtol=RTOL)
@@ -125,7 +123,7 @@ def test_pressure_and_gap_are_complementary(kind, shape, seed, ratio, depth, asp
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_softer_bodies_touch_more_at_one_displacement_and_one_load(seed: int):
+def test_softer_bodies_touch_more_at_one_displacement_and_one_load(seed):
     heights = self_affine(seed, 65)
     delta = 0.35 * np.ptp(heights)
     hardness = [1e3, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001]
@@ -159,7 +157,7 @@ def test_a_sphere_yields_first_at_the_hertz_pressure_and_ends_at_the_hardness():
     assert contact.contact_nodes * spacing**2 == pytest.approx(circle, rel=0.05)
 
 
-def test_a_large_grid_starts_from_a_coarser_one_that_yields_too(monkeypatch: pytest.MonkeyPatch):
+def test_a_large_grid_starts_from_a_coarser_one_that_yields_too(monkeypatch):
     heights = self_affine(4, 97)
     delta = 0.4 * np.ptp(heights)
     plain = bem.solve(heights, SIDE, delta, hardness=0.02)
@@ -185,7 +183,7 @@ def test_a_load_beyond_the_hardness_has_no_solution(arguments, message):
 
 
 @pytest.mark.parametrize("share", [0.9, 0.999, 1 - 1e-7])
-def test_loads_just_below_the_hardness_are_carried(share: float):
+def test_loads_just_below_the_hardness_are_carried(share):
     contact = bem.solve(self_affine(0), SIDE, pressure=share * 0.01, hardness=0.01)
     assert contact.force == pytest.approx(share * 0.01 * (SIDE * 33 / 32) ** 2, rel=1e-12)
     assert contact.yielded_percent > 85
@@ -204,7 +202,7 @@ ROUND_GRIDS = [
 
 
 @pytest.mark.parametrize(("kind", "shape", "every"), ROUND_GRIDS)
-def test_round_loads_are_carried(kind: str, shape: tuple[int, int], every: int):
+def test_round_loads_are_carried(kind, shape, every):
     """Loads that are whole multiples of hardness times cell, alone and in ladders; 2,600 in all."""
     heights = 0.3 * SURFACES[kind](np.random.default_rng(shape[1]), shape)
     for hardness, boundary in itertools.product((500.0, 1000.0, 2000.0, 4000.0), BOUNDARIES):
@@ -221,7 +219,7 @@ def test_round_loads_are_carried(kind: str, shape: tuple[int, int], every: int):
 
 @pytest.mark.parametrize("nodes", [40, 65])
 @pytest.mark.parametrize("many", [0.3, 1.0, 1.28, 2.0, 260.5])
-def test_a_load_beyond_the_one_summit_of_a_plateau_is_carried(nodes: int, many: float):
+def test_a_load_beyond_the_one_summit_of_a_plateau_is_carried(nodes, many):
     """The nodes that are equally high as the last one of the guessed part belong to it."""
     heights = np.zeros((nodes, nodes))
     heights[nodes // 3, nodes // 2] = 1.0
@@ -233,9 +231,7 @@ def test_a_load_beyond_the_one_summit_of_a_plateau_is_carried(nodes: int, many: 
 
 @pytest.mark.parametrize("boundary", BOUNDARIES)
 @pytest.mark.parametrize("many", [1, 7, 45])
-def test_where_all_that_touches_yields_the_displacement_is_the_smallest(
-    boundary: Boundary, many: int
-):
+def test_where_all_that_touches_yields_the_displacement_is_the_smallest(boundary, many):
     """The same nodes carry the load at every displacement until the next node touches."""
     heights = np.sort(np.random.default_rng(many).uniform(0, 3, 100)).reshape(10, 10)
     heights.flat[-many:] += 50.0

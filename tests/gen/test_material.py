@@ -7,7 +7,7 @@ from gen.runtime.errors import InputError
 from gen.scene.tables import Contact
 
 
-def test_moduli_combine() -> None:
+def test_moduli_combine():
     assert combined_modulus([], []) == 1
     assert combined_modulus([210e3], [0.3]) == pytest.approx(210e3 / 0.91)
     both = 1 / (0.91 / 210e3 + 0.75 / 3e3)
@@ -26,9 +26,7 @@ def test_moduli_combine() -> None:
         ([], [], -2.0, "--e-star -2"),
     ],
 )
-def test_moduli_that_no_material_has_are_refused(
-    young: list[float], poisson: list[float], e_star: float | None, message: str
-) -> None:
+def test_moduli_that_no_material_has_are_refused(young, poisson, e_star, message):
     with pytest.raises(InputError, match=message):
         combined_modulus(young, poisson, e_star)
 
@@ -38,7 +36,7 @@ PLAUSIBLE = [(210e3, 2000.0), (70e3, 300.0), (3e3, 250.0), (1e6, 1e5), (12e3, 9.
 
 
 @pytest.mark.parametrize(("young", "hardness"), PLAUSIBLE)
-def test_solids_are_not_doubted_and_slips_of_their_units_are(young: float, hardness: float) -> None:
+def test_solids_are_not_doubted_and_slips_of_their_units_are(young, hardness):
     assert not Bodies.of_options([young], [], None, hardness).doubts
     assert not Bodies.of_options([young], [], None, None).doubts
     for factors, slip in (
@@ -59,7 +57,7 @@ def test_solids_are_not_doubted_and_slips_of_their_units_are(young: float, hardn
         assert slip in line or any(other in line for _, other in SLIPS)
 
 
-def test_scenes_are_doubted_by_the_hardness_in_megapascals_alone() -> None:
+def test_scenes_are_doubted_by_the_hardness_in_megapascals_alone():
     assert not Contact().doubts
     assert not Contact(hardness_ratio=0.3).doubts
     assert not Contact(modulus=210e3, hardness_ratio=0.3).doubts

@@ -16,7 +16,7 @@ import tomli_w
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bem.problem import BOUNDARIES, MAX_ITERATIONS, RTOL, Boundary, node_spacing
+from bem.problem import BOUNDARIES, MAX_ITERATIONS, RTOL, node_spacing
 from gen import cli
 from gen.generation.run import planned_loads
 from gen.generators import TAGS
@@ -27,7 +27,7 @@ from gen.scene.tables import Contact, Delta, Load
 FULL = load("paper").model_dump(mode="json", exclude_none=True)
 
 
-def test_the_solvers_defaults_are_said_alike_everywhere() -> None:
+def test_the_solvers_defaults_are_said_alike_everywhere():
     """Scenes and commands are read without the solver, whose import takes most of their time."""
     command = inspect.signature(cli.contact).parameters
     for name, default in (("rtol", RTOL), ("max_iterations", MAX_ITERATIONS)):
@@ -122,13 +122,13 @@ BAD_SCENES = [
     BAD_SCENES,
     ids=[text[:50].encode("unicode_escape").decode() for text, _ in BAD_SCENES],
 )
-def test_refusal_names_key_value_and_what_is_allowed(text: str, parts: list[str]) -> None:
+def test_refusal_names_key_value_and_what_is_allowed(text, parts):
     message = refusal(text)
     for part in parts:
         assert part in message
 
 
-def test_load_reads_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_load_reads_a_file(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for content in (b"samples = 3\r\n", b"\xef\xbb\xbfsamples = 3"):
         Path("mine.toml").write_bytes(content)
@@ -151,9 +151,7 @@ def test_load_reads_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
         ("n" * 5000, "too long"),
     ],
 )
-def test_unreadable_scene_is_refused_in_one_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, reason: str
-) -> None:
+def test_unreadable_scene_is_refused_in_one_line(tmp_path, monkeypatch, name, reason):
     monkeypatch.chdir(tmp_path)
     Path("folder").mkdir()
     Path("binary.toml").write_bytes(b"a =\xff")
@@ -170,7 +168,7 @@ WRONG_EVERYWHERE: list[object] = [[], [[1.0]], {"share": 1.0}, math.nan, -math.i
 """Values that no key of a scene accepts."""
 
 
-def test_fingerprint_ignores_what_changes_no_result() -> None:
+def test_fingerprint_ignores_what_changes_no_result():
     plain = Scene.parse("samples = 5\n[contact]\nrtol = 1e-8\nmodulus = 2\n", "a")
     other = Scene.parse(
         "# a comment\ntitle = 'text'\nsamples = 500\ncontact.modulus = 2.0\n"
@@ -218,7 +216,7 @@ OTHER_VALUES = {
 
 
 @pytest.mark.parametrize("key", OTHER_VALUES)
-def test_fingerprint_changes_with_every_relevant_key(key: str) -> None:
+def test_fingerprint_changes_with_every_relevant_key(key):
     paper = load("paper")
     other = Scene.parse(tomli_w.dumps(changed(key, OTHER_VALUES[key])), "some.toml")
     assert other.fingerprint() != paper.fingerprint()
@@ -244,21 +242,21 @@ ENDLESS = {
 
 
 @pytest.mark.parametrize("text", [*DEEP.values(), *ENDLESS.values()], ids=[*DEEP, *ENDLESS])
-def test_no_text_keeps_the_parser_busy(text: str) -> None:
+def test_no_text_keeps_the_parser_busy(text):
     began = time.process_time()
     refused = refusal(text)
     assert time.process_time() < began + 2.0
     assert "not TOML" in refused
 
 
-def test_dots_and_brackets_in_texts_and_comments_are_no_depth() -> None:
+def test_dots_and_brackets_in_texts_and_comments_are_no_depth():
     text = 'samples = 3 # [[[[[[[[[[[[[[[[[[ a.b.c.d.e.f.g.h.i.j.k.l.m.n.o.p.q.r\ntitle = "{}"\n'
     title = "." * 20 + "[" * 20
     assert Scene.parse(text.format(title), "test").title == title
 
 
 @pytest.mark.parametrize("per_surface", [1, 10_000])
-def test_the_plan_of_a_billion_rows_takes_no_time(per_surface: int) -> None:
+def test_the_plan_of_a_billion_rows_takes_no_time(per_surface):
     began = time.process_time()
     text = f"samples = {{}}\nsamples_per_surface = {per_surface}"
     scenes = [Scene.parse(text.format(samples), "test") for samples in (10**9, 10**6)]
@@ -274,14 +272,14 @@ INSTEAD = re.findall(r"^# (\[\w+\]\n(?:# \w.*\n|#  .*\n)+)", PAPER, flags=re.MUL
 
 
 @pytest.mark.parametrize("block", INSTEAD, ids=["spectral", "scans", "python", "load"])
-def test_tables_in_comments_are_scenes(block: str) -> None:
+def test_tables_in_comments_are_scenes(block):
     needed = INSTEAD[-1] if "scans" in block else ""
     text = re.sub(r"^# ?", "", block + needed, flags=re.MULTILINE)
     scene = Scene.parse(f"samples = 3\n{text}", "comments")
     assert scene.fingerprint() != load("paper").fingerprint()
 
 
-def test_the_papers_scene_names_every_key() -> None:
+def test_the_papers_scene_names_every_key():
     """But for those that a run writes itself."""
     tables = [Scene, Load, Delta, Piece, Contact, Store, *TAGS.values()]
     keys = {name for table in tables for name in table.model_fields} - {
@@ -326,7 +324,7 @@ JUNK = st.recursive(
 
 @settings(max_examples=300, deadline=None)
 @given(st.sampled_from(FULL_SCENES), JUNK, st.data())
-def test_any_value_of_any_key_is_taken_or_refused_in_one_line(text, value, data) -> None:
+def test_any_value_of_any_key_is_taken_or_refused_in_one_line(text, value, data):
     content = table = json.loads(Scene.parse(f"samples = 3\n{text}", "full").text())
     key = data.draw(st.sampled_from(sorted(table)))
     while isinstance(table[key], dict) and table[key] and data.draw(st.booleans()):
@@ -345,7 +343,7 @@ def test_any_value_of_any_key_is_taken_or_refused_in_one_line(text, value, data)
 
 
 @pytest.mark.parametrize("text", FULL_SCENES)
-def test_the_text_of_a_scene_is_that_scene_in_any_order_of_its_keys(text) -> None:
+def test_the_text_of_a_scene_is_that_scene_in_any_order_of_its_keys(text):
     def turned(value: Any) -> Any:
         if not isinstance(value, dict):
             return value
@@ -362,7 +360,7 @@ def test_the_text_of_a_scene_is_that_scene_in_any_order_of_its_keys(text) -> Non
 
 
 @pytest.mark.parametrize("boundary", BOUNDARIES)
-def test_spacings_follow_the_rule_of_the_solver(boundary: Boundary) -> None:
+def test_spacings_follow_the_rule_of_the_solver(boundary):
     """Scenes follow it without loading the solver, also on grids of two nodes."""
     keys = "roll_off = 90.0\ncut_off = 85.0\nrms_height = 1.0\nnodes = [2, 7]\nside = [40.0, 90.0]"
     text = f"samples = 1\n[surface]\ngenerator = 'spectral'\n{keys}\nperiod = 4.0\n"

@@ -326,7 +326,7 @@ def test_nayaks_bandwidth_is_not_the_papers(database, name):
     assert np.median(database[name]) > high
 
 
-def test_an_asperity_is_above_its_four_neighbours_as_the_glossary_says() -> None:
+def test_an_asperity_is_above_its_four_neighbours_as_the_glossary_says():
     """The lower of two nodes that meet at a corner counts too."""
     heights = np.zeros((5, 5))
     heights[1, 1], heights[2, 2] = 2.0, 1.0

@@ -1,7 +1,5 @@
 """Entries of the ledger: what passes, what fails, and with which line."""
 
-from pathlib import Path
-
 import pytest
 
 from gen.runtime.errors import InputError
@@ -30,19 +28,17 @@ ENTRIES = {CONVOLUTIONS: Entry(500, "first"), NODES: Entry(2000, "first")}
         ({Key("new", "fits"): 3}, ["new, fits: 3 is not in the ledger"]),
     ],
 )
-def test_work_may_fall_and_results_may_not_change(
-    changes: dict[Key, int], expected: list[str]
-) -> None:
+def test_work_may_fall_and_results_may_not_change(changes, expected):
     counts = {CONVOLUTIONS: 500, NODES: 2000} | changes
     assert list(faults(ENTRIES, counts)) == expected
 
 
-def test_an_entry_that_nobody_counts_fails() -> None:
+def test_an_entry_that_nobody_counts_fails():
     (fault,) = faults(ENTRIES, {CONVOLUTIONS: 500})
     assert fault == "given force, contact nodes: is in the ledger but was not counted"
 
 
-def test_an_update_gives_its_reason_to_changed_entries_alone() -> None:
+def test_an_update_gives_its_reason_to_changed_entries_alone():
     counts = {CONVOLUTIONS: 450, NODES: 2000, Key("new", "fits"): 3}
     entries = updated(ENTRIES, counts, "a better start")
     assert entries == {
@@ -53,7 +49,7 @@ def test_an_update_gives_its_reason_to_changed_entries_alone() -> None:
     assert not list(faults(entries, counts))
 
 
-def test_the_file_holds_its_entries(tmp_path: Path) -> None:
+def test_the_file_holds_its_entries(tmp_path):
     path = tmp_path / "counts.csv"
     assert read(path) == {}
     write_entries(ENTRIES, path)
@@ -64,15 +60,13 @@ def test_the_file_holds_its_entries(tmp_path: Path) -> None:
             read(path)
 
 
-def test_the_committed_ledger_has_reasons_and_plenty_of_counts() -> None:
+def test_the_committed_ledger_has_reasons_and_plenty_of_counts():
     entries = read(LEDGER)
     assert len({key.item for key in entries}) > 20
     assert all(entry.reason for entry in entries.values())
 
 
-def test_the_command_names_faults_and_updates(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_names_faults_and_updates(tmp_path, monkeypatch, capsys):
     path = tmp_path / "counts.csv"
     monkeypatch.setattr(program, "LEDGER", path)
     monkeypatch.setattr(program, "read", lambda: read(path))

@@ -1,6 +1,5 @@
 """Closed forms of axisymmetric indenters: consistent with the theory and with one another."""
 
-from collections.abc import Callable
 from functools import partial
 from itertools import pairwise
 
@@ -40,7 +39,7 @@ def angle_integral(indenter: Indenter, delta: float, power: int) -> float:
 
 @pytest.mark.parametrize("delta", [0.01, 1.0, 30.0])
 @pytest.mark.parametrize("indenter", INDENTERS, ids=repr)
-def test_pressure_carries_the_force(indenter: Indenter, delta: float) -> None:
+def test_pressure_carries_the_force(indenter, delta):
     carried = 2 * np.pi * angle_integral(indenter, delta, power=1)
     assert carried == pytest.approx(indenter.force(delta, MODULUS), rel=1e-8)
 
@@ -57,9 +56,7 @@ def abel_transform(indenter: Indenter, x: float) -> float:
 
 @pytest.mark.parametrize("delta", [0.01, 30.0])
 @pytest.mark.parametrize("indenter", SNEDDON, ids=repr)
-def test_force_and_radius_follow_from_the_profile_by_quadrature(
-    indenter: PowerLaw, delta: float
-) -> None:
+def test_force_and_radius_follow_from_the_profile_by_quadrature(indenter, delta):
     """g(a) = Delta, and F = 2 E* times the integral of Delta - g from 0 to a (Sneddon 1965)."""
     radius = indenter.contact_radius(delta)
     assert indenter.indentation(radius) == pytest.approx(delta, rel=1e-13)
@@ -83,7 +80,7 @@ def displacement(indenter: Indenter, delta: float, r: float) -> float:
 
 
 @pytest.mark.parametrize("indenter", SNEDDON, ids=repr)
-def test_pressure_makes_the_half_space_fit_the_profile(indenter: PowerLaw) -> None:
+def test_pressure_makes_the_half_space_fit_the_profile(indenter):
     """The displacement is Delta + z inside of the contact and exceeds it outside."""
     delta = 2.0
     radius = indenter.contact_radius(delta)
@@ -99,7 +96,7 @@ def test_pressure_makes_the_half_space_fit_the_profile(indenter: PowerLaw) -> No
 RADII = np.linspace(0.05, 60, 23)
 
 
-def test_hertz_is_sneddon_with_a_square() -> None:
+def test_hertz_is_sneddon_with_a_square():
     delta = 0.7
     radius = np.sqrt(5000 * delta)
     inside = np.clip(1 - (RADII / radius) ** 2, 0, None)
@@ -114,7 +111,7 @@ def test_hertz_is_sneddon_with_a_square() -> None:
 
 @pytest.mark.parametrize("delta", [0.0, -1.0])
 @pytest.mark.parametrize("indenter", INDENTERS, ids=repr)
-def test_nothing_is_carried_without_indentation(indenter: Indenter, delta: float) -> None:
+def test_nothing_is_carried_without_indentation(indenter, delta):
     assert indenter.contact_radius(delta) == indenter.force(delta) == 0
     assert not indenter.pressure(RADII, delta).any()
 
@@ -128,20 +125,18 @@ def test_nothing_is_carried_without_indentation(indenter: Indenter, delta: float
         (1.0, np.nan, r"^exponent = .*: must be at least 1$"),
     ],
 )
-def test_profiles_that_do_not_fall_are_refused(
-    coefficient: float, exponent: float, told: str
-) -> None:
+def test_profiles_that_do_not_fall_are_refused(coefficient, exponent, told):
     with pytest.raises(ValueError, match=told):
         PowerLaw(coefficient, exponent)
 
 
-def test_singular_pressures_are_infinite_without_warnings() -> None:
+def test_singular_pressures_are_infinite_without_warnings():
     assert Cone(0.3).pressure(np.array([0.0]), 1.0)[0] == np.inf
     assert FlatPunch(40.0).pressure(np.array([40.0]), 1.0)[0] == np.inf
     assert FlatPunch(40.0).contact_radius(0.0) == 0
 
 
-def test_distances_from_the_centre_of_a_patch() -> None:
+def test_distances_from_the_centre_of_a_patch():
     distance = distances_to_centre((3, 5), (6.0, 16.0))
     assert distance.shape == (3, 5)
     assert distance[1, 2] == 0
@@ -182,13 +177,13 @@ PERSSON = analytic.PerssonInterface(WAVES, WAVES**-3.6)
         PERSSON.stiffness,
     ],
 )
-def test_closed_forms_keep_what_is_masked(formula: Callable[[np.ndarray], np.ndarray]) -> None:
+def test_closed_forms_keep_what_is_masked(formula):
     values = formula(MASKED)
     np.testing.assert_array_equal(np.ma.getmaskarray(values), MASKED.mask)
     np.testing.assert_array_equal(values.compressed(), formula(MASKED.data)[~MASKED.mask])
 
 
-def test_a_spectrum_is_copied() -> None:
+def test_a_spectrum_is_copied():
     waves, spectrum = WAVES.copy(), WAVES**-3.6
     interface = analytic.PerssonInterface(waves, spectrum)
     waves.fill(1.0), spectrum.fill(0.0)

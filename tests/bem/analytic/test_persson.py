@@ -33,7 +33,7 @@ PRESSURE = MODULUS * SLOPE * np.array([1e-3, 0.03, 0.2, 0.7])
 
 
 @pytest.mark.parametrize("reduced", REDUCED)
-def test_area_is_what_diffuses_without_reaching_zero_pressure(reduced: float) -> None:
+def test_area_is_what_diffuses_without_reaching_zero_pressure(reduced):
     """A normal density about p, less its mirror image about 0; variance (E* h' / 2)^2; 1e-10."""
     left = quad(
         lambda s: norm.pdf(s, reduced, 0.5) - norm.pdf(s, -reduced, 0.5), 0, reduced + 8, limit=200
@@ -41,7 +41,7 @@ def test_area_is_what_diffuses_without_reaching_zero_pressure(reduced: float) ->
     assert area_share(reduced) == pytest.approx(left, rel=1e-10)
 
 
-def test_named_forms_of_the_area() -> None:
+def test_named_forms_of_the_area():
     assert area_share(REDUCED) == pytest.approx(erf(np.sqrt(2) * REDUCED), rel=1e-14)
     assert area_share(REDUCED, 2.0) == pytest.approx(erf(np.sqrt(np.pi) * REDUCED), rel=1e-14)
     assert area_share(np.array([0.0, 10.0])).tolist() == [0.0, 1.0]
@@ -49,7 +49,7 @@ def test_named_forms_of_the_area() -> None:
     assert pytest.approx(2.5066282746) == BUSH_GIBSON_THOMAS
 
 
-def test_moments_of_the_spectrum() -> None:
+def test_moments_of_the_spectrum():
     """By quadrature; the trapezoidal rule of 4,000 wavenumbers has an error below 1e-5."""
     height = quad(lambda q: 2 * np.pi * q * power_law(q), LONGEST, SHORTEST)[0]
     slope = quad(lambda q: 2 * np.pi * q**3 * power_law(q), LONGEST, SHORTEST)[0]
@@ -58,7 +58,7 @@ def test_moments_of_the_spectrum() -> None:
 
 
 @pytest.mark.parametrize("gamma", [1.0, 0.45])
-def test_mean_gap_is_perssons_double_integral(gamma: float) -> None:
+def test_mean_gap_is_perssons_double_integral(gamma):
     """sqrt(pi) q^2 C w / p' (gamma + 3 (1 - gamma) P^2) exp(-(w p' / E*)^2), over q and p'; 1e-4.
 
     w(q) = (pi times the integral of q^3 C up to q)^(-1/2).
@@ -80,7 +80,7 @@ def test_mean_gap_is_perssons_double_integral(gamma: float) -> None:
 
 
 @pytest.mark.parametrize("gamma", [1.0, 0.45])
-def test_stiffness_is_the_slope_of_the_mean_gap(gamma: float) -> None:
+def test_stiffness_is_the_slope_of_the_mean_gap(gamma):
     """By central differences, to 1e-6."""
     theory, step = interface(gamma), 1e-4
     fall = theory.mean_gap(PRESSURE * (1 - step), MODULUS)
@@ -90,7 +90,7 @@ def test_stiffness_is_the_slope_of_the_mean_gap(gamma: float) -> None:
 
 
 @pytest.mark.parametrize("gamma", [1.0, 0.45])
-def test_stiffness_at_light_load_is_the_pressure_over_a_length(gamma: float) -> None:
+def test_stiffness_at_light_load_is_the_pressure_over_a_length(gamma):
     """The length is about the rms height, and rises with gamma."""
     theory = interface(gamma)
     length = theory.light_load_length()

@@ -33,7 +33,7 @@ def displacement(x: float, mean_pressure: float) -> float:
 
 
 @pytest.mark.parametrize("load", LOADS)
-def test_wavy_pressure_makes_the_half_space_fit_the_surface(load: float) -> None:
+def test_wavy_pressure_makes_the_half_space_fit_the_surface(load):
     """Displacement - (height - highest + Delta) is the gap; 1e-7 of the amplitude is quadrature."""
     approach = WAVE.approach(load * FULL, MODULUS)
     half = WAVE.contact_width(load * FULL, MODULUS) / 2
@@ -45,7 +45,7 @@ def test_wavy_pressure_makes_the_half_space_fit_the_surface(load: float) -> None
 
 
 @pytest.mark.parametrize("load", LOADS)
-def test_wavy_pressure_and_gap_have_their_means(load: float) -> None:
+def test_wavy_pressure_and_gap_have_their_means(load):
     """By quadrature over half a wavelength, to 1e-8."""
     half = WAVE.contact_width(load * FULL, MODULUS) / 2
     carried = quad(lambda x: float(WAVE.pressure(np.array(x), load * FULL, MODULUS)), 0, half)[0]
@@ -57,7 +57,7 @@ def test_wavy_pressure_and_gap_have_their_means(load: float) -> None:
 
 
 @pytest.mark.parametrize("load", LOADS)
-def test_wavy_stiffness_and_inverse_follow_from_the_approach(load: float) -> None:
+def test_wavy_stiffness_and_inverse_follow_from_the_approach(load):
     """The stiffness by central differences, to 1e-6; the inverse to 1e-10, less near its branch."""
     pressure, step = load * FULL, 1e-5 * load * FULL
     rise = WAVE.approach(pressure + step, MODULUS) - WAVE.approach(pressure - step, MODULUS)
@@ -66,7 +66,7 @@ def test_wavy_stiffness_and_inverse_follow_from_the_approach(load: float) -> Non
     assert again == pytest.approx(pressure, rel=1e-10)
 
 
-def test_wavy_contact_ends_at_full_contact() -> None:
+def test_wavy_contact_ends_at_full_contact():
     assert pytest.approx(np.pi * MODULUS * 0.3 / 40, rel=1e-15) == FULL
     for pressure in (FULL, 2 * FULL):
         expected = pressure + FULL * np.cos(2 * np.pi * PLACES / 40)
@@ -81,7 +81,7 @@ def test_wavy_contact_ends_at_full_contact() -> None:
 
 
 @pytest.mark.parametrize("pressure", [0.0, -1.0])
-def test_wavy_surfaces_without_load_touch_at_their_peaks(pressure: float) -> None:
+def test_wavy_surfaces_without_load_touch_at_their_peaks(pressure):
     assert WAVE.contact_width(pressure) == WAVE.approach(pressure) == WAVE.stiffness(pressure) == 0
     assert not WAVE.pressure(PLACES, pressure).any()
     assert WAVE.gap(PLACES, pressure) == pytest.approx(0.3 - WAVE.heights(PLACES), abs=1e-15)
@@ -89,7 +89,7 @@ def test_wavy_surfaces_without_load_touch_at_their_peaks(pressure: float) -> Non
 
 
 @pytest.mark.parametrize("value", [0.0, -1.0, np.nan])
-def test_flat_surfaces_are_refused(value: float) -> None:
+def test_flat_surfaces_are_refused(value):
     for kind in (WavySurface, DoublySinusoidal):
         with pytest.raises(ValueError, match=r"^amplitude = .*: must be above 0 um$"):
             kind(value, 1.0)
@@ -108,7 +108,7 @@ def pressed(surface: np.ndarray, pressure: float) -> bem.Contact:
 
 @pytest.mark.parametrize("load", [0.01, 0.3, 0.95, 1.7])
 @pytest.mark.parametrize("nodes", [255, 256])
-def test_solved_waves_are_the_closed_form(load: float, nodes: int) -> None:
+def test_solved_waves_are_the_closed_form(load, nodes):
     """The width to a cell on both sides, Delta to 1 % of it, pressures to 6 % of p*.
 
     Pressures are off most at the ends of contact, where their slope is infinite.
@@ -128,7 +128,7 @@ def test_solved_waves_are_the_closed_form(load: float, nodes: int) -> None:
 CROSSED = DoublySinusoidal(0.3, 40.0)
 
 
-def test_oblique_sines_hold_the_half_space_up_by_their_heights() -> None:
+def test_oblique_sines_hold_the_half_space_up_by_their_heights():
     """By the kernel of line forces along their crests, one sine each direction, to 1e-9."""
     for qx, qy, phase in [(0.3, 0.0, 0.0), (0.2, -0.5, 1.0), (-0.1, 0.7, 4.0)]:
         sine, q = Sine(0.2, (qx, qy), phase), np.hypot(qx, qy)
@@ -143,7 +143,7 @@ def test_oblique_sines_hold_the_half_space_up_by_their_heights() -> None:
         assert moved == pytest.approx(float(sine.heights(np.array(0.0), np.array(0.0))), abs=1e-9)
 
 
-def test_the_doubly_sinusoidal_surface_is_two_oblique_sines() -> None:
+def test_the_doubly_sinusoidal_surface_is_two_oblique_sines():
     q = 2 * np.pi / 40
     sines = SumOfSines((Sine(0.15, (q, q)), Sine(0.15, (q, -q))))
     x, y = np.meshgrid(PLACES[:80:2], PLACES[:80:2], indexing="ij")
@@ -152,7 +152,7 @@ def test_the_doubly_sinusoidal_surface_is_two_oblique_sines() -> None:
     assert CROSSED.full_contact_pressure(MODULUS) == pytest.approx(full, rel=1e-14)
 
 
-def test_doubly_sinusoidal_contact_at_light_load_is_hertz_at_every_peak() -> None:
+def test_doubly_sinusoidal_contact_at_light_load_is_hertz_at_every_peak():
     load, cell = 1e-9 * CROSSED.full_contact_pressure(MODULUS), 40.0**2 / 2
     sphere = Paraboloid(1 / (0.3 * (2 * np.pi / 40) ** 2))
     delta = (load * cell / sphere.force(1.0, MODULUS)) ** (2 / 3)
@@ -161,7 +161,7 @@ def test_doubly_sinusoidal_contact_at_light_load_is_hertz_at_every_peak() -> Non
     assert CROSSED.approach_at_light_load(load, MODULUS) == pytest.approx(delta, rel=3e-3)
 
 
-def test_doubly_sinusoidal_gaps_near_full_contact_close_without_singularity() -> None:
+def test_doubly_sinusoidal_gaps_near_full_contact_close_without_singularity():
     """The traction that a crack relieves, by quadrature (Sneddon's integrals), to 1e-8."""
     full = CROSSED.full_contact_pressure(MODULUS)
     pressure = full * (1 - 1e-4)
@@ -197,7 +197,7 @@ def crossed(load: float) -> bem.Contact:
     return bem.solve(heights, (40.0, 40.0), pressure=pressure, boundary="periodic", modulus=MODULUS)
 
 
-def test_solved_crossed_waves_are_hertz_at_light_load() -> None:
+def test_solved_crossed_waves_are_hertz_at_light_load():
     """At 1 % of p*: Delta to 1 %; the area to 7 %, as a grid counts it too large."""
     load = 0.01 * CROSSED.full_contact_pressure(MODULUS)
     contact = crossed(0.01)
@@ -206,7 +206,7 @@ def test_solved_crossed_waves_are_hertz_at_light_load() -> None:
     assert contact.area_percent / 100 == pytest.approx(share, rel=0.07)
 
 
-def test_solved_crossed_waves_close_as_cracks_do() -> None:
+def test_solved_crossed_waves_close_as_cracks_do():
     """At 95 and 98 % of p*: the area to 0.1 % of the whole, the mean gap to 5 %."""
     for part in (0.95, 0.98):
         load, contact = part * CROSSED.full_contact_pressure(MODULUS), crossed(part)
@@ -216,7 +216,7 @@ def test_solved_crossed_waves_close_as_cracks_do() -> None:
         assert contact.mean_gap == pytest.approx(gap, rel=0.05)
 
 
-def test_solved_sums_of_sines_in_full_contact_are_exact() -> None:
+def test_solved_sums_of_sines_in_full_contact_are_exact():
     """Pressures to 1e-12 of their mean, on a grid that is neither square nor even."""
     waves = [(0.2, 1, 0, 0.3), (0.1, -2, 3, 1.0), (0.05, 4, 5, 2.0)]
     q = 2 * np.pi / 40

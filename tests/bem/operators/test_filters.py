@@ -40,9 +40,7 @@ def made(
 @pytest.mark.parametrize("even", [True, False])
 @pytest.mark.parametrize("dtype", ["float64", "float32"])
 @pytest.mark.parametrize("shape", SHAPES)
-def test_large_fields_are_filtered_as_small_ones(
-    monkeypatch: pytest.MonkeyPatch, shape: tuple[int, int], dtype: str, even: bool
-) -> None:
+def test_large_fields_are_filtered_as_small_ones(monkeypatch, shape, dtype, even):
     """More rows and columns than are taken at a time, fewer, and a rest; one after the other."""
     monkeypatch.setattr(filters, "BATCH_BYTES", 2**14)
     small, large = (made(monkeypatch, shape, dtype, bound, even) for bound in (2**30, 0))
@@ -60,7 +58,7 @@ def test_large_fields_are_filtered_as_small_ones(
 
 
 @pytest.mark.parametrize("dtype", ["float64", "float32"])
-def test_threads_change_no_bit(monkeypatch: pytest.MonkeyPatch, dtype: str) -> None:
+def test_threads_change_no_bit(monkeypatch, dtype):
     monkeypatch.setattr(filters, "ROWS", 8)
     monkeypatch.setattr(filters, "BATCH_BYTES", 2**13)
     operator = made(monkeypatch, (70, 45), dtype, 0)
@@ -72,7 +70,7 @@ def test_threads_change_no_bit(monkeypatch: pytest.MonkeyPatch, dtype: str) -> N
 
 
 @pytest.mark.parametrize("large", [0, 2**30])
-def test_both_precisions_take_turns(monkeypatch: pytest.MonkeyPatch, large: int) -> None:
+def test_both_precisions_take_turns(monkeypatch, large):
     """Buffers of large ones lie in the same memory."""
     shape = 33, 20
     double, alone = (made(monkeypatch, shape, "float64", large) for _ in range(2))
@@ -87,9 +85,7 @@ def test_both_precisions_take_turns(monkeypatch: pytest.MonkeyPatch, large: int)
 
 
 @pytest.mark.parametrize("large", [0, 2**30])
-def test_an_interrupted_transform_leaves_nothing_behind(
-    monkeypatch: pytest.MonkeyPatch, large: int
-) -> None:
+def test_an_interrupted_transform_leaves_nothing_behind(monkeypatch, large):
     operator = made(monkeypatch, (64, 40), "float64", large)
     field = np.random.default_rng(5).standard_normal((64, 40))
     expected = filtered(operator, field).copy()
@@ -106,7 +102,7 @@ def test_an_interrupted_transform_leaves_nothing_behind(
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (5, 8), (12, 7)])
-def test_cosines_filter_the_mirrored_field(shape: tuple[int, int]) -> None:
+def test_cosines_filter_the_mirrored_field(shape):
     field = np.random.default_rng(1).standard_normal(shape)
     spectrum = np.random.default_rng(2).uniform(1, 2, shape)
     rows = np.concatenate([field, field[::-1]])
@@ -121,9 +117,7 @@ def test_cosines_filter_the_mirrored_field(shape: tuple[int, int]) -> None:
     np.testing.assert_allclose(single, expected, rtol=0, atol=2e-6)
 
 
-def test_what_filters_occupy_is_bounded_for_all_threads_together(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_what_filters_occupy_is_bounded_for_all_threads_together(monkeypatch):
     monkeypatch.setattr(filters, "KEPT_BYTES", 3 * 2**20)
     ready, done = threading.Barrier(4), threading.Event()
     earlier = set(filters._MEMORIES)  # this thread keeps filters of earlier tests
@@ -152,7 +146,7 @@ def test_what_filters_occupy_is_bounded_for_all_threads_together(
     assert occupied_here() == 0
 
 
-def test_threads_have_filters_of_their_own() -> None:
+def test_threads_have_filters_of_their_own():
     with ThreadPoolExecutor(1) as other:
         theirs = other.submit(displacement_filter, (9, 9), *FREE).result()
     assert theirs is not displacement_filter((9, 9), *FREE)

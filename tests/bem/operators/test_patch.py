@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import bem
-from bem.influence import KERNELS, Kernel
+from bem.influence import KERNELS
 from bem.operators.patch import Patch, fast_period
 from bem.problem import BOUNDARIES, Boundary
 from bench.references import dense
@@ -52,7 +52,7 @@ def approximate_inverse(patch: Patch, nodes: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("kernel", KERNELS)
 @pytest.mark.parametrize("shape", [*SHAPES, (65, 65), (128, 65)])
-def test_displacement_is_the_dense_product(shape: tuple[int, int], kernel: Kernel) -> None:
+def test_displacement_is_the_dense_product(shape, kernel):
     pressure, patch = random_field(shape), Patch(shape, "free", kernel, 1.0)
     expected = dense.displace(pressure, kernel)
     assert relative_error(exact(patch, pressure), expected) < 1e-12
@@ -63,14 +63,14 @@ def test_displacement_is_the_dense_product(shape: tuple[int, int], kernel: Kerne
 
 @pytest.mark.parametrize("aspect", [2.0, 0.5, 7.3, 1 / 64])
 @pytest.mark.parametrize("shape", [(1, 17), (16, 33), (65, 20)])
-def test_displacement_on_oblong_cells(shape: tuple[int, int], aspect: float) -> None:
+def test_displacement_on_oblong_cells(shape, aspect):
     pressure = random_field(shape)
     expected = dense.displace(pressure, "uniform-pressure", aspect)
     displacement = exact(Patch(shape, "free", "uniform-pressure", aspect), pressure)
     assert relative_error(displacement, expected) < 1e-12
 
 
-def test_periods_are_even_and_hold_every_offset() -> None:
+def test_periods_are_even_and_hold_every_offset():
     for nodes in range(1, 600):
         period = fast_period(nodes)
         assert period % 2 == 0
@@ -79,9 +79,7 @@ def test_periods_are_even_and_hold_every_offset() -> None:
 
 @pytest.mark.parametrize("aspect", [1.0, 0.3, 5.0])
 @pytest.mark.parametrize("shape", SHAPES)
-def test_periodic_displacement_is_that_of_numpys_transform(
-    shape: tuple[int, int], aspect: float
-) -> None:
+def test_periodic_displacement_is_that_of_numpys_transform(shape, aspect):
     pressure = random_field(shape)
     along, across = (np.fft.fftfreq(cells) for cells in shape)
     numbers = 2 * np.pi * np.hypot(along[:, np.newaxis], across / aspect)
@@ -97,9 +95,7 @@ def test_periodic_displacement_is_that_of_numpys_transform(
 @pytest.mark.parametrize("boundary", EDGELESS)
 @pytest.mark.parametrize("aspect", [1.0, 0.3])
 @pytest.mark.parametrize("shape", SHAPES)
-def test_the_inverse_gives_back_a_pressure_but_for_its_mean(
-    shape: tuple[int, int], aspect: float, boundary: Boundary
-) -> None:
+def test_the_inverse_gives_back_a_pressure_but_for_its_mean(shape, aspect, boundary):
     pressure, patch = random_field(shape), Patch(shape, boundary, "uniform-pressure", aspect)
     displacement = exact(patch, pressure).copy()
     assert displacement.mean() == pytest.approx(0, abs=1e-13)
@@ -109,9 +105,7 @@ def test_the_inverse_gives_back_a_pressure_but_for_its_mean(
 
 @pytest.mark.parametrize("boundary", BOUNDARIES)
 @pytest.mark.parametrize(("shape", "aspect"), [((1, 9), 1.0), ((8, 8), 1.0), ((13, 10), 0.3)])
-def test_entries_are_those_of_the_transforms(
-    shape: tuple[int, int], aspect: float, boundary: Boundary
-) -> None:
+def test_entries_are_those_of_the_transforms(shape, aspect, boundary):
     patch = Patch(shape, boundary, "uniform-pressure", aspect)
     matrix = matrix_of(patch)
     nodes = np.random.default_rng(2).permutation(matrix.shape[0])[: 2 * matrix.shape[0] // 3]
@@ -122,7 +116,7 @@ def test_entries_are_those_of_the_transforms(
 
 @settings(max_examples=40)
 @given(data=st.data())
-def test_the_inverse_is_symmetric_and_positive_definite_on_any_nodes(data: st.DataObject) -> None:
+def test_the_inverse_is_symmetric_and_positive_definite_on_any_nodes(data):
     shape = data.draw(st.tuples(st.integers(1, 14), st.integers(1, 14)))
     kernel = data.draw(st.sampled_from(KERNELS))
     aspect = data.draw(st.sampled_from([1.0, 0.25, 5.0])) if kernel == "uniform-pressure" else 1.0
@@ -135,7 +129,7 @@ def test_the_inverse_is_symmetric_and_positive_definite_on_any_nodes(data: st.Da
 
 @pytest.mark.parametrize("level", [4, 5, 6])
 @pytest.mark.parametrize("delta", [15.0, 60.0])
-def test_it_is_near_the_inverse_on_rough_contacts_of_any_size(level: int, delta: float) -> None:
+def test_it_is_near_the_inverse_on_rough_contacts_of_any_size(level, delta):
     """Eigenvalues of the preconditioned matrix from 0.8 to 6, on 17 to 65 nodes a side."""
     heights = generate("diamond-square", 2**level + 1, 0.7, 12.0, np.random.default_rng(3))
     contact = np.flatnonzero(bem.solve(heights, 1000.0, delta).pressure)

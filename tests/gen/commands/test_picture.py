@@ -26,9 +26,7 @@ def drawn(monkeypatch: pytest.MonkeyPatch, folder: Path, scene: str) -> Any:
 
 
 @pytest.mark.parametrize("hardness", ["", "hardness = [0.01, 0.05]"])
-def test_a_database_shows_its_median_area(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, hardness: str
-) -> None:
+def test_a_database_shows_its_median_area(tmp_path, monkeypatch, hardness):
     scene = f"samples = 15\n[surface]\nnodes = 17\n[contact]\n{hardness}"
     figure = drawn(monkeypatch, tmp_path, scene)
     with Reader(Path("small.h5")) as reader:
@@ -43,14 +41,10 @@ def test_a_database_shows_its_median_area(
 @pytest.mark.parametrize(
     ("load", "quantity", "label"),
     [
-        ('quantity = "pressure"\nrange = [0.01, 0.05]', "pressure", "mean pressure [MPa]"),
         ('quantity = "force"\nrange = [1.0, 2000.0]', "force", "normal force [µN]"),
-        ('quantity = "delta"\nrange = [1.0, 5.0]', "delta", "far-field displacement Δ [µm]"),
     ],
 )
-def test_areas_stand_over_the_load_that_was_drawn(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, load: str, quantity: str, label: str
-) -> None:
+def test_areas_stand_over_the_load_that_was_drawn(tmp_path, monkeypatch, load, quantity, label):
     bodies = "[contact]\nmodulus = 2e5\nhardness = 2000.0"
     scene = f"samples = 6\n[surface]\nnodes = 17\n[load]\n{load}\n{bodies}"
     figure = drawn(monkeypatch, tmp_path, scene)

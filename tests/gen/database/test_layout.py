@@ -13,8 +13,8 @@ from gen import cli, schema
 from gen.database import Reader, Writer, create
 from gen.runtime.errors import InputError
 from gen.scene import Scene, Store
-from gen.scene.columns import columns_for
-from gen.schema import DRAWN_NAMES
+from gen.scene.columns import ALL_COLUMNS, columns_for, markdown_table
+from gen.schema import DRAWN_NAMES, PHYSICS, PHYSICS_CHANGES
 
 
 def test_file_is_allocated_contiguous_and_opens_after_a_kill(path):
@@ -118,3 +118,25 @@ def test_files_with_older_names_are_read_continued_extended_and_merged(tmp_path,
         assert again.keys() == whole.keys()
         for column, values in whole.items():
             np.testing.assert_array_equal(again[column], values, err_msg=column)
+
+
+def test_every_column_is_a_type_of_numpy_and_explained():
+    for column in ALL_COLUMNS:
+        assert np.array(column.fill, dtype=column.dtype).shape == ()
+        assert column.long_name
+        assert column.unit or column.dtype[0] == "S"
+
+
+def test_every_physics_number_says_what_it_changed():
+    assert list(PHYSICS_CHANGES) == list(range(11, PHYSICS + 1))
+    for change in PHYSICS_CHANGES.values():
+        assert change.isprintable()
+        assert 20 < len(change) < 200
+
+
+def test_table_has_every_column_and_table_1s_ranges():
+    lines = markdown_table().splitlines()
+    assert len(lines) == len(ALL_COLUMNS) + 2
+    assert all(line.count("|") == 5 for line in lines)
+    assert "| `area_percent` | % | effective contact area | 0.01 to 16.56 |" in lines
+    assert "| `runtime/rank` | 1 | MPI rank that computed the sample |  |" in lines

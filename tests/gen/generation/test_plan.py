@@ -31,7 +31,7 @@ def assert_slice(part: Parameters, whole: Parameters, start: int, stop: int) -> 
         np.testing.assert_array_equal(column, expected[start:stop], strict=True)
 
 
-def test_first_rows_of_the_papers_database() -> None:
+def test_first_rows_of_the_papers_database():
     """Other numbers here mean that no database made so far can be continued."""
     rows = parameters(load("paper"), 0, 3)
     np.testing.assert_array_equal(rows.surface, [0, 1, 2])
@@ -49,7 +49,7 @@ def test_first_rows_of_the_papers_database() -> None:
 
 
 @pytest.mark.parametrize("m", [1, 5])
-def test_rows_are_cut_from_streams_drawn_in_full(m: int) -> None:
+def test_rows_are_cut_from_streams_drawn_in_full(m):
     paper = scene(m=m)
     for chunk in (0, 3):
         random = np.random.default_rng(np.random.SeedSequence(paper.seed, spawn_key=(chunk, 1)))
@@ -66,7 +66,7 @@ def test_rows_are_cut_from_streams_drawn_in_full(m: int) -> None:
 
 
 @pytest.mark.parametrize("m", [1, 5])
-def test_any_slice_equals_the_whole(m: int) -> None:
+def test_any_slice_equals_the_whole(m):
     stop = 2 * CHUNK * m + 100
     whole = parameters(scene(m=m), 0, stop)
     border = CHUNK * m
@@ -79,7 +79,7 @@ def hardness(limits: str, m: int = 1, key: str = "hardness") -> Scene:
     return scene(m=m, extra=f"[contact]\n{key} = {limits}")
 
 
-def test_first_hardnesses() -> None:
+def test_first_hardnesses():
     """Other numbers here mean that no database with hardnesses can be continued."""
     rows = parameters(hardness("[0.003, 0.1]", key="hardness_ratio"), 0, 3)
     assert rows.hardness is not None
@@ -88,7 +88,7 @@ def test_first_hardnesses() -> None:
 
 
 @pytest.mark.parametrize("m", [1, 5])
-def test_hardness_shifts_no_other_number(m: int) -> None:
+def test_hardness_shifts_no_other_number(m):
     elastic = parameters(scene(m=m), 7, 500)
     assert elastic.hardness is None
     for limits in ("2000", "[500, 2000]"):
@@ -106,9 +106,7 @@ def pending_plans(draw: st.DrawFn) -> tuple[list[tuple[int, int]], int, int]:
 
 @settings(max_examples=300, deadline=None)
 @given(plan=pending_plans(), workers=st.integers(1, 20), largest=st.integers(1, 100))
-def test_blocks_hold_every_pending_row_once(
-    plan: tuple[list[tuple[int, int]], int, int], workers: int, largest: int
-) -> None:
+def test_blocks_hold_every_pending_row_once(plan, workers, largest):
     ranges, _, m = plan
     with mock.patch.multiple("gen.generation.run", BLOCK_ROWS=largest, ANSWER_NODES=0):
         cut = list(blocks_of(scene(m=m), ranges, workers))

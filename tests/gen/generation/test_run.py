@@ -43,35 +43,6 @@ def test_the_size_of_blocks_changes_no_byte(folder, monkeypatch, block_rows, m):
     assert deterministic_bytes(folder / "other.h5") == deterministic_bytes(folder / "usual.h5")
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("hardness", ["hardness = 0.02", "hardness_ratio = [0.003, 0.1]"])
-def test_a_database_of_bodies_that_yield_lives_as_any_other(folder, capsys, hardness):
-    for samples in (11, 20):
-        text = SCENE.format(samples, "") + f"[contact]\n{hardness}\n"
-        (folder / f"{samples}.toml").write_text(text)
-    assert run("20.toml", "-o", "whole.h5") == 0
-    assert run("11.toml", "-o", "grown.h5") == 0
-    assert run("20.toml", "-o", "grown.h5") == 0
-    assert run("20.toml", "-o", "part0.h5", "--rows", "0:7") == 0
-    assert run("20.toml", "-o", "part1.h5", "--rows", "7:20") == 0
-    assert cli.main(["merge", "part0.h5", "part1.h5", "-o", "merged.h5"]) == 0
-    whole = deterministic_bytes(folder / "whole.h5")
-    assert ("hardness" in whole) == hardness.endswith("]")
-    assert deterministic_bytes(folder / "grown.h5") == whole
-    assert deterministic_bytes(folder / "merged.h5") == whole
-    assert cli.main(["check", "part1.h5", "--recompute", "20"]) == 0
-    capsys.readouterr()
-    assert cli.main(["info", "whole.h5"]) == 0
-    told = capsys.readouterr().out
-    assert "20 done, 0 failed" in told
-    assert "yielded_percent" in told
-    assert cli.main(["plot", "whole.h5", "-o", "whole.png"]) == 0
-    assert cli.main(["run", "20.toml", "-o", "new.h5", "--dry-run"]) == 0
-    assert "  hardness  " in capsys.readouterr().out
-    assert run("scene.toml", "-o", "whole.h5") == 2
-    assert "hardness" in capsys.readouterr().err
-
-
 def test_the_shipped_sample_is_resumed_and_extended_and_keeps_its_bytes(folder, capsys):
     """Files made before scenes knew a hardness go on and keep their bytes."""
     shutil.copy(SAMPLE, "sample.h5")
@@ -161,7 +132,6 @@ def mounts(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("path", "answer"),
     [
-        ("/x.h5", True),
         ("/home/x.h5", False),
         ("/home/on lustre/x.h5", True),
         ("/homely/x.h5", True),

@@ -31,7 +31,7 @@ def contact(surface: str, *arguments: str) -> int:
     return cli.main(["contact", surface, "--side", "200", *arguments])
 
 
-def test_loading_the_flattened_surface_again_is_elastic_up_to_the_load(surface, capsys) -> None:
+def test_loading_the_flattened_surface_again_is_elastic_up_to_the_load(surface, capsys):
     """Shakedown: the surface that 100 MPa leave bears them without yielding any further."""
     load = ["--pressure", "100", *STEEL, "--hardness", "2000"]
     assert contact(surface, *load, "--csv", "first.csv", "--flattened", "flat.npy") == 0
@@ -61,7 +61,7 @@ def test_loading_the_flattened_surface_again_is_elastic_up_to_the_load(surface, 
         ([*STEEL, "--hardness", "100"], "hardness"),
     ],
 )
-def test_an_impossible_hardness_is_one_line(surface, capsys, arguments, message) -> None:
+def test_an_impossible_hardness_is_one_line(surface, capsys, arguments, message):
     assert contact(surface, "--pressure", "100", *arguments) == 2
     told = capsys.readouterr()
     (line,) = told.err.splitlines()
@@ -97,9 +97,7 @@ def wide(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (["--pressure", "50,100"], {"pressures": [50.0, 100.0]}, None),
     ],
 )
-def test_a_patch_without_edges_is_made_of_its_pixels(
-    wide, capsys, boundary, load, given, hardness
-) -> None:
+def test_a_patch_without_edges_is_made_of_its_pixels(wide, capsys, boundary, load, given, hardness):
     yielding = [] if hardness is None else ["--hardness", f"{hardness:g}"]
     options = [*load, *STEEL, *yielding, "--boundary", boundary, "--plot", "picture.png"]
     lines, _, row = solved(capsys, *options)
@@ -116,7 +114,7 @@ def test_a_patch_without_edges_is_made_of_its_pixels(
     assert not any("--boundary" in line for line in lines)
 
 
-def test_a_free_patch_says_what_its_borders_carry_and_which_option_has_none(wide, capsys) -> None:
+def test_a_free_patch_says_what_its_borders_carry_and_which_option_has_none(wide, capsys):
     assert cli.main(["contact", "wide.npy", *SIDES, "--delta", "2", "--csv", "out.csv"]) == 0
     last = capsys.readouterr().out.splitlines()[-1]
     pressure = bem.solve(WIDE, (330.0, 300.0), 2.0).pressure
@@ -130,7 +128,7 @@ def test_a_free_patch_says_what_its_borders_carry_and_which_option_has_none(wide
     assert "--boundary" not in capsys.readouterr().out
 
 
-def test_a_map_that_is_not_periodic_is_warned_of(wide, capsys) -> None:
+def test_a_map_that_is_not_periodic_is_warned_of(wide, capsys):
     *_, row = solved(capsys, "--delta", "1", "--boundary", "mirror")
     assert not isinstance(row.warnings, str)
     np.save("wide.npy", WIDE + 20 * np.linspace(0, 1, 33)[:, None] ** 8)
@@ -153,8 +151,8 @@ def test_a_map_that_is_not_periodic_is_warned_of(wide, capsys) -> None:
     ],
 )
 def test_a_load_without_equilibrium_is_refused_before_any_is_solved(
-    surface, capsys, monkeypatch: pytest.MonkeyPatch, loads: list[str], refusal: str
-) -> None:
+    surface, capsys, monkeypatch, loads, refusal
+):
     def never(*_: object, **__: object) -> None:
         raise AssertionError
 
@@ -163,7 +161,7 @@ def test_a_load_without_equilibrium_is_refused_before_any_is_solved(
     assert refusal in capsys.readouterr().err
 
 
-def test_a_load_that_is_not_solved_is_named_and_costs_no_others(surface, capsys) -> None:
+def test_a_load_that_is_not_solved_is_named_and_costs_no_others(surface, capsys):
     ask = ["--pressure", "1:30000:6:log", *STEEL, "--max-iterations", "4"]
     assert contact(surface, *ask, "--csv", "few.csv") == 0
     warned = [line for line in capsys.readouterr().err.splitlines() if "not solved" in line]
@@ -199,9 +197,7 @@ def test_a_load_that_is_not_solved_is_named_and_costs_no_others(surface, capsys)
         (["--pressure", "20", *STEEL, "--hardness", "2000"], ""),
     ],
 )
-def test_units_that_slipped_are_told_and_normalised_use_is_quiet(
-    surface, capsys, arguments, told
-) -> None:
+def test_units_that_slipped_are_told_and_normalised_use_is_quiet(surface, capsys, arguments, told):
     """Of a contact on the terminal, in its table and on its picture; and of a law."""
     assert contact(surface, *arguments, "--csv", "out.csv") == 0
     said = capsys.readouterr().err
@@ -264,9 +260,7 @@ def test_impossible_conductivities_are_one_line(surface, capsys, given):
     assert "--conductivity" in line
 
 
-def test_the_area_in_the_continuum_stands_beside_the_count_of_nodes(
-    tmp_path, monkeypatch, capsys
-) -> None:
+def test_the_area_in_the_continuum_stands_beside_the_count_of_nodes(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     np.save("waves.npy", 1000 * random_waves(1, 8, 0.8, 1)(64))
     given = ["contact", "waves.npy", "--side", "1000", "--e-star", "1e4", "--boundary", "periodic"]

@@ -31,7 +31,7 @@ def polynomial(shape: tuple[int, int], degree: int, random: np.random.Generator)
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("degree", [1, 2, 3, 6, 10, 20])
 @pytest.mark.parametrize("holes", [False, True])
-def test_a_polynomial_is_its_own_fit(shape: tuple[int, int], degree: int, holes: bool) -> None:
+def test_a_polynomial_is_its_own_fit(shape, degree, holes):
     random = np.random.default_rng(degree)
     heights = polynomial(shape, degree, random)
     measured = ~(holes & (random.random(shape) < 0.1))
@@ -49,7 +49,7 @@ def planted_nodes(shape: tuple[int, int], random: np.random.Generator) -> np.nda
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(16, 40), st.integers(16, 41))
-def test_planted_spikes_are_found_and_only_they(seed: int, nx: int, ny: int) -> None:
+def test_planted_spikes_are_found_and_only_they(seed, nx, ny):
     random = np.random.default_rng(seed)
     x, y = np.meshgrid(np.arange(nx), np.arange(ny), indexing="ij")
     clean = random.normal(size=(nx, ny)) + random.normal() * 20 * x + random.normal() * 20 * y
@@ -63,7 +63,7 @@ def test_planted_spikes_are_found_and_only_they(seed: int, nx: int, ny: int) -> 
 
 
 @given(st.integers(0, 2**32 - 1))
-def test_holes_are_neither_spikes_nor_neighbours(seed: int) -> None:
+def test_holes_are_neither_spikes_nor_neighbours(seed):
     random = np.random.default_rng(seed)
     heights = random.normal(size=(23, 30))
     heights[4:14, 6:20] = np.nan
@@ -75,7 +75,7 @@ def test_holes_are_neither_spikes_nor_neighbours(seed: int) -> None:
 
 
 @pytest.mark.parametrize("shape", [(9, 12), (12, 9), (7, 7), (2, 3)])
-def test_medians_are_those_of_numpy_on_the_local_slope(shape: tuple[int, int]) -> None:
+def test_medians_are_those_of_numpy_on_the_local_slope(shape):
     random = np.random.default_rng(3)
     heights = np.where(random.random(shape) < 0.3, np.nan, random.normal(size=shape))
     heights[0, 0] = 1.0
@@ -91,7 +91,7 @@ def test_medians_are_those_of_numpy_on_the_local_slope(shape: tuple[int, int]) -
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_fractal_surfaces_have_no_spikes(seed: int) -> None:
+def test_fractal_surfaces_have_no_spikes(seed):
     rough = generate("diamond-square", 65, 0.65, 12.5, np.random.default_rng(seed))
     assert not without_spikes(rough, 7)[1].any()
 
@@ -109,9 +109,7 @@ def wave(shape: tuple[int, int], wavelength: float, angle: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("ratio", [0.5, 1, 2])
-def test_waves_pass_as_the_standard_says(
-    ratio: float,
-) -> None:
+def test_waves_pass_as_the_standard_says(ratio):
     cutoff = 12.0
     waves = wave((200, 141), cutoff / ratio, 0.7)
     smooth = long_waves(waves, SPACING, cutoff)
@@ -120,7 +118,7 @@ def test_waves_pass_as_the_standard_says(
 
 
 @pytest.mark.parametrize("cutoff", [3.2, 40.0])  # the longest reaches round the map
-def test_a_periodic_map_is_filtered_as_one_that_is_repeated(cutoff: float) -> None:
+def test_a_periodic_map_is_filtered_as_one_that_is_repeated(cutoff):
     heights = np.random.default_rng(2).normal(size=(81, 50))
     smooth = long_waves(heights, SPACING, cutoff, "periodic")
     repeated = long_waves(np.tile(heights, (5, 5)), SPACING, cutoff)
@@ -130,7 +128,7 @@ def test_a_periodic_map_is_filtered_as_one_that_is_repeated(cutoff: float) -> No
 
 
 @pytest.mark.parametrize("cutoff", [3.2, 40.0])
-def test_a_mirrored_map_is_filtered_as_the_periodic_one_of_its_images(cutoff: float) -> None:
+def test_a_mirrored_map_is_filtered_as_the_periodic_one_of_its_images(cutoff):
     heights = np.random.default_rng(3).normal(size=(41, 50))
     images = np.block([[heights, heights[:, ::-1]], [heights[::-1], heights[::-1, ::-1]]])
     smooth = long_waves(heights, SPACING, cutoff, "mirror")
@@ -138,7 +136,7 @@ def test_a_mirrored_map_is_filtered_as_the_periodic_one_of_its_images(cutoff: fl
     np.testing.assert_allclose(smooth, whole[:41, :50], atol=1e-12)
 
 
-def test_weights_at_a_border_are_the_normalised_ones() -> None:
+def test_weights_at_a_border_are_the_normalised_ones():
     random = np.random.default_rng(1)
     heights = random.normal(size=(17, 12))
     cutoff = 4.0

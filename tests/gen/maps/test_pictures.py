@@ -24,11 +24,7 @@ ROUGH = generate_spectral(
 )
 SHAPES = {
     "square": (ROUGH, "1000"),
-    "oblong": (ROUGH[:, :50], "1000,400"),
-    "sliver": (ROUGH[:, :5], "1000,30"),
     "flat": (np.zeros((20, 20)), "100"),
-    "two nodes": (np.array([[0.0, 1.0], [2.0, 5.0]]), "10"),
-    "huge": (1e300 * ROUGH, "1000"),
     "tiny": (1e-300 * ROUGH, "1000"),
     "lost": (1e9 + 1e-6 * ROUGH, "1000"),
 }
@@ -62,12 +58,9 @@ WARNING = "pressures are above what most materials bear, " * 5
 
 ONE, DECADES, FROM_NOTHING = [2.0], [0.01, 0.1, 4.0], [0.0, 3.0]
 PATCHES = {
-    "square": (FRACTAL, (100.0, 100.0), DECADES),
-    "tall": (FRACTAL[:9], (25.0, 100.0), FROM_NOTHING),
     "oblong": (FRACTAL[:, :9], (100.0, 25.0), FROM_NOTHING),
     "tall sliver": (FRACTAL[:5], (3.0, 100.0), ONE),
     "yielding": (FRACTAL, (100.0, 100.0), DECADES),
-    "few nodes": (FRACTAL[10:13, 10:13], (10.0, 10.0), ONE),
 }
 
 
@@ -90,15 +83,10 @@ def titled(figure: Any, text: str) -> Any:
     )
 
 
-def left_title(figure: Any, text: str) -> str:
-    """The whole title of these axes in one line."""
-    return " ".join(titled(figure, text).get_title(loc="left").split())
-
-
 @pytest.mark.few(4)
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("shape", PATCHES)
-def test_nothing_is_cut_or_overlaps(shape: str) -> None:
+def test_nothing_is_cut_or_overlaps(shape):
     heights, sides, deltas = PATCHES[shape]
     hardness = 4000.0 if "yielding" in shape else None
     contacts = list(bem.ladder(heights, sides, deltas, modulus=E_STAR, hardness=hardness))
@@ -119,7 +107,7 @@ def test_nothing_is_cut_or_overlaps(shape: str) -> None:
     assert not left.get_tightbbox(renderer).overlaps(spots.get_tightbbox(renderer))
 
 
-def test_titles_say_file_load_and_material() -> None:
+def test_titles_say_file_load_and_material():
     contacts = list(bem.ladder(FRACTAL, (100.0, 100.0), [1.0, 2.0], modulus=E_STAR))
     figure = drawn(contacts, warnings=("beware",))
     title = figure.get_suptitle()
@@ -133,7 +121,7 @@ def test_titles_say_file_load_and_material() -> None:
     assert "no material given" in alone.get_suptitle()
 
 
-def test_laws_have_the_gap_and_logarithmic_axes_over_decades() -> None:
+def test_laws_have_the_gap_and_logarithmic_axes_over_decades():
     for pressures, scale in (([1.0, 3.0, 10.0], "linear"), ([3.0, 0.1, 30.0], "log")):
         contacts = list(bem.ladder(FRACTAL, (100.0, 100.0), pressures=pressures, modulus=1e4))
         figure = drawn(contacts, load="pressure")
@@ -144,21 +132,15 @@ def test_laws_have_the_gap_and_logarithmic_axes_over_decades() -> None:
         assert sorted(gaps, reverse=True) == list(gaps)
 
 
-def test_one_spike_does_not_set_the_colours() -> None:
+def test_one_spike_does_not_set_the_colours():
     spiky = FRACTAL.copy()
     spiky[20, 10] += 8
     (contact,) = bem.ladder(spiky, (100.0, 100.0), [15.0], modulus=E_STAR)
-    figure = drawn([contact])
-    spots = titled(figure, "contact: ")
-    touching = contact.pressure[contact.pressure > 0]
-    assert touching.max() > 2 * np.percentile(touching, 99)
-    assert spots.images[0].get_clim()[1] == pytest.approx(np.percentile(touching, 99))
-    (smooth,) = bem.ladder(FRACTAL, (100.0, 100.0), [1.0], modulus=E_STAR)
-    spots = titled(drawn([smooth]), "contact: ")
-    assert spots.images[0].get_clim()[1] == smooth.pressure.max()
+    limits = titled(drawn([contact]), "contact: ").images[0].get_clim()
+    assert limits[1] == pytest.approx(np.percentile(contact.pressure[contact.pressure > 0], 99))
 
 
-def test_yielded_nodes_have_a_colour_of_their_own() -> None:
+def test_yielded_nodes_have_a_colour_of_their_own():
     (elastic,) = bem.ladder(FRACTAL, (100.0, 100.0), [6.0], modulus=E_STAR)
     (contact,) = bem.ladder(FRACTAL, (100.0, 100.0), [6.0], modulus=E_STAR, hardness=4000.0)
     assert contact.yielded_percent > 0
@@ -196,24 +178,9 @@ def bumps(nx: int, ny: int, *places: tuple[int, int]) -> np.ndarray:
     [
         (bumps(20, 20, (5, 8)), (19.0, 19.0), (0, 8)),
         (bumps(20, 20, (0, 8)), (19.0, 19.0), (0, 8)),  # at a border: across it
-        (bumps(20, 20, (8, 0)), (19.0, 19.0), (1, 8)),
-        (bumps(20, 20, (8, 0), (12, 0), (5, 15)), (19.0, 19.0), (0, 15)),
         (bumps(8, 20, (4, 3)), (7.0, 19.0), (1, 4)),  # along the longer side
         (bumps(20, 20, (0, 0)), (19.0, 19.0), (0, 0)),  # there is no other contact
     ],
 )
-def test_sections_run_through_the_contact(
-    heights: np.ndarray, sides: tuple[float, float], expected: tuple[int, int]
-) -> None:
+def test_sections_run_through_the_contact(heights, sides, expected):
     assert section_line(bem.solve(heights, side=sides, delta=0.1)) == expected
-
-
-def test_spots_and_the_open_gap_replace_heights_and_pressure() -> None:
-    contacts = list(bem.ladder(FRACTAL, 100.0, [1.0, 4.0], modulus=E_STAR))
-    figure = drawn(contacts, spots=True)
-    assert titled(figure, f"{contacts[-1].spots.number} spots")
-    gap = titled(figure, "gap: connects opposite sides, closed")
-    closed = (contacts[-1].spots.labels == 0) & ~contacts[-1].spots.open_gap
-    assert len(gap.get_images()) == 1 + closed.any()
-    full = bem.solve(FRACTAL, 100.0, pressure=1e7, modulus=E_STAR)
-    assert titled(drawn([full], spots=True), "gap: connects no sides")

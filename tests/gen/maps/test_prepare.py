@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from bem.problem import Boundary
 from gen import cli
+from gen.generators.scans import PreparationTable, ReadingTable
 from gen.maps.filters import filled_harmonically
 from gen.maps.prepare import (
     despiked,
@@ -27,7 +28,7 @@ from gen.maps.prepare import (
     without_form,
 )
 from gen.maps.read import Topography
-from gen.maps.settings import Reading
+from gen.maps.settings import Reading, keys, markdown_table, said
 from gen.material import combined_modulus
 from gen.runtime.errors import InputError
 from gen.spectral import SelfAffineSpectrum, generate_spectral
@@ -42,9 +43,7 @@ def topography(heights: np.ndarray, sides: tuple[float, float] = SIDES) -> Topog
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(0.05, 0.9))
-def test_filling_keeps_what_was_measured_and_stays_within_its_range(
-    seed: int, share: float
-) -> None:
+def test_filling_keeps_what_was_measured_and_stays_within_its_range(seed, share):
     random = np.random.default_rng(seed)
     heights = random.normal(size=(8, 11))
     measured = random.random(heights.shape) > share
@@ -59,12 +58,11 @@ def test_filling_keeps_what_was_measured_and_stays_within_its_range(
 @pytest.mark.parametrize(
     ("level", "shape"),
     [
-        ("mean", np.full(X.shape, 4.0)),
         ("plane", 4 + 0.1 * X - 0.3 * Y),
         ("quadratic", 4 + 0.1 * X - 0.3 * Y + 0.02 * X * Y + 0.01 * X**2 - 0.2 * Y**2),
     ],
 )
-def test_a_level_takes_its_shape_away_whatever_is_missing(level: str, shape: np.ndarray) -> None:
+def test_a_level_takes_its_shape_away_whatever_is_missing(level, shape):
     holes = shape.copy()
     holes[4, 4] = holes[0, 8] = np.nan
     levelled = prepare(topography(holes), Reading.of_options(level=level, fill=True))
@@ -72,15 +70,8 @@ def test_a_level_takes_its_shape_away_whatever_is_missing(level: str, shape: np.
     assert any(level in step for step in levelled.steps)
 
 
-def test_crop_keeps_nodes_and_spacing() -> None:
-    cropped = prepare(topography(X + 100 * Y), Reading.of_options(crop="4:10,1:3.2", invert=True))
-    assert np.array_equal(cropped.heights, -(X + 100 * Y)[2:6, 2:7])
-    assert cropped.spacing == pytest.approx((2.0, 0.5))
-    assert len(cropped.steps) == 2
-
-
 @pytest.mark.parametrize("boundary", ["periodic", "mirror"])
-def test_a_crop_without_edges_keeps_the_pixels(boundary: Boundary) -> None:
+def test_a_crop_without_edges_keeps_the_pixels(boundary):
     heights = np.add.outer(np.arange(10.0), 3 * np.arange(8.0))
     whole = Topography("scan", heights, (20.0, 4.0), boundary=boundary)
     assert tilt(whole) == pytest.approx((0.5, 6.0))
@@ -92,12 +83,12 @@ def test_a_crop_without_edges_keeps_the_pixels(boundary: Boundary) -> None:
 
 
 @pytest.mark.parametrize("crop", ["4:10", "a:b,0:1", "10:4,0:4"])
-def test_crops_that_hold_nothing_are_refused(crop: str) -> None:
+def test_crops_that_hold_nothing_are_refused(crop):
     with pytest.raises(InputError, match="--crop"):
         prepare(topography(X), Reading.of_options(crop=crop))
 
 
-def test_steps_are_taken_in_their_order_whatever_is_asked_for() -> None:
+def test_steps_are_taken_in_their_order_whatever_is_asked_for():
     random = np.random.default_rng(0)
     x, y = np.meshgrid(np.arange(41.0), np.arange(33.0), indexing="ij")
     heights = -(2 + 0.1 * x - 0.02 * y + 1e-4 * x**3) + random.normal(0, 0.01, x.shape)
@@ -124,7 +115,7 @@ def test_steps_are_taken_in_their_order_whatever_is_asked_for() -> None:
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_spikes_are_told_from_peaks(seed: int) -> None:
+def test_spikes_are_told_from_peaks(seed):
     rough = generate("diamond-square", 65, 0.65, 12.5, np.random.default_rng(seed))
     surface = topography(rough, (1000.0, 1000.0))
     assert not surface_warnings(surface)
@@ -151,9 +142,7 @@ def rough(nodes: int = 64, *, tilt: float = 0.0, spike: int = 0) -> Topography:
     ("tilt_x", "level", "boundary"),
     [(0.15, "", "free"), (-0.15, "mean", "periodic"), (0.15, "plane", "mirror"), (0.0, "", "free")],
 )
-def test_a_tilted_map_is_told_with_what_levels_it(
-    tilt_x: float, level: str, boundary: Boundary
-) -> None:
+def test_a_tilted_map_is_told_with_what_levels_it(tilt_x, level, boundary):
     surface = prepare(
         replace(rough(tilt=tilt_x), boundary=boundary), Reading.of_options(level=level)
     )
@@ -166,7 +155,7 @@ def test_a_tilted_map_is_told_with_what_levels_it(
         assert not [each for each in surface_warnings(surface) if "--boundary" in each]
 
 
-def test_surfaces_without_a_roll_off_are_not_called_tilted() -> None:
+def test_surfaces_without_a_roll_off_are_not_called_tilted():
     for seed in range(100):
         fractal = generate("diamond-square", 65, 0.8, 12.5, np.random.default_rng(seed))
         assert not prepare(topography(fractal, (1000.0, 1000.0)), Reading.of_options()).warnings
@@ -180,7 +169,7 @@ STEPS: list[dict[str, Any]] = [
 
 @pytest.mark.parametrize("boundary", ["free", "periodic"])
 @pytest.mark.parametrize("scale", [1.0, 1e-6])
-def test_no_warning_advises_what_the_command_follows(scale: float, boundary: Boundary) -> None:
+def test_no_warning_advises_what_the_command_follows(scale, boundary):
     advice = 0
     for unit, spike in (("", 3), ("um", 1)):
         made = rough(40, tilt=0.3, spike=spike)
@@ -197,7 +186,7 @@ def test_no_warning_advises_what_the_command_follows(scale: float, boundary: Bou
     assert advice > 0
 
 
-def test_heights_in_metres_are_told_unless_their_distance_is_wrong() -> None:
+def test_heights_in_metres_are_told_unless_their_distance_is_wrong():
     rough = generate("diamond-square", 33, 0.65, 2.0, np.random.default_rng(0))
     [warning] = surface_warnings(topography(1e-6 * rough, (100.0, 100.0)))
     assert "in metres: --unit" in warning
@@ -205,7 +194,7 @@ def test_heights_in_metres_are_told_unless_their_distance_is_wrong() -> None:
     assert not surface_warnings(topography(rough, (1e7, 1e7)))  # reading says that
 
 
-def test_much_that_is_missing_is_warned_of_and_more_refused() -> None:
+def test_much_that_is_missing_is_warned_of_and_more_refused():
     for share, warned, refused in ((0.05, False, False), (0.3, True, False), (0.8, True, True)):
         heights = np.where(np.random.default_rng(1).random(X.shape) < share, np.nan, 0.1 * X)
         if refused:
@@ -229,9 +218,7 @@ def scanned_sphere(tmp_path: Path) -> Path:
     return tmp_path / "sphere.npy"
 
 
-def test_a_scanned_sphere_is_hertz(
-    scanned_sphere: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_scanned_sphere_is_hertz(scanned_sphere, tmp_path, capsys):
     prepared = ["--side", "160,120", "--unit", "nm", "--level", "plane", "--fill"]
     moduli = ["--young", "210e3", "--poisson", "0.3", "--young", "70e3", "--poisson", "0.33"]
     law, picture = tmp_path / "law.csv", tmp_path / "law.png"
@@ -263,9 +250,7 @@ def test_a_scanned_sphere_is_hertz(
         (["--delta", "1", "--plot", "picture"], "ending in .png"),
     ],
 )
-def test_loads_and_outputs_that_cannot_be_are_one_line(
-    scanned_sphere: Path, load: list[str], message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_loads_and_outputs_that_cannot_be_are_one_line(scanned_sphere, load, message, capsys):
     arguments = ["contact", str(scanned_sphere), "--side", "160,120", "--unit", "nm", "--fill"]
     assert cli.main([*arguments, *load]) == 2
     captured = capsys.readouterr()
@@ -286,7 +271,7 @@ def spaced(heights: np.ndarray, boundary: Boundary = "free") -> Topography:
     st.sampled_from(["free", "periodic", "mirror"]),
     st.integers(0, 2**32 - 1),
 )
-def test_means_of_blocks_are_exact(nx: int, ny: int, boundary: Boundary, seed: int) -> None:
+def test_means_of_blocks_are_exact(nx, ny, boundary, seed):
     nodes = 2 + seed % (min(nx, ny) // 2 - 1)
     heights = np.random.default_rng(seed).integers(-512, 512, (nx, ny)).astype(float)
     coarse = downsampled(spaced(heights, boundary), nodes)
@@ -299,7 +284,7 @@ def test_means_of_blocks_are_exact(nx: int, ny: int, boundary: Boundary, seed: i
     assert ("left out" in coarse.steps[-1]) == bool(nx % nodes or ny % nodes)
 
 
-def test_the_number_of_spikes_is_said_and_many_are_warned_of() -> None:
+def test_the_number_of_spikes_is_said_and_many_are_warned_of():
     heights = np.random.default_rng(0).normal(size=(20, 31))
     heights[4, 5] = heights[19, 30] = -500
     clean = despiked(spaced(heights), 20)
@@ -310,7 +295,7 @@ def test_the_number_of_spikes_is_said_and_many_are_warned_of() -> None:
     assert "raise --despike" in warning
 
 
-def test_a_cut_off_of_four_spacings_is_one_though_lengths_are_rounded() -> None:
+def test_a_cut_off_of_four_spacings_is_one_though_lengths_are_rounded():
     """0.7 - 0.3 is less than 0.4 by rounding, and an instrument's spacing may be too."""
     heights = np.random.default_rng(0).normal(size=(30, 30))
     cut = replace(spaced(heights), sides=(29 * 0.1 * (1 + 1e-15), 29 * 0.1))
@@ -319,7 +304,7 @@ def test_a_cut_off_of_four_spacings_is_one_though_lengths_are_rounded() -> None:
         filtered(cut, 0.399, None)
 
 
-def test_steps_that_do_not_suit_the_map_are_refused() -> None:
+def test_steps_that_do_not_suit_the_map_are_refused():
     plane = spaced(np.add.outer(np.arange(9.0), np.arange(7.0)))
     with pytest.raises(InputError, match=r"scan: --mask 50:60 leaves no height, they are 0 to 14"):
         masked(plane, (50, 60))
@@ -375,3 +360,45 @@ def test_too_few_nodes_are_refused():
         resampled(shaped((3, 9), (1.0, 1.0), cubic), (0.5, 1.0))
     with pytest.raises(InputError, match="a spacing of 7 um leaves 1 x 1 nodes"):
         resampled(shaped((9, 9), (1.0, 1.0), cubic), (7.0, 7.0))
+
+
+REFUSED: list[tuple[dict[str, Any], str]] = [
+    *(({"mask": text}, "--mask") for text in ("3:-5", "nan:1", "9" * 400)),
+    *(({"filter": text}, "--filter") for text in (":", "80:2")),
+    ({"despike": float("nan")}, "--despike"),
+    ({"form": 21}, "--form"),
+    ({"downsample": 1}, "--downsample"),
+    ({"level": "up"}, "--level"),
+    ({"level": "plane", "form": 3}, "--level plane and --form 3"),
+]
+
+
+@pytest.mark.parametrize(("settings", "word"), REFUSED)
+def test_settings_out_of_their_ranges_are_refused(settings, word):
+    with pytest.raises(InputError) as refusal:
+        Reading.of_options(**settings).check()
+    assert str(refusal.value).startswith(word)
+    assert "\n" not in str(refusal.value)
+    assert len(str(refusal.value)) < 300
+
+
+@pytest.mark.parametrize(("asked", "words"), [("option", "--fill-most"), ("key", "fill_most")])
+def test_messages_are_in_the_words_of_who_asks(asked, words):
+    assert said("fill_most", asked) == words
+    assert said("despike 7", asked) == ("--" * (asked == "option")) + "despike 7"
+    with pytest.raises(InputError) as refusal:
+        Reading(level="up", asked=asked).check()
+    assert str(refusal.value).startswith(said("level 'up': give one of", asked))
+
+
+def test_commands_scenes_and_the_manual_have_every_key(capsys):
+    """Each key is declared once; what is not made of it is forgotten."""
+    assert cli.main(["describe", "--help"]) == 0
+    described = capsys.readouterr().out
+    scanned = {"reading": ReadingTable, "preparation": PreparationTable}
+    for table, model in scanned.items():
+        assert list(model.model_fields) == list(keys(table))
+        for name, key in keys(table).items():
+            assert said(name, "option") in described
+            assert model.model_fields[name].description == key.allowed
+            assert table == "reading" or f"| `{said(name, 'option')}" in markdown_table()

@@ -99,7 +99,7 @@ def test_no_message_names_a_distribution_that_no_index_has():
 
 
 @pytest.mark.skipif(not (ROOT / ".git").exists(), reason="no checkout of git")
-def test_the_commit_is_that_of_the_checkout() -> None:
+def test_the_commit_is_that_of_the_checkout():
     asked = subprocess.run(
         ["git", "rev-parse", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=True
     )

@@ -53,13 +53,13 @@ def _open_files() -> int:
     return sum(1 for _ in Path("/dev/fd").iterdir())
 
 
-def test_the_first_signal_is_noted_and_the_second_is_as_ever() -> None:
+def test_the_first_signal_is_noted_and_the_second_is_as_ever():
     command = [sys.executable, "-c", HEARING]
     done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=TIMEOUT)
     assert (done.returncode, done.stdout) == (0, "as ever\n"), done.stderr
 
 
-def test_the_wakeup_is_given_back_and_nothing_is_left_open() -> None:
+def test_the_wakeup_is_given_back_and_nothing_is_left_open():
     before = _open_files()
     for _ in range(20):
         with Interruption(listening=True), Interruption(listening=False):
@@ -73,7 +73,7 @@ def test_the_wakeup_is_given_back_and_nothing_is_left_open() -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_compiled_code_is_ended_by_the_second_signal(number: int) -> None:
+def test_compiled_code_is_ended_by_the_second_signal(number):
     with subprocess.Popen(
         [sys.executable, "-c", DEAF], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as process:
