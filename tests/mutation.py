@@ -114,7 +114,7 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
         ("math.ceil((scores.size + 1) *", "math.ceil(scores.size *"),
         ("(weights[order]) / (len(scores) + 1)", "(weights[order]) / len(scores)"),
     ),
-    "learn/surrogate/file.py": (
+    "learn/surrogate/learnt.py": (
         ("if hashlib.sha256(body).hexdigest() != head[2].decode():", "if False:"),
         (
             "io.loads(archive, trusted=list(REVIEWED))",

@@ -34,7 +34,7 @@ ONE_HOME = {
     "matplotlib": {"gen/runtime/figure.py", "bench"},
     "sklearn": {"learn", "bench"},
     "xgboost": {"learn/models.py"},
-    "skops": {"learn/surrogate/file.py"},
+    "skops": {"learn/surrogate/learnt.py"},
 }
 ALONE = {"asperity.serving", "bench.references", "gen.runtime"}
 """Rooms that import nothing else of their package."""

@@ -16,7 +16,7 @@ import pytest
 
 from gen import schema
 from gen.runtime import VERSION
-from learn.surrogate.file import FORMAT
+from learn.surrogate.learnt import FORMAT
 
 ROOT = Path(__file__).resolve().parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]

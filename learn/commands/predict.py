@@ -153,9 +153,9 @@ def _parameters(text: str, reading: Reading, material: options.Material) -> dict
 def card(file: File) -> None:
     """Print a surrogate's model card: what it was made of, its scores, intervals and ranges."""
     from learn.surrogate.card import show
-    from learn.surrogate.file import read_card
+    from learn.surrogate.learnt import read
 
-    show(*read_card(file))
+    show(*read(file)[:3])
 
 
 @grouped

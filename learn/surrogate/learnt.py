@@ -1,18 +1,48 @@
-"""The model of one target: scaling, estimator and intervals, with a fast kernel ridge."""
+"""What a surrogate has learnt of each target, and the file that keeps it.
 
-from collections.abc import Callable
+    asperity surrogate
+    format 8
+    sha256 of all that follows, in hexadecimal digits
+    length of the card, 8 bytes, little endian
+    card: JSON with the card and the training ranges of the features
+    models: a zip archive of skops, with pipelines of scikit-learn, arrays and numbers
+
+The checksum detects damage. A file names types; those that are not numbers, arrays or `REVIEWED`
+are refused before anything is imported or made, so that no code of a stranger runs.
+It is no protection against a file that was forged with a right checksum: compiled code of
+scikit-learn and XGBoost trusts the numbers of trees and vectors, and such a file may end the
+process or give any number.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import shlex
+import warnings
+from collections.abc import Callable, Mapping
+from copy import copy
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from zipfile import ZIP_DEFLATED
 
 import numpy as np
 
 from gen.arrays import Values
 from gen.runtime.errors import InputError
-from learn.dataset import Dataset
-from learn.features.sets import PURE
-from learn.models import STEP, Scaling
-from learn.surrogate.interval import Calibration
+from gen.runtime.files import SURROGATE, atomic, require_file
+from gen.runtime.terminal import printable, to_type
+from learn.features.scene import SCENE
+from learn.features.sets import FORMULAS, PURE, SETS
+from learn.models import EVERY, STEP, Scaling
+from learn.surrogate.flag import Distance
+from learn.surrogate.interval import Calibration, ErrorScale, Growth
+
+if TYPE_CHECKING:
+    from learn.dataset import Dataset
+    from learn.surrogate.model import Surrogate
 
 PART = 2000
 """Rows that are predicted together: a kernel needs memory for rows times training rows."""
@@ -28,6 +58,46 @@ decides little about the contact, so that the end of its range is a better input
 are left as they are: areas and forces of the coarse solve tell most where they are extrapolated.
 Flags see the moments as they are, and predictions for other rows do not change.
 """
+
+FORMAT = 8
+"""Number of the layout. It is raised whenever an older version would misread a file."""
+
+OLDER = range(3, FORMAT)
+"""Formats with a card in JSON and models in arrays of our own, of 1.0.0rc1 and before."""
+
+HEAD = re.compile(SURROGATE + rb"format (\d{1,9})\nsha256 ([0-9a-f]{64})\n")
+
+MOST_SCORES = 100
+"""Groups whose scores are arrays of their own in the archive, at most."""
+
+REVIEWED = (
+    "learn.population.Population",
+    "sklearn.dummy.DummyRegressor",
+    "sklearn.ensemble._forest.RandomForestRegressor",
+    "sklearn.ensemble._gb.GradientBoostingRegressor",
+    "sklearn.ensemble._weight_boosting.AdaBoostRegressor",
+    "sklearn.gaussian_process._gpr.GaussianProcessRegressor",
+    "sklearn.gaussian_process.kernels.ConstantKernel",
+    "sklearn.gaussian_process.kernels.Product",
+    "sklearn.gaussian_process.kernels.RBF",
+    "sklearn.gaussian_process.kernels.Sum",
+    "sklearn.gaussian_process.kernels.WhiteKernel",
+    "sklearn.kernel_ridge.KernelRidge",
+    "sklearn.neural_network._multilayer_perceptron.MLPRegressor",
+    "sklearn.neural_network._stochastic_optimizers.AdamOptimizer",
+    "sklearn.neural_network._stochastic_optimizers.SGDOptimizer",
+    "sklearn.pipeline.Pipeline",
+    "sklearn.preprocessing._data.MinMaxScaler",
+    "sklearn.preprocessing._data.Normalizer",
+    "sklearn.preprocessing._data.StandardScaler",
+    "sklearn.svm._classes.SVR",
+    "sklearn.tree._classes.DecisionTreeRegressor",
+    "sklearn.tree._tree.Tree",
+    "xgboost.core.Booster",
+    "xgboost.sklearn.XGBRegressor",
+)
+"""Types, besides numbers and arrays, of which models are made."""
+
 
 Clip = tuple[Values, Values]
 """Ends, each (d,), of the ranges that features are clipped to; infinite for those that are not."""
@@ -82,32 +152,19 @@ class Learnt:
         return raw - half, raw + half
 
     def _predict(self, inputs: Values) -> Values:
-        """Predict some rows, kernel ridge without scikit-learn's checks of its training rows."""
-        (_, scaling), (_, estimator) = self.pipeline.steps
-        without_factor = getattr(estimator, "L_", estimator) is None
-        if self._expansion is None and not without_factor:
-            return np.asarray(self.pipeline.predict(inputs), dtype=np.float64).reshape(-1)
+        """Predict some rows; kernel ridge without scikit-learn's checks of its training rows."""
+        (_, scaling), (_, model) = self.pipeline.steps
         scaled = inputs if scaling == "passthrough" else scaling.transform(inputs)
-        if self._expansion is None:  # scikit-learn 1.7 asks for the factor also for the mean
-            kernel = estimator.kernel_(scaled, estimator.X_train_)
-            return np.asarray(kernel @ estimator.alpha_, dtype=np.float64).reshape(-1)
-        centres, squares, gamma, weights = self._expansion
-        distances = squares - 2.0 * (scaled @ centres.T)
+        if getattr(model, "L_", model) is None:  # scikit-learn 1.7 asks for it also for the mean
+            return np.asarray(model.kernel_(scaled, model.X_train_) @ model.alpha_).reshape(-1)
+        if getattr(model, "kernel", "") != "rbf" or not hasattr(model, "X_fit_"):
+            return np.asarray(model.predict(scaled), dtype=np.float64).reshape(-1)
+        centres = np.asarray(model.X_fit_, dtype=np.float64)
+        distances = np.einsum("ij,ij->i", centres, centres) - 2.0 * (scaled @ centres.T)
         distances += np.einsum("ij,ij->i", scaled, scaled)[:, None]
         np.maximum(distances, 0.0, out=distances)
-        distances *= -gamma
-        return np.asarray(np.exp(distances, out=distances) @ weights)
-
-    @cached_property
-    def _expansion(self) -> tuple[Values, Values, float, Values] | None:
-        """Centres, their squares, gamma and weights of kernel ridge with radial basis functions."""
-        ridge = self.pipeline.named_steps[STEP]
-        if getattr(ridge, "kernel", None) != "rbf" or not hasattr(ridge, "X_fit_"):
-            return None
-        centres = np.asarray(ridge.X_fit_, dtype=np.float64)
-        gamma = 1.0 / centres.shape[1] if ridge.gamma is None else float(ridge.gamma)
-        weights = np.asarray(ridge.dual_coef_, dtype=np.float64).reshape(-1)
-        return centres, np.einsum("ij,ij->i", centres, centres), gamma, weights
+        distances *= -(1.0 / centres.shape[1] if model.gamma is None else float(model.gamma))
+        return np.asarray(np.exp(distances, out=distances) @ model.dual_coef_).reshape(-1)
 
 
 def _by_parts(predict: Callable[[Values], Values], inputs: Values) -> Values:
@@ -118,3 +175,244 @@ def _by_parts(predict: Callable[[Values], Values], inputs: Values) -> Values:
         rows = known[start : start + PART]
         found[rows] = predict(inputs[rows])
     return found
+
+
+def _skops() -> Any:
+    """Import skops, without the list of all estimators that it would trust too.
+
+    To make this list it imports all of scikit-learn.
+    """
+    from sklearn import utils
+
+    every = utils.all_estimators
+    utils.all_estimators = lambda *_, **__: []
+    try:
+        from skops import io
+    finally:
+        utils.all_estimators = every
+    return io
+
+
+def write_parts(path: Path, surrogate: Surrogate) -> None:
+    """Write a surrogate, whole or not at all.
+
+    InputError is raised if it cannot be written, ValueError if a model is made of types that are
+    not reviewed.
+    """
+    io, distance = _skops(), surrogate.distance
+    models = {
+        "distance": vars(distance),
+        "targets": {name: _packed(each, distance) for name, each in surrogate.learnt.items()},
+    }
+    archive = io.dumps(models, compression=ZIP_DEFLATED, compresslevel=1)
+    if strangers := set(io.get_untrusted_types(data=archive)) - set(REVIEWED):
+        raise ValueError(f"models of {', '.join(sorted(strangers))} are not kept")
+    ranges = {"low": surrogate.low.tolist(), "high": surrogate.high.tolist()}
+    card = json.dumps({"card": surrogate.card} | ranges).encode()
+    body = len(card).to_bytes(8, "little") + card + archive
+    digest = hashlib.sha256(body).hexdigest()
+    with atomic(path, "surrogate") as written:
+        written.write(SURROGATE + f"format {FORMAT}\nsha256 {digest}\n".encode())
+        written.write(body)
+
+
+def _packed(learnt: Learnt, distance: Distance) -> dict[str, Any]:
+    """Return the model of a target as a pipeline of the libraries' types, arrays and numbers."""
+    intervals, growth = learnt.calibration, learnt.calibration.growth
+    if growth is not None and not np.array_equal(growth.distance.centres, distance.centres):
+        raise ValueError("errors grow with other distances than those of the surrogate")
+    estimator, trees = _without_trees(_portable(learnt.pipeline.named_steps[STEP]))
+    pipeline, scores = copy(learnt.pipeline), intervals.scores
+    pipeline.steps, few = [pipeline.steps[0], (STEP, estimator)], len(scores) <= MOST_SCORES
+    return {
+        "column": learnt.column,
+        "unit": learnt.unit,
+        "pipeline": pipeline,
+        "trees": trees,
+        "scaling": vars(learnt.scaling),
+        "clip": learnt.clip,
+        "bounds": learnt.bounds,
+        "borders": intervals.borders,
+        # Of many groups as one array: each array is a file of its own in the archive.
+        "scores": list(scores) if few else np.concatenate(scores),
+        **({} if few else {"sizes": np.array([each.size for each in scores])}),
+        "root": intervals.root,
+        "scheme": intervals.scheme,
+        "usual": None if intervals.usual is None else vars(intervals.usual),
+        "growth": None if growth is None else growth.rate,
+    }
+
+
+def _portable(estimator: Any) -> Any:
+    """Return an estimator for a file: of its library's type, without what can be computed again."""
+    from sklearn.kernel_ridge import KernelRidge
+
+    kept = KernelRidge() if isinstance(estimator, KernelRidge) else copy(estimator)
+    vars(kept).update(vars(estimator))
+    if hasattr(kept, "L_"):  # the factor of a Gaussian process, as large as its rows squared
+        kept.L_ = None
+    vars(kept).pop("left_out_", None)  # predictions of the training rows
+    return kept
+
+
+def _without_trees(estimator: Any) -> tuple[Any, dict[str, Values] | None]:
+    """Return an ensemble of scikit-learn with its first tree only, and all trees in two arrays.
+
+    Each of some thousand trees would take ten small files in the archive, and a millisecond.
+    """
+    if not hasattr(estimator, "estimators_"):
+        return estimator, None
+    members = np.ravel(np.array(estimator.estimators_, dtype=object)).tolist()
+    states = [each.tree_.__getstate__() for each in members]
+    trees = {
+        "counts": np.array([each["node_count"] for each in states]),
+        "depths": np.array([each["max_depth"] for each in states]),
+        "nodes": np.concatenate([each["nodes"] for each in states]),
+        "values": np.concatenate([each["values"] for each in states]),
+    }
+    alone = copy(estimator)
+    alone.estimators_ = estimator.estimators_[:1]
+    return alone, trees
+
+
+def _with_trees(estimator: Any, trees: dict[str, Values]) -> None:
+    """Put all trees into an ensemble that `_without_trees` has left its first one."""
+    first = np.ravel(np.array(estimator.estimators_, dtype=object))[0]
+    kind, sizes, _ = first.tree_.__reduce__()
+    members, start = [], 0
+    for count, depth in zip(trees["counts"].tolist(), trees["depths"].tolist(), strict=True):
+        inside = slice(start, start + count)
+        own = {"nodes": trees["nodes"][inside], "values": trees["values"][inside]}
+        member = copy(first)
+        member.tree_ = kind(*sizes)
+        member.tree_.__setstate__({"max_depth": depth, "node_count": count, **own})
+        members.append(member)
+        start += count
+    if isinstance(estimator.estimators_, np.ndarray):  # of gradient boosting, a column
+        estimator.estimators_ = np.array(members, dtype=object).reshape(-1, 1)
+    else:
+        estimator.estimators_ = members
+
+
+def load_parts(path: Path) -> dict[str, Any]:
+    """Read the fields of a `Surrogate`.
+
+    InputError is raised if the file is no surrogate, of another format, damaged, or names types
+    that no surrogate has; or if the libraries installed here cannot use its models.
+    """
+    card, low, high, archive = read(path)
+    try:
+        io = _skops()
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")  # models of another version of their library
+            models = io.loads(archive, trusted=list(REVIEWED))
+            distance = Distance(**models["distance"])
+            learnt = {
+                name: _unpacked(models["targets"][name], distance, card, low)
+                for name in card["targets"]
+            }
+    except Exception as error:  # what a library says of content that it does not know
+        fault = printable(" ".join(str(error).split())[:100])
+        made = ", ".join(f"{name} {number}" for name, number in card["versions"].items() if number)
+        raise InputError(
+            f"{path}: its models cannot be used here ({fault}); it was made with"
+            f" {printable(made)}: {_anew(path, card)}"
+        ) from None
+    return {"card": card, "learnt": learnt, "low": low, "high": high, "distance": distance}
+
+
+def _unpacked(
+    part: dict[str, Any], distance: Distance, card: Mapping[str, Any], low: Values
+) -> Learnt:
+    """Return the model of a target, after a trial if another scikit-learn has made it."""
+    import sklearn
+
+    usual, growth, scores = part["usual"], part["growth"], part["scores"]
+    if "sizes" in part:
+        scores = np.split(scores, np.cumsum(part["sizes"])[:-1])
+    intervals = Calibration(
+        part["borders"],
+        tuple(scores),
+        part["root"],
+        part["scheme"],
+        None if usual is None else ErrorScale(**usual),
+        None if growth is None else Growth(distance, growth),
+    )
+    own = part["column"], part["unit"], part["pipeline"], Scaling(**part["scaling"])
+    learnt = Learnt(*own, intervals, part["clip"], part["bounds"])
+    estimator = learnt.pipeline.named_steps[STEP]
+    if part["trees"] is not None:
+        _with_trees(estimator, part["trees"])
+    if not isinstance(EVERY[card["model"]].estimator(0), type(estimator)):
+        raise TypeError(f"its model is no {card['model']}")
+    names = {name for name, _ in card["columns"]}
+    if card["features"] != SCENE and (card["features"] not in SETS or not names <= {*FORMULAS}):
+        raise TypeError("its features are unknown")
+    if sklearn.__version__ != card["versions"].get("scikit-learn"):
+        learnt.ends(low[None], learnt.raw(low[None]), 0.5)
+    return learnt
+
+
+def read(path: Path) -> tuple[dict[str, Any], Values, Values, bytes]:
+    """Read card, training ranges, each end (d,), and archive of a surrogate's file, but no model.
+
+    InputError is raised if the file is no surrogate, of another format, or damaged.
+    """
+    try:
+        data = require_file(path).read_bytes()
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror or error}") from None
+    head = HEAD.match(data)
+    if head is None or int(head[1]) not in (*OLDER, FORMAT):
+        raise InputError(f"{path}: {_stranger(path, head)}")
+    body = memoryview(data)[head.end() :]
+    if hashlib.sha256(body).hexdigest() != head[2].decode():
+        raise InputError(
+            f"{path}: is damaged: its checksum is not that of its content; restore it from a copy"
+            " or fit it anew"
+        )
+    try:
+        length = 8 + int.from_bytes(body[:8], "little")
+        content = json.loads(bytes(body[8:length]))
+        card = content["card"]
+        older = _anew(path, card) if int(head[1]) in OLDER else ""
+        low, high = (np.array(content.get(end, ()), dtype=np.float64) for end in ("low", "high"))
+    except (ValueError, TypeError, KeyError, RecursionError, MemoryError) as error:
+        fault = printable(f"{type(error).__name__}: {error}"[:100])
+        raise InputError(f"{path}: is no surrogate that could be read ({fault})") from None
+    if older:
+        raise InputError(f"{path}: has format {int(head[1])}, this version reads {FORMAT}: {older}")
+    return card, low, high, bytes(body[length:])
+
+
+def _stranger(path: Path, head: re.Match[bytes] | None) -> str:
+    """Describe a file that is no surrogate of a known format."""
+    from gen.database import is_database
+
+    command = to_type("learn fit")
+    if head is not None:
+        return f"has format {int(head[1])}, this version reads {FORMAT}: fit it anew with {command}"
+    what = "; it is a database" if is_database(path) else ""
+    return f"is no surrogate{what}: {command} makes one of a database"
+
+
+def _anew(path: Path, card: Mapping[str, Any]) -> str:
+    """Say by which command a surrogate is fitted anew, as far as its card tells."""
+    databases = [each["database"] for each in card.get("databases", [card])]
+    words = [*databases, "--model", card["model"], "--features", card["features"]]
+    words += ["--target", ",".join(card["targets"]), "--seed", f"{card['seed']}"]
+    if card.get("blocks"):
+        words += ["--blocks", f"{card['blocks']}"]
+    if card["features"] == SCENE:
+        words += ["--load", card["load"]]
+    if card.get("area_max") is not None:
+        words += ["--area-max", f"{card['area_max']:g}"]
+    if card["normalisation"] != SETS[card["features"]].normalisation:
+        words += ["--normalise", card["normalisation"]]
+    if database := card.get("calibration", {}).get("database"):
+        words += ["--calibrate-on", database]
+    first = next(iter(card["targets"].values()))
+    if origin := re.search(r"(?:tuned in|, by) (.*)", first["settings_from"]):
+        words += ["--from", str(Path(origin[1]).parent)]
+    command = " ".join(shlex.quote(str(word)) for word in [*words, "-o", path])
+    return f"fit it anew: {to_type(printable(f'learn fit {command}'))}"

@@ -20,10 +20,10 @@ from gen.runtime.terminal import to_type
 from learn.features import SETS, FeatureSet, SurfaceFeatures
 from learn.features.scene import SCENE
 from learn.features.sets import Rows
-from learn.surrogate import file, flag
+from learn.surrogate import flag
 from learn.surrogate.flag import Distance
 from learn.surrogate.interval import checked_level
-from learn.surrogate.learnt import Learnt
+from learn.surrogate.learnt import Learnt, load_parts, write_parts
 
 LARGEST = 1e38
 """Of a feature: trees see their inputs in single precision, which ends there."""
@@ -120,7 +120,7 @@ class Surrogate:
             If the file is no surrogate, is damaged or of another format, or does not fit the
             libraries installed here.
         """
-        return cls(**file.load(Path(path)))
+        return cls(**load_parts(Path(path)))
 
     def save(self, path: Path | str) -> None:
         """Write the file that `load` reads, whole or not at all.
@@ -137,7 +137,7 @@ class Surrogate:
         ValueError
             If a model has settings that `learn fit` never gives.
         """
-        file.save(Path(path), self)
+        write_parts(Path(path), self)
 
     @cached_property
     def features(self) -> FeatureSet:

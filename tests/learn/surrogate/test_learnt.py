@@ -1,17 +1,295 @@
-"""The model of one target: kernel ridge is scikit-learn's, and moments keep to their ranges.
+"""What is learnt of a target; its file: what is kept, and strangers' files, of which no code runs.
 
 Moments beyond those of the training are taken for the nearest ones; other features are not.
 """
 
+import hashlib
+import json
+import os
+import pickle
+import sys
+import warnings
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from databases import run
+from skops import io
 
+from gen.runtime.errors import InputError
+from learn import Surrogate, cli
 from learn.dataset import Request
 from learn.executor import Executor
+from learn.models import MODELS, pipeline
 from learn.surrogate import fitting
 from learn.surrogate.flag import reasons_of
+from learn.surrogate.learnt import FORMAT, HEAD
+
+
+@pytest.fixture(scope="module")
+def ridge(solved):
+    request = Request(
+        (solved,), solved, ("area",), ("kernel-ridge",), None, "standard", "dimensionless"
+    )
+    return fitting.fit(request, Executor(), lambda line: None)
+
+
+@pytest.fixture
+def path(ridge, tmp_path):
+    """A whole file, which a test may change."""
+    ridge.save(tmp_path / "x.surrogate")
+    return tmp_path / "x.surrogate"
+
+
+def content(path):
+    """The card with the ranges, and the models, of a file."""
+    data = path.read_bytes()
+    body = data[HEAD.match(data).end() :]
+    end = 8 + int.from_bytes(body[:8], "little")
+    return json.loads(body[8:end]), body[end:]
+
+
+def written(path, card, models, number=FORMAT):
+    """Write a file with a right checksum, whatever it holds."""
+    text = card if isinstance(card, bytes) else json.dumps(card).encode()
+    body = len(text).to_bytes(8, "little") + text + models
+    digest = hashlib.sha256(body).hexdigest()
+    path.write_bytes(f"asperity surrogate\nformat {number}\nsha256 {digest}\n".encode() + body)
+
+
+SETTINGS = [
+    ("random-forest", {"n_estimators": 5}),
+    ("xgboost", {"n_estimators": 20, "max_depth": 12, "gamma": 1.0}),
+    ("gradient-boost", {"n_estimators": 5}),
+    ("gaussian-process", {"alpha": 1e-5}),
+    ("mlp", {"solver": "adam", "max_iter": 5}),
+    ("mlp", {"solver": "sgd", "learning_rate": "adaptive", "max_iter": 5}),
+    ("svm", {"kernel": "poly", "degree": 2}),
+]
+
+
+@pytest.mark.parametrize("normalisation", ["l2", "min-max", "none"])
+@pytest.mark.parametrize(("model", "settings"), SETTINGS)
+def test_settings_of_searches_are_kept(ridge, tmp_path, model, settings, normalisation):
+    """Of all solvers, kernels and scalings that `learn tune` may find."""
+    random = np.random.default_rng(0)
+    inputs = random.uniform(ridge.low, ridge.high, (40, ridge.low.size))
+    made = pipeline(MODELS[model], settings, normalisation=normalisation, tuned=True)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        made.set_params(model__max_iter=5) if model == "mlp" else None
+        made.fit(inputs, random.normal(size=40))
+    area = replace(ridge.learnt["area"], pipeline=made)
+    other = replace(ridge, card={**ridge.card, "model": model}, learnt={"area": area})
+    other.save(tmp_path / "x.surrogate")
+    loaded = Surrogate.load(tmp_path / "x.surrogate").learnt["area"]
+    np.testing.assert_array_equal(loaded.raw(inputs), area.raw(inputs))
+
+
+def test_a_gaussian_process_is_kept_without_the_square_of_its_rows(ridge, tmp_path):
+    random = np.random.default_rng(0)
+    inputs = random.uniform(ridge.low, ridge.high, (400, ridge.low.size))
+    process = pipeline(MODELS["gaussian-process"], {"alpha": 1e-5}, normalisation="standard")
+    process.fit(inputs, inputs[:, 0])
+    area = replace(ridge.learnt["area"], pipeline=process)
+    other = replace(ridge, card={**ridge.card, "model": "gaussian-process"}, learnt={"area": area})
+    other.save(tmp_path / "x.surrogate")
+    assert (tmp_path / "x.surrogate").stat().st_size < 400 * 400 * 8 / 4
+    assert process.named_steps["model"].L_ is not None, "the fitted one keeps its own"
+    loaded = Surrogate.load(tmp_path / "x.surrogate").learnt["area"]
+    np.testing.assert_allclose(loaded.raw(inputs), area.raw(inputs), rtol=1e-6, atol=1e-9)
+
+
+def test_models_of_types_that_nobody_reviewed_are_not_written(ridge, tmp_path):
+    from sklearn.gaussian_process.kernels import Matern
+
+    process = pipeline(MODELS["gaussian-process"], {"kernel": Matern()}, normalisation="none")
+    process.fit(np.eye(2, ridge.low.size), np.arange(2.0))
+    area = replace(ridge.learnt["area"], pipeline=process)
+    with pytest.raises(ValueError, match="Matern are not kept"):
+        replace(ridge, learnt={"area": area}).save(tmp_path / "y.surrogate")
+    assert not list(tmp_path.iterdir())
+
+
+class Evil:
+    """Runs a command when a pickle of it is loaded."""
+
+    def __reduce__(self):
+        return os.system, ("touch evil",)
+
+
+def test_loading_imports_and_runs_nothing_that_a_file_names(path, tmp_path, monkeypatch):
+    module = tmp_path / "landmine.py"
+    module.write_text("class Landmine:\n    def __setstate__(self, state):\n        pass\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    import landmine
+
+    card, models = content(path)
+    whole = io.loads(models, trusted=io.get_untrusted_types(data=models))
+    whole["targets"]["area"]["pipeline"].steps[-1] = ("model", landmine.Landmine())
+    crafted = io.dumps(whole)
+    del sys.modules["landmine"]
+    module.write_text("from pathlib import Path\nPath('trace').touch()\n")
+    written(path, card, crafted)
+    with pytest.raises(InputError, match=r"x\.surrogate: its models.*landmine\.Landmine"):
+        Surrogate.load(path)
+    assert "landmine" not in sys.modules
+    assert not (tmp_path / "trace").exists()
+
+
+@pytest.mark.parametrize("called", [os.system, eval])
+def test_functions_are_no_part_of_a_model(path, called):
+    card, models = content(path)
+    whole = io.loads(models, trusted=io.get_untrusted_types(data=models))
+    whole["targets"]["area"]["pipeline"].named_steps["model"].kernel = called
+    written(path, card, io.dumps(whole))
+    with pytest.raises(InputError, match=r"x\.surrogate: its models cannot be used here"):
+        Surrogate.load(path)
+
+
+def test_damage_is_always_seen(path):
+    whole = path.read_bytes()
+    random = np.random.default_rng(1)
+    for place in random.integers(len(whole), size=40):
+        spoilt = bytearray(whole)
+        if place % 2:
+            spoilt[place] ^= int(random.integers(1, 256))
+        else:
+            del spoilt[place:]
+        path.write_bytes(bytes(spoilt))
+        with pytest.raises(InputError, match=r"x\.surrogate") as caught:
+            Surrogate.load(path)
+        assert str(caught.value).isprintable()
+
+
+@pytest.mark.parametrize(
+    ("whole", "word"),
+    [
+        (b"", "is no surrogate"),
+        (b"PK", "is no surrogate"),
+        (b"heights 1 2 3", "is no surrogate"),
+        (b"asperity surrogate\nformat 99\nsha256 " + b"0" * 64 + b"\n", "has format 99"),
+        (b"asperity surrogate\nformat 8\nsha256 " + b"0" * 64 + b"\n", "is damaged"),
+        (pickle.dumps(Evil()), "is no surrogate"),
+    ],
+)
+def test_what_is_no_surrogate_is_refused_and_runs_nothing(tmp_path, monkeypatch, whole, word):
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "x.surrogate"
+    path.write_bytes(whole)
+    with pytest.raises(InputError, match=rf"x\.surrogate.*{word}") as caught:
+        Surrogate.load(path)
+    assert "\n" not in str(caught.value)
+    assert not (tmp_path / "evil").exists()
+
+
+@pytest.mark.parametrize("text", [b"[" * 80_000, b"\xff", b"{}"])
+def test_cards_that_are_none_are_refused(path, text):
+    written(path, text, b"")
+    with pytest.raises(InputError, match=r"x\.surrogate: is no surrogate that could be read"):
+        Surrogate.load(path)
+
+
+def without(*names):
+    """Take an entry out of the models."""
+
+    def change(models):
+        for name in names[:-1]:
+            models = models[name]
+        del models[names[-1]]
+
+    return change
+
+
+def other_type(models):
+    models["targets"]["area"]["pipeline"].steps[-1] = ("model", MODELS["svm"].estimator(0))
+
+
+def other_version(models):
+    del vars(models["targets"]["area"]["pipeline"].named_steps["model"])["dual_coef_"]
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        (without("targets", "area"), "area"),
+        (without("targets", "area", "scaling"), "scaling"),
+        (other_type, "its model is no kernel-ridge"),
+        (other_version, "dual_coef_"),
+    ],
+)
+def test_models_that_the_libraries_here_cannot_use_are_one_line(path, capsys, change, word):
+    """It names what made them, and the command that fits anew."""
+    card, models = content(path)
+    whole = io.loads(models, trusted=io.get_untrusted_types(data=models))
+    change(whole)
+    card["card"]["versions"]["scikit-learn"] = "1.0"
+    written(path, card, io.dumps(whole))
+    for command in (["predict", "-", "--delta", "5"], ["law", "quick", "--csv", "x.csv"]):
+        assert cli.main([command[0], str(path), *command[1:]]) == 2
+        (said,) = capsys.readouterr().err.splitlines()
+        assert word in said
+        assert "scikit-learn 1.0" in said
+        assert "--model kernel-ridge --features dimensionless" in said
+
+
+def test_older_files_are_refused_with_the_command_that_fits_anew(path, ridge):
+    old = Path(__file__).with_name("rooted.surrogate")  # of format 4
+    with pytest.raises(InputError, match=r"has format 4, this version reads 8: fit it anew: "):
+        Surrogate.load(old)
+    card = {
+        **ridge.card,
+        "database": "my rows.h5",
+        "features": "hybrid",
+        "blocks": 65,
+        "area_max": 16.56,
+        "seed": 3,
+        "normalisation": "l2",
+        "targets": {"area": {"settings_from": "tuned in found/area"}, "force": {}},
+        "calibration": {"database": "other.h5"},
+    }
+    written(path, {"card": card, "parts": {}, "arrays": []}, b"", number=7)
+    with pytest.raises(InputError) as caught:
+        Surrogate.load(path)
+    assert str(caught.value).endswith(
+        "learn fit 'my rows.h5' --model kernel-ridge --features hybrid --target area,force --seed"
+        " 3 --blocks 65 --area-max 16.56 --normalise l2 --calibrate-on other.h5 --from found -o"
+        f" {path}"
+    )
+
+
+@pytest.mark.parametrize("key", ["rows", "targets"])
+def test_a_card_that_lacks_something_is_one_line(path, key, capsys):
+    card, models = content(path)
+    del card["card"][key]
+    written(path, card, models)
+    assert cli.main(["card", str(path)]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "not whole" in said
+
+
+def test_texts_of_a_file_do_not_drive_the_terminal(path, capsys):
+    card, models = content(path)
+    card["card"]["title"] = "nice\x1b[31m\r\ntitle [red]"
+    card["card"]["columns"][0] = ["[bold]\x1b]0;owned\x07", "um"]
+    written(path, card, models)
+    assert cli.main(["card", str(path)]) == 0
+    said = capsys.readouterr().out
+    assert "nice?[31m??title [red]" in said
+    assert "\x1b" not in said
+
+
+def test_a_card_is_read_without_the_libraries_of_models(path):
+    script = """
+        import sys
+        from learn import cli
+        assert cli.main(["card", sys.argv[1]]) == 0
+        print({"skops", "sklearn", "xgboost"} & sys.modules.keys(), file=sys.stderr)
+    """
+    assert run(script, path).stderr == "set()\n"
 
 
 def fitted(path, features):
@@ -55,7 +333,6 @@ def test_kernel_ridge_is_scikit_learns(solved, features):
     inputs = learnt.pipeline.steps[0][1].transform(
         np.abs(np.random.default_rng(0).normal(size=(5000, 23)))
     )
-    assert learnt._expansion is not None
     learnt.pipeline.steps[0] = ("scaling", "passthrough")
     theirs = learnt.scaling.restored(ridge.predict(inputs))
     np.testing.assert_allclose(learnt.raw(inputs), theirs, rtol=1e-6, atol=1e-9)
