@@ -40,7 +40,8 @@ def command(ranks: int, *arguments: object, module: str = "gen") -> list[str]:
 
 def environment() -> dict[str, str]:
     """The user's, less what an outer MPI or a terminal would add; a mute Open MPI, also as root."""
-    kept = {key: value for key, value in os.environ.items() if not key.startswith(("PMI", "OMPI"))}
+    outer = ("PMI", "OMPI", "PRTE", "SLURM")
+    kept = {key: value for key, value in os.environ.items() if not key.startswith(outer)}
     return kept | {
         "COLUMNS": "200",
         "OMPI_ALLOW_RUN_AS_ROOT": "1",

@@ -20,7 +20,6 @@ from tests.faults.stage import (
     SAMPLES,
     Found,
     Hang,
-    NotPossible,
     Stage,
     columns_of,
     difference,
@@ -61,33 +60,26 @@ def campaign(
     samples: int = SAMPLES,
     kinds: Sequence[str] = tuple(KINDS),
     minutes: float = float("inf"),
-    remark: Callable[[str], None] = lambda line: None,
 ) -> Iterator[Round]:
     """Disturb runs until `rounds` have hit, each kind in turn and in random order.
 
     Finished databases are compared and begun anew, the last one at the end as a round of kind "".
-    No round begins after `minutes`; `remark` is told what is not possible on this machine.
+    No round begins after `minutes`.
     """
     if unknown := set(kinds) - set(KINDS):
         raise InputError(f"no kind {sorted(unknown)[0]!r}; there are {', '.join(KINDS)}")
     random = np.random.default_rng(seed)
     stage = Stage(folder, samples, random)
     limit = time.monotonic() + 60.0 * minutes
-    open_kinds = list(kinds)
     deck: list[str] = []
     hits = tried = 0
-    while hits < rounds and tried < MISSES * rounds and open_kinds and time.monotonic() < limit:
-        deck = deck or [str(kind) for kind in random.permutation(open_kinds)]
+    while hits < rounds and tried < MISSES * rounds and time.monotonic() < limit:
+        deck = deck or [str(kind) for kind in random.permutation(kinds)]
         kind = deck.pop()
         columns = columns_of(stage.path)
         if columns is not None and finished(columns).all():
             stage.path.unlink()
-        try:
-            done = _round(stage, kind, KINDS[kind])
-        except NotPossible as reason:
-            remark(f"left out: {kind}: {reason}")
-            open_kinds.remove(kind)
-            continue
+        done = _round(stage, kind, KINDS[kind])
         tried += 1
         hits += done.found.hit
         yield done
@@ -111,11 +103,10 @@ def _round(stage: Stage, kind: str, act: Callable[[Stage], Found]) -> Round:
 
 def _completed(stage: Stage) -> Found:
     """Let the last database finish."""
-    began = time.monotonic()
     with stage.run(0) as run:
         ended = run.wait()
     fault = f"exit code {ended.code}" if ended.code else ""
-    return Found("the rest", fault, hit=False, seconds=time.monotonic() - began)
+    return Found("the rest", fault, hit=False, seconds=ended.seconds)
 
 
 def by_kind(rounds: Sequence[Round]) -> list[dict[str, Any]]:
@@ -183,7 +174,6 @@ def faults(
             seed=seed,
             kinds=only or tuple(KINDS),
             minutes=minutes,
-            remark=lambda words: typer.echo(words, err=True),
         ):
             done.append(interrupted)
             typer.echo(f"{len(done):3} {interrupted.line()}")

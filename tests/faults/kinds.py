@@ -63,15 +63,13 @@ def signalled(number: signal.Signals, victims: tuple[str, ...], stage: Stage) ->
         stage.await_moment(run)
         at_work = int(finished(columns_of(stage.path)).sum()) > before
         hit = run.send(VICTIMS[victim], number)
-        began = time.monotonic()
         ended = run.wait()
         await_lock(stage.path)
-        seconds = time.monotonic() - began
     fault = code_fault(ended, columns_of(stage.path))
     # After its last row a run is on its way out, and a signal ends it as it ends any process.
     if hit and at_work and not fault and len(stage.pending()):
         fault = answer_fault(victim, number, ended.code)
-    return Found(f"{number.name} to {victim}", fault, hit, seconds)
+    return Found(f"{number.name} to {victim}", fault, hit, ended.seconds)
 
 
 def answer_fault(victim: str, number: signal.Signals, code: int) -> str:
@@ -92,13 +90,11 @@ def worker_held_up(stage: Stage) -> Found:
         stage.await_moment(run)
         hit = run.send("1", signal.SIGSTOP)
         time.sleep(held)
-        began = time.monotonic()
         run.send("1", signal.SIGCONT)
         ended = run.wait()
-        seconds = time.monotonic() - began
     fault = f"exit code {ended.code}" if ended.code else ""
     fault = fault or difference(columns_of(stage.path), stage.reference)
-    return Found(f"worker for {held:.1f} s", fault, hit, seconds)
+    return Found(f"worker for {held:.1f} s", fault, hit, ended.seconds)
 
 
 def files_may_not_grow(stage: Stage) -> Found:
@@ -111,15 +107,13 @@ def files_may_not_grow(stage: Stage) -> Found:
             stage.await_rows(run, 1)
         stage.await_moment(run)
         hit = run.limit_files(size)
-        began = time.monotonic()
         ended = run.wait()
         await_lock(stage.path)
-        seconds = time.monotonic() - began
     hit = hit and ended.code != 0
     fault = code_fault(ended, columns_of(stage.path))
     if hit and not fault:
         fault = refusal_fault(ended, "disk is full")
-    return Found(f"beyond {size} bytes", fault, hit, seconds)
+    return Found(f"beyond {size} bytes", fault, hit, ended.seconds)
 
 
 def _ended(stage: Stage, path: Path) -> Ended:
@@ -135,16 +129,14 @@ def file_cut_off(stage: Stage) -> Found:
     whole = source.read_bytes()
     size = int(stage.random.choice((0, len(whole) - 1, int(stage.random.integers(1, len(whole))))))
     path.write_bytes(whole[:size])
-    began = time.monotonic()
     ended = _ended(stage, path)
-    seconds = time.monotonic() - began
     fault = refusal_fault(ended, "cut.h5")
     if not fault and path.read_bytes() != whole[:size]:
         fault = "the rest of a file that was cut off has been changed"
     if not fault and list(stage.folder.glob("cut.h5.*")):
         fault = "files are left behind"
     path.unlink()
-    return Found(f"{size} of {len(whole)} bytes left", fault, seconds=seconds)
+    return Found(f"{size} of {len(whole)} bytes left", fault, seconds=ended.seconds)
 
 
 def file_replaced(stage: Stage) -> Found:
@@ -158,14 +150,12 @@ def file_replaced(stage: Stage) -> Found:
             copy = stage.folder / "copy.h5"
             shutil.copyfile(stage.path, copy)
             copy.replace(stage.path)
-        began = time.monotonic()
         run.send("everybody", signal.SIGCONT)
         ended = run.wait()
-        seconds = time.monotonic() - began
     fault = ""
     if hit and not (complete and ended.code == 0):  # after its last row, nothing is missing
         fault = refusal_fault(ended, "replaced by another file")
-    return Found("", fault, hit, seconds)
+    return Found("", fault, hit, ended.seconds)
 
 
 def second_writer(stage: Stage) -> Found:
@@ -176,9 +166,7 @@ def second_writer(stage: Stage) -> Found:
         first.send("everybody", signal.SIGSTOP)  # or it might end before the second begins
         hit = is_locked(stage.path)
         with stage.run(stage.ranks()) as second:
-            began = time.monotonic()
             ended = second.wait()
-            seconds = time.monotonic() - began
         first.send("everybody", signal.SIGKILL if killed else signal.SIGCONT)
         first.wait()
         await_lock(stage.path)
@@ -190,17 +178,15 @@ def second_writer(stage: Stage) -> Found:
     if not fault and third_ended.code:
         fault = f"a dead job's lock: exit code {third_ended.code}"
     fault = fault or difference(columns_of(stage.path), stage.reference)
-    return Found(f"the first {'killed' if killed else 'goes on'}", fault, hit, seconds)
+    return Found(f"the first {'killed' if killed else 'goes on'}", fault, hit, ended.seconds)
 
 
 def samples_fail(stage: Stage) -> Found:
     """Samples fail; they say why, and are computed again when that is asked for."""
     ailment = str(stage.random.choice(list(FAILURES)))
     rows, before = _rows(stage), columns_of(stage.path)
-    began = time.monotonic()
     with stage.run(stage.ranks(), ailments=dict.fromkeys(rows, ailment)) as run:
         ended = run.wait()
-    seconds = time.monotonic() - began
     now = columns_of(stage.path)
     if ended.code or not finished(now).all():
         fault = f"exit code {ended.code}, or pending rows, because of failed samples"
@@ -212,37 +198,33 @@ def samples_fail(stage: Stage) -> Found:
     if not fault and again.code:
         fault = f"exit code {again.code} of --retry-failed"
     fault = fault or difference(columns_of(stage.path), stage.reference)
-    return Found(f"{ailment}, rows {rows}", fault, seconds=seconds)
+    return Found(f"{ailment}, rows {rows}", fault, seconds=ended.seconds)
 
 
 def sample_never_ends(stage: Stage) -> Found:
     """Samples run into the wall-clock limit: they stay pending, the others are done."""
     rows = _rows(stage)
-    began = time.monotonic()
     limit = "--sample-limit", f"{LIMIT:g}"
     with stage.run(stage.ranks(), *limit, ailments=dict.fromkeys(rows, "never_ends")) as run:
         ended = run.wait()
-    seconds = time.monotonic() - began
     fault, now = "", columns_of(stage.path)
     if ended.code or "took longer than --sample-limit" not in ended.text:
         fault = f"exit code {ended.code} without the warning of --sample-limit"
     elif now is None or finished(now)[rows].any():
         fault = "a sample beyond the limit was finished"
-    return Found(f"rows {rows}", fault, seconds=seconds)
+    return Found(f"rows {rows}", fault, seconds=ended.seconds)
 
 
 def sample_has_a_bug(stage: Stage) -> Found:
     """A bug in a sample: the run ends at once and says where; nothing else is lost."""
     row = _rows(stage)[0]
-    began = time.monotonic()
     with stage.run(stage.ranks(), ailments={row: "has_a_bug"}) as run:
         ended = run.wait()
         await_lock(stage.path)
-    seconds = time.monotonic() - began
     fault = code_fault(ended, columns_of(stage.path))
     if ended.code in {0, 2} or "TypeError: injected" not in ended.text:
         fault = f"exit code {ended.code} without the bug's traceback"
-    return Found(f"row {row}", fault, seconds=seconds)
+    return Found(f"row {row}", fault, seconds=ended.seconds)
 
 
 def _rows(stage: Stage) -> list[int]:

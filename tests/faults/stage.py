@@ -3,10 +3,8 @@
 import json
 import os
 import resource
-import shutil
 import signal
 import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Iterator, Mapping
@@ -25,24 +23,15 @@ from gen.runtime.files import lock
 from gen.scene import Scene
 from gen.scene.columns import ALL_COLUMNS
 from gen.schema import Status
+from tests.launch import command, environment
+
+ROOT = Path(__file__).resolve().parents[2]
 
 BOUND = 90.0
 """Seconds within which a run has to end once it is disturbed; undisturbed it takes a few."""
 
 RANKS = ("PMI_RANK", "OMPI_COMM_WORLD_RANK", "PMIX_RANK")
 """Variables in which the launchers tell a process its rank."""
-
-PROGRAM = ("-m", "gen")
-
-ENVIRONMENT = {
-    "OMPI_ALLOW_RUN_AS_ROOT": "1",
-    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-    "OMPI_MCA_rmaps_base_oversubscribe": "1",
-    "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",
-    "PYTHONDONTWRITEBYTECODE": "1",
-    "PYTHONPATH": str(Path(__file__).resolve().parents[2]),
-}
-"""Open MPI as root and on few cores; nothing is written but the database."""
 
 
 class Hang(Exception):
@@ -51,24 +40,23 @@ class Hang(Exception):
 
 @dataclass(frozen=True)
 class Ended:
-    """How a run ended: its exit code and all that it printed."""
+    """How a run ended: its exit code, all that it printed, and how long it was waited for [s]."""
 
     code: int
     text: str
+    seconds: float = 0.0
 
 
 class Run:
     """A run under way, alone (no ranks) or under mpiexec; on leaving, no process is left behind."""
 
-    def __init__(
-        self, folder: Path, ranks: int, *arguments: str, program: tuple[str, ...] = PROGRAM
-    ) -> None:
+    def __init__(self, folder: Path, ranks: int, *arguments: str, module: str = "gen") -> None:
         self._log = tempfile.TemporaryFile()  # noqa: SIM115 - closed in __exit__
         # The launcher leads a session of its own: a terminal's signals are not for it.
         self._process = subprocess.Popen(
-            [*_launcher(ranks), *program, *arguments],
+            command(ranks, *arguments, module=module),
             cwd=folder,
-            env=_environment(),
+            env=environment() | {"PYTHONDONTWRITEBYTECODE": "1", "PYTHONPATH": str(ROOT)},
             stdin=subprocess.DEVNULL,
             stdout=self._log,
             stderr=subprocess.STDOUT,
@@ -93,12 +81,14 @@ class Run:
 
     def wait(self) -> Ended:
         """Wait for the end; raise `Hang` if it does not come."""
+        began = time.monotonic()
         try:
             code = self._process.wait(BOUND)
         except subprocess.TimeoutExpired:
             raise Hang from None
+        seconds = time.monotonic() - began
         self._log.seek(0)
-        return Ended(code, self._log.read().decode(errors="replace"))
+        return Ended(code, self._log.read().decode(errors="replace"), seconds)
 
     def send(self, victim: str, number: int) -> bool:
         """Send a signal to "launcher", "everybody" or a rank; say whether it was there."""
@@ -149,24 +139,6 @@ def is_locked(path: Path) -> bool:
         return True
 
 
-def _launcher(ranks: int) -> list[str]:
-    """The start of a command: Python, under mpiexec if there are to be ranks."""
-    if not ranks:
-        return [sys.executable]
-    beside = Path(sys.executable).with_name("mpiexec")
-    launcher = str(beside) if beside.exists() else shutil.which("mpiexec")
-    if launcher is None:
-        raise InputError("no mpiexec; install the extra 'mpich'")
-    return [launcher, "-n", str(ranks), sys.executable, "-m", "mpi4py"]
-
-
-def _environment() -> dict[str, str]:
-    """The user's, less what an outer MPI would add."""
-    prefixes = ("PMI", "OMPI", "PRTE", "SLURM")
-    kept = {key: value for key, value in os.environ.items() if not key.startswith(prefixes)}
-    return kept | ENVIRONMENT
-
-
 def _rank(process: int) -> str:
     """The rank of a process as text; "" if it has none."""
     try:
@@ -205,10 +177,6 @@ EARLY = 0.25
 """Share of the strikes at any moment from the start on; the others find a run at work."""
 
 Columns = dict[str, NDArray[Any]]
-
-
-class NotPossible(Exception):
-    """A disturbance is not allowed on this machine; the text says why."""
 
 
 @dataclass(frozen=True)
@@ -255,15 +223,15 @@ class Stage:
         ailments: Mapping[int, str] | None = None,
     ) -> Run:
         """Start a run; `ailments` are rows, and what they suffer from: see `program`."""
-        program: tuple[str, ...] = PROGRAM
-        if ailments:
-            known = {
-                repr(float(parameters(self.scene, row, row + 1).delta[0])): name
-                for row, name in ailments.items()
-            }
-            (self.folder / "ailments.json").write_text(json.dumps(known))
-            program = ("-m", "tests.faults.program", "ailments.json")
-        return Run(self.folder, ranks, "run", "scene.toml", "-o", output, *options, program=program)
+        if ailments is None:
+            return Run(self.folder, ranks, "run", "scene.toml", "-o", output, *options)
+        known = {
+            repr(float(parameters(self.scene, row, row + 1).delta[0])): name
+            for row, name in ailments.items()
+        }
+        (self.folder / "ailments.json").write_text(json.dumps(known))
+        arguments = ("ailments.json", "run", "scene.toml", "-o", output, *options)
+        return Run(self.folder, ranks, *arguments, module="tests.faults.program")
 
     def await_moment(self, run: Run) -> None:
         """Wait for a random moment of a run, or for its end if that is sooner."""
