@@ -7,22 +7,15 @@ from typing import Any
 from bench.contents import Content, contents_of
 from bench.files import write_rows
 from gen.runtime.errors import InputError
-from gen.runtime.files import write
 
 SIZES = ("smoke", "paper", "large")
 
 
 def contents(folder: Path) -> list[Content]:
-    """List the table of times, and a sentence on the machine and the versions.
-
-    Where pytest-benchmark's `times.json` is in the folder, `times.csv` and `times.txt` are written
-    from it first; without it they are shown as they are.
-    """
+    """List the table of times, written from pytest-benchmark's `times.json` if that is there."""
     measured = folder / "times.json"
     if measured.exists():
-        document = read(measured)
-        write_rows(measured.with_suffix(".csv"), map(_row, document["benchmarks"]))
-        write(measured.with_suffix(".txt"), circumstances(document) + "\n")
+        write_rows(measured.with_suffix(".csv"), map(_row, read(measured)["benchmarks"]))
     return contents_of("benchmarks", folder)
 
 
@@ -30,7 +23,7 @@ def read(path: Path) -> dict[str, Any]:
     """Read a file of pytest-benchmark."""
     try:
         document: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-        document["benchmarks"], document["machine_info"]
+        document["benchmarks"]
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(f"{path} is no JSON file of pytest-benchmark: {error}") from None
     return document
@@ -40,7 +33,6 @@ def _row(benchmark: dict[str, Any]) -> dict[str, Any]:
     """Return the values of a benchmark by the names of their columns."""
     case, size = _case(benchmark["name"], benchmark.get("params") or {})
     stats, extra = benchmark["stats"], dict(benchmark["extra_info"])
-    extra.pop("versions", None)
     row = {
         "suite": Path(benchmark["fullname"].partition("::")[0]).stem.removeprefix("test_"),
         "case": case,
@@ -65,16 +57,3 @@ def _case(name: str, params: dict[str, Any]) -> tuple[str, str]:
         inside = inside.removesuffix(size).removesuffix("-")
     case = function.removeprefix("test_").replace("_", " ")
     return f"{case}: {inside}" if inside else case, size
-
-
-def circumstances(measured: dict[str, Any]) -> str:
-    """Return machine, date, commit and versions in a sentence."""
-    machine, commit = measured["machine_info"], measured.get("commit_info", {})
-    versions = ", ".join(f"{name} {each}" for name, each in measured.get("versions", {}).items())
-    processor = machine.get("processor") or machine.get("cpu", {}).get("brand_raw", "unknown")
-    return (
-        f"Measured on {processor}, {machine.get('cores', '?')} cores, threads:"
-        f" {machine.get('threads', '?')}, Python {machine.get('python_version', '?')},"
-        f" {measured.get('datetime', '')[:16]}, commit {str(commit.get('id', 'unknown'))[:12]};"
-        f" {versions}."
-    )

@@ -53,24 +53,21 @@ def run(
     full: Full = False,
     database: Database = None,
     comparison: Comparison = None,
-    only: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="The same as NAME alone.")
-    ] = None,
     plan: Annotated[
         bool, typer.Option("--plan", help="List the parts with their times, and make nothing.")
     ] = False,
 ) -> int:
     """Make all reports, or those named, and one page of them: DIR/index.html, without network.
 
-    Every part runs as a command of its own, in DIR/PART, two at a time but those that measure
-    times, which run alone. A part stays where the same command has made it from the same inputs,
-    with the same code and packages: after Ctrl-C the same command goes on. A short run leaves alone
-    what a full one has made. Exit code 1 if a check failed or a part could not be made.
+    Every part runs as a command of its own, in DIR/PART, one after another. A part stays where the
+    same command has made it from the same inputs, with the same code and packages: after Ctrl-C the
+    same command goes on. A short run leaves alone what a full one has made. Exit code 1 if a check
+    failed or a part could not be made.
     """
     from bench import run as running
     from bench.record import Inputs
 
-    inputs, chosen = Inputs(output, database, comparison, full), [*(names or ()), *(only or ())]
+    inputs, chosen = Inputs(output, database, comparison, full), names or ()
     if plan:
         typer.echo(running.planned(inputs, chosen))
         return 0
@@ -106,20 +103,16 @@ def publish(
     target: Annotated[Path, typer.Argument(help="Folder of published results: bench/results.")],
     *,
     comparison: Comparison = None,
-    mixed: Annotated[
-        bool, typer.Option("--mixed", help="Allow results of several states of the code.")
-    ] = False,
 ) -> None:
     """Copy what a run has made into the folder of published results.
 
     Tables, pictures, words and records of all finished parts, large tables compressed; folders all
-    of whose parts were made lose their earlier files. Refused are parts that were not finished,
-    results of several states of the code, and more than 6 MB.
+    of whose parts were made lose their earlier files. Parts that were not finished are refused.
     """
     from bench.publish import publish as copy
     from bench.record import Inputs
 
-    for path in copy(PARTS, Inputs(folder, None, comparison, full=True), target, mixed=mixed):
+    for path in copy(PARTS, Inputs(folder, None, comparison, full=True), target):
         typer.echo(path)
 
 

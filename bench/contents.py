@@ -54,15 +54,7 @@ class Words:
     typed: bool = False
 
 
-@dataclass(frozen=True)
-class Absent:
-    """Something that was left out, and how to get it in one line."""
-
-    what: str
-    how: str
-
-
-Content = Figure | Table | Words | Absent
+Content = Figure | Table | Words
 
 
 def tables_of(content: Content) -> tuple[Path, ...]:
@@ -95,20 +87,17 @@ def contents_of(report: str, folder: Path) -> list[Content]:
 def _contents(entry: Mapping[str, Any], folder: Path) -> Iterator[Content]:
     """Yield the contents of an entry: one for each file that its name, with a *, may stand for.
 
-    A table that is not there, or has no rows, is `absent` if the entry says so. Words, names with
-    a *, what a command of its own makes, and what is `optional` are left out where no file is
-    there.
+    Words, names with a *, what a command of its own makes, and what is `optional` are left out
+    where no file is there.
     """
     (kind,) = entry.keys() & {"figure", "table", "words"}
     name, command = entry[kind], entry.get("command", "")
     may_miss = command or kind == "words" or entry.get("optional", False)
     for path in named(folder, name):
         caption = " ".join(entry.get("caption", "").replace("{target}", path.parent.name).split())
-        if "absent" in entry and not (is_there(path) and read_table(path)[1]):
-            yield Absent(entry["absent"], entry["how"].format(folder=folder))
-        elif may_miss and not is_there(path):
+        if may_miss and not is_there(path):
             continue
-        elif kind == "figure":
+        if kind == "figure":
             data = tuple(filter(is_there, (folder / each for each in entry.get("data", ()))))
             yield Figure(path, caption, command, data)
         elif kind == "table":

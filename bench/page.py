@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from bench.answers import lines
-from bench.contents import Absent, Content, Figure, Table, Words, tables_of, tabulated
+from bench.contents import Content, Figure, Table, Words, tables_of, tabulated
 from bench.files import content_of, markdown, rendered
 from bench.record import PAGE, RESULTS, Inputs, Record, circumstances, read, typed
 from bench.report import PARTS, Part
@@ -57,7 +57,7 @@ def shown(part: Part, inputs: Inputs) -> Shown:
                 content_of(each.picture)
     except (InputError, ModuleNotFoundError) as error:
         return Shown(part, found, failure=str(error) if found else "")
-    if all(isinstance(each, Absent) for each in contents):
+    if not contents:
         return Shown(part, None)
     return Shown(part, found, inputs.command(part, found.command) if found else "", contents)
 

@@ -13,17 +13,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache, partial
 from itertools import product
-from pathlib import Path
 from statistics import median
 
 import numpy as np
 
-from bench.contents import Absent, Content, contents_of
-from bench.files import Row, read_table
+from bench.files import Row
 from bench.report import Report, remark
 from bench.solvers import others
 from bench.solvers.case import PERIODIC_RTOL, Case, Exact, find_exact
-from bench.solvers.others import OTHERS, installed, missing
+from bench.solvers.others import installed, missing
 from bench.solvers.solver import (
     BEM,
     PAPERS,
@@ -354,13 +352,6 @@ def compare_periodic(nodes: Sequence[int], rounds: int) -> list[Row]:
     return rows
 
 
-CONDITIONS = f"""\
-Each at its loosest tolerance with the force, or the displacement where it is given the force,
-within {LOAD_ERROR:g} and the nodes in contact within {100 * MISPLACED_SHARE:g} % (or one) of a
-reference of residual {REFERENCE_RTOL:g}. Set-up, once a grid, is not in the times; ASPHER's nested
-grids are set up in each solve."""
-
-
 def peers(
     nodes: Sequence[int],
     deltas: Sequence[float],
@@ -392,10 +383,10 @@ def peers(
         remark(f"{package} is not installed and left out: {install}")
     solvers = [BEM, PAPERS, *installed()]
     if not hardness:
-        return Report({"peers": compare(samples(nodes, deltas), solvers, rounds)}, text=CONDITIONS)
+        return Report({"peers": compare(samples(nodes, deltas), solvers, rounds)})
     plastic = [solver for solver in solvers if solver.plastic]
     rows = compare(samples(nodes, deltas, hardness), plastic, rounds)
-    return Report({"hardness": rows}, text=CONDITIONS, of="hardness")
+    return Report({"hardness": rows}, of="hardness")
 
 
 def _check(nodes: Sequence[int], deltas: Sequence[float], hardnesses: Sequence[float]) -> None:
@@ -409,12 +400,3 @@ def _check(nodes: Sequence[int], deltas: Sequence[float], hardnesses: Sequence[f
         for value in values:
             if not 0 < value < float("inf"):
                 raise InputError(f"{name} {value}: give {wanted}")
-
-
-def contents(folder: Path) -> list[Content]:
-    """List what a folder of this report holds, and the solvers that took no part."""
-    shown = contents_of("peers", folder)
-    solvers = {row["solver"] for row in read_table(folder / "peers.csv")[1]}
-    there = {solver.package for solver in OTHERS if solver.name in solvers}
-    absent = {solver.package: solver.install for solver in OTHERS if solver.package not in there}
-    return [*shown, *(Absent(package, how) for package, how in absent.items())]

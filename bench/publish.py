@@ -5,18 +5,16 @@ compressed. Databases, surrogates and what the commands printed stay behind.
 """
 
 import lzma
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from bench.contents import Figure
 from bench.files import COMPRESSED
-from bench.record import NOT_READ, PAGE, Inputs, Record, read
+from bench.record import NOT_READ, Inputs, read
 from bench.report import Part
-from gen.runtime import documents
 from gen.runtime.errors import InputError
 from gen.runtime.files import lock_folder, make_folder, write
 
-LARGEST = 6_000_000  # bytes of all published results, at most
 LARGE = 200_000  # bytes from which on a table is compressed
 RECORD = ".part.json"
 KINDS = frozenset({".csv", ".json", ".jsonl", ".toml", ".txt"})
@@ -25,7 +23,7 @@ INSIDE = frozenset({"baseline", "databases", "decks", "maps", "predictions", "tu
 LEFT_BEHIND = frozenset({"benchmarks/times.json", "area/rows.csv"})
 
 
-def publish(parts: Sequence[Part], inputs: Inputs, target: Path, *, mixed: bool) -> list[Path]:
+def publish(parts: Sequence[Part], inputs: Inputs, target: Path) -> list[Path]:
     """Copy what a run has made into the folder of published results; return the files written.
 
     A folder all of whose parts were made loses its earlier files.
@@ -33,9 +31,8 @@ def publish(parts: Sequence[Part], inputs: Inputs, target: Path, *, mixed: bool)
     Raises
     ------
     InputError
-        If there is nothing to publish, the folders are not apart, a part was not finished, the
-        results would be of several states of the code and `mixed` does not allow that, or too
-        large, or another process writes the folder. Then nothing is changed.
+        If there is nothing to publish, the folders are not apart, a part was not finished, or
+        another process writes the folder. Then nothing is changed.
     """
     folders: dict[Path, list[Part]] = {}
     for part in parts:
@@ -49,16 +46,14 @@ def publish(parts: Sequence[Part], inputs: Inputs, target: Path, *, mixed: bool)
         gone: set[Path] = set()
         for folder, those in folders.items():
             made = [part for part in those if _finished(part, inputs)]
-            home = target / (made[0].folder or made[0].name) if made else target
+            home = target / (those[0].folder or those[0].name)
             new |= {home / name: content for name, content in _published(made, folder)}
-            if made and len(made) == len(those):
+            if len(made) == len(those):
                 gone |= {path for path in home.rglob("*") if path.is_file()}
         if not new:
             raise InputError(
                 f"{inputs.output} holds no finished part: `python -m bench run` makes it"
             )
-        there = {path for path in target.rglob("*") if path.is_file() and path.name != PAGE}
-        _check({path: path.read_bytes() for path in there - gone} | new, target, mixed=mixed)
         for path in gone - new.keys():
             path.unlink()
         for path, content in new.items():
@@ -93,22 +88,3 @@ def _published(made: Sequence[Part], folder: Path) -> Iterator[tuple[Path, bytes
                 yield name.with_name(name.name + COMPRESSED), lzma.compress(content)
             else:
                 yield name, content
-
-
-def _check(after: Mapping[Path, bytes], target: Path, *, mixed: bool) -> None:
-    """Refuse results of several states of the code, unless that is asked, or too large ones."""
-    names: dict[str, list[str]] = {}
-    for path in sorted(path for path in after if path.name.endswith(RECORD)):
-        state = str(documents.checked(path, after[path], Record).get("state", ""))
-        names.setdefault(state[:10] or "unknown", []).append(path.name.removesuffix(RECORD))
-    if len(names) > 1 and not mixed:
-        told = "; ".join(f"{state}: {', '.join(those)}" for state, those in names.items())
-        raise InputError(f"results of several states of the code, --mixed allows them: {told}")
-    size = sum(map(len, after.values()))
-    if size > LARGEST:
-        largest = sorted(after, key=lambda path: len(after[path]), reverse=True)[:3]
-        named = ", ".join(f"{path} {len(after[path]) / 1e6:.1f} MB" for path in largest)
-        raise InputError(
-            f"{target} would have {size / 1e6:.1f} MB, at most {LARGEST / 1e6:.0f} are allowed;"
-            f" the largest: {named}"
-        )

@@ -90,7 +90,6 @@ class Part:
     folder: str = ""  # name of another part, to whose files it adds; empty for a folder of its own
     retired: str = ""  # commit up to which the code has the command that made it
     judges: bool = False  # whether exit code 1 says that a check failed, not that the report did
-    alone: bool = False  # whether it measures times, and needs the machine for itself
     seconds: float | None = None  # processor time of the short run [s]
     measure: str = ""  # function that returns the rows, if its command is one of `bench`
     help: str = ""  # of that command

@@ -1,8 +1,8 @@
 """The runner: parts made by the commands that a user would type, each with a record beside it.
 
-Two parts are made at a time, those that measure times alone. A part stays while its record names
-the same command, inputs, code, packages and machine, so that the same `bench run` goes on where it
-was interrupted.
+Parts are made one after another, so that nothing of ours disturbs their times. A part stays while
+its record names the same command, inputs, code, packages and machine, so that the same `bench run`
+goes on where it was interrupted.
 """
 
 import os
@@ -11,8 +11,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor, wait
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -28,7 +27,6 @@ from gen.runtime.signals import Interruption
 from gen.scene import load as load_scene
 
 ROWS = 1500  # rows of the paper preset that a short run generates; a full one generates all 15,878
-TOGETHER = min(2, os.cpu_count() or 1)  # parts that run at the same time
 PATIENCE = 60.0  # seconds that a part has to end after a signal, before it is killed
 
 
@@ -53,57 +51,29 @@ def run(inputs: Inputs, only: Sequence[str] = ()) -> tuple[Path, Outcome]:
 
 
 def make(parts: Iterable[Part], inputs: Inputs, after: Callable[[], object]) -> Outcome:
-    """Make the parts that are not there yet; `after` is called when parts have been made.
+    """Make the parts that are not there yet; `after` is called when a part has been made.
 
-    Two run at a time on a machine of two cores or more, but those that measure times, which are
-    alone. What the commands print to standard error is passed on.
+    What the commands print to standard error is passed on.
     """
     wanted = [part for part in parts if inputs.arguments(part)]
-    codes: dict[str, int] = {}
-    with Interruption(listening=True) as interruption, ThreadPoolExecutor(TOGETHER) as pool:
-        for batch in _batches(wanted, inputs):
+    failed: list[str] = []
+    with Interruption(listening=True) as interruption:
+        for number, part in enumerate(wanted, 1):
             if interruption.requested():
                 break
-            missing = []
-            for part in batch:
-                heading, kept = (
-                    f"[{wanted.index(part) + 1}/{len(wanted)}] {part.name}",
-                    _kept(part, inputs),
-                )
-                if kept is not None:
-                    remark(f"{heading}: is there")
-                    codes[part.name] = kept.code
-                else:
-                    time = told(seconds(part, inputs))
-                    remark(f"{heading} ({time}): {inputs.making(part).command}")
-                    missing.append(part)
-            running = [pool.submit(_run, part, inputs, interruption) for part in missing]
-            while wait(running, timeout=0.2).not_done:
-                pass  # a thread that waits for a lock would not hear signals that others received
-            made = [each.result() for each in running]
-            if interruption.requested():
-                break
-            codes |= {part.name: code for part, code in zip(missing, made, strict=True)}
-            if missing:
+            heading, kept = f"[{number}/{len(wanted)}] {part.name}", _kept(part, inputs)
+            if kept is not None:
+                remark(f"{heading}: is there")
+                code = kept.code
+            else:
+                time = told(seconds(part, inputs))
+                remark(f"{heading} ({time}): {inputs.making(part).command}")
+                code = _run(part, inputs, interruption)
+                if interruption.requested():
+                    break
                 after()
-    failed = tuple(part.name for part in wanted if codes.get(part.name))
-    return Outcome(failed, interruption.signal)
-
-
-def _batches(parts: Sequence[Part], inputs: Inputs) -> Iterator[list[Part]]:
-    """Yield parts that run at the same time: none is alone, or reads or writes another's folder."""
-    batch: list[Part] = []
-    for part in parts:
-        touched = {inputs.folder(part), *inputs.making(part).sources.values()}
-        folders = [inputs.folder(each) for each in batch]
-        shared = any(path.is_relative_to(folder) for path in touched for folder in folders)
-        apart = not shared and not any(each.alone for each in batch)
-        if batch and (part.alone or len(batch) == TOGETHER or not apart):
-            yield batch
-            batch = []
-        batch.append(part)
-    if batch:
-        yield batch
+            failed += [part.name] * bool(code)
+    return Outcome(tuple(failed), interruption.signal)
 
 
 def _chosen(only: Sequence[str], inputs: Inputs) -> list[Part]:
@@ -241,10 +211,6 @@ def planned(inputs: Inputs, only: Sequence[str] = ()) -> str:
         f"  {part.title}"
         for part in parts
     ]
-    known = sum(
-        max(left.get(part.name) or 0.0 for part in batch) for batch in _batches(parts, inputs)
-    )
-    unknown = sum(time is None for time in left.values())
-    more = f" and {unknown} of an unknown time" if unknown else ""
-    lines.append(f"{len(left)} parts to make: {told(known)} by earlier records{more}")
+    known = sum(time or 0.0 for time in left.values())
+    lines.append(f"{len(left)} parts to make: {told(known)} by earlier records")
     return "\n".join(lines)

@@ -1,12 +1,11 @@
 """`python -m bench paper`: parts in the order of the paper, each made of the inputs it needs."""
 
-import time
 from collections.abc import Callable, Mapping, Sequence
 from inspect import signature
 from pathlib import Path
 
 from bench import databases
-from bench.contents import Absent, Content, files_of
+from bench.contents import Content, files_of
 from bench.databases import OTHER_SEED
 from bench.paper import database, models, surfaces
 from bench.record import Making, recorded, typed
@@ -52,28 +51,10 @@ def paper(
     return Report({}, text="\n".join(map(str, paths)))
 
 
-GENERATED = {"database", "fine"}  # inputs that are generated where they are not given
-
-HOW = "python -m learn compare and learn tune, then their folder as --comparison of "
-"""How to get the input that is not generated."""
-
-
-def inputs_of(name: str) -> dict[str, bool]:
-    """Return the inputs of a part, and whether it needs them."""
-    _, *inputs = signature(PARTS[name]).parameters.values()
-    return {each.name: each.default is each.empty for each in inputs}
-
-
-def missing_of(name: str, given: Mapping[str, Path]) -> list[str]:
-    """List the inputs that a part needs, and that are neither given nor generated."""
-    needed = [each for each, needs in inputs_of(name).items() if needs]
-    return [each for each in needed if each not in given and each not in GENERATED]
-
-
 def write_report(
     folder: Path, given: Mapping[str, Path], rows: int, *, only: Sequence[str] = ()
 ) -> list[Path]:
-    """Make the parts that are not made yet, or whose inputs have changed.
+    """Make the parts that are asked for, all unless named, and that the inputs allow.
 
     Inputs are `given` by the names of the command's options; databases that are not are generated
     in the folder's `databases`. Return pictures and tables, in the paper's order.
@@ -83,59 +64,42 @@ def write_report(
         if name in given:
             refuse(given[name])
     parts = _chosen(only, given)
-    needed = {each for name in parts for each in inputs_of(name)} & GENERATED
+    needed = {each for name in parts for each in signature(PARTS[name]).parameters}
     sources = {**given, **_databases(folder / "databases", given, rows, needed)}
     make_folder(folder)
+    options = [word for name, path in given.items() for word in (f"--{name}", str(path))]
+    command = typed(["-m", "bench", "paper", *options, "-o", str(folder)])
     written: dict[Path, None] = {}
     for number, name in enumerate(parts, 1):
-        own = {each: sources[each] for each in inputs_of(name) if each in sources}
-        making = Making(_record(folder, name), _command(folder, name, given, rows), own)
-        shown = recorded(making.path)
-        if shown is None or not making.stays():
-            remark(f"{number} of {len(parts)}: {name}")
-            began = time.monotonic()
-            shown = PARTS[name](folder, **own)
-            making.write(shown, seconds=round(time.monotonic() - began, 1))
+        remark(f"{number} of {len(parts)}: {name}")
+        _, *wanted = signature(PARTS[name]).parameters
+        own = {each: sources[each] for each in wanted if each in sources}
+        shown = PARTS[name](folder, **own)
+        Making(folder / f"{name}.part.json", command, own).write(shown)
         written |= dict.fromkeys(path for each in shown for path in files_of(each))
     return list(written)
 
 
 def contents(folder: Path) -> list[Content]:
-    """List what a page shows of a folder of the report: each part, or that it is absent.
-
-    Parts that earlier code made, and this code does not make, come last.
-    """
-    shown: list[Content] = []
-    for name in PARTS:
-        how = HOW * bool(missing_of(name, {})) + "python -m bench paper"
-        shown += recorded(_record(folder, name)) or [Absent(name, how)]
-    earlier = sorted({*folder.glob("*.part.json")} - {_record(folder, name) for name in PARTS})
-    return shown + [each for path in earlier for each in recorded(path) or ()]
-
-
-def _record(folder: Path, name: str) -> Path:
-    return folder / f"{name}.part.json"
-
-
-def _command(folder: Path, part: str, given: Mapping[str, Path], rows: int) -> str:
-    """Return the command that makes one part, as a user types it."""
-    words = ["-m", "bench", "paper", "-o", str(folder), "--only", part]
-    for name in inputs_of(part):
-        if name in given:
-            words += [f"--{name}", str(given[name])]
-        elif name == "database":
-            words += ["--rows", str(rows)]
-    return typed(words)
+    """List what a page shows of a folder of the report: its parts, those of earlier code last."""
+    records = [folder / f"{name}.part.json" for name in PARTS]
+    earlier = sorted({*folder.glob("*.part.json")} - {*records})
+    return [each for path in (*records, *earlier) for each in recorded(path) or ()]
 
 
 def _chosen(only: Sequence[str], given: Mapping[str, Path]) -> list[str]:
-    """Return the parts that are asked for and that the inputs allow."""
+    """Return the parts that are asked for and that the inputs allow: databases are generated."""
+    possible = list(PARTS)
+    for name, function in PARTS.items():
+        needed = signature(function).parameters.get("comparison")
+        if needed and needed.default is needed.empty and "comparison" not in given:
+            possible.remove(name)
     for name in only:
         if name not in PARTS:
             raise InputError(f"--only {name}: give one of {', '.join(PARTS)}")
-        if missing := missing_of(name, given):
-            raise InputError(f"--only {name}: needs --{missing[0]}")
-    return [name for name in PARTS if (not only or name in only) and not missing_of(name, given)]
+        if name not in possible:
+            raise InputError(f"--only {name}: needs --comparison")
+    return [name for name in possible if not only or name in only]
 
 
 def _databases(

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from page_parts import WRITE, inputs, makes, part, written
 
-from bench.contents import Absent, Content, Figure, Table, Words
+from bench.contents import Content, Figure, Table, Words
 from bench.page import states, write_page
 from bench.picture import new_figure, save
 from bench.record import Machine, Record, code_state
@@ -81,7 +81,6 @@ def contents(folder: Path) -> list[Content]:
         Table(written("cases.csv", cases, folder), "Cases.", verdict="verdict"),
         Words("First line,\n  then " + "x" * 500, typed=True),
         Words("y" * 500),
-        Absent("Peers", "pip install them"),
     ]
 
 
@@ -108,7 +107,6 @@ def test_page_shows_what_there_is_and_says_what_is_not(shown: Path) -> None:
     assert text.count('<tr class="failed">') == 1
     assert re.search(r'Rows with a verdict:\s+2 in <a href="#one">All kinds</a>;\s', text)
     assert "1 failed" in text
-    assert "Left out: Peers. pip install them" in text
     assert text.index("All kinds") < text.index("1 more reports are not here")
     assert "<li><code>two</code>: Not made</li>" in text
     assert "(not here)" not in text

@@ -146,10 +146,9 @@ def test_command_writes_table_and_picture(
         assert float(row["seconds"]) > 0
 
 
-def test_command_compares_bodies_that_yield(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+def test_command_compares_bodies_that_yield(tmp_path: Path) -> None:
     arguments = ["--nodes", "17", "--deltas", "25", "--rounds", "1", "--hardness", "0.02,0.1"]
     assert main(["peers", "-o", str(tmp_path), *arguments]) == 0
-    assert "Each at its loosest tolerance" in capsys.readouterr().out
     _, rows = read_table(tmp_path / "hardness.csv")
     assert [row["hardness"] for row in rows if row["solver"] == "bem"] == ["", "0.1", "0.02"]
     assert [int(row["yielded_nodes"]) > 0 for row in rows if row["solver"] == "bem"][1:] == [

@@ -1,13 +1,11 @@
-"""What a run has made goes into the results whole, of one state of the code, and not too large."""
+"""What a run has made goes into the results whole."""
 
-import json
 import lzma
 from pathlib import Path
 
 import pytest
 from page_parts import WRITE, inputs, makes, part, written
 
-from bench import publish as publishing
 from bench.__main__ import main
 from bench.contents import Content, Figure, Table
 from bench.picture import new_figure, save
@@ -42,9 +40,9 @@ ONE = part("one", WRITE)
 PICTURED = Part("two", "Chapter", "Two", WRITE, WRITE, pictured)
 
 
-def published(made: Path, parts: list[Part], *, mixed: bool = False) -> list[str]:
+def published(made: Path, parts: list[Part]) -> list[str]:
     target = made.parent / "results"
-    paths = publish(parts, inputs(made, full=True), target, mixed=mixed)
+    paths = publish(parts, inputs(made, full=True), target)
     return [path.relative_to(target).as_posix() for path in paths]
 
 
@@ -71,34 +69,12 @@ def test_a_folder_made_anew_loses_what_it_held_and_others_do_not(made: Path) -> 
     assert stale.exists(), "another part of this folder was not made"
 
 
-def test_several_states_of_the_code_are_refused_unless_they_are_asked_for(made: Path) -> None:
-    record = made / "one" / "one.part.json"
-    found = json.loads(record.read_text())
-    for state in ("a" * 64, ""):
-        record.write_text(json.dumps(found | {"state": state}))
-        with pytest.raises(InputError, match=f"{state[:10] or 'unknown'}: one"):
-            published(made, [ONE, PICTURED])
-        assert not (made.parent / "results").exists()
-    assert len(published(made, [ONE, PICTURED], mixed=True)) == 8
-    record.write_text(json.dumps(found))
-    published(made, [ONE, PICTURED])  # all of one state again
-
-
-def test_too_much_is_refused_before_anything_is_written(
-    made: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(publishing, "LARGEST", 2000)
-    with pytest.raises(InputError, match=r"at most 0 are allowed; the largest: .*large.csv.xz"):
-        published(made, [ONE, PICTURED])
-    assert not (made.parent / "results").exists()
-
-
 @pytest.mark.parametrize("target", [".", "one", "..", "link"])
 def test_what_is_read_is_not_written_over(made: Path, target: str) -> None:
     (made / "link").symlink_to(made)
     before = {path: path.read_bytes() for path in made.parent.rglob("*") if path.is_file()}
     with pytest.raises(InputError, match="is read, give a folder apart from it"):
-        publish([ONE, PICTURED], inputs(made, full=True), made / target, mixed=False)
+        publish([ONE, PICTURED], inputs(made, full=True), made / target)
     after = {path: path.read_bytes() for path in made.parent.rglob("*") if path.is_file()}
     assert after == before
 

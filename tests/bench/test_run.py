@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -133,11 +132,11 @@ def test_a_part_that_does_not_heed_a_signal_is_killed(
     )
     monkeypatch.setattr(running, "PATIENCE", 0.5)
     began = time.monotonic()
-    parts = [part("deaf", str(deaf)), part("two", WRITE), part("three", WRITE)]
+    parts = [part("deaf", str(deaf)), part("two", WRITE)]
     outcome = makes(tmp_path, parts)
     assert outcome.signal == signal.SIGINT
     assert time.monotonic() < began + 30
-    assert not (tmp_path / "three").exists()
+    assert not (tmp_path / "two").exists()
 
 
 def test_commands_make_and_rewrite_a_page(
@@ -304,14 +303,3 @@ def test_runs_take_ten_minutes_or_three_hours_by_the_published_times(
     assert time is not None
     assert int(time[1]) <= minutes
     assert not (tmp_path / "report").exists()
-
-
-def test_parts_run_together_unless_they_measure_times_or_need_each_other(tmp_path: Path) -> None:
-    one, two, three = (part(name, WRITE) for name in ("one", "two", "three"))
-    timed = replace(part("timed", WRITE), alone=True)
-    reading = part("reading", WRITE + "#{comparison}")
-    compared = part("comparison", WRITE)
-    together = running._batches([one, two, three, timed, compared, reading], inputs(tmp_path))
-    assert [[each.name for each in batch] for batch in together] == [
-        *(["one", "two"], ["three"], ["timed"], ["comparison"], ["reading"])
-    ]

@@ -1,4 +1,4 @@
-"""The whole report on few rows: what it holds, what it makes anew, and what its tables say."""
+"""The whole report on few rows: what it holds, and what its tables say."""
 
 import csv
 
@@ -7,7 +7,7 @@ import pytest
 import learn.cli
 from bench import __main__ as bench
 from bench import databases, picture, theory
-from bench.contents import Absent, Figure, Table, Words, files_of
+from bench.contents import Figure, Table, Words, files_of
 from bench.paper import database, facts, report, surfaces
 from bench.paper.facts import why
 from bench.paper.report import contents
@@ -65,11 +65,10 @@ def made(preset, comparison, tmp_path_factory):
 def test_everything_there_is_shown_in_the_papers_order(made):
     folder, _, paths = made
     shown = contents(folder)
-    assert not [each for each in shown if isinstance(each, Absent)]
     files = [path for each in shown for path in files_of(each)]
     assert list(dict.fromkeys(files)) == paths
     assert all(path.stat().st_size > 60 for path in paths)
-    assert all(f"-o {folder} --only " in each.command for each in shown)
+    assert all(each.command.endswith(f"-o {folder}") for each in shown)
     assert all(30 < len(each.caption) < 900 for each in shown)
     assert {path.name.partition(".")[0] for path in folder.glob("*.part.json")} == NAMES
     sections = [each.caption.split()[:2] for each in shown if each.caption.startswith("Section")]
@@ -106,29 +105,16 @@ def test_tables_hold_both_sides(made, preset):
     assert fifth["nmae"]["paper"] == "3.95"
 
 
-def test_only_what_its_inputs_changed_is_made_again(made, comparison, capsys):
-    folder, given, paths = made
-    assert report.write_report(folder, given, 200) == paths
-    assert capsys.readouterr().err == ""
-    (folder / "profile.png").unlink()
-    (folder / "numbers.csv").unlink()
-    assert report.write_report(folder, given, 200) == paths
-    assert [line.split()[-1] for line in capsys.readouterr().err.splitlines()] == [
-        "numbers",
-        "profile",
-    ]
-
-
-def test_what_is_missing_is_absent_with_what_to_do(tmp_path):
-    assert all(isinstance(each, Absent) for each in contents(tmp_path))
-    assert len(contents(tmp_path)) == len(report.PARTS)
-    drawn, record = tmp_path / "profile.png", tmp_path / "profile.part.json"
+def test_parts_whose_files_are_there_are_shown(tmp_path):
+    assert contents(tmp_path) == []
+    drawn, record = tmp_path / "profile.png", tmp_path / "earlier.part.json"
     drawn.write_bytes(b"png")
     Making(record, "command", {}).write([Figure(drawn, "a", "b"), Table(drawn, "d"), Words("c")])
-    shown = [each for each in contents(tmp_path) if not isinstance(each, Absent)]
-    assert shown == [Figure(drawn, "a", "b"), Table(drawn, "d", "command"), Words("c")]
+    assert contents(tmp_path) == [
+        *(Figure(drawn, "a", "b"), Table(drawn, "d", "command"), Words("c"))
+    ]
     drawn.unlink()
-    assert all(isinstance(each, Absent) for each in contents(tmp_path))
+    assert contents(tmp_path) == []
     record.write_text("{")
     with pytest.raises(InputError, match="move it away"):
         contents(tmp_path)
@@ -139,7 +125,7 @@ def test_a_part_is_made_alone_without_what_it_does_not_need(tmp_path):
     assert {path.name for path in paths} == {"profile.png", "profile.csv", "table-2.csv"}
     assert not (tmp_path / "databases").exists()
     made = read(tmp_path / "profile.part.json")
-    assert made.command == f"python -m bench paper -o {tmp_path} --only profile"
+    assert made.command == f"python -m bench paper -o {tmp_path}"
 
 
 @pytest.mark.parametrize(
