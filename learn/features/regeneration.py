@@ -12,13 +12,14 @@ import zlib
 from collections.abc import Callable, Iterator
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
 
-from gen.arrays import Values
+from gen.arrays import Indices, Values
 from gen.database import Reader
-from gen.generation.plan import Parameters, parameters
+from gen.generation.plan import parameters
 from gen.generation.sample import surface_of
 from gen.runtime.errors import InputError, SourceError
 from gen.runtime.files import atomic, require_file
@@ -51,35 +52,54 @@ def hybrid_rows(
     number per side of the coarse solve. InputError is raised if the file is no database, or its
     surfaces cannot be generated again.
     """
-    job = _Job(path, blocks)
-    if not job.blocks:
-        return job.values
-    scene, folder, _ = job.shared
+    with Reader(path) as reader:
+        scene, first = reader.scene, reader.rows.start
+        usable = reader.column("status") == Status.DONE
+        inputs = np.stack([reader.column(name) for name in _inputs(scene)], axis=1)
+    finer = "" if blocks == BLOCKS else f"-{blocks}"
+    cache = path.with_name(f"{path.name}.pressed{finer}.npz")
+    # A fingerprint of all that the features depend on besides the inputs.
+    text = f"{VERSION} {blocks} {LOOSE} {','.join(HYBRID)} {PHYSICS} {scene.fingerprint()}"
+    key = hashlib.sha256(text.encode()).hexdigest()
+    values = kept(cache, key, inputs)
+    usable &= np.isfinite(inputs).all(axis=1)
+    left = usable & ~np.isfinite(values).all(axis=1)
+    tasks = [
+        (start, stop, tuple(inputs[start - first : stop - first, 0].tolist()))
+        for start, stop in _blocks(first + np.flatnonzero(left), scene.samples_per_surface)
+    ]
+    if not tasks:
+        return values
     # Maps are prepared here before many processes ask for them at once.
-    scene.surface.make_ready(folder)
-    rows = sum(stop - start for start, stop, _ in job.blocks)
+    scene.surface.make_ready(path.parent)
+    rows, last = sum(stop - start for start, stop, _ in tasks), time.monotonic()
     with RunProgress(rows, "surfaces") as progress:
         progress.say(
             f"{path}: generating {rows} surfaces anew for their hybrid features; they are kept in"
-            f" {job.cache}"
+            f" {cache}"
         )
 
         def keep(block: Block, result: tuple[Values, Values]) -> None:
-            job.keep(block, *result)
+            nonlocal last
+            inside = slice(block[0] - first, block[1] - first)
+            same = np.isclose(inputs[inside], result[0], AGREEMENT, AGREEMENT * 1e-3).all(axis=1)
+            if (wrong := left[inside] & ~same).any():
+                raise InputError(
+                    f"{path}: row {block[0] + np.argmax(wrong)}, generated anew from its scene, is"
+                    " another surface: use --features paper or dimensionless"
+                )
+            values[inside][left[inside]] = result[1][left[inside]]
             progress.advance(block[1] - block[0], 0)
-
-        def ended() -> bool:
-            return stopping() or bool(job.fault)
+            if time.monotonic() > last + SAVE_SECONDS:
+                last = time.monotonic()
+                _save(cache, key=key, inputs=inputs, values=values)
 
         try:
-            executor.run(_compute, job.shared, job.blocks, keep, stopping=ended)
+            executor.run(_compute, (scene, path.parent, blocks), tasks, keep, stopping=stopping)
         finally:
-            note = "" if job.fault else job.save()
-            if note:
+            if note := _save(cache, key=key, inputs=inputs, values=values):
                 progress.say(note)
-    if job.fault:
-        raise InputError(job.fault)
-    return job.values
+    return values
 
 
 def _compute(shared: tuple[Scene, Path, int], block: Block) -> tuple[Values, Values]:
@@ -106,28 +126,21 @@ def compute_block(scene: Scene, block: Block, blocks: int = BLOCKS) -> tuple[Val
         inputs[:, -1] = plan.hardness
     surface: SurfaceFeatures | None = None
     for row in range(stop - start):
-        if row == 0 or plan.surface[row] != plan.surface[row - 1]:
-            surface = _surface(scene, plan, row, f"row {start + row}")
-        if surface is None:  # failed rows of the database: they have no inputs either
-            continue
         try:
+            if row == 0 or plan.surface[row] != plan.surface[row - 1]:
+                surface = None
+                surface = of_scene(scene, surface_of(scene, plan, row), f"row {start + row}")
+            if surface is None:  # failed rows of the database: they have no inputs either
+                continue
             inputs[row, 1 : 1 + len(STATISTICS)] = surface.statistics
             if deltas[row] > 0 and not surface.description.reason:
                 ratio = None if ratios is None else float(ratios[row])
                 values[row] = surface.hybrid(float(deltas[row]), ratio, blocks)
-        except InputError:
+        except SourceError:
+            raise
+        except (ArithmeticError, InputError):
             continue
     return inputs, values
-
-
-def _surface(scene: Scene, plan: Parameters, row: int, name: str) -> SurfaceFeatures | None:
-    """Make the surface of a row again; None for one that cannot be made, whose rows have failed."""
-    try:
-        return of_scene(scene, surface_of(scene, plan, row), name)
-    except SourceError:
-        raise
-    except (ArithmeticError, InputError):
-        return None
 
 
 def _inputs(scene: Scene) -> tuple[str, ...]:
@@ -140,80 +153,36 @@ def of_scene(scene: Scene, heights: Values, name: str) -> SurfaceFeatures:
     return SurfaceFeatures(heights, scene.sides, scene.spacing, name, scene.contact.boundary)
 
 
-class _Job:
-    """The rows that the file beside the database has, and the rows that it lacks."""
+def _save(cache: Path, **arrays: Any) -> str:
+    """Write the file beside the database; return why that was not possible, or ""."""
+    try:
+        with atomic(cache, "arrays") as file:
+            np.savez(file, **arrays)
+    except InputError as error:
+        return f"warning: {error}: not kept"
+    return ""
 
-    def __init__(self, path: Path, blocks: int = BLOCKS) -> None:
-        with Reader(path) as reader:
-            scene, self.first = reader.scene, reader.rows.start
-            done = reader.column("status") == Status.DONE
-            self.inputs = np.stack([reader.column(name) for name in _inputs(scene)], axis=1)
-        finer = "" if blocks == BLOCKS else f"-{blocks}"
-        self.path, self.cache = path, path.with_name(f"{path.name}.pressed{finer}.npz")
-        self.shared = scene, path.parent, blocks
-        # A fingerprint of all that the features depend on besides the inputs.
-        text = f"{VERSION} {blocks} {LOOSE} {','.join(HYBRID)} {PHYSICS} {scene.fingerprint()}"
-        self.key = hashlib.sha256(text.encode()).hexdigest()
-        self.values, self.fault = self._kept(), ""
-        self.last_save = time.monotonic()
-        usable = done & np.isfinite(self.inputs).all(axis=1)
-        lacking = np.flatnonzero(usable & ~np.isfinite(self.values).all(axis=1))
-        self.left = set((self.first + lacking).tolist())
-        self.blocks = [
-            (start, stop, tuple(self.inputs[start - self.first : stop - self.first, 0].tolist()))
-            for start, stop in _blocks(self.left, scene.samples_per_surface)
-        ]
 
-    def keep(self, block: Block, inputs: Values, values: Values) -> None:
-        """Store the features of a block, or say why they cannot be the database's."""
-        start, stop, _ = block
-        for row in range(start, stop):
-            if row not in self.left:
-                continue
-            own, again = self.inputs[row - self.first], inputs[row - start]
-            if not np.allclose(own, again, rtol=AGREEMENT, atol=AGREEMENT * 1e-3):
-                self.fault = self.fault or (
-                    f"{self.path}: row {row}, generated anew from its scene, is another surface:"
-                    " use --features paper or dimensionless"
-                )
-                return
-            self.values[row - self.first] = values[row - start]
-            self.left.discard(row)
-        if time.monotonic() > self.last_save + SAVE_SECONDS:
-            self.save()
-
-    def save(self) -> str:
-        """Write the file beside the database; return why that was not possible, or ""."""
-        self.last_save = time.monotonic()
-        try:
-            with atomic(self.cache, "arrays") as file:
-                np.savez(file, key=self.key, inputs=self.inputs, values=self.values)
-        except InputError as error:
-            return f"warning: {error}: not kept"
-        return ""
-
-    def _kept(self) -> Values:
-        """Return the features that the file has for rows whose inputs have not changed."""
-        values = np.full((len(self.inputs), len(HYBRID)), np.nan)
-        try:  # numpy leaves a broken file open
-            content = BytesIO(require_file(self.cache).read_bytes())
-            with np.load(content, allow_pickle=False) as kept:
-                key, inputs, known = str(kept["key"]), kept["inputs"], kept["values"]
-        except (OSError, ValueError, KeyError, BadZipFile, EOFError, MemoryError, zlib.error):
-            return values
-        if key != self.key or {inputs.dtype, known.dtype} != {np.dtype(np.float64)}:
-            return values
-        if inputs.ndim == 2 and inputs.shape[1] == self.inputs.shape[1]:
-            rows = min(len(inputs), len(values))
-            same = (inputs[:rows] == self.inputs[:rows]).all(axis=1)
-            if known.shape == (len(inputs), len(HYBRID)):
-                values[:rows][same] = known[:rows][same]
+def kept(cache: Path, key: str, inputs: Values) -> Values:
+    """Return the features that a file has for rows whose inputs have not changed, else NaN."""
+    values = np.full((len(inputs), len(HYBRID)), np.nan)
+    try:  # numpy leaves a broken file open
+        with np.load(BytesIO(require_file(cache).read_bytes()), allow_pickle=False) as file:
+            theirs, before, known = str(file["key"]), file["inputs"], file["values"]
+    except (OSError, ValueError, KeyError, BadZipFile, EOFError, MemoryError, zlib.error):
         return values
+    shapes = len(before) if before.ndim else 0, inputs.shape[1]
+    fits = before.shape == shapes and known.shape == (len(before), len(HYBRID))
+    if theirs == key and fits and {before.dtype, known.dtype} == {np.dtype(np.float64)}:
+        rows = min(len(before), len(values))
+        same = (before[:rows] == inputs[:rows]).all(axis=1)
+        values[:rows][same] = known[:rows][same]
+    return values
 
 
-def _blocks(rows: set[int], samples_per_surface: int) -> Iterator[tuple[int, int]]:
-    """Yield runs of rows of whole surfaces, at most about `BLOCK_ROWS` long."""
+def _blocks(rows: Indices, samples_per_surface: int) -> Iterator[tuple[int, int]]:
+    """Yield runs of ascending rows, (k,), of whole surfaces, about `BLOCK_ROWS` long."""
     length = max(1, BLOCK_ROWS // samples_per_surface) * samples_per_surface
-    for number in sorted({row // length for row in rows}):
-        inside = [row for row in range(number * length, (number + 1) * length) if row in rows]
-        yield inside[0], inside[-1] + 1
+    for number in np.unique(rows // length):
+        inside = rows[rows // length == number]
+        yield int(inside[0]), int(inside[-1]) + 1
