@@ -10,10 +10,11 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import partial
 from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
 from inspect import signature
 from typing import TYPE_CHECKING, Any
 
@@ -27,6 +28,9 @@ from learn.metrics import usual_size
 
 if TYPE_CHECKING:
     from learn.dataset import Dataset
+
+LIBRARIES = ("numpy", "scipy", "scikit-learn", "xgboost-cpu")
+"""Libraries whose versions decide the numbers."""
 
 NORMALISATIONS = ("l2", "standard", "min-max", "none")
 """Scalings of the rows: every row to unit length (the paper's), every input to mean 0 and
@@ -146,6 +150,16 @@ def normalisation_of(usual: str, given: str) -> str:
     if given and given not in NORMALISATIONS:
         raise InputError(f"--normalise {given!r}: give one of {', '.join(NORMALISATIONS)}")
     return given or usual
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of the libraries that decide the numbers, "" for a missing one."""
+    found = dict.fromkeys(LIBRARIES, "")
+    for name, other in zip(LIBRARIES, (*LIBRARIES[:-1], "xgboost"), strict=True):
+        for each in (other, name):
+            with suppress(PackageNotFoundError):
+                found[name] = version(each)
+    return found
 
 
 REMARK_LENGTH = 300

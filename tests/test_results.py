@@ -17,8 +17,7 @@ from bench.page import page_of
 from bench.record import Inputs
 from bench.report import PARTS
 from docs.extensions.tables import TABLES, markdown_of
-from learn.comparison.folder import LIBRARIES
-from learn.models import MODELS
+from learn.models import LIBRARIES, MODELS
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "bench" / "results"

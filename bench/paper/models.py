@@ -20,7 +20,7 @@ from bench.paper.facts import (
     why,
 )
 from bench.picture import COLOURS, new_figure
-from bench.surrogates.cost import PAPER_ROWS, PAPER_SOLVE, PAPER_TESTS
+from bench.surrogates.cost import PAPER_ROWS, PAPER_SOLVE, PAPER_TESTS, time_of
 from gen.database import Reader
 from gen.runtime.errors import InputError
 from gen.runtime.figure import draw_parity, parity_axes
@@ -31,7 +31,6 @@ from learn.comparison.paper import OPTIMA, SPACES
 from learn.comparison.pictures import DOTS
 from learn.comparison.tables import NOT_SEARCHED
 from learn.models import MODELS
-from learn.surrogate.break_even import time_of
 
 # So far may the paper's nMSE and R2 of a model be from those of its others, relatively.
 BELONG = 0.15

@@ -33,7 +33,6 @@ from learn.comparison.folder import Folder
 from learn.dataset import Request
 from learn.features import OF_SURFACES, SurfaceFeatures, chosen
 from learn.metrics import scores
-from learn.surrogate.break_even import break_even, time_of
 
 PAPER_SOLVE = 189.79  # mean time of the paper's solver for one contact (section 4.4) [s]
 # Rows of the paper's database, and of its test set, which its prediction times are for.
@@ -51,6 +50,22 @@ SCENE = load("paper").model_copy(update={"seed": OTHER_SEED})
 SIDE = SCENE.sides[0]
 
 Contacts = list[tuple[Heights, float]]  # surfaces, each with its displacement [um]
+
+
+def break_even(build: float, solver: float, query: float) -> float:
+    """Return the number of queries from which on a surrogate is cheaper, infinity if it never is.
+
+    Its rows, features and fit take `build`, an answer by the solver and by the surrogate `solver`
+    and `query` [s].
+    """
+    return math.inf if query >= solver else math.ceil(build / (solver - query))
+
+
+def time_of(seconds: float) -> str:
+    """Write a time in a unit that suits it."""
+    units = {1e-3: ("us", 1e6), 1.0: ("ms", 1e3), 600.0: ("s", 1.0), 1e6: ("h", 1 / 3600)}
+    unit, number = next((u for most, u in units.items() if seconds < most), ("d", 1 / 86400))
+    return f"{number * seconds:.3g} {unit}"
 
 
 class SolverTimes(NamedTuple):

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import signal
 import time
+from collections.abc import Callable
 from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
@@ -75,12 +77,13 @@ class Selection(NamedTuple):
     ] = False
     trust: Trust = False
 
-    def request(self, file: Path, output: Path, until: float = inf) -> Request:
-        """Return the request of a comparison, after a look at its folder.
+    def request(self, file: Path, output: Path, began: float = 0.0, budget: str = "") -> Request:
+        """Return the request of a comparison that began at a time, after a look at its folder.
 
         InputError is raised if the folder cannot be written, or an option has no meaning.
         """
         from learn.dataset import Request
+        from learn.executor import seconds
         from learn.features import chosen
         from learn.models import normalisation_of
 
@@ -96,7 +99,7 @@ class Selection(NamedTuple):
             seed=self.seed,
             train_rows=self.train_rows,
             again=self.again,
-            until=until,
+            until=began + seconds(budget) if budget else inf,
         )
 
 
@@ -109,14 +112,8 @@ def compare(file: Database, output: Output, *, selection: Selection) -> int:
     The fits run one after the other, so that their times are those of a process that works alone.
     """
     from learn.comparison import jobs
-    from learn.executor import lead
 
-    def job(executor: Executor) -> int:
-        request = selection.request(file, output)
-        with lock_folder(output):
-            return _show(request, jobs.compare(request, executor))
-
-    return lead(job, farm.this_world())
+    return _led(jobs.compare, lambda: selection.request(file, output))
 
 
 @grouped
@@ -145,14 +142,8 @@ def tune(
     """
     began = time.time()
     from learn.comparison import jobs
-    from learn.executor import lead, seconds
 
-    def job(executor: Executor) -> int:
-        request = selection.request(file, output, began + seconds(budget) if budget else inf)
-        with lock_folder(output):
-            return _show(request, jobs.tune(request, executor), tuned=True)
-
-    return lead(job, farm.this_world())
+    return _led(jobs.tune, lambda: selection.request(file, output, began, budget), tuned=True)
 
 
 @grouped
@@ -172,14 +163,8 @@ def estimate(
     """
     began = time.time()
     from learn.comparison import jobs
-    from learn.executor import lead, seconds
 
-    def job(executor: Executor) -> int:
-        request = selection.request(file, output, began + seconds(budget))
-        with lock_folder(output):
-            return _show(request, jobs.estimate(request, executor))
-
-    return lead(job, farm.this_world())
+    return _led(jobs.estimate, lambda: selection.request(file, output, began, budget))
 
 
 def show(
@@ -199,29 +184,35 @@ def show(
         _write_and_print(folder, pictures=pictures)
 
 
-def _show(request: Request, signal: int, *, tuned: bool = False) -> int:
-    """Print the tables after a job, or that a signal stopped it; return the exit code.
+def _led(
+    work: Callable[[Request, Executor], int], ask: Callable[[], Request], *, tuned: bool = False
+) -> int:
+    """Do the work of a request on all processes, and print the tables; return the exit code.
 
     InputError is raised if a constant does as well as a tuned model. Of baselines the tables say
     so: they are what the libraries' settings give, whatever that is.
     """
     from learn.comparison import tables
     from learn.comparison.folder import targets
+    from learn.executor import lead
     from learn.models import MODELS
 
-    if signal:
-        import signal as signals
+    def job(executor: Executor) -> int:
+        request = ask()
+        with lock_folder(request.output):
+            if number := work(request, executor):
+                name = signal.Signals(number).name
+                echo(f"stopped by {name}; the same command goes on with what is left")
+                return 128 + number
+            _write_and_print(request.output, pictures=False)
+            echo(f"pictures: {to_type(f'learn show {request.output}')}")
+            for part in targets(request.output):
+                for model, kind, said in tables.no_better_than_constant(part):
+                    if tuned and kind == "tuned" and model in (request.models or MODELS):
+                        raise InputError(f"{part.path}: {said}; the tables are still written")
+        return 0
 
-        name = signals.Signals(signal).name
-        echo(f"stopped by {name}; the same command goes on with what is left")
-        return 128 + signal
-    _write_and_print(request.output, pictures=False)
-    echo(f"pictures: {to_type(f'learn show {request.output}')}")
-    for part in targets(request.output):
-        for model, kind, said in tables.no_better_than_constant(part):
-            if tuned and kind == "tuned" and model in (request.models or MODELS):
-                raise InputError(f"{part.path}: {said}; the tables are still written")
-    return 0
+    return lead(job, farm.this_world())
 
 
 def _write_and_print(folder: Path, *, pictures: bool) -> None:

@@ -17,7 +17,6 @@ import csv
 import io
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -30,11 +29,8 @@ from gen.runtime.documents import Document, cell
 from gen.runtime.errors import InputError
 from learn.comparison import grid as grids
 from learn.dataset import Dataset
-from learn.models import MODELS
+from learn.models import MODELS, versions
 from learn.split import FOLDS, Split
-
-LIBRARIES = ("numpy", "scipy", "scikit-learn", "xgboost-cpu")
-"""Libraries whose versions decide the numbers."""
 
 KINDS = ("baseline", "library", "tuned")
 """Kinds of results, and the names of their folders."""
@@ -145,21 +141,6 @@ class Result(Document):
         if not times or any(each is None or not 0 <= each <= 1e15 for each in times):
             raise ValueError("there are scores without times of fit and predictions")
         return self
-
-
-def versions() -> dict[str, str]:
-    """Return the versions of the libraries that decide the numbers, "" for a missing one."""
-    installed = {name: _version(name) for name in LIBRARIES}
-    installed["xgboost-cpu"] = installed["xgboost-cpu"] or _version("xgboost")
-    return installed
-
-
-def _version(library: str) -> str:
-    """Return the version of a library, "" if it is not installed."""
-    try:
-        return version(library)
-    except PackageNotFoundError:
-        return ""
 
 
 def conditions(

@@ -1,10 +1,9 @@
 """What a growth tells in the end: one screen of words and numbers, and one picture.
 
-The screen says how it ended, errors, coverage, learning curve, and when the surrogate pays; the
-picture has the learning curve, and predictions with their intervals over the truth.
+The screen says how it ended, errors, coverage and the learning curve; the picture has the learning
+curve, and predictions with their intervals over the truth.
 """
 
-import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -15,8 +14,6 @@ from gen.runtime.terminal import echo, print_table, printable
 from learn.grow.accuracy import LEVEL, RISK, Appraisal
 from learn.grow.curve import Curve, values
 from learn.grow.rounds import Ending, Growth, asked_for
-from learn.grow.rows import stock
-from learn.surrogate import break_even
 
 TABLE_WIDTH = 110
 """Width of the tables without a terminal [characters]."""
@@ -58,7 +55,6 @@ def show(grown: Growth, found: Appraisal) -> None:
         said = f"learning curve of {grown.curve.target}: nMAE {points} rows;"
         said += f" {floor:.2g} + {scale:.3g} n^-{exponent:.2g} %"
         echo(said)
-    echo(payback(grown, found))
 
 
 def _verdict(grown: Growth, found: Appraisal) -> Iterator[str]:
@@ -104,16 +100,6 @@ def _errors(found: Appraisal) -> object:
             f"{width:.3g} {printable(about['unit'])}",
         )
     return table
-
-
-def payback(grown: Growth, found: Appraisal) -> str:
-    """Say when a surrogate pays, by the times of its making, of an answer and of a solve."""
-    test = found.sets[0].at(found.parts.test)
-    query = break_even.answer_seconds(found.surrogate, test.scene, test.rows, test.described[:, 0])
-    there = stock(grown.order.request.database)
-    again = 0.0 if math.isnan(query) else there.rows * query
-    build = there.seconds + again + grown.fitting
-    return break_even.in_words(build, there.solving, query)
 
 
 def draw(figure: Any, found: Appraisal, curve: Curve | None) -> None:

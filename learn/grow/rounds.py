@@ -57,7 +57,6 @@ class Growth:
     last: Appraisal | None = None  # the last surrogate with its errors
     curve: Curve | None = None  # the last learning curve
     advice: float | None = None  # rows that the last curve asks for, infinite if none suffice
-    fitting: float = 0.0  # time of all looks [s]
 
     @property
     def sizes(self) -> Sizes:
@@ -98,7 +97,6 @@ class Growth:
             self.advice = advise(found, self.curve, self.sizes, self.order.most)
         self.say(in_words(found, self.advice))
         spent = time.monotonic() - began - found.reading
-        self.fitting += spent
         self.pace.fit = rows, spent
         if rows > before:
             self.pace.features = found.reading / (rows - before)

@@ -103,25 +103,22 @@ class Stock:
     rows: int  # before the first one that is pending
     length: int  # all rows
     seconds: float  # that the finished rows took, surfaces included
-    solving: float  # mean time of a solve [s], NaN if there is none
 
 
 def stock(path: Path) -> Stock:
     """Count the finished rows of a database, which may not exist yet; a part is refused."""
     if not path.exists():
-        return Stock(0, 0, 0.0, math.nan)
+        return Stock(0, 0, 0.0)
     with Reader(path) as reader:
         if reader.rows != range(reader.scene.samples):
             raise InputError(f"{path}: is a part: {to_type('gen merge')} makes it whole")
         status = reader.column("status")
         solving, making = reader.column("solve_seconds"), reader.column("surface_seconds")
     pending = np.flatnonzero(status == Status.PENDING)
-    finished, done = status != Status.PENDING, status == Status.DONE
     return Stock(
         rows=int(pending[0]) if pending.size else len(status),
         length=len(status),
-        seconds=float(np.nansum(solving[finished]) + np.nansum(making[finished])),
-        solving=float(np.nanmean(solving[done])) if done.any() else math.nan,
+        seconds=float(np.nansum((solving + making)[status != Status.PENDING])),
     )
 
 

@@ -10,12 +10,11 @@ from gen.arrays import Indices, Values
 from gen.runtime import VERSION
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import printable
-from learn.comparison.folder import versions
 from learn.dataset import Dataset, Request
 from learn.features.scene import SCENE, plain, shown
 from learn.features.sets import limits_of, modulus
 from learn.metrics import magnitude, scores
-from learn.models import EVERY
+from learn.models import EVERY, versions
 from learn.surrogate import flag
 from learn.surrogate.calibration import FEWEST
 from learn.surrogate.learnt import Learnt

@@ -11,6 +11,7 @@ from bench import databases
 from bench.files import read_table
 from bench.surrogates import cost as times
 from bench.surrogates.cost import (
+    break_even,
     cost,
     of_the_paper,
     sizes,
@@ -19,7 +20,6 @@ from bench.surrogates.fitting import fit, parted, read, request_for
 from gen.database import Counts, Reader
 from gen.generation.run import RunResult
 from gen.runtime.errors import InputError
-from learn.surrogate.break_even import break_even
 
 
 @pytest.fixture(scope="module")

@@ -39,7 +39,6 @@ def test_a_growth_ends_in_one_screen(grown):
     assert len(lines) <= 20
     assert "The mark is met" in done.stdout
     assert "learning curve of area" in done.stdout
-    assert "an answer on a new surface takes" in done.stdout
     assert lines[-1] == "wrote my.surrogate, my.h5 and my.png"
     assert "rows held out" not in done.stderr
     assert (folder / "my.png").read_bytes().startswith(b"\x89PNG")
