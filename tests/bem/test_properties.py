@@ -47,18 +47,6 @@ def reach(heights: np.ndarray, kernel: Kernel, far_field: FarField, depth: float
     return min(depth, 0.98 * critical)
 
 
-@settings(max_examples=80)
-@given(kinds, seeds, shapes, kernels, far_fields, depths, shares)
-def test_force_grows_with_delta(kind, seed, shape, kernel, far_field, depth, share):
-    """It is the slope of the elastic energy, which is convex in Delta."""
-    heights = surface(kind, shape, seed)
-    delta = reach(heights, kernel, far_field, depth)
-    settings = {"kernel": kernel, "far_field": far_field}
-    less, more = (press(heights, delta=d, **settings) for d in (share * delta, delta))
-    assert 0 < less.force < more.force
-    assert less.approach < more.approach
-
-
 @settings(max_examples=60)
 @given(kinds, seeds, shapes, kernels, depths)
 def test_no_patch_is_stiffer_than_its_flat_punch(kind, seed, shape, kernel, depth):
@@ -120,35 +108,6 @@ def test_symmetries_of_the_square(kind, seed, shape, kernel, far_field, depth, t
     decided = (expected > scale) | (turned(still.gap, turns, transposed) > scale)
     np.testing.assert_array_equal((contact.pressure > 0)[decided], (expected > 0)[decided])
     assert contact.force == pytest.approx(still.force, rel=1e-7)
-
-
-def side_by_side(first: np.ndarray, second: np.ndarray, distance: int) -> np.ndarray:
-    """Put two bodies of n x n nodes on one patch, far above the plane between them."""
-    size = len(first)
-    heights = np.full((size, distance + size), -1e6)
-    heights[:, :size], heights[:, distance:] = first, second
-    return heights
-
-
-@settings(max_examples=40)
-@given(kinds, kinds, seeds, st.integers(1, 7), st.sampled_from([60, 120, 240]), kernels, depths)
-def test_far_contacts_feel_each_others_force_alone(
-    kind, other, seed, size, distance, kernel, depth
-):
-    """A body sinks by F / (pi E* d) of the other; the rest is one order of n / d smaller."""
-    bodies = surface(kind, (size, size), seed), surface(other, (size, size), seed + 1)
-    pair = press(side_by_side(*bodies, distance), delta=depth, kernel=kernel)
-    first, second = pair.pressure[:, :size].sum(), pair.pressure[:, distance:].sum()
-    highest = max(body.max() for body in bodies)
-    stiffness = flat_punch((size, size), kernel).sum()
-    for body, carried, beside in zip(bodies, (first, second), (second, first), strict=True):
-        delta = depth - (highest - body.max())
-        sunk = beside / (np.pi * distance)
-        alone = press(body, delta=delta, kernel=kernel).force
-        displaced = press(body, delta=delta - sunk, kernel=kernel).force
-        rounding = 1e-8 * depth * stiffness
-        assert abs(carried - displaced) <= 1.5 * stiffness * sunk * size / distance + rounding
-        assert abs(carried - alone) <= 1.5 * stiffness * sunk + rounding
 
 
 @settings(max_examples=60)

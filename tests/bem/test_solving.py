@@ -149,18 +149,6 @@ def test_it_is_cheap_and_exact_on_rough_surfaces(delta, far_field):
     assert contact.convolutions <= 60
 
 
-def test_mean_pressure_is_the_mean_over_all_nodes():
-    contact = bem.solve(LARGE, 1000.0, pressure=0.02, modulus=3.0)
-    assert contact.pressure.mean() == pytest.approx(0.02, rel=2e-6)
-    assert contact.problem.delta is None
-    assert contact.delta > 0
-
-
-def test_no_force_is_first_touch():
-    contact = bem.solve(LARGE, 1000.0, force=0.0)
-    assert (contact.force, contact.delta, contact.contact_nodes) == (0.0, 0.0, 0)
-
-
 def test_flat_surfaces_and_single_nodes_have_a_displacement():
     flat = bem.solve(np.zeros((9, 9)), 80.0, force=5.0)
     assert bem.solve(np.zeros((9, 9)), 80.0, flat.delta).force == pytest.approx(5.0, rel=1e-5)
@@ -228,9 +216,7 @@ def test_what_is_reached_before_the_bound_makes_sense(most):
     ("side", "scale", "load"),
     [
         (1e50, 1.0, {"force": 1e-300}),
-        (1e-50, 1.0, {"force": 1e300}),
         (1.0, 1e200, {"force": 1e-150}),
-        (1e-30, 1.0, {"pressure": 1e-300}),
     ],
 )
 def test_forces_that_would_vanish_or_overflow_are_refused(side, scale, load):

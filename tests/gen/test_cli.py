@@ -5,7 +5,7 @@ import pytest
 from launch import launch
 
 from bem.operators import patch
-from gen import cli, schema
+from gen import cli
 from gen.scene.columns import columns_for, markdown_table
 
 SMALL = "samples = 24\n[surface]\nnodes = 17\n"
@@ -39,14 +39,6 @@ def small_scene(folder):
     return load(str(folder / "small.toml"))
 
 
-def test_running_again_changes_nothing(folder, capsys):
-    assert cli.main(["run", "small.toml", "-o", "small.h5"]) == 0
-    before = (folder / "small.h5").read_bytes()
-    assert cli.main(["run", "small.toml", "-o", "small.h5"]) == 0
-    assert (folder / "small.h5").read_bytes() == before
-    assert "resumed, 24 rows, 0 to do" in capsys.readouterr().err
-
-
 def test_failed_rows_warn_and_say_why(folder, capsys, monkeypatch):
     monkeypatch.setattr(patch, "FEW_FREE", ((0.0, 1.0),))  # contact sets may do with one iteration
     deep = "[contact]\nmax_iterations = 1\n[delta]\npieces = [{ share = 1.0, range = [30, 45] }]\n"
@@ -64,15 +56,6 @@ def test_contact_is_hertz(folder, capsys):
     lines = capsys.readouterr().out.splitlines()
     force = float(next(line for line in lines if line.startswith("force")).split()[1])
     assert force == pytest.approx(4 / 3 * np.sqrt(5000.0), rel=0.05)
-
-
-def test_describe_prints_every_statistic_with_its_unit(folder, capsys):
-    np.save("rough.npy", np.random.default_rng(3).normal(size=(20, 30)))
-    assert cli.main(["describe", "rough.npy", "--side", "100,150"]) == 0
-    text = capsys.readouterr().out
-    for column in schema.statistics_columns():
-        line = next(line for line in text.splitlines() if line.startswith(column.name))
-        assert column.unit in line.split()
 
 
 def test_a_fresh_interpreter_pins_its_threads_and_exits_with_the_code(folder):

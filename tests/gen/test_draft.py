@@ -1,5 +1,6 @@
-"""A scene drafted for maps runs as it is, and what its comments state is true."""
+"""Scenes drafted for maps: they run as they are, and what they state of the maps is true."""
 
+import math
 import re
 import shlex
 from dataclasses import replace
@@ -7,16 +8,32 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+import bem
 from bench.made_maps import MAPS, Faults, measured, write
 from gen import cli
 from gen.database import Reader
-from gen.draft import quoted
+from gen.draft import quoted, scene_like
 from gen.draft import write as write_scene
-from gen.draft.survey import find_spikes
+from gen.draft.proposal import (
+    FEWEST_NODES,
+    SIZES,
+    choose_loads,
+    common_spacing,
+    propose_like,
+    window_nodes,
+)
+from gen.draft.survey import common_threshold, find_spikes, remarks, survey, with_texture
+from gen.maps.filters import without_spikes
+from gen.maps.settings import Reading
+from gen.material import Bodies
 from gen.runtime.errors import InputError
 from gen.scene import load
 from gen.schema import Status
+from gen.spectral import SelfAffineSpectrum, generate_spectral
+from gen.statistics import rms_slope
 
 pytest.importorskip("SurfaceTopography")
 
@@ -118,10 +135,8 @@ def test_text_maps_are_read_as_the_options_say(scans):
     ("arguments", "word"),
     [
         ("-o a.toml", "--like"),
-        ("scans -o scene", ".toml"),
         ("scans -o there.toml", "there already"),
         ("scans/notes.txt -o a.toml", "'Tuesday'"),
-        ("scans/fractal-0.nc -o a.toml", "too small"),
         ("scans --unit mile -o a.toml", "mile"),
     ],
 )
@@ -147,11 +162,6 @@ def test_a_draft_with_a_slipped_unit_says_so(tmp_path, monkeypatch, capsys):
 
 
 TEXT = "# a row\nsamples = 1\n"
-
-
-def test_a_scene_is_written_as_it_is_read(tmp_path):
-    assert write_scene(tmp_path / "a.toml", TEXT).samples == 1
-    assert (tmp_path / "a.toml").read_text() == "# a row\nsamples = 1\n"
 
 
 @pytest.mark.parametrize("kind", ["file", "link to a file"])
@@ -182,3 +192,223 @@ def test_names_of_maps_stay_names(tmp_path, monkeypatch):
     assert [Path(each).name for each in load("mine.toml").surface.files] == [name]
     with pytest.raises(InputError, match="rename"):
         quoted("scan-\udcff.x3p")
+
+
+SHAPES = st.lists(st.tuples(st.integers(4, 2000), st.integers(4, 2000)), min_size=1, max_size=30)
+
+
+@pytest.mark.parametrize(
+    ("spacings", "chosen"),
+    [
+        ([1.0, 1.0, 1.0004], None),
+        ([1.0] * 20 + [2.0], 1.0),  # one of many maps does not coarsen all others
+        ([1.0] * 3 + [2.0], 2.0),
+        ([1.0, 1.0, 30.0], 1.0),  # another instrument altogether
+    ],
+)
+def test_the_common_spacing(spacings, chosen):
+    assert common_spacing([(each, each) for each in spacings]) == chosen
+
+
+@given(SHAPES, st.floats(1.0, 1000.0) | st.just(math.nan))
+def test_most_maps_hold_the_windows_and_twice_if_any_size_fits_twice(shapes, length):
+    nodes = window_nodes(shapes, length)
+    sides = [min(shape) for shape in shapes if min(shape) >= SIZES[-1]]
+    twice = sum(side >= 2 * SIZES[-1] for side in sides) >= 0.75 * len(sides)
+    assert (nodes is None) == (not sides)
+    if nodes is None:
+        return
+    assert nodes in SIZES
+    assert sum(side >= (1 + twice) * nodes for side in sides) >= 0.75 * len(sides)
+
+
+STEEL_BODIES = Bodies.of_options([210e3], [0.3], None, 2000.0)
+NODES = 64
+
+
+@pytest.fixture(scope="module")
+def surface():
+    spectrum = SelfAffineSpectrum(0.8, 20.0, 4.0)
+    return generate_spectral(
+        (NODES, NODES), 64.0, spectrum, np.random.default_rng(1), rms_slope=0.15
+    )
+
+
+@pytest.mark.parametrize(
+    "material", [STEEL_BODIES, Bodies.of_options([210e3], [0.3], None, None), Bodies(1.0)]
+)
+def test_areas_are_those_of_the_solver_within_a_half(surface, material):
+    slope = rms_slope(surface, (1.0, 1.0))
+    loads = choose_loads(material, [slope], surface.size)
+    unit = 1.0 if loads.quantity == "pressure" else material.e_star * slope
+    for pressed, expected in zip((loads.low, loads.high), loads.areas, strict=True):
+        contact = bem.solve(
+            surface,
+            side=64.0,
+            pressure=pressed * unit,
+            modulus=(material.only or (1.0, 0.0))[0],
+            poisson=(material.only or (1.0, 0.0))[1],
+            hardness=material.hardness,
+            boundary="periodic",
+        )
+        assert 0.5 * expected < contact.area_percent < 1.5 * expected
+    assert loads.areas[0] == pytest.approx(100 * FEWEST_NODES / surface.size, rel=0.05)
+
+
+READING = Reading(side="199.5")
+
+
+def save(folder, heights):
+    path = folder / "scan.npy"
+    np.save(path, heights)
+    return path
+
+
+def made(spectrum, slope, seed=0):
+    """A window of 400 nodes every 0.5 um of a larger surface, tilted."""
+    whole = generate_spectral(
+        (600, 600), 300.0, spectrum, np.random.default_rng(seed), rms_slope=slope
+    )
+    return whole[:400, :400] + 0.01 * np.arange(400)
+
+
+@pytest.mark.parametrize("hurst", [0.5, 0.8])
+def test_the_scene_holds_the_law_that_the_map_was_made_by(tmp_path, hurst):
+    path = save(tmp_path, made(SelfAffineSpectrum(hurst, 30.0, 2.5), 0.1))
+    like = propose_like(path, READING, Bodies(1.0))
+    scene = write_scene(tmp_path / "a.toml", scene_like(like, "a command", Path("a.toml")))
+    surface = scene.surface
+    assert surface.generator == "spectral"
+    assert surface.hurst[0] < hurst < surface.hurst[1]
+    assert surface.roll_off[0] < 30.0 < surface.roll_off[1]
+    assert surface.cut_off == pytest.approx(2.5, rel=0.1)
+    assert surface.rms_slope[0] < 0.1 < surface.rms_slope[1]
+    assert (scene.spacing[0], surface.stretch) == (pytest.approx(0.5), 1.0)
+    assert scene.contact.boundary == "mirror"
+    assert like.height == pytest.approx(like.windows[0], rel=0.25)
+    assert like.slope == pytest.approx(0.1, rel=0.05)
+    assert not like.doubt
+
+
+def test_a_lay_becomes_a_stretch(tmp_path):
+    path = save(tmp_path, made(SelfAffineSpectrum(0.7, 60.0, 4.2, stretch=0.25), 0.1))
+    like = propose_like(path, READING, Bodies(1.0))
+    assert like.spectrum.stretch == pytest.approx(0.25, rel=0.15)
+    assert like.spectrum.hurst == pytest.approx(0.7, abs=0.1)
+    assert like.spectrum.roll_off == pytest.approx(60.0, rel=0.3)
+    assert like.height == pytest.approx(like.windows[0], rel=0.25)
+    write_scene(tmp_path / "a.toml", scene_like(like, "a command", Path("a.toml")))
+
+
+def test_a_map_of_scratches_brings_a_doubt(tmp_path):
+    [ground] = [each for each in MAPS if each.name == "ground-2"]
+    like = propose_like(write(ground, tmp_path), Reading(), Bodies(1.0))
+    assert like.doubt
+    scene = tmp_path / "a.toml"
+    write_scene(scene, scene_like(like, "a command", Path("a.toml")))
+    assert "DOUBTFUL" in scene.read_text()
+
+
+@pytest.mark.parametrize("name", ["honed-0"])
+def test_a_law_over_less_than_a_decade_feeds_no_scene(tmp_path, name):
+    [made_map] = [each for each in MAPS if each.name == name]
+    with pytest.raises(InputError, match=r"no self-affine law fits it: .* over 0\.\d+ decades"):
+        propose_like(write(made_map, tmp_path), Reading(), Bodies(1.0))
+
+
+HERE = Reading.of_options()
+
+
+@pytest.fixture
+def saved(tmp_path):
+    """Save heights as a text file, whose side is given, and look at it."""
+
+    def look(heights, side="10"):
+        path = tmp_path / "scan.txt"
+        np.savetxt(path, heights)
+        return survey([path], Reading.of_options(side=side))[0]
+
+    return look
+
+
+@pytest.mark.parametrize("name", ["turned-3", "ground-3", "honed-4"])
+def test_a_made_map_is_seen_as_it_was_made(tmp_path, name):
+    made = MADE[name]
+    [look] = survey([write(made, tmp_path)], HERE)
+    assert (look.fault, look.shape, look.unit != "") == ("", made.shape, True)
+    assert look.spacing == pytest.approx(made.spacing)
+    assert (look.holes > 0) == (made.faults.holes > 0)
+    assert look.spikes is not None
+    assert look.spikes.number == made.faults.spikes
+    assert look.tilt == pytest.approx(made.faults.tilt, abs=3e-3)
+    assert look.form < 0.9
+
+
+def test_files_that_are_no_use_say_why(tmp_path):
+    (tmp_path / "notes.txt").write_text("once upon a time")
+    (tmp_path / "noise.x3p").write_bytes(b"PK no map")
+    np.savetxt(tmp_path / "a.txt", np.random.default_rng(1).normal(size=(20, 20)))
+    np.savetxt(tmp_path / "b.txt", np.random.default_rng(1).normal(size=(20, 20)))
+    names = ["notes.txt", "noise.x3p", "a.txt", "b.txt", "none.txt"]
+    looks = survey([tmp_path / name for name in names], Reading.of_options(side="10"))
+    faults = [look.fault for look in looks]
+    assert "number" in faults[0]
+    assert faults[1]
+    assert faults[2:4] == ["", "the same map as a.txt"]
+    assert "No such file" in faults[4]
+    assert not any(str(tmp_path) in fault for fault in faults)
+
+
+def test_maps_without_heights_are_left_out(saved):
+    rough = np.random.default_rng(2).normal(size=(20, 20))
+    assert "missing" in saved(np.where(rough > -0.5, np.nan, rough)).fault
+    assert saved(np.ones((20, 20))).fault == "all its heights are equal"
+    assert saved(rough[:3, :3]).fault == "3 x 3 nodes are too few"
+    flat = saved(1e-9 * rough)
+    assert "check the unit" in with_texture(flat, Reading.of_options(side="10"), None).fault
+
+
+def test_a_bowl_has_a_form_and_a_wave_has_none(saved):
+    x, y = np.mgrid[-1:1:40j, -1:1:40j]
+    rough = np.random.default_rng(3).normal(size=x.shape)
+    assert saved(30 * (x**2 + y**2) + rough).form > 0.95
+    assert saved(30 * np.sin(2 * math.pi * x) + rough).form < 0.9
+    assert remarks(saved(30 * (x**2 + y**2) + rough)) == ["curved form"]
+
+
+SOME = [made for made in MAPS if made.number in {2, 3}]
+
+
+@pytest.mark.parametrize("made", SOME, ids=lambda made: made.name)
+def test_all_spikes_of_made_maps_are_found_and_nothing_else(made):
+    found = find_spikes(measured(made))
+    assert found.number == made.faults.spikes
+    assert found.surface < found.nearest
+
+
+def test_the_threshold_takes_out_the_spikes_of_all_maps_and_nothing_else():
+    maps = [measured(made) for made in SOME]
+    threshold = common_threshold([find_spikes(heights) for heights in maps])
+    assert threshold is not None
+    for made, heights in zip(SOME, maps, strict=True):
+        _, spikes = without_spikes(heights, threshold)
+        assert np.count_nonzero(spikes) == made.faults.spikes
+
+
+def test_many_spikes_and_those_that_no_gap_parts_are_found():
+    random = np.random.default_rng(5)
+    rough = random.normal(size=(200, 200))
+    many = rough.copy()
+    many.flat[random.choice(many.size, 300, replace=False)] += 40.0
+    assert find_spikes(many).number == 300
+    tail = rough.copy()
+    tail.flat[random.choice(tail.size, 8, replace=False)] = 10.0 * 1.7 ** np.arange(8)
+    assert find_spikes(tail).number >= 5
+    assert find_spikes(rough).number == 0
+
+
+def test_a_map_of_half_flat_parts_has_no_division_by_zero():
+    heights = np.zeros((40, 40))
+    heights[20:] = 1.0
+    heights[5, 5] = 30.0
+    assert find_spikes(heights).number == 1

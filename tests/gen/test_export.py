@@ -172,20 +172,6 @@ def test_large_exports_take_little_memory(tmp_path):
     assert peak < 3 * parquet_files.TABLE_ROWS * sum(8 for _ in columns)
 
 
-@pytest.mark.parametrize(
-    ("option", "said"),
-    [
-        (["--licence", "MIT or Apache-2.0"], "--licence 'MIT or Apache-2.0': give an SPDX ident"),
-        (["--doi", "10.1/x y"], "10.5281/zenodo.1234567"),
-    ],
-)
-def test_what_nobody_can_look_up_is_refused(folder, tmp_path, capsys, option, said):
-    line = ["export", str(folder / "a.h5"), "-o", str(tmp_path / "out"), *option]
-    assert cli.main(line) == 2
-    assert said in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()
-
-
 def test_two_databases_are_not_exported_into_one_folder_at_once(folder, tmp_path, capsys):
     new = tmp_path / "new"
     with lock_folder(new):

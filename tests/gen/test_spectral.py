@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from SurfaceTopography import Topography
-from SurfaceTopography.Generation import fourier_synthesis
 
 from gen.generation.plan import parameters
 from gen.generation.sample import surface_numbered, surface_of
@@ -58,29 +56,6 @@ def test_every_component_has_its_share(shape, sides, stretch):
     assert squares(heights) == pytest.approx(asked, abs=1e-10 * asked.max())
 
 
-def test_synthesis_and_estimators_of_others_agree():
-    """SurfaceTopography's synthesis with equal amplitudes has the same spectrum, to 1e-9."""
-    ours = Topography(
-        generate_spectral((126, 126), 200.0, SPECTRUM, random(), rms_height=0.5),
-        (200.0, 200.0),
-        periodic=True,
-    )
-    theirs = fourier_synthesis(
-        (126, 126),
-        (200.0, 200.0),
-        hurst=0.7,
-        rms_height=0.5,
-        short_cutoff=4.0,
-        long_cutoff=40.0,
-        amplitude_distribution=np.ones,
-        rng=np.random.default_rng(1),
-    )
-    measured, expected = (
-        np.ma.getdata(topography.power_spectrum_from_area()[1]) for topography in (ours, theirs)
-    )
-    assert measured == pytest.approx(expected, rel=1e-9, abs=1e-20, nan_ok=True)
-
-
 def test_one_surface_on_all_grids_that_are_fine_enough():
     """To rounding on the nodes that grids share."""
     fine = generate_spectral((192, 300), (64.0, 50.0), SPECTRUM, random(), rms_height=0.5)
@@ -92,9 +67,7 @@ def test_one_surface_on_all_grids_that_are_fine_enough():
     ("wrong", "message"),
     [
         ({"hurst": -0.1}, "hurst -0.1: give"),
-        ({"cut_off": 0.0}, "cut-off 0.0: give"),
         ({"roll_off": 3.0}, "roll-off 3.0: give a wavelength of at least the cut-off, 4 um"),
-        ({"stretch": 0.0}, "stretch 0.0: give"),
     ],
 )
 def test_spectra_that_make_no_sense_are_refused(wrong, message):
@@ -107,11 +80,8 @@ def test_spectra_that_make_no_sense_are_refused(wrong, message):
     ("wrong", "message"),
     [
         ({"shape": (1, 64)}, "nodes 1 x 64: give at least 2"),
-        ({"side": 0.0}, "side 0.0: give a length above 0 um"),
         ({"side": 200.0}, "cut-off 4: give at least 6.25 um"),
         ({"side": 3.0}, "no wave between the cut-off and the sides"),
-        ({"rms_slope": 0.1}, "give either an rms height or an rms slope"),
-        ({"rms_height": -1.0}, "rms height -1.0: give 0 or more"),
         ({"rms_height": None, "rms_slope": np.inf}, "rms slope inf: give 0 or more"),
     ],
 )
@@ -162,7 +132,6 @@ def surfaces(of, number):
     ("keys", "fault"),
     [
         ({"cut_off": 7.4}, "cut_off is from 7.4 um on; this grid holds waves of 7.5 um and more"),
-        ({"cut_off": 7.5, "stretch": 0.5}, "waves of 12.5 um"),
         ({"cut_off": 55.0, "side": [40.0, 54.0]}, "the longest wave of the period 54 um"),
         ({"nodes": [4000, 4], "further": "period = 4.5"}, "its period has 18000 x 18 nodes"),
         ({"cut_off": 60.0, "nodes": 2, "side": 30.0}, "the longest wave of the period 0 um"),

@@ -335,20 +335,6 @@ def test_slow_clients_are_dropped(folder, sent, answered):
     assert served.end() == 0
 
 
-@pytest.mark.parametrize(
-    "config",
-    [
-        *({"nodes": 100}, {"nodez": 1}, {"surface": -1}),
-        *({"nodes": [17] * 3}, {"stiffness": 1.0}, {"seed": -(10**30)}),
-    ],
-)
-def test_bad_settings_get_the_protocols_error(served, config):
-    question = {"name": "small", "input": [[0.7, 12.0], [9.0]], "config": config}
-    status, answer = served.ask("Evaluate", question)
-    assert (status, answer["error"]["type"]) == (400, "InvalidInput")
-    assert next(iter(config)) in answer["error"]["message"]
-
-
 @pytest.mark.long
 def test_a_thousand_calls_eight_at_once_while_workers_and_server_are_killed(folder):
     """No answer is wrong or lost: a client that is refused asks again."""

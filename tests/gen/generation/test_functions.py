@@ -10,9 +10,12 @@ import user_functions
 from scipy import ndimage
 
 from gen import cli
-from gen.database import Reader
-from gen.generation.plan import parameters
-from gen.generation.sample import solve_contact, surface_of
+from gen.database import Reader, create
+from gen.generation.functions import completed
+from gen.generation.plan import parameters, surface_random
+from gen.generation.sample import compute_rows, solve_contact, surface_of
+from gen.runtime.errors import SourceError
+from gen.scene import Scene
 from gen.schema import REASONS, Reason, Status
 
 SCENE = "samples = 7\nsamples_per_surface = 2\n" + user_functions.SURFACE + user_functions.STORE
@@ -83,14 +86,9 @@ def test_a_changed_function_makes_another_scene(here, capsys):
     ("body", "fault"),
     [
         ("raise ValueError('no idea')", "mine:spots, row 0: ValueError: no idea"),
-        ("raise SystemExit(5)", "mine:spots, row 0: SystemExit: 5"),
         ("return {'a': 1 / 0}", "row 0: ZeroDivisionError, so its outputs are unknown; give store"),
         ("return None", "returned a NoneType, not a dictionary"),
-        ("return {'a': 'three'}", "a is 'three', not a number"),
-        ("return {'a': (1.0, 2.0)}", "a is '(1.0, 2.0)', not a number"),
         ("return {5: 1.0}", "the name 5 is not a text"),
-        ("return {'two words': 1.0}", "'two words': a name has"),
-        ("return {}", "0 outputs: give 1 to 1000"),
         ("return {'a': (1.0, 'u\\nm')}", "a unit is a text"),
         ("return {'force': 1.0}", "store.outputs.force: force is the name of something else"),
         ("contact.pressure[0, 0] = 5; return {'a': 1.0}", "ValueError: assignment destination"),
@@ -171,3 +169,109 @@ def test_an_output_that_is_no_number_fails_its_row(here, capsys, body, reason):
     capsys.readouterr()
     assert cli.main(["info", "a.h5"]) == 0
     assert REASONS[reason] in capsys.readouterr().out
+
+
+SURFACES = "samples = 4\n" + user_functions.SURFACE
+
+
+@pytest.fixture
+def surfaces_here(tmp_path, monkeypatch):
+    """The current folder, with the module and a scene; sys.path is as it was afterwards."""
+    with user_functions.inside(tmp_path, monkeypatch, SURFACES):
+        yield tmp_path
+
+
+def scene_with(folder, body):
+    """The scene, its function with another body."""
+    module = f"import numpy as np\ndef waves(shape, spacing, rng, amplitude, length):\n    {body}\n"
+    (folder / "mine.py").write_text(module)
+    return completed(Scene.parse(SURFACES, "test"))
+
+
+def test_a_function_gets_the_grid_its_random_numbers_and_its_parameters(surfaces_here):
+    body = "return amplitude + length * rng.random(shape) + 1e6 * (spacing[0] - spacing[1])"
+    scene = scene_with(surfaces_here, body)
+    plan = parameters(scene, 0, 4)
+    for row in range(4):
+        heights = surface_of(scene, plan, row)
+        random = surface_random(scene, row).random((20, 24))
+        expected = plan.drawn["length"][row] * (random - random.min())
+        assert heights == pytest.approx(expected, rel=1e-4, abs=1e-9)
+        assert heights.min() == 0.0
+    assert scene.spacing == (200.0 / 19, 300.0 / 23)
+
+
+def test_an_array_that_the_function_keeps_is_not_changed(surfaces_here):
+    body = "global kept; kept = globals().get('kept', np.eye(20, 24) + 5); return kept"
+    rows = compute_rows(scene_with(surfaces_here, body), 0, 4)
+    assert rows["height_max"].tolist() == [1.0] * 4
+    assert rows["height_mean"].tolist() == [20 / 480] * 4
+
+
+@pytest.mark.parametrize(
+    ("body", "fault"),
+    [
+        ("return np.zeros(shape + (1,))", r"surface 0: heights are of shape \(20, 24, 1\), not"),
+        ("return [[1], [1, 2]]", "surface 0: ValueError: "),
+        ("return unknown", "surface 0: NameError: name 'unknown' is not defined"),
+        ("raise KeyboardInterrupt if False else RuntimeError('a\\nb')", "RuntimeError: a b"),
+    ],
+)
+def test_what_is_no_surface_ends_the_run_in_one_line(surfaces_here, body, fault):
+    scene = scene_with(surfaces_here, body)
+    with pytest.raises(SourceError, match=fault) as refused:
+        compute_rows(scene, 0, 4)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    "body",
+    ["return np.full(shape, np.nan)", "return 1 / 0"],
+)
+def test_numbers_that_are_not_finite_fail_their_rows(surfaces_here, body):
+    rows = compute_rows(scene_with(surfaces_here, body), 0, 4)
+    assert set(rows["status"].tolist()) == {Status.FAILED}
+    assert set(rows["reason"].tolist()) == {Reason.ARITHMETIC}
+
+
+def test_a_function_that_takes_too_long_leaves_its_rows_pending(surfaces_here):
+    body = "exec('while True: pass') if amplitude > 1.0 else 0; return rng.random(shape)"
+    scene = scene_with(surfaces_here, body)
+    slow = parameters(scene, 0, 4).drawn["amplitude"] > 1.0
+    assert slow.any()
+    rows = compute_rows(scene, 0, 4, limit=0.5)
+    assert (rows["status"][slow] == Status.PENDING).all()
+
+
+@pytest.mark.parametrize(
+    "arguments", [["check", "a.h5"], ["plot", "a.h5", "-o", "a.png"]], ids=["check", "plot"]
+)
+@pytest.mark.parametrize("change", ["gone", "changed", "stranger"])
+def test_databases_whose_function_is_not_there_say_so_in_one_line(
+    surfaces_here, capsys, arguments, change
+):
+    """A stranger's database without a hash calls nothing, whatever function it names."""
+    if change == "stranger":
+        scene = Scene.parse(SURFACES.replace("mine:waves", "os:abort"), "test")
+        create(surfaces_here / "a.h5", scene)
+        from gen.database import Writer
+
+        rows = compute_rows(completed(Scene.parse(SURFACES, "test")), 0, 4)
+        with Writer(surfaces_here / "a.h5", scene) as writer:
+            writer.write_block(0, 4, rows)
+    else:
+        assert cli.main(["run", "mine.toml", "-o", "a.h5"]) == 0
+        module = surfaces_here / "mine.py"
+        module.unlink() if change == "gone" else module.write_text("# another\n")
+    said = {"gone": "no module mine", "changed": "has changed", "stranger": "lacks the hash"}
+    capsys.readouterr()
+    from gen.runtime.user_code import load_function
+
+    load_function.cache_clear()
+    assert cli.main(arguments) == 2
+    captured = capsys.readouterr()
+    assert said[change] in captured.err
+    assert captured.err.count("\n") == 1
+    assert cli.main(["info", "a.h5"]) == 0
+    with Reader(surfaces_here / "a.h5") as reader:
+        assert reader.counts().done == 4

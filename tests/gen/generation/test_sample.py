@@ -41,32 +41,6 @@ def test_a_row_is_what_its_parts_say():
     assert set(rows["rank"]) == {7}
 
 
-SHALLOW = "[delta]\npieces = [{share = 1.0, range = [0.5, 4.0]}]"
-
-
-@pytest.mark.parametrize("boundary", ["periodic", "mirror"])
-@pytest.mark.parametrize("hardness", ["", "hardness = 0.05\n"])
-def test_a_row_without_edges_is_what_its_parts_say(boundary, hardness):
-    contact = f"[contact]\n{hardness}boundary = '{boundary}'\n{SHALLOW}"
-    made = scene(f"samples_per_surface = 2\nstore = {STORE_ALL}\n{contact}")
-    rows = compute_rows(made, 3, 9)
-    plan = parameters(made, 3, 9)
-    assert rows["heights"].shape == rows["pressure"].shape == (6, 16, 16)
-    for row in range(6):
-        heights = surface_of(made, plan, row)
-        assert heights.min() == 0
-        contact = bem.solve(
-            heights, 1000.0, plan.delta[row], boundary=boundary, hardness=plan.hardness_of(row)
-        )
-        assert contact.problem.spacing == made.spacing
-        for name in ("area_percent", "force", "largest_pressure", "mean_gap", "perimeter"):
-            assert rows[name][row] == getattr(contact, name)
-        np.testing.assert_array_equal(rows["pressure"][row], contact.pressure)
-        for name, value in describe(heights, 1000.0 / 16).values.items():
-            assert rows[name][row] == value
-    assert set(rows["status"]) == {Status.DONE}
-
-
 SPECTRAL = """
 samples = 60
 [surface]

@@ -273,14 +273,9 @@ def test_files_start_from_the_folder_of_the_scene(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ('files = "maps"', "files = []", "surface.files = []; allowed: a file, a folder"),
         ('files = "maps"\n', "", "surface.files is missing; allowed: a file"),
-        ("nodes = [20, 30]", "nodes = [20, 1]", "surface.nodes = [20, 1]; allowed: a whole"),
-        ("nodes", "hurst = 0.8\nnodes", "surface.hurst = 0.8 of this generator; it is one of"),
         ("nodes", "against = []\nnodes", "surface.against"),
-        ('"plane"', '"flat"', "surface.preparation.level = 'flat'; allowed: 'mean', 'plane'"),
         ("level", "form = 1.5\nlevel", "surface.preparation.form = 1.5; allowed: the degree"),
-        ("level", "despik = 7\nlevel", "key surface.preparation.despik = 7; the closest known"),
         ("[load]", "[surface.reading]\nside = [9, true]\n[load]", "side = [9, True]; allowed: the"),
     ],
 )

@@ -2,7 +2,6 @@
 
 import shutil
 import subprocess
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -93,31 +92,6 @@ def test_between_the_points_it_is_a_monotone_cubic_with_a_continuous_tangent(sur
                 for h in (-1e-12, 1e-12)]  # fmt: skip
         before, behind = said_by(ends, ["law.h"]).reshape(-1, 2).T
         np.testing.assert_allclose(before, behind, rtol=1e-8, atol=1e-9 * tangent.max())
-
-
-@needs_compiler
-def test_unknown_ends_of_a_band_are_no_numbers(surfaces, make):
-    from gen.maps.settings import Reading
-
-    law = make("many", pressure="1,10,1e6", e_star=2e5, stiffness=True, reading=Reading(side="100"))
-    area = law.over_delta.curves["area_percent"]
-    unknown = replace(area, low=np.where(np.arange(area.low.size) == 1, np.nan, area.low))
-    curves = replace(law.over_delta, curves={**law.over_delta.curves, "area_percent": unknown})
-    c_header.write(Path("law.h"), replace(law, over_delta=curves))
-    at = law.over_delta.at
-    found = said_by(
-        [
-            "asperity_law_stiffness_at_pressure(1e6)",
-            "asperity_law_stiffness_at_pressure(10.0)",
-            f"asperity_law_area_low({at[1]:.17g})",
-            f"asperity_law_area_low({(at[0] + at[1]) / 2:.17g})",
-            f"asperity_law_area_low({at[2]:.17g})",
-        ],
-        ["law.h"],
-    )
-    assert found[0] == found[1], "1e6 MPa is beyond full contact, where the table has ended"
-    assert np.isnan(found[[2, 3]]).all()
-    assert found[4] == area.low[2]
 
 
 @needs_compiler

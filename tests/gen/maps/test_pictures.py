@@ -1,23 +1,28 @@
 """Pictures of one surface and of its contacts: nothing cut or overlapping, whatever is drawn."""
 
+import os
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
 
 import bem
 from gen import cli
+from gen.database import Reader
+from gen.runtime.figure import draw_parity, log_axis, new_figure, parity_axes
 from gen.spectral import SelfAffineSpectrum, generate_spectral
+from gen.surface import generate
 
 pytest.importorskip("matplotlib", reason="needs the extra plot")
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
+from gen.commands import picture
 from gen.maps import pictures
 from gen.maps.pictures import CYAN, Subject, draw_contacts, section_line
-from gen.runtime.figure import new_figure
-from gen.surface import generate
 
 ROUGH = generate_spectral(
     (129, 129), 1000.0, SelfAffineSpectrum(0.7, 250, 16.5), np.random.default_rng(1), rms_height=2.0
@@ -184,3 +189,113 @@ def bumps(nx: int, ny: int, *places: tuple[int, int]) -> np.ndarray:
 )
 def test_sections_run_through_the_contact(heights, sides, expected):
     assert section_line(bem.solve(heights, side=sides, delta=0.1)) == expected
+
+
+def drawn_of_rows(monkeypatch: pytest.MonkeyPatch, folder: Path, scene: str) -> Any:
+    """Run a scene and return the figure that `gen plot` makes of its database, small.h5."""
+    monkeypatch.chdir(folder)
+    Path("small.toml").write_text(scene)
+    assert cli.main(["run", "small.toml", "-o", "small.h5"]) == 0
+    figures = []
+    monkeypatch.setattr(picture, "save", lambda figure, _: figures.append(figure))
+    assert cli.main(["plot", "small.h5", "-o", "small.png"]) == 0
+    return figures[0]
+
+
+@pytest.mark.parametrize("hardness", ["", "hardness = [0.01, 0.05]"])
+def test_a_database_shows_its_median_area(tmp_path, monkeypatch, hardness):
+    scene = f"samples = 15\n[surface]\nnodes = 17\n[contact]\n{hardness}"
+    figure = drawn_of_rows(monkeypatch, tmp_path, scene)
+    with Reader(Path("small.h5")) as reader:
+        areas = reader.column("area_percent")
+    assert figure.get_suptitle() == "small.h5"
+    titles = [" ".join(axis.get_title(loc="left").split()) for axis in figure.axes]
+    (title,) = (title for title in titles if title.startswith("contact at"))
+    assert f"{np.median(areas):.3g} % of 289 nodes, the median of rows done" in title
+    assert ("hardness" in title) == ("% yielded (cyan)" in title) == bool(hardness)
+
+
+@pytest.mark.parametrize(
+    ("load", "quantity", "label"),
+    [
+        ('quantity = "force"\nrange = [1.0, 2000.0]', "force", "normal force [µN]"),
+    ],
+)
+def test_areas_stand_over_the_load_that_was_drawn(tmp_path, monkeypatch, load, quantity, label):
+    bodies = "[contact]\nmodulus = 2e5\nhardness = 2000.0"
+    scene = f"samples = 6\n[surface]\nnodes = 17\n[load]\n{load}\n{bodies}"
+    figure = drawn_of_rows(monkeypatch, tmp_path, scene)
+    areas = next(axis for axis in figure.axes if axis.get_title() == "6 samples")
+    assert areas.get_xlabel() == label
+    loads = areas.collections[0].get_offsets()[:, 0]
+    with Reader(Path("small.h5")) as reader:
+        forces, deltas = reader.column("force"), reader.column("delta")
+    patch = (17 * 1000.0 / 16) ** 2
+    expected = {"pressure": forces / patch, "force": forces, "delta": deltas}[quantity]
+    np.testing.assert_allclose(loads, expected)
+    titles = [" ".join(axis.get_title(loc="left").split()) for axis in figure.axes]
+    (title,) = (title for title in titles if title.startswith("contact at"))
+    said = {"pressure": "Pa mean pressure, E*", "force": "N, E*", "delta": "m, E*"}[quantity]
+    assert said in title
+    assert "E* = 200 GPa, hardness 2 GPa" in title
+
+
+@pytest.mark.parametrize("values", [(2.1, 4.4), (7.0, 45.0), (1, 1e6)])
+def test_a_logarithmic_axis_has_two_numbers_or_more_that_keep_apart(values):
+    figure = new_figure(4, 3)
+    panel = figure.subplots()
+    panel.plot(values, values, "o")
+    log_axis(panel.xaxis)
+    log_axis(panel.yaxis)
+    figure.draw_without_rendering()
+    low, high = panel.get_xlim()
+    numbers = [
+        label.get_window_extent()
+        for label in panel.get_xticklabels(which="both")
+        if label.get_text() and low <= label.get_position()[0] <= high
+    ]
+    assert len(numbers) >= 2
+    for left, right in pairwise(numbers):
+        assert left.x1 <= right.x0
+
+
+@pytest.mark.parametrize(
+    ("truth", "scale"), [([0.01, 1.0, 90.0], "log"), ([-5.0, 2.0, 700.0], "linear")]
+)
+def test_predictions_over_decades_have_logarithmic_axes_and_none_is_lost(truth, scale):
+    panel = new_figure(4, 3).subplots()
+    truth = np.array(truth)
+    parity_axes(panel, truth)
+    assert panel.get_xscale() == panel.get_yscale() == scale
+    assert panel.get_xlim() == panel.get_ylim()
+    assert panel.get_xlim()[0] < truth.min() < truth.max() < panel.get_xlim()[1]
+    draw_parity(panel, truth, np.array([-1e9, truth[1], 1e9]), label="model", ls="none")
+    drawn = panel.lines[-1]
+    np.testing.assert_allclose(
+        drawn.get_ydata(), [panel.get_ylim()[0], truth[1], panel.get_ylim()[1]]
+    )
+    assert drawn.get_label() == "model\n2 beyond the axes"
+
+
+LATIN = os.fsdecode(b"n\xfcrnberg \x1b")
+"""A name of a file that is no UTF-8, and has a control character."""
+
+DRAWING = {
+    "describe": ["describe", f"{LATIN}.npy", "--side", "9", "--plot", f"{LATIN}.png"],
+    "contact": ["contact", f"{LATIN}.npy", "--side", "9", "--delta", "0.1", "--plot", "a.svg"],
+    "law": ["law", f"{LATIN}.npy", "--side", "9", "--pressure", "0.1,0.2", "--plot", "a.pdf"],
+    "plot": ["plot", f"{LATIN}.h5", "-o", f"{LATIN}.svg"],
+}
+
+
+@pytest.mark.parametrize("name", DRAWING)
+def test_every_name_of_a_file_can_be_drawn(tmp_path, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    np.save(f"{LATIN}.npy", np.random.default_rng(0).random((16, 16)))
+    Path("small.toml").write_text("samples = 2\n[surface]\nnodes = 9\n")
+    assert cli.main(["run", "small.toml", "-o", f"{LATIN}.h5"]) == 0
+    assert cli.main(DRAWING[name]) == 0
+    picture = Path(DRAWING[name][-1])
+    assert picture.stat().st_size > 1000
+    if picture.suffix == ".svg":
+        ET.parse(picture)

@@ -238,27 +238,6 @@ def test_a_scanned_sphere_is_hertz(scanned_sphere, tmp_path, capsys):
     np.testing.assert_allclose(pd.read_csv(law).delta_um, [0.1, 0.3], rtol=1e-4)
 
 
-@pytest.mark.parametrize(
-    ("load", "message"),
-    [
-        (["--delta", "1", "--force", "2"], "--delta and --force given: give one"),
-        ([], "no load given"),
-        (
-            ["--pressure", "1:2"],
-            "--pressure '1:2': give a number, several as 1,2,5, or",
-        ),
-        (["--delta", "1", "--plot", "picture"], "ending in .png"),
-    ],
-)
-def test_loads_and_outputs_that_cannot_be_are_one_line(scanned_sphere, load, message, capsys):
-    arguments = ["contact", str(scanned_sphere), "--side", "160,120", "--unit", "nm", "--fill"]
-    assert cli.main([*arguments, *load]) == 2
-    captured = capsys.readouterr()
-    assert message in captured.err
-    assert captured.err.count("\n") == 1
-    assert captured.out == ""
-
-
 def spaced(heights: np.ndarray, boundary: Boundary = "free") -> Topography:
     """A map with a spacing of 0.5 x 2 um."""
     nx, ny = (nodes - (boundary == "free") for nodes in heights.shape)

@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.__main__ import main as bench
 from gen import cli
 from gen.runtime import files
 from gen.runtime.errors import InputError
@@ -89,20 +88,6 @@ def test_refused_before_any_work(folder, capsys, monkeypatch, program, arguments
     (line,) = capsys.readouterr().err.splitlines()
     assert word.lower() in line.lower()
     assert contents(folder) == before
-
-
-@pytest.mark.parametrize(
-    ("command", "names"), [("hertz", ["hertz.csv", "hertz.png"]), ("growth", ["growth.csv"])]
-)
-def test_reports_find_out_before_they_measure(folder, capsys, command, names):
-    for name in names:
-        report = folder / f"{command}-{name}"
-        report.mkdir()
-        (report / name).write_bytes(REPLACED["rows.h5"])
-        before = contents(report)
-        assert bench([command, "-o", str(report)]) == 2
-        assert "of the kind database" in capsys.readouterr().err.splitlines()[-1]
-        assert contents(report) == before
 
 
 def test_a_picture_replaces_a_picture_and_keeps_link_and_mode(folder, capsys):
@@ -261,12 +246,6 @@ def test_pipes_sockets_and_devices_are_refused(tmp_path, monkeypatch):
         for name in ("pipe", "link", "socket", "/dev/zero"):
             with pytest.raises(InputError, match=f"{name} is a pipe or a device"):
                 require_file(Path(name))
-
-
-def test_files_and_what_has_errors_of_its_own_pass(tmp_path):
-    (tmp_path / "file").touch()
-    for path in (tmp_path / "file", tmp_path, tmp_path / "none", Path("a\0b")):
-        assert require_file(path) is path
 
 
 HELD_ELSEWHERE = """

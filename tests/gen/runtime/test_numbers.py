@@ -47,13 +47,6 @@ def test_more_values_than_any_use_are_refused_before_they_take_memory(text):
         values_from(text, "--delta", "advice")
 
 
-@pytest.mark.parametrize(
-    ("number", "words"), [(330, "330 bytes"), (1.5e9, "1.5 GB"), (2e15, "2,000.0 TB")]
-)
-def test_sizes_have_a_unit_that_suits_them(number, words):
-    assert memory.size(number) == words
-
-
 def test_more_loads_than_memory_holds_are_refused_before_the_first(monkeypatch):
     monkeypatch.setattr(memory, "allowed", lambda: 100_000_000)
     memory.require_for_contacts(3, (257, 257))
