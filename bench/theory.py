@@ -7,10 +7,16 @@ number of nodes lies a little above the highest of them.
 `theory` presses surfaces with a power spectrum, so many that waves of one length have all phases,
 by ever larger loads. Everything is dimensionless: pressures over E* h', with h' the rms of the
 gradient's modulus, and lengths over the rms height.
+
+`conductance` presses the same surfaces of bodies that yield, beside Cooper, Mikic and Yovanovich:
+h = 1.25 k (m / sigma) (p / H)^0.95, with sigma the rms height and m the mean absolute slope of a
+profile, which of a Gaussian surface is h' / sqrt(pi).
 """
 
 import math
+from collections.abc import Sequence
 from itertools import product
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +24,7 @@ import bem
 from bem.analytic import Paraboloid, PerssonInterface, area_share, distances_to_centre
 from bem.influence import KERNELS, Kernel
 from bench.files import Row
-from bench.report import remark
+from bench.report import Report, remark
 from gen.arrays import Heights, Values
 from gen.spectral import SelfAffineSpectrum, generate_spectral
 
@@ -67,16 +73,24 @@ NODES_PER_WAVE = 8  # in the shortest one
 # Hurst exponents, and roll-off over cut-off wavelength.
 SPECTRA = ((0.8, 1), (0.8, 4), (0.8, 16), (0.5, 16), (0.3, 16))
 PRESSURES = np.geomspace(0.005, 1.0, 14)  # E* h'
+SOFT = 0.1  # hardness [E* h'] of bodies that yield nearly wherever they touch
+LIGHT = np.geomspace(0.003, 0.1, 8)  # their pressures over the hardness
 STEP = 1.03  # ratio of the two loads about each pressure, whose difference gives the stiffness
 
 
-def theory(nodes: int, surfaces: int) -> list[Row]:
-    """Measure area, mean gap and stiffness for all spectra, as means over surfaces of each."""
-    rows = []
+def theory(nodes: int, surfaces: int) -> Report:
+    """Measure area, mean gap and stiffness for all spectra, as means over surfaces of each.
+
+    Of the spectra with the first Hurst exponent, the conductance of bodies that yield too.
+    """
+    rows, yielding = [], []
     for hurst, band in SPECTRA:
         cut_off = NODES_PER_WAVE * SIDE / nodes
         spectrum = SelfAffineSpectrum(hurst, band * cut_off, cut_off)
         heights = [random_surface(spectrum, nodes, seed) for seed in range(surfaces)]
+        if hurst == SPECTRA[0][0]:
+            found = conductance(heights)
+            yielding += [{**row, "hurst": hurst, "band": band, "nodes": nodes} for row in found]
         measured = np.mean([press(each) for each in heights], axis=0)
         expected = persson(spectrum)
         rms = float(np.mean([each.std() for each in heights]))
@@ -84,7 +98,23 @@ def theory(nodes: int, surfaces: int) -> list[Row]:
         for row in rows[-len(PRESSURES) :]:
             row |= {"hurst": hurst, "band": band, "nayak": nayak(expected), "nodes": nodes}
         remark(f"H = {hurst:g}, band {band:g}: {surfaces} surfaces")
-    return rows
+    return Report({"theory": rows, "conductance": yielding})
+
+
+def conductance(heights: Sequence[Heights]) -> list[Row]:
+    """Return the mean conductance h sigma / (k m) over the pressure, and the fitted exponent."""
+    hardness = SOFT * RMS_SLOPE
+    settings: dict[str, Any] = {"pressures": hardness * LIGHT, "boundary": "periodic"}
+    unit = RMS_SLOPE / math.sqrt(math.pi) * SIDE**2
+    stiffnesses = [
+        [each.interface_stiffness for each in bem.ladder(own, SIDE, hardness=hardness, **settings)]
+        for own in heights
+    ]
+    measured = np.array([own.std() for own in heights]) @ stiffnesses / (unit * len(heights))
+    exponent, _ = np.polyfit(np.log(LIGHT), np.log(measured), 1)
+    found = np.stack([LIGHT, measured, 1.25 * LIGHT**0.95], axis=1).tolist()
+    names = "pressure_over_hardness", "conductance", "cooper_mikic_yovanovich"
+    return [{**dict(zip(names, row, strict=True)), "exponent": float(exponent)} for row in found]
 
 
 def random_surface(spectrum: SelfAffineSpectrum, nodes: int, seed: int) -> Heights:

@@ -68,6 +68,15 @@ Conductivity = Annotated[
     list[float] | None,
     Option(metavar="W/MK", help="Conductivity of the bodies in W/(m K); twice if they differ."),
 ]
+GasConductivity = Annotated[
+    float | None,
+    Option(
+        metavar="W/MK", help="Conductivity of a gas in the gap in W/(m K), whose part is added."
+    ),
+]
+JumpDistance = Annotated[
+    float | None, Option(metavar="UM", help="The gas' jump distance in um, at its pressure.")
+]
 Flattened = Annotated[Path | None, Option(metavar="NPY", help="Write the heights that are left.")]
 Kernel = Annotated[str, Option(help="uniform-pressure or concentrated-force.")]
 Boundary = Annotated[

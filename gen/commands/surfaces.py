@@ -202,6 +202,8 @@ def law(
     pressure: options.Pressures = "",
     material: options.Material,
     conductivity: options.Conductivity = None,
+    gas_conductivity: options.GasConductivity = None,
+    jump_distance: options.JumpDistance = None,
     boundary: options.LawBoundary = "mirror",
     surfaces: options.Population = 50,
     band: options.Band = 0.9,
@@ -219,6 +221,7 @@ def law(
     is the interface's alone: what a mesh adds to the bodies' own deformation.
     """
     from gen.law import Order, by_solver
+    from gen.law.curves import Gas
     from gen.law.files import show, write_files
     from gen.maps.contacts import require_conductivities
 
@@ -236,6 +239,7 @@ def law(
         hardness=bodies.hardness,
         boundary=boundary,
         conductivities=require_conductivities(conductivity or []),
+        gas=Gas.of_options(gas_conductivity, jump_distance),
         stiffness=True,
         grid_error=grid_error,
         reading=reading,

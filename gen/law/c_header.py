@@ -17,14 +17,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gen.arrays import Values
-from gen.law.curves import CONDUCTANCE, CONTINUUM, STIFFNESS, slopes
-from gen.law.finite_elements import rising
+from gen.law.curves import CONDUCTANCE, CONTINUUM, FROM_REST, GAS, JOINT, STIFFNESS, slopes
+from gen.law.finite_elements import GAS_IN_WORDS, rising
 from gen.runtime import VERSION, files
 from gen.runtime.installation import git_commit
 
 if TYPE_CHECKING:
     from gen.law.contact_law import Law
-    from gen.law.curves import Curve, Curves
+    from gen.law.curves import Curves
 
 SHORT = {
     "area_percent": "area",
@@ -35,6 +35,8 @@ SHORT = {
     "closure_um": "closure",
     STIFFNESS: "stiffness",
     CONDUCTANCE: "conductance",
+    GAS: "gas_conductance",
+    JOINT: "joint_conductance",
     CONTINUUM: "continuum_area",
 }
 ARGUMENTS = {"delta_um": ("delta", ""), "pressure_MPa": ("pressure", "_at_pressure")}
@@ -113,8 +115,10 @@ def _lines(law: Law, name: str) -> Iterator[str]:
     guard = f"{name.upper()}_H"
     yield "/*"
     for paragraph in _description(law, name):
+        # Without what could end a comment, splice lines or make a compiler warn, as names may.
+        said = re.sub(r"[^ -~]|[\\?]|\*(?=/)|(?<=/)\*", "_", paragraph)
         yield from textwrap.wrap(
-            _comment(paragraph),
+            said,
             WIDTH,
             initial_indent=" * ",
             subsequent_indent=" *   ",
@@ -137,6 +141,8 @@ def _description(law: Law, name: str) -> Iterator[str]:
     yield f"Contact law of rough surfaces, E* = {law.bodies.e_star:.17g} MPa."
     if law.bodies.hardness is not None:
         yield f"Bodies that yield, without hardening: hardness {law.bodies.hardness:.17g} MPa."
+    if law.order.gas is not None:
+        yield GAS_IN_WORDS.format(*law.order.gas)
     yield f"Surface: {'; '.join(law.origins)}"
     if law.order.command:
         yield f"Command: {law.order.command}"
@@ -171,7 +177,7 @@ def _body(law: Law, name: str) -> Iterator[str]:
     yield FUNCTIONS.replace("NAME", name)
     for curves in (law.over_delta, law.over_pressure):
         argument, suffix = ARGUMENTS[curves.against]
-        at, columns = _columns(curves, suffix, law.over_delta.curves.get("mean_gap_um"))
+        at, columns = _columns(curves, suffix, law.over_delta)
         yield from _tables(name, argument, at, columns)
     pressures, closures, _ = rising(law)
     yield from _tables(name, "closure", closures, {"pressure_at_closure": pressures})
@@ -193,16 +199,16 @@ def _tables(name: str, argument: str, at: Values, columns: dict[str, Values]) ->
             yield f"{{ return {name}_{function}({tables}); }}"
 
 
-def _columns(curves: Curves, suffix: str, gap: Curve | None) -> tuple[Values, dict[str, Values]]:
-    """Return arguments and columns from first touch on; `gap` is the curve over Delta, if any."""
+def _columns(curves: Curves, suffix: str, rest: Curves) -> tuple[Values, dict[str, Values]]:
+    """Return arguments and columns from first touch on, where the curves of `rest` begin."""
     missing = curves.at[:1] > 0  # first touch, where pressures were given
     columns = {}
     for name, curve in curves.curves.items():
         banded = curves.banded or curve.banded.all()
         for end, part in (("", "value"), ("_low", "low"), ("_high", "high"))[: 3 if banded else 1]:
             values, first = getattr(curve, part), np.zeros(1)
-            if name == "mean_gap_um" and gap is not None:
-                first = getattr(gap, part)[:1]
+            if name in FROM_REST and name in rest.curves:
+                first = getattr(rest.curves[name], part)[:1]
             columns[f"{SHORT[name]}{suffix}{end}"] = np.concatenate([first[missing], values])
     return np.concatenate([np.zeros(1)[missing], curves.at]), columns
 
@@ -213,8 +219,3 @@ def _array(name: str, size: str, values: Values) -> Iterator[str]:
     for start in range(0, len(texts), PER_LINE):
         yield "    " + ", ".join(texts[start : start + PER_LINE]) + ","
     yield "};"
-
-
-def _comment(text: str) -> str:
-    """Replace what could end a comment, splice lines or make a compiler warn, as names may."""
-    return re.sub(r"[^ -~]|[\\?]|\*(?=/)|(?<=/)\*", "_", text)

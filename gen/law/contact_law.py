@@ -13,14 +13,18 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from bem.contact import mean_conductivity
 from bem.problem import Boundary
 from gen.arrays import Values
 from gen.law.curves import (
     APART,
     CONTINUUM,
+    GAS,
+    JOINT,
     NAMES,
     STIFFNESS,
     Curves,
+    Gas,
     Points,
     held,
     risen,
@@ -69,6 +73,7 @@ class Order:
     hardness: float | None = None  # of the softer body [MPa]; by default the scene's only one
     boundary: Boundary | None = None  # of the patches; None for the usual one
     conductivities: tuple[float, float] | None = None  # of both bodies [W/(m K)]
+    gas: Gas | None = None  # in the gap
     stiffness: bool = False  # whether it is asked for; a conductance brings it along
     grid_error: bool = False  # whether the area in the continuum is, with the error of the grid
     reading: Reading = field(default_factory=Reading)  # how files are read
@@ -150,8 +155,6 @@ def law_of(
     over_pressure, full = over_pressure.below_full_contact(bodies)
     over_delta, also_full = over_delta.below_full_contact(bodies)
     if order.conductivities is not None:
-        from bem.contact import mean_conductivity
-
         factor = mean_conductivity(*order.conductivities) / bodies.e_star
         over_delta = over_delta.with_conductance(factor)
         over_pressure = over_pressure.with_conductance(factor)
@@ -200,7 +203,8 @@ def _tables(
     under = partial(_solved, order, surfaces, bodies, lost)
     solved = {load: under(load, loads) for load, loads in asked.items() if loads is not None}
     made: dict[Load, Curves] = {}
-    rest = float(np.mean([surface.gap_at_rest for surface in surfaces]))
+    rests = [surface.at_rest(order.gas, joint=bool(order.conductivities)) for surface in surfaces]
+    rest = {name: float(np.mean([each[name] for each in rests])) for name in rests[0]}
     for load, argument in ARGUMENTS.items():
         loads, parts, _ = solved.get(load) or next(iter(solved.values()))
         if load not in solved and len(surfaces) > 1:
@@ -212,9 +216,7 @@ def _tables(
             parts = [parts[0].chosen(rising)]
             loads = parts[0].values[argument]
         if load == "delta" or load not in solved:  # pressures that were given stay alone
-            parts = [
-                part.from_rest(each.gap_at_rest) for part, each in zip(parts, surfaces, strict=True)
-            ]
+            parts = [part.from_rest(each) for part, each in zip(parts, rests, strict=True)]
             loads = np.append(0.0, loads)
         parts = [  # contacts turn back only within the tolerance of the solver
             replace(part, values={name: held(name, each) for name, each in part.values.items()})
@@ -292,6 +294,25 @@ def _possible(
     return loads
 
 
+def _further(
+    order: Order, bodies: Bodies, nominal: float
+) -> dict[str, Callable[["Contact"], float]]:
+    """Return how each quantity that is asked for beside the usual ones follows from a contact."""
+    found: dict[str, Callable[[Contact], float]] = {}
+    if order.grid_error:
+        found[CONTINUUM] = lambda contact: contact.continuum_area_percent
+    if order.stiffness or order.conductivities is not None:
+        found[STIFFNESS] = lambda contact: contact.interface_stiffness / nominal
+    if gas := order.gas:
+        found[GAS] = lambda contact: gas.conductance(contact.gap)
+    if gas and order.conductivities is not None:
+        spots = mean_conductivity(*order.conductivities) / bodies.e_star / nominal
+        found[JOINT] = lambda contact: (
+            spots * contact.interface_stiffness + gas.conductance(contact.gap)
+        )
+    return found
+
+
 class _OfSurface(NamedTuple):
     """The points of one surface, why the solver has none at each load, warnings, and a note."""
 
@@ -312,8 +333,8 @@ def _of_surface(
     if bodies.hardness is not None:
         settings["hardness"] = bodies.hardness
     compliance, nominal = surface.patch_compliance(bodies.e_star), surface.nominal
-    names = [*NAMES, *[CONTINUUM] * order.grid_error]
-    names += [STIFFNESS] * (order.stiffness or order.conductivities is not None)
+    further = _further(order, bodies, nominal)
+    names = [*NAMES, *further]
     rows, bars = np.full((loads.size, len(names)), np.nan), np.full(loads.size, np.nan)
     faults, note = [], ""
     notable: dict[int, Contact] = {}  # the last, and the first with each number of warnings
@@ -327,14 +348,10 @@ def _of_surface(
         gap = max(contact.mean_gap, 0.0)  # below 0 by rounding alone
         closure = max(contact.delta - compliance * pressure, 0.0)
         row = [contact.delta, contact.area_percent, contact.force, gap, pressure, closure]
-        if order.grid_error:
-            row.append(contact.continuum_area_percent)
-        if STIFFNESS in names:
-            try:
-                row.append(contact.interface_stiffness / nominal)
-            except ArithmeticError as error:
-                raise InputError(f"{surface.name}: {error}") from None
-        rows[place] = row
+        try:
+            rows[place] = [*row, *(of(contact) for of in further.values())]
+        except ArithmeticError as error:
+            raise InputError(f"{surface.name}: {error}") from None
         if order.grid_error and judged:
             grid = contact.grid_error()
             bars[place] = grid.area_percent if grid.resolved else np.nan

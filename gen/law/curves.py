@@ -6,13 +6,15 @@ of monotone `Curves` over Delta or over pressure.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gen.arrays import Values
+from gen.arrays import Heights, Values
 from gen.material import Bodies
 from gen.runtime.errors import InputError
 
@@ -27,17 +29,25 @@ CONTINUUM = "continuum_area_percent"
 """Area in the continuum; of one solved surface its band is the error of the grid."""
 
 QUANTITIES = ("area_percent", "force_uN", "mean_gap_um", "pressure_MPa", "closure_um")
-CONDUCTANCE = "conductance_W_per_mm2_K"
+CONDUCTANCE = "conductance_W_per_mm2_K"  # of the spots of contact
+GAS = "gas_conductance_W_per_mm2_K"  # of a gas in the gap
+JOINT = "joint_conductance_W_per_mm2_K"  # of both
 COLUMNS = {
-    "delta_um": (*QUANTITIES, STIFFNESS, CONDUCTANCE, CONTINUUM),
+    "delta_um": (*QUANTITIES, STIFFNESS, CONDUCTANCE, GAS, JOINT, CONTINUUM),
     "pressure_MPa": (
         *("delta_um", "closure_um", "area_percent", "mean_gap_um"),
-        *(STIFFNESS, CONDUCTANCE, CONTINUUM),
+        *(STIFFNESS, CONDUCTANCE, GAS, JOINT, CONTINUUM),
     ),
 }
-"""Quantities of a table by what they are tabulated against; the last three only where asked for."""
+"""Quantities of a table by what they are tabulated against; the last five only where asked for."""
 
-INFINITE_AT_FULL_CONTACT = {STIFFNESS, CONDUCTANCE}  # quantities that full contact makes infinite
+FROM_REST = {"mean_gap_um", GAS, JOINT}  # quantities that are not 0 at first touch
+
+INFINITE_AT_FULL_CONTACT = {
+    STIFFNESS,
+    CONDUCTANCE,
+    JOINT,
+}  # quantities that full contact makes infinite
 
 DERIVED = {"closure_um", *INFINITE_AT_FULL_CONTACT}
 """Quantities that follow from the predicted ones, so that they miss by more than those: outside the
@@ -51,6 +61,35 @@ APART = 1e-9  # relative distance within which two numbers are one: rounding lie
 
 OUTSIDE_WEIGHT = 1e-9
 """Weight of a point outside the training, over one inside, where curves are made monotone."""
+
+
+class Gas(NamedTuple):
+    """A gas that fills the gap and conducts heat."""
+
+    conductivity: float  # [W/(m K)]
+    # Jump distance [um]: what the gap is wider by for a gas whose molecules fly as far as it is.
+    jump_distance: float
+
+    @classmethod
+    def of_options(cls, conductivity: float | None, jump_distance: float | None) -> Gas | None:
+        """Return the gas of the options of `gen law`, None without them."""
+        given = {"--gas-conductivity": conductivity, "--jump-distance": jump_distance}
+        if conductivity is None and jump_distance is None:
+            return None
+        for (option, value), unit in zip(given.items(), ("W/(m K)", "um"), strict=True):
+            if value is None:
+                raise InputError(f"a gas needs {' and '.join(given)}: {option} is missing")
+            if not 0 < value < math.inf:
+                raise InputError(f"{option} {value:g}: must be above 0 {unit}, finite")
+        return cls(conductivity, jump_distance)  # type: ignore[arg-type]
+
+    def conductance(self, gap: Heights) -> float:
+        """Return the mean over all nodes, where a gap [um] is open, of k / (gap + M) [W/(mm2 K)].
+
+        Where bodies touch, the gap is 0 and the heat that passes is that of the spots.
+        """
+        conducting = self.conductivity / (gap + self.jump_distance)
+        return float(np.where(gap > 0, conducting, 0.0).mean())
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,10 +118,10 @@ class Points:
         reasons = np.array(self.reasons, dtype=object)[places]
         return self.changed(lambda _, each: each[places], *reasons)
 
-    def from_rest(self, gap: float) -> Points:
-        """Put first touch, Delta = 0 with this mean gap [um], before these loads."""
+    def from_rest(self, rest: Mapping[str, float]) -> Points:
+        """Put first touch, Delta = 0 with these values (others are 0), before these loads."""
         return self.changed(
-            lambda name, each: np.append(gap if name == "mean_gap_um" else 0.0, each),
+            lambda name, each: np.append(rest.get(name, 0.0), each),
             *("", *self.reasons),
         )
 
@@ -111,7 +150,7 @@ class Curves:
     curves: dict[str, Curve]  # by the name of the quantity, in the order of `COLUMNS`
     outside: Values  # share of the surfaces outside the surrogate's training, (k,)
     reasons: tuple[str, ...]  # why there is no band, or what lies outside the training; else ""
-    gap_at_rest: float  # mean gap at first touch, where every curve of it begins [um]
+    rest: Mapping[str, float]  # where the curves begin, at first touch; those left out at 0
 
     @property
     def banded(self) -> bool:
@@ -130,8 +169,8 @@ class Curves:
         at, curves = self.at[places], {}
         for name, curve in self.curves.items():
             value, low, high = (part[places] for part in (curve.value, curve.low, curve.high))
-            rest = self.gap_at_rest if name == "mean_gap_um" else 0.0
-            curves[name] = Curve(value, low, high, slopes(at, value, rest))
+            slope = slopes(at, value, self.rest.get(name, 0.0))
+            curves[name] = Curve(value, low, high, slope)
         reasons = tuple(np.array(self.reasons, dtype=object)[places])
         outside = self.outside[places]
         return replace(self, at=at, curves=curves, outside=outside, reasons=reasons)
@@ -168,9 +207,14 @@ class Curves:
             self, curves={name: more[name] for name in COLUMNS[self.against] if name in more}
         )
 
+    @property
+    def conducting(self) -> str:
+        """Name of the conductance of all parts that are known; "" if none is."""
+        return next((name for name in (JOINT, CONDUCTANCE, GAS) if name in self.curves), "")
+
 
 def tabulated(
-    against: str, at: Values, parts: Sequence[Points], level: float, gap_at_rest: float
+    against: str, at: Values, parts: Sequence[Points], level: float, rest: Mapping[str, float]
 ) -> Curves:
     """Put the points of one surface or many, at the same ascending arguments (k,), into one table.
 
@@ -199,13 +243,13 @@ def tabulated(
             with np.errstate(invalid="ignore"):  # of infinite stiffnesses, which leave no band
                 low, high = np.quantile(whole, [(1 - level) / 2, (1 + level) / 2], axis=0)
         low, high = np.minimum(low, value), np.maximum(high, value)
-        slope = slopes(at, value, gap_at_rest if name == "mean_gap_um" else 0.0)
+        slope = slopes(at, value, rest.get(name, 0.0))
         unknown = withheld | ~np.isfinite(low + high)  # an interval without an end is none
         low[unknown], high[unknown] = np.nan, np.nan
         if name in DERIVED:
             value, slope = (np.where(outside > MOST, np.nan, each) for each in (value, slope))
         curves[name] = Curve(value, low, high, slope)
-    return Curves(against, at, curves, outside, tuple(reasons), gap_at_rest)
+    return Curves(against, at, curves, outside, tuple(reasons), rest)
 
 
 def _summary(reasons: Sequence[str]) -> str:
@@ -255,7 +299,12 @@ def continued(points: Points, further: Points) -> Points:
 
 
 def held(name: str, values: Values) -> Values:
-    """Replace values that turn back by the extreme value before them; the mean gap falls."""
+    """Replace values that turn back by the extreme value before them; the mean gap falls.
+
+    The gas conducts less where contact has taken its place, and may turn.
+    """
+    if name in {GAS, JOINT}:
+        return values
     return (np.minimum if name == "mean_gap_um" else np.maximum).accumulate(values)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from gen.arrays import Values
 from gen.law import c_header, finite_elements
 from gen.law.contact_law import Law
-from gen.law.curves import CONDUCTANCE, CONTINUUM, STIFFNESS, Curve, Curves
+from gen.law.curves import CONDUCTANCE, CONTINUUM, GAS, JOINT, STIFFNESS, Curve
 from gen.options import LawOutputs, Units
 from gen.runtime import VERSION
 from gen.runtime.documents import Row, text_of, write_csv
@@ -33,6 +33,8 @@ LABELS = {
     "area_percent": "contact area [%]",
     CONTINUUM: "area in the continuum [%]",
     CONDUCTANCE: "conductance [W/(mm² K)]",
+    GAS: "conductance of the gas [W/(mm² K)]",
+    JOINT: "conductance of spots and gas [W/(mm² K)]",
     STIFFNESS: "stiffness [MPa/µm]",
 }
 
@@ -54,38 +56,33 @@ def write_files(law: Law, files: LawOutputs, figure: Any) -> Iterator[Path]:
 
 
 def show(law: Law) -> None:
-    """Print the law against the given kind of load: Delta, nominal pressure, or both."""
+    """Print the law against the given kind of load: Delta, nominal pressure, or both.
+
+    Rows outside a surrogate's training have a reason instead of a band.
+    """
     for note in law.notes:
         echo(note)
-    for curves, given in (
-        (law.over_delta, law.order.delta or not law.order.pressure),
-        (law.over_pressure, law.order.pressure),
-    ):
-        if given:
-            echo(law.title)
-            echo(f"{law.bodies.text}; band: {law.band}")
-            _print(curves)
-
-
-def _print(curves: Curves) -> None:
-    """Print one table; rows outside the training have a reason instead of a band."""
-    names = list(curves.curves)
-    banded = np.any([curve.banded for curve in curves.curves.values()], axis=0)
-    if curves.against == "delta_um":
-        names.remove("closure_um")  # so that rows fit
-    elif np.array_equal(curves.curves["delta_um"].value, curves.curves["closure_um"].value):
-        names.remove("delta_um")
-    rows = []
-    for place, argument in enumerate(curves.at):
-        cells = [f"{argument:.5g}"]
-        for curve in (curves.curves[name] for name in names):
-            value, low, high = curve.value[place], curve.low[place], curve.high[place]
-            band = " (-)" if curves.reasons[place] and not banded[place] else ""
-            band = f" ({low:.4g} to {high:.4g})" if low < high else band
-            cells.append("-" if np.isnan(value) else f"{value:.4g}{band}")
-        rows.append([*cells, brief(curves.reasons[place])])
-    titles = [curves.against, *names, "reason" if any(curves.reasons) else ""]
-    print_columns(rows, titles, right=titles[:-1])
+    by_delta = bool(law.order.delta or not law.order.pressure)
+    for curves in [law.over_delta] * by_delta + [law.over_pressure] * bool(law.order.pressure):
+        echo(law.title)
+        echo(f"{law.bodies.text}; band: {law.band}")
+        names, known = list(curves.curves), curves.curves
+        if curves.against == "delta_um":
+            names.remove("closure_um")  # so that rows fit
+        elif np.array_equal(known["delta_um"].value, known["closure_um"].value):
+            names.remove("delta_um")
+        banded = np.any([curve.banded for curve in known.values()], axis=0)
+        rows = []
+        for place, argument in enumerate(curves.at):
+            cells = [f"{argument:.5g}"]
+            for curve in (known[name] for name in names):
+                value, low, high = curve.value[place], curve.low[place], curve.high[place]
+                band = " (-)" if curves.reasons[place] and not banded[place] else ""
+                band = f" ({low:.4g} to {high:.4g})" if low < high else band
+                cells.append("-" if np.isnan(value) else f"{value:.4g}{band}")
+            rows.append([*cells, brief(curves.reasons[place])])
+        titles = [curves.against, *names, "reason" if any(curves.reasons) else ""]
+        print_columns(rows, titles, right=titles[:-1])
 
 
 def write_table(path: Path, law: Law) -> list[Path]:
@@ -118,12 +115,17 @@ def write_table(path: Path, law: Law) -> list[Path]:
 
 def write_json(path: Path, law: Law) -> list[Path]:
     """Write a law as JSON, with null for numbers that are not finite."""
+
+    def numbers(values: Values) -> list[float | None]:
+        return [value if math.isfinite(value) else None for value in values.tolist()]
+
     content = {
         "format": FORMAT,
         "version": FORMAT_VERSION,
         "e_star_MPa": law.bodies.e_star,
         "hardness_MPa": law.bodies.hardness,
         "conductivities_W_per_m_K": law.order.conductivities,
+        **({} if law.order.gas is None else {"gas": law.order.gas._asdict()}),
         "boundary": law.boundary,
         "surfaces": list(law.origins),
         "band": law.band,
@@ -132,29 +134,23 @@ def write_json(path: Path, law: Law) -> list[Path]:
         "made": datetime.now(UTC).isoformat(timespec="seconds"),
         "asperity": VERSION,
         "commit": git_commit(),
-        "tables": [_json_table(law.over_delta), _json_table(law.over_pressure)],
+        "tables": [
+            {
+                "against": curves.against,
+                "at": numbers(curves.at),
+                "gap_at_rest_um": curves.rest["mean_gap_um"],
+                "share_of_surfaces_outside_the_training": numbers(curves.outside),
+                "reasons": list(curves.reasons),
+                "curves": {
+                    name: {part: numbers(getattr(curve, part)) for part in PARTS}
+                    for name, curve in curves.curves.items()
+                },
+            }
+            for curves in (law.over_delta, law.over_pressure)
+        ],
     }
     write(path, text_of(content))
     return [path]
-
-
-def _json_table(curves: Curves) -> dict[str, Any]:
-    """Return one table."""
-
-    def numbers(values: Values) -> list[float | None]:
-        return [value if math.isfinite(value) else None for value in values.tolist()]
-
-    return {
-        "against": curves.against,
-        "at": numbers(curves.at),
-        "gap_at_rest_um": curves.gap_at_rest,
-        "share_of_surfaces_outside_the_training": numbers(curves.outside),
-        "reasons": list(curves.reasons),
-        "curves": {
-            name: {part: numbers(getattr(curve, part)) for part in PARTS}
-            for name, curve in curves.curves.items()
-        },
-    }
 
 
 WRITERS: dict[str, Callable[[Path, Law, Units], list[Path]]] = {
@@ -173,7 +169,7 @@ def draw(figure: Any, law: Law, picture: Path) -> None:
     """Draw closure, area and stiffness or conductance over pressure, inside the training."""
     curves = law.over_pressure.chosen(~law.over_pressure.flagged)
     names = ["closure_um", CONTINUUM if CONTINUUM in curves.curves else "area_percent"]
-    names += [name for name in (CONDUCTANCE, STIFFNESS) if name in curves.curves][:1]
+    names += [name for name in (curves.conducting, STIFFNESS) if name in curves.curves][:1]
     figure.suptitle(
         f"{law.title}\n{law.bodies.text}; band: {law.band}", fontsize=11, parse_math=False
     )

@@ -27,7 +27,7 @@ import numpy as np
 
 from gen.arrays import Values
 from gen.law.contact_law import Law
-from gen.law.curves import CONDUCTANCE, risen, slopes
+from gen.law.curves import risen, slopes
 from gen.options import Units, sides_of
 from gen.runtime import VERSION, files
 from gen.runtime.errors import InputError
@@ -98,6 +98,8 @@ def _place(gap, offset):
 '''
 
 
+GAS_IN_WORDS = "Gas in the gap: conductivity {:g} W/(m K), jump distance {:g} um; its part counts."
+
 SIDES = {"": ("value", "value"), "soft": ("high", "low"), "stiff": ("low", "high")}
 """What the law and each side of its band take of the curves of closure and conductance."""
 
@@ -139,8 +141,8 @@ def rising(law: Law, side: str = "") -> tuple[Values, Values, Values | None]:
     """
     table, (closure, conductance) = law.over_pressure, SIDES[side]
     closures = getattr(table.curves["closure_um"], closure)
-    known = table.curves.get(CONDUCTANCE)
-    conductances = None if known is None else getattr(known, conductance)
+    known = table.conducting
+    conductances = getattr(table.curves[known], conductance) if known else None
     usable = (table.at > 0) & np.isfinite(closures) & ~table.flagged
     if conductances is not None:
         usable &= np.isfinite(conductances)
@@ -152,7 +154,8 @@ def rising(law: Law, side: str = "") -> tuple[Values, Values, Values | None]:
         raise InputError(f"the law closes nowhere, so that only tables can be written{ends}")
     at, closures = (np.append(0.0, part[places]) for part in (table.at, closures))
     if conductances is not None:
-        conductances = np.append(0.0, conductances[places])
+        first = law.over_delta.curves[known].value[0]  # of the gas alone
+        conductances = np.append(first, conductances[places])
     return at, closures, conductances
 
 
@@ -160,7 +163,9 @@ def _lines(path: Path, law: Law, program: Program, units: UnitSystem, side: str)
     """Yield the whole file."""
     pressures, closures, conductances = rising(law, side)
     yield from _comment(_description(law, program, units, pressures, side), "** ")
-    yield f"*SURFACE INTERACTION, NAME={_name(path)}"
+    name = re.sub(r"[^0-9A-Za-z]+", "_", path.stem).strip("_").upper()[:LONGEST_NAME]
+    name = name if name[:1].isalpha() else f"LAW_{name}".rstrip("_")  # a letter first
+    yield f"*SURFACE INTERACTION, NAME={name}"
     yield "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TABULAR"
     loads, overclosures = pressures * units.pressure, closures * units.length
     points = loads, overclosures
@@ -199,6 +204,8 @@ def _description(
     if law.order.conductivities is not None and program != "4c":
         k1, k2 = law.order.conductivities
         yield f"Conductivities of the bodies: {k1:g} and {k2:g} W/(m K)."
+    if law.order.gas is not None and program != "4c":
+        yield GAS_IN_WORDS.format(*law.order.gas)
     yield f"Surface: {'; '.join(law.origins)}"
     if side:
         closure, conductance = SIDES[side]
@@ -216,8 +223,7 @@ def _description(
         f"From 0 to the first pressure, {pressures[1]:.6g} MPa, nothing was computed: there"
         f" {between}."
     )
-    conducts = law.order.conductivities is not None
-    conducting = " and the conductance stays the last one" if conducts else ""
+    conducting = " and the conductance stays the last one" if law.over_pressure.conducting else ""
     beyond = f"the pressure follows the last slope there{conducting}"
     if program == "4c":
         beyond = "both functions raise an error there"
@@ -256,9 +262,3 @@ def _for_calculix(pressures: Values, closures: Values) -> tuple[Values, Values]:
     loads = np.where(chosen < closures[1], np.interp(chosen, closures, pressures), curved)
     slope = (loads[-1] - loads[-2]) / (chosen[-1] - chosen[-2])
     return np.append(loads, loads[-1] + slope * (FAR - chosen[-1])), np.append(chosen, FAR)
-
-
-def _name(path: Path) -> str:
-    """Return the name of the interaction: letters, digits and underscores, a letter first."""
-    own = re.sub(r"[^0-9A-Za-z]+", "_", path.stem).strip("_").upper()[:LONGEST_NAME]
-    return own if own[:1].isalpha() else f"LAW_{own}".rstrip("_")

@@ -10,6 +10,7 @@ import numpy as np
 from bem.problem import Boundary
 from gen.arrays import Values
 from gen.distribution import LogUniform, limits
+from gen.law.curves import GAS, JOINT, Gas
 from gen.maps.bodies import Opposite, composite, files_in, read_surface
 from gen.maps.prepare import surface_warnings
 from gen.maps.read import Sides, Topography
@@ -44,6 +45,17 @@ class LawSurface(Topography):
     def gap_at_rest(self) -> float:
         """Mean gap at first touch, Delta = 0 [um]."""
         return float(self.heights.max()) - float(self.heights.mean())
+
+    def at_rest(self, gas: Gas | None = None, *, joint: bool = False) -> dict[str, float]:
+        """Return mean gap and conductance of a gas at first touch, where no heat passes by spots.
+
+        `joint` says whether the conductance of spots and gas is wanted too.
+        """
+        found = {"mean_gap_um": self.gap_at_rest}
+        if gas is not None:
+            found[GAS] = gas.conductance(float(self.heights.max()) - self.heights)
+            found |= {JOINT: found[GAS]} if joint else {}
+        return found
 
     def patch_compliance(self, e_star: float) -> float:
         """Compute how far a flat punch that fills the patch sinks per nominal pressure [um / MPa].

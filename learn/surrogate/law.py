@@ -185,9 +185,9 @@ def _points_of_scene(
 
 def _both_tables(points: Points, kind: Load, level: float) -> dict[Load, Curves]:
     """Tabulate points against their load, and without a band against the other quantity."""
-    gaps, rest, made = points.values.get("mean_gap_um"), 0.0, {}
+    gaps, rest, made = points.values.get("mean_gap_um"), {"mean_gap_um": 0.0}, {}
     if gaps is not None:  # at first touch, but for what a free patch gives way
-        rest = float(gaps[0] + points.values["delta_um"][0])
+        rest = {"mean_gap_um": float(gaps[0] + points.values["delta_um"][0])}
     for load, argument in ARGUMENTS.items():
         own = points
         if load != kind:
@@ -244,7 +244,7 @@ def _tables(
         for surface in surfaces:
             on_surface = OnSurface(surrogate, _features(surface))
             raw = predicted_points(on_surface, surface, deltas, level, bodies)
-            raw = raw.from_rest(surface.gap_at_rest)
+            raw = raw.from_rest(surface.at_rest())
             smooth, correction = monotone(raw)
             extended = _extended(smooth, on_surface, surface, level, bodies)
             if stiffness and not learnt:
@@ -253,7 +253,7 @@ def _tables(
             whole.append(extended)
             corrections.append(correction)
             progress.advance(1, 0)
-    rest = float(np.mean([surface.gap_at_rest for surface in surfaces]))
+    rest = {"mean_gap_um": float(np.mean([surface.gap_at_rest for surface in surfaces]))}
     over_delta = tabulated("delta_um", np.append(0.0, deltas), parts, level, rest)
     notes = [*_unknown(over_delta), *_corrected(over_delta, corrections)]
     if bodies.hardness is not None and "mean_gap" not in surrogate.learnt:

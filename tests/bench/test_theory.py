@@ -70,7 +70,7 @@ NODES = 128
 
 @pytest.fixture(scope="module")
 def rows() -> list[dict[str, Any]]:
-    return theory.theory(NODES, surfaces=1)
+    return theory.theory(NODES, surfaces=1).tables["theory"]
 
 
 def column(rows: list[dict[str, Any]], name: str) -> np.ndarray:
@@ -97,3 +97,12 @@ def test_gaps_and_stiffness_are_those_of_perssons_relation(rows: list[dict[str, 
         computed = column(rows, name)[narrow, medium]
         expected = column(rows, f"persson_{name}")[narrow, medium]
         assert computed == pytest.approx(expected, rel=0.1)
+
+
+def test_yielding_spots_conduct_as_cooper_mikic_and_yovanovich_say() -> None:
+    """With the exponent 0.95, on surfaces of many waves of one length."""
+    spectrum = theory.SelfAffineSpectrum(0.8, 8 / 256, 8 / 256)
+    found = theory.conductance([theory.random_surface(spectrum, 256, seed) for seed in range(3)])
+    assert found[0]["exponent"] == pytest.approx(0.95, abs=0.02)
+    ratios = [row["conductance"] / row["cooper_mikic_yovanovich"] for row in found]
+    assert ratios == pytest.approx([1] * len(found), abs=0.15)

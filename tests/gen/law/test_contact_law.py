@@ -16,6 +16,7 @@ from bem.contact import mean_conductivity
 from bem.derived.stiffness import patch_stiffness
 from gen import cli
 from gen.law import contact_law
+from gen.law.curves import Gas
 from gen.law.surfaces import read_subjects
 from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
@@ -298,3 +299,54 @@ def test_loads_that_scenes_do_not_say_are_asked_for(tmp_path):
     found = read_subjects([str(tmp_path / "s.npy")], 3, Reading(side="10"), "free", print)
     with pytest.raises(InputError, match="a surface from a file has no range of loads"):
         found.loads(3, 1.0)
+
+
+def test_a_gas_in_the_gap_is_a_part_of_the_conductance(surfaces, run, make):
+    """It conducts before first touch, and finite elements get what spots and gas conduct."""
+    k, jump = 0.026, 0.37
+    plates = Gas(k, jump)
+    assert plates.conductance(np.full((4, 4), 2.0)) == k / (2.0 + jump), "parallel plates"
+    assert plates.conductance(np.array([[0.0, 2.0]])) == k / (2.0 + jump) / 2
+    asked = ["--gas-conductivity", k, "--jump-distance", jump]
+    loads = ["--pressure", "1:1000:5:log"]
+    run("many/s0.npy", *loads, *CONDUCTING, "--csv", "spots.csv")
+    run("many/s0.npy", *loads, *CONDUCTING, *asked, "-o", "law", "--plot", "law.png")
+    run("many/s0.npy", *loads, *asked, "--csv", "gas.csv", "--abaqus", "gas.inp")
+    found, alone, spots = table("law.csv"), table("gas.csv"), table("spots.csv")
+    contacts = contacts_of("many/s0.npy", "mirror", pressures=np.geomspace(1, 1000, 5))
+    gas = [(k / (each.gap + jump) * (each.gap > 0)).mean() for each in contacts]
+    for each in (found, alone):
+        np.testing.assert_allclose(each.gas_conductance_W_per_mm2_K, gas, rtol=1e-9)
+    same = found[spots.columns.intersection(found.columns)]
+    pd.testing.assert_frame_equal(same, spots[same.columns])
+    whole = found.conductance_W_per_mm2_K + found.gas_conductance_W_per_mm2_K
+    np.testing.assert_allclose(found.joint_conductance_W_per_mm2_K, whole, rtol=1e-12)
+    assert "joint_conductance_W_per_mm2_K" not in alone
+    heights = np.load("many/s0.npy")
+    rest = plates.conductance(heights.max() - heights)
+    for path, conductances in (("law-abaqus.inp", whole), ("gas.inp", gas)):
+        text = Path(path).read_text()
+        assert f"Gas in the gap: conductivity {k:g} W/(m K), jump distance {jump:g} um" in text
+        numbers = np.fromstring(text.partition("PRESSURE\n")[2].replace("\n", ","), sep=",")
+        np.testing.assert_allclose(numbers[::2] / 1e3, [rest, *conductances], rtol=1e-9)
+    assert json.loads(Path("law.json").read_text())["gas"]["jump_distance"] == jump
+    assert "asperity_law_joint_conductance_at_pressure(" in Path("law.h").read_text()
+    order = {"e_star": E_STAR, "gas": plates, "reading": Reading(side="100")}
+    many = make("many", pressure="1,10", conductivities=(50.0, 20.0), **order)
+    assert all(
+        curves.curves["joint_conductance_W_per_mm2_K"].banded[1:].all()
+        for curves in (many.over_delta, many.over_pressure)
+    )
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--gas-conductivity", 0.026], "--jump-distance is missing"),
+        (["--jump-distance", 0.37], "--gas-conductivity is missing"),
+        (["--gas-conductivity", 0.026, "--jump-distance", 0], "must be above 0 um"),
+    ],
+)
+def test_half_a_gas_is_refused(surfaces, run, capsys, options, said):
+    run("many/s0.npy", "--pressure", "1", *options, ends=2)
+    assert said in capsys.readouterr().err

@@ -26,29 +26,31 @@ from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
 from gen.runtime.figure import new_figure
 
+REST = {"mean_gap_um": 4.0}
+
 
 def test_a_law_that_is_not_finite_is_refused():
     """Found by the fuzzer, with weights of 1e308 in a surrogate."""
     at = np.array([0.0, 1.0, 2.0])
     values = dict.fromkeys((*QUANTITIES, "delta_um"), at) | {"force_uN": np.array([0, 1, np.inf])}
     with pytest.raises(InputError, match="force_uN of the law has values that are not finite"):
-        tabulated("delta_um", at, [Points(values, reasons=("", "", ""))], 0.9, 4.0)
+        tabulated("delta_um", at, [Points(values, reasons=("", "", ""))], 0.9, REST)
 
 
 def test_full_contact_may_be_infinitely_stiff():
     at = np.array([0.0, 1.0, 2.0, 3.0])
     values = dict.fromkeys((*QUANTITIES, "delta_um"), at)
     values[STIFFNESS] = np.array([0.0, 1.0, 4.0, np.inf])
-    curves = tabulated("delta_um", at, [Points(values, reasons=("",) * 4)], 0.9, 4.0)
+    curves = tabulated("delta_um", at, [Points(values, reasons=("",) * 4)], 0.9, REST)
     curve = curves.curves[STIFFNESS]
     assert curve.value[-1] == np.inf
     assert np.isnan(curve.slope).tolist() == [False, False, False, True]
     conducting = curves.with_conductance(0.5).curves[CONDUCTANCE]
     np.testing.assert_allclose(conducting.value[:3], [0, 0.5, 2])
-    many = tabulated("delta_um", at, [Points(values, reasons=("",) * 4)] * 2, 0.9, 4.0)
+    many = tabulated("delta_um", at, [Points(values, reasons=("",) * 4)] * 2, 0.9, REST)
     assert many.curves[STIFFNESS].value[-1] == np.inf
     bare = tabulated(
-        "delta_um", at, [Points(dict.fromkeys(QUANTITIES, at), reasons=("",) * 4)], 0.9, 4.0
+        "delta_um", at, [Points(dict.fromkeys(QUANTITIES, at), reasons=("",) * 4)], 0.9, REST
     )
     assert STIFFNESS not in bare.curves
     assert bare.with_conductance(0.5) is bare
