@@ -62,6 +62,7 @@ Delta = Annotated[str, Option(metavar="UM", help="Far-field displacement from fi
 NormalForce = Annotated[str, Option(metavar="UN", help="Or normal force in uN.")]
 Pressure = Annotated[str, Option(metavar="MPA", help="Or mean pressure over the patch in MPa.")]
 Spots = Annotated[bool, Option("--spots", help="Count spots; see if contact and gap cross.")]
+Flow = Annotated[bool, Option("--flow", help="Let a fluid flow through the gap along x and y.")]
 GridError = Annotated[bool, Option(help="Give the area in the continuum, and the grid's error.")]
 Stiffness = Annotated[bool, Option("--stiffness", help="Solve for stiffness and the interface's.")]
 Conductivity = Annotated[

@@ -179,6 +179,7 @@ _FORCE = "normal force at the scene's modulus (1 uN = 1 MPa um2)"
 _STIFFNESS = "stiffness of unloading, infinite at full contact without edges"
 _INTERFACE = "the same without the patch's own compliance, infinite at full contact"
 _CONNECTS = "opposite sides that contact connects: 0 none, 1 along x, 2 along y, 3 both"
+_APERTURE = "distance of plates with the same flow along {} as the gap, 0 where it seals"
 _CONTINUUM = "contact area in the continuum: less what the grid adds along its borders"
 
 COLUMNS: tuple[Column, ...] = (
@@ -223,6 +224,8 @@ COLUMNS: tuple[Column, ...] = (
         "gap_connects", "1", "opposite sides that the gap connects, in the same way", dtype="u1"
     ),
     _stored("continuum_area_percent", "%", _CONTINUUM, SHARE),
+    _stored("hydraulic_aperture_x", "um", _APERTURE.format("x"), AMOUNT),
+    _stored("hydraulic_aperture_y", "um", _APERTURE.format("y"), AMOUNT),
     _stored("heights", "um", "surface heights", shape_of="nodes"),
     _stored("pressure", "MPa", "contact pressure", shape_of="nodes"),
     # "s", not "seconds": xarray would turn the word into a time difference.

@@ -107,6 +107,7 @@ def contact(
     max_iterations: options.MaxIterations = 1000,
     grid_error: options.GridError = True,
     spots: options.Spots = False,
+    flow: options.Flow = False,
     stiffness: options.Stiffness = False,
     conductivity: options.Conductivity = None,
     threads: options.Threads = None,
@@ -117,7 +118,8 @@ def contact(
     """Solve contact problems of one surface: area, force, pressure, gap, yielding, residual.
 
     The area comes as a share of nodes, and in the continuum with the error of the grid.
-    With --spots, --stiffness and --conductivity also spots, stiffness and conductance.
+    With --spots, --flow, --stiffness and --conductivity also spots, the flow of a fluid through
+    the gap, stiffness and conductance.
 
     Give one of --delta, --force and --pressure: a number, or for a law start:stop:count, with :log
     for an even ratio, or several numbers with commas.
@@ -142,7 +144,7 @@ def contact(
     load, values = chosen_load({"delta": delta, "force": force, "pressure": pressure})
     require_yielding(flattened, material.hardness)
     conductivities = require_conductivities(conductivity or [])
-    wanted = Wanted(spots, stiffness, conductivities, grid_error)
+    wanted = Wanted(spots, stiffness, conductivities, grid_error, flow)
     outputs = [Output(table, "--csv"), Output(picture, "--plot", "picture")]
     outputs.append(Output(flattened, "--flattened", "heights"))
     check_outputs(outputs, facing.with_first(surface))
@@ -189,7 +191,7 @@ def contact(
     if picture is not None:
         from gen.maps.pictures import Subject, draw_contacts
 
-        subject = Subject(topography.name, load, bodies.known, warnings, spots=spots)
+        subject = Subject(topography.name, load, bodies.known, warnings, spots=spots, flow=flow)
         draw_contacts(figure, contacts, subject, picture)
 
 

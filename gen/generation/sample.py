@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 import bem
-from bem.derived.spots import Spots
 from gen.arrays import Columns, Heights
 from gen.generation.functions import outputs_of
 from gen.generation.plan import (
@@ -42,13 +41,15 @@ OPTIONAL_ANSWERS = frozenset(
 )
 """Optional columns that are results of `bem.solve` under the same name."""
 
-SPOT_ANSWERS: dict[str, Callable[[Spots], float]] = {
-    "contact_spots": lambda spots: spots.number,
-    "largest_spot_percent": lambda spots: 100 * spots.largest_share,
-    "contact_connects": lambda spots: spots.contact_connects[0] + 2 * spots.contact_connects[1],
-    "gap_connects": lambda spots: spots.gap_connects[0] + 2 * spots.gap_connects[1],
+FURTHER_ANSWERS: dict[str, Callable[[bem.Contact], float]] = {
+    "contact_spots": lambda contact: contact.spots.number,
+    "largest_spot_percent": lambda contact: 100 * contact.spots.largest_share,
+    "contact_connects": lambda contact: _sides(contact.spots.contact_connects),
+    "gap_connects": lambda contact: _sides(contact.spots.gap_connects),
+    "hydraulic_aperture_x": lambda contact: contact.flow(0).aperture,
+    "hydraulic_aperture_y": lambda contact: contact.flow(1).aperture,
 }
-"""Optional columns that follow from the spots of a contact."""
+"""Optional columns that follow from the spots of a contact, or from the flow through its gap."""
 
 
 UNSOLVED = (
@@ -242,8 +243,13 @@ def _answers(scene: Scene, contact: bem.Contact) -> dict[str, Any]:
     """Return what a scene's database holds of a contact beside effort and outputs."""
     wanted = scene.optional_columns
     names = {*ANSWERS, *(OPTIONAL_ANSWERS & wanted)} | ({"delta"} - {scene.quantity})
-    spots = {name: SPOT_ANSWERS[name](contact.spots) for name in SPOT_ANSWERS.keys() & wanted}
-    return {name: getattr(contact, name) for name in names} | spots
+    further = {name: FURTHER_ANSWERS[name](contact) for name in FURTHER_ANSWERS.keys() & wanted}
+    return {name: getattr(contact, name) for name in names} | further
+
+
+def _sides(connects: tuple[bool, bool]) -> int:
+    """Return the code of the sides that something connects: 1 along x, 2 along y, 3 both."""
+    return connects[0] + 2 * connects[1]
 
 
 def first_contact(scene: Scene, rows: int) -> tuple[int, bem.Contact] | None:

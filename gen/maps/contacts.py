@@ -33,6 +33,7 @@ class Wanted:
     # conductivities of both bodies, which ask for the conductance [W/(m K)]
     conductivities: tuple[float, float] | None = None
     grid_error: bool = False  # whether the area in the continuum comes with the grid's error
+    flow: bool = False  # whether a fluid flows through the gap, along either axis
 
 
 class Answer(NamedTuple):
@@ -68,7 +69,7 @@ def require_conductivities(given: Sequence[float]) -> tuple[float, float] | None
 def answers(contact: Contact, wanted: Wanted) -> list[Answer]:
     """Return what is known of a solved contact, and compute the answers that are asked for.
 
-    Raises InputError if the linear solve for the stiffness does not converge.
+    Raises InputError if the linear solve for the stiffness or the flow does not converge.
     """
     problem, (nx, ny) = contact.problem, contact.pressure.shape
     yielding: list[Answer] = []
@@ -104,11 +105,13 @@ def further(contact: Contact, wanted: Wanted) -> list[Answer]:
     """Compute the answers that are asked for; see `answers`."""
     found = _in_the_continuum(contact) if wanted.grid_error else []
     found += _spots(contact) if wanted.spots else []
-    if wanted.stiffness or wanted.conductivities is not None:
-        try:
+    try:
+        if wanted.flow:
+            found += _flow(contact)
+        if wanted.stiffness or wanted.conductivities is not None:
             found += _interface(contact, wanted)
-        except ArithmeticError as error:
-            raise InputError(str(error)) from None
+    except ArithmeticError as error:
+        raise InputError(str(error)) from None
     return found
 
 
@@ -143,6 +146,20 @@ def _spots(contact: Contact) -> list[Answer]:
         Answer("contact_connects", sides["contact"], "contact connects sides", "along x, y"),
         Answer("gap_connects", sides["gap"], "gap connects sides", "along x, y"),
     ]  # fmt: skip
+
+
+def _flow(contact: Contact) -> list[Answer]:
+    """Return the answers about the flow of a fluid through the gap."""
+    found = []
+    for axis, name in enumerate("xy"):
+        flow = contact.flow(axis)
+        said = "of the flow through the mean gap" if flow.factor else "no flow: the contact seals"
+        found += [
+            Answer(f"flow_factor_{name}", flow.factor, f"flow factor along {name}", said),
+            Answer(f"hydraulic_aperture_{name}_um", flow.aperture,
+                   f"hydraulic aperture along {name}", "um"),
+        ]  # fmt: skip
+    return found
 
 
 def _interface(contact: Contact, wanted: Wanted) -> list[Answer]:

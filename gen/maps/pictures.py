@@ -34,6 +34,7 @@ OBLONG = 4.0  # ratio of the sides beyond which a map fills its panel, as its ti
 CYAN = (0.09, 0.75, 0.81)
 # share of the lines at both borders that a section avoids, since pressures are high there
 BORDER = 0.1
+FAINT = 1e-4  # least flux that is drawn, over its mean
 BINS = 80  # number of bars of the height distribution
 
 
@@ -101,6 +102,16 @@ def spot_maps(contact: Contact) -> tuple[Map, Map]:
         Map(gap, sides, f"gap: {state}", "gap", "µm", "viridis", closed),
         Map(colours, sides, title, "", "", "tab20"),
     )
+
+
+def flow_map(contact: Contact) -> Map:
+    """Return the map of the flux along x over its mean, by decades."""
+    flow = contact.flow(0)
+    share = np.hypot(*flow.flux) / (flow.aperture**3 or 1.0)
+    decades = np.ma.log10(np.ma.masked_less(share, FAINT))
+    state = f"flow factor {flow.factor:.3g}" if flow.factor else "no flow, the contact seals"
+    title = f"flux along x: {state}"
+    return Map(decades, patch_sides(contact), title, "flux over its mean", "decades", "viridis")
 
 
 def patch_sides(contact: Contact) -> tuple[float, float]:
@@ -254,6 +265,7 @@ class Subject:
     material: bool  # whether the user gave a modulus
     warnings: Sequence[str]  # reasons to distrust the contacts
     spots: bool = False  # whether to draw spots and the open gap instead of heights and pressure
+    flow: bool = False  # whether to draw the flux along x, beside the spots or the open gap
 
 
 def draw_contacts(
@@ -273,8 +285,10 @@ def draw_contacts(
         lines = [textwrap.fill(f"warning: {warning}", 160) for warning in subject.warnings]
         figure.supxlabel("\n".join(lines), fontsize=8, color="tab:red", parse_math=False)
     where = f" at {load_text(last, subject.load)}" if law else ""
-    if subject.spots:
+    if subject.spots or subject.flow:
         first, second = spot_maps(last)
+        if subject.flow:
+            first, second = second if subject.spots else first, flow_map(last)
         first = replace(first, title=f"{first.title}{where}")
     else:
         share = f"{last.area_percent:.3g} % of {last.pressure.size} nodes"

@@ -257,6 +257,8 @@ class Store(Table):
     contact_connects: Flag = Field(default=None, description="true or false")
     gap_connects: Flag = Field(default=None, description="true or false")
     continuum_area_percent: Flag = Field(default=None, description="true or false")
+    hydraulic_aperture_x: Flag = Field(default=None, description="true or false")
+    hydraulic_aperture_y: Flag = Field(default=None, description="true or false")
     function: Function | None = Field(
         default=None, description=f"{FUNCTION_WORDS}, whose outputs of each contact become columns"
     )

@@ -120,7 +120,8 @@ def test_a_bug_is_not_a_row(monkeypatch, error):
 
 DECIDED = (
     "{stiffness=true, interface_stiffness=true, contact_spots=true, largest_spot_percent=true,"
-    " contact_connects=true, gap_connects=true, continuum_area_percent=true}"
+    " contact_connects=true, gap_connects=true, continuum_area_percent=true,"
+    " hydraulic_aperture_x=true, hydraulic_aperture_y=true}"
 )
 
 
@@ -140,6 +141,8 @@ def test_what_contact_decides_is_what_the_contact_says(boundary):
         for name in ("contact_connects", "gap_connects"):
             along, across = getattr(spots, name)
             assert rows[name][row] == along + 2 * across
+        for axis, name in enumerate(("hydraulic_aperture_x", "hydraulic_aperture_y")):
+            assert rows[name][row] == contact.flow(axis).aperture
     assert set(rows["status"]) == {Status.DONE}
 
 

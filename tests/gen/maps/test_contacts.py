@@ -239,12 +239,28 @@ def test_answers_are_printed_and_written(surface, capsys):
 def test_nothing_is_computed_that_is_not_asked_for(surface, monkeypatch):
     solved = bem.solve(ROUGH, 200.0, **LOAD)
     assert further(solved, Wanted()) == []
-    assert not {"spots", "punch"} & vars(solved).keys()
+    assert not {"spots", "punch", "_flows"} & vars(solved).keys()
     further(solved, Wanted(spots=True))
     assert "punch" not in vars(solved)
     assert answered(surface, "--pressure", "100", "--csv", "one.csv") == 0
     columns = pd.read_csv("one.csv").columns
-    assert not any("stiffness" in name or "spot" in name for name in columns)
+    assert not any("stiffness" in name or "spot" in name or "flow" in name for name in columns)
+
+
+def test_the_flow_through_the_gap_is_printed_written_and_drawn(surface, capsys):
+    given = "--force", "1e4,1e12", "--flow", "--csv", "two.csv", "--plot", "two.png"
+    assert answered(surface, *given) == 0
+    assert "hydraulic_aperture_y_um" in capsys.readouterr().out
+    light, sealed = (row for _, row in pd.read_csv("two.csv").iterrows())
+    contact = bem.solve(ROUGH, 200.0, force=1e4, modulus=light.modulus_MPa)
+    for axis, name in enumerate("xy"):
+        flow = contact.flow(axis)
+        assert light[f"flow_factor_{name}"] == pytest.approx(flow.factor, rel=1e-9)
+        assert light[f"hydraulic_aperture_{name}_um"] == pytest.approx(flow.aperture, rel=1e-9)
+        assert sealed[f"flow_factor_{name}"] == 0
+    assert Path("two.png").stat().st_size > 0
+    assert answered(surface, "--force", "1e12", "--flow") == 0
+    assert "no flow: the contact seals" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("given", [["0"], ["1", "2", "3"]])

@@ -191,6 +191,15 @@ def test_sections_run_through_the_contact(heights, sides, expected):
     assert section_line(bem.solve(heights, side=sides, delta=0.1)) == expected
 
 
+def test_the_flow_takes_the_place_of_the_pressure():
+    light, full = (bem.solve(FRACTAL, 100.0, pressure=p, modulus=E_STAR) for p in (1e-2, 1e7))
+    figure = drawn([light], flow=True)
+    assert titled(figure, "gap: connects")
+    assert titled(figure, f"flux along x: flow factor {light.flow().factor:.3g}")
+    assert titled(drawn([full], spots=True, flow=True), "1 spots")
+    assert titled(drawn([full], flow=True), "flux along x: no flow")
+
+
 def drawn_of_rows(monkeypatch: pytest.MonkeyPatch, folder: Path, scene: str) -> Any:
     """Run a scene and return the figure that `gen plot` makes of its database, small.h5."""
     monkeypatch.chdir(folder)
