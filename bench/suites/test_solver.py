@@ -20,6 +20,7 @@ from scipy import optimize
 
 import bem
 from bem import influence
+from bem.derived.flow import flow_through
 from bem.derived.stiffness import punch_of
 from bem.influence import KERNELS, Kernel
 from bem.operators import patch
@@ -241,6 +242,23 @@ def test_stiffness(benchmark: BenchmarkFixture, nodes: int, boundary: Boundary) 
     assert punch.stiffness == pytest.approx(slope, rel=1e-2)  # a node may come to touch
     benchmark.extra_info["convolutions"] = punch.effort.convolutions
     benchmark.extra_info["convolutions_of_the_contact"] = contact.convolutions
+    record_time_over(benchmark, "time_over_the_contact", work, solve)
+
+
+FLOWS = [(129, load, boundary) for load in (0.003, 0.01, 0.03) for boundary in BOUNDARIES]
+
+
+@pytest.mark.parametrize(("nodes", "pressure", "boundary"), [*FLOWS, (1025, 0.03, "free")])
+def test_flow(benchmark: BenchmarkFixture, nodes: int, pressure: float, boundary: Boundary) -> None:
+    """The flow through the gap along x; its cost over that of the contact."""
+    heights = paper_case(0, nodes).heights[:-1, :-1]
+    solve = partial(bem.solve, heights, SIDE, pressure=pressure, boundary=boundary)
+    contact = solve()
+    gap, spacing = np.where(contact.pressure > 0, 0, contact.gap.clip(0)), contact.problem.spacing
+    work = partial(flow_through, gap, spacing, 0, periodic=boundary == "periodic")
+    flow = benchmark.pedantic(work, rounds=1 if nodes > SIZES["paper"] else 9)
+    assert flow.aperture == contact.flow().aperture > 0
+    benchmark.extra_info["area_percent"] = contact.area_percent
     record_time_over(benchmark, "time_over_the_contact", work, solve)
 
 
