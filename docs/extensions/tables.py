@@ -13,8 +13,8 @@ from bench.record import Inputs
 from bench.report import PARTS
 from gen.maps.settings import markdown_table as preparation
 from gen.scene.columns import markdown_table
-from learn.comparison.estimate import hours
 from learn.comparison.grid import LEAST_JUDGED, LIBRARY
+from learn.comparison.jobs import hours
 from learn.models import MODELS
 
 RESULTS = Path(__file__).resolve().parents[2] / "bench" / "results"

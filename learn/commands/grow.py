@@ -95,7 +95,7 @@ def _grow(order: Order, scene: str, budget: str, executor: Executor) -> int:
     from gen.scene import load
     from learn.executor import seconds
     from learn.grow import report, rounds
-    from learn.grow.rows import Pace
+    from learn.grow.rounds import Pace
     from learn.surrogate.fitting import require_better
 
     pace = Pace(seconds(budget) if budget else None, executor.workers)

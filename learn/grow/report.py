@@ -11,8 +11,7 @@ import numpy as np
 
 from gen.runtime.figure import draw_parity, log_axis, parity_axes
 from gen.runtime.terminal import echo, print_table, printable
-from learn.grow.accuracy import LEVEL, RISK, Appraisal
-from learn.grow.curve import Curve, values
+from learn.grow.accuracy import LEVEL, RISK, Appraisal, Curve, values
 from learn.grow.rounds import Ending, Growth, asked_for
 
 TABLE_WIDTH = 110
