@@ -1,30 +1,19 @@
-"""The databases that the reports rest on, generated or given, and what optional outputs cost."""
+"""The databases that the reports rest on, generated or given."""
 
-import tempfile
-import time
 from pathlib import Path
-from statistics import median
-from typing import Any
 
 from bench.report import remark
-from gen import database
 from gen.database import Reader
 from gen.generation.run import generate_database
-from gen.generation.sample import compute_rows
 from gen.runtime.errors import InputError
 from gen.runtime.farm import World
 from gen.runtime.files import make_folder, write
-from gen.scene import Scene, Store, differences, flags, load
-from gen.scene.columns import row_bytes
+from gen.scene import Scene, differences, load
 from gen.schema import Status
 
 PAPER = "paper"  # preset that all surrogates of the reports are trained on
 # Of databases to be tested on: the preset's own seed would give them the surfaces trained on.
 OTHER_SEED = 2026
-SAMPLES = 64  # rows that are computed with and without an optional output
-
-CONCENTRATED = 'samples = 15878\n[contact]\nkernel = "concentrated-force"\n'
-"""Scene of the paper's database with the influence coefficients of MIRCO."""
 
 
 def generated(folder: Path, name: str, text: str) -> Path:
@@ -73,42 +62,3 @@ def of_the_paper(given: Path | None, folder: Path, rows: int) -> Path:
     if different:
         raise InputError(f"--database {given}: give one of the paper preset ({different[0]})")
     return given
-
-
-def outputs(scene: str, rounds: int) -> list[dict[str, Any]]:
-    """Compute and write the first rows of a scene with and without each optional output, in turn.
-
-    Returns
-    -------
-    list of dict
-        For each output of the scene's table [store]: the median of the additional processor time
-        [ms per sample], smallest, middle and largest ratio of the times, additional bytes.
-    """
-    plain = load(scene)
-    compute_rows(plain, 0, 8)  # plans and tables are made before the clock starts
-    costs = []
-    for name in flags():
-        asked = plain.model_copy(update={"store": Store.model_validate({name: True})})
-        pairs = [(_seconds(plain), _seconds(asked)) for _ in range(rounds)]
-        ratios = [with_it / without for without, with_it in pairs]
-        costs.append(
-            {
-                "column": name,
-                "more_ms": 1e3 * median(b - a for a, b in pairs) / SAMPLES,
-                "ratio": median(ratios),
-                "ratio_low": min(ratios),
-                "ratio_high": max(ratios),
-                "bytes": row_bytes(asked) - row_bytes(plain),
-            }
-        )
-    return costs
-
-
-def _seconds(scene: Scene) -> float:
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "outputs.h5"
-        database.create(path, scene.model_copy(update={"samples": SAMPLES}))
-        with database.Writer(path, scene) as writer:
-            began = time.process_time()
-            writer.write_block(0, SAMPLES, compute_rows(scene, 0, SAMPLES))
-            return time.process_time() - began

@@ -5,7 +5,6 @@ the commands of a short and of a full run, and the `contents` that are shown: wh
 are, how they are drawn and what to see. `CHAPTERS` puts the reports in order.
 """
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -30,14 +29,13 @@ def remark(line: str) -> None:
 class Report:
     """Results that are ready to be written, by the names of their files without ending.
 
-    Tables are rows with the same columns, records are what JSON can hold, pictures are figures
-    that the TOML file does not describe. The text is for people: printed below the tables, and
-    kept in a file if `text_name` names one. `of` names the report whose file describes the
+    Tables are rows with the same columns, pictures are figures that the TOML file does not
+    describe. The text is for people: printed below the tables, and kept in a file if `text_name`
+    names one. `of` names the report whose file describes the
     tables, if it is not the command's own.
     """
 
     tables: Mapping[str, Sequence[Row]]
-    records: Mapping[str, Any] = field(default_factory=dict)
     pictures: Mapping[str, Any] = field(default_factory=dict)
     text: str = ""
     text_name: str = ""
@@ -58,15 +56,9 @@ class Report:
 
         make_folder(folder)
         paths = [write_rows(folder / f"{name}.csv", rows) for name, rows in self.tables.items()]
-        texts = {
-            f"{name}.json": json.dumps(record, indent=2, ensure_ascii=False)
-            for name, record in self.records.items()
-        }
         if self.text_name:
-            texts[f"{self.text_name}.txt"] = self.text
-        for file, text in texts.items():
-            paths.append(folder / file)
-            write(paths[-1], text + "\n")
+            paths.append(folder / f"{self.text_name}.txt")
+            write(paths[-1], self.text + "\n")
         described = drawn(read_toml(f"reports/{name}"), self.tables) if name else {}
         pictures = {**self.pictures, **described}
         return [*paths, *(save(each, folder / f"{name}.png") for name, each in pictures.items())]

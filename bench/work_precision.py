@@ -1,122 +1,68 @@
 """Work against precision: the error of a contact's force, area and pressure over its cost.
 
-Errors are against a solution that is exact to rounding, or against the finest grid; cost is wall
-time, and applications of the influence matrix, which no other load on the machine can blur. Each
-study varies the tolerance, the grid or the solver.
+Errors are against a solution that is exact to rounding; cost is wall time, and applications of the
+influence matrix, which no other load on the machine can blur. One study varies the tolerance and
+the kernel, the other the solver; `bench.resolution` varies the grid.
 """
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
 from functools import lru_cache
+from itertools import product
 from statistics import fmean
 
 import numpy as np
 
 from bem.influence import KERNELS, Kernel
 from bench.files import Row
-from bench.record import circumstances
 from bench.report import Report, remark
-from bench.solvers.case import Case, Exact, find_exact
+from bench.solvers.case import Case, find_exact
 from bench.solvers.others import installed, missing
-from bench.solvers.solver import BEM, Answer, Failure, Solver, back_and_forth
+from bench.solvers.solver import BEM, Failure, Solver, back_and_forth
 from gen.generation.plan import parameters
 from gen.generation.sample import surface_of
 from gen.scene import load
 
-
-@dataclass(frozen=True, eq=False)
-class Task:
-    """A measurement that is to be made: of a study, to a tolerance, against an exact solution."""
-
-    study: str
-    solver: Solver
-    case: Case
-    rtol: float
-    exact: Exact
-
-    def run(self) -> Row | None:
-        """Solve the case, and return the row of the answer; None if the solver fails."""
-        try:
-            return evaluate(self, self.solver.solve(self.case, self.rtol))
-        except Failure as failure:
-            place = f"{self.case.name}, {self.case.nodes} nodes a side, tolerance {self.rtol:.0e}"
-            remark(f"{self.study}: left out {self.solver.name}: {place}: {failure}")
-            return None
-
-
-def evaluate(task: Task, answer: Answer) -> Row:
-    """Return the row of an answer: its setting, its cost and its errors."""
-    case, exact, pressure = task.case, task.exact, answer.pressure
-    touching = int(np.count_nonzero(pressure > 0))
-    right = round(exact.contact_share * exact.nodes**2)
-    given_force = task.solver.control == "force"
-    force_error = abs(float(pressure.sum()) * case.spacing**2 / exact.force - 1)
-    difference = np.linalg.norm(pressure - exact.pressure) / np.linalg.norm(exact.pressure)
-    return {
-        "study": task.study,
-        "solver": task.solver.name,
-        "kernel": case.kernel,
-        "precision": task.solver.precision,
-        "control": task.solver.control,
-        "case": case.name,
-        "nodes": case.nodes,  # a side
-        "rtol": task.rtol,  # in the solver's own definition
-        "delta_um": case.delta,  # of the far field, from this grid's first touch on
-        "reference": exact.method,
-        "reference_nodes": exact.nodes,
-        "area_percent": 100 * exact.contact_share,  # of the reference's nodes
-        "seconds": answer.seconds,  # of wall time, the shortest of the rounds
-        "convolutions": answer.convolutions,  # None where the solver does not say
-        "iterations": answer.iterations,
-        "force_error": None if given_force else force_error,  # relative
-        "area_error_nodes": abs(touching - right) if exact.nodes == case.nodes else None,
-        "area_error_percent": 100 * abs(touching / pressure.size / exact.contact_share - 1),
-        # L2 norm over that of the pressure; of averages over coarse cells against a finer grid
-        "pressure_error": float(difference),
-    }
-
-
-def measure(tasks: Sequence[Task], rounds: int) -> Iterator[Row]:
-    """Do all tasks in turn, keep the shortest time of each, and yield their rows in order.
-
-    A first round, which is not timed, warms caches up and leaves out who fails. The shortest time
-    counts, since other work on the machine can only add to it.
-    """
-    able = [task for task in tasks if task.run() is not None]
-    rows: dict[int, Row] = {}
-    for index in back_and_forth(range(len(able)), rounds):
-        row = able[index].run()
-        if row and row["seconds"] < rows.get(index, {"seconds": math.inf})["seconds"]:
-            rows[index] = row
-    yield from (rows[index] for index in sorted(rows))
-
-
-DECADES = tuple(10.0**-digits for digits in range(1, 13))
-
-
-@dataclass(frozen=True)
-class Extent:
-    """How much is measured."""
-
-    nodes: int  # a side of the paper's samples
-    samples: int  # number of the paper's first samples
-    rtols: tuple[float, ...]  # tolerances, falling
-    rounds: int  # times that each solve is timed
-    levels: tuple[int, ...]  # k of the grids with 2^k + 1 nodes a side, rising to the reference
-
-
-FULL = Extent(nodes=129, samples=8, rtols=DECADES, rounds=4, levels=(5, 6, 7, 8, 9, 10))
-QUICK = Extent(nodes=65, samples=2, rtols=DECADES[::2], rounds=2, levels=(4, 5, 6, 7))
-
-# The grid matters in the third digit: its reference need not go down to rounding.
-GRID_RTOL = 1e-6
-GRID_EXACT_RTOL = 1e-10
-
+DECADES = tuple(10.0**-digits for digits in range(1, 13))  # tolerances
 # Samples of the paper with few, some and many nodes in contact, and the tightest tolerance, on and
 # to which the solvers of others are measured.
 PEER_ROWS = (4, 0, 7)
 PEER_RTOL = 1e-8
+
+
+def _evaluate(study: str, case: Case, rtol: float, solver: Solver) -> Row | None:
+    """Solve a case; return its setting, cost and errors, None if the solver fails."""
+    try:
+        answer = solver.solve(case, rtol)
+    except Failure as failure:
+        place = f"{case.name}, {case.nodes} nodes a side, tolerance {rtol:.0e}"
+        remark(f"{study}: left out {solver.name}: {place}: {failure}")
+        return None
+    exact, pressure = find_exact(case), answer.pressure
+    touching = int(np.count_nonzero(pressure > 0))
+    right = round(exact.contact_share * pressure.size)
+    force_error = abs(float(pressure.sum()) * case.spacing**2 / exact.force - 1)
+    difference = np.linalg.norm(pressure - exact.pressure) / np.linalg.norm(exact.pressure)
+    return {
+        "study": study,
+        "solver": solver.name,
+        "kernel": case.kernel,
+        "precision": solver.precision,
+        "control": solver.control,
+        "case": case.name,
+        "nodes": case.nodes,  # a side
+        "rtol": rtol,  # in the solver's own definition
+        "delta_um": case.delta,
+        "reference": exact.method,
+        "area_percent": 100 * exact.contact_share,
+        "seconds": answer.seconds,  # of wall time, the shortest of the rounds
+        "convolutions": answer.convolutions,  # None where the solver does not say
+        "iterations": answer.iterations,
+        "force_error": None if solver.control == "force" else force_error,  # relative
+        "area_error_nodes": abs(touching - right),
+        "area_error_percent": 100 * abs(touching / pressure.size / exact.contact_share - 1),
+        "pressure_error": float(difference),  # L2 norm over that of the pressure
+    }
 
 
 @lru_cache(maxsize=64)  # the same case has its exact solution found once
@@ -130,25 +76,6 @@ def paper_case(row: int, nodes: int, kernel: Kernel = "uniform-pressure") -> Cas
     return Case(f"paper {row}", heights, scene.sides[0], float(plan.delta[0]), kernel)
 
 
-@lru_cache(maxsize=4)
-def nested_cases(levels: tuple[int, ...], kernel: Kernel) -> tuple[Case, ...]:
-    """The paper's first sample on ever finer grids, each holding the nodes of the one before.
-
-    The body stays where it is: a grid that misses the highest asperity's top touches later, so
-    that its Delta, which counts from first touch on, is smaller by what it misses. Who refines the
-    grid of a given body holds its position, not the Delta of a coarser picture of it.
-    """
-    finest = paper_case(0, 2 ** levels[-1] + 1, kernel)
-    top = float(finest.heights.max())
-    cases = []
-    for level in levels:
-        step = 2 ** (levels[-1] - level)
-        heights = finest.heights[::step, ::step].copy()
-        missed = top - float(heights.max())
-        cases.append(Case(finest.name, heights, finest.side, finest.delta - missed, kernel))
-    return tuple(cases)
-
-
 def compare(
     study: str,
     solvers: Sequence[Solver],
@@ -156,89 +83,44 @@ def compare(
     rtols: Sequence[float],
     rounds: int,
 ) -> Iterator[Row]:
-    """Time solvers on the same cases at the same tolerances, what competes side by side."""
-    tasks = [
-        Task(study, solver, case, rtol, find_exact(case))
-        for case in cases
-        for rtol in rtols
-        for solver in solvers
-    ]
-    return measure(tasks, rounds)
+    """Time solvers on the same cases at the same tolerances, what competes side by side.
 
-
-def tolerance_study(extent: Extent) -> Iterator[Row]:
-    """Vary the tolerance, with both kernels, each against its own exact solution."""
-    cases = [
-        paper_case(row, extent.nodes, kernel) for row in range(extent.samples) for kernel in KERNELS
-    ]
-    return compare("tolerance", [BEM], cases, extent.rtols, extent.rounds)
-
-
-def grid_study(extent: Extent) -> Iterator[Row]:
-    """Vary the grid, with both kernels, against the default kernel on the finest grid.
-
-    Either kernel's limit is the same continuum; the uniform pressure is nearer to it (compare
-    `python -m bench hertz`), so that its finest grid speaks for both.
+    A first round, which is not timed, warms caches up and leaves out who fails. The shortest time
+    of the others counts, since other work on the machine can only add to it.
     """
-    *_, finest = nested_cases(extent.levels, KERNELS[0])
-    truth = find_exact(finest, GRID_EXACT_RTOL)
-    tasks = [
-        Task("grid", BEM, case, GRID_RTOL, truth.on_grid(case.nodes))
-        for kernel in KERNELS
-        for case in nested_cases(extent.levels, kernel)
-    ]
-    return measure(tasks, rounds=2)
+    tasks = product(cases, rtols, solvers)
+    able = [task for task in tasks if _evaluate(study, *task) is not None]
+    rows: dict[int, Row] = {}
+    for index in back_and_forth(range(len(able)), rounds):
+        row = _evaluate(study, *able[index])
+        if row and row["seconds"] < rows.get(index, {"seconds": math.inf})["seconds"]:
+            rows[index] = row
+    yield from (rows[index] for index in sorted(rows))
 
 
-def peer_study(extent: Extent) -> Iterator[Row]:
-    """Compare with solvers by other people, where they are installed.
-
-    Each has its own notion of a tolerance: only errors compare. Those that are given the force
-    instead of the displacement get the exact one, which costs them nothing.
-    """
-    for package, install in missing().items():
-        remark(f"peers: left out {package}: not installed: {install}")
-    cases = [paper_case(row, extent.nodes) for row in PEER_ROWS[: extent.samples]]
-    rtols = [rtol for rtol in extent.rtols if rtol >= PEER_RTOL]
-    return compare("peers", [BEM, *installed()], cases, rtols, rounds=2)
-
-
-STUDIES = {
-    "tolerance": tolerance_study,
-    "grid": grid_study,
-    "peers": peer_study,
-}
-
-CURVES = {
-    "tolerance": "{kernel}",
-    "grid": "{kernel}",
-    "peers": "{solver}",
-}
-"""What tells the curves of a study apart."""
+CURVES = {"tolerance": "kernel", "peers": "solver"}
+"""The studies, and the column that tells the curves of each apart."""
 
 AVERAGED = "force_error", "area_error_percent", "pressure_error", "seconds", "convolutions"
 
 
 def curves(points: Sequence[Row]) -> list[Row]:
-    """Average errors and costs over the cases of a study, for each curve and setting.
+    """Average errors and costs over the cases of a study, for each curve and tolerance.
 
-    The setting is the tolerance, or nodes a side. One at which a case is missing has no mean: it
-    would be that of other cases. Nor has the grid that is its own reference, whose error is none of
-    the grid's. A mean is None where a value is not known.
+    A tolerance at which a case is missing has no mean: it would be that of other cases. A mean is
+    None where a value is not known.
     """
     groups: dict[tuple[str, str, float], list[Row]] = {}
-    cases: dict[tuple[object, ...], set[str]] = {}
+    cases: dict[str, set[str]] = {}
     for row in points:
-        study, grid = row["study"], row["study"] == "grid"
-        if not grid or row["nodes"] != row["reference_nodes"]:
-            setting = row["nodes" if grid else "rtol"]
-            groups.setdefault((study, CURVES[study].format(**row), setting), []).append(row)
-            cases.setdefault((study, row["nodes"]), set()).add(row["case"])
+        study = row["study"]
+        groups.setdefault((study, row[CURVES[study]], row["rtol"]), []).append(row)
+        cases.setdefault(study, set()).add(row["case"])
     return [
-        {"study": study, "curve": curve, "setting": setting}
+        {"study": study, "curve": curve, "setting": rtol}
         | {name: _mean([row[name] for row in own]) for name in AVERAGED}
-        for (study, curve, setting), own in groups.items()
-        if len(own) == len(cases[study, own[0]["nodes"]])
+        for (study, curve, rtol), own in groups.items()
+        if len(own) == len(cases[study])
     ]
 
 
@@ -249,11 +131,19 @@ def _mean(values: Sequence[float | None]) -> float | None:
 
 
 def solver(*, quick: bool) -> Report:
-    """Measure all studies, on small grids if that is to be `quick`."""
-    extent = QUICK if quick else FULL
-    points: list[Row] = []
-    for name, study in STUDIES.items():
-        remark(name)
-        points += study(extent)
-    record = {**circumstances(), "extent": asdict(extent)}
-    return Report({"solver": points, "curves": curves(points)}, records={"solver": record})
+    """Measure both studies, on small grids and few samples if that is to be `quick`.
+
+    The solvers of others have their own notions of a tolerance: only errors compare. Those that are
+    given the force instead of the displacement get the exact one, which costs them nothing.
+    """
+    nodes, samples, rtols, rounds = (65, 2, DECADES[::2], 2) if quick else (129, 8, DECADES, 4)
+    for package, install in missing().items():
+        remark(f"peers: left out {package}: not installed: {install}")
+    kernels = [paper_case(row, nodes, kernel) for row in range(samples) for kernel in KERNELS]
+    peers = [paper_case(row, nodes) for row in PEER_ROWS[:samples]]
+    loose = [rtol for rtol in rtols if rtol >= PEER_RTOL]
+    points = [
+        *compare("tolerance", [BEM], kernels, rtols, rounds),
+        *compare("peers", [BEM, *installed()], peers, loose, rounds=2),
+    ]
+    return Report({"solver": points, "curves": curves(points)})

@@ -32,7 +32,8 @@ from bem.problem import Boundary, Problem
 
 # Weights of an edge for one, f, p / (p + p2) and g / (g + g2), by how many of the two edges beside
 # it lie in line with it: least squares over 3,300 regular waves, Westergaard's at all angles and
-# crossed ones, from 3 to 64 nodes long and 1 to 97 % in contact (`python -m bench.border_weights`).
+# crossed ones, from 3 to 64 nodes long and 1 to 97 % in contact. The code up to commit b37066e has
+# the fit (`python -m bench.border_weights`).
 WEIGHTS = np.array(
     [
         [-0.079, 0.381, -0.076, 0.130],

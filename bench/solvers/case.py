@@ -5,16 +5,14 @@ from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
 
 import bem
 from bem.influence import Kernel
 from bem.operators.filters import filtered
 from bem.operators.patch import displacement_filter
 from bem.problem import node_spacing
-from bench.references import half_space
+from bench.references import dense, half_space
 from bench.references.dense import influence_matrix
 from bench.references.half_space import Field
 
@@ -26,11 +24,11 @@ DENSE_NODES = 3000
 # Where that is too much: a hundredth of the tightest tolerance that is measured, near rounding.
 EXACT_RTOL = 1e-14
 PERIODIC_RTOL = 1e-13  # of the exact solution of a periodic patch, which is never dense
-# Pressure and gap of an exact solution may be wrong by this, over Delta [1].
+# Nodes outside of an exact contact may overlap by this, over Delta [1].
 ROUNDING = 1e-13
 # A pressure counts as the hardness within this share of it: solvers scale what they return.
 YIELDED = 1 - 1e-9
-# A guess of the sets that is wrong in some nodes is corrected so often before it is refused.
+# Nodes are added so often to a guess of the nodes that touch before it is refused.
 CORRECTIONS = 20
 
 
@@ -113,25 +111,8 @@ class Exact:
 
     pressure: Field  # (n, n) [MPa]
     force: float  # [uN]
-    contact_share: float  # of the nodes under pressure, on the grid that was solved
-    nodes: int  # nodes a side of that grid
+    contact_share: float  # of the nodes under pressure
     method: str  # "dense", or the tolerance
-
-    def on_grid(self, nodes: int) -> "Exact":
-        """The same contact as the grid of this many nodes a side would see it at best.
-
-        Pressure is averaged over the coarse cells; force and share of contact stay.
-        """
-        step = (self.nodes - 1) // (nodes - 1)
-        if step == 1:
-            return self
-        # A coarse cell covers the fine cells round its node, and half of those on its border.
-        weights = np.full(step + 1, 1 / step)
-        weights[[0, -1]] /= 2
-        padded = np.pad(self.pressure, step // 2)
-        for _ in range(2):
-            padded = (sliding_window_view(padded, step + 1, axis=0)[::step] @ weights).T
-        return replace(self, pressure=padded)
 
 
 @lru_cache(maxsize=64)
@@ -149,10 +130,7 @@ def find_exact(case: Case, rtol: float = EXACT_RTOL) -> Exact:
     """
     rtol = rtol if case.load is None else min(rtol, PERIODIC_RTOL)
     pressure, method = case.solve(rtol).pressure, f"rtol {rtol:.0e}"
-    if (
-        case.load is None
-        and np.count_nonzero((pressure > 0) & ~case.yielded(pressure)) <= DENSE_NODES
-    ):
+    if case.load is None and np.count_nonzero(pressure) <= DENSE_NODES:
         # A node may carry hardly anything: only the tightest guess is sure to know of it.
         guess = pressure if rtol <= EXACT_RTOL else case.solve(EXACT_RTOL).pressure
         reduced = proved_pressure(case, guess > 0, case.yielded(guess))
@@ -161,7 +139,6 @@ def find_exact(case: Case, rtol: float = EXACT_RTOL) -> Exact:
         pressure=pressure,
         force=float(pressure.sum()) * case.spacing**2,
         contact_share=float((pressure > 0).mean()),
-        nodes=case.nodes,
         method=method,
     )
 
@@ -169,40 +146,20 @@ def find_exact(case: Case, rtol: float = EXACT_RTOL) -> Exact:
 def proved_pressure(case: Case, touching: Nodes, yielded: Nodes) -> Field:
     """Return the (n, n) pressure that is proved to solve a case [E* Delta / spacing].
 
-    No pressure may pull or exceed the hardness. The gap has to be closed in contact, may overlap
-    where the hardness is reached, and has to be open outside. A guess of the sets of nodes that
-    touch and that have yielded is corrected by the signs that disprove it.
+    A guess of the nodes that touch, and of those that have yielded, is solved and corrected by
+    `dense.solve`; nodes outside of it that would overlap are added.
     """
-    hardness = case.reduced_hardness
+    shape, hardness = (case.nodes, case.nodes), case.reduced_hardness
+    pressure = np.zeros(shape)
     for _ in range(CORRECTIONS):
-        pressure = _dense_pressure(case, touching, yielded)
+        nodes = np.flatnonzero(touching)
+        matrix = influence_matrix(shape, case.kernel, nodes=nodes)
+        sides = np.where(yielded[touching], 1, 0)
+        pressure[touching] = dense.solve(matrix, case.interference[touching], sides, hardness)
         gap = half_space.displacement(pressure, case.kernel) - case.interference
-        bound = pressure >= hardness
-        wrong = max(
-            float(-pressure.min()),
-            float(pressure.max()) - hardness,
-            float(-gap[~bound].min(initial=0.0)),
-            float(gap[bound].max(initial=0.0)),
-            float(np.abs(gap[(pressure != 0) & ~bound]).max(initial=0.0)),
-        )
-        if wrong <= ROUNDING:
+        overlapping = ~touching & (gap < -ROUNDING)
+        if not overlapping.any():
             return pressure
-        yielded = (yielded & (gap <= 0)) | (pressure > hardness)
-        touching = yielded | (touching & (pressure > 0)) | (~touching & (gap < 0))
-    raise ArithmeticError(f"{case.name}, {case.kernel}: no exact solution, off by {wrong:.1e}")
-
-
-def _dense_pressure(case: Case, touching: Nodes, yielded: Nodes) -> Field:
-    """Return the (n, n) pressure that closes the gap on some nodes [E* Delta / spacing].
-
-    Nodes that have yielded carry the hardness, whatever their gap.
-    """
-    values = (
-        np.where(yielded, case.reduced_hardness, 0.0) if yielded.any() else np.zeros(yielded.shape)
-    )
-    free = touching & ~yielded
-    if free.any():
-        factor = cho_factor(influence_matrix(free.shape, case.kernel, nodes=np.flatnonzero(free)))
-        load = case.interference - half_space.displacement(values, case.kernel)
-        values[free] = cho_solve(factor, load[free])
-    return values
+        yielded = pressure >= hardness
+        touching = touching | overlapping
+    raise ArithmeticError(f"{case.name}, {case.kernel}: no exact solution")

@@ -3,36 +3,21 @@
 Read from a folder of `learn compare` and `learn tune`, whose fits were timed alone, on one thread.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
-from bench.files import read_table
-from bench.picture import STYLES, new_figure
-from bench.report import Report
+from bench.files import Row, read_table
 from gen.runtime.errors import InputError
-from gen.runtime.figure import log_axis
-from learn.models import MODELS
 
-TIMES = {
-    "predict_s": "one prediction, alone [s]",
-    "fit_s": "a fit [s]",
-    "search_s": "the search's fits [s]",
-}
-"""Kinds of run time, by column, as they stand below the axes; None where there is none."""
-
-# A model with its result (`baseline` or `tuned`), errors on the test rows, times and fronts.
-Cost = Mapping[str, Any]
+TIMES = "predict_s", "fit_s", "search_s"
+"""Kinds of run time; None where there is none."""
 
 
-def models(comparison: Path, target: str = "area") -> Report:
-    """Set errors against times; the arguments are those of `costs`."""
-    found = costs(comparison, target)
-    return Report({"models": [dict(each) for each in found]}, pictures={"models": picture(found)})
-
-
-def costs(comparison: Path, target: str = "area") -> Sequence[Cost]:
+def models(comparison: Path, target: str = "area") -> list[Row]:
     """Read errors and times of all models that a comparison has results of, in Table 4's order.
+
+    A row has a model with its result (`baseline` or `tuned`), and the kinds of time in which no
+    other beats it in both error and time (`front`).
 
     Raises
     ------
@@ -48,7 +33,7 @@ def costs(comparison: Path, target: str = "area") -> Sequence[Cost]:
         raise InputError(f"{error}; give a folder of learn compare or learn tune") from None
     timed = {(row["model"], row["result"]): row for row in times}
     searched = {(row["model"], "tuned"): float(row["fit_seconds"]) for row in searches}
-    found: list[dict[str, Any]] = []
+    found: list[Row] = []
     for row in scores:
         key = row["model"], row["result"]
         if key in timed and not row["failure"]:
@@ -64,45 +49,11 @@ def costs(comparison: Path, target: str = "area") -> Sequence[Cost]:
     return found
 
 
-def front(costs: Iterable[Cost], time: str) -> list[Cost]:
+def front(costs: Iterable[Row], time: str) -> list[Row]:
     """Return those that no other beats in both error and a time, the fastest first."""
-    kept: list[Cost] = []
+    kept: list[Row] = []
     known = (cost for cost in costs if cost[time] is not None)
     for cost in sorted(known, key=lambda cost: (cost[time], cost["nmae"])):
         if not kept or cost["nmae"] < kept[-1]["nmae"]:
             kept.append(cost)
     return kept
-
-
-def picture(found: Sequence[Cost]) -> Any:
-    """Draw a panel for each kind of time; a colour and a marker for each model."""
-    figure = new_figure(12, 4.8)
-    shown = [time for time in TIMES if any(cost[time] is not None for cost in found)]
-    panels = figure.subplots(1, len(shown), sharey=True, squeeze=False)[0]
-    for panel, time in zip(panels, shown, strict=True):
-        known = [cost for cost in found if cost[time] is not None]
-        for cost in known:
-            fill = "full" if cost["result"] == "tuned" else "none"
-            panel.plot(cost[time], cost["nmae"], fillstyle=fill, **_style(cost["model"]))
-        best = front(known, time)
-        x, y = [cost[time] for cost in best], [cost["nmae"] for cost in best]
-        slowest = max(cost[time] for cost in known)
-        panel.step([*x, slowest], [*y, y[-1]], where="post", color="0.5", lw=1, zorder=0)
-        panel.set_xlabel(TIMES[time])
-        log_axis(panel.xaxis)
-        log_axis(panel.yaxis)
-        panel.grid(visible=True, color="0.92")
-    panels[0].set_ylabel("test error nMAE [%]")
-    title = "hollow: library settings; filled: tuned; grey: Pareto front"
-    figure.suptitle(title, fontsize="medium")
-    for model in dict.fromkeys(cost["model"] for cost in found):
-        panels[0].plot([], [], label=MODELS[model].title, **_style(model))
-    figure.legend(loc="outside lower center", ncols=5)
-    return figure
-
-
-def _style(model: str) -> dict[str, Any]:
-    """Return colour and marker of a model; a cross cannot be hollow."""
-    style = STYLES[list(MODELS).index(model)]
-    marker = "X" if style["marker"] == "x" else style["marker"]
-    return {**style, "marker": marker, "markersize": 8, "linestyle": "none"}

@@ -1,8 +1,6 @@
 """Work against precision: what is measured is measured rightly, and written and drawn so."""
 
-import json
 import sys
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
@@ -14,22 +12,13 @@ from bench.__main__ import main
 from bench.files import read_table
 from bench.solvers.case import Case, find_exact
 from bench.solvers.solver import Answer, Failure
-from bench.work_precision import (
-    QUICK,
-    STUDIES,
-    Row,
-    Task,
-    compare,
-    curves,
-    measure,
-    paper_case,
-)
+from bench.work_precision import DECADES, Row, compare, curves, paper_case, solver
 from gen.runtime.installation import command_for
 
 
 @pytest.fixture(scope="module")
 def done() -> list[Row]:
-    return [row for study in STUDIES.values() for row in study(QUICK)]
+    return list(solver(quick=True).tables["solver"])
 
 
 @pytest.fixture(scope="module")
@@ -37,21 +26,14 @@ def small() -> Case:
     return paper_case(0, 33)
 
 
-def groups(points: Iterable[Row], study: str) -> list[list[Row]]:
-    """Points that differ in what the study varies only, in the order of measuring."""
-    found: dict[tuple[object, ...], list[Row]] = {}
-    for point in points:
-        if point["study"] == study:
-            key = tuple(point[name] for name in ("solver", "kernel", "precision", "case"))
-            nodes = 0 if study == "grid" else point["nodes"]
-            found.setdefault((*key, nodes), []).append(point)
-    assert found
-    return list(found.values())
-
-
 def test_errors_fall_and_work_grows_with_the_tolerance(done: list[Row]) -> None:
-    for group in groups(done, "tolerance"):
-        assert [point["rtol"] for point in group] == list(QUICK.rtols)
+    groups: dict[tuple[str, str], list[Row]] = {}
+    for point in done:
+        if point["study"] == "tolerance":
+            groups.setdefault((point["kernel"], point["case"]), []).append(point)
+    assert len(groups) == 4
+    for group in groups.values():
+        assert [point["rtol"] for point in group] == list(DECADES[::2])
         for loose, tight in pairwise(group):
             # dense algebra knows no tolerance: few nodes in contact are exact at any
             assert tight["pressure_error"] <= loose["pressure_error"]
@@ -61,22 +43,6 @@ def test_errors_fall_and_work_grows_with_the_tolerance(done: list[Row]) -> None:
         assert last["force_error"] < 1e-9
         assert last["pressure_error"] < 1e-8
         assert last["area_error_nodes"] == last["area_error_percent"] == 0
-
-
-def test_errors_of_the_default_kernel_fall_with_the_grid(done: list[Row]) -> None:
-    uniform, concentrated = groups(done, "grid")
-    for group in (uniform, concentrated):
-        assert [point["nodes"] for point in group] == [2**k + 1 for k in QUICK.levels]
-        assert {point["reference_nodes"] for point in group} == {2 ** QUICK.levels[-1] + 1}
-        for coarse, fine in pairwise(group):
-            assert fine["force_error"] < coarse["force_error"]
-            assert fine["pressure_error"] < coarse["pressure_error"]
-    assert uniform[0]["kernel"] == "uniform-pressure"
-    assert [point["area_error_nodes"] for point in uniform] == [None] * (len(QUICK.levels) - 1) + [
-        0
-    ]
-    for good, poor in zip(uniform, concentrated, strict=True):
-        assert good["force_error"] < poor["force_error"]
 
 
 @dataclass
@@ -118,8 +84,7 @@ def test_tasks_run_back_and_forth_and_the_shortest_time_counts(small: Case) -> N
     asked: list[tuple[str, float]] = []
     a = Stub(name="A", asked=asked, seconds=[9.0, 3.0, 2.0, 4.0])
     b = Stub(name="B", asked=asked, seconds=[9.0, 5.0, 6.0, 7.0])
-    exact = find_exact(small)
-    points = list(measure([Task("peers", each, small, 1e-2, exact) for each in (a, b)], 3))
+    points = list(compare("peers", [a, b], [small], [1e-2], 3))
     assert [name for name, _ in asked] == ["A", "B", "A", "B", "B", "A", "A", "B"]
     assert [(point["solver"], point["seconds"]) for point in points] == [("A", 2.0), ("B", 5.0)]
     assert points[0]["force_error"] == points[0]["pressure_error"] == 0
@@ -129,41 +94,36 @@ def test_tasks_run_back_and_forth_and_the_shortest_time_counts(small: Case) -> N
 def test_curves_are_means_over_the_cases(done: list[Row]) -> None:
     tolerance = [point for point in done if point["study"] == "tolerance"]
     uniform = [row for row in curves(tolerance) if row["curve"] == "uniform-pressure"]
-    assert [row["setting"] for row in uniform] == list(QUICK.rtols)
+    assert [row["setting"] for row in uniform] == list(DECADES[::2])
     first = [point for point in tolerance if (point["rtol"], point["kernel"][0]) == (0.1, "u")]
-    assert len(first) == QUICK.samples
+    assert len(first) == 2
     mean = sum(point["force_error"] for point in first) / len(first)
     assert uniform[0]["force_error"] == pytest.approx(mean)
 
 
-def test_means_of_other_cases_and_the_finest_grid_are_not_drawn(done: list[Row]) -> None:
+def test_means_of_other_cases_are_not_drawn(done: list[Row]) -> None:
     gone = next(point for point in done if (point["study"], point["rtol"]) == ("tolerance", 0.1))
     drawn = curves([point for point in done if point is not gone])
     rtols = [row["setting"] for row in drawn if row["study"] == "tolerance"]
     assert rtols.count(0.1) == 1
-    nodes = [row["setting"] for row in drawn if row["study"] == "grid"]
-    assert nodes == 2 * [2**k + 1 for k in QUICK.levels[:-1]]
 
 
 @pytest.mark.long
-def test_command_writes_table_picture_and_circumstances(tmp_path: Path) -> None:
+def test_command_writes_table_and_picture(tmp_path: Path) -> None:
     done = launch(0, "solver", "--quick", "-o", "new/reports", folder=tmp_path, module="bench")
     assert done.returncode == 0
-    assert done.stdout.split()[-2:] == [f"new/reports/solver.{end}" for end in ("json", "png")]
+    assert done.stdout.split()[-2:] == [
+        f"new/reports/{name}" for name in ("curves.csv", "solver.png")
+    ]
     folder = tmp_path / "new" / "reports"
     assert (folder / "solver.png").read_bytes().startswith(b"\x89PNG")
     assert len(read_table(folder / "solver.csv")[1]) > 30
-    record = json.loads((folder / "solver.json").read_text(encoding="utf-8"))
-    assert record["machine"]["processor"]
-    assert {"python", "numpy", "scipy", "pyfftw"} <= record["versions"].keys()
-    assert record["extent"]["levels"] == list(QUICK.levels)
 
 
 def test_missing_matplotlib_is_said_before_anything_is_solved(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
-    monkeypatch.setattr("bench.work_precision.STUDIES", {})
     for command in ("solver", "peers"):
         assert main([command, "-o", str(tmp_path / "new")]) == 2
         assert f"drawing needs matplotlib: {command_for('plot')}" in capsys.readouterr().err

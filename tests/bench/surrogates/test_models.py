@@ -5,12 +5,12 @@ from pathlib import Path
 import pytest
 
 from bench.__main__ import main
-from bench.files import read_table
-from bench.surrogates.models import Cost, costs, front
+from bench.files import Row, read_table
+from bench.surrogates.models import front, models
 from gen.runtime.errors import InputError
 
 
-def cost(model: str, nmae: float, seconds: float, search: float | None = None) -> Cost:
+def cost(model: str, nmae: float, seconds: float, search: float | None = None) -> Row:
     result = "tuned" if search else "baseline"
     times = {"predict_s": seconds, "fit_s": seconds, "search_s": search}
     return {"model": model, "result": result, "nmae": nmae, "r2": 99.0, **times, "front": ""}
@@ -46,7 +46,7 @@ def test_front_is_what_nothing_beats_in_both() -> None:
 
 
 def test_errors_and_times_are_those_of_the_comparison(comparison: Path) -> None:
-    tree, untuned, tuned = costs(comparison)
+    tree, untuned, tuned = models(comparison)
     assert tree["model"] == "decision-tree"
     assert (tree["nmae"], tree["fit_s"], tree["search_s"]) == (15, 1, None)
     assert (tuned["result"], tuned["search_s"], tuned["predict_s"]) == ("tuned", 500, 0.003)
@@ -69,4 +69,4 @@ def test_what_is_no_comparison_is_refused(
     assert "give a folder of learn compare or learn tune" in capfd.readouterr().err
     (comparison / "area" / "times.csv").write_text("model,result\n")
     with pytest.raises(InputError, match="no scores and times of area"):
-        costs(comparison)
+        models(comparison)
