@@ -189,9 +189,9 @@ def refuse(
     before = contents()
     for name in names:
         file, word = f"{name}.h5", CRAFTED[name][1]
-        began = time.monotonic()
+        began = time.process_time()
         assert main([file if each == "FILE" else each for each in COMMANDS[command]]) == 2, name
-        assert time.monotonic() - began < 10, name
+        assert time.process_time() - began < 60, name
         said = capsys.readouterr().err
         assert said.count("\n") == 1, said
         assert file in said, said

@@ -21,7 +21,7 @@ from gen.runtime import farm
 from gen.runtime.errors import InputError
 from learn.executor import lead
 
-faulthandler.dump_traceback_later(60, exit=True)
+faulthandler.dump_traceback_later(300, exit=True)
 
 class Sent:
     copies = 0

@@ -40,12 +40,15 @@ class Served:
     """A server in a process of its own."""
 
     def __init__(self, folder, *sources, slow=None):
-        with socket.socket() as free:
-            free.bind(("127.0.0.1", 0))
-            self.port = free.getsockname()[1]
         self.folder, self.sources, self.slow = folder, sources, slow
-        self.address = f"http://127.0.0.1:{self.port}"
-        self.start()
+        for _ in range(5):  # another process may take the port before the server does
+            with socket.socket() as free:
+                free.bind(("127.0.0.1", 0))
+                self.port = free.getsockname()[1]
+            self.address = f"http://127.0.0.1:{self.port}"
+            if self.start():
+                return
+        raise AssertionError(self.process.stdout.read())
 
     def start(self):
         line = ["serve", *self.sources, "--port", str(self.port), "--processes", "2"]
@@ -57,7 +60,7 @@ class Served:
             stderr=subprocess.STDOUT,
             start_new_session=True,  # a terminal sends Ctrl-C to the workers too
         )
-        assert b"serving" in self.process.stdout.readline()
+        return b"serving" in self.process.stdout.readline()
 
     def ask(self, route, body, raw=None, headers=None):
         data = raw or json.dumps(body).encode()
@@ -362,7 +365,7 @@ def test_a_thousand_calls_eight_at_once_while_workers_and_server_are_killed(fold
             time.sleep(0.01)
         orphans = children(served.process.pid)
         served.end(signal.SIGKILL)
-        served.start()
+        assert served.start()
         assert all(answer.result() for answer in answers)
     assert all(gone(pid) for pid in orphans)
     assert served.end(signal.SIGINT) in {0, 130}

@@ -167,10 +167,12 @@ def test_an_interrupted_solve_leaves_nothing_in_the_next():
     heights = random.normal(size=(65, 65)).cumsum(0).cumsum(1)
     delta = 0.5 * np.ptp(heights)
     expected = bem.solve(heights, 1000.0, delta).pressure
-    began = time.perf_counter()
-    bem.solve(heights, 1000.0, delta)
-    duration = time.perf_counter() - began
-    interrupted = 0
+    durations = []
+    for _ in range(5):
+        began = time.perf_counter()
+        bem.solve(heights, 1000.0, delta)
+        durations.append(time.perf_counter() - began)
+    interrupted, duration = 0, min(durations)
     for _ in range(60):
         try:
             with at_most(float(random.uniform(0.05, 0.95)) * duration):
