@@ -17,7 +17,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gen.arrays import Values
-from gen.law.curves import CONDUCTANCE, CONTINUUM, FROM_REST, GAS, JOINT, STIFFNESS, slopes
+from gen.law.curves import (
+    APERTURES,
+    CONDUCTANCE,
+    CONTINUUM,
+    FROM_REST,
+    GAS,
+    JOINT,
+    STIFFNESS,
+    slopes,
+)
 from gen.law.finite_elements import GAS_IN_WORDS, rising
 from gen.runtime import VERSION, files
 from gen.runtime.installation import git_commit
@@ -38,6 +47,8 @@ SHORT = {
     GAS: "gas_conductance",
     JOINT: "joint_conductance",
     CONTINUUM: "continuum_area",
+    APERTURES[0]: "hydraulic_aperture_x",
+    APERTURES[1]: "hydraulic_aperture_y",
 }
 ARGUMENTS = {"delta_um": ("delta", ""), "pressure_MPa": ("pressure", "_at_pressure")}
 """Name of the argument, and end of the functions' names, for each table."""

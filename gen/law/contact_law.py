@@ -18,6 +18,7 @@ from bem.problem import Boundary
 from gen.arrays import Values
 from gen.law.curves import (
     APART,
+    APERTURES,
     CONTINUUM,
     GAS,
     JOINT,
@@ -76,6 +77,7 @@ class Order:
     gas: Gas | None = None  # in the gap
     stiffness: bool = False  # whether it is asked for; a conductance brings it along
     grid_error: bool = False  # whether the area in the continuum is, with the error of the grid
+    flow: bool = False  # whether the hydraulic apertures of the gap are
     reading: Reading = field(default_factory=Reading)  # how files are read
     opposite: Opposite | None = None  # second rough body against surfaces from files
     command: str = ""  # command line, for the record
@@ -203,7 +205,10 @@ def _tables(
     under = partial(_solved, order, surfaces, bodies, lost)
     solved = {load: under(load, loads) for load, loads in asked.items() if loads is not None}
     made: dict[Load, Curves] = {}
-    rests = [surface.at_rest(order.gas, joint=bool(order.conductivities)) for surface in surfaces]
+    rests = [
+        surface.at_rest(order.gas, joint=bool(order.conductivities), flow=order.flow)
+        for surface in surfaces
+    ]
     rest = {name: float(np.mean([each[name] for each in rests])) for name in rests[0]}
     for load, argument in ARGUMENTS.items():
         loads, parts, _ = solved.get(load) or next(iter(solved.values()))
@@ -310,6 +315,10 @@ def _further(
         found[JOINT] = lambda contact: (
             spots * contact.interface_stiffness + gas.conductance(contact.gap)
         )
+    if order.flow:
+        along, across = APERTURES
+        found[along] = lambda contact: contact.flow(0).aperture
+        found[across] = lambda contact: contact.flow(1).aperture
     return found
 
 

@@ -32,16 +32,18 @@ QUANTITIES = ("area_percent", "force_uN", "mean_gap_um", "pressure_MPa", "closur
 CONDUCTANCE = "conductance_W_per_mm2_K"  # of the spots of contact
 GAS = "gas_conductance_W_per_mm2_K"  # of a gas in the gap
 JOINT = "joint_conductance_W_per_mm2_K"  # of both
+APERTURES = ("hydraulic_aperture_x_um", "hydraulic_aperture_y_um")  # of the gap, along both axes
 COLUMNS = {
-    "delta_um": (*QUANTITIES, STIFFNESS, CONDUCTANCE, GAS, JOINT, CONTINUUM),
+    "delta_um": (*QUANTITIES, STIFFNESS, CONDUCTANCE, GAS, JOINT, CONTINUUM, *APERTURES),
     "pressure_MPa": (
         *("delta_um", "closure_um", "area_percent", "mean_gap_um"),
-        *(STIFFNESS, CONDUCTANCE, GAS, JOINT, CONTINUUM),
+        *(STIFFNESS, CONDUCTANCE, GAS, JOINT, CONTINUUM, *APERTURES),
     ),
 }
-"""Quantities of a table by what they are tabulated against; the last five only where asked for."""
+"""Quantities of a table by what they are tabulated against; the last seven only where asked for."""
 
-FROM_REST = {"mean_gap_um", GAS, JOINT}  # quantities that are not 0 at first touch
+FALLING = {"mean_gap_um", *APERTURES}  # quantities that fall with the load
+FROM_REST = {*FALLING, GAS, JOINT}  # quantities that are not 0 at first touch
 
 INFINITE_AT_FULL_CONTACT = {
     STIFFNESS,
@@ -299,13 +301,13 @@ def continued(points: Points, further: Points) -> Points:
 
 
 def held(name: str, values: Values) -> Values:
-    """Replace values that turn back by the extreme value before them; the mean gap falls.
+    """Replace values that turn back by the extreme value before them.
 
     The gas conducts less where contact has taken its place, and may turn.
     """
     if name in {GAS, JOINT}:
         return values
-    return (np.minimum if name == "mean_gap_um" else np.maximum).accumulate(values)
+    return (np.minimum if name in FALLING else np.maximum).accumulate(values)
 
 
 def risen(values: Values, apart: float = APART) -> NDArray[np.bool_]:

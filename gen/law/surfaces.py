@@ -10,7 +10,7 @@ import numpy as np
 from bem.problem import Boundary
 from gen.arrays import Values
 from gen.distribution import LogUniform, limits
-from gen.law.curves import GAS, JOINT, Gas
+from gen.law.curves import APERTURES, GAS, JOINT, Gas
 from gen.maps.bodies import Opposite, composite, files_in, read_surface
 from gen.maps.prepare import surface_warnings
 from gen.maps.read import Sides, Topography
@@ -46,12 +46,21 @@ class LawSurface(Topography):
         """Mean gap at first touch, Delta = 0 [um]."""
         return float(self.heights.max()) - float(self.heights.mean())
 
-    def at_rest(self, gas: Gas | None = None, *, joint: bool = False) -> dict[str, float]:
+    def at_rest(
+        self, gas: Gas | None = None, *, joint: bool = False, flow: bool = False
+    ) -> dict[str, float]:
         """Return mean gap and conductance of a gas at first touch, where no heat passes by spots.
 
-        `joint` says whether the conductance of spots and gas is wanted too.
+        `joint` says whether the conductance of spots and gas is wanted too, and `flow` whether the
+        hydraulic apertures are.
         """
         found = {"mean_gap_um": self.gap_at_rest}
+        if flow:
+            from bem.derived.flow import flow_through
+
+            gap, periodic = self.heights.max() - self.heights, self.boundary == "periodic"
+            for axis, name in enumerate(APERTURES):
+                found[name] = flow_through(gap, self.spacing, axis, periodic=periodic).aperture
         if gas is not None:
             found[GAS] = gas.conductance(float(self.heights.max()) - self.heights)
             found |= {JOINT: found[GAS]} if joint else {}

@@ -339,6 +339,21 @@ def test_a_gas_in_the_gap_is_a_part_of_the_conductance(surfaces, run, make):
     )
 
 
+def test_hydraulic_apertures_fall_from_first_touch_to_none(surfaces, run, make):
+    run("many/s0.npy", "--pressure", "1:4000:5:log", *CONDUCTING, "--flow", "-o", "law")
+    found = table("law.csv")
+    contacts = contacts_of("many/s0.npy", "mirror", pressures=np.geomspace(1, 4000, 5))
+    for axis, name in enumerate(("hydraulic_aperture_x_um", "hydraulic_aperture_y_um")):
+        expected = [each.flow(axis).aperture for each in contacts]
+        np.testing.assert_allclose(found[name], expected, rtol=1e-6)
+        assert (np.diff(found[name]) <= 0).all()
+        assert found[name].iloc[-1] == 0
+        assert f"asperity_law_{name[:-3]}_at_pressure(" in Path("law.h").read_text()
+        assert table("law.csv", "delta_um")[name].iloc[0] > found[name].iloc[0]
+    many = make("many", pressure="1,10", e_star=E_STAR, reading=Reading(side="100"), flow=True)
+    assert many.over_delta.curves["hydraulic_aperture_x_um"].banded.all()
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [
