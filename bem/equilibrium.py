@@ -39,8 +39,8 @@ LIGHT, PEAKS, SAMPLED = 0.1, 8.0, 16
 # Nodes of a free patch that overlap at least and at most under a light load, as a share over the
 # mean pressure divided by E* times the rms slope (seen are 6 to 30 on diamond-square surfaces of
 # 129 to 513 nodes); the share from which the whole grid is solved; and the factor on a displacement
-# that reached beyond the part that was solved.
-LEAST_OVERLAPPING, OVERLAPPING, MOST_OVERLAPPING, FURTHER = 6.0, 20.0, 0.3, 1.2
+# that is known from a coarser grid, or from a part that was too small.
+LEAST_OVERLAPPING, OVERLAPPING, MOST_OVERLAPPING, FURTHER = 6.0, 20.0, 0.3, 1.1
 
 # Unit of length under the smallest loads, over the displacement of one cell that carries all of the
 # load. Single precision holds pressures and depths at once only where they are not too far apart.
@@ -113,11 +113,14 @@ class Start(NamedTuple):
         Displacement under that pressure, nan where it is unknown; it saves a convolution [um].
     spent : int
         Convolutions that it took.
+    reach : float or None
+        Displacement beyond which no node is likely to touch, None if it is unknown [um].
     """
 
     pressure: Field
     displacement: Field | None = None
     spent: int = 0
+    reach: float | None = None
 
 
 class BeyondCriticalDelta(NoSolution):
@@ -413,18 +416,18 @@ def _result(
 # Under a given load
 
 
-def _under_load(
-    problem: Problem, near: Start | None, _: float, reached: float | None = None
-) -> Equilibrium:
+def _under_load(problem: Problem, near: Start | None, _: float) -> Equilibrium:
     """Solve under a given force; the displacement follows from the balance of the free nodes.
 
     A light load presses on a few summits of a free patch, so that a part of the grid is solved, the
     one that overlaps at a guess of the displacement that is reached. Where the displacement turns
-    out to be larger, a larger part is solved from there.
+    out to be larger, a larger part is solved from there: one that overlaps at this displacement,
+    which is never below that of the whole grid.
     """
     load = _reduced_load(problem)
     depth = float((problem.heights.max() - problem.heights).mean())
     length = min(depth or problem.spacing[0], REACH * load)
+    reached = None if near is None else near.reach
     if reached is None:
         reached = _guessed_reach(problem) if problem.boundary == "free" else math.inf
     touching = overlap(problem, reached, length)
@@ -445,8 +448,8 @@ def _under_load(
     found = _result(problem, solve, touching, length, spent)
     if solve.below.shape == problem.heights.shape or not found.delta > reached:
         return found
-    near = Start(found.pressure * (length / problem.spacing[0]))
-    further = _under_load(problem, near, _, FURTHER * found.delta)
+    pressure = found.pressure * (length / problem.spacing[0])
+    further = _under_load(problem, Start(pressure, reach=FURTHER * found.delta), _)
     return replace(further, effort=found.effort + further.effort)
 
 
@@ -552,7 +555,10 @@ def _on_coarser_grid(problem: Problem) -> Start | None:
     for axis, nodes in enumerate(problem.heights.shape):
         pressure = _between(pressure, axis, nodes) if free else pressure.repeat(2, axis=axis)
     share = heights.size / problem.heights.size
-    return Start(pressure, spent=math.ceil(share * loose.effort.convolutions))
+    reach = None
+    if free and delta is None:
+        reach = FURTHER * (loose.delta + float(problem.heights.max() - heights.max()))
+    return Start(pressure, None, math.ceil(share * loose.effort.convolutions), reach)
 
 
 def _between(values: Field, axis: int, nodes: int) -> Field:

@@ -22,12 +22,12 @@ spots do to f. All lengths are in spacings across the edge, so that oblong cells
 
 import math
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bem.arrays import Field, Mask, Nodes, Values
+from bem.arrays import Field, Mask, Values
 from bem.problem import Boundary, Problem
 
 # Weights of an edge for one, f, p / (p + p2) and g / (g + g2), by how many of the two edges beside
@@ -67,6 +67,15 @@ CONCENTRATED_FORCE = -0.115
 
 # Radius of a circle over the ratio of its area to its perimeter along cells, 8 radii.
 CIRCLE = 8 / math.pi
+
+
+# How `numpy.pad` continues a field beyond a patch, and by how many nodes edges need it.
+CONTINUED: dict[Boundary, Literal["edge", "wrap", "symmetric"]] = {
+    "free": "edge",
+    "periodic": "wrap",
+    "mirror": "symmetric",
+}
+RIM = 2
 
 
 class Edges(NamedTuple):
@@ -134,57 +143,34 @@ def edges_of(
     problem: Problem, pressure: Field, gap: Field, depth: Field | None
 ) -> Iterator[tuple[Edges, float]]:
     """Yield the edges that face each of four ways, with the compliance of a node [um / MPa]."""
-    kernel = "uniform-pressure" if problem.boundary == "free" else "spectral"
-    for axis, spacing in enumerate(problem.spacing):
-        compliance = COMPLIANCE[kernel] * spacing / problem.modulus
-        for step in (1, -1):
-            yield _edges(problem.boundary, axis, step, pressure, gap, depth), compliance
-
-
-def _edges(
-    boundary: Boundary,
-    axis: int,
-    step: int,
-    pressure: Field,
-    gap: Field,
-    depth: Field | None,
-) -> Edges:
-    """Find the edges whose node in contact comes `step` after the other along an axis."""
-
-    def turned(field: NDArray[Any]) -> NDArray[Any]:
-        return np.moveaxis(field, axis, 0)[::step]
-
-    pressures, gaps = turned(pressure), turned(gap)
+    free = problem.boundary == "free"
+    compliance = COMPLIANCE["uniform-pressure" if free else "spectral"] / problem.modulus
+    pressures, gaps = (_with_rim(field, CONTINUED[problem.boundary]) for field in (pressure, gap))
+    depths = np.zeros_like(pressures) if depth is None else _with_rim(depth, "constant")
+    patch = _with_rim(np.ones(pressure.shape, dtype=bool), "constant")
     contact = pressures > 0
-    rows, columns = contact.shape
-    edge = contact & ~contact[_places(np.arange(rows) - 1, rows, boundary)]
-    here, across = np.nonzero(edge)
-
-    def at(field: NDArray[Any], offset: int) -> NDArray[Any]:
-        return field[_places(here + offset, rows, boundary), across]
-
-    sides = (edge[here, _places(across + way, columns, boundary)] for way in (1, -1))
-    free = boundary == "free"
-    return Edges(
-        aligned=np.add(*(side.astype(np.intp) for side in sides)),
-        pressure=at(pressures, 0),
-        behind=at(pressures, 1),
-        gap=at(gaps, -1),
-        beyond=at(gaps, -2),
-        depth=np.zeros(len(here)) if depth is None else at(turned(depth), 0),
-        inside=(here + 1 < rows) | (not free),
-        outside=(here > 1) | (not free),
-    )
+    touching = np.flatnonzero(contact & patch)
+    row = pressure.shape[1] + 2 * RIM
+    for spacing, along, across in zip(problem.spacing, (row, 1), (1, row), strict=True):
+        for step in (along, -along):
+            here = touching[~contact[touching - step]]
+            beside = np.array([here + across, here - across])
+            found = Edges(
+                aligned=np.count_nonzero(contact[beside] & ~contact[beside - step], axis=0),
+                pressure=pressures[here],
+                behind=pressures[here + step],
+                gap=gaps[here - step],
+                beyond=gaps[here - 2 * step],
+                depth=depths[here],
+                inside=patch[here + step] | (not free),
+                outside=patch[here - 2 * step] | (not free),
+            )
+            yield found, compliance * spacing
 
 
-def _places(indices: Nodes, number: int, boundary: Boundary) -> Nodes:
-    """Return which of a number of nodes stand at indices that may lie up to two beyond the ends."""
-    if boundary == "periodic":
-        return indices % number
-    if boundary == "mirror":
-        indices = np.where(indices < 0, -1 - indices, indices)
-        indices = np.where(indices >= number, 2 * number - 1 - indices, indices)
-    return np.clip(indices, 0, number - 1)
+def _with_rim(field: NDArray[Any], mode: Any) -> NDArray[Any]:
+    """Return a field with two nodes more on every side, flat."""
+    return np.pad(field, RIM, mode).ravel()
 
 
 def terms(edges: Edges, compliance: float) -> Field:

@@ -5,7 +5,9 @@ apart bounds the error of the finer one where both see the same surface, and say
 limit where roughness goes on down to the grid. Two things make the difference small by chance, and
 have a share of the bar of their own: the place of the border in the cells, which goes with what
 counting nodes adds to the area; and the highest node, from which Delta counts, which lies below the
-summit by an unknown share of its cell.
+summit by an unknown share of its cell. What a higher summit changes at a given Delta follows from
+the work W that the load has done: of a force that grows like the power m of the approach d,
+W = F d / (m + 1), and W is known from pressure and displacement.
 """
 
 from __future__ import annotations  # short signatures in help()
@@ -30,6 +32,10 @@ AT_LEAST = {"area": 0.10, "gap": 0.02, "stiffness": 0.25}
 # Share of the highest node's second differences by which its summit lies higher, where the error
 # falls with the spacing itself: a smooth summit has a third of it.
 OF_SUMMIT = 0.3
+
+# By how much the power of a force grows towards full contact of a patch without edges, per share of
+# the area in contact; free patches have none. Stiffness grows by its square.
+STEEPENING = 2.0
 
 # Order of the mean square slope in the spacing from which a surface has an end of its waves above
 # the grid: it is 2 for waves much longer than a cell, 1 for edges, and negative for fractals.
@@ -66,6 +72,12 @@ class Contact(Protocol):
     @property
     def delta(self) -> float: ...  # noqa: D102
     @property
+    def approach(self) -> float: ...  # noqa: D102
+    @property
+    def displacement(self) -> Field: ...  # noqa: D102
+    @property
+    def yielded_depth(self) -> Field: ...  # noqa: D102
+    @property
     def force(self) -> float: ...  # noqa: D102
     @property
     def mean_gap(self) -> float: ...  # noqa: D102
@@ -87,8 +99,6 @@ class GridError:
         The contact whose errors these are.
     coarse : Contact or None
         The same contact on about every second node, None if there is none.
-    shifted : Contact or None
-        That contact at a displacement larger by `summit`, where the displacement was given.
     summit : float
         How much the summit may lie above the highest node [um].
     order : float
@@ -100,7 +110,6 @@ class GridError:
 
     contact: Contact = field(repr=False)
     coarse: Contact | None = field(repr=False)
-    shifted: Contact | None = field(repr=False)
     summit: float
     order: float
     fault: str = ""
@@ -141,7 +150,8 @@ class GridError:
         if self.order < LEAST_ORDER and self._spare <= NEARLY_YIELDED:
             floor = max(floor, self._spare)
         floor *= self.contact.continuum_area_percent
-        return self._bar(lambda contact: percent * self._areas(contact), floor)
+        raised = self.contact.continuum_area_percent * self._growth
+        return self._bar(lambda contact: percent * self._areas(contact), floor, raised)
 
     @computed_once
     def delta(self) -> float:
@@ -153,13 +163,20 @@ class GridError:
     @computed_once
     def force(self) -> float:
         """Of `Contact.force`, 0 where it was given [uN]."""
-        return 0.0 if self.contact.problem.force is not None else self._bar(lambda c: c.force)
+        if self.contact.problem.force is not None:
+            return 0.0
+        raised = self.contact.force * self._growth * self._steepening
+        return self._bar(lambda contact: contact.force, raised)
 
     @computed_once
     def mean_gap(self) -> float:
         """Of `Contact.mean_gap` [um]."""
         floor = AT_LEAST["gap"] * self._counted * self.contact.mean_gap
-        return self._bar(lambda contact: contact.mean_gap, floor)
+        raised = 0.0
+        if self.contact.problem.delta is not None:  # the bodies approach, and deform the more
+            yielding = float(self.contact.displacement.mean())
+            raised = self.summit - self._growth * yielding
+        return self._bar(lambda contact: contact.mean_gap, floor, raised)
 
     @computed_once
     def stiffness(self) -> float:
@@ -167,7 +184,29 @@ class GridError:
         if not math.isfinite(self.contact.stiffness):  # full contact without edges
             return 0.0
         floor = AT_LEAST["stiffness"] * self._counted * self.contact.stiffness
-        return self._bar(lambda contact: contact.stiffness, floor)
+        raised = self.contact.stiffness * self._growth * self._steepening**2
+        return self._bar(lambda contact: contact.stiffness, floor, raised)
+
+    @computed_once
+    def _growth(self) -> float:
+        """Share by which a higher summit makes the force grow, 0 where the load was given [1]."""
+        contact = self.contact
+        if contact.problem.delta is None or contact.force == 0:
+            return 0.0
+        heights, pressure = contact.problem.heights, contact.pressure
+        work = float((pressure * (heights - heights.max() + contact.approach)).sum())
+        if contact.problem.hardness is not None:
+            work += float((pressure * contact.yielded_depth).sum())
+        power = 2 * float(pressure.sum()) * contact.approach / work - 1
+        # A compliant far field gives way too.
+        yielded = power * (1 - contact.delta / contact.approach)
+        return power * self.summit / contact.approach / max(1 - yielded, 1e-3)
+
+    @property
+    def _steepening(self) -> float:
+        """How much steeper forces grow than their mean power says, as a patch fills [1]."""
+        edgeless = self.contact.problem.boundary != "free"
+        return 1 + STEEPENING * self.contact.area_percent / 100 * edgeless
 
     def _areas(self, contact: Contact) -> float:
         """Return the area of a contact on either grid, within the same borders [um2]."""
@@ -185,15 +224,12 @@ class GridError:
         area = self.contact.continuum_area_percent
         return abs(self.contact.area_percent / area - 1) if area else 0.0
 
-    def _bar(self, answer: Callable[[Contact], float], floor: float = 0.0) -> float:
-        """Return the half-width of an answer's bar, with a floor in its unit."""
+    def _bar(self, answer: Callable[[Contact], float], *parts: float) -> float:
+        """Return the half-width of an answer's bar, from further parts of it in its unit."""
         if self.coarse is None:
             return math.inf
-        here, there = answer(self.contact), answer(self.coarse)
-        parts = [OF_DIFFERENCE * max(1.0, _remaining(self.order)) * (here - there), floor]
-        if self.shifted is not None:
-            parts.append(answer(self.shifted) - there)
-        return math.hypot(*parts)
+        apart = answer(self.contact) - answer(self.coarse)
+        return math.hypot(OF_DIFFERENCE * max(1.0, _remaining(self.order)) * apart, *parts)
 
 
 def grid_errors(contacts: Sequence[Contact], solve: Solve) -> list[GridError]:
@@ -214,44 +250,39 @@ def grid_errors(contacts: Sequence[Contact], solve: Solve) -> list[GridError]:
     summit = OF_SUMMIT * _remaining(order) * _second_difference(heights)
     if min(heights.shape) < FEWEST:
         few = f"{heights.shape[0]} x {heights.shape[1]} nodes are too few to tell"
-        return [GridError(each, None, None, summit, order, few) for each in contacts]
+        return [GridError(each, None, summit, order, few) for each in contacts]
     half = coarser(problem)
     errors = []
     for contact in contacts:
         try:
-            coarse, shifted = _coarse(contact, half, summit, solve)
+            coarse = _coarse(contact, half, summit, solve)
         except NoSolution:
             fault = "half of the nodes are in full contact"
         except ArithmeticError as error:
             fault = f"half of the nodes: {error}"
         else:
-            errors.append(GridError(contact, coarse, shifted, summit, order))
+            errors.append(GridError(contact, coarse, summit, order))
             continue
-        errors.append(GridError(contact, None, None, summit, order, fault))
+        errors.append(GridError(contact, None, summit, order, fault))
     return errors
 
 
-def _coarse(
-    contact: Contact, half: Problem, summit: float, solve: Solve
-) -> tuple[Contact, Contact | None]:
-    """Solve on the coarser grid; where Delta was given, also with the summit counted in."""
+def _coarse(contact: Contact, half: Problem, summit: float, solve: Solve) -> Contact:
+    """Solve on the coarser grid, from the pressure of the finer one.
+
+    Raises NoSolution also where a given Delta would close it if the summit were that much higher.
+    """
     places = (
         np.rint(_places(nodes, half.boundary)).astype(np.intp) for nodes in contact.pressure.shape
     )
     near = np.ascontiguousarray(contact.pressure[np.ix_(*places)])
     if contact.problem.delta is None:
-        return solve(replace(half, delta=None, force=contact.force), near), None
-    lower = float(contact.problem.heights.max() - half.heights.max())
-    coarse = solve(_displaced(half, contact.delta - lower), near)
-    return coarse, solve(_displaced(half, contact.delta - lower + summit), coarse.pressure)
-
-
-def _displaced(half: Problem, delta: float) -> Problem:
-    """Return the coarser problem at a displacement, or raise NoSolution."""
-    return pose(
+        return solve(replace(half, delta=None, force=contact.force), near)
+    delta = contact.delta - float(contact.problem.heights.max() - half.heights.max())
+    displaced = pose(
         half.heights,
         1.0,
-        delta,
+        delta + summit,
         spacing=half.spacing,
         modulus=half.modulus,
         kernel=half.kernel,
@@ -261,6 +292,7 @@ def _displaced(half: Problem, delta: float) -> Problem:
         rtol=half.rtol,
         max_iterations=half.max_iterations,
     )
+    return solve(replace(displaced, delta=delta), near)
 
 
 def area_within(contact: Contact, spacing: tuple[float, float] | None = None) -> float:
@@ -286,19 +318,21 @@ def slope_order(heights: Field, boundary: Boundary) -> float:
     It compares the slopes between nodes one, two and four spacings apart.
     """
     orders = []
-    for axis in (0, 1):
-        nodes = heights.shape[axis]
+    periodic = boundary == "periodic"
+    for lines in (heights, heights.T):
+        nodes, columns = lines.shape
         if nodes < FEWEST:
             continue
         slopes = []
         for lag, first in ((1, 2), (2, 1), (4, 0)):  # around the same places
-            end = nodes if boundary == "periodic" else nodes - first - lag
-            start = np.arange(0 if boundary == "periodic" else first, end)
-            rise = heights.take((start + lag) % nodes, axis) - heights.take(start, axis)
-            squares = np.mean(rise**2, axis=1 - axis)
-            ends = (squares[0] + squares[-1]) / 2 if lag > 1 and boundary != "periodic" else 0.0
-            count = squares.size - (lag > 1 and boundary != "periodic")
-            slopes.append(float(squares.sum() - ends) / count / lag**2)
+            if periodic:
+                rise = np.roll(lines, -lag, axis=0) - lines
+            else:
+                rise = lines[first + lag : nodes - first] - lines[first : nodes - first - lag]
+            squares = np.einsum("ij,ij->i", rise, rise) / columns
+            halved = lag > 1 and not periodic  # the first and the last place
+            ends = (squares[0] + squares[-1]) / 2 if halved else 0.0
+            slopes.append(float(squares.sum() - ends) / (squares.size - halved) / lag**2)
         near, far = abs(slopes[0] - slopes[1]), abs(slopes[1] - slopes[2])
         if max(near, far) > SMOOTH * slopes[0]:
             orders.append(math.log2(max(far, 1e-300) / max(near, 1e-300)))
