@@ -616,11 +616,6 @@ def flat_punch(shape: tuple[int, int], kernel: Kernel, aspect: float = 1.0) -> F
     return pressure
 
 
-def shape_factor(shape: tuple[int, int], kernel: Kernel) -> float:
-    """Compute MIRCO's alpha = L E* Delta / F of the flat punch, with its spacing L / n [1]."""
-    return float(shape[0] / flat_punch(shape, kernel).sum())
-
-
 def critical_delta(heights: Field, kernel: Kernel, aspect: float = 1.0) -> float:
     """Compute Delta*, at which the force on a compliant far field grows without bound [um].
 

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, field
-from typing import Any, Literal, NamedTuple, cast, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -370,27 +370,17 @@ def checked_heights(heights: ArrayLike) -> Field:
         given = np.asarray(heights)
     except ValueError:
         raise ValueError("heights have rows of unequal length: a grid (nx, ny) is needed") from None
-    if given.dtype == object and _is_nullable_table(heights):
-        given = cast("Any", heights).to_numpy(dtype=np.float64, na_value=np.nan)
     if given.dtype.kind not in "fiu":
         raise ValueError(f"heights are of type {given.dtype}: real numbers are needed")
     if given.ndim != 2 or given.size == 0:
         raise ValueError(f"heights have shape {given.shape}: a grid of nodes (nx, ny) is needed")
-    with np.errstate(
-        over="ignore"
-    ):  # long doubles beyond the range become infinite and are refused below
+    with np.errstate(over="ignore"):  # long doubles beyond the range are refused below
         surface: Field = np.array(given, dtype=np.float64, order="C")
     holes = surface.size - int(np.count_nonzero(np.isfinite(surface)))
     if holes:
         raise ValueError(f"heights hold {holes} values that are not finite: fill or crop them")
     surface.setflags(write=False)
     return surface
-
-
-def _is_nullable_table(heights: Any) -> bool:
-    """Return whether heights are a pandas table of real numbers with possibly missing entries."""
-    kinds = [getattr(column, "kind", "") for column in getattr(heights, "dtypes", ())]
-    return bool(kinds) and all(kind in "fiu" for kind in kinds)
 
 
 def _checked_spacing(

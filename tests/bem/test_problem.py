@@ -33,7 +33,7 @@ BAD_HEIGHTS = [
     (3.0, ["()", "(nx, ny)"]),
     ("surface.npy", ["<U11", "real numbers"]),
     ([np.ma.masked_equal(row, 0.0) for row in np.eye(3)], ["masked", "fill or crop"]),
-    (pd.DataFrame({0: [1.0, None], 1: [2.0, 3.0]}, dtype="Float64"), ["1 values", "not finite"]),
+    (SQUARE.astype(object), ["object", "real numbers"]),
     ([[1.0, 2.0], [3.0]], ["unequal length"]),
 ]
 
@@ -100,7 +100,7 @@ INTEGERS = np.random.default_rng(2).integers(0, 50, (20, 31))
         INTEGERS.astype(">f8"),
         np.asfortranarray(INTEGERS, dtype=float),
         INTEGERS[::-1, ::-1].copy()[::-1, ::-1],
-        pd.DataFrame(INTEGERS).astype("Float64"),
+        pd.DataFrame(INTEGERS),
     ],
     ids=lambda given: str(getattr(given, "dtype", type(given).__name__)),
 )
