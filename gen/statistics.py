@@ -46,6 +46,9 @@ LOST = 1000.0
 """Smallest rms of heights that has a shape, in spacings of numbers at the largest height: below it
 peaks become ties, and skewness and kurtosis are wrong by more than about one part in a hundred."""
 
+UNDEFINED = "no asperity or one, peaks of equal height or curvature, or flat profiles"
+"""Why statistics are NaN on a surface that is not flat."""
+
 NEARLY_EQUAL = 1e-3
 """Ratio of spread to mean below which the rounding of the mean would show in the third moment."""
 
@@ -166,7 +169,8 @@ def describe(heights: Values, spacing: float | tuple[float, float]) -> Descripti
         )
     if lowest == highest:
         return Description(named, "flat surface: no profile peak, no asperity")
-    return Description(named, _reason(nodes.shape, peaks, asperities, bandwidths))
+    undefined = any(map(math.isnan, values))
+    return Description(named, UNDEFINED if undefined else "")
 
 
 def rms_slope(heights: Values, spacing: tuple[float, float]) -> float:
@@ -305,29 +309,3 @@ def _spread(values: Values, origin: float) -> tuple[float, Values, float]:
 def _sum_of_products(first: Values, second: Values) -> float:
     """Sum products by einsum: BLAS's last bits would depend on the number of a rank's threads."""
     return float(np.einsum("i,i->", first, second))
-
-
-def _reason(
-    shape: tuple[int, ...],
-    peaks: tuple[Moments, Moments],
-    asperities: tuple[Moments, Moments],
-    bandwidths: list[float],
-) -> str:
-    """Say in a short text why statistics are NaN; empty if none is NaN."""
-    faults = [
-        f"flat profiles along {axis}" if length > 2 else f"two nodes along {axis}"
-        for axis, length, bandwidth in zip("xy", shape, bandwidths, strict=True)
-        if math.isnan(bandwidth)
-    ]
-    for moments, one, many in (
-        (peaks, "profile peak", "profile peaks"),
-        (asperities, "asperity", "asperities"),
-    ):
-        if (number := moments[0].number) < 2:
-            faults.append(f"{'one' if number else 'no'} {one}")
-            continue
-        quantities = zip(("height", "curvature"), moments, strict=True)
-        equal = [quantity for quantity, each in quantities if math.isnan(each.kurtosis)]
-        if equal:
-            faults.append(f"{many} of equal {' and '.join(equal)}")
-    return ", ".join(faults)

@@ -246,7 +246,7 @@ def _features() -> Iterator[Case]:
     case, x = partial(_case, "feature"), np.arange(NODES) - NODES // 2
     bowl = (x[:, None] ** 2 + x**2) / 64
     for name, asked, heights, word in (
-        ("one peak", "a paraboloid", -bowl, "one asperity"),
+        ("one peak", "a paraboloid", -bowl, "asperity or one"),
         ("no peak", "a bowl", bowl, "no asperity"),
         ("a plane", "h = 3 i - 2 j um", 3.0 * x[:, None] - 2.0 * x, "no asperity"),
         ("flat", "all nodes at 3.3 um", np.full((NODES, NODES), 3.3), "flat surface"),

@@ -1,7 +1,10 @@
 """Export of databases to open formats, which anybody can read without this program."""
 
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
+
+import numpy as np
 
 from gen.database import Reader
 from gen.export import description, parquet_files
@@ -9,6 +12,7 @@ from gen.export.description import About
 from gen.runtime.errors import InputError
 from gen.runtime.files import check_folder, lock_folder, make_folder, write
 from gen.runtime.terminal import RunProgress
+from gen.schema import Status
 
 
 class Exported(NamedTuple):
@@ -29,25 +33,20 @@ def export(reader: Reader, folder: Path, about: About) -> Exported:
     """
     check_folder(folder)
     with lock_folder(folder):
-        return _exported(reader, folder, about)
-
-
-def _exported(reader: Reader, folder: Path, about: About) -> Exported:
-    """Write the files of an export into a folder that this process has locked."""
-    parquet_files.require_own_folder(folder, reader)
-    done = parquet_files.done_rows(reader)
-    if not done.any():
-        raise InputError(f"{reader.path} has no done rows to export")
-    pieces = parquet_files.pieces(reader)
-    if parquet_files.fields(reader):
-        make_folder(folder / parquet_files.FIELDS)
-    with RunProgress(sum(len(piece.rows) for piece in pieces), "rows") as progress:
-        for piece in pieces:
-            parquet_files.write(piece, folder, reader, done, lambda rows: progress.advance(rows, 0))
-    rows = int(done.sum())
-    write(folder / description.SCENE_NAME, description.scene_text(reader))
-    write(folder / description.CARD_NAME, description.card(reader, about, rows))
-    croissant = description.describe(reader, about, description.words(reader), folder, pieces)
-    write(folder / description.CROISSANT_NAME, croissant)
-    size = sum(path.stat().st_size for path in folder.rglob("[!.]*") if path.is_file())
-    return Exported(rows, len(done) - rows, size)
+        parquet_files.require_own_folder(folder, reader)
+        done = np.asarray(reader.column("status") == Status.DONE)  # a run may go on meanwhile
+        if not done.any():
+            raise InputError(f"{reader.path} has no done rows to export")
+        pieces = parquet_files.pieces(reader)
+        if len(pieces) > 1:
+            make_folder(folder / parquet_files.FIELDS)
+        with RunProgress(sum(len(piece.rows) for piece in pieces), "rows") as progress:
+            for piece in pieces:
+                advance = partial(progress.advance, failed=0)
+                parquet_files.write(piece, folder, reader, done, advance)
+        write(folder / description.SCENE_NAME, description.scene_text(reader))
+        write(folder / description.CARD_NAME, description.card(reader, about, done))
+        croissant = description.describe(reader, about, folder, pieces)
+        write(folder / description.CROISSANT_NAME, croissant)
+        size = sum(path.stat().st_size for path in folder.rglob("[!.]*") if path.is_file())
+        return Exported(int(done.sum()), int((~done).sum()), size)

@@ -14,13 +14,15 @@ from pathlib import Path
 from typing import Self
 
 import mlcroissant as mlc
+import numpy as np
 import pyarrow as pa
 import tomli_w
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
+from numpy.typing import NDArray
 
 from gen.database import Reader
-from gen.export.parquet_files import FIELDS, ROWS, Piece, done_rows, fields, scalars
+from gen.export.parquet_files import FIELDS, ROWS, Piece, fields, scalars
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import printable
 from gen.schema import REASONS, Status
@@ -28,11 +30,11 @@ from gen.schema import REASONS, Status
 DOI = re.compile(r"10\.\d{4,9}/\S+")
 """A digital object identifier without the address of its resolver (ISO 26324)."""
 
+RESOLVER = re.compile(r"(https?://doi\.org/|doi:)", re.IGNORECASE)
+"""Beginnings that people put in front of an identifier."""
+
 LICENCE = re.compile(r"https?://\S+|[\w.+-]+( (AND|OR|WITH) [\w.+-]+)*", re.ASCII)
 """An address, or an SPDX expression without brackets (SPDX 2.3, annex D)."""
-
-PREFIXES = ("https://doi.org/", "http://doi.org/", "doi:")
-"""Beginnings that people put in front of an identifier."""
 
 CARD_NAME = "README.md"  # name of the card in the folder of an export
 SCENE_NAME = "scene.toml"  # name of the scene in the folder of an export
@@ -69,10 +71,9 @@ class About:
         Letters of the database that cannot be printed become question marks. Raise InputError if an
         identifier is none, or an option has more than one line.
         """
-        scene = reader.scene
-        stored = str(reader.attributes["title"]), scene.creator or "", scene.licence or ""
-        own = [*map(printable, stored)]
-        about = cls(title or own[0], creator or own[1], licence or own[2], _bare(doi))
+        scene, bare = reader.scene, RESOLVER.sub("", doi.strip(), count=1)
+        if doi and not DOI.fullmatch(bare):
+            raise InputError(f"--doi {doi}: give an identifier as 10.5281/zenodo.1234567")
         for option, text in (("title", title), ("creator", creator), ("licence", licence)):
             if not text.isprintable():
                 raise InputError(f"--{option} {text!r}: give a text of one line")
@@ -81,7 +82,10 @@ class About:
                 f"--licence {licence!r}: give an SPDX identifier as CC-BY-4.0, or an address that"
                 " begins with https://"
             )
-        return about
+        stored = str(reader.attributes["title"]), scene.creator or "", scene.licence or ""
+        given = zip((title, creator, licence), stored, strict=True)
+        title, creator, licence = (own or printable(other) for own, other in given)
+        return cls(title, creator, licence, bare)
 
     @property
     def address(self) -> str:
@@ -92,17 +96,6 @@ class About:
         """Return how the dataset wants to be cited, or an empty text without a creator."""
         place = f" {self.address}" if self.address else ""
         return f"{self.creator} ({year}). {self.title} [Data set].{place}" if self.creator else ""
-
-
-def _bare(doi: str) -> str:
-    """Take the resolver off an identifier; refuse a text that is no identifier."""
-    bare = doi.strip()
-    for prefix in PREFIXES:
-        if bare.lower().startswith(prefix):
-            bare = bare[len(prefix) :]
-    if doi and not DOI.fullmatch(bare):
-        raise InputError(f"--doi {doi}: give an identifier as 10.5281/zenodo.1234567")
-    return bare
 
 
 def words(reader: Reader) -> str:
@@ -127,8 +120,8 @@ def scene_text(reader: Reader) -> str:
     return tomli_w.dumps(tables_last)
 
 
-def card(reader: Reader, about: About, done: int) -> str:
-    """Write the data card of an export of some done rows, in Markdown."""
+def card(reader: Reader, about: About, done: NDArray[np.bool_]) -> str:
+    """Write the data card of an export, in Markdown; `done` tells the rows that are in it."""
     environment = Environment(
         loader=PackageLoader("gen.export", "."),
         autoescape=False,
@@ -139,39 +132,29 @@ def card(reader: Reader, about: About, done: int) -> str:
         keep_trailing_newline=True,
     )
     environment.filters |= {"json": _quoted, "form": _limit}
-    text = environment.get_template("card.md.jinja").render(_values(reader, about, done))
-    return text.replace("\\\n", "")
-
-
-def _values(reader: Reader, about: About, done: int) -> dict[str, object]:
-    """Return the values that the template of the card names."""
-    attributes, scene = reader.attributes, reader.scene
-    counts = reader.counts()
-    versions = json.loads(str(attributes["versions"]))
+    attributes, columns = reader.attributes, scalars(reader)
     failures = reader.reasons(Status.FAILED)
-    return {
-        "about": about,
-        "words": Markup(words(reader)),
-        "attributes": attributes,
-        "versions": ", ".join(f"{name} {version}" for name, version in versions.items()),
-        "done": done,
-        "failed": counts.failed,
-        "pending": counts.pending,
-        "failures": {REASONS.get(code, str(code)): number for code, number in failures.items()},
-        "rows_file": ROWS,
-        "fields_folder": FIELDS,
-        "fields": fields(reader),
-        "shape": " x ".join(map(str, scene.shape)),
-        "nodes": scene.shape,
-        "first": reader.rows.start + int(done_rows(reader).argmax()),
-        "columns": scalars(reader),
-        "ranges": {**dict.fromkeys(_names(reader), (math.nan, math.nan)), **reader.ranges()},
-        "tiles": "tile" in _names(reader),
-        "yields": scene.contact.hardness_limits is not None,
-        "free": not scene.edgeless,
-        "scene": Markup(scene_text(reader)),
-        "citation": about.citation(str(attributes["created"])[:4]),
-    }
+    text = environment.get_template("card.md.jinja").render(
+        about=about,
+        words=Markup(words(reader)),
+        attributes=attributes,
+        versions=json.loads(str(attributes["versions"])),
+        done=int(done.sum()),
+        counts=reader.counts(),
+        failures={REASONS.get(code, str(code)): number for code, number in failures.items()},
+        rows_file=ROWS,
+        fields_folder=FIELDS,
+        fields=fields(reader),
+        nodes=reader.scene.shape,
+        first=reader.rows.start + int(done.argmax()),
+        columns=columns,
+        names=[column.name for column in columns],
+        ranges=reader.ranges(),
+        settings=reader.scene.contact,
+        scene=Markup(scene_text(reader)),
+        citation=about.citation(str(attributes["created"])[:4]),
+    )
+    return text.replace("\\\n", "")
 
 
 def _quoted(text: str) -> Markup:
@@ -186,22 +169,26 @@ def _plain(value: object) -> object:
     return re.sub(r"([\\`*|\[\]])", r"\\\1", printable(value)).replace("<", "&lt;")
 
 
-def _names(reader: Reader) -> list[str]:
-    """Return the names of the columns with one value a row."""
-    return [column.name for column in scalars(reader)]
-
-
-def _limit(value: float) -> str:
+def _limit(values: tuple[float, float] | None, which: int) -> str:
     """Write a smallest or largest value; nothing where no row has one."""
-    return "" if math.isnan(value) else f"{value:.6g}"
+    return "" if values is None or math.isnan(values[which]) else f"{values[which]:.6g}"
 
 
-def describe(
-    reader: Reader, about: About, words: str, folder: Path, pieces: Iterable[Piece]
-) -> str:
+def describe(reader: Reader, about: About, folder: Path, pieces: Iterable[Piece]) -> str:
     """Describe the files of an export, which are written, as JSON."""
     rows, *others = pieces
-    distribution: list[mlc.FileObject | mlc.FileSet] = [_file(folder, rows)]
+    path = folder / rows.name
+    with path.open("rb") as file:
+        checksum = hashlib.file_digest(file, "sha256").hexdigest()
+    described = mlc.FileObject(
+        id=rows.name,
+        name=rows.name,
+        content_url=rows.name,
+        content_size=f"{path.stat().st_size} B",
+        encoding_formats=[PARQUET],
+        sha256=checksum,
+    )
+    distribution: list[mlc.FileObject | mlc.FileSet] = [described]
     records = [_record_set("rows", rows.schema, file_object=rows.name)]
     for name in dict.fromkeys(piece.schema.names[-1] for piece in others):
         schema = next(piece.schema for piece in others if piece.schema.names[-1] == name)
@@ -213,7 +200,7 @@ def describe(
     created = datetime.fromisoformat(str(reader.attributes["created"]))
     metadata = mlc.Metadata(
         name=about.title,
-        description=words,
+        description=words(reader),
         creators=[mlc.Person(name=about.creator)] if about.creator else [],
         license=[about.licence] if about.licence else None,
         url=about.address or None,
@@ -224,21 +211,6 @@ def describe(
         record_sets=records,
     )
     return json.dumps(metadata.to_json(), indent=1, ensure_ascii=False) + "\n"
-
-
-def _file(folder: Path, piece: Piece) -> mlc.FileObject:
-    """Describe a single file with its checksum."""
-    path = folder / piece.name
-    with path.open("rb") as file:
-        checksum = hashlib.file_digest(file, "sha256").hexdigest()
-    return mlc.FileObject(
-        id=piece.name,
-        name=piece.name,
-        content_url=piece.name,
-        content_size=f"{path.stat().st_size} B",
-        encoding_formats=[PARQUET],
-        sha256=checksum,
-    )
 
 
 def _record_set(name: str, schema: pa.Schema, **source: str) -> mlc.RecordSet:

@@ -14,7 +14,7 @@ from gen.database import Reader
 from gen.database.layout import chunks
 from gen.runtime.errors import InputError
 from gen.runtime.files import atomic, kind_of
-from gen.schema import STATUS, Column, Status
+from gen.schema import Column
 
 Mask = NDArray[np.bool_]  # one truth value for each row of a file
 
@@ -68,11 +68,6 @@ def schema_of(reader: Reader, columns: list[Column]) -> pa.Schema:
             words["shape"] = json.dumps([nx, ny])
         found.append(pa.field(column.name, kind, nullable=False, metadata=words))
     return pa.schema(found)
-
-
-def done_rows(reader: Reader) -> Mask:
-    """Tell which rows of a file are done at this moment, (rows,); a run may go on meanwhile."""
-    return np.asarray(reader.column(STATUS.name) == Status.DONE)
 
 
 def pieces(reader: Reader) -> list[Piece]:

@@ -31,63 +31,52 @@ def outputs_of(store: Store, contact: bem.Contact, row: int) -> dict[str, float]
     """
     expected = store.outputs or {}
     found = called(store, contact, row)
+    place = f"{store.function}, row {row}: "
     if found.keys() != expected.keys():
-        raise SourceError(
-            f"{store.function}, row {row}: returned {_listed(found)}; the database has"
-            f" {_listed(expected)}"
+        returned, wanted = (
+            ", ".join(sorted(names)[:12]) or "nothing" for names in (found, expected)
         )
+        raise SourceError(f"{place}returned {returned}; the database has {wanted}")
     for name, (value, unit) in found.items():
-        place = f"{store.function}, row {row}: {name} is"
         if unit not in {None, expected[name]}:
-            raise SourceError(f"{place} in {unit!r}; the database has it in {expected[name]!r}")
+            raise SourceError(f"{place}{name} is in {unit!r}; the database has {expected[name]!r}")
         least, most = store.bounds(name)
         if value < least or value > most:
             raise SourceError(
-                f"{place} {value:g}; the scene's bounds of it are {least:g} and {most:g}"
+                f"{place}{name} is {value:g}; its bounds in the scene are {least:g} and {most:g}"
             )
     return {name: value for name, (value, _) in found.items()}
 
 
-def called(store: Store, contact: bem.Contact, row: int) -> dict[str, Output]:
+def called(store: Store, contact: bem.Contact, row: int) -> dict[Any, Output]:
     """Call the user's function for a contact, whose arrays cannot be changed."""
     contact.pressure.setflags(write=False)
     place = f"{store.function}, row {row}"
-    assert store.function is not None
-    if store.source is None:  # only a file that was not made by a run lacks it
+    if store.function is None or store.source is None:  # only a file that no run has made lacks it
         raise SourceError(f"{store.function}: the scene lacks the hash of its source")
     with faults_of(place):
         returned = load_function(store.function, store.source)(contact)
         if not isinstance(returned, Mapping):
-            raise SourceError(
-                f"{place}: returned a {type(returned).__name__}, not a dictionary of numbers by"
-                " their names"
-            )
-        for name in returned:
-            if not isinstance(name, str):
-                raise SourceError(f"{place}: the name {name!r} is not a text")
-        return {str(name): _output(name, returned[name], place) for name in returned}
+            kind = type(returned).__name__
+            raise SourceError(f"{place}: returned a {kind}, not a dictionary of numbers by names")
+        return {name: _output(name, returned[name], place) for name in returned}
 
 
-def _output(name: str, returned: Any, place: str) -> Output:
+def _output(name: object, returned: Any, place: str) -> Output:
     """Read a number, or a pair of a number and its unit."""
     paired = isinstance(returned, tuple) and len(returned) == 2
     value, unit = returned if paired else (returned, None)
     if isinstance(value, np.ndarray | np.generic) and value.ndim == 0:
         value = value.item()
+    if not isinstance(name, str):
+        raise SourceError(f"{place}: the name {name!r} is not a text")
     if not isinstance(value, Real) or not isinstance(unit, str | None):
-        raise SourceError(
-            f"{place}: {name} is {str(returned)[:60]!r}, not a number or a pair of a number and its"
-            " unit"
-        )
+        shown = str(returned)[:60]
+        raise SourceError(f"{place}: {name} is {shown!r}, not a number, or a number and its unit")
     try:
         return float(value), unit
     except OverflowError:  # a whole number of hundreds of digits
         return math.inf, unit
-
-
-def _listed(names: Mapping[str, object]) -> str:
-    """List names in words."""
-    return ", ".join(sorted(names)[:12]) + (" ..." if len(names) > 12 else "") or "nothing"
 
 
 def completed(scene: Scene, home: Path | None = None) -> Scene:

@@ -70,11 +70,6 @@ def start(*, default_sigint: bool) -> None:
         os.environ[f"{library}_NUM_THREADS"] = "1"
     if default_sigint:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
-    for descriptor in range(3):  # a database could get the number of a closed stream
-        with suppress(OSError):
-            os.fstat(descriptor)
-            continue
-        os.open(os.devnull, os.O_RDWR)  # takes the lowest free number
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # characters that the encoding lacks, in a title
 

@@ -15,22 +15,16 @@ def new_figure(width: float, height: float, *, dpi: float | None = None) -> Any:
     """Make an empty figure, in inches and with dots per inch, whose panels keep clear of each
     other.
 
-    Raise InputError if matplotlib is not installed.
     """
-    try:
-        from matplotlib.figure import Figure
-    except ImportError:
-        from gen.runtime.installation import command_for
+    from matplotlib.figure import Figure
 
-        raise InputError(f"drawing needs matplotlib: {command_for('plot')}") from None
     return Figure(figsize=(width, height), dpi=dpi, layout="constrained")
 
 
 def empty_figure(picture: Path | None, width: float, height: float) -> Any:
     """Make the figure of a picture before anything is computed for it; None if there is none.
 
-    Width and height are in inches. Raise InputError if the suffix is of no picture, or matplotlib
-    is not installed.
+    Width and height are in inches. Raise InputError if the suffix is of no picture.
     """
     if picture is None:
         return None

@@ -1,12 +1,11 @@
 """The installation: its versions, its commit, and the command that adds a missing package.
 
-A package index may not have the name asperity, or somebody else's package under it. So the commands
-name this clone or the libraries.
+A package index may not have the name asperity, or somebody else's package under it: no command
+names it.
 """
 
 import importlib.metadata
 import platform
-import re
 import shlex
 import shutil
 import sys
@@ -60,31 +59,9 @@ def git_commit() -> str:
 
 
 def command_for(extra: str) -> str:
-    """Return the command that installs an extra of pyproject.toml."""
+    """Return how an extra of pyproject.toml is installed."""
+    if not (REPOSITORY / "pyproject.toml").is_file():
+        return f"install Asperity again, with its extra {extra!r}"
     beside = Path(sys.executable).with_name("pip")
     pip = ["pip"] if shutil.which("pip") == str(beside) else [sys.executable, "-m", "pip"]
-    return shlex.join([*pip, "install", *_packages(extra)])
-
-
-def _packages(extra: str) -> list[str]:
-    """Return the arguments of `pip install`: this clone, or else the libraries of the extra."""
-    if (REPOSITORY / "pyproject.toml").is_file():
-        return ["-e", f"{REPOSITORY}[{extra}]"]
-    try:
-        requirements = importlib.metadata.requires("asperity") or []
-    except importlib.metadata.PackageNotFoundError:
-        return [f"{REPOSITORY}[{extra}]"]
-    return _libraries(requirements, extra)
-
-
-def _libraries(requirements: list[str], extra: str) -> list[str]:
-    """Return the libraries of an extra that this system needs, with their versions."""
-    libraries = []
-    for requirement in requirements:
-        library, _, marker = requirement.partition(";")
-        if not re.search(rf"""extra == ["']{extra}["']""", marker):
-            continue
-        system = re.search(r"""sys_platform ([!=]=) ["'](\w+)["']""", marker)
-        if system is None or (sys.platform == system[2]) == (system[1] == "=="):
-            libraries.append(library.strip())
-    return libraries
+    return shlex.join([*pip, "install", "-e", f"{REPOSITORY}[{extra}]"])

@@ -217,15 +217,10 @@ class Load(Table):
         return content
 
 
-def is_unit(unit: object) -> bool:
-    """Tell whether something can be the unit of a column: a short text, "1" for pure numbers."""
-    return isinstance(unit, str) and 0 < len(unit) <= LONGEST_UNIT and unit.isprintable()
-
-
 def _units(outputs: dict[str, str]) -> dict[str, str]:
     """Refuse units that cannot stand in a table, and more outputs than a file should have."""
     for name, unit in outputs.items():
-        if not is_unit(unit):
+        if not (0 < len(unit) <= LONGEST_UNIT and unit.isprintable()):
             raise ValueError(f"{name}: a unit is a text of 1 to {LONGEST_UNIT} letters")
     if not 1 <= len(outputs) <= MOST_OUTPUTS:
         raise ValueError(f"{len(outputs)} outputs: give 1 to {MOST_OUTPUTS}")

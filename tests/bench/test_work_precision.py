@@ -126,5 +126,6 @@ def test_missing_matplotlib_is_said_before_anything_is_solved(
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     for command in ("solver", "peers"):
         assert main([command, "-o", str(tmp_path / "new")]) == 2
-        assert f"drawing needs matplotlib: {command_for('plot')}" in capsys.readouterr().err
+        said = capsys.readouterr().err
+        assert f"matplotlib, which is not installed: {command_for('plot')}" in said
     assert not (tmp_path / "new").exists()

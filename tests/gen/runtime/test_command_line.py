@@ -34,7 +34,7 @@ def test_memory_that_runs_out_anywhere_is_one_line(folder, monkeypatch, capsys):
     def out_of_memory(*_):
         raise MemoryError("Unable to allocate 7 TiB")
 
-    monkeypatch.setattr("gen.scene.load", out_of_memory)
+    monkeypatch.setattr("gen.scene.Scene.parse", out_of_memory)
     assert cli.main(["estimate", "scene.toml"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("gen: this needs more memory than there is: Unable to allocate 7 TiB;")

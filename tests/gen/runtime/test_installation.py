@@ -1,10 +1,7 @@
 """The commit of the checkout, versions, and the command that adds an extra."""
 
 import ast
-import importlib.metadata
 import re
-import shlex
-import shutil
 import subprocess
 import sys
 import tomllib
@@ -16,13 +13,6 @@ import pytest
 from gen.runtime import command_line, installation
 
 ROOT = Path(__file__).resolve().parents[3]
-REQUIREMENTS = [
-    "numpy>=2.0",
-    'mpi4py>=4.0; extra == "mpi"',
-    'scikit-learn>=1.5; extra == "learn"',
-    f'xgboost-cpu>=2.1; sys_platform == "{sys.platform}" and extra == "learn"',
-    f'xgboost>=2.1; sys_platform != "{sys.platform}" and extra == "learn"',
-]
 
 
 def test_a_clone_is_named_by_its_path():
@@ -31,20 +21,10 @@ def test_a_clone_is_named_by_its_path():
     )
 
 
-@pytest.fixture
-def advised(monkeypatch, tmp_path):
-    """What is advised for an extra where the packages stand alone in a folder."""
-    monkeypatch.setattr(installation, "REPOSITORY", tmp_path)
-    monkeypatch.setattr(shutil, "which", lambda _: str(Path(sys.executable).with_name("pip")))
-    monkeypatch.setattr(importlib.metadata, "requires", lambda _: REQUIREMENTS)
-    return lambda extra: shlex.split(installation.command_for(extra))
-
-
-def test_beside_a_clone_only_libraries_are_named(advised, monkeypatch):
+def test_beside_a_clone_no_index_is_asked(monkeypatch, tmp_path):
     """Whoever asks an index for `asperity` may get somebody else's."""
-    assert advised("learn") == ["pip", "install", "scikit-learn>=1.5", "xgboost-cpu>=2.1"]
-    monkeypatch.setattr(shutil, "which", lambda _: "/elsewhere/pip")
-    assert advised("mpi") == [sys.executable, "-m", "pip", "install", "mpi4py>=4.0"]
+    monkeypatch.setattr(installation, "REPOSITORY", tmp_path)
+    assert installation.command_for("learn") == "install Asperity again, with its extra 'learn'"
 
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
