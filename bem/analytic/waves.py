@@ -78,25 +78,10 @@ class WavySurface:
         """
         return np.pi * modulus * self.amplitude / self.wavelength
 
-    def contact_width(self, mean_pressure: float, modulus: float = 1.0) -> float:
-        """Return the width 2 a of each strip of contact, sin^2(pi a / wavelength) = p / p* [um].
-
-        Parameters
-        ----------
-        mean_pressure : float
-            Mean pressure p on the whole surface [MPa].
-        modulus : float
-            E* [MPa].
-
-        Returns
-        -------
-        float
-            Width, from 0 to the wavelength [um].
-        """
-        return self.area_share(mean_pressure, modulus) * self.wavelength
-
     def area_share(self, mean_pressure: float, modulus: float = 1.0) -> float:
         """Return the contact area as a share of the whole, 2 / pi arcsin sqrt(p / p*) [1].
+
+        It is the width of each strip of contact over the wavelength.
 
         Parameters
         ----------

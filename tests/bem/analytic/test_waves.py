@@ -26,7 +26,7 @@ def displacement(x: float, mean_pressure: float) -> float:
         pressure = float(WAVE.pressure(np.array(place), mean_pressure, MODULUS))
         return -pressure * np.log(2 * abs(np.sin(np.pi * (x - place) / 40))) if place != x else 0.0
 
-    half = WAVE.contact_width(mean_pressure, MODULUS) / 2
+    half = WAVE.wavelength * WAVE.area_share(mean_pressure, MODULUS) / 2
     ends = sorted({-half, min(max(x, -half), half), half})
     parts = [quad(strip, *pair, limit=200, epsrel=1e-9)[0] for pair in pairwise(ends)]
     return 2 / (np.pi * MODULUS) * sum(parts)
@@ -36,7 +36,7 @@ def displacement(x: float, mean_pressure: float) -> float:
 def test_wavy_pressure_makes_the_half_space_fit_the_surface(load):
     """Displacement - (height - highest + Delta) is the gap; 1e-7 of the amplitude is quadrature."""
     approach = WAVE.approach(load * FULL, MODULUS)
-    half = WAVE.contact_width(load * FULL, MODULUS) / 2
+    half = WAVE.wavelength * WAVE.area_share(load * FULL, MODULUS) / 2
     for x in [0.0, 0.4 * half, 0.95 * half, half + 0.3 * (20 - half), 20.0]:
         pressed = float(WAVE.heights(np.array(x))) - 0.3 + approach
         gap = float(WAVE.gap(np.array(x), load * FULL, MODULUS))
@@ -47,7 +47,7 @@ def test_wavy_pressure_makes_the_half_space_fit_the_surface(load):
 @pytest.mark.parametrize("load", LOADS)
 def test_wavy_pressure_and_gap_have_their_means(load):
     """By quadrature over half a wavelength, to 1e-8."""
-    half = WAVE.contact_width(load * FULL, MODULUS) / 2
+    half = WAVE.wavelength * WAVE.area_share(load * FULL, MODULUS) / 2
     carried = quad(lambda x: float(WAVE.pressure(np.array(x), load * FULL, MODULUS)), 0, half)[0]
     opened = quad(lambda x: float(WAVE.gap(np.array(x), load * FULL, MODULUS)), half, 20)[0]
     assert carried / 20 == pytest.approx(load * FULL, rel=1e-8)
@@ -71,7 +71,7 @@ def test_wavy_contact_ends_at_full_contact():
     for pressure in (FULL, 2 * FULL):
         expected = pressure + FULL * np.cos(2 * np.pi * PLACES / 40)
         assert WAVE.pressure(PLACES, pressure, MODULUS) == pytest.approx(expected, abs=1e-14)
-        assert WAVE.contact_width(pressure, MODULUS) == pytest.approx(40, rel=1e-15)
+        assert WAVE.area_share(pressure, MODULUS) == pytest.approx(1, rel=1e-15)
         assert WAVE.approach(pressure, MODULUS) == 0.3
         assert WAVE.mean_gap(pressure, MODULUS) == 0
         assert WAVE.stiffness(pressure, MODULUS) == np.inf
@@ -82,7 +82,12 @@ def test_wavy_contact_ends_at_full_contact():
 
 @pytest.mark.parametrize("pressure", [0.0, -1.0])
 def test_wavy_surfaces_without_load_touch_at_their_peaks(pressure):
-    assert WAVE.contact_width(pressure) == WAVE.approach(pressure) == WAVE.stiffness(pressure) == 0
+    assert (
+        WAVE.wavelength * WAVE.area_share(pressure)
+        == WAVE.approach(pressure)
+        == WAVE.stiffness(pressure)
+        == 0
+    )
     assert not WAVE.pressure(PLACES, pressure).any()
     assert WAVE.gap(PLACES, pressure) == pytest.approx(0.3 - WAVE.heights(PLACES), abs=1e-15)
     assert WAVE.mean_pressure(pressure) == 0
@@ -116,7 +121,9 @@ def test_solved_waves_are_the_closed_form(load, nodes):
     x = np.arange(nodes) * 40 / nodes
     contact = pressed(np.repeat(WAVE.heights(x)[:, None], 2, axis=1), load * FULL)
     width = 40 * contact.area_percent / 100
-    assert width == pytest.approx(WAVE.contact_width(load * FULL, MODULUS), abs=2 * 40 / nodes)
+    assert width == pytest.approx(
+        WAVE.wavelength * WAVE.area_share(load * FULL, MODULUS), abs=2 * 40 / nodes
+    )
     assert contact.delta == pytest.approx(WAVE.approach(load * FULL, MODULUS), rel=0.01)
     exact = WAVE.pressure(x, load * FULL, MODULUS)
     assert contact.pressure[:, 0] == pytest.approx(exact, abs=0.06 * FULL)
