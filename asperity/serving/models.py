@@ -191,14 +191,16 @@ class SurrogateModel:
             predicted = self.surrogate.predict(
                 asked.heights, asked.scene.sides, asked.load["delta"], hardness=asked.hardness
             )
+        from learn.surrogate.model import calibrated_by
+
         parts = predicted.values, predicted.low, predicted.high
         output = [[float(part[name][0]) for part in parts] for name in self.surrogate.learnt]
-        rows = self.surrogate.card["rows"]["calibration"]
         for name, (value, *ends) in zip(self.surrogate.learnt, output, strict=True):
             if math.isfinite(value) and not all(map(math.isfinite, ends)):
                 raise Unsolved(
                     f"{name}: its 90 % interval has no end, and JSON has no such number: the"
-                    f" surrogate was calibrated with {rows} rows only; fit it to more rows"
+                    f" surrogate was calibrated by {calibrated_by(self.surrogate.card)} only: fit"
+                    " it to more"
                 )
         return [[*numbers, float(predicted.inside[0])] for numbers in output]
 

@@ -251,7 +251,7 @@ def _judge(database: Path, fine: Path, features: str) -> Judged:
     """Fit as `learn fit` does on the coarse grid, and test on the fine one."""
     request = request_for(database, MODEL, features, AREA_MAX)
     parts = parted(read(request))
-    fitted = fit(request, parts.train, parts.calibration, parts.folds)
+    fitted = fit(request, parts.train, parts.folds)
     rows = read(request_for(fine, MODEL, features, AREA_MAX))
     found = fitted.predict(rows)
     alone = median_seconds(partial(fitted.predict, rows.at(np.array([0]))))

@@ -25,7 +25,7 @@ from learn.features import chosen
 from learn.features.sets import Rows
 from learn.models import MODELS, STEP
 from learn.surrogate import Surrogate
-from learn.surrogate.calibration import near
+from learn.surrogate.calibration import measured
 from learn.surrogate.fitting import Fit, Settings, fit_target
 
 Change = Callable[[Dataset], Dataset]
@@ -180,7 +180,7 @@ def fitted(
     known |= {"spacing": SCENE.spacing, "modulus": 1.0}
     known["columns"] = [(each, "1") for each in rows.features.columns]
     low, high = train.inputs.min(axis=0), train.inputs.max(axis=0)
-    surrogate = Surrogate(known, {"target": fit.learnt}, low, high, near(train))
+    surrogate = Surrogate(known, {"target": fit.learnt}, low, high, measured(train).distance)
     return Asked(name, fit, surrogate, train, test)
 
 

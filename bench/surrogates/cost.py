@@ -218,7 +218,7 @@ def cost(
         request = request_for(path, "kernel-ridge", features, area_max)
         parts = parted(read(request, rows))
         remark(f"{features} features: {parts.train.size} rows train")
-        full = fit(request, parts.train, parts.calibration, parts.folds)
+        full = fit(request, parts.train, parts.folds)
         answer = measure_surrogate(full, features, contacts)
         build = build_times(rows, costs.solver, answer, full, features)
         costs.answers[features] = answer
@@ -349,7 +349,7 @@ def _fits(request: Request, parts: Parts, size: int) -> list[Fitted]:
     folds = (np.arange(size) % 5).astype(np.int8)
     draws = range(min(DRAWS, parts.train.size // size))
     drawn = (parts.train.at(np.arange(draw * size, (draw + 1) * size)) for draw in draws)
-    return [fit(request, rows, parts.calibration, folds) for rows in drawn]
+    return [fit(request, rows, folds) for rows in drawn]
 
 
 def _advice(costs: Costs) -> str:

@@ -24,7 +24,6 @@ from gen.scene import preset_names
 from learn import dataset
 from learn.dataset import Dataset, Request, joined
 from learn.split import FOLDS
-from learn.surrogate.calibration import groups_of
 
 HURST_BORDER = 0.7  # surfaces below it train, surfaces above it test
 FEW = 20  # rows of a finer grid that are learnt together with those of the preset's grid
@@ -171,9 +170,7 @@ def _request(*paths: Path) -> Request:
 def _judged(case: Case, rows: Dataset, most: int, seed: int) -> list[Row]:
     """Fit the surrogate of a case and judge it: a row of the table, then one of each scene."""
     parts = _parts(case, rows, most, seed)
-    by_groups = groups_of(parts.train) is not None  # as in `learn fit`
-    calibration = None if by_groups else parts.calibration
-    fitted = fit(_request(Path()), parts.train, calibration, parts.folds)
+    fitted = fit(_request(Path()), parts.train, parts.folds)
     judged, always = parts.test, np.zeros(parts.test.size, dtype=bool)
     if case.judged is not None:
         judged, always = rows.at(case.judged), np.isin(case.judged, case.flagged)
@@ -192,20 +189,15 @@ def _judged(case: Case, rows: Dataset, most: int, seed: int) -> list[Row]:
 
 
 def _parts(case: Case, rows: Dataset, most: int, seed: int) -> Parts:
-    """Split the rows of a case, up to a largest number, and add the rows that train in every split.
-
-    Rows of several databases all train, and calibrate by their groups.
-    """
+    """Split the rows of a case, up to a largest number, and add the rows that train in any case."""
     chosen = np.random.default_rng(seed).permutation(case.train)[:most]
     parts = parted(rows.at(np.sort(chosen)), seed)
+    if not case.added.size:
+        return parts
     train = joined([parts.train, rows.at(case.added)])
     folds = np.append(parts.folds, np.arange(case.added.size) % FOLDS).astype(np.int8)
-    if groups_of(train) is None:
-        return parts
-    more = np.arange(parts.calibration.size) * FOLDS // max(parts.calibration.size, 1)
-    train, folds = joined([train, parts.calibration]), np.append(folds, more).astype(np.int8)
     order = np.random.default_rng(seed).permutation(train.size)  # a search looks at the first rows
-    return Parts(train.at(order), parts.calibration, parts.test, folds[order])
+    return Parts(train.at(order), parts.test, folds[order])
 
 
 def _scores(fitted: Fitted, judged: Dataset, always: NDArray[np.bool_]) -> Row:

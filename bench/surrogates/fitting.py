@@ -11,17 +11,16 @@ from learn import dataset, split
 from learn.dataset import Dataset, Request
 from learn.features import chosen
 from learn.metrics import Scores, scores
-from learn.surrogate.calibration import Plan, groups_of, without_calibration
+from learn.surrogate.calibration import measured
 from learn.surrogate.fitting import Fit, Settings, fit_target
 from learn.surrogate.flag import Distance
 
 
 @dataclass(frozen=True, eq=False)
 class Parts:
-    """Rows of one database that fit, calibrate and judge, with the folds of those that fit."""
+    """Rows of one database that fit and judge, with the folds of those that fit."""
 
     train: Dataset
-    calibration: Dataset
     test: Dataset
     folds: NDArray[np.int8]
 
@@ -78,30 +77,24 @@ def read(request: Request, rows: int | None = None) -> Dataset:
 
 
 def parted(rows: Dataset, seed: int = 0) -> Parts:
-    """Split a dataset into training, calibration and test, as `learn fit` does with a seed."""
+    """Split a dataset into training and test, as `learn fit` does with a seed."""
     drawn = split.draw(rows, seed)
-    train, calibration = without_calibration(rows, drawn.train)
-    folds = drawn.folds[: train.size]
-    return Parts(rows.at(train), rows.at(calibration), rows.at(drawn.test), folds)
+    return Parts(rows.at(drawn.train), rows.at(drawn.test), drawn.folds)
 
 
 def fit(
     request: Request,
     train: Dataset,
-    calibration: Dataset | None,
     folds: NDArray[np.int8],
     settings: Settings | None = None,
 ) -> Fitted:
-    """Choose settings by the folds unless they are given, fit, calibrate.
-
-    Without rows that calibrate, the groups of the training rows do, as in `fit_target`.
+    """Choose settings by the folds unless they are given, fit, calibrate by the training rows.
 
     Raises
     ------
     InputError
         If this machine lacks the memory.
     """
-    fitted = fit_target(request, train, calibration, folds, settings=settings)
+    fitted = fit_target(request, train, None, folds, settings=settings)
     low, high = train.inputs.min(axis=0), train.inputs.max(axis=0)
-    plan = Plan(np.arange(train.size), np.empty(0, dtype=np.int64), groups_of(train))
-    return Fitted(**vars(fitted), low=low, high=high, distance=plan.distance(train))
+    return Fitted(**vars(fitted), low=low, high=high, distance=measured(train).distance)

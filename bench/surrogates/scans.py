@@ -166,7 +166,7 @@ def _judged(path: Path, nodes: int, left_out: str, seed: int) -> Judged:
     flagged = np.empty(rows.size, dtype=bool)
     for test in _tests(rows, maps, by_map=PARTS[left_out] == "map", seed=seed):
         train, folds = _ordered(rows, np.setdiff1d(np.arange(rows.size), test))
-        fitted = fit(request, rows.at(train), None, folds)
+        fitted = fit(request, rows.at(train), folds)
         judged = rows.at(test)
         low[test], high[test] = fitted.interval(judged, LEVEL)
         prediction[test] = fitted.predict(judged)

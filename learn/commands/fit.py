@@ -111,9 +111,8 @@ def fit(files: Databases, output: SurrogateFile, *, choice: Choice, trust: Trust
     Several databases are learnt together; where their grids differ, the number of nodes is an
     input.
 
-    A tenth of the training rows calibrates the intervals; where rows come from several maps or
-    databases, all of them do, each predicted by models that have not seen its map, or its surface.
-    The test rows give the scores. Started as
+    The training rows calibrate the intervals, each predicted by a model that has not seen its
+    surface, or its map. The test rows give the scores. Started as
     `mpiexec -n 9 python -m mpi4py -m learn fit ...`, the workers generate surfaces.
     """
     from gen.runtime.signals import Interruption

@@ -33,7 +33,6 @@ from learn.executor import Executor, within
 from learn.metrics import no_better
 from learn.split import FOLDS, Split
 from learn.surrogate import fitting
-from learn.surrogate.calibration import without_calibration
 from learn.surrogate.fitting import fit_target
 from learn.surrogate.learnt import Learnt
 from learn.surrogate.model import Surrogate
@@ -375,13 +374,13 @@ def _error_of_part(
 
     None if these rows cannot be trained on, since they are too few or all alike.
     """
-    train, calibration = without_calibration(rows, found.parts.train)
+    train, test = found.parts.train, rows.at(found.parts.test)
     inside = (rows.rows[train] >= start) & (rows.rows[train] < stop)
-    part, folds = rows.at(train[inside]), found.parts.folds[: train.size][inside]
+    part, folds = rows.at(train[inside]), found.parts.folds[inside]
     if part.size < FEWEST_TRAINING or np.ptp(part.target) == 0 or np.ptp(folds) == 0:
         return None
-    fit = fit_target(request, part, rows.at(calibration), folds)
-    return judge(fit.learnt, rows.at(found.parts.test)).accuracy.nmae
+    fit = fit_target(request, part, test, folds)  # its intervals are not looked at
+    return judge(fit.learnt, test).accuracy.nmae
 
 
 def fitted(rows: Values, nmae: Values) -> Values:

@@ -18,6 +18,7 @@ from learn.models import EVERY, versions
 from learn.surrogate import flag
 from learn.surrogate.calibration import FEWEST
 from learn.surrogate.learnt import Learnt
+from learn.surrogate.model import calibrated_by
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -118,7 +119,6 @@ def judge(learnt: Learnt, rows: Dataset, test: Indices) -> dict[str, Any]:
         "range": _ends(truth * scale),
         "scores": scores_of(learnt, tested, raw),
         "intervals": covered,
-        "ranges_of_prediction": int(learnt.calibration.borders.size + 1),
     }
 
 
@@ -188,7 +188,7 @@ def lines(card: Mapping[str, Any]) -> Iterator[str]:
         for remark in target["remarks"]:
             yield f"          warning: {remark}"
     if "calibration" in card:
-        yield f"intervals {_calibration(card['calibration'], card['rows']['calibration'])}"
+        yield f"intervals {_calibration(card)}"
     if "grown" in card:
         yield f"grown     {_grown(card['grown'])}"
     alone = {**card, "sha256": card["database_sha256"]}
@@ -220,22 +220,15 @@ def _training(card: Mapping[str, Any]) -> str:
     return text if boundary == "free" else f"{text}, {boundary} boundary"
 
 
-def _calibration(entry: Mapping[str, Any], rows: int) -> str:
+def _calibration(card: Mapping[str, Any]) -> str:
     """Say by what intervals are calibrated and what they hold for."""
+    entry = card["calibration"]
     groups, kinds = entry["groups"], f"{entry['kind']}s"
-    origin = f" of {entry['database']}" if entry["database"] else ""
-    if entry["scheme"] == "ranges":
-        return f"calibrated by {rows} rows{origin}: hold for rows like these"
+    how = f" of {entry['database']}" if entry["database"] else ", each predicted without it"
+    text = f"calibrated by {calibrated_by(card)}{how}: hold for"
     if entry["scheme"] == "each":
-        return (
-            f"calibrated on each of {groups} {kinds}{origin}: hold for further surfaces of these"
-            f" {kinds}; for others, {FEWEST} {kinds} or more are needed"
-        )
-    how = "" if entry["database"] else ", each predicted without it"
-    return (
-        f"calibrated by whole {kinds}{origin} ({groups} of them{how}): hold for other {kinds} like"
-        f" these, up to {100 * groups / (groups + 1):.1f} %"
-    )
+        return f"{text} further surfaces of these {kinds}; for others, {FEWEST} or more are needed"
+    return f"{text} other {kinds} like these, up to {100 * groups / (groups + 1):.1f} %"
 
 
 def _grown(record: dict[str, Any]) -> str:

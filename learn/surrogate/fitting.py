@@ -35,9 +35,16 @@ from learn.models import (
 )
 from learn.split import Folds
 from learn.surrogate import calibration as calibrating
-from learn.surrogate import card, interval
-from learn.surrogate.calibration import SURFACE, Plan, groups_of, holdout_squares, holdouts, near
-from learn.surrogate.interval import Calibration
+from learn.surrogate import card
+from learn.surrogate.calibration import (
+    SURFACE,
+    Measured,
+    Plan,
+    groups_of,
+    holdouts,
+    measured,
+)
+from learn.surrogate.interval import Calibration, ErrorScale
 from learn.surrogate.learnt import Learnt, clip_of
 from learn.surrogate.model import Surrogate
 
@@ -194,7 +201,7 @@ def _most_likely(request: Request, inputs: Values, target: Values) -> Settings:
 TILES = 4
 """Smallest number of tiles, one each to train, to validate settings, to calibrate and to test."""
 
-NOT_CALIBRATED = Calibration(np.empty(0), (np.empty(0),))
+NOT_CALIBRATED = Calibration((), ErrorScale(np.empty(0), 0.0, 0.0, 0.0))
 
 
 def fit(
@@ -265,8 +272,8 @@ def fit_parts(
     `others` are rows of another database that calibrate, for each target. InputError is raised if
     there are too few rows to train on, or too little memory.
     """
-    plan = calibrating.planned(sets[0], parts.train, others)
-    train, name = plan.train, sets[0].name
+    train, name = parts.train, sets[0].name
+    plan = Plan(train, groups_of(sets[0].at(train) if others is None else others[0]), others)
     check_memory(request.models[0], train.size)
     for rows in sets:
         if np.ptp(rows.target[train]) == 0:
@@ -285,8 +292,8 @@ def fit_parts(
     learnt: dict[str, Learnt] = {}
     judged: dict[str, dict[str, Any]] = {}
     for number, (target, rows) in enumerate(zip(request.targets, sets, strict=True)):
-        folds = parts.folds[: train.size]
-        fitted = fit_target(request, rows.at(train), plan.rows(rows, number), folds)
+        calibration = None if others is None else others[number]
+        fitted = fit_target(request, rows.at(train), calibration, parts.folds)
         learnt[target], judged[target] = fitted.learnt, _judged(fitted, rows, plan, parts.test, say)
     inputs, features = sets[0].inputs[train], sets[0].features
     low, high = inputs.min(axis=0), inputs.max(axis=0)
@@ -330,7 +337,7 @@ def _judged(
     }
     score = f"R2 {scores['r2']:.3f} %, nMAE {scores['nmae']:.2f} %"
     say(f"{rows.target_name}: {settings.origin}; {score}, fit {fitted.fitting:.3g} s")
-    if fitted.crossed is not None:
+    if fitted.crossed is not None and plan.remark():
         scores = card.scores_of(fitted.learnt, rows.at(plan.train), fitted.crossed)
         judged["left_out"] = scores
         say(f"  left out in turn: R2 {scores['r2']:.3f} %, nMAE {scores['nmae']:.2f} %")
@@ -348,9 +355,9 @@ def fit_target(
 ) -> Fit:
     """Fit and calibrate the model of one target, after a choice of settings if none are given.
 
-    Without rows that calibrate the training rows do, which have to be of several maps or databases:
-    further fits, with the same settings, leave out some of them each. The first of the training
-    rows' folds validates the candidates of a search.
+    Without rows that calibrate the training rows do: further fits, with the same settings, leave
+    out some of them each. The first of the training rows' folds validates the candidates of a
+    search.
     InputError is raised if this machine lacks the memory, or the folder lacks the model.
     """
     (name,) = request.models
@@ -368,10 +375,13 @@ def fit_target(
     column = results(train.scene, train.features.load)[train.target_name]
     own = NOT_CALIBRATED, clip_of(train), column.bounds
     learnt = Learnt(column.name, column.unit, fitted, scaling, *own)
-    crossed = None
+    seen, crossed = measured(train), None
     if calibration is None:
         crossed = _crossed(request, settings, train, target, learnt)
-    intervals = _calibrated(learnt, train, target, calibration, crossed)
+        intervals = _calibrated(learnt, train, crossed, seen)
+    else:
+        seen = Measured(seen.distance, *seen.distance.measured(calibration.inputs))
+        intervals = _calibrated(learnt, calibration, learnt.raw(calibration.inputs), seen)
     learnt = replace(learnt, calibration=intervals)
     return Fit(learnt, settings, chose - began, done - chose, said, crossed)
 
@@ -405,9 +415,8 @@ def _crossed(
     moments beyond those of the other groups are not clipped: errors are, if anything, larger.
     """
     groups = groups_of(train)
-    if groups is None:
-        raise ValueError("rows of one map or database cannot be calibrated by groups")
-    if groups.kind == SURFACE and request.models == (POPULATION.name,):
+    by_surface = groups.kind == SURFACE and groups.scheme == "others"
+    if by_surface and request.models == (POPULATION.name,):
         return learnt.scaling.restored(learnt.pipeline.named_steps[STEP].left_out_)
     parts = list(holdouts(train, groups.left_out(train)))
     found = _ridge_left_out(learnt, target, parts)
@@ -440,50 +449,12 @@ def _ridge_left_out(
     return None
 
 
-def _calibrated(
-    learnt: Learnt,
-    train: Dataset,
-    target: Values,
-    calibration: Dataset | None,
-    crossed: Values | None,
-) -> Calibration:
-    """Calibrate intervals by rows that calibrate, or by the training rows and `crossed`."""
-    rows = train if calibration is None else calibration
-    raw = learnt.raw(rows.inputs) if crossed is None else crossed
-    groups, root = groups_of(rows), learnt.scaling.root
-    errors, kinds = _errors(raw, rows, root=root)
-    if groups is not None and groups.scheme == "others":
-        return calibrating.calibrate_by_groups(rows, errors, groups, root=root)
-    distance = near(train)
-    if crossed is None or groups is None:
-        squares = np.square(distance.of(rows.inputs))
-    else:
-        squares = holdout_squares(train, list(holdouts(train, groups.left_out(train))))
-    # By clusters of the training that are left out in turn, where there are many surfaces; models
-    # other than kernel ridge would need a fit for each cluster.
-    clusters, growth = calibrating.clusters_of(train), None
-    if clusters is not None:
-        parts = list(holdouts(train, clusters))
-        unseen = _ridge_left_out(learnt, target, parts)
-        if unseen is not None:
-            growth = interval.fit_growth(
-                distance, holdout_squares(train, parts), *_errors(unseen, train, root=root)
-            )
-    growth = growth or interval.fit_growth(distance, squares, errors, kinds)
-    if groups is None:
-        return interval.calibrate(
-            raw, rows.target, train.target, rows.inputs, root=root, growth=growth
-        )
-    return calibrating.calibrate_by_groups(
-        rows, errors, groups, root=root, growth=growth, squares=squares
-    )
+def _calibrated(learnt: Learnt, rows: Dataset, raw: Values, seen: Measured) -> Calibration:
+    """Calibrate intervals by predictions of rows, (n,), over their scale.
 
-
-def _errors(raw: Values, rows: Dataset, *, root: bool) -> tuple[Values, Indices]:
-    """Return the errors of predictions over their scale, or of their roots, and kinds, each (n,).
-
-    Rows of one kind are compared with each other: of one database and range of predictions.
+    Targets that are never below 0 have errors of their roots, which differ less between small and
+    large ones.
     """
-    change = np.sqrt if root else np.asarray
-    kinds = calibrating.near_labels(rows) * interval.RANGES + interval.ranges_of(raw)
-    return np.asarray(np.abs(change(raw) - change(rows.target))), kinds
+    root = learnt.bounds[0] == 0
+    found, truth = (np.sqrt(np.maximum(each, 0)) if root else each for each in (raw, rows.target))
+    return calibrating.calibrate(rows, np.abs(found - truth), seen, root=root)

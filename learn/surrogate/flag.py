@@ -2,11 +2,11 @@
 
 Each feature may lie within its range and all of them together may still be unlike any surface of
 the training. The distance is Mahalanobis's, over the root of the number of features. Its limit is
-the largest distance that intervals vouch for: each group is left out in turn, and a new row of a
-group like these lies beyond the limit with a probability of 10 % at most. Where there are too few
-groups to tell what others are like, it is the distance that 99 % of the training rows keep, each
-measured from other rows: features depend on each other, and those of surfaces of another generator
-do so in other ways.
+the distance that 97 % of the training rows keep, each measured from rows of other surfaces:
+features depend on each other, and those of surfaces of another generator do so in other ways. Where
+there are many maps or databases, it is the largest distance that intervals vouch for: each is left
+out in turn, and a new row of one like these lies beyond the limit with a probability of 10 % at
+most.
 
 A few databases are a few clouds of features with nothing between them: elastic bodies of one kind
 of surface, bodies that yield of another. Distances are then measured from the nearest of them. Its
@@ -24,17 +24,20 @@ from bem.problem import BOUNDARIES, Boundary, node_spacing
 from gen.arrays import Indices, Values
 from gen.runtime.errors import InputError
 from learn.features import FeatureSet
-from learn.surrogate.interval import CONSTANT, quantile_over_groups
+from learn.surrogate.interval import CONSTANT, Scores
 
 SHARE = 0.9
-"""Share of the rows of a new group that lie within the limit, or more."""
+"""Share of the rows of a new map or database that lie within the limit, or more."""
 
-INSIDE = 0.99
-"""Share of the training rows that lie within the limit where groups do not decide it."""
+INSIDE = 0.97
+"""Share of the training rows that lie within the limit where maps or databases do not decide it."""
 
-RIDGE = 0.01
+RIDGE = 1e-4
 """Added to the variances of features of deviation 1: features that repeat others, such as roots,
 leave directions without any."""
+
+RIDGE_OF_MAPS = 0.01
+"""The same where many maps or databases are one cloud: few directions tell them from another."""
 
 ROUNDING = 1e-6
 """Relative distance from the training's hardness within which a hardness counts as equal."""
@@ -48,14 +51,17 @@ class Distance:
     whitenings: Values  # (k, d, d), after which differences from the mean are uncorrelated
     limit: float  # largest distance that is not flagged
 
+    def measured(self, inputs: Values) -> tuple[Values, Indices]:
+        """Return the distance of rows from the nearest mean and its number, (n,), by (n, d)."""
+        squares = np.full((len(self.centres), len(inputs)), np.inf)
+        with np.errstate(over="ignore", invalid="ignore"):
+            for own, centre, whitening in zip(squares, self.centres, self.whitenings, strict=True):
+                own[:] = np.mean(((inputs - centre) @ whitening) ** 2, axis=1)
+        return np.sqrt(squares.min(axis=0)), squares.argmin(axis=0)
+
     def of(self, inputs: Values) -> Values:
         """Return the distance of each row, (n,), from the nearest mean, by its features, (n, d)."""
-        nearest = np.full(len(inputs), np.inf)
-        with np.errstate(over="ignore", invalid="ignore"):
-            for centre, whitening in zip(self.centres, self.whitenings, strict=True):
-                scaled = (inputs - centre) @ whitening
-                nearest = np.minimum(nearest, np.sqrt(np.mean(scaled**2, axis=1)))
-        return nearest
+        return self.measured(inputs)[0]
 
 
 def nowhere(features: int) -> Distance:
@@ -63,66 +69,45 @@ def nowhere(features: int) -> Distance:
     return Distance(np.zeros((1, features)), np.zeros((1, features, features)), np.inf)
 
 
-def from_training(inputs: Values, groups: Indices) -> Distance:
-    """Measure distances from rows, (n, d); groups, (n,), left out in turn, give the limit."""
-    found = np.empty(len(inputs))
-    for group in np.unique(groups):
-        own = groups == group
-        found[own] = _unlimited(inputs[~own]).of(inputs[own])
-    return _limited(inputs, found, groups)
+def from_maps(inputs: Values, groups: Indices, others: Values | None = None) -> Distance:
+    """Measure distances from rows, (n, d), with the limit that a new map or database keeps.
 
-
-def from_others(inputs: Values, others: Values, groups: Indices) -> Distance:
-    """Measure distances from training rows, (n, d); other rows, (m, d), by group give the limit."""
-    return _limited(inputs, _unlimited(inputs).of(others), groups)
-
-
-def from_rows(inputs: Values) -> Distance:
-    """Measure distances from rows, (n, d); the limit is one that each keeps from the others.
-
-    With n rows the square of the distance from the others is (n - 1) a / (n - d a), where a is the
-    square of the distance from all of them and d the number of features (Sherman and Morrison).
+    Each of the groups of the rows, (n,), is left out in turn, or they are those of other rows,
+    (m, d), from the training.
     """
-    whole, (rows, features) = _unlimited(inputs), inputs.shape
-    squares = np.minimum(features * np.square(whole.of(inputs)), 0.999 * rows)
-    others = np.sqrt((rows - 1) * squares / (rows - squares) / features)
-    limit = float(np.quantile(others, INSIDE, method="higher"))
-    return replace(whole, limit=limit)
+    whole = _unlimited(inputs, ridge=RIDGE_OF_MAPS)
+    if others is not None:
+        found = whole.of(others)
+    else:
+        found = np.empty(len(inputs))
+        for group in np.unique(groups):
+            own = groups == group
+            found[own] = _unlimited(inputs[~own], ridge=RIDGE_OF_MAPS).of(inputs[own])
+    return replace(whole, limit=Scores.of(found, groups).quantile(SHARE))
 
 
-def from_groups(inputs: Values, labels: Indices, parts: Indices) -> Distance:
-    """Measure distances from the nearest group of the rows, (n, d), or from all if it is one.
+def from_surfaces(
+    inputs: Values, clouds: Indices, parts: Indices
+) -> tuple[Distance, Values, Indices]:
+    """Measure distances from the nearest cloud of rows, (n, d), with a limit that most rows keep.
 
-    Labels, (n,), number the groups. The limit comes from the distances of the rows of each part,
-    (n,), from the other parts.
+    Clouds, (n,), are numbered from 0 on. Also return the distance of each row from the rows of
+    other parts, (n,), and the number of the nearest cloud.
     """
-    found = np.full(len(inputs), np.nan)
+    far, nearest = np.empty(len(inputs)), np.empty(len(inputs), dtype=np.int64)
+    known = np.zeros(len(inputs), dtype=np.bool_)
     for part in np.unique(parts):
         own = parts == part
-        known = own & np.isin(labels, labels[~own])  # from groups that lie in several parts
-        found[known] = _unlimited(inputs[~own], labels[~own]).of(inputs[known])
-    if np.unique(labels).size < 2 or np.isnan(found).all():
-        return from_rows(inputs)
-    limit = float(np.nanquantile(found, INSIDE, method="higher"))
-    return replace(_unlimited(inputs, labels), limit=limit)
+        seen = np.unique(clouds[~own])
+        far[own], places = _unlimited(inputs[~own], clouds[~own]).measured(inputs[own])
+        nearest[own] = seen[places]
+        known[own] = np.isin(clouds[own], seen)
+    # A cloud of which no other part has rows says nothing about the distance from its own.
+    limit = float(np.quantile(far[known] if known.any() else far, INSIDE, method="higher"))
+    return replace(_unlimited(inputs, clouds), limit=limit), far, nearest
 
 
-def squares_from(inputs: Values, labels: Indices, unseen: Indices, mine: Indices) -> Values:
-    """Return squared distances of the rows `mine` from those that a model has seen.
-
-    It has not seen the rows `unseen` of the training rows, (n, d), whose groups are `labels`, (n,).
-    """
-    seen = _unlimited(np.delete(inputs, unseen, axis=0), np.delete(labels, unseen))
-    return np.square(seen.of(inputs[mine]))
-
-
-def _limited(inputs: Values, found: Values, groups: Indices) -> Distance:
-    """Return distances with the limit that a new group keeps, by the distances of known ones."""
-    scores = tuple(np.sort(found[groups == each]) for each in np.unique(groups))
-    return replace(_unlimited(inputs), limit=quantile_over_groups(scores, SHARE))
-
-
-def _unlimited(inputs: Values, labels: Indices | None = None) -> Distance:
+def _unlimited(inputs: Values, labels: Indices | None = None, ridge: float = RIDGE) -> Distance:
     """Return the distances from some rows, or from the nearest of their groups, without a limit."""
     labels = np.zeros(len(inputs), dtype=np.int64) if labels is None else labels
     features, deviation = inputs.shape[1], inputs.std(axis=0)
@@ -138,7 +123,7 @@ def _unlimited(inputs: Values, labels: Indices | None = None) -> Distance:
     whitenings = []
     for own, products in zip(groups, squares, strict=True):
         covariance = (products + features * shared) / (len(own) + features)
-        inverse = np.linalg.inv(covariance + RIDGE * np.eye(features))
+        inverse = np.linalg.inv(covariance + ridge * np.eye(features))
         whitenings.append(np.linalg.cholesky(inverse) / scale[:, None])
     return Distance(np.array(means), np.array(whitenings), np.inf)
 

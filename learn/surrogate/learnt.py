@@ -1,7 +1,7 @@
 """What a surrogate has learnt of each target, and the file that keeps it.
 
     asperity surrogate
-    format 8
+    format 9
     sha256 of all that follows, in hexadecimal digits
     length of the card, 8 bytes, little endian
     card: JSON with the card and the training ranges of the features
@@ -38,7 +38,7 @@ from learn.features.scene import SCENE
 from learn.features.sets import FORMULAS, PURE, SETS
 from learn.models import EVERY, STEP, Scaling
 from learn.surrogate.flag import Distance
-from learn.surrogate.interval import Calibration, ErrorScale, Growth
+from learn.surrogate.interval import Calibration, ErrorScale, Scores
 
 if TYPE_CHECKING:
     from learn.dataset import Dataset
@@ -59,16 +59,13 @@ are left as they are: areas and forces of the coarse solve tell most where they 
 Flags see the moments as they are, and predictions for other rows do not change.
 """
 
-FORMAT = 8
+FORMAT = 9
 """Number of the layout. It is raised whenever an older version would misread a file."""
 
 OLDER = range(3, FORMAT)
-"""Formats with a card in JSON and models in arrays of our own, of 1.0.0rc1 and before."""
+"""Formats of 1.0.0rc1 and before, whose intervals promise more than they hold."""
 
 HEAD = re.compile(SURROGATE + rb"format (\d{1,9})\nsha256 ([0-9a-f]{64})\n")
-
-MOST_SCORES = 100
-"""Groups whose scores are arrays of their own in the archive, at most."""
 
 REVIEWED = (
     "learn.population.Population",
@@ -218,12 +215,12 @@ def write_parts(path: Path, surrogate: Surrogate) -> None:
 
 def _packed(learnt: Learnt, distance: Distance) -> dict[str, Any]:
     """Return the model of a target as a pipeline of the libraries' types, arrays and numbers."""
-    intervals, growth = learnt.calibration, learnt.calibration.growth
-    if growth is not None and not np.array_equal(growth.distance.centres, distance.centres):
+    intervals, own = learnt.calibration, learnt.calibration.distance
+    if own is not None and not np.array_equal(own.centres, distance.centres):
         raise ValueError("errors grow with other distances than those of the surrogate")
     estimator, trees = _without_trees(_portable(learnt.pipeline.named_steps[STEP]))
-    pipeline, scores = copy(learnt.pipeline), intervals.scores
-    pipeline.steps, few = [pipeline.steps[0], (STEP, estimator)], len(scores) <= MOST_SCORES
+    pipeline = copy(learnt.pipeline)
+    pipeline.steps = [pipeline.steps[0], (STEP, estimator)]
     return {
         "column": learnt.column,
         "unit": learnt.unit,
@@ -232,14 +229,10 @@ def _packed(learnt: Learnt, distance: Distance) -> dict[str, Any]:
         "scaling": vars(learnt.scaling),
         "clip": learnt.clip,
         "bounds": learnt.bounds,
-        "borders": intervals.borders,
-        # Of many groups as one array: each array is a file of its own in the archive.
-        "scores": list(scores) if few else np.concatenate(scores),
-        **({} if few else {"sizes": np.array([each.size for each in scores])}),
+        "scores": [tuple(each) for each in intervals.scores],
+        "usual": vars(intervals.usual),
+        "grows": own is not None,
         "root": intervals.root,
-        "scheme": intervals.scheme,
-        "usual": None if intervals.usual is None else vars(intervals.usual),
-        "growth": None if growth is None else growth.rate,
     }
 
 
@@ -327,16 +320,11 @@ def _unpacked(
     """Return the model of a target, after a trial if another scikit-learn has made it."""
     import sklearn
 
-    usual, growth, scores = part["usual"], part["growth"], part["scores"]
-    if "sizes" in part:
-        scores = np.split(scores, np.cumsum(part["sizes"])[:-1])
     intervals = Calibration(
-        part["borders"],
-        tuple(scores),
+        tuple(Scores(*each) for each in part["scores"]),
+        ErrorScale(**part["usual"]),
+        distance if part["grows"] else None,
         part["root"],
-        part["scheme"],
-        None if usual is None else ErrorScale(**usual),
-        None if growth is None else Growth(distance, growth),
     )
     own = part["column"], part["unit"], part["pipeline"], Scaling(**part["scaling"])
     learnt = Learnt(*own, intervals, part["clip"], part["bounds"])

@@ -459,25 +459,23 @@ def require_surfaces(surrogate: Surrogate, what: str) -> None:
         )
 
 
-def _calibrated_by(card: Mapping[str, Any]) -> str:
-    """Say by how many groups, or rows, intervals are calibrated: "17 maps"."""
-    entry = card.get("calibration")
-    if entry is None or entry["scheme"] == "ranges":
-        return f"{card['rows']['calibration']} rows"
-    groups = f"{entry['groups']} {entry['kind']}s"
-    return groups if entry["scheme"] == "others" else f"the rows of {groups}"
+def calibrated_by(card: Mapping[str, Any]) -> str:
+    """Say by how many surfaces, maps or databases intervals are calibrated: "17 maps"."""
+    entry = card["calibration"]
+    many = f"{entry['groups']} {entry['kind']}s"
+    return f"the surfaces of {many}" if entry["scheme"] == "each" else many
 
 
 def require_level(surrogate: Surrogate, level: float) -> None:
-    """Refuse a level of intervals that has too few groups or rows to be calibrated."""
+    """Refuse a level of intervals that has too few surfaces or maps to be calibrated."""
     checked_level(level)
     for name, each in surrogate.learnt.items():
         largest = each.calibration.largest_level
         if level > largest + ROUNDING:
             raise InputError(
                 f"--interval {level:g}: intervals of {name} are calibrated by"
-                f" {_calibrated_by(surrogate.card)}, which reach"
-                f" {math.floor(1000 * largest) / 1000:g} at most: give less"
+                f" {calibrated_by(surrogate.card)}, which reach"
+                f" {math.floor(1000 * largest) / 1000:g} at most: give less, or fit to more of them"
             )
 
 

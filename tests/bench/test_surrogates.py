@@ -67,8 +67,8 @@ def test_a_signal_ends_the_report_with_what_to_do(tmp_path, monkeypatch, capsys)
 def test_a_fit_knows_where_it_was_trained(paper):
     request = request_for(paper, "kernel-ridge", "dimensionless", 100.0)
     parts = parted(read(request, 200))
-    fitted = fit(request, parts.train, parts.calibration, parts.folds)
-    assert not fitted.flags(parts.train).any()
+    fitted = fit(request, parts.train, parts.folds)
+    assert fitted.flags(parts.train).mean() <= 0.03
     far = dataclasses.replace(parts.test, inputs=parts.test.inputs + 100.0)
     assert fitted.flags(far).all()
     low, high = fitted.interval(parts.test, 0.9)

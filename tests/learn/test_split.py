@@ -12,7 +12,6 @@ from gen.scene import load
 from learn import split
 from learn.dataset import Dataset, Origin
 from learn.features import FeatureSet
-from learn.surrogate.calibration import without_calibration
 
 
 def rows_of(sizes, seed=0):
@@ -59,13 +58,12 @@ def test_surfaces_stay_together_and_rows_are_used_once(sizes, seed):
 
 @given(st.lists(st.integers(4, 30), min_size=4, max_size=25), st.integers(0, 99))
 def test_no_tile_is_divided_by_any_split(sizes, seed):
-    """Between training, calibration and test, between folds, and in the search's validation."""
+    """Between training and test, between folds, and in the search's validation."""
     rows = replace(rows_of(sizes, seed), by_tile=True)
     drawn = split.draw(rows, seed)
-    train, calibration = without_calibration(rows, drawn.train)
-    parts = [set(rows.groups[part].tolist()) for part in (train, calibration, drawn.test)]
+    train, folds = drawn.train, drawn.folds
+    parts = [set(rows.groups[part].tolist()) for part in (train, drawn.test)]
     assert sum(len(part) for part in parts) == len(set().union(*parts)) == len(sizes)
-    folds = drawn.folds[: train.size]
     inside = [set(rows.groups[train[folds == fold]].tolist()) for fold in np.unique(folds)]
     assert sum(len(fold) for fold in inside) == len(parts[0])
 

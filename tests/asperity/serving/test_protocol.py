@@ -107,7 +107,7 @@ def folder(tmp_path_factory):
     assert cli.main(["run", str(folder / "small.toml"), "-o", str(folder / "small.h5")]) == 0
     line = ["fit", str(folder / "small.h5"), "-o", str(folder / "learnt.surrogate")]
     assert learning.main([*line, "--target", "area", "--model", "kernel-ridge"]) == 0
-    (folder / "few.toml").write_text(SCENE.replace("60", "30"))
+    (folder / "few.toml").write_text(SCENE.replace("surface = 2", "surface = 6"))
     assert cli.main(["run", str(folder / "few.toml"), "-o", str(folder / "few.h5")]) == 0
     line = ["fit", str(folder / "few.h5"), "-o", str(folder / "few.surrogate")]
     assert learning.main([*line, "--target", "force", "--model", "kernel-ridge"]) == 0

@@ -101,7 +101,7 @@ def test_the_holdout_never_train(whole):
     apart = set(found.sets[0].rows[found.parts.test])
     assert not apart & set(found.sets[0].rows[found.parts.train])
     rows = found.surrogate.card["rows"]
-    assert rows["train"] + rows["calibration"] == found.parts.train.size
+    assert rows["train"] == rows["calibration"] == found.parts.train.size
     assert rows["test"] == found.parts.test.size
 
 

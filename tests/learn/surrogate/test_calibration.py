@@ -13,8 +13,6 @@ from learn.dataset import Population, Request
 from learn.executor import Executor
 from learn.surrogate import calibration, fitting
 from learn.surrogate.fitting import Settings, fit_target
-from learn.surrogate.flag import from_rows
-from learn.surrogate.interval import Growth
 from learn.surrogate.model import require_level
 
 
@@ -41,7 +39,8 @@ def request_of(path, model="kernel-ridge"):
 
 
 def test_scheme_and_kind_follow_the_number_of_maps(rows):
-    assert calibration.groups_of(rows) is None
+    alone = calibration.groups_of(rows)
+    assert (alone.number, alone.kind, alone.scheme) == (rows.size, "surface", "surfaces")
     few, many = (calibration.groups_of(of_maps(rows, number)) for number in (4, 9))
     assert (few.number, few.kind, few.scheme) == (4, "map", "each")
     assert (many.number, many.kind, many.scheme) == (9, "map", "others")
@@ -49,7 +48,7 @@ def test_scheme_and_kind_follow_the_number_of_maps(rows):
     pooled = replace(rows, population=rows.rows % 2, populations=two)
     assert calibration.groups_of(pooled).kind == "database"
     again = tuple(Population(f"{file}.h5", "scans", "m") for file in "ab")
-    assert calibration.groups_of(replace(pooled, populations=again)) is None, "the same map"
+    assert calibration.groups_of(replace(pooled, populations=again)).scheme == "surfaces"
 
 
 @pytest.mark.parametrize(("model", "values"), [("kernel-ridge", {}), ("decision-tree", {})])
@@ -81,7 +80,8 @@ def test_databases_of_the_same_surfaces_are_not_left_out_whole(rows):
     related = replace(made, groups=rows.groups // 30, populations=maps)
     assert calibration.groups_of(related).scheme == "each"
     alone = replace(related, groups=np.zeros_like(rows.groups))
-    assert calibration.groups_of(alone) is None, "all rows share surfaces"
+    assert calibration.groups_of(alone).scheme == "surfaces", "all rows share surfaces"
+    assert calibration.groups_of(alone).kind == "row"
 
 
 def fitted(solved, number, target="area"):
@@ -109,26 +109,33 @@ def test_files_keep_intervals_by_maps(solved, tmp_path):
         require_level(again, 0.95)
 
 
-def test_intervals_of_a_file_widen_as_those_that_were_fitted(solved, tmp_path, monkeypatch):
-    monkeypatch.setattr(calibration, "FEWEST_SURFACES", 20)
+def test_intervals_of_a_file_are_those_that_were_fitted(solved, tmp_path):
     found = fitting.fit(request_of(solved), Executor(), lambda line: None)
-    growth = Growth(found.distance, 0.3)
-    area = found.learnt["area"]
-    wide = replace(area, calibration=replace(area.calibration, growth=growth))
-    found = replace(found, learnt={"area": wide})
     found.save(tmp_path / "x.surrogate")
-    loaded = Surrogate.load(tmp_path / "x.surrogate")
+    area = Surrogate.load(tmp_path / "x.surrogate").learnt["area"]
     rows = read(solved, "area", features="dimensionless", roots=True)
-    raw = wide.raw(rows.inputs)
-    ends = wide.ends(rows.inputs, raw, 0.9)
-    np.testing.assert_array_equal(loaded.learnt["area"].ends(rows.inputs, raw, 0.9), ends)
-    plain = replace(area, calibration=replace(area.calibration, growth=None))
-    near = found.distance.of(rows.inputs) < 1
-    widths, before = (high - low for low, high in (ends, plain.ends(rows.inputs, raw, 0.9)))
-    assert (widths[near] <= before[near]).all()
-    assert (widths[~near] >= before[~near]).all()
+    raw = area.raw(rows.inputs)
+    ends = found.learnt["area"].ends(rows.inputs, raw, 0.9)
+    np.testing.assert_array_equal(area.ends(rows.inputs, raw, 0.9), ends)
+    assert (ends[1] > ends[0]).all()
+    far = np.argsort(found.distance.of(rows.inputs))
+    width = np.sqrt(ends[1]) - np.sqrt(raw)
+    usual = area.calibration.usual.at(rows.inputs)
+    assert (np.diff((width / usual)[far]) >= -1e-9).all()
+    other = replace(found.distance, centres=found.distance.centres + 1.0)
     with pytest.raises(ValueError, match="other distances"):
-        replace(found, distance=from_rows(rows.inputs)).save(tmp_path / "y.surrogate")
+        replace(found, distance=other).save(tmp_path / "y.surrogate")
+
+
+def test_surfaces_count_and_not_their_rows(rows, solved):
+    """Of 4 surfaces with many loads each the largest level is 0.8, and refused are higher ones."""
+    few = replace(rows, groups=rows.rows % 5)
+    found = fitting.fit_parts(request_of(solved), [few], split.draw(few), lambda line: None)
+    assert found.card["calibration"]["groups"] == 4
+    require_level(found, 0.8)
+    words = r"calibrated by 4 surfaces, which reach 0.8 at most: give less, or fit to more of them"
+    with pytest.raises(InputError, match=words):
+        require_level(found, 0.9)
 
 
 def run(*arguments):
@@ -154,9 +161,9 @@ def test_rows_of_another_database_calibrate(solved, other, tmp_path, monkeypatch
     assert card["nodes"] == [33, 33]
     assert "databases" not in card
     assert run("card", "a.surrogate") == 0
-    assert f"calibrated by 40 rows of {other}" in capsys.readouterr().out
+    assert f"calibrated by 40 surfaces of {other}" in capsys.readouterr().out
     assert run("predict", "a.surrogate", "x.npy", "--delta", "3", "--interval", "0.98") == 2
-    assert "calibrated by 40 rows, which reach 0.975 at most" in capsys.readouterr().err
+    assert "calibrated by 40 surfaces, which reach 0.975 at most" in capsys.readouterr().err
 
 
 def test_the_same_rows_are_no_calibration(solved, mirrored, tmp_path, monkeypatch, capsys):

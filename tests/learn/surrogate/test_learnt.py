@@ -171,7 +171,7 @@ def test_damage_is_always_seen(path):
         (b"PK", "is no surrogate"),
         (b"heights 1 2 3", "is no surrogate"),
         (b"asperity surrogate\nformat 99\nsha256 " + b"0" * 64 + b"\n", "has format 99"),
-        (b"asperity surrogate\nformat 8\nsha256 " + b"0" * 64 + b"\n", "is damaged"),
+        (b"asperity surrogate\nformat 9\nsha256 " + b"0" * 64 + b"\n", "is damaged"),
         (pickle.dumps(Evil()), "is no surrogate"),
     ],
 )
@@ -237,7 +237,7 @@ def test_models_that_the_libraries_here_cannot_use_are_one_line(path, capsys, ch
 
 def test_older_files_are_refused_with_the_command_that_fits_anew(path, ridge):
     old = Path(__file__).with_name("rooted.surrogate")  # of format 4
-    with pytest.raises(InputError, match=r"has format 4, this version reads 8: fit it anew: "):
+    with pytest.raises(InputError, match=r"has format 4, this version reads 9: fit it anew: "):
         Surrogate.load(old)
     card = {
         **ridge.card,
