@@ -5,17 +5,17 @@ from collections.abc import Sequence
 import typer
 
 from gen.runtime import command_line
-from learn.commands.comparison import compare, estimate, importance, show, tune
+from learn.commands.comparison import compare, importance, show, tune
 from learn.commands.fit import fit
 from learn.commands.grow import grow
 from learn.commands.predict import card, law, predict
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None)
 
-COMMANDS = (fit, grow, card, predict, law, compare, tune, estimate, show, importance)
+COMMANDS = (fit, grow, card, predict, law, compare, tune, show, importance)
 """In the order of the help."""
 
-TOGETHER = ("fit", "grow", "compare", "tune", "estimate")
+TOGETHER = ("fit", "grow", "compare", "tune")
 """Commands that all processes of an MPI run take part in."""
 
 for _command in COMMANDS:

@@ -87,16 +87,15 @@ def _xgboost(seed: int) -> Any:
 
 def _gaussian_process(seed: int) -> Any:
     from sklearn.gaussian_process import GaussianProcessRegressor
+
+    return GaussianProcessRegressor(_kernel("fixed"), optimizer=None, random_state=seed)
+
+
+def _kernel(bounds: Any = (1e-5, 1e5)) -> Any:
+    """Return the kernel of a Gaussian process, whose length is fitted unless its bounds say so."""
     from sklearn.gaussian_process.kernels import RBF
 
-    return GaussianProcessRegressor(RBF(1.0, "fixed"), optimizer=None, random_state=seed)
-
-
-def _fitted_length() -> Any:
-    """Return the kernel of the tuned Gaussian process, whose length is fitted."""
-    from sklearn.gaussian_process.kernels import RBF
-
-    return RBF(1.0)
+    return RBF(1.0, bounds)
 
 
 MODELS: dict[str, Model] = {
@@ -123,7 +122,7 @@ MODELS: dict[str, Model] = {
             "gaussian-process",
             "GP Regressor",
             _gaussian_process,
-            tuned={"kernel": _fitted_length, "optimizer": "fmin_l_bfgs_b"},
+            tuned={"kernel": _kernel, "optimizer": "fmin_l_bfgs_b"},
         ),
         Model("kernel-ridge", "Kernel Ridge", _plain("learn.kernel_ridge.SafeKernelRidge")),
         Model(
@@ -306,23 +305,16 @@ PROCESS = 350 * MIB
 """Bytes of a process with its libraries, before any fit."""
 
 PAIR_BYTES = {"gaussian-process": 62.0, "kernel-ridge": 19.0}
-"""Peak bytes per pair of training rows; a matrix of double precision has 8. These and the others
-were measured (`bench memory`, at commit 10684ff)."""
+"""Peak bytes per pair of training rows; a matrix of double precision has 8. A baseline whose kernel
+is not fitted takes half of it. These and the others were measured (`bench memory`, at commit
+10684ff)."""
 
-BASELINE_PAIR_BYTES = {"gaussian-process": 32.0}
-"""The same for a baseline whose kernel is not fitted, where it differs."""
+TREES = {"random-forest": 2048, "adaboost": 1536, "xgboost": 2560, "gradient-boost": 1792}
+"""MiB of up to 2,000 deep trees for `TREE_ROWS` rows; they grow in proportion to the rows."""
 
-FLAT = {
-    "random-forest": 2048 * MIB,
-    "adaboost": 1536 * MIB,
-    "xgboost": 2560 * MIB,
-    "gradient-boost": 1792 * MIB,
-    "svm": 512 * MIB,
-}
-"""Bytes that do not grow with the pairs of rows: up to 2,000 deep trees, a cache of kernel rows."""
-
-FLAT_ROWS = 10_000
-"""Number of rows for which `FLAT` holds: trees grow in proportion to the rows."""
+TREE_ROWS = 10_000
+OTHERS = 512
+"""MiB of other models, as of a cache of kernel rows."""
 
 
 def memory_needed(model: str, rows: int, *, baseline: bool = False) -> int:
@@ -330,11 +322,9 @@ def memory_needed(model: str, rows: int, *, baseline: bool = False) -> int:
 
     A baseline needs less than the largest candidate of the search.
     """
-    pairs = PAIR_BYTES.get(model, 0.0)
-    if baseline:
-        pairs = BASELINE_PAIR_BYTES.get(model, pairs)
-    flat = 0 if baseline else FLAT.get(model, 256 * MIB)
-    return int(PROCESS + pairs * rows**2 + flat * max(1.0, rows / FLAT_ROWS))
+    pairs = PAIR_BYTES.get(model, 0.0) * (0.52 if baseline and model == "gaussian-process" else 1)
+    flat = 0 if baseline else TREES.get(model, OTHERS) * MIB
+    return int(PROCESS + pairs * rows**2 + flat * max(1.0, rows / TREE_ROWS))
 
 
 def memory_available() -> int:
@@ -345,15 +335,11 @@ def memory_available() -> int:
 def check_memory(model: str, rows: int, *, baseline: bool = False) -> None:
     """Refuse a model that this machine cannot hold; see `memory_needed`.
 
-    InputError tells the need, the supply, and a number of rows that would fit.
+    InputError tells the need and the supply.
     """
     need, limit = memory_needed(model, rows, baseline=baseline), memory_available()
     if need > limit:
-        fit = rows
-        while fit > 2 and memory_needed(model, fit, baseline=baseline) > limit:
-            fit = int(0.98 * fit)
         raise InputError(
             f"{model} needs about {need / 2**30:.1f} GiB for {rows} training rows, this machine has"
-            f" {limit / 2**30:.1f} to give: --train-rows {fit} would fit, or leave it out with"
-            " --model"
+            f" {limit / 2**30:.1f} to give: take fewer with --train-rows, or another --model"
         )

@@ -190,8 +190,9 @@ COMMANDS: dict[str, dict[str, Command]] = {
             ),
         ),
         "compare": Command("<database> -o >folder", (("--model forest", "forest"),)),
-        "tune": Command("<database> -o >folder", (("--budget soon", "soon"),)),
-        "estimate": Command("<database> -o >folder", (("--budget -1h", "-1h"),)),
+        "tune": Command(
+            "<database> -o >folder", (("--budget soon", "soon"), ("--budget -1h", "-1h"))
+        ),
         "show": Command("<comparison>"),
         "importance": Command("<database> -o >folder", SELECTION[:1]),
     },

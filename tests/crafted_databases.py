@@ -175,7 +175,6 @@ COMMANDS: dict[str, list[str]] = {
     "learn fit": ["fit", "FILE", "-o", "new.surrogate"],
     "learn compare": ["compare", "FILE", "-o", "new"],
     "learn tune": ["tune", "FILE", "-o", "new"],
-    "learn estimate": ["estimate", "FILE", "-o", "new"],
     "learn importance": ["importance", "FILE", "-o", "new"],
     "learn law": ["law", "FILE", "--solver", "--csv", "law.csv"],
 }

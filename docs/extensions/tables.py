@@ -14,7 +14,6 @@ from bench.report import PARTS
 from gen.maps.settings import markdown_table as preparation
 from gen.scene.columns import markdown_table
 from learn.comparison.grid import LEAST_JUDGED, LIBRARY
-from learn.comparison.jobs import hours
 from learn.models import MODELS
 
 RESULTS = Path(__file__).resolve().parents[2] / "bench" / "results"
@@ -206,6 +205,12 @@ def growths() -> list[str]:
             columns.append(f"{float(row['fresh_nmae']):.2f} ± {float(row['fresh_error']):.2f}")
         lines.append(f"| {' | '.join(columns)} |")
     return lines
+
+
+def hours(seconds: float) -> str:
+    """Return a time [s] in hours as text."""
+    number = seconds / 3600
+    return f"{number:.2g}" if number < 99.5 else f"{number:.0f}"
 
 
 def grids() -> list[str]:

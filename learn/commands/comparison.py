@@ -146,27 +146,6 @@ def tune(
     return _led(jobs.tune, lambda: selection.request(file, output, began, budget), tuned=True)
 
 
-@grouped
-def estimate(
-    file: Database,
-    output: Output,
-    budget: Annotated[
-        str, typer.Option(metavar="TIME", help="Time of this call, as 1h or 90min.")
-    ] = "1h",
-    *,
-    selection: Selection,
-) -> int:
-    """Estimate what tuning over whole grids takes, from fits drawn at random and done here.
-
-    The times are those of one thread: divide by the workers. What is fitted is kept, and need not
-    be done again by `tune` on the same folder.
-    """
-    began = time.time()
-    from learn.comparison import jobs
-
-    return _led(jobs.estimate, lambda: selection.request(file, output, began, budget))
-
-
 def show(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="A comparison folder.")],
     pictures: Annotated[bool, typer.Option(help="Draw the pictures too.")] = True,

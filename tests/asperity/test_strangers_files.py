@@ -56,7 +56,7 @@ NEED_SURFACES = {
     "predict-law": ["learn", "law", "{}.surrogate", "{}.h5", "--delta", "0.5", "--interval", "0.5"],
     **{
         name: ["learn", name, "{}.h5", "--features", "hybrid", "-o", "{}-" + name]
-        for name in ("compare", "tune", "estimate", "importance")
+        for name in ("compare", "tune", "importance")
     },
 }
 """Commands that need surfaces: refused unless the user trusts the function."""
@@ -87,7 +87,7 @@ READ = {
 FREE = {"outputs": {"plot", "gen-law", "scene-law", "fit-hybrid", "predict-law"}}
 """Commands that need surfaces, but no outputs of the user's function: they work."""
 
-LONG = {"outputs": {"serve-surrogate", "compare", "tune", "estimate", "importance"}}
+LONG = {"outputs": {"serve-surrogate", "compare", "tune", "importance"}}
 """Commands that would work too, for long or without an end."""
 
 CASES = [

@@ -118,7 +118,6 @@ MADE: tuple[Command, ...] = (
     ("learn", "fit", "rows.h5", "-o", "boosted.surrogate", "--model", "xgboost"),
     ("learn", "compare", "rows.h5", "-o", "found", *LEARN),
     ("learn", "tune", "rows.h5", "-o", "found", "--budget", "2s", *LEARN),
-    ("learn", "estimate", "rows.h5", "-o", "found", "--budget", "1s", *LEARN),
     ("bench", "run", "hertz", "-o", "page"),
 )
 """The commands that make the sound files, in this order."""

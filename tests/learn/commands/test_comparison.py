@@ -44,7 +44,7 @@ def test_wrong_input_is_one_line_and_code_2(work, capsys, arguments, word):
     assert sorted(work.iterdir()) == before, "nothing was written"
 
 
-@pytest.mark.parametrize("command", ["compare", "tune", "estimate", "importance", "show"])
+@pytest.mark.parametrize("command", ["compare", "tune", "importance", "show"])
 def test_one_process_at_a_time_writes_a_folder(work, capsys, command):
     line = (
         [command, "x"] if command == "show" else [command, "database.h5", "-o", "x", "--seed", "1"]
