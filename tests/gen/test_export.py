@@ -172,6 +172,12 @@ def test_large_exports_take_little_memory(tmp_path):
     assert peak < 3 * parquet_files.TABLE_ROWS * sum(8 for _ in columns)
 
 
+def test_a_licence_that_nobody_can_look_up_is_refused(folder, tmp_path, capsys):
+    line = ["export", str(folder / "a.h5"), "-o", str(tmp_path / "out"), "--licence"]
+    assert cli.main([*line, "MIT or Apache-2.0"]) == 2
+    assert "'MIT or Apache-2.0': give an SPDX identifier" in capsys.readouterr().err
+
+
 def test_two_databases_are_not_exported_into_one_folder_at_once(folder, tmp_path, capsys):
     new = tmp_path / "new"
     with lock_folder(new):

@@ -90,6 +90,12 @@ def test_a_part_is_resumed_and_extended_on_both_sides_up_to_the_whole(folder, ca
     assert "resumed, 90 rows, 0 to do" in capsys.readouterr().err
 
 
+def test_a_smaller_scene_stops_at_its_own_rows(folder):
+    assert run("90.toml", "part.h5", "--rows", "0:5") == run("60.toml", "part.h5") == 0
+    with Reader(folder / "part.h5") as reader:
+        assert reader.rows == range(60)
+
+
 def test_parts_merge_whatever_they_overlap(folder, monkeypatch):
     for number, rows in enumerate(["0:13", "9:30", "45:60"]):
         assert run("60.toml", f"part{number}.h5", "--rows", rows) == 0

@@ -131,6 +131,7 @@ def test_load_reads_a_file(tmp_path, monkeypatch):
     [
         ("quikc", "neither a file nor a preset"),
         ("folder", "directory"),
+        ("large.toml", "at most 200000 are read"),
         ("binary.toml", "not UTF-8 text (byte 3 is 0xff)"),
         ("line\nbreak.toml", "neither a file nor a preset"),
     ],
@@ -139,6 +140,7 @@ def test_unreadable_scene_is_refused_in_one_line(tmp_path, monkeypatch, name, re
     monkeypatch.chdir(tmp_path)
     Path("folder").mkdir()
     Path("binary.toml").write_bytes(b"a =\xff")
+    Path("large.toml").write_text("samples = 3\n" + "#" * 200_000)
     with pytest.raises(InputError) as refused:
         load(name)
     message = str(refused.value)

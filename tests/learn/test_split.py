@@ -126,3 +126,11 @@ def test_a_target_that_no_split_can_have_in_both_parts_is_named():
     drawn = split.draw(rows)
     with pytest.raises(InputError, match=r"yielded_percent is 0 in all \d+ rows of a fold"):
         split.check_folds(rare, drawn)
+
+
+def test_some_rows_of_a_dataset_are_split_like_a_dataset():
+    some = rows_of([3] * 40).at(np.arange(0, 120, 2))
+    drawn = split.draw(some)
+    together = np.concatenate([drawn.train, drawn.test])
+    np.testing.assert_array_equal(np.sort(together), np.arange(60))
+    assert not set(some.groups[drawn.train]) & set(some.groups[drawn.test])

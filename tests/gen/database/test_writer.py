@@ -5,6 +5,7 @@ import shutil
 import signal
 import stat
 
+import h5py
 import numpy as np
 import pytest
 from databases import NO_ROOM, block, filled, run, small
@@ -13,6 +14,7 @@ from hypothesis import strategies as st
 
 from gen import cli, database
 from gen.database import Reader, Writer, create, extend, lock, open_or_create
+from gen.database.writer import HeldFile
 from gen.runtime.errors import InputError
 from gen.scene import Scene, Store
 from gen.schema import Reason, Status
@@ -183,6 +185,9 @@ def test_a_file_that_is_another_ends_the_run(folder, monkeypatch, capsys, fate, 
     if fate == "moved":
         with Reader(folder / "away.h5") as reader:
             assert reader.counts().done == struck[0] == when
+        monkeypatch.undo()
+        monkeypatch.chdir(folder)
+        assert cli.main(["run", "scene.toml", "-o", "away.h5"]) == 0
     assert not list(folder.glob("some.h5.*"))
 
 
@@ -215,6 +220,11 @@ def test_the_lock_of_a_dead_job_is_taken_and_removed(held, folder, left):
     with lock(held), pytest.raises(InputError, match="is being written"), lock(held):
         pass
     assert not own.exists()
+
+
+def test_others_read_what_is_held(held):
+    with HeldFile(held), h5py.File(held, locking=True) as file:  # HDF5's own lock
+        assert len(file["status"]) == 12
 
 
 def test_a_lock_that_has_become_another_file_is_left(held, folder):

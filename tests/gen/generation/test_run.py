@@ -65,14 +65,15 @@ def test_retrying_computes_failed_rows_again(folder, capsys):
     assert run("scene.toml", "-o", "rows.h5") == 0
     whole = deterministic_bytes(folder / "rows.h5")
     with h5py.File("rows.h5", "r+") as file:
-        file["status"][5:7] = 2
-        file["reason"][5:7] = 1
-        file["force"][5:7] = np.nan
+        for row in (5, 6, 30):
+            file["status"][row], file["reason"][row], file["force"][row] = 2, 1, np.nan
     assert run("scene.toml", "-o", "rows.h5") == 0
     assert status(folder / "rows.h5")[5] == 2, "failed rows stay failed unless asked"
     capsys.readouterr()
-    assert run("scene.toml", "-o", "rows.h5", "--retry-failed") == 0
+    assert run("scene.toml", "-o", "rows.h5", "--retry-failed", "--rows", "0:10") == 0
     assert "2 to do, 2 failed ones among them" in capsys.readouterr().err
+    assert status(folder / "rows.h5")[30] == 2, "a share leaves the failures of others"
+    assert run("scene.toml", "-o", "rows.h5", "--retry-failed") == 0
     assert deterministic_bytes(folder / "rows.h5") == whole
 
 

@@ -118,6 +118,11 @@ def test_a_bug_is_not_a_row(monkeypatch, error):
         compute_rows(scene(), 0, 2)
 
 
+def test_a_spacing_beyond_all_statistics_is_a_reason():
+    made = Scene.parse("samples = 2\n[surface]\nnodes = 9\nside = 1e300", "test")
+    assert set(compute_rows(made, 0, 2)["reason"]) == {Reason.ARITHMETIC}
+
+
 DECIDED = (
     "{stiffness=true, interface_stiffness=true, contact_spots=true, largest_spot_percent=true,"
     " contact_connects=true, gap_connects=true, continuum_area_percent=true,"

@@ -42,7 +42,9 @@ def test_a_law_is_that_of_a_piece_between_its_mirror_images(surfaces, run, capsy
     """One command writes it in every format, with the command."""
     np.save("s0.npy", np.load("many/s0.npy") + np.linspace(0, 15, 20)[:, None])
     run("s0.npy", "--pressure", "0.001,10", "--json", "law.json")
-    notes = json.loads(Path("law.json").read_text())["notes"]
+    tilted = json.loads(Path("law.json").read_text())
+    assert tilted["surfaces"] == ["s0.npy"]
+    notes = tilted["notes"]
     assert any(note.startswith("warning: s0.npy: tilted by") for note in notes)
     assert any("fewer than 10 nodes touch" in note for note in notes)
     run("many/s0.npy", "--pressure", "1:100:5:log", *CONDUCTING, "-o", "law")
@@ -217,6 +219,7 @@ def test_a_map_of_an_input_folder_is_not_replaced(surfaces, run, capsys):
     [
         (["none.npy", "--pressure", "1"], "none.npy: is neither a file nor a folder"),
         (["many/s0.npy", "--delta", "1,1e61"], "give numbers from 1e-60 to 1e+60 um"),
+        (["many/s0.npy", "--pressure", "1e7"], "full contact from 1e+07 MPa on: no law is left"),
         (["many/s0.npy", "--pressure", "1", "--band", "1"], "--band 1: give a share"),
         (["many/s0.npy", "--pressure", "1", "--calculix", "."], ".: is a folder"),
     ],

@@ -89,6 +89,12 @@ def test_calculix_has_pressure_and_closure_and_a_temperature_beside_conductances
     assert set(conductance[:, 2]) == {293.15}
 
 
+def test_a_file_says_where_nothing_was_computed(law):
+    text = said(law[0] / "joint-abaqus.inp")
+    assert "From 0 to the first pressure, 5 MPa, nothing was computed" in text
+    assert "follows the last slope there and the conductance stays the last one" in text
+
+
 def test_abaqus_is_told_that_the_second_column_is_a_pressure(law):
     folder, table = law
     blocks = read(folder / "9.inp")

@@ -130,6 +130,9 @@ def test_a_damaged_x3p_is_refused_with_the_reason(tmp_path, replaced, message):
 
 def test_a_scale_can_be_overruled(tmp_path):
     scan = written(tmp_path / "scan.nc", "m", 1.0)  # um written as m: a spacing of 2 and 0.5 m
+    for wrong in (("1000,200", ""), ("", "um")):
+        with pytest.raises(InputError, match="or overrule the file by --override-scale"):
+            read(scan, *wrong)
     side = read(scan, "1000,200", override_scale=True)
     assert (side.sides, np.nanmax(side.heights)) == ((1000, 200), pytest.approx(1e6 * HIGHEST))
     assert "OVERRULED by --override-scale: 1.2e+07 x 2e+06 um, taken as 1000 x 200 um" in side.steps

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bench.__main__ import main as bench
 from gen import cli
 from gen.runtime import files
 from gen.runtime.errors import InputError
@@ -88,6 +89,15 @@ def test_refused_before_any_work(folder, capsys, monkeypatch, program, arguments
     (line,) = capsys.readouterr().err.splitlines()
     assert word.lower() in line.lower()
     assert contents(folder) == before
+
+
+def test_reports_find_out_before_they_measure(folder, capsys):
+    report = folder / "report"
+    report.mkdir()
+    (report / "growth.csv").write_bytes(REPLACED["rows.h5"])
+    assert bench(["growth", "-o", str(report)]) == 2
+    assert "not text" in capsys.readouterr().err.splitlines()[-1]
+    assert [*contents(report).values()] == [REPLACED["rows.h5"]]
 
 
 def test_a_picture_replaces_a_picture_and_keeps_link_and_mode(folder, capsys):
