@@ -1,11 +1,9 @@
-"""Names of the arrays that pass between the modules of this package, and what none may have."""
+"""Names of the arrays that pass between the modules of this package."""
 
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-
-from gen.runtime.errors import InputError
 
 Values = NDArray[np.float64]
 """Numbers of any meaning and shape; docstrings give both."""
@@ -18,9 +16,3 @@ Heights = Values
 
 Columns = dict[str, NDArray[Any]]
 """Some rows of a database: for each column's name its values, one for each row."""
-
-
-def refuse_masked(name: str, given: Any) -> None:
-    """Refuse an array with masked entries; one with a mask of nothing is as any other."""
-    if np.ma.is_masked(given):
-        raise InputError(f"{name} are masked in places: fill or crop them")

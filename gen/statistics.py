@@ -23,12 +23,12 @@ ranges decide the kurtoses and agree with every statistic but the bandwidth
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gen.arrays import Values, refuse_masked
+from gen.arrays import Values
 from gen.runtime.errors import InputError
 from gen.schema import statistics_columns
 
@@ -199,6 +199,12 @@ def rms_slope(heights: Values, spacing: tuple[float, float]) -> float:
         with np.errstate(over="ignore"):
             squares += float(np.nanmean((np.diff(heights, axis=axis) / length) ** 2))
     return math.sqrt(squares)
+
+
+def refuse_masked(name: str, given: Any) -> None:
+    """Refuse an array with masked entries; one with a mask of nothing is as any other."""
+    if np.ma.is_masked(given):
+        raise InputError(f"{name} are masked in places: fill or crop them")
 
 
 def _normalised(heights: Values) -> tuple[Values, float, float]:

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from pydantic import AfterValidator, Field, PlainValidator
 from pydantic_core import PydanticCustomError
 
-from gen.arrays import Heights, refuse_masked
+from gen.arrays import Heights
 from gen.distribution import AtLeastZero, Distribution, FromZeroToOne, Positive, Table
 from gen.runtime.errors import InputError
+from gen.statistics import refuse_masked
 
 T = TypeVar("T", int, float)
 

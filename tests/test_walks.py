@@ -33,7 +33,7 @@ MOST = {
     "scene": Counts(42, 264, 23),  # a scene to the rows of a database
     "fit": Counts(38, 226, 21),  # a database to a surrogate
     "predict": Counts(29, 150, 15),  # a surrogate and a map to a prediction
-    "law": Counts(44, 290, 25),  # a map to its contact law
+    "law": Counts(39, 287, 25),  # a map to its contact law
 }
 """Most of each that a walk may pass."""
 

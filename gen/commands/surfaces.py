@@ -31,8 +31,8 @@ def describe(
     """Print the 22 roughness statistics, the parameters of ISO 25178 and the self-affine law."""
     from gen import statistics
     from gen.commands import printer
-    from gen.maps.bodies import read_surface
     from gen.maps.pictures import draw_surface
+    from gen.maps.prepare import read_surface
     from gen.maps.texture import (
         LAW,
         PARAMETERS,
@@ -126,7 +126,6 @@ def contact(
     """
     from bem.threads import cores, default_threads, on_threads
     from gen.commands import printer
-    from gen.maps.bodies import read_surface
     from gen.maps.contacts import (
         Wanted,
         answers,
@@ -139,6 +138,7 @@ def contact(
         solve_loads,
         write_flattened,
     )
+    from gen.maps.prepare import read_surface
     from gen.runtime.documents import write_csv
 
     load, values = chosen_load({"delta": delta, "force": force, "pressure": pressure})
@@ -230,7 +230,7 @@ def law(
 
     files = files.filled(output)
     check_outputs(files.outputs, facing.with_first(*inputs))
-    figure = empty_figure(files.picture, 12.0, 7.0)
+    figure = files.picture and empty_figure(files.picture, 12.0, 7.0)
     bodies = material.bodies()
     order = Order(
         inputs=tuple(inputs),

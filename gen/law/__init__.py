@@ -1,7 +1,7 @@
 """Contact laws of interfaces: tables that a finite-element code reads at an integration point.
 
 `contact_law` solves a law. `surfaces` are what it is about, `curves` its numbers.
-`files` shows and writes it; `c_header` and `finite_elements` are for programs.
+`files` shows and writes it, `finite_elements` for programs.
 The laws of surrogates use the same numbers and writers.
 """
 

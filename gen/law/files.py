@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from gen.arrays import Values
-from gen.law import c_header, finite_elements
+from gen.law import finite_elements
 from gen.law.contact_law import Law
 from gen.law.curves import CONDUCTANCE, CONTINUUM, GAS, JOINT, STIFFNESS, Curve
 from gen.options import LawOutputs, Units
@@ -156,7 +156,7 @@ def write_json(path: Path, law: Law) -> list[Path]:
 WRITERS: dict[str, Callable[[Path, Law, Units], list[Path]]] = {
     "table": lambda path, law, _: write_table(path, law),
     "json": lambda path, law, _: write_json(path, law),
-    "header": lambda path, law, _: c_header.write(path, law),
+    "header": lambda path, law, _: finite_elements.write_header(path, law),
     "calculix": lambda path, law, units: finite_elements.write(path, law, "calculix", units),
     "abaqus": lambda path, law, units: finite_elements.write(path, law, "abaqus", units),
     "for_4c": finite_elements.write_for_4c,

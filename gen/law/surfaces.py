@@ -11,9 +11,9 @@ from bem.problem import Boundary
 from gen.arrays import Values
 from gen.distribution import LogUniform, limits
 from gen.law.curves import APERTURES, GAS, JOINT, Gas
-from gen.maps.bodies import Opposite, composite, files_in, read_surface
-from gen.maps.prepare import surface_warnings
-from gen.maps.read import Sides, Topography
+from gen.maps.bodies import Opposite, composite
+from gen.maps.prepare import read_surface, surface_warnings
+from gen.maps.read import Sides, Topography, files_in
 from gen.maps.settings import Reading
 from gen.material import plane_strain_modulus
 from gen.runtime.errors import InputError
@@ -239,7 +239,8 @@ def _pressed(
 
 def is_scene(text: str) -> bool:
     """Return whether an input is a scene or a database rather than surfaces."""
-    return text in preset_names() or Path(text).suffix.lower() in {".toml", ".h5"}
+    suffix = Path(text).suffix.lower()
+    return suffix in {".toml", ".h5"} or (not suffix and text in preset_names())
 
 
 def scene_of(text: str) -> Scene:

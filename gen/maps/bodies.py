@@ -1,6 +1,4 @@
-"""Surfaces of one rough body or of two, from files and folders, read and prepared.
-
-The composite surface of two rough bodies is both maps added on one grid, as they face each other.
+"""The composite surface of two rough bodies: both maps added on one grid, as they face each other.
 
 The gap between two rough bodies is that between the sum of their heights and a plane, and so is the
 contact, with the E* of both bodies. Heights of both maps point out of their body, and both are seen
@@ -12,7 +10,6 @@ spacing lie node on node, so that none is smoothed by an interpolation.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -21,8 +18,8 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import numpy as np
 
 from gen.arrays import Heights, Values
-from gen.maps.prepare import prepare, require_useful_heights, surface_warnings
-from gen.maps.read import OWN_SUFFIXES, Sides, Topography, intervals, read
+from gen.maps.prepare import prepare, require_useful_heights
+from gen.maps.read import Sides, Topography, intervals, read
 from gen.maps.settings import Reading, numbers_in
 from gen.runtime.errors import InputError
 from gen.runtime.numbers import shown
@@ -206,48 +203,3 @@ class Opposite:
                 )
             raise
         return prepare(surface, reading)
-
-
-def read_surface(
-    path: Path, reading: Reading, boundary: Boundary = "free", opposite: Opposite | None = None
-) -> tuple[Topography, list[str]]:
-    """Read and prepare a surface, or the composite surface of two bodies; return warnings too."""
-    try:
-        surface = prepare(read(path, reading, boundary), reading)
-        if opposite is not None:
-            surface = composite(surface, opposite.prepared(boundary), opposite.placement)
-    except InputError as error:
-        named = opposite is not None or str(error).startswith(("--", str(path)))
-        raise InputError(f"{'' if named else f'{path}: '}{error}") from None
-    with np.errstate(over="ignore"):  # of slopes that are too steep for a square: warned of
-        return surface, surface_warnings(surface)
-
-
-# suffixes of instruments' files in a folder, which are read as surfaces
-INSTRUMENTS = {
-    *(".x3p", ".sur", ".al3d", ".opd", ".opdx", ".plu", ".plux", ".gwy", ".nc", ".di", ".ibw"),
-    *(".spm", ".mi", ".zon", ".zag", ".top", ".frt", ".os3d", ".sdf", ".bcrf", ".bcr", ".h5"),
-    *(".mat", ".xyz", ".vk4", ".vk6", ".vk7", ".jpk", ".gsf", ".nid", ".ezd", ".mnt", ".stp"),
-    *(".nms", ".pts", ".prn"),
-}
-
-
-def files_in(paths: Sequence[Path]) -> tuple[list[Path], int]:
-    """Return the files, with those of folders that can hold surfaces, and the number left out."""
-    files: list[Path] = []
-    others = 0
-    for path in paths:
-        if path.is_dir():
-            inside = [each for each in sorted(path.iterdir()) if each.is_file()]
-            inside = [each for each in inside if not each.name.startswith(".")]
-            suffixes = (OWN_SUFFIXES - {""}) | INSTRUMENTS
-            wanted = [each for each in inside if each.suffix.lower() in suffixes]
-            if not wanted:
-                raise InputError(f"{path}: holds no surface")
-            others += len(inside) - len(wanted)
-            files += wanted
-            continue
-        if not path.is_file():
-            raise InputError(f"{path}: is neither a file nor a folder")
-        files.append(path)
-    return files, others

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +16,15 @@ from numpy.typing import NDArray
 from gen.arrays import Heights
 from gen.maps import filters
 from gen.maps.filters import ROWS, filled_harmonically, least_squares, without_spikes
-from gen.maps.read import WIDEST, Sides, Topography, in_words, intervals
+from gen.maps.read import WIDEST, Sides, Topography, in_words, intervals, read
 from gen.maps.settings import ORDER, SPIKE, Reading, numbers_in
 from gen.runtime.errors import InputError
 from gen.runtime.numbers import MAGNITUDES
 from gen.statistics import rms_slope
+
+if TYPE_CHECKING:
+    from bem.problem import Boundary
+    from gen.maps.bodies import Opposite
 
 ROUNDING = 1e-9  # relative difference of lengths that are taken for the same
 # share of nodes above which those taken out as spikes are probably part of the surface
@@ -329,6 +334,23 @@ def surface_warnings(topography: Topography) -> list[str]:
         follows = "boundary periodic", "of gen describe, contact and law follows the file"
         warnings.append(advised(topography, fault, follows))
     return warnings
+
+
+def read_surface(
+    path: Path, reading: Reading, boundary: Boundary = "free", opposite: Opposite | None = None
+) -> tuple[Topography, list[str]]:
+    """Read and prepare a surface, or the composite surface of two bodies; return warnings too."""
+    try:
+        surface = prepare(read(path, reading, boundary), reading)
+        if opposite is not None:
+            from gen.maps.bodies import composite
+
+            surface = composite(surface, opposite.prepared(boundary), opposite.placement)
+    except InputError as error:
+        named = opposite is not None or str(error).startswith(("--", str(path)))
+        raise InputError(f"{'' if named else f'{path}: '}{error}") from None
+    with np.errstate(over="ignore"):  # of slopes that are too steep for a square: warned of
+        return surface, surface_warnings(surface)
 
 
 def _border_step(heights: Heights) -> float:

@@ -447,3 +447,33 @@ def _map_of(path: Path, reading: Reading, reader: Any, remark: str) -> Scan:
             origin += " with the spacing in its header in nm (SurfaceTopography takes it for mm)"
     repeats = bool(topography.is_periodic)
     return Scan(heights, widths, topography.unit, origin=origin, repeats=repeats)
+
+
+# suffixes of instruments' files in a folder, which are read as surfaces
+INSTRUMENTS = {
+    *(".x3p", ".sur", ".al3d", ".opd", ".opdx", ".plu", ".plux", ".gwy", ".nc", ".di", ".ibw"),
+    *(".spm", ".mi", ".zon", ".zag", ".top", ".frt", ".os3d", ".sdf", ".bcrf", ".bcr", ".h5"),
+    *(".mat", ".xyz", ".vk4", ".vk6", ".vk7", ".jpk", ".gsf", ".nid", ".ezd", ".mnt", ".stp"),
+    *(".nms", ".pts", ".prn"),
+}
+
+
+def files_in(paths: Sequence[Path]) -> tuple[list[Path], int]:
+    """Return the files, with those of folders that can hold surfaces, and the number left out."""
+    files: list[Path] = []
+    others = 0
+    for path in paths:
+        if path.is_dir():
+            inside = [each for each in sorted(path.iterdir()) if each.is_file()]
+            inside = [each for each in inside if not each.name.startswith(".")]
+            suffixes = (OWN_SUFFIXES - {""}) | INSTRUMENTS
+            wanted = [each for each in inside if each.suffix.lower() in suffixes]
+            if not wanted:
+                raise InputError(f"{path}: holds no surface")
+            others += len(inside) - len(wanted)
+            files += wanted
+            continue
+        if not path.is_file():
+            raise InputError(f"{path}: is neither a file nor a folder")
+        files.append(path)
+    return files, others

@@ -13,8 +13,8 @@ from rich.table import Table
 
 from gen.arrays import Values
 from gen.database import is_database
-from gen.maps.bodies import files_in, read_surface
-from gen.maps.read import sides_from
+from gen.maps.prepare import read_surface
+from gen.maps.read import files_in, sides_from
 from gen.maps.settings import Reading
 from gen.material import Bodies
 from gen.runtime.documents import Row

@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bem.problem import Boundary
-from gen.arrays import Values, refuse_masked
+from gen.arrays import Values
 from gen.material import Bodies
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import to_type
+from gen.statistics import refuse_masked
 from learn.features import SETS, FeatureSet, SurfaceFeatures
 from learn.features.scene import SCENE
 from learn.features.sets import Rows

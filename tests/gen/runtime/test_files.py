@@ -83,7 +83,7 @@ def test_refused_before_any_work(folder, capsys, monkeypatch, program, arguments
     def work(*_arguments, **_settings):
         raise AssertionError("worked before the refusal")
 
-    monkeypatch.setattr("gen.maps.bodies.read", work)
+    monkeypatch.setattr("gen.maps.prepare.read", work)
     before = contents(folder)
     assert program.main(arguments) == 2
     (line,) = capsys.readouterr().err.splitlines()
