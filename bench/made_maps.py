@@ -64,6 +64,20 @@ def surface(made: MadeMap) -> Heights:
     return np.asarray(heights * (made.rms / heights.std()))
 
 
+def window(
+    shape: tuple[int, int],
+    spacing: tuple[float, float],
+    rng: np.random.Generator,
+    rms: float,
+    length: float,
+) -> Heights:
+    """Cut a window out of a ground map of some rms height and length [um], for a scene."""
+    number, whole = int(rng.integers(2**31)), (2 * shape[0], 2 * shape[1])
+    first = rng.integers(0, shape[0]), rng.integers(0, shape[1])
+    heights = surface(MadeMap("ground", number, whole, rms, length, spacing))
+    return heights[first[0] :, first[1] :][: shape[0], : shape[1]]
+
+
 def measured(made: MadeMap) -> Heights:
     """Make a map as an instrument would: heights with the map's faults, NaN in holes [um]."""
     heights, faults, random = surface(made), made.faults, _random(made, FAULTS)

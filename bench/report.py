@@ -117,7 +117,16 @@ CHAPTERS = {
     "The farm": ("databases", "outputs", "scale", "writers", "faults"),
     "Surrogates: errors and costs": (
         *("comparison", "tuning", "grids", "comparison-hybrid", "comparison-concentrated"),
-        *("models", "features", "tolerance", "grow", "cost", "throughput", "memory"),
+        *(
+            "models",
+            "features",
+            "scene-surrogate",
+            "tolerance",
+            "grow",
+            "cost",
+            "throughput",
+            "memory",
+        ),
     ),
     "Surrogates under shift": ("generalisation", "coverage"),
     "Measured maps": ("scans",),

@@ -7,7 +7,9 @@ all loads of a surface, more or less. The mean is a Gaussian process:
 - A target above 0 is divided by a power law of its inputs, which are logarithms as a rule. What is
   left varies little, and its scatter hardly at all.
 - The size of the scatter is the exponential of a quadratic in the inputs, by the distances from a
-  cubic. Rows have the weight of its inverse square.
+  cubic. Rows have the weight of its inverse square. Where surfaces scatter little, the mean follows
+  the power law closer too: the deviation of the process is in proportion to the root of the scatter
+  (to the scatter itself, or the same everywhere, errors or their estimates are worse).
 - A radial basis function has a length for each input, that of the largest likelihood on one row of
   each surface: the scatter of several rows of one is correlated, and would pass for short waves of
   the mean.
@@ -15,16 +17,18 @@ all loads of a surface, more or less. The mean is a Gaussian process:
   regressors: J. Quinonero-Candela, C. E. Rasmussen (2005), J. Mach. Learn. Res. 6, 1939). Fit and
   answers take time in proportion to the rows.
 - Parts of the surfaces are left out in turn, which takes no further fits of the lengths. Errors on
-  them calibrate intervals of new surfaces, and the differences between the means without a part are
-  the uncertainty of the mean (the delete-a-group jackknife: P. S. Kott (2001), J. Off. Stat. 17,
-  521).
+  them calibrate intervals of new surfaces.
+- The variance of the mean is the sum of two: that of the means without a part (the delete-a-group
+  jackknife: P. S. Kott (2001), J. Off. Stat. 17, 521), which knows that rows of a surface are alike
+  but not what no row shows, and that of the process, which knows the latter only. Either alone is
+  too small.
 """
 
 import warnings
 from math import comb
 
 import numpy as np
-from scipy.linalg import solve
+from scipy.linalg import cholesky, eigh, solve, solve_triangular
 from scipy.stats import t
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.exceptions import ConvergenceWarning
@@ -49,6 +53,15 @@ STARTS = (1.0, 2.5)
 
 PARTS = 20
 """Parts of the surfaces that are left out in turn."""
+
+PASSES = 3
+"""Fits of power law and scatter, each with the weights of the last."""
+
+LEAST = 1e-4
+"""Least size of the scatter, over the deviation of the target over its power law."""
+
+KEPT = 0.99
+"""Share of the process's variance at the rows that is kept, in far fewer numbers than all of it."""
 
 RIDGE = 1e-6
 """Penalty of polynomials' coefficients, over the weight of all rows."""
@@ -85,28 +98,48 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         """
         random = np.random.default_rng(self.random_state)
         surfaces = np.arange(len(y)) if surfaces is None else surfaces
-        ones = np.ones(len(y))
+        weights = np.ones(len(y))
         self.trend_ = np.zeros(X.shape[1] + 1)
-        if y.min() > 0:
-            self.trend_ = _polynomial(X, _floored_logarithm(y), ones, 1)
-        ratio = y / self._trend(X)
-        self.mean_, self.deviation_ = float(ratio.mean()), float(ratio.std()) or 1.0
-        unit = (ratio - self.mean_) / self.deviation_
-        scatter = _scatter(X, unit)
-        amplitude = self._choose_lengths(X, unit, scatter, _one_each(surfaces, random))
+        for _ in range(PASSES):
+            if y.min() > 0:
+                self.trend_ = _polynomial(X, _floored_logarithm(y), weights, 1)
+            ratio = y / self._trend(X)
+            self._fit_scatter(X, ratio, weights)
+            weights = self._scatter(X) ** -2
+        self.mean_ = float(np.average(ratio, weights=np.sqrt(weights)))
+        self.deviation_ = 1.0
+        self.deviation_ = float(np.std((ratio - self.mean_) / self._reach(X))) or 1.0
+        reach = self._reach(X)
+        unit, noise = (ratio - self.mean_) / reach, (self._scatter(X) / reach) ** 2
+        amplitude = self._choose_lengths(X, unit, noise, _one_each(surfaces, random))
         chosen = random.permutation(len(y))[: self.centres]
         self.places_ = X[chosen] / self.lengths_
-        self._solve(X, unit, scatter**-2, amplitude, dealt(surfaces, random))
+        self._solve(X, unit, 1 / noise, amplitude, dealt(surfaces, random))
         return self
 
-    def _choose_lengths(self, X: Values, unit: Values, scatter: Values, rows: Indices) -> float:
+    def _fit_scatter(self, X: Values, ratio: Values, weights: Values) -> None:
+        """Fit the size of the scatter by the distances of the ratio to the power law from a cubic.
+
+        It is the root mean square, and neither below nor above what nearly all rows have.
+        """
+        wrong = np.abs(ratio - _terms(X, 3) @ _polynomial(X, ratio, weights, 3))
+        self.sizes_ = _polynomial(X, _floored_logarithm(wrong), np.ones(len(X)), 2)
+        logarithm = _terms(X, 2) @ self.sizes_
+        self.ends_ = np.quantile(logarithm, (0.01, 0.99))
+        size = np.exp(np.clip(logarithm, *self.ends_))
+        larger = np.log(np.sqrt(np.mean((wrong / size) ** 2)))
+        self.sizes_[0] += larger
+        least = np.log(LEAST * ratio.std())
+        self.ends_ = np.maximum(self.ends_ + larger, least)
+
+    def _choose_lengths(self, X: Values, unit: Values, noise: Values, rows: Indices) -> float:
         """Find the most likely lengths on some rows; return the variance of the mean."""
         few = rows[:LIKELIHOOD_ROWS]
         fits = []
         for start in STARTS:
-            kernel = ConstantKernel(1.0, (0.1, 1e5))
+            kernel = ConstantKernel(1.0, (1e-3, 1e5))
             kernel *= RBF(np.full(X.shape[1], start), LENGTHS)
-            process = GaussianProcessRegressor(kernel, alpha=scatter[few] ** 2)
+            process = GaussianProcessRegressor(kernel, alpha=noise[few])
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", ConvergenceWarning)  # lengths at their bounds
                 fits.append(process.fit(X[few], unit[few]))
@@ -128,9 +161,24 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
             own = parts == part
             less = matrix - weighted[own].T @ functions[own] + penalty
             found.append(solve(less, right - weighted[own].T @ unit[own], assume_a="pos"))
-            values = self.mean_ + self.deviation_ * (functions[own] @ found[-1])
-            self.left_out_[own] = values * self._trend(X[own])
+            self.left_out_[own] = self._restored(X[own], functions[own] @ found[-1])
         self.coefficients_ = np.column_stack(found)
+        inverse = solve_triangular(cholesky(matrix + penalty), np.eye(len(matrix)))
+        shares, directions = eigh(inverse.T @ matrix @ inverse)
+        kept = np.cumsum(shares) > (1 - KEPT) * shares.sum()
+        self.spread_ = inverse @ directions[:, kept]
+
+    def _restored(self, X: Values, unit: Values) -> Values:
+        """Return means, (n,), of distances from the power law over what the process reaches."""
+        return np.asarray((self.mean_ + self._reach(X) * unit) * self._trend(X))
+
+    def _reach(self, X: Values) -> Values:
+        """Return the deviation that the process is over, (n,)."""
+        return np.asarray(self.deviation_ * np.sqrt(self._scatter(X)))
+
+    def _scatter(self, X: Values) -> Values:
+        """Return the size of the scatter over the power law, (n,)."""
+        return np.asarray(np.exp(np.clip(_terms(X, 2) @ self.sizes_, *self.ends_)))
 
     def _trend(self, X: Values) -> Values:
         """Return the power law, (n,); 1 for a target that is not above 0."""
@@ -142,15 +190,15 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
 
     def predict(self, X: Values) -> Values:
         """Return the mean, (n,), at standardised inputs, (n, d)."""
-        found = self._functions(X) @ self.coefficients_[:, 0]
-        return np.asarray((self.mean_ + self.deviation_ * found) * self._trend(X))
+        return self._restored(X, self._functions(X) @ self.coefficients_[:, 0])
 
     def error(self, X: Values) -> Values:
-        """Return the standard error of the mean, (n,), by the means without a part of the rows."""
-        found = self._functions(X) @ self.coefficients_[:, 1:]
-        parts = found.shape[1]
-        error = found.std(axis=1) * np.sqrt(parts - 1)
-        return np.asarray(error * self.deviation_ * self._trend(X))
+        """Return the standard error of the mean, (n,)."""
+        functions = self._functions(X)
+        found = functions @ self.coefficients_[:, 1:]
+        parts = found.var(axis=1) * (found.shape[1] - 1)
+        process = np.square(functions @ self.spread_).sum(axis=1)
+        return np.asarray(np.sqrt(parts + process) * self._reach(X) * self._trend(X))
 
     def quantile(self, level: float) -> float:
         """Return the standard errors on both sides of the mean within which it lies, by level."""
@@ -179,37 +227,29 @@ def _near(places: Values, others: Values) -> Values:
     return np.asarray(np.exp(np.minimum(squares, 0.0, out=squares), out=squares))
 
 
+def _terms(X: Values, degree: int) -> Values:
+    """Return the terms of a polynomial, (n, k)."""
+    return np.asarray(PolynomialFeatures(degree).fit_transform(X))
+
+
 def _polynomial(X: Values, target: Values, weights: Values, degree: int) -> Values:
-    """Return the coefficients of a polynomial by weighted least squares."""
-    terms = PolynomialFeatures(degree).fit_transform(X)
-    weighted = terms * weights[:, None]
-    matrix = weighted.T @ terms
-    matrix[np.diag_indices_from(matrix)] += RIDGE * weights.sum()
-    return np.asarray(solve(matrix, weighted.T @ target, assume_a="pos"))
+    """Return a polynomial's coefficients by weighted least squares, with 0 for terms too many.
 
-
-def _fitted(X: Values, target: Values, weights: Values, degree: int) -> Values:
-    """Return the values, (n,), of a polynomial of a degree, or of a lower one for few rows."""
-    most = len(X) / ROWS_PER_TERM
+    With few rows for each term the polynomial is of a lower degree, whose terms are the first ones.
+    """
+    terms = _terms(X, degree)
+    found, most = np.zeros(terms.shape[1]), len(X) / ROWS_PER_TERM
     while degree > 1 and comb(X.shape[1] + degree, degree) > most:
         degree -= 1
-    found = _polynomial(X, target, weights, degree)
-    return np.asarray(PolynomialFeatures(degree).fit_transform(X) @ found)
+    used = slice(comb(X.shape[1] + degree, degree))
+    weighted = terms[:, used] * weights[:, None]
+    matrix = weighted.T @ terms[:, used]
+    matrix[np.diag_indices_from(matrix)] += RIDGE * weights.sum()
+    found[used] = solve(matrix, weighted.T @ target, assume_a="pos")
+    return found
 
 
 def _floored_logarithm(values: Values) -> Values:
     """Return logarithms of values of 0 and more, each of them a part of the median at least."""
     least = max(FLOOR * float(np.median(values)), np.finfo(float).tiny)
     return np.asarray(np.log(np.maximum(values, least)))
-
-
-def _scatter(X: Values, unit: Values) -> Values:
-    """Return the size of the scatter of each row, (n,): its root mean square."""
-    weights = np.ones(len(unit))
-    for _ in range(2):
-        wrong = np.abs(unit - _fitted(X, unit, weights, 3))
-        logarithm = _fitted(X, _floored_logarithm(wrong), np.ones(len(unit)), 2)
-        size = np.exp(np.clip(logarithm, *np.quantile(logarithm, (0.01, 0.99))))
-        size *= np.sqrt(np.mean((wrong / size) ** 2))
-        weights = size**-2
-    return np.asarray(size)

@@ -1,0 +1,224 @@
+"""A surrogate of a scene's own numbers, judged by many surfaces of the same parameters.
+
+Three scenes that share nothing but this: spectral surfaces of bodies that yield, by pressure;
+random midpoint displacement, by Delta; and windows of ground maps, whose height and length are
+parameters. The truth is solved at fresh parameters on fresh surfaces. Beside ours stands a Gaussian
+process of scikit-learn as a user would write it.
+"""
+
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from time import process_time
+from typing import Any
+
+import numpy as np
+from scipy.stats import norm
+from sklearn.gaussian_process import GaussianProcessRegressor
+from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
+
+from bench.databases import generated
+from bench.files import Row
+from bench.report import Report, remark
+from gen.arrays import Values
+from gen.database import Reader
+from gen.generation.plan import parameters
+from gen.generation.sample import solve_contact, surface_numbered
+from gen.runtime.user_code import TRUSTED
+from gen.scene import Scene
+from learn import dataset
+from learn.dataset import Request
+from learn.executor import Executor
+from learn.features.scene import load_of
+from learn.surrogate import Surrogate, fitting
+
+SEED = 4242  # of parameters and surfaces that judge
+FEW = 20  # surfaces that a user would solve for a mean
+QUESTIONS = 10_000
+LEVEL = 0.9
+PROCESS_ROWS = 1000  # of the plain Gaussian process, whose fit takes the cube of their number
+
+SCENES = {
+    "spectral": """
+seed = 1051
+samples_per_surface = 4
+[surface]
+generator = "spectral"
+nodes = 64
+side = 640.0
+hurst = [0.4, 0.9]
+rms_height = [0.5, 3.0]
+roll_off = [80.0, 320.0]
+cut_off = 40.0
+[load]
+quantity = "pressure"
+range = { log_uniform = [1.0, 100.0] }
+[contact]
+boundary = "periodic"
+modulus = 100e3
+hardness = [500.0, 4000.0]
+""",
+    "midpoint displacement": """
+seed = 1041
+samples_per_surface = 4
+[surface]
+nodes = 33
+hurst = [0.5, 0.8]
+sigma0 = [10.0, 15.0]
+""",
+    "windows of made maps": """
+seed = 1052
+samples_per_surface = 4
+[surface]
+generator = "python"
+function = "bench.made_maps:window"
+nodes = 64
+side = 64.0
+parameters = { rms = [0.3, 1.0], length = [10.0, 30.0] }
+[load]
+quantity = "pressure"
+range = { log_uniform = [10.0, 1000.0] }
+[contact]
+boundary = "mirror"
+modulus = 200e3
+""",
+}
+
+
+def scene_surrogate(folder: Path, rows: int, points: int, surfaces: int) -> Report:
+    """Fit to each scene, and judge by `surfaces` surfaces at each of `points` fresh parameters.
+
+    The arguments are those of the command.
+    """
+    TRUSTED.set(True)  # the windows come from a function of `bench`
+    found: list[Row] = []
+    for name, text in SCENES.items():
+        path = generated(folder / "databases", name.replace(" ", "-"), f"samples = {rows}\n{text}")
+        with Reader(path) as reader:
+            scene = reader.scene
+        load = load_of(scene)
+        request = Request(
+            databases=(path,),
+            targets=("area", "force" if load == "delta" else "delta"),
+            models=("population",),
+            features="scene",
+            normalisation="standard",
+            load=load,
+        )
+        began = process_time()
+        surrogate = fitting.fit(request, Executor(), remark)
+        seconds = process_time() - began
+        assert surrogate is not None
+        remark(f"{name}: {points} points of {surfaces} surfaces")
+        asked, truth = _solved(scene, surrogate.features.names, points, surfaces)
+        judged = _judged(surrogate, request, asked, truth)
+        found += [
+            {"scene": name, "load": load, "rows": rows, "fit_seconds": seconds, **row}
+            for row in judged
+        ]
+    return Report({"scene-surrogate": found})
+
+
+def _solved(
+    scene: Scene, names: tuple[str, ...], points: int, surfaces: int
+) -> tuple[dict[str, Values], dict[str, Values]]:
+    """Return fresh parameters and loads by their names, (p,), and results by column, (p, s)."""
+    fresh = scene.model_copy(update={"seed": SEED, "samples_per_surface": 1})
+    plan, asked, truth = parameters(fresh, 0, points), dict[str, Any](), dict[str, Any]()
+    for point in range(points):
+        drawn, hardness = plan.parameters_of(point), None
+        numbers = {**drawn, load_of(scene): float(plan.load[point])}
+        if plan.hardness is not None:
+            numbers["hardness"] = hardness = float(plan.hardness[point])
+        given = {load_of(scene): numbers[load_of(scene)]}
+        one = scene.with_parameters(drawn, seed=SEED + 1 + point)
+        for number in range(surfaces):
+            heights = surface_numbered(one, number)
+            contact = solve_contact(one, heights, hardness=hardness, **given)
+            for column in ("area_percent", "force", "delta"):
+                truth.setdefault(column, []).append(getattr(contact, column))
+        for name in names:
+            asked.setdefault(name, []).append(numbers[name])
+    shape = points, surfaces
+    return (
+        {name: np.array(values) for name, values in asked.items()},
+        {name: np.reshape(values, shape) for name, values in truth.items()},
+    )
+
+
+def _judged(
+    surrogate: Surrogate, request: Request, asked: dict[str, Values], truth: dict[str, Values]
+) -> Iterator[Row]:
+    """Yield a row for each target: errors of the mean, coverage, times; and the plain process's."""
+    questions = surrogate.of_numbers(asked)
+    new, mean = (
+        surrogate.predict_rows(questions, level=LEVEL, mean=each) for each in (False, True)
+    )
+    many = {name: np.resize(values, QUESTIONS) for name, values in asked.items()}
+    seconds = _seconds(lambda: surrogate.predict_rows(surrogate.of_numbers(many), level=LEVEL))
+    inputs = surrogate.features.of(questions)
+    every = np.resize(inputs, (QUESTIONS, inputs.shape[1]))
+    for (target, learnt), rows in zip(surrogate.learnt.items(), dataset.read(request), strict=True):
+        true = truth[learnt.column]
+        low, high, error = new.low[target], new.high[target], _Errors(true)
+        half = (mean.high[target] - mean.low[target]) / 2
+        wrong = np.abs(new.values[target] - true.mean(axis=1))
+        process = make_pipeline(
+            StandardScaler(),
+            GaussianProcessRegressor(
+                ConstantKernel() * RBF(np.ones(inputs.shape[1])) + WhiteKernel(), normalize_y=True
+            ),
+        )
+        began = process_time()
+        process.fit(rows.inputs[:PROCESS_ROWS], rows.target[:PROCESS_ROWS])
+        fit_seconds = process_time() - began
+        middle, deviation = process.predict(inputs, return_std=True)
+        ends = middle[:, None] + norm.ppf((1 + LEVEL) / 2) * deviation[:, None] * [-1, 1]
+        yield {
+            "target": target,
+            "nmae": error.of(new.values[target]),
+            "floor": error.floor,
+            "nmae_of_few": _Errors(true[:, :FEW]).of(new.values[target]),
+            "floor_of_few": _Errors(true[:, :FEW]).floor,
+            "inside": float(np.mean((low[:, None] <= true) & (true <= high[:, None]))),
+            "width": float((high - low).mean() / true.mean()),
+            "mean_inside": float(np.mean(wrong <= np.hypot(half, error.half))),
+            "mean_width": float(2 * half.mean() / true.mean()),
+            "answer_seconds": seconds,
+            "process_nmae": error.of(middle),
+            "process_inside": float(np.mean((ends[:, :1] <= true) & (true <= ends[:, 1:]))),
+            "process_fit_seconds": fit_seconds,
+            "process_answer_seconds": _seconds(partial(process.predict, every, return_std=True)),
+        }
+
+
+class _Errors:
+    """Errors of means over all surfaces, by results of some of them, (p, s)."""
+
+    def __init__(self, true: Values) -> None:
+        self._mean = true.mean(axis=1)
+        self._error = true.std(axis=1, ddof=1) / np.sqrt(true.shape[1])
+
+    @property
+    def half(self) -> Values:
+        """Half the width of the intervals of the true means, (p,)."""
+        return np.asarray(norm.ppf((1 + LEVEL) / 2) * self._error)
+
+    @property
+    def floor(self) -> float:
+        """Error that the true means would have, by the scatter of so few surfaces [%]."""
+        return float(100 * np.sqrt(2 / np.pi) * self._error.mean() / self._mean.mean())
+
+    def of(self, predicted: Values) -> float:
+        """Return the mean absolute error over the mean [%]."""
+        return float(100 * np.abs(predicted - self._mean).mean() / self._mean.mean())
+
+
+def _seconds(call: Callable[[], object]) -> float:
+    """Return the processor time of the second of two calls [s]."""
+    call()
+    began = process_time()
+    call()
+    return process_time() - began
