@@ -104,56 +104,6 @@ def test_spheres_are_round_on_oblong_patches_and_cells(shape):
     )
 
 
-RADIUS = 300.0  # um, of every contact below
-TURNS = 0.7548776662466927, 0.5698402909980532  # 1 / p and 1 / p^2 with p^3 = p + 1
-PROFILES = {
-    indenter: indenter.indentation(RADIUS) for indenter in (SPHERE, Cone(0.01), PowerLaw(1e-9, 4.0))
-} | {FlatPunch(RADIUS): 1.0}
-
-
-def orders(
-    indenter: Indenter, kernel: Kernel = "uniform-pressure"
-) -> tuple[tuple[float, float], np.ndarray]:
-    """Orders of convergence of force and area; relative errors over the spacing, (grids, 2).
-
-    Errors are root mean squares over eight placements of the axis between the nodes (Roberts's R2
-    sequence), for the number of cells in a circle jumps with every shift.
-    """
-    delta, rows = PROFILES[indenter], []
-    spacings = SIDE / (np.array([17, 24, 33, 48, 65, 96, 129]) - 1)
-    for spacing in spacings:
-        nodes, errors = round(SIDE / spacing) + 1, []
-        shares = np.outer(np.arange(8), TURNS)
-        for shift in (shares - np.round(shares)) * spacing:
-            heights = indenter.heights(distances_to_centre((nodes, nodes), SIDE, tuple(shift)))
-            contact = bem.solve(heights, SIDE, delta + heights.max(), kernel=kernel, rtol=1e-8)
-            truth = indenter.force(delta), np.pi * RADIUS**2
-            errors.append(np.array([contact.force, area(contact)]) / truth - 1)
-        rows.append(np.sqrt(np.mean(np.square(errors), axis=0)))
-    force, covered = np.polyfit(np.log(spacings), np.log(rows), 1)[0]
-    return (float(force), float(covered)), np.array(rows) / (spacings / RADIUS)[:, np.newaxis]
-
-
-@pytest.mark.parametrize("indenter", list(PROFILES)[:3], ids=repr)
-def test_smooth_profiles_have_force_of_order_2_and_area_of_order_1(indenter):
-    """The force is largest at the true area, so that errors of its edge count squared."""
-    (force, covered), over_spacing = orders(indenter)
-    assert 1.75 < force < 2.15
-    assert 0.9 < covered < 1.15
-    assert (over_spacing[:, 1] < 0.4).all()
-    (concentrated, covered), over_spacing = orders(indenter, "concentrated-force")
-    assert 0.95 < concentrated < 1.15  # a cell's own displacement is too small by its spacing
-    assert 0.5 < covered < 0.9  # on its way to 1
-    assert ((over_spacing[:, 0] > 0.2) & (over_spacing[:, 0] < 0.35)).all()
-
-
-def test_flat_punches_have_force_of_order_1_and_area_of_order_three_halves():
-    """The singular pressure at the edge costs an order of the force."""
-    (force, covered), _ = orders(FlatPunch(RADIUS))
-    assert 0.85 < force < 1.2
-    assert 1.2 < covered < 1.75
-
-
 @settings(max_examples=60)
 @given(
     exponent=st.floats(1, 8),

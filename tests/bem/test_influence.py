@@ -76,22 +76,6 @@ def test_oblong_grids_transpose_and_nest(kernel, shape):
     np.testing.assert_array_equal(table, square[: shape[0], : shape[1]])
 
 
-@pytest.mark.parametrize(
-    ("kernel", "aspect"),
-    [("uniform-pressure", 1.0), ("uniform-pressure", 7.3), ("concentrated-force", 1.0)],
-)
-@pytest.mark.parametrize("shape", [(1, 1), (129, 97), (520, 500)])
-def test_cut_from_a_larger_table_or_tabulated_the_same_bits(shape, kernel, aspect):
-    cut = influence_coefficients(shape, kernel, aspect)
-    assert cut.base is not None
-    np.testing.assert_array_equal(cut, influence._table.__wrapped__(shape, kernel, aspect))
-
-
-def test_a_strip_does_not_take_the_table_of_a_square():
-    strip = influence_coefficients((3, 2000))
-    assert (strip if strip.base is None else strip.base).size == strip.size
-
-
 def test_concentrated_force_is_mircos_formula():
     """u = F / (pi E* a) asin(a / r) with F = p g^2 and a = g / 2, here with g = E* = p = 1."""
     table = influence_coefficients((600, 600), "concentrated-force")

@@ -136,19 +136,6 @@ def test_force_and_displacement_lead_to_one_another(kind, seed, shape, kernel, s
 LARGE = generate("diamond-square", 129, 0.65, 12.5, np.random.default_rng(4))
 
 
-@pytest.mark.parametrize("far_field", FAR_FIELDS)
-@pytest.mark.parametrize("delta", [0.5, 4.0, 9.0, 14.0, 17.0])
-def test_it_is_cheap_and_exact_on_rough_surfaces(delta, far_field):
-    """The count of convolutions is the cost; its mean ratio is in `pytest bench -k given_force`."""
-    expected = bem.solve(LARGE, 1000.0, delta, modulus=3.0, far_field=far_field)
-    contact = bem.solve(LARGE, 1000.0, force=expected.force, modulus=3.0, far_field=far_field)
-    assert contact.force == pytest.approx(expected.force, rel=2e-6)
-    assert contact.delta == pytest.approx(delta, rel=5e-6)
-    assert contact.approach == pytest.approx(expected.approach, rel=5e-6)
-    assert abs(contact.contact_nodes - expected.contact_nodes) <= 1
-    assert contact.convolutions <= 60
-
-
 def test_flat_surfaces_and_single_nodes_have_a_displacement():
     flat = bem.solve(np.zeros((9, 9)), 80.0, force=5.0)
     assert bem.solve(np.zeros((9, 9)), 80.0, flat.delta).force == pytest.approx(5.0, rel=1e-5)

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 import bem
 from bem import equilibrium
-from bem.active_set import ActiveSet
 from bem.analytic import PowerLaw
 from bem.problem import BOUNDARIES
 from bench.references.surfaces import SURFACES
@@ -45,16 +44,6 @@ def test_a_hardness_above_all_pressures_changes_no_byte(seed, load, above):
     assert contact.gap.tobytes() == elastic.gap.tobytes()
     assert contact.yielded_percent == 0
     assert not contact.yielded_depth.any()
-
-
-def test_elastic_bodies_never_ask_for_the_hardness(monkeypatch):
-    """Without one, the solver goes straight to the elastic solve."""
-    monkeypatch.setattr(ActiveSet, "_let_yield", None)
-    monkeypatch.setattr(ActiveSet, "_capped", None)
-    heights = self_affine(1, 65)
-    contact = bem.solve(heights, SIDE, 0.3 * np.ptp(heights))
-    assert contact.yielded_percent == 0
-    np.testing.assert_array_equal(contact.flattened, heights)
 
 
 @pytest.mark.parametrize("few", [0, 10_000])

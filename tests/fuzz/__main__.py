@@ -20,8 +20,7 @@ from gen.runtime import command_line, farm
 from gen.runtime.errors import InputError
 from gen.scene import Scene
 from tests.fuzz import child, corpus
-from tests.fuzz.corpus import KINDS, Kind
-from tests.fuzz.damage import damaged
+from tests.fuzz.corpus import KINDS, Kind, damaged
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from gen.runtime.errors import InputError
 from tests.fuzz import child
 from tests.fuzz.__main__ import Case, Findings, cases, main
 from tests.fuzz.child import Ended, fault, run
-from tests.fuzz.damage import BY_ENDING, damaged
+from tests.fuzz.corpus import BY_ENDING, damaged
 
 RUN = ("gen", "run", "scene.toml")
 

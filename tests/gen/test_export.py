@@ -2,7 +2,6 @@
 
 import json
 import shutil
-import tracemalloc
 
 import h5py
 import mlcroissant as mlc
@@ -153,23 +152,6 @@ def test_folders_with_something_else_are_left_alone(folder, tmp_path, capsys):
         assert cli.main(["export", str(other), "-o", str(tmp_path / place)]) == 2
         assert words in capsys.readouterr().err
         assert contents(tmp_path / place) == before
-
-
-def test_large_exports_take_little_memory(tmp_path):
-    """Four times as many rows as are read at once: the peak is that of one piece, and the mask."""
-    rows = 4 * parquet_files.TABLE_ROWS
-    path = filled(tmp_path / "a.h5", small(rows))
-    with h5py.File(path, "r+") as file:
-        file["status"][:] = Status.DONE
-    with Reader(path) as reader:
-        columns = parquet_files.schema_of(reader, parquet_files.scalars(reader))
-        done = reader.column("status") == Status.DONE
-        tracemalloc.start()
-        counted = sum(t.num_rows for t in parquet_files.tables(reader, columns, reader.rows, done))
-        peak = tracemalloc.get_traced_memory()[1]
-        tracemalloc.stop()
-    assert counted == rows
-    assert peak < 3 * parquet_files.TABLE_ROWS * sum(8 for _ in columns)
 
 
 def test_a_licence_that_nobody_can_look_up_is_refused(folder, tmp_path, capsys):

@@ -90,21 +90,17 @@ def test_nodes_that_are_no_power_of_two_plus_one_are_refused(generator, nodes):
         surface(generator, nodes)
 
 
-@pytest.mark.parametrize("hurst", [-0.1, math.nan])
-def test_hurst_exponents_that_are_none_are_refused(hurst):
-    with pytest.raises(InputError, match=r"^hurst .*: give a Hurst exponent from 0 to 1$"):
-        surface("midpoint", 5, hurst=hurst)
-
-
-@pytest.mark.parametrize("sigma0", [-1.0, math.inf])
-def test_standard_deviations_that_are_none_are_refused(sigma0):
-    with pytest.raises(InputError, match=r"^sigma0 .*: give a standard deviation of 0 um or more$"):
-        surface("midpoint", 5, sigma0=sigma0)
-
-
-def test_unknown_generator_is_refused_with_those_there_are():
-    with pytest.raises(InputError, match=r"^generator 'brown': .*diamond-square, midpoint$"):
-        surface("brown", 5)
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"hurst": -0.1}, "hurst -0.1: give a Hurst exponent from 0 to 1$"),
+        ({"sigma0": math.inf}, "sigma0 inf: give a standard deviation of 0 um or more$"),
+        ({"generator": "brown"}, "generator 'brown': .*diamond-square, midpoint$"),
+    ],
+)
+def test_surfaces_that_cannot_be_are_refused(wrong, message):
+    with pytest.raises(InputError, match=f"^{message}"):
+        surface(**{"generator": "midpoint", "nodes": 5, **wrong})
 
 
 ROOT = Path(__file__).resolve().parents[2]

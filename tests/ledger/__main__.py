@@ -9,8 +9,16 @@ import typer
 from gen.runtime import command_line, farm
 from gen.runtime.errors import InputError
 from gen.runtime.files import Output, check_outputs
-from tests.ledger.counts import job_counts, solve_counts
-from tests.ledger.table import LEDGER, faults, read, text_table, updated, write_entries
+from tests.ledger.counts import (
+    LEDGER,
+    faults,
+    job_counts,
+    read,
+    solve_counts,
+    text_table,
+    updated,
+    write_entries,
+)
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None)
 

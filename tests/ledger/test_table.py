@@ -4,7 +4,7 @@ import pytest
 
 from gen.runtime.errors import InputError
 from tests.ledger import __main__ as program
-from tests.ledger.table import LEDGER, Entry, Key, faults, read, updated, write_entries
+from tests.ledger.counts import LEDGER, Entry, Key, faults, read, updated, write_entries
 
 CONVOLUTIONS = Key("given force", "convolutions")
 NODES = Key("given force", "contact nodes")

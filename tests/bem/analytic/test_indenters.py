@@ -130,12 +130,6 @@ def test_profiles_that_do_not_fall_are_refused(coefficient, exponent, told):
         PowerLaw(coefficient, exponent)
 
 
-def test_singular_pressures_are_infinite_without_warnings():
-    assert Cone(0.3).pressure(np.array([0.0]), 1.0)[0] == np.inf
-    assert FlatPunch(40.0).pressure(np.array([40.0]), 1.0)[0] == np.inf
-    assert FlatPunch(40.0).contact_radius(0.0) == 0
-
-
 def test_distances_from_the_centre_of_a_patch():
     distance = distances_to_centre((3, 5), (6.0, 16.0))
     assert distance.shape == (3, 5)

@@ -150,15 +150,6 @@ def test_oblique_sines_hold_the_half_space_up_by_their_heights():
         assert moved == pytest.approx(float(sine.heights(np.array(0.0), np.array(0.0))), abs=1e-9)
 
 
-def test_the_doubly_sinusoidal_surface_is_two_oblique_sines():
-    q = 2 * np.pi / 40
-    sines = SumOfSines((Sine(0.15, (q, q)), Sine(0.15, (q, -q))))
-    x, y = np.meshgrid(PLACES[:80:2], PLACES[:80:2], indexing="ij")
-    assert sines.heights(x, y) == pytest.approx(CROSSED.heights(x, y), abs=1e-15)
-    full = sines.full_contact_pressure(x, y, MODULUS)
-    assert CROSSED.full_contact_pressure(MODULUS) == pytest.approx(full, rel=1e-14)
-
-
 def test_doubly_sinusoidal_contact_at_light_load_is_hertz_at_every_peak():
     load, cell = 1e-9 * CROSSED.full_contact_pressure(MODULUS), 40.0**2 / 2
     sphere = Paraboloid(1 / (0.3 * (2 * np.pi / 40) ** 2))

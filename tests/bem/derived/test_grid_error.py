@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import bem
-from bem.derived.grid_error import coarser, grid_errors, slope_order
+from bem.derived.grid_error import coarser, slope_order
 from bem.problem import pose
 from tests.bem.waves import random_waves
 
@@ -110,15 +110,6 @@ def test_smooth_surfaces_have_the_order_two_and_edges_the_order_one():
     edge = np.add.outer(np.abs((7 * x + 0.3) % 1 - 0.5), np.zeros(64))
     assert slope_order(edge, "periodic") == pytest.approx(1, abs=0.4)
     assert slope_order(np.zeros((64, 64)), "free") == math.inf
-
-
-def test_a_ladder_has_the_errors_of_its_contacts():
-    surface = random_waves(1, 8, 0.7, 1)(64)
-    contacts = list(bem.ladder(surface, 1.0, pressures=[0.001, 0.01, 0.03], boundary="periodic"))
-    for together, contact in zip(grid_errors(contacts, contacts[0].again), contacts, strict=True):
-        alone = contact.grid_error()
-        assert together.area_percent == pytest.approx(alone.area_percent, rel=1e-4)
-        assert together.mean_gap == pytest.approx(alone.mean_gap, rel=1e-3)
 
 
 def test_no_contact_full_contact_and_few_nodes_have_answers():

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import bem
 from bem.analytic import WavySurface
-from bem.derived.stiffness import PUNCH_RTOL, patch_stiffness, punch_of, without_patch
+from bem.derived.stiffness import PUNCH_RTOL, patch_stiffness, punch_of
 from bem.influence import InfluenceMatrix
 from bem.operators.patch import Patch
 from bem.problem import pose
@@ -180,13 +180,6 @@ def test_any_set_has_the_stiffness_of_dense_algebra(seed, share, aspect):
         punch = punch_of(problem, nodes)
         assert punch.stiffness == pytest.approx(dense, rel=1e-9)
         assert punch.residual <= PUNCH_RTOL
-
-
-def test_compliances_in_series():
-    assert without_patch(2.0, 4.0) == 4.0
-    assert without_patch(2.0, math.inf) == 2.0
-    assert without_patch(4.0, 4.0) == without_patch(4.0 * (1 + 1e-14), 4.0) == math.inf
-    assert without_patch(0.0, 4.0) == 0
 
 
 def test_it_costs_nothing_until_it_is_asked_for():

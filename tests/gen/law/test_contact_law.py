@@ -206,14 +206,6 @@ def test_displacements_at_which_all_nodes_of_a_population_yield_are_refused(surf
     assert "every node yields: the pressure is the hardness, 1 MPa, at all displacements" in said
 
 
-def test_a_map_of_an_input_folder_is_not_replaced(surfaces, run, capsys):
-    Path("many/s9.csv").write_text("0,1,0\n1,0,1\n0,1,0\n")
-    before = {path.name: path.read_bytes() for path in Path("many").iterdir()}
-    run("many", "--pressure", "1", "-o", "many/s9", ends=2)
-    assert "many/s9.csv: is an input" in capsys.readouterr().err.splitlines()[-1]
-    assert {path.name: path.read_bytes() for path in Path("many").iterdir()} == before
-
-
 @pytest.mark.parametrize(
     ("arguments", "word"),
     [

@@ -82,12 +82,6 @@ def test_a_crop_without_edges_keeps_the_pixels(boundary):
     assert part.boundary == boundary
 
 
-@pytest.mark.parametrize("crop", ["4:10", "a:b,0:1", "10:4,0:4"])
-def test_crops_that_hold_nothing_are_refused(crop):
-    with pytest.raises(InputError, match="--crop"):
-        prepare(topography(X), Reading.of_options(crop=crop))
-
-
 def test_steps_are_taken_in_their_order_whatever_is_asked_for():
     random = np.random.default_rng(0)
     x, y = np.meshgrid(np.arange(41.0), np.arange(33.0), indexing="ij")
