@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable, Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeAlias
 
@@ -35,7 +36,7 @@ from gen.surface import (
 
 if TYPE_CHECKING:  # scenes of other surfaces need nothing of maps
     from gen.maps.library import Library, Wanted
-    from gen.maps.windows import Pairing, Tiling, Window
+    from gen.maps.windows import Tiling, Window
 
 _OPEN: dict[ScanSurface, Library] = {}
 """Prepared maps of the scenes of this process."""
@@ -302,16 +303,21 @@ class ScanSurface(GeneratedSurface):
 
         Tiles of a second body's own maps are paired with those of the first: the tile is that pair.
         """
-        pairing = self._pairing()
+        groups = self.tile_groups()
         windows = [self._window(random) for random in randoms]
         return {
             "map": np.array([window.map for window in windows], dtype=np.int32),
-            "tile": np.array([pairing.group(window.tile) for window in windows], dtype=np.int32),
+            "tile": np.array([window.tile % groups for window in windows], dtype=np.int32),
         }
 
     def tile_groups(self) -> int:
-        """Return the number of groups of tiles, the values that the column `tile` can have."""
-        return self._pairing().groups
+        """Return the number of groups of tiles, the values that the column `tile` can have.
+
+        Windows of two bodies come from one group, which has tiles of both, as evenly as they
+        divide. Rows of one group stay together in a split: its parts share no node of either body.
+        """
+        first = self._tiling().total
+        return first if self.against is None else min(first, self.opposite()._tiling().total)
 
     def heights(self, grid: Grid, surface: int, parameters: Parameters, random: Random) -> Heights:
         """Cut a window out; see `GeneratedSurface.heights`."""
@@ -323,9 +329,10 @@ class ScanSurface(GeneratedSurface):
         """Cut the second body's window out of a tile that is paired with the first body's."""
         from gen.maps.windows import facing
 
-        tiles = self._pairing().partners(self._window(first).tile)
-        other = self.opposite()
-        return other._cut(facing(random, other._tiling(), tiles, square=other._is_square()))
+        other, groups = self.opposite(), self.tile_groups()
+        tiling = other._tiling()
+        tiles = range(self._window(first).tile % groups, tiling.total, groups)
+        return other._cut(facing(random, tiling, tiles, square=other._is_square()))
 
     def _window(self, random: Random) -> Window:
         """Draw the window of the first body."""
@@ -342,23 +349,22 @@ class ScanSurface(GeneratedSurface):
             alone.make_ready(None)
         return cut(_OPEN[alone].maps[window.map].heights, window, pair(self.nodes))
 
-    def _pairing(self) -> Pairing:
-        """Return the groups of tiles that windows of both bodies come from."""
-        from gen.maps.windows import Pairing
-
-        first = self._tiling().total
-        return Pairing(first, first if self.against is None else self.opposite()._tiling().total)
-
     def _tiling(self) -> Tiling:
         """Return the tiles of the first body's maps."""
-        from gen.maps.windows import Tiling
-
-        return Tiling(tuple(each.nodes for each in self.known().maps), pair(self.nodes))
+        return _tiled(tuple(each.nodes for each in self.known().maps), pair(self.nodes))
 
     def _is_square(self) -> bool:
         """Tell whether a window has the symmetries of the square."""
         (nx, ny), (dx, dy) = pair(self.nodes), self.known().spacing
         return nx == ny and dx == dy
+
+
+@lru_cache(maxsize=8)
+def _tiled(shapes: tuple[tuple[int, int], ...], window: tuple[int, int]) -> Tiling:
+    """Return the tiles of maps, the same ones for every surface of a run."""
+    from gen.maps.windows import Tiling
+
+    return Tiling(shapes, window)
 
 
 def _require_company(first: Found, second: Found) -> None:

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gen.maps.windows import DRAWS, Pairing, Tiling, cut, drawn, turned
+from gen.maps.windows import DRAWS, Tiling, cut, drawn, turned
 
 windows = st.tuples(st.integers(2, 12), st.integers(2, 12))
 
@@ -22,8 +22,8 @@ def tilings(draw):
 def test_tiles_cover_each_map_once_and_hold_a_window(tiling):
     for index, shape in enumerate(tiling.shapes):
         covered = np.zeros(shape, dtype=int)
-        for place in range(tiling.number(index)):
-            (x0, x1), (y0, y1) = tiling.bounds(index, place)
+        for number, (x0, x1), (y0, y1) in tiling.tiles[index]:
+            assert number == index
             assert x1 - x0 >= tiling.window[0]
             assert y1 - y0 >= tiling.window[1]
             covered[x0:x1, y0:y1] += 1
@@ -35,20 +35,7 @@ def test_tiles_cover_each_map_once_and_hold_a_window(tiling):
     [(129, 129, 1), (257, 129, 1), (258, 129, 2), (515, 129, 2), (516, 129, 2), (774, 129, 3)],
 )
 def test_tiles_are_twice_as_wide_as_the_window_where_two_of_them_fit(nodes, window, tiles):
-    assert Tiling(((nodes, nodes),), (window, window)).counts(0) == (tiles, tiles)
-
-
-@given(st.integers(1, 60), st.integers(1, 60))
-def test_tiles_of_two_sets_are_in_one_group_each(first, second):
-    pairing = Pairing(first, second)
-    faced: dict[int, int] = {}
-    for tile in range(first):
-        partners = pairing.partners(tile)
-        assert len(partners) >= 1
-        for partner in partners:
-            assert faced.setdefault(partner, pairing.group(tile)) == pairing.group(partner)
-    assert set(faced) == set(range(second)), "every tile of the second set is taken"
-    assert {pairing.group(tile) for tile in range(first)} == set(range(min(first, second)))
+    assert Tiling(((nodes, nodes),), (window, window)).total == tiles**2
 
 
 def stream(seed, surface):
@@ -75,11 +62,8 @@ def test_windows_of_different_tiles_share_no_node(tiling, seed, surfaces):
 def test_a_window_lies_in_its_tile(tiling, seed, square):
     window = drawn(stream(seed, 3), tiling, square=square)
     assert window == drawn(stream(seed, 3), tiling, square=square)
-    place = window.tile - tiling.first(window.map)
-    assert 0 <= place < tiling.number(window.map)
-    for corner, nodes, (start, stop) in zip(
-        window.corner, tiling.window, tiling.bounds(window.map, place), strict=True
-    ):
+    _, *ends = tiling.tiles[window.map][window.tile - tiling.starts[window.map]]
+    for corner, nodes, (start, stop) in zip(window.corner, tiling.window, ends, strict=True):
         assert start <= corner <= corner + nodes <= stop
     assert 0 <= window.symmetry < (8 if square else 4)
 
