@@ -193,11 +193,8 @@ def _scaled(
 
 
 def _synthesis(amplitudes: Values, phases: Values, shape: tuple[int, int]) -> Heights:
-    """Sum waves of amplitudes and phases (2 kx + 1, ky + 1) on the grid.
-
-    Single precision is enough for phases that are random, and its functions are many times faster;
-    the moduli of the complex amplitudes are exact.
-    """
+    """Sum waves of amplitudes and phases (2 kx + 1, ky + 1) on the grid."""
+    # Single precision is enough for phases that are random; the moduli of the amplitudes are exact.
     angles = phases.astype(np.float32)
     cosines, sines = (function(angles).astype(np.float64) for function in (np.cos, np.sin))
     amplitudes = amplitudes / np.sqrt(cosines**2 + sines**2)
@@ -307,9 +304,8 @@ class SpectralSurface(GridSurface):
     def heights(self, grid: Grid, surface: int, parameters: Parameters, random: Random) -> Heights:
         """Add waves up; see `GeneratedSurface.heights`.
 
-        A surface on a periodic patch has the patch as its period. Any other one is a window of a
-        surface whose period is longer, so that its opposite borders have nothing to do with each
-        other.
+        Off a periodic patch it is a window of a surface with a longer period, so that opposite
+        borders have nothing to do with each other.
         """
         names = ("hurst", "roll_off", "cut_off", "stretch")
         nodes = self.period_nodes(grid)

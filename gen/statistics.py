@@ -236,11 +236,7 @@ def _profiles(surface: Values, axis: int) -> Profiles:
     """Compute the differences and peaks of all profiles along one axis.
 
     The lowest height is not subtracted: that would round heights far above it, and neighbours
-    would tie.
-
-    The flat array makes all operations contiguous. Profiles along y follow one another in it:
-    differences that reach over the end of a profile are set to zero, which makes no peak and adds
-    nothing to a sum.
+    would tie. Differences that reach over the end of a profile in the flat array are set to zero.
     """
     nodes, columns = surface.ravel(), surface.shape[1]
     stride = columns if axis == 0 else 1
@@ -297,9 +293,7 @@ def _moments(values: Values, origin: float, noise: float) -> Moments:
 def _spread(values: Values, origin: float) -> tuple[float, Values, float]:
     """Compute the mean over an origin, the deviations (count,) and the variance of values (count,).
 
-    Two passes are enough unless the values are nearly equal, or far from zero for their spread:
-    the rounding of the mean is then too large beside the deviations. A third pass takes it out,
-    as it is the mean of the deviations.
+    Where the rounding of the mean is too large beside the deviations, a third pass takes it out.
     """
     mean = float(values.sum()) / values.size
     deviations = values - mean

@@ -4,8 +4,8 @@ import os
 import re
 import shutil
 import stat
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from gen.database.layout import (
     SIGNATURE,
     chunks,
-    fill,
     identity,
     lay_out,
     provenance,
@@ -44,10 +43,7 @@ class Opened(NamedTuple):
 def create(path: Path, scene: Scene, rows: range | None = None) -> None:
     """Create a database of some rows, all pending; the caller holds `lock(path)`."""
     rows = range(scene.samples) if rows is None else rows
-    with new_file(path, scene, rows) as temporary:
-        lay_out(temporary, scene, rows, provenance(scene))
-        with open_file(temporary, writing=True) as file:
-            fill(file, scene, 0, len(rows))
+    _assemble(path, scene, rows, provenance(scene))
 
 
 def open_or_create(
@@ -89,16 +85,8 @@ def extend(path: Path, scene: Scene, rows: range | None = None, *, force: bool =
         if rows == old_rows:
             raise InputError(f"{path} has {len(old_rows)} samples; to extend it ask for more")
         wider = scene if scene.samples > present.samples else present
-        place = old_rows.start - rows.start
-        with new_file(path, wider, rows, replaced=held) as temporary:
-            lay_out(temporary, wider, rows, attributes | identity(wider))
-            with open_file(temporary, writing=True) as new:
-                for column in columns_for(wider):
-                    kept = old[stored_path(old, column)]
-                    for start, stop in chunks(len(old_rows), column.row_bytes(wider.shape)):
-                        write_rows(new[column.path], place + start, kept[start:stop])
-                fill(new, wider, 0, place)
-                fill(new, wider, place + len(old_rows), len(rows))
+        part = Part(path, old, old_rows)
+        _assemble(path, wider, rows, attributes | identity(wider), [part], replaced=held)
     return rows
 
 
@@ -126,13 +114,7 @@ def merge(target: Path, sources: Sequence[Path]) -> Counts:
         forced = max(int(file.attrs["physics_forced"]) for file in files.values())
         attributes = read_attributes(files[largest]) | {"physics_forced": forced}
         parts = [Part(path, file, rows_of(read_attributes(file))) for path, file in files.items()]
-        with new_file(target, scene, range(scene.samples)) as temporary:
-            lay_out(temporary, scene, range(scene.samples), attributes)
-            with open_file(temporary, writing=True) as merged:
-                widest = max(column.row_bytes(scene.shape) for column in columns_for(scene))
-                for start, stop in chunks(scene.samples, widest):
-                    _merge_rows(merged, parts, scene, start, stop)
-                return counts(merged[STATUS.path])
+        return _assemble(target, scene, range(scene.samples), attributes, parts)
 
 
 class Part(NamedTuple):
@@ -169,18 +151,18 @@ def _refuse_unequal(files: Mapping[Path, h5py.File], scenes: Mapping[Path, Scene
 
 
 def _merge_rows(
-    target: h5py.File, parts: Sequence[Part], scene: Scene, start: int, stop: int
+    target: h5py.File, first: int, parts: Sequence[Part], scene: Scene, start: int, stop: int
 ) -> None:
-    """Write the rows start..stop, each from the first part in which it is done, or else failed."""
+    """Write the rows start..stop, each from the first part in which it is done, or else failed.
+
+    `first` is the first row of the target.
+    """
     grid = scene.shape
     parts = [part for part in parts if part.rows.start < stop and start < part.rows.stop]
-    if not parts:
-        fill(target, scene, start, stop)
-        return
-    status = np.stack([part.read(STATUS, start, stop, grid) for part in parts])
+    status = np.array([part.read(STATUS, start, stop, grid) for part in parts])
     done = status == Status.DONE
     merit = 2 * done + (status == Status.FAILED)
-    owner = merit.argmax(axis=0)
+    owner = merit.argmax(axis=0) if parts else merit
     for column in columns_for(scene):
         merged = np.full(column.shape(stop - start, grid), column.fill, dtype=column.dtype)
         for index, part in enumerate(parts):
@@ -202,18 +184,23 @@ def _merge_rows(
                     f"row {start + unequal[0]}: {column.name} differs between {other} and "
                     f"{part.path}, which other code or another machine must have made: not merged"
                 )
-        write_rows(target[column.path], start, merged)
+        write_rows(target[column.path], start - first, merged)
 
 
-@contextmanager
-def new_file(
-    path: Path, scene: Scene, rows: range, *, replaced: HeldFile | None = None
-) -> Iterator[Path]:
-    """Make an empty file beside a database, and rename it to the database if the block succeeds.
+def _assemble(
+    path: Path,
+    scene: Scene,
+    rows: range,
+    attributes: Mapping[str, str | int],
+    parts: Sequence[Part] = (),
+    *,
+    replaced: HeldFile | None = None,
+) -> Counts:
+    """Make a file of some rows beside a database, and rename it to the database when it is whole.
 
     Its name, `X.h5.0123456789abcdef.part`, is drawn at random. The next attempt, which holds the
     same lock, removes the remains of a killed one. `replaced` is the file of this name that may be
-    replaced; without it there must be none.
+    replaced; without it there must be none. Rows that no part has are pending.
     """
     real = place_of(path)
     if replaced is None and real.exists():
@@ -224,7 +211,12 @@ def new_file(
         with unfinished(real, "refuse" if replaced is None else "replace", ".part") as made:
             if replaced is not None:
                 _require_owner(path, real.stat(), made.stat())
-            yield made
+            lay_out(made, scene, rows, attributes)
+            with open_file(made, writing=True) as file:
+                widest = max(column.row_bytes(scene.shape) for column in columns_for(scene))
+                for start, stop in chunks(rows.stop, widest, rows.start):
+                    _merge_rows(file, rows.start, parts, scene, start, stop)
+                counted = counts(file[STATUS.path])
             if replaced is not None:
                 replaced.check()
     except FileExistsError:
@@ -234,6 +226,7 @@ def new_file(
         if trouble is None:
             raise
         raise InputError(f"{path}: {trouble}; nothing was changed") from None
+    return counted
 
 
 def _require_owner(path: Path, old: os.stat_result, new: os.stat_result) -> None:

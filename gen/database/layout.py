@@ -77,8 +77,8 @@ def write_rows(dataset: h5py.Dataset, start: int, values: NDArray[Any]) -> None:
 def lay_out(path: Path, scene: Scene, rows: range, attributes: Mapping[str, str | int]) -> None:
     """Create a file for some rows of a scene: dimensions, attributes and empty columns.
 
-    HDF5 allocates the columns; `fill` fills them, because HDF5 crashes if the disk runs full during
-    its own filling.
+    HDF5 allocates the columns; who calls fills them, because HDF5 crashes if the disk runs full
+    during its own filling.
     """
     columns = columns_for(scene)
     # Version 2 of the superblock: later ones mark a file as open, and a killed writer would leave
@@ -134,15 +134,6 @@ def _add(
         # CF's list of meanings is separated by blanks: each text has to be one word.
         words = (re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_") for text in flags.values())
         _set(dataset, "flag_meanings", " ".join(word or "none" for word in words))
-
-
-def fill(file: h5py.File, scene: Scene, first: int, last: int) -> None:
-    """Write fill values into the rows first..last - 1, which take up their disk space."""
-    for column in columns_for(scene):
-        dataset = file[column.path]
-        for start, stop in chunks(last, column.row_bytes(scene.shape), first):
-            shape = column.shape(stop - start, scene.shape)
-            write_rows(dataset, start, np.full(shape, column.fill, dtype=column.dtype))
 
 
 def _set(node: h5py.Dataset | h5py.File, name: str, value: str | int) -> None:

@@ -62,23 +62,15 @@ def _chunk_faults(
     """Compare a chunk's columns with its plan, and done rows with what holds for all of them."""
     scene, reason = reader.scene, reader.column("reason", start, stop)
     done, failed = status == Status.DONE, status == Status.FAILED
-    solved, known = (
-        np.isin(reason, DONE_REASONS),
-        np.isin(reason, [code for code in REASONS if code]),
-    )
     plan = parameters(scene, start, stop)
-    planned = planned_columns(scene, plan).items()
+    known = np.isin(reason, [code for code in REASONS if code])
     faults = [
-        (done & ~solved, "done, but has a reason to fail"),
+        (done & ~np.isin(reason, DONE_REASONS), "done, but has a reason to fail"),
         (failed & ~known, "failed without a known reason"),
-        *(
-            (
-                (done | failed) & (reader.column(name, start, stop) != values),
-                f"{name} is not the plan's",
-            )
-            for name, values in planned
-        ),
     ]
+    for name, values in planned_columns(scene, plan).items():
+        unequal = reader.column(name, start, stop) != values
+        faults.append(((done | failed) & unequal, f"{name} is not the plan's"))
     rows: Columns = {
         column.name: reader.column(column.name, start, stop)
         for column in reader.columns()

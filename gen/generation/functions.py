@@ -13,7 +13,7 @@ import numpy as np
 import bem
 from gen.runtime.errors import InputError, SourceError
 from gen.runtime.user_code import faults_of, load_function, source_hash, source_of
-from gen.scene import PythonSurface, Scene, Store
+from gen.scene import PythonSurface, Scene, Store, resolved
 from gen.scene.columns import require_own_names
 
 TRIED_ROWS = 16
@@ -86,7 +86,7 @@ def completed(scene: Scene, home: Path | None = None) -> Scene:
     solved here. The result depends on the scene and the functions' sources only.
     """
     require_own_names(scene)
-    scene = scene.resolved(home)
+    scene = resolved(scene, home)
     if isinstance(scene.surface, PythonSurface):
         load_function(scene.surface.function, str(scene.surface.source))
     if scene.store.function is None:

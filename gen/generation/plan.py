@@ -67,18 +67,21 @@ def parameters(scene: Scene, start: int, stop: int) -> Parameters:
         raise ValueError(f"rows {start} to {stop}: wanted 0 <= start <= stop")
     m = scene.samples_per_surface
     first, last = start // m, -(-stop // m)
-    of_surfaces, load = _uniform_numbers(scene, first, last)
+    draw = functools.partial(_drawn, scene.seed, first, last, CHUNK)
+    load = draw((1,), per=2 * m, before=2 * CHUNK).reshape(-1, 2)
     surface = np.arange(start, stop, dtype=np.int64) // m
-    rows = slice(start - first * m, stop - first * m)
-    drawn = {
-        name: quantiles(distribution, of_surfaces[name])[surface - first]
-        for name, distribution in scene.drawn_parameters.items()
-    }
+    distributions, drawn = scene.drawn_parameters, {}
+    for name, distribution in distributions.items():
+        if distributions.keys() == {"hurst", "sigma0"}:
+            uniform = draw((1,), before=CHUNK * (name == "sigma0"))[:, 0]
+        else:
+            uniform = draw((3, zlib.crc32(name.encode())))[:, 0]
+        drawn[name] = quantiles(distribution, uniform)[surface - first]
     taken = scene.surface.places(surface_random(scene, each) for each in range(first, last))
     return Parameters(
         surface=surface,
         drawn=drawn,
-        load=_loads(scene.pieces, load.reshape(-1, 2)[rows]),
+        load=_loads(scene.pieces, load[start - first * m : stop - first * m]),
         quantity=scene.quantity,
         hardness=_hardness(scene, start, stop),
         first=start,
@@ -113,17 +116,6 @@ def _stream(seed: int, *key: int) -> np.random.PCG64:
     The bit generator is named because NumPy may change the one that `default_rng` takes.
     """
     return np.random.PCG64(np.random.SeedSequence(seed, spawn_key=key))
-
-
-def _uniform_numbers(scene: Scene, first: int, last: int) -> tuple[dict[str, Values], Values]:
-    """Draw numbers in [0, 1): one for each surface and parameter, two for each sample's load."""
-    m = scene.samples_per_surface
-    draw = functools.partial(_drawn, scene.seed, first, last, CHUNK)
-    load = draw((1,), per=2 * m, before=2 * CHUNK).reshape(-1, m, 2)
-    names = scene.drawn_parameters.keys()
-    if names == {"hurst", "sigma0"}:
-        return {"hurst": draw((1,))[:, 0], "sigma0": draw((1,), before=CHUNK)[:, 0]}, load
-    return {name: draw((3, zlib.crc32(name.encode())))[:, 0] for name in names}, load
 
 
 def _drawn(

@@ -245,10 +245,10 @@ def is_scene(text: str) -> bool:
 
 def scene_of(text: str) -> Scene:
     """Return the scene of a name, of a file, or of a database."""
-    from gen.scene import load
+    from gen.scene import load, resolved
 
     if not text.lower().endswith(".h5"):
-        return load(text).resolved()
+        return resolved(load(text))
     from gen.database import Reader
 
     with Reader(Path(text)) as reader:

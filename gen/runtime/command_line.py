@@ -112,24 +112,18 @@ def _options(group: Any) -> list[Parameter]:
     defaults = getattr(group, "_field_defaults", None)
     if defaults is None:
         defaults = {each.name: each.default for each in fields(group)}
-        kinds = {name: _option(name, kinds[name]) for name in defaults if _said(kinds[name])}
+        for name in defaults:
+            said = next(iter(getattr(kinds[name], "__metadata__", ())), None)
+            if said is None:
+                del kinds[name]
+                continue
+            flag, metavar = f"--{name.replace('_', '-')}", said.metavar or None
+            option = typer.Option(flag, metavar=metavar, help=said.help)
+            kinds[name] = Annotated[kinds[name].__origin__, option]
     return [
         Parameter(name, Parameter.KEYWORD_ONLY, default=defaults[name], annotation=kinds[name])
         for name in defaults
         if name in kinds
-    ]
-
-
-def _said(kind: Any) -> Any:
-    """Return what an annotation says beside the type, as `help` and `metavar`; None if nothing."""
-    return next(iter(getattr(kind, "__metadata__", ())), None)
-
-
-def _option(name: str, kind: Any) -> Any:
-    """Return the annotation of an option for a field that has `help` and `metavar`."""
-    said, flag = _said(kind), f"--{name.replace('_', '-')}"
-    return Annotated[
-        kind.__origin__, typer.Option(flag, metavar=said.metavar or None, help=said.help)
     ]
 
 

@@ -19,7 +19,7 @@ KILLED_WHILE_EXTENDING = """
     path = Path(sys.argv[1])
     with database.Reader(path) as reader:
         scene = reader.scene
-    database.creation.fill = lambda *_, **__: os.kill(os.getpid(), signal.SIGKILL)
+    database.creation.counts = lambda *_, **__: os.kill(os.getpid(), signal.SIGKILL)
     database.open_or_create(path, scene.model_copy(update={"samples": 15}))
 """
 
@@ -62,7 +62,7 @@ def test_creation_never_overwrites(path):
 
 
 def test_creation_never_overwrites_what_appears_meanwhile(path, monkeypatch):
-    monkeypatch.setattr(database.creation, "fill", lambda *_, **__: path.write_text("precious"))
+    monkeypatch.setattr(database.creation, "counts", lambda *_, **__: path.write_text("precious"))
     with pytest.raises(InputError, match="meanwhile"):
         create(path, small())
     assert path.read_text() == "precious"

@@ -14,7 +14,7 @@ from gen.maps.prepare import prepare
 from gen.maps.settings import Reading
 from gen.maps.windows import Tiling, drawn, turned
 from gen.runtime.errors import InputError
-from gen.scene import ScanSurface, Scene, differences, load
+from gen.scene import ScanSurface, Scene, differences, load, resolved
 from tests.maps import read
 
 MAPS = (
@@ -56,7 +56,7 @@ def write_scene(folder, samples=30, nodes="16", keys="", name="s.toml"):
 
 
 def scene_of(folder, name="s.toml"):
-    return load(str(folder / name)).resolved(folder)
+    return resolved(load(str(folder / name)), folder)
 
 
 def run(folder, *arguments):
