@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from gen.database import Reader
 from gen.generation.plan import parameters
 from gen.generation.sample import load_of, solve_contact, surface_of
-from gen.maps.pictures import DECADES, LETTERS, contact_maps, draw_map, load_text, metric
+from gen.maps.pictures import DECADES, LETTERS, contact_maps, draw_map, load_text
+from gen.material import Bodies
 from gen.runtime.errors import InputError
 from gen.runtime.figure import log_axis, new_figure, require_picture_name, save
 from gen.runtime.terminal import shortened
@@ -64,10 +65,9 @@ def _draw_sample(axes: NDArray[Any], scene: Scene, row: int) -> None:
         for unit in [units[columns[name]]]
     )
     surface = f"surface of row {row}{': ' if drawn else ''}{drawn}"
-    bound = "" if hardness is None else f", hardness {metric(1e6 * hardness, 'Pa')}"
     pressure = (
         f"contact at {load_text(contact, scene.quantity)},"
-        f" E* = {metric(1e6 * contact.problem.modulus, 'Pa')}{bound}"
+        f" {Bodies(contact.problem.modulus, hardness).text}"
         f"{'' if boundary == 'free' else f', {boundary} boundary'}:"
         f" {contact.area_percent:.3g} % of {contact.pressure.size} nodes, the median of rows done"
     )

@@ -16,6 +16,7 @@ from gen.arrays import Heights, Values
 from gen.maps.contacts import nominal_area
 from gen.maps.read import Sides, Topography
 from gen.maps.texture import RadialSpectrum, SelfAffineFit
+from gen.material import Bodies
 from gen.runtime.figure import log_axis, save
 from gen.runtime.terminal import shortened
 
@@ -25,8 +26,6 @@ if TYPE_CHECKING:
 LETTERS = 50  # letters in a line above a map that fills its half of a picture
 UPPER_PERCENTILE = 99  # where a colour scale ends if a few outliers would otherwise take most of it
 COLOURS = 20  # colours of spots, those of the colour map tab20
-# spans below which axes of lengths are in nm, and from which on they are in mm [um]
-FINE, COARSE = 1.0, 2000.0
 # ratio of the largest to the smallest load from which on axes of loads are logarithmic
 DECADES = 99.0
 OBLONG = 4.0  # ratio of the sides beyond which a map fills its panel, as its title then says
@@ -51,27 +50,13 @@ class Map:
     marked: NDArray[np.bool_] | None = None  # nodes to draw in `CYAN` instead, shape (nx, ny)
 
 
-def axis_unit(span: float) -> tuple[float, str]:
-    """Return a factor from um to the unit of an axis of lengths with this span [um], and it."""
-    if 0.0 < span < FINE:
-        return 1e3, "nm"
-    return (1e-3, "mm") if span >= COARSE else (1.0, "µm")
-
-
-def metric(value: float, unit: str) -> str:
-    """Format a number of an SI unit with four digits and a metric prefix."""
-    power = 0 if value == 0 else min(max(math.floor(math.log10(abs(value)) / 3), -4), 4)
-    prefix = ("p", "n", "µ", "m", "", "k", "M", "G", "T")[power + 4]
-    return f"{value / 1000.0**power:.4g} {prefix}{unit}"
-
-
 def load_text(contact: Contact, quantity: str) -> str:
     """Return the load of a contact: Delta, the force, or for other quantities the mean pressure."""
     if quantity.startswith("delta"):
-        return f"Δ = {metric(1e-6 * contact.delta, 'm')}"
+        return f"Δ = {contact.delta:.4g} µm"
     if quantity == "force":
-        return metric(1e-6 * contact.force, "N")
-    return f"{metric(1e6 * contact.force / nominal_area(contact), 'Pa')} mean pressure"
+        return f"{contact.force:.4g} µN"
+    return f"{contact.force / nominal_area(contact):.4g} MPa mean pressure"
 
 
 def contact_maps(contact: Contact, height_title: str, pressure_title: str) -> tuple[Map, Map]:
@@ -130,12 +115,7 @@ def yielded_nodes(contact: Contact) -> NDArray[np.bool_]:
 def draw_map(axis: Any, surface_map: Map, letters: int = LETTERS) -> None:
     """Draw a field to scale unless it is very oblong, under titles of lines of some letters."""
     nx, ny = surface_map.field.shape
-    per_um, of_sides = axis_unit(max(surface_map.sides))
-    width, length = (per_um * side for side in surface_map.sides)
-    field, unit, title = surface_map.field, surface_map.unit, surface_map.title
-    if unit == "µm" and np.ma.count(field):
-        factor, unit = axis_unit(float(np.ptp(np.ma.compressed(field))))
-        field = factor * field
+    (width, length), field = surface_map.sides, surface_map.field
     low, high, extend = 0.0, COLOURS - 1.0, "neither"
     if surface_map.quantity:
         low, high, extend = _scale(np.ma.compressed(field))
@@ -157,11 +137,11 @@ def draw_map(axis: Any, surface_map: Map, letters: int = LETTERS) -> None:
         axis.imshow(marks, origin="lower", interpolation="nearest", **settings)
     if surface_map.quantity:
         beside = axis.inset_axes((1.03, 0.0, 0.04, 1.0))  # as high as the map
-        label = f"{surface_map.quantity} [{unit}]"
+        label = f"{surface_map.quantity} [{surface_map.unit}]"
         axis.figure.colorbar(image, cax=beside, label=label, extend=extend)
-    lines = [*textwrap.wrap(title, letters), *["not to scale"] * oblong]
+    lines = [*textwrap.wrap(surface_map.title, letters), *["not to scale"] * oblong]
     axis.set_title("\n".join(lines), loc="left", fontsize=10, parse_math=False)
-    axis.set(xlabel=f"x [{of_sides}]", ylabel=f"y [{of_sides}]")
+    axis.set(xlabel="x [µm]", ylabel="y [µm]")
 
 
 def _scale(values: Values) -> tuple[float, float, str]:
@@ -201,10 +181,9 @@ def draw_surface(
 def _draw_distribution(axis: Any, heights: Heights) -> None:
     """Draw the share of the surface over the height, and the share that is above each height."""
     axis.set_title("height distribution and bearing curve", loc="left", fontsize=10)
-    factor, unit = axis_unit(float(np.ptp(heights)))
-    axis.set_ylabel(f"height above the mean [{unit}]")
-    axis.set_xlabel(f"share of the surface per {unit} [%]", color="tab:blue")
-    above = factor * np.sort(heights.ravel() - heights.mean())[::-1]
+    axis.set_ylabel("height above the mean [µm]")
+    axis.set_xlabel("share of the surface per µm [%]", color="tab:blue")
+    above = np.sort(heights.ravel() - heights.mean())[::-1]
     if above[0] == above[-1]:
         axis.text(0.5, 0.5, "flat surface", ha="center", transform=axis.transAxes)
         axis.set(xticks=[], yticks=[])
@@ -306,12 +285,10 @@ def _title(contacts: Sequence[Contact], subject: Subject) -> str:
     last = contacts[-1]
     load = (
         f"{f'last of {len(contacts)} loads: ' if len(contacts) > 1 else ''}"
-        f"Δ = {metric(1e-6 * last.delta, 'm')}, force {metric(1e-6 * last.force, 'N')},"
-        f" mean pressure {metric(1e6 * last.force / nominal_area(last), 'Pa')}"
+        f"Δ = {last.delta:.4g} µm, force {last.force:.4g} µN,"
+        f" mean pressure {last.force / nominal_area(last):.4g} MPa"
     )
-    material = f"E* = {metric(1e6 * last.problem.modulus, 'Pa')}"
-    if last.problem.hardness is not None:
-        material += f", hardness {metric(1e6 * last.problem.hardness, 'Pa')}"
+    material = Bodies(last.problem.modulus, last.problem.hardness).text
     if not subject.material:
         material += ", no material given"
     if last.problem.boundary != "free":
@@ -341,12 +318,10 @@ def _draw_section(axis: Any, contact: Contact, load: str) -> None:
     line: tuple[Any, ...] = (slice(None), place) if along == 0 else (place, slice(None))
     side, spacing = patch_sides(contact)[along], contact.problem.spacing
     first = 0.0 if contact.problem.boundary == "free" else 0.5  # distance of nodes from the border
-    per_um, unit = axis_unit(max(patch_sides(contact)))
-    position = per_um * spacing[along] * (first + np.arange(contact.pressure.shape[along]))
+    position = spacing[along] * (first + np.arange(contact.pressure.shape[along]))
     # The half-space's surface is at 0 before contact, and the rough body comes down from above.
-    surfaces = -contact.displacement[line], contact.gap[line] - contact.displacement[line]
-    factor, height_unit = axis_unit(float(np.ptp(surfaces)))
-    deformed, rough = (factor * heights for heights in surfaces)
+    deformed = -contact.displacement[line]
+    rough = contact.gap[line] + deformed
     margin = 0.08 * float(np.ptp([deformed.min(), deformed.max(), rough.max(), 0.0]))
     top, bottom = max(float(rough.max()), 0.0) + margin, float(deformed.min()) - margin
     axis.fill_between(position, rough, top, color="0.8", label="rough body")
@@ -358,36 +333,30 @@ def _draw_section(axis: Any, contact: Contact, load: str) -> None:
         yielding = np.ma.masked_where(~yielded, deformed)
         axis.plot(position, yielding, ".", ms=4, color=CYAN, label="yielded")
     axis.axhline(0, color="k", lw=0.6, ls=":")
-    across = per_um * spacing[1 - along] * (first + place)
-    where = f"section at {'yx'[along]} = {across:.4g} {unit}{load.replace(' at', ',', 1)}"
+    across = spacing[1 - along] * (first + place)
+    where = f"section at {'yx'[along]} = {across:.4g} µm{load.replace(' at', ',', 1)}"
     axis.set_title(where, loc="left", fontsize=10)
-    axis.set(xlabel=f"{'xy'[along]} [{unit}]", ylabel=f"z [{height_unit}], stretched")
-    axis.set(xlim=(0, per_um * side), ylim=(bottom, top))
+    axis.set(xlabel=f"{'xy'[along]} [µm]", ylabel="z [µm], stretched")
+    axis.set(xlim=(0, side), ylim=(bottom, top))
     axis.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=4, fontsize="small", frameon=False)
 
 
 def _draw_law(axes: Sequence[Any], contacts: Sequence[Contact], load: str) -> None:
     """Draw area, force or far-field displacement, and mean gap over the load that was given."""
-    cells = nominal_area(contacts[0])
-    forces = np.array([contact.force for contact in contacts])
-    lengths = []
-    for values, name in (
-        (np.array([contact.delta for contact in contacts]), "displacement Δ"),
-        (np.array([contact.mean_gap for contact in contacts]), "mean gap"),
-    ):
-        factor, unit = axis_unit(float(values.max()))
-        lengths.append((factor * values, f"{name} [{unit}]"))
+    deltas, forces, gaps, areas = np.array(
+        [(each.delta, each.force, each.mean_gap, each.area_percent) for each in contacts]
+    ).T
     quantities = {
-        "delta": lengths[0],
+        "delta": (deltas, "displacement Δ [µm]"),
         "force": (forces, "normal force [µN]"),
-        "pressure": (forces / cells, "mean pressure [MPa]"),
+        "pressure": (forces / nominal_area(contacts[0]), "mean pressure [MPa]"),
     }
     loads, label = quantities[load]
     order = np.argsort(loads)
     loads = loads[order]
     decades = bool(loads[0] > 0 and loads[-1] >= DECADES * loads[0])
-    areas = np.array([contact.area_percent for contact in contacts]), "contact area [%]"
-    answers = areas, quantities["force" if load == "delta" else "delta"], lengths[1]
+    answer = quantities["force" if load == "delta" else "delta"]
+    answers = (areas, "contact area [%]"), answer, (gaps, "mean gap [µm]")
     colours = ("tab:blue", "tab:orange", "tab:green")
     for axis, (numbers, name), colour in zip(axes, answers, colours, strict=True):
         values = numbers[order]

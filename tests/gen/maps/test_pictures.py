@@ -118,7 +118,7 @@ def test_titles_say_file_load_and_material():
     title = figure.get_suptitle()
     assert title.startswith("a folder/with $")
     assert title.splitlines()[0].endswith("scan.x3p")
-    for said in ("last of 2 loads: Δ = 2 µm, force ", " N, mean pressure ", "E* = 200 GPa"):
+    for said in ("last of 2 loads: Δ = 2 µm, force ", " µN, mean pressure ", "E* = 200000 MPa"):
         assert said in title
     assert "beware" in figure.get_supxlabel()
     alone = drawn(contacts[:1], name="scan.x3p", material=False)
@@ -150,7 +150,7 @@ def test_yielded_nodes_have_a_colour_of_their_own():
     (contact,) = bem.ladder(FRACTAL, (100.0, 100.0), [6.0], modulus=E_STAR, hardness=4000.0)
     assert contact.yielded_percent > 0
     figure = drawn([contact])
-    assert "E* = 200 GPa, hardness 4 GPa" in figure.get_suptitle()
+    assert "E* = 200000 MPa, hardness = 4000 MPa" in figure.get_suptitle()
     spots = titled(figure, "contact: ")
     assert f"{contact.yielded_percent:.3g} % yielded (cyan)" in spots.get_title(loc="left")
     pressures, marks = (image.get_array() for image in spots.images)
@@ -246,7 +246,7 @@ def test_areas_stand_over_the_load_that_was_drawn(tmp_path, monkeypatch, load, q
     (title,) = (title for title in titles if title.startswith("contact at"))
     said = {"pressure": "Pa mean pressure, E*", "force": "N, E*", "delta": "m, E*"}[quantity]
     assert said in title
-    assert "E* = 200 GPa, hardness 2 GPa" in title
+    assert "E* = 200000 MPa, hardness = 2000 MPa" in title
 
 
 @pytest.mark.parametrize("values", [(2.1, 4.4), (7.0, 45.0), (1, 1e6)])
