@@ -1,10 +1,27 @@
 """Asperity: contact of rough surfaces, databases of it, surrogates and benchmarks.
 
 The work is done by four packages beside this one: `bem`, `gen`, `learn` and `bench`. This one has
-the version and the command `asperity`, which runs the other packages' programs.
+the version, the command `asperity`, which runs the other packages' programs, and functions of a
+scene's numbers for codes that ask many questions.
 """
+
+from typing import TYPE_CHECKING, Any
 
 from gen.runtime import VERSION
 
+if TYPE_CHECKING:
+    from asperity.functions import SceneFunction, SurrogateFunction
+
+__all__ = ["SceneFunction", "SurrogateFunction", "__version__"]
+
 __version__: str = VERSION
 """Version of the installed distribution."""
+
+
+def __getattr__(name: str) -> Any:
+    """Import the functions when they are asked for, as the command does not need them."""
+    if name in {"SceneFunction", "SurrogateFunction"}:
+        from asperity import functions
+
+        return getattr(functions, name)
+    raise AttributeError(f"module 'asperity' has no attribute {name!r}")

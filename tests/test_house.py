@@ -36,7 +36,7 @@ ONE_HOME = {
     "xgboost": {"learn/models.py"},
     "skops": {"learn/surrogate/learnt.py"},
 }
-ALONE = {"asperity.serving", "bench.references", "gen.runtime"}
+ALONE = {"bench.references", "gen.runtime"}
 """Rooms that import nothing else of their package."""
 
 TESTED_TOGETHER = {

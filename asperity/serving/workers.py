@@ -12,7 +12,8 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from typing import NamedTuple
 
-from asperity.serving.models import Configuration, Model, Unsolved, Vectors, model_of
+from asperity.functions import Unsolved
+from asperity.serving.models import Configuration, Model, Vectors, model_of
 from gen.runtime.errors import InputError
 from gen.runtime.user_code import TRUSTED
 

@@ -280,6 +280,8 @@ class FeatureSet:
         scales = {
             "force": modulus * rows.length * rows.delta,
             "mean_gap": rows.unit,
+            "hydraulic_aperture_x": rows.unit,
+            "hydraulic_aperture_y": rows.unit,
             "largest_pressure": modulus * rows.delta / rows.length,
             "perimeter": rows.length * ones,
             "stiffness": modulus * rows.length * ones,

@@ -134,5 +134,5 @@ def test_a_surrogate_of_any_scene_answers_as_it_predicts(folder, name):
 
 def test_windows_of_maps_keep_their_nodes(folder):
     model = model_of(str(folder / "scans.surrogate"))
-    with pytest.raises(InputError, match=r"config\.nodes.*windows"):
+    with pytest.raises(InputError, match=r"nodes: .*windows"):
         model.evaluate([[1.0]], Configuration(nodes=30))

@@ -88,10 +88,11 @@ def test_force_over_its_scale_has_no_unit():
             ("largest_pressure", contact.largest_pressure),
             ("perimeter", contact.perimeter),
             ("area_percent", contact.area_percent),
+            ("hydraulic_aperture_x", contact.flow().aperture),
         ):
             scale = SETS["hybrid"].scale(target, Rows(statistics, delta, side), e_star)
             found.append(value / scale[0])
-    np.testing.assert_allclose(found[:5], found[5:], rtol=1e-6)
+    np.testing.assert_allclose(found[:6], found[6:], rtol=1e-6)
 
 
 def test_the_height_unit_neither_overflows_nor_vanishes():
