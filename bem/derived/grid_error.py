@@ -33,8 +33,8 @@ AT_LEAST = {"area": 0.10, "gap": 0.02, "stiffness": 0.25}
 # falls with the spacing itself: a smooth summit has a third of it.
 OF_SUMMIT = 0.3
 
-# By how much the power of a force grows towards full contact of a patch without edges, per share of
-# the area in contact; free patches have none. Stiffness grows by its square.
+# By how much the power of area and force exceeds its mean towards full contact of a patch without
+# edges, per share of the area in contact; free patches have none. Stiffness grows by its square.
 STEEPENING = 2.0
 
 # Order of the mean square slope in the spacing from which a surface has an end of its waves above
@@ -165,8 +165,7 @@ class GridError:
         """Of `Contact.force`, 0 where it was given [uN]."""
         if self.contact.problem.force is not None:
             return 0.0
-        raised = self.contact.force * self._growth * self._steepening
-        return self._bar(lambda contact: contact.force, raised)
+        return self._bar(lambda contact: contact.force, self.contact.force * self._growth)
 
     @computed_once
     def mean_gap(self) -> float:
@@ -174,8 +173,8 @@ class GridError:
         floor = AT_LEAST["gap"] * self._counted * self.contact.mean_gap
         raised = 0.0
         if self.contact.problem.delta is not None:  # the bodies approach, and deform the more
-            yielding = float(self.contact.displacement.mean())
-            raised = self.summit - self._growth * yielding
+            deformed = float(self.contact.displacement.mean())
+            raised = self.summit - self._growth * deformed
         return self._bar(lambda contact: contact.mean_gap, floor, raised)
 
     @computed_once
@@ -184,12 +183,12 @@ class GridError:
         if not math.isfinite(self.contact.stiffness):  # full contact without edges
             return 0.0
         floor = AT_LEAST["stiffness"] * self._counted * self.contact.stiffness
-        raised = self.contact.stiffness * self._growth * self._steepening**2
+        raised = self.contact.stiffness * self._growth * self._steepening
         return self._bar(lambda contact: contact.stiffness, floor, raised)
 
     @computed_once
     def _growth(self) -> float:
-        """Share by which a higher summit makes the force grow, 0 where the load was given [1]."""
+        """Share by which a higher summit makes area and force grow, 0 under a given load [1]."""
         contact = self.contact
         if contact.problem.delta is None or contact.force == 0:
             return 0.0
@@ -197,7 +196,7 @@ class GridError:
         work = float((pressure * (heights - heights.max() + contact.approach)).sum())
         if contact.problem.hardness is not None:
             work += float((pressure * contact.yielded_depth).sum())
-        power = 2 * float(pressure.sum()) * contact.approach / work - 1
+        power = self._steepening * (2 * float(pressure.sum()) * contact.approach / work - 1)
         # A compliant far field gives way too.
         yielded = power * (1 - contact.delta / contact.approach)
         return power * self.summit / contact.approach / max(1 - yielded, 1e-3)

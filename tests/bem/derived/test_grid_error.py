@@ -80,6 +80,23 @@ def test_a_given_displacement_leaves_the_force_uncertain():
     assert abs(truth.force - contact.force) < error.force < 0.2 * contact.force
 
 
+@pytest.mark.parametrize("boundary", ["free", "periodic", "mirror"])
+@pytest.mark.parametrize("yields", [False, True])
+@pytest.mark.parametrize("share", [0.1, 0.4, 0.8])
+def test_a_higher_summit_is_in_the_bars_at_a_given_displacement(boundary, yields, share):
+    """What it changes follows from the work of the load; another solve tells it within a half."""
+    heights = random_waves(1, 8, 0.7, 3)(64)
+    depth = float((heights.max() - heights).mean())
+    mean = bem.solve(heights, 1.0, share * depth, boundary=boundary).force
+    setting = {"boundary": boundary, "hardness": 8 * mean if yields else None}
+    contact = bem.solve(heights, 1.0, share * depth, **setting)
+    error = contact.grid_error()
+    raised = bem.solve(heights, 1.0, share * depth + error.summit, **setting)
+    for name in ("force", "continuum_area_percent", "mean_gap"):
+        bar = getattr(error, name.removeprefix("continuum_"))
+        assert abs(getattr(raised, name) - getattr(contact, name)) < 1.5 * bar, name
+
+
 @pytest.mark.parametrize("hurst", [0.2, 0.5, 0.9])
 def test_fractals_down_to_the_grid_are_not_resolved(hurst):
     for seed in range(3):
