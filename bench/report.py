@@ -107,7 +107,7 @@ def part_of(report: str, chapter: str = "") -> Part:
 
 
 CHAPTERS = {
-    "The contact area in the continuum": ("resolution", "grid-error"),
+    "The contact area in the continuum": ("resolution", "grid-error", "mixed"),
     "The contact solver: error against run time": ("solver", "peers", "growth", "hertz"),
     "Bodies that yield": ("yielding", "hardness", "yielding-surrogate"),
     "Patches without edges, and theory": ("periodic", "theory"),

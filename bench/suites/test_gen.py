@@ -1,4 +1,4 @@
-"""Time of the farm, of both writers and of surfaces of every kind, with the answers asserted.
+"""Time of the farm, of the writer and of surfaces of every kind, with the answers asserted.
 
     pytest bench/suites/test_gen.py --benchmark-only
 
@@ -7,7 +7,6 @@ ranks. Budgets at the paper's size on one core: 1 ms for a window of a
 map and for `describe`, 3 ms for a spectral surface.
 """
 
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +15,9 @@ import pytest
 from numpy.typing import NDArray
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from bench.farm import Spec, create, dispatch, expected, launch, require_rows, template_of
+from bench.farm import Spec, create, dispatch, expected, require_rows, template_of
 from bench.farm import write as write_rows
 from bench.references import exact
-from gen import database
 from gen.generation.plan import parameters
 from gen.generation.run import Target, blocks_of
 from gen.generation.sample import surface_of
@@ -27,12 +25,10 @@ from gen.maps.library import PreparedMap, stored_maps, write_maps
 from gen.maps.windows import Tiling, cut, drawn
 from gen.runtime.farm import World
 from gen.scene import Scene
-from gen.spectral import SelfAffineSpectrum, generate_spectral
 from gen.statistics import describe
 from gen.surface import GENERATORS, generate
 
 SPECS = {"smoke": Spec(32, 33, 1), "paper": Spec(256, 129, 1), "large": Spec(32, 513, 1)}
-RANKS = 3
 
 
 @pytest.mark.parametrize("size", SPECS)
@@ -46,22 +42,6 @@ def test_write_by_one(benchmark: Any, tmp_path: Path, size: str) -> None:
     require_rows(path, blocks, template)
     if benchmark.enabled:
         benchmark.extra_info["megabytes_per_second"] = spec.megabytes / benchmark.stats["median"]
-
-
-@pytest.mark.parametrize("size", SPECS)
-def test_write_by_all(benchmark: Any, tmp_path: Path, size: str) -> None:
-    """By two workers under mpiexec; a round is the whole program, which writes with both writers.
-
-    The program asserts that all rows arrived; the rates of the extra info are those of the writers.
-    """
-    if not database.parallel_hdf5():
-        pytest.skip("this h5py has no MPI: make parallel")
-    spec = SPECS[size]
-    arguments = (RANKS, "writing", asdict(spec), tmp_path)
-    seconds = benchmark.pedantic(launch, args=arguments, rounds=1)
-    for writer in ("single", "parallel"):
-        (found,) = seconds[writer]
-        benchmark.extra_info[f"{writer}_megabytes_per_second"] = spec.megabytes / found
 
 
 TASKS = {"smoke": 256, "paper": 15_878, "large": 100_000}
@@ -107,19 +87,6 @@ def test_window(benchmark: BenchmarkFixture, nodes: int, tmp_path: Path) -> None
     (x, y) = drawn(stream(5), tiling, square=True).corner
     own = heights[x : x + nodes, y : y + nodes]
     assert np.ptp(surface) == np.ptp(own)
-
-
-@sizes
-def test_spectral(benchmark: BenchmarkFixture, nodes: int) -> None:
-    """A period of a self-affine surface."""
-    spectrum = SelfAffineSpectrum(hurst=0.8, roll_off=nodes / 4, cut_off=4 * SPACING)
-
-    def surface() -> np.ndarray:
-        return generate_spectral(
-            (nodes, nodes), nodes * SPACING, spectrum, stream(5), rms_height=1.0
-        )
-
-    assert benchmark(surface).std() == pytest.approx(1.0, rel=1e-12)
 
 
 @sizes
