@@ -1,7 +1,7 @@
 """Other solvers beside ours on free patches, bodies that yield, and periodic patches.
 
 Equal accuracy first, then time: each solver at the loosest tolerance that is good enough. `Errors`
-says when a solution counts as one, `loosest` finds the tolerance, `compare` times.
+says when a solution counts as one, `Trial` finds the tolerance, `compare` times.
 
 On periodic patches all solve the same problem: the displacement of a wave is 2 / (E* |q|) of its
 pressure, and zero on average. Surfaces have a power spectrum from a quarter of the side down to
@@ -9,7 +9,7 @@ four cells.
 """
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache, partial
 from itertools import product
@@ -102,7 +102,6 @@ def _peer_heights(nodes: int, hurst: float) -> Heights:
 LOAD_ERROR = 1e-6
 # Nodes in contact in one solution only, of those in contact [1]; one is always allowed.
 MISPLACED_SHARE = 5e-4
-FIRST_GUESS = 1e-4  # of a tolerance; later ones are what the last contact took
 TURN = 0.05  # s of CPU time that a solver's turn takes at least, by repetition
 PATIENCE = 5.0  # s of CPU time of a solve that is not repeated for its median
 UNKNOWN = dict.fromkeys(("load_error", "misplaced_nodes", "pressure_error", "convolutions"))
@@ -142,22 +141,6 @@ def find_errors(pressure: Values, control: Control, case: Case, exact: Exact) ->
     )
 
 
-def loosest(
-    good_enough: Callable[[float], bool], ladder: Sequence[float], guess: float
-) -> float | None:
-    """Find the loosest tolerance of a falling ladder that is good enough, or None if none is.
-
-    Begin at the nearest tolerance that is not looser than the guess. Go looser from one that is
-    good enough, as far as that holds; go tighter from one that is not.
-    """
-    rung = next((r for r, tolerance in enumerate(ladder) if tolerance <= guess), len(ladder) - 1)
-    if good_enough(ladder[rung]):
-        while rung > 0 and good_enough(ladder[rung - 1]):
-            rung -= 1
-        return ladder[rung]
-    return next((tolerance for tolerance in ladder[rung + 1 :] if good_enough(tolerance)), None)
-
-
 class Trial:
     """One solver on one contact."""
 
@@ -172,12 +155,12 @@ class Trial:
         self._seconds: list[float] = []
         self._failed = 0.0
 
-    def find_tolerance(self, guess: float) -> None:
-        """Search the solver's ladder."""
+    def find_tolerance(self) -> None:
+        """Find the loosest tolerance of the solver's ladder that is good enough."""
         if self.contact_nodes > self.solver.largest_contact:
             self.remark = f"not tried above {self.solver.largest_contact:g} nodes in contact"
             return
-        self.tolerance = loosest(self._good_enough, self.solver.ladder, guess)
+        self.tolerance = next(filter(self._good_enough, self.solver.ladder), None)
         if self.tolerance is not None:
             self.remark = ""
             if self._tried[self.tolerance]["seconds"] > PATIENCE:
@@ -267,16 +250,14 @@ def compare(cases: Sequence[Case], solvers: Sequence[Solver], rounds: int = 4) -
         Turns that each solver has.
     """
     rows: list[Row] = []
-    guesses = [FIRST_GUESS] * len(solvers)
     set_ups: dict[int, list[float]] = {}
     for case in cases:
         remark(f"{case.nodes} nodes a side, {case.name}")
         if case.nodes not in set_ups:
             set_ups[case.nodes] = [_set_up_seconds(solver, case) for solver in solvers]
         trials = [Trial(solver, case) for solver in solvers]
-        for trial, guess in zip(trials, guesses, strict=True):
-            trial.find_tolerance(guess)
-        guesses = [trial.tolerance or guess for trial, guess in zip(trials, guesses, strict=True)]
+        for trial in trials:
+            trial.find_tolerance()
         for trial in back_and_forth(trials, rounds):
             trial.take_turn()
         pairs = zip(trials, set_ups[case.nodes], strict=True)

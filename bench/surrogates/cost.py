@@ -176,7 +176,6 @@ Build = dict[str, float]
 """Times before the first answer [s]: t_d, `database`, with the surfaces generated again where
 features need them; t_h, `tuning`, to choose among the settings that come with the program; t_f,
 `fit`."""
-GOALS = (10.0, 5.0, 3.0, 2.0, 1.0)  # errors (nMAE) that a user may want [%]
 
 
 class Costs(NamedTuple):
@@ -225,8 +224,8 @@ def cost(
         search = searched if features == "paper" else math.nan
         costs.questions.extend(_questions(features, rows, costs.solver, answer, build, search))
         costs.points.extend(_curve(request, parts, rows, costs.solver, answer, full))
-    tables = {"cost": costs.questions, "learning": costs.points}
-    return Report(tables, pictures={"cost": _picture(costs)}, text=_advice(costs), text_name="cost")
+    tables = {"cost": costs.questions, "learning": costs.points, "times": _times(costs)}
+    return Report(tables, pictures={"cost": _picture(costs)})
 
 
 def tuning_seconds(comparison: Path) -> float:
@@ -352,44 +351,14 @@ def _fits(request: Request, parts: Parts, size: int) -> list[Fitted]:
     return [fit(request, rows, folds) for rows in drawn]
 
 
-def _advice(costs: Costs) -> str:
-    """Say what answers take, which surrogate is the cheapest for an error, and what beats all."""
-    solver, new = costs.solver, _new(costs, OURS)
-    first = (
-        f"Solver, mean processor times: {time_of(solver.solve)} a contact on a new surface,"
-        f" {time_of(solver.ladder)} among {LOADS} loads on one surface; a row of a database"
-        f" {time_of(solver.row)}, of which the surface {time_of(solver.surface)}"
-    )
-    said = [first] + [
-        f"{name} features: {time_of(each.surface)} on a new surface, {time_of(each.load)} for a"
-        f" further load; {time_of(each.single)} a prediction alone, {time_of(each.batched)} in a"
-        " batch"
-        for name, each in costs.answers.items()
+def _times(costs: Costs) -> list[Row]:
+    """Return all mean processor times, and the error of a loose solve, by what they are of."""
+    of = {"solver": costs.solver, **{f"{name} features": a for name, a in costs.answers.items()}}
+    return [
+        {"of": who, "what": what, "value": value}
+        for who, each in of.items()
+        for what, value in each._asdict().items()
     ]
-    said += [
-        f"{each['asked']}, {each['solver']}, {each['features']}: a search takes"
-        f" {time_of(each['search'])}, for which {count(each['search_pays'])} contacts pay"
-        for each in costs.questions
-        if each["search"] > 0
-    ]
-    said += ["", "Cheapest surrogate for an error, on new surfaces, beside our solver:"]
-    for goal in GOALS:
-        fits = (point for point in costs.points if point["nmae"] <= goal)
-        best = min(fits, key=lambda point: point["break_even"], default=None)
-        told = "none of those fitted; solve"
-        if best is not None:
-            told = f"{best['features']} features, {best['trained']:,} training rows, built in"
-            told += f" {time_of(best['build'])}; pays from {count(best['break_even'])} queries on"
-        said.append(f"  nMAE {goal:g} %: {told}")
-    evens = ", ".join(
-        f"{each['features']} {count(break_even(_build(each), solver.loose, each['query']))}"
-        for each in new
-    )
-    return "\n".join(said) + (
-        f"\nA loose solve (residual {LOOSE:g}) takes {time_of(solver.loose)} and is off by"
-        f" {solver.loose_nmae:.2g} % (nMAE), without any training. Beside it, queries from which on"
-        f" surrogates on new surfaces pay: {evens}."
-    )
 
 
 def _new(costs: Costs, solver: str) -> list[Row]:

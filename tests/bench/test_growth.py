@@ -1,4 +1,4 @@
-"""The report on grids: what its rows hold, and that they can show a miss."""
+"""The report on grids: what its rows hold."""
 
 from pathlib import Path
 from typing import Any
@@ -7,7 +7,7 @@ import pytest
 
 from bench.contents import contents_of, files_of
 from bench.files import read_table
-from bench.growth import HARDNESSES, cost, pressures, verdict
+from bench.growth import HARDNESSES, cost, pressures
 from bench.report import Report
 from gen.runtime.errors import InputError
 
@@ -34,11 +34,6 @@ def test_rows_reach_their_contact_and_say_what_it_took(costs: list[dict[str, Any
     assert costs[0]["growth"] == 1
     ratio = costs[1]["convolutions"] / costs[0]["convolutions"]
     assert costs[1]["growth"] == pytest.approx(ratio)
-    missed = [costs[0], costs[1] | {"growth": 1.77, "padded_arrays": 13.0}]
-    said = verdict(missed)
-    assert "at most 1.77 (mark 1.3). Memory at 129 nodes: at most 13.0" in said
-    assert "padded arrays (mark 8)" in said
-    assert "tables and plans" in said
 
 
 def test_a_hardness_bounds_the_mean_pressure(pressed: list[dict[str, Any]]) -> None:

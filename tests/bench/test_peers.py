@@ -15,7 +15,6 @@ from bench.peers import (
     Trial,
     compare,
     find_errors,
-    loosest,
     peers,
     sample,
 )
@@ -56,13 +55,6 @@ def test_errors_are_told_by_what_was_given(case: Case) -> None:
     )
 
 
-@pytest.mark.parametrize("guess", [1.0, LADDER[0], 1e-6, 1e-20])
-@pytest.mark.parametrize("enough", [LADDER[0], 1e-5, 1e-13])
-def test_the_loosest_tolerance_is_found_from_any_guess(guess: float, enough: float) -> None:
-    found = loosest(lambda tolerance: tolerance <= enough * 1.001, LADDER, guess)
-    assert found == next((t for t in LADDER if t <= enough * 1.001), None)
-
-
 @dataclass
 class Stub:
     """A solver that knows the reference, and errs by its tolerance."""
@@ -99,8 +91,7 @@ def test_each_is_timed_at_the_tolerance_that_it_needs(
     assert good["seconds"] is not None
     assert good["contact_nodes"] == np.count_nonzero(find_exact(SMALL).pressure)
     assert stub.asked[-1] == good["tolerance"]
-    assert max(stub.asked) <= 1e-4
-    assert (failing["seconds"], failing["remark"]) == (None, "tolerance 1e-04: stalled")
+    assert (failing["seconds"], failing["remark"]) == (None, "tolerance 1e-01: stalled")
     assert (skipped["seconds"], limited.asked) == (None, [])
     assert skipped["remark"] == "not tried above 5 nodes in contact"
     assert capsys.readouterr().err == "33 nodes a side, H = 0.65, Delta = 25 um\n"
