@@ -4,7 +4,7 @@ Each line is made of tables of one report, which names the command that made the
 """
 
 from collections.abc import Callable, Sequence
-from pathlib import Path
+from contextlib import suppress
 from typing import NamedTuple
 
 from bench.files import is_there, named, read_table
@@ -26,44 +26,29 @@ class Line(NamedTuple):
     part: str
 
 
-class Asked(NamedTuple):
-    """A question, and the function that puts rows of the `tables` of a part into words.
-
-    In names of tables a * stands for several.
-    """
-
-    question: str
-    part: str
-    tables: str
-    answer: Answer
-
-    def said(self, folder: Path) -> str:
-        """Return the answer, "" if the tables are not there or lack it."""
-        paths = [path for path in named(folder, self.tables) if is_there(path)]
-        rows = [row for path in paths for row in read_table(path)[1]]
-        try:
-            return self.answer(rows) if rows else ""
-        except (LookupError, ValueError):  # a short run has fewer rows
-            return ""
-
-
-ASKED: list[Asked] = []
-"""The questions in the order of the page."""
+ASKED: list[tuple[str, str, str, Answer]] = []
+"""Questions in the order of the page, each with its part, the tables of that part (a * in a name
+stands for several), and the function that puts their rows into words."""
 
 
 def lines(parts: Sequence[Part], inputs: Inputs) -> list[Line]:
     """Answer all questions whose tables are there and hold the answer."""
-    known = {part.name: part for part in parts}
-    asked = [each for each in ASKED if each.part in known]
-    found = [Line(a.question, a.said(inputs.folder(known[a.part])), a.part) for a in asked]
-    return [line for line in found if line.answer]
+    known = {part.name: inputs.folder(part) for part in parts}
+    found = []
+    for question, part, tables, answer in ASKED:
+        paths = named(known[part], tables) if part in known else []
+        rows = [row for path in filter(is_there, paths) for row in read_table(path)[1]]
+        with suppress(LookupError, ValueError):  # a short run has fewer rows
+            if rows and (said := answer(rows)):
+                found.append(Line(question, said, part))
+    return found
 
 
 def asked(question: str, tables: str, part: str = "") -> Callable[[Answer], Answer]:
     """Let a function answer a question from tables of a report, that of its name unless given."""
 
     def keep(answer: Answer) -> Answer:
-        ASKED.append(Asked(question, part or answer.__name__, tables, answer))
+        ASKED.append((question, part or answer.__name__, tables, answer))
         return answer
 
     return keep

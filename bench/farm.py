@@ -31,7 +31,7 @@ from typing import Any
 import numpy as np
 
 from bench.files import Row
-from bench.report import Report, remark
+from bench.report import remark
 from gen import database
 from gen.arrays import Columns
 from gen.generation.run import Block, Target, blocks_of, generate_database, opened
@@ -118,44 +118,29 @@ def expected(tasks: int) -> int:
     return SALT * tasks * (tasks - 1) // 2
 
 
-# Runs of a round, and their ranks: 0 is without MPI; rank 0 of the others is the master.
-RANKS = {"alone": 0, "1 worker": 2, "2 workers": 3}
-COPIES = "2 copies"  # the run of two processes alone, side by side; its times are the means of both
-# Generation times of one round by the name of the run, without start-up [s].
-Turn = dict[str, float]
+def speedup(rows: int, rounds: int) -> list[Row]:
+    """Generate the first rows of `paper` alone, with one worker, with two, and in two copies.
 
-GAINS: dict[str, Callable[[Turn], float]] = {
-    "2 workers over 1 worker": lambda turn: turn["1 worker"] / turn["2 workers"],
-    "2 workers over a run alone": lambda turn: turn["alone"] / turn["2 workers"],
-    "2 copies over one: the machine's bound": lambda turn: 2 * turn["alone"] / turn[COPIES],
-    "2 workers over a run alone, of that bound": lambda turn: turn[COPIES] / turn["2 workers"] / 2,
-}
-
-
-def time_rounds(rows: int, rounds: int) -> list[Turn]:
-    """Generate the first rows of `paper` alone, with workers and in two copies, in turn."""
+    Return the times of each round without start-up [s], of two copies the mean, and speed-ups.
+    """
     runs: dict[str, Callable[[], float]] = {
-        name: partial(generate, ranks, rows) for name, ranks in RANKS.items()
+        "alone_s": partial(generate, 0, rows),  # without MPI
+        "1_worker_s": partial(generate, 2, rows),  # beside the master, rank 0
+        "2_workers_s": partial(generate, 3, rows),
+        "2_copies_s": partial(_side_by_side, rows),
     }
-    runs[COPIES] = partial(_side_by_side, rows)
-    turns = []
+    found = []
     for number in range(rounds):
-        found = {name: runs[name]() for name in list(runs)[:: (-1) ** number]}
-        turns.append({name: found[name] for name in runs})
-        remark(", ".join(f"{name} {seconds:.2f} s" for name, seconds in turns[-1].items()))
-    return turns
-
-
-def speedup(rows: int, rounds: int) -> Report:
-    """Report times of each run [s], and speed-ups; the arguments are those of `time_rounds`."""
-    turns = time_rounds(rows, rounds)
-    names = {name: f"{name.replace(' ', '_')}_s" for name in turns[0]}
-    found = [
-        {"round": number, **{names[name]: seconds for name, seconds in turn.items()}}
-        | {what.partition(":")[0]: gain(turn) for what, gain in GAINS.items()}
-        for number, turn in enumerate(turns, 1)
-    ]
-    return Report({"speedup": found})
+        taken = {name: runs[name]() for name in list(runs)[:: (-1) ** number]}
+        row: Row = {"round": number + 1, **{name: taken[name] for name in runs}}
+        alone, one, two, copies = (taken[name] for name in runs)
+        row["2 workers over 1 worker"] = one / two
+        row["2 workers over a run alone"] = alone / two
+        row["2 copies over one"] = 2 * alone / copies  # the machine's bound
+        row["2 workers over a run alone, of that bound"] = copies / two / 2
+        remark(", ".join(f"{name} {seconds:.2f}" for name, seconds in taken.items()))
+        found.append(row)
+    return found
 
 
 def generate(ranks: int, rows: int, meeting: str = "") -> float:

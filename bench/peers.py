@@ -281,7 +281,7 @@ _peer = partial(Solver, install="peers", ladder=PERIODIC_LADDER)
 _periodic_cm = partial(_peer, package="ContactMechanics")
 _periodic_aspher = partial(_peer, package="aspher", control="force")
 PERIODIC_SOLVERS = (
-    Solver("bem", _edgeless, control="force", precision="mixed", ladder=PERIODIC_LADDER),
+    Solver("bem", _edgeless, control="force", ladder=PERIODIC_LADDER),
     _periodic_cm(
         "ContactMechanics primal",
         partial(others.primal_gradients, control="force", boundary="periodic"),
@@ -300,7 +300,6 @@ PERIODIC_SOLVERS = (
     _periodic_aspher(
         "ASPHER nested, FFT",
         partial(others.nested_grids, engine="fft", backend="periodic"),
-        precision="mixed",
     ),
 )
 

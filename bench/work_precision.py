@@ -47,7 +47,6 @@ def _evaluate(study: str, case: Case, rtol: float, solver: Solver) -> Row | None
         "study": study,
         "solver": solver.name,
         "kernel": case.kernel,
-        "precision": solver.precision,
         "control": solver.control,
         "case": case.name,
         "nodes": case.nodes,  # a side
@@ -57,7 +56,6 @@ def _evaluate(study: str, case: Case, rtol: float, solver: Solver) -> Row | None
         "area_percent": 100 * exact.contact_share,
         "seconds": answer.seconds,  # of wall time, the shortest of the rounds
         "convolutions": answer.convolutions,  # None where the solver does not say
-        "iterations": answer.iterations,
         "force_error": None if solver.control == "force" else force_error,  # relative
         "area_error_nodes": abs(touching - right),
         "area_error_percent": 100 * abs(touching / pressure.size / exact.contact_share - 1),

@@ -4,7 +4,6 @@ Section 4.3 and Table 5 train kernel ridge on the coarse grid, and test it on th
 """
 
 from dataclasses import asdict
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -26,7 +25,7 @@ from bench.paper.facts import (
     why,
 )
 from bench.picture import COLOURS, new_figure
-from bench.surrogates.cost import PAPER_ROWS, PAPER_SOLVE, median_seconds
+from bench.surrogates.cost import PAPER_ROWS, PAPER_SOLVE
 from bench.surrogates.fitting import fit, parted, read, request_for
 from gen.arrays import Values
 from gen.database import Reader
@@ -188,16 +187,11 @@ PRESET = load("paper")
 
 
 class Judged(NamedTuple):
-    """A surrogate of the coarse grid on rows of the fine one: predicted areas [%] and times [s].
-
-    A single prediction takes `seconds`, one among all of them `batched`; both without the features.
-    """
+    """A surrogate of the coarse grid on rows of the fine one: predicted areas [%]."""
 
     rows: Dataset
     prediction: Values
     scores: Scores
-    seconds: float
-    batched: float
 
 
 def fine_grid(folder: Path, database: Path, fine: Path) -> list[Content]:
@@ -216,7 +210,7 @@ def fine_grid(folder: Path, database: Path, fine: Path) -> list[Content]:
     seen = " (surfaces of the training's seed: not unseen)" if same else ""
     said: dict[str, Any] = {"rows": first.size, "seen": seen, "papers": FINE_ROWS}
     said |= {"theirs": FINE.r2, "ours": ", ".join(f"{e.scores.r2:.2f}" for e in found.values())}
-    drawn = _fine_picture(found, fine)
+    drawn = _fine_picture(found)
     return [
         picture(folder, "fine-grid", drawn, data, predictions, **said),
         table(data, why=curvature),
@@ -254,9 +248,7 @@ def _judge(database: Path, fine: Path, features: str) -> Judged:
     fitted = fit(request, parts.train, parts.folds)
     rows = read(request_for(fine, MODEL, features, AREA_MAX))
     found = fitted.predict(rows)
-    alone = median_seconds(partial(fitted.predict, rows.at(np.array([0]))))
-    together = median_seconds(partial(fitted.predict, rows)) / rows.size
-    return Judged(rows, found, scores(rows.target, found), alone, together)
+    return Judged(rows, found, scores(rows.target, found))
 
 
 def _curvature(database: Path, fine: Dataset) -> str:
@@ -280,25 +272,14 @@ def _table_5(folder: Path, found: dict[str, Judged], curvature: str) -> Path:
     return write_table(folder / "table-5.csv", names, rows, DIGITS)
 
 
-def _fine_picture(found: dict[str, Judged], fine: Path) -> Any:
-    """Draw predictions over truth with each feature set, then times."""
-    figure = new_figure(10, 8)
-    *axes, last = figure.subplots(2, 2).ravel()
-    for axis, (name, each) in zip(axes, found.items(), strict=False):
+def _fine_picture(found: dict[str, Judged]) -> Any:
+    """Draw predictions over truth with each feature set."""
+    figure = new_figure(12, 4)
+    for axis, (name, each) in zip(figure.subplots(1, len(found)), found.items(), strict=True):
         parity_axes(axis, each.rows.target)
         look: dict[str, Any] = {"marker": ".", "ms": 3, "ls": "none", "color": COLOURS[0]}
         draw_parity(axis, each.rows.target, each.prediction, **look)
         beside = f" (the paper's {FINE.r2:.2f} %)" if name == "paper" else ""
         axis.set_title(f"{name} features: R² {each.scores.r2:.2f} %{beside}", fontsize=10)
         axis.set(xlabel="solved area [%]", ylabel="predicted area [%]")
-    first = found["paper"]
-    with Reader(fine) as reader:
-        seconds = reader.column("solve_seconds")[first.rows.rows]
-    last.plot(first.rows.target, seconds, ".", ms=3, color=COLOURS[0], label="a solve")
-    among = f"a prediction among {first.rows.size:,}"
-    last.axhline(first.seconds, color=COLOURS[1], ls="--", lw=2, label="a prediction alone")
-    last.axhline(first.batched, color=COLOURS[1], ls=":", lw=2, label=among)
-    last.set(yscale="log", xlabel="solved area [%]", ylabel="time [s]")
-    last.set_title("time of an answer from known features", fontsize=10)
-    last.legend(fontsize=9)
     return figure

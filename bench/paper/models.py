@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
+import pandas as pd
 
 from bench.contents import Content
 from bench.files import write_table
@@ -234,59 +234,40 @@ def _draw_prediction(axis: Any, folder: Folder, kind: str, model: str) -> list[t
 
 
 def bars(folder: Path, comparison: Path) -> list[Content]:
-    """Draw scores and times of the baselines as bars, the paper's beside ours, if there are any."""
+    """Draw scores and times of the baselines as bars, the paper's beside ours, if there are any.
+
+    Of R2 the rest to 100 % is drawn, for good models look alike in R2.
+    """
     shown, theirs = results(opened(comparison), "baseline"), paper.TEST["baseline"]
     if not shown:
         return []
-    models = list(shown)
-    figure = new_figure(max(7.5, 2.2 + len(models)), 10.5)
-    axes = figure.subplots(len(tables.SCORES) + 2, 1, sharex=True)
-    rows: list[tuple[object, ...]] = []
-    for axis, (name, title) in zip(axes, tables.SCORES.items(), strict=False):
-        ours = [shown[model]["test"][name] for model in models]
-        published = [getattr(theirs[model], name) for model in models]
-        rows += _draw_bars(axis, f"{title.replace('R2', 'R²')} [%]", models, ours, published)
+    pairs: dict[str, list[tuple[Any, float]]] = {}
+    for name, title in tables.SCORES.items():
+        pairs[f"{title} [%]"] = [
+            (result["test"][name], getattr(theirs[model], name)) for model, result in shown.items()
+        ]
     for place, (name, title) in enumerate(TIMES.items()):
-        axis = axes[len(tables.SCORES) + place]
-        ours = [(shown[model].get("times") or {}).get(name) for model in models]
-        published = [paper.TIMES["baseline"][model][place] for model in models]
-        rows += _draw_bars(axis, title, models, ours, published)
-        _on_log_axis(axis)
-    names = [MODELS[model].title.replace(" ", "\n") for model in models]
-    axes[-1].set_xticks(range(len(models)), names)
-    axes[0].legend(ncols=2, loc="lower right", bbox_to_anchor=(1, 1), fontsize=9)
+        pairs[title] = [
+            ((result.get("times") or {}).get(name), paper.TIMES["baseline"][model][place])
+            for model, result in shown.items()
+        ]
+    figure = new_figure(max(7.5, 2.2 + len(shown)), 10.5)
+    axes = figure.subplots(len(pairs), 1, sharex=True)
+    names = [MODELS[model].title.replace(" ", "\n") for model in shown]
+    rows: list[tuple[object, ...]] = []
+    for axis, (title, both) in zip(axes, pairs.items(), strict=True):
+        quantity = title.replace("\n", " ")
+        rows += [(model, quantity, *pair) for model, pair in zip(shown, both, strict=True)]
+        drawn = pd.DataFrame(both, names, ("ours", "the paper's"), dtype=float)
+        drawn = 100 - drawn if title.startswith("R2") else drawn
+        drawn.plot.bar(ax=axis, logy=True, rot=0, legend=axis is axes[0], color=COLOURS[:5:4])
+        for each in axis.containers:
+            axis.bar_label(each, fmt="%.3g", fontsize=7, padding=1)
+        axis.set_ylabel(title.replace("R2", "1 - R²"), fontsize=9)
+        axis.margins(y=0.25)
     header = ("model", "quantity", "ours", "paper")
     path = write_table(folder / "bars.csv", header, rows, DIGITS)
     return [picture(folder, "bars", figure, path)]
-
-
-def _on_log_axis(axis: Any) -> None:
-    """Let bars have a logarithmic axis, with room for their numbers."""
-    axis.set_yscale("log")
-    low, high = axis.get_ylim()
-    axis.set_ylim(low / 2, high * 6)
-
-
-def _draw_bars(
-    axis: Any, title: str, models: Sequence[str], ours: Sequence[Any], theirs: Sequence[float]
-) -> list[tuple[object, ...]]:
-    """Draw two bars a model, 100 - R² for R²; return the rows for the table."""
-    unexplained = "R²" in title  # R² of good models look alike
-    known = [np.nan if value is None else float(value) for value in ours]
-    hatched = {"color": COLOURS[4], "hatch": "///", "edgecolor": "w"}
-    for shift, values, label, style in (
-        (-0.2, known, "ours", {"color": COLOURS[0]}),
-        (0.2, theirs, "the paper's", hatched),
-    ):
-        heights = [100 - value for value in values] if unexplained else values
-        drawn = axis.bar(np.arange(len(models)) + shift, heights, 0.38, label=label, **style)
-        axis.bar_label(drawn, [f"{height:.3g}" for height in heights], fontsize=7, padding=1)
-    axis.set_ylabel(title.replace("R²", "1 - R²"), fontsize=9)
-    axis.margins(y=0.25)
-    if unexplained:
-        _on_log_axis(axis)
-    quantity = title.replace("\n", " ")
-    return [(model, quantity, *pair) for model, *pair in zip(models, known, theirs, strict=True)]
 
 
 Row = tuple[str, str, str, str, str, str]

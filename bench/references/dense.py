@@ -280,29 +280,24 @@ def by_growth(matrix: Field, interference: Field, hardness: float) -> Sides:
 
 def press_by_nnls(
     heights: Field, delta: float, *, kernel: Kernel = "uniform-pressure", rtol: float = 1e-8
-) -> tuple[Field, int]:
+) -> Field:
     """Press a surface on square cells as `press` does, up to a penetration rtol over Delta.
 
-    Returns
-    -------
-    pressure : ndarray, shape (nx, ny)
-        Pressure [E* Delta / spacing].
-    solves : int
-        Dense systems solved.
+    Return the pressure, shape (nx, ny) [E* Delta / spacing].
     """
     interference = ((heights - heights.max()) + delta) / delta
     nodes = np.flatnonzero(interference > 0)
     matrix = influence_matrix(heights.shape, kernel, nodes=nodes)
     pressure = np.zeros(heights.size)
-    pressure[nodes], solves = solve_by_nnls(matrix, interference.reshape(-1)[nodes], rtol)
-    return pressure.reshape(heights.shape), solves
+    pressure[nodes] = solve_by_nnls(matrix, interference.reshape(-1)[nodes], rtol)
+    return pressure.reshape(heights.shape)
 
 
-def solve_by_nnls(matrix: Field, interference: Field, rtol: float = 1e-8) -> tuple[Field, int]:
+def solve_by_nnls(matrix: Field, interference: Field, rtol: float = 1e-8) -> Field:
     """Find (m,) p >= 0 with gap w = H p - u >= -rtol and p w = 0, for a positive definite H.
 
-    Return p and the number of dense systems solved; raise ArithmeticError if rounding keeps the
-    method from ending, which no contact has been seen to do.
+    Raise ArithmeticError if rounding keeps the method from ending, which no contact has been seen
+    to do.
     """
     candidates = interference.size
     active = np.empty(candidates, np.intp)  # the first `count` are in contact
@@ -325,7 +320,7 @@ def solve_by_nnls(matrix: Field, interference: Field, rtol: float = 1e-8) -> tup
         pressure[inside] = values
         gap = values @ rows[:count] - interference
         gap[inside] = 0
-    return pressure, solves
+    return pressure
 
 
 def _balance_by_nnls(matrix: Field, interference: Field) -> Field:

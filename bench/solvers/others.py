@@ -114,7 +114,7 @@ def _systems(nodes: int, spacing: float, boundary: Boundary) -> Callable[[Case],
 def _cm_answer(result: Any, pressure: Any, convolutions: int | None = None) -> Answer:
     if not result.success:
         raise Failure(str(result.message))
-    return Answer(np.asarray(pressure), int(result.nit), convolutions)
+    return Answer(np.asarray(pressure), convolutions)
 
 
 _cm = partial(Solver, package="ContactMechanics", install="pip install ContactMechanics")
@@ -225,8 +225,7 @@ def _press_aspher(solve: Any, case: Case, force: float, tolerance: float) -> Ans
     )
     if not result.converged:
         raise Failure(f"{result.status} {result.status_reason}".strip())
-    pressure = np.array(result.pressure).reshape(case.heights.shape)
-    return Answer(pressure, int(result.iterations))
+    return Answer(np.array(result.pressure).reshape(case.heights.shape))
 
 
 _aspher = partial(
@@ -236,7 +235,7 @@ _aspher = partial(
     " (Debian: apt-get install g++ cmake libeigen3-dev)",
     control="force",
 )
-_nested_aspher = partial(_aspher, grid=nested_grid, precision="mixed")
+_nested_aspher = partial(_aspher, grid=nested_grid)
 
 ASPHER = (
     _aspher("ASPHER", single_grid),

@@ -37,7 +37,6 @@ class Answer:
     """The pressure that a solver returned, and the work that it took."""
 
     pressure: Field  # (n, n), of contact [MPa]
-    iterations: int | None = None  # None where the solver does not say
     convolutions: int | None = None  # applications of H, None where the solver does not say
     seconds: float = math.nan  # of wall time, from heights to pressure
 
@@ -59,7 +58,6 @@ class Solver:
     package: str = "asperity"  # its distribution
     install: str = ""  # how to get it; empty for our own
     control: Control = "displacement"  # the quantity that is given to it
-    precision: str = "float64"  # or "mixed", of the numbers that it iterates with
     kernels: tuple[Kernel, ...] = ("uniform-pressure",)
     plastic: bool = False  # whether it knows a hardness
     grid: Callable[[int], int] = int  # nodes a side that it runs on; the margin never touches
@@ -134,24 +132,22 @@ def press_boundary_elements(case: Case, force: float, tolerance: float) -> Answe
         contact = case.solve(tolerance)
     except bem.NotConverged as failure:
         raise Failure(str(failure)) from None
-    return Answer(contact.pressure, contact.iterations, contact.convolutions)
+    return Answer(contact.pressure, contact.convolutions)
 
 
 def papers_algorithm(nodes: int, spacing: float) -> Press:
-    """Open Bemporad and Paggi's active set, `press_by_nnls`; its iterations are dense solves."""
+    """Open Bemporad and Paggi's active set, `press_by_nnls`."""
     half_space.influence_coefficients.cache_clear()
     half_space.influence_coefficients((nodes, nodes), "uniform-pressure")
 
     def press(case: Case, force: float, tolerance: float) -> Answer:
-        pressure, solves = dense.press_by_nnls(
-            case.heights, case.delta, kernel=case.kernel, rtol=tolerance
-        )
-        return Answer(pressure * (case.delta / case.spacing), solves)
+        pressure = dense.press_by_nnls(case.heights, case.delta, kernel=case.kernel, rtol=tolerance)
+        return Answer(pressure * (case.delta / case.spacing))
 
     return press
 
 
-BEM = Solver("bem", boundary_elements, precision="mixed", kernels=KERNELS, plastic=True)
+BEM = Solver("bem", boundary_elements, kernels=KERNELS, plastic=True)
 PAPERS = Solver(
     "paper's NNLS",
     papers_algorithm,

@@ -353,7 +353,8 @@ def _fits(request: Request, parts: Parts, size: int) -> list[Fitted]:
 
 def _times(costs: Costs) -> list[Row]:
     """Return all mean processor times, and the error of a loose solve, by what they are of."""
-    of = {"solver": costs.solver, **{f"{name} features": a for name, a in costs.answers.items()}}
+    of: dict[str, SolverTimes | SurrogateTimes] = {"solver": costs.solver}
+    of |= {f"{name} features": answer for name, answer in costs.answers.items()}
     return [
         {"of": who, "what": what, "value": value}
         for who, each in of.items()

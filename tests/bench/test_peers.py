@@ -60,7 +60,6 @@ class Stub:
     """A solver that knows the reference, and errs by its tolerance."""
 
     name: str = "stub"
-    precision: str = "float64"
     control: Control = "displacement"
     ladder: tuple[float, ...] = LADDER
     largest_contact: float = np.inf

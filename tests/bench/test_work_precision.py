@@ -51,7 +51,6 @@ class Stub:
 
     fails_below: float = 0.0
     name: str = "stub"
-    precision: str = "float64"
     control: str = "displacement"
     asked: list[tuple[str, float]] = field(default_factory=list)
     seconds: list[float] = field(default_factory=list)
