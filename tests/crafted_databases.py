@@ -128,15 +128,11 @@ CRAFTED: dict[str, tuple[Crafting, str]] = {
     "linked-group": (linked_group, "link"),
     "same-dataset": (put(lambda file, _: file["delta"]), "on top of"),
     "virtual": (virtual, "virtual"),
-    "compressed": (made(compression="gzip"), "compressed"),
     "chunked": (made(chunks=(8,)), "chunks"),
-    "growing": (made(chunks=(8,), maxshape=(None,)), COLUMN),
     "wrong-type": (made(dtype="f4"), "type f8"),
-    "other-bytes": (made(dtype=">f8"), "type f8"),
     "texts": (made(dtype=h5py.string_dtype()), "type f8"),
     "named-type": (named_type, "type f8"),
     "wrong-shape": (made(shape=(25,)), "(24,)"),
-    "wrong-rank": (made(shape=(24, 1)), "(24,)"),
     "no-data": (made(shape=None), "(24,)"),
     "group": (group, COLUMN),
     "type": (put(lambda *_: np.dtype("f8")), COLUMN),
@@ -150,16 +146,14 @@ CRAFTED: dict[str, tuple[Crafting, str]] = {
     "text-in-a-heap": (attribute("title", "of variable length"), "'title'"),
     "number-for-a-text": (attribute("title", 3), "'title'"),
     "text-for-a-number": (attribute("physics", np.bytes_("4")), "'physics'"),
-    "list-for-a-number": (attribute("physics", [4, 4]), "'physics'"),
     "other-rows": (attribute("samples", 23), "not the one that it was made with"),
     "versions-list": (versions("[]"), "is damaged"),
-    "versions-text": (versions("{'"), "is damaged"),
     "versions-deep": (versions("[" * 60_000), "is damaged"),
 }
 """What is crafted, and a word of the refusal."""
 
 KINDS = (
-    *("external", "external-link", "soft-link", "virtual", "compressed", "wrong-type"),
+    *("external", "external-link", "soft-link", "virtual", "chunked", "wrong-type"),
     *("named-type", "wrong-shape", "group", "type", "huge", "no-title", "no-versions"),
 )
 """One of each kind: commands that open databases in one and the same way need no more."""

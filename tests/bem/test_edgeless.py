@@ -69,22 +69,6 @@ def test_force_and_displacement_give_the_same_contact(boundary, load):
         np.testing.assert_allclose(by_delta.pressure, by_force.pressure, atol=2e-6 * largest)
 
 
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ({"boundary": "round"}, "boundary = 'round': must be one of free, periodic, mirror"),
-        ({"boundary": "mirror", "far_field": "compliant"}, "use far_field = 'rigid'"),
-        (
-            {"boundary": "periodic", "kernel": "concentrated-force"},
-            "use kernel = 'uniform-pressure'",
-        ),
-    ],
-)
-def test_refuses_what_only_a_free_patch_has(settings, message):
-    with pytest.raises(ValueError, match=message):
-        bem.solve(rough((8, 8), seed=5), 8.0, 0.5, **settings)
-
-
 @pytest.mark.parametrize("height", [1.776491303816993, 1e8 + 0.1])
 def test_a_load_far_below_the_rounding_of_full_contact_is_carried(height):
     flat = np.full((6, 7), height)

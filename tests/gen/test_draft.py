@@ -11,16 +11,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import bem
 from bench.made_maps import MAPS, Faults, measured, write
 from gen import cli
 from gen.database import Reader
 from gen.draft import quoted, scene_like
 from gen.draft import write as write_scene
 from gen.draft.proposal import (
-    FEWEST_NODES,
     SIZES,
-    choose_loads,
     common_spacing,
     propose_like,
     window_nodes,
@@ -33,7 +30,6 @@ from gen.runtime.errors import InputError
 from gen.scene import load
 from gen.schema import Status
 from gen.spectral import SelfAffineSpectrum, generate_spectral
-from gen.statistics import rms_slope
 
 pytest.importorskip("SurfaceTopography")
 
@@ -220,39 +216,6 @@ def test_most_maps_hold_the_windows_and_twice_if_any_size_fits_twice(shapes, len
         return
     assert nodes in SIZES
     assert sum(side >= (1 + twice) * nodes for side in sides) >= 0.75 * len(sides)
-
-
-STEEL_BODIES = Bodies.of_options([210e3], [0.3], None, 2000.0)
-NODES = 64
-
-
-@pytest.fixture(scope="module")
-def surface():
-    spectrum = SelfAffineSpectrum(0.8, 20.0, 4.0)
-    return generate_spectral(
-        (NODES, NODES), 64.0, spectrum, np.random.default_rng(1), rms_slope=0.15
-    )
-
-
-@pytest.mark.parametrize(
-    "material", [STEEL_BODIES, Bodies.of_options([210e3], [0.3], None, None), Bodies(1.0)]
-)
-def test_areas_are_those_of_the_solver_within_a_half(surface, material):
-    slope = rms_slope(surface, (1.0, 1.0))
-    loads = choose_loads(material, [slope], surface.size)
-    unit = 1.0 if loads.quantity == "pressure" else material.e_star * slope
-    for pressed, expected in zip((loads.low, loads.high), loads.areas, strict=True):
-        contact = bem.solve(
-            surface,
-            side=64.0,
-            pressure=pressed * unit,
-            modulus=(material.only or (1.0, 0.0))[0],
-            poisson=(material.only or (1.0, 0.0))[1],
-            hardness=material.hardness,
-            boundary="periodic",
-        )
-        assert 0.5 * expected < contact.area_percent < 1.5 * expected
-    assert loads.areas[0] == pytest.approx(100 * FEWEST_NODES / surface.size, rel=0.05)
 
 
 READING = Reading(side="199.5")

@@ -1,13 +1,9 @@
 """The executor of a job on three ranks: data sent once, failures on either side, interruptions."""
 
 import json
-import signal
-import subprocess
-import time
 
 import pytest
-from comparisons import run
-from launch import TIMEOUT, command, environment, is_open_mpi, launch, mpiexec
+from launch import launch, mpiexec
 
 pytest.importorskip("sklearn", reason="the extra 'learn' is not installed")
 pytestmark = [
@@ -95,56 +91,3 @@ def test_a_job_runs_on_the_master_and_its_tasks_on_the_workers(tmp_path):
         *("disk full today", [2, 2, 2]),
         *("no database today", [2, 2, 2]),
     ]
-
-
-@pytest.fixture(scope="module")
-def database(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("database")
-    (folder / "scene.toml").write_text("samples = 90\n[surface]\nnodes = 17\n")
-    done = launch(0, "run", "scene.toml", "-o", "rows.h5", folder=folder)
-    assert done.returncode == 0, done.stderr
-    return folder / "rows.h5"
-
-
-TUNE = ("--model", "decision-tree", "--model", "kernel-ridge")
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_a_search_on_ranks_stops_at_a_signal_and_goes_on(
-    database, tmp_path, number, monkeypatch, capsys
-):
-    arguments = ("tune", database, "-o", "found", *TUNE)
-    started = subprocess.Popen(
-        command(3, *arguments, module="learn"),
-        cwd=tmp_path,
-        env=environment(),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    trials = tmp_path / "found/area/trials/decision-tree.jsonl"
-    limit = time.monotonic() + TIMEOUT
-    while not trials.exists() or trials.read_bytes().count(b"\n") < 12:
-        assert time.monotonic() < limit
-        assert started.poll() is None, started.communicate()
-        time.sleep(0.01)
-    started.send_signal(number)
-    out, err = started.communicate(timeout=TIMEOUT)
-    assert "Traceback" not in err
-    if is_open_mpi():  # it may kill before all is in order
-        assert started.returncode
-    else:
-        assert started.returncode == 128 + number, err
-        assert f"stopped by {number.name}; the same command goes on" in out
-    if number == signal.SIGTERM:
-        again = launch(3, *arguments, folder=tmp_path, module="learn")
-        assert again.returncode == 0, again.stderr
-        said = again.stderr
-    else:  # any number of ranks goes on with the fits of any other: here one, without a new start
-        monkeypatch.chdir(tmp_path)
-        assert run(*arguments) == 0
-        said = capsys.readouterr().err
-    assert "550 fits" in said
-    assert "550 fits, 550 to do" not in said
-    assert (tmp_path / "found/area/tuned/kernel-ridge.json").exists()

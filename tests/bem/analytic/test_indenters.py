@@ -96,19 +96,6 @@ def test_pressure_makes_the_half_space_fit_the_profile(indenter):
 RADII = np.linspace(0.05, 60, 23)
 
 
-def test_hertz_is_sneddon_with_a_square():
-    delta = 0.7
-    radius = np.sqrt(5000 * delta)
-    inside = np.clip(1 - (RADII / radius) ** 2, 0, None)
-    pressure = 2 * MODULUS / np.pi * np.sqrt(delta / 5000 * inside)
-    assert SPHERE.heights(RADII) == pytest.approx(-(RADII**2) / 10000, rel=1e-14)
-    assert SPHERE.contact_radius(delta) == pytest.approx(radius, rel=1e-14)
-    assert SPHERE.force(delta, MODULUS) == pytest.approx(
-        4 / 3 * MODULUS * np.sqrt(5000 * delta**3), rel=1e-14
-    )
-    assert SPHERE.pressure(RADII, delta, MODULUS) == pytest.approx(pressure, rel=1e-13)
-
-
 @pytest.mark.parametrize("delta", [0.0, -1.0])
 @pytest.mark.parametrize("indenter", INDENTERS, ids=repr)
 def test_nothing_is_carried_without_indentation(indenter, delta):

@@ -80,19 +80,6 @@ def test_wavy_contact_ends_at_full_contact():
     assert below == pytest.approx(WAVE.pressure(PLACES, FULL, MODULUS), abs=1e-14)
 
 
-@pytest.mark.parametrize("pressure", [0.0, -1.0])
-def test_wavy_surfaces_without_load_touch_at_their_peaks(pressure):
-    assert (
-        WAVE.wavelength * WAVE.area_share(pressure)
-        == WAVE.approach(pressure)
-        == WAVE.stiffness(pressure)
-        == 0
-    )
-    assert not WAVE.pressure(PLACES, pressure).any()
-    assert WAVE.gap(PLACES, pressure) == pytest.approx(0.3 - WAVE.heights(PLACES), abs=1e-15)
-    assert WAVE.mean_pressure(pressure) == 0
-
-
 @pytest.mark.parametrize("value", [0.0, -1.0, np.nan])
 def test_flat_surfaces_are_refused(value):
     for kind in (WavySurface, DoublySinusoidal):

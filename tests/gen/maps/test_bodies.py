@@ -12,7 +12,6 @@ import bem
 from gen import cli
 from gen.maps.bodies import Placement, composite
 from gen.maps.read import Topography, intervals
-from gen.material import combined_modulus
 from gen.runtime.errors import InputError
 
 BOUNDARIES = ("free", "periodic", "mirror")
@@ -52,23 +51,6 @@ def test_a_body_faces_the_other_one_with_one_axis_turned():
         np.testing.assert_array_equal(made.heights, first + facing)
     default = composite(surface(first), surface(second))
     np.testing.assert_array_equal(default.heights, first + below[::-1])
-
-
-@pytest.mark.parametrize("nodes", [(65, 65), (65, 48)])  # of the two bodies
-def test_a_sphere_on_a_sphere_is_hertz_with_the_composite_radius(nodes):
-    radii, side, delta = (80.0, 120.0), 4.0, 0.004
-    bodies = []
-    for radius, count in zip(radii, nodes, strict=True):
-        x = grid(count, side, "free")
-        bodies.append(surface(-(x[:, None] ** 2 + x**2) / (2 * radius), (side, side)))
-    made = composite(*bodies)
-    modulus = combined_modulus([210e3, 70e3], [0.3, 0.33])
-    radius = 1 / (1 / radii[0] + 1 / radii[1])
-    x = grid(65, side, "free")
-    one = -(x[:, None] ** 2 + x**2) / (2 * radius)
-    np.testing.assert_allclose(made.heights - made.heights.max(), one - one.max(), atol=1e-12)
-    force = bem.solve(made.heights, made.sides, delta, modulus=modulus).force
-    assert force == pytest.approx(4 / 3 * modulus * np.sqrt(radius * delta**3), rel=0.02)
 
 
 @pytest.mark.parametrize("boundary", BOUNDARIES)

@@ -20,10 +20,8 @@ from gen.maps.library import (
     stored_maps,
     write_maps,
 )
-from gen.maps.prepare import prepare
 from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
-from tests.maps import read
 
 CLEAN = Reading(asked="key", despike=7.0, level="plane", fill=True)
 SMALL = (
@@ -59,14 +57,6 @@ def forbid_reading(monkeypatch):
         raise AssertionError("a map is read again")
 
     monkeypatch.setattr(library, "read", fail)
-
-
-def test_maps_are_those_of_the_readers_and_steps_of_gen_contact(paths, home):
-    found = made(paths, home)
-    assert found.spacing == (1.0, 1.0)
-    assert found.shapes == ((40, 30), (36, 44), (33, 33))
-    for path, each in zip(paths, found.maps, strict=True):
-        assert np.array_equal(each.heights, prepare(read(path), CLEAN).heights)
 
 
 def test_maps_are_prepared_once(paths, home, monkeypatch):

@@ -224,31 +224,6 @@ def test_a_database_shows_its_median_area(tmp_path, monkeypatch, hardness):
     assert ("hardness" in title) == ("% yielded (cyan)" in title) == bool(hardness)
 
 
-@pytest.mark.parametrize(
-    ("load", "quantity", "label"),
-    [
-        ('quantity = "force"\nrange = [1.0, 2000.0]', "force", "normal force [µN]"),
-    ],
-)
-def test_areas_stand_over_the_load_that_was_drawn(tmp_path, monkeypatch, load, quantity, label):
-    bodies = "[contact]\nmodulus = 2e5\nhardness = 2000.0"
-    scene = f"samples = 6\n[surface]\nnodes = 17\n[load]\n{load}\n{bodies}"
-    figure = drawn_of_rows(monkeypatch, tmp_path, scene)
-    areas = next(axis for axis in figure.axes if axis.get_title() == "6 samples")
-    assert areas.get_xlabel() == label
-    loads = areas.collections[0].get_offsets()[:, 0]
-    with Reader(Path("small.h5")) as reader:
-        forces, deltas = reader.column("force"), reader.column("delta")
-    patch = (17 * 1000.0 / 16) ** 2
-    expected = {"pressure": forces / patch, "force": forces, "delta": deltas}[quantity]
-    np.testing.assert_allclose(loads, expected)
-    titles = [" ".join(axis.get_title(loc="left").split()) for axis in figure.axes]
-    (title,) = (title for title in titles if title.startswith("contact at"))
-    said = {"pressure": "Pa mean pressure, E*", "force": "N, E*", "delta": "m, E*"}[quantity]
-    assert said in title
-    assert "E* = 200000 MPa, hardness = 2000 MPa" in title
-
-
 @pytest.mark.parametrize("values", [(2.1, 4.4), (7.0, 45.0), (1, 1e6)])
 def test_a_logarithmic_axis_has_two_numbers_or_more_that_keep_apart(values):
     figure = new_figure(4, 3)

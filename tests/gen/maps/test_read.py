@@ -6,7 +6,6 @@ import subprocess
 import sys
 import zipfile
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -143,38 +142,6 @@ def test_a_scale_can_be_overruled(tmp_path):
     assert not any(
         "overruled:" in each for each in read(scan, unit="m", override_scale=True).warnings
     )
-
-
-def test_channels_without_heights_are_passed_over(tmp_path, monkeypatch):
-    whole = SurfaceTopography.open_topography(str(written(tmp_path / "scan.x3p", "um", 1.0)))
-    kinds = [("Phase", "deg"), ("Height", "um"), ("Error", "V"), ("Height", "um")]
-    channels = [
-        SimpleNamespace(
-            index=index,
-            name=name,
-            dim=2,
-            data_unit=unit,
-            nb_grid_pts=(7, 5),
-            is_height_channel=name == "Height",
-            physical_sizes=whole.channels[0].physical_sizes,
-        )
-        for index, (name, unit) in enumerate(kinds)
-    ]
-    scan = SimpleNamespace(
-        channels=channels,
-        format=lambda: "x3p",
-        topography=lambda channel_index: whole.topography(channel_index=0),
-    )
-    monkeypatch.setattr("gen.maps.read._opened", lambda *_: (scan, ""))
-    said = read(tmp_path / "scan.x3p").steps[0]
-    assert "channel 1 'Height' (not 0 'Phase' (in deg, no heights), 2 'Error' (in V, no" in said
-    for wanted, why in (("Phase", "holds no heights"), ("Height", "several channels have this")):
-        with pytest.raises(InputError, match=f"'{wanted}': {why}"):
-            read(tmp_path / "scan.x3p", channel=wanted)
-    assert "channel 3" in read(tmp_path / "scan.x3p", channel="3").steps[0]
-    del channels[3], channels[1]
-    with pytest.raises(InputError, match="holds no heights; its channels are 0 'Phase'"):
-        read(tmp_path / "scan.x3p")
 
 
 SMOOTH = np.random.default_rng(4).normal(scale=0.1, size=(9, 7))  # um
