@@ -338,3 +338,12 @@ def test_an_example_finds_what_it_says(name, monkeypatch):
     pyplot.close("all")
     assert sorted(path.name for path in FOLDER.iterdir()) == before
     assert CLAIMS[name](found), name
+
+
+def test_the_lines_for_users_of_other_codes_run(capsys):
+    page = (FOLDER.parent / "docs" / "how-to" / "other-codes.md").read_text()
+    lines = page.partition("```python\n")[2].partition("```")[0]
+    names = {"heights": np.random.default_rng(0).random((8, 8)), "side": 1000.0}
+    exec(lines, names)
+    assert len(capsys.readouterr().out.splitlines()) == 3
+    assert names["contact"].problem.force == pytest.approx(100 * 1000**2)
