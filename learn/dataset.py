@@ -12,6 +12,7 @@ import os
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -173,11 +174,6 @@ class Dataset:
         """The scene of the first database."""
         return self.origins[0].scene
 
-    @property
-    def keys(self) -> Indices:
-        """Number of each row, (n,), that no other row of the databases has."""
-        return self.database * MOST_ROWS + self.rows
-
     def at(self, positions: Indices) -> "Dataset":
         """Return the rows at some positions, (k,), in their order; groups are numbered anew."""
         arrays: dict[str, Any] = {
@@ -199,29 +195,22 @@ class Stored(NamedTuple):
     columns: Mapping[str, NDArray[Any]]  # (n,) each, by name: all that learning needs
     given: Mapping[str, Values]  # (n,) each, see `learn.features.scene.given_values`
     targets: Sequence[Column]
-
-    @property
-    def inputs(self) -> Values:
-        """Delta and the 22 statistics, (n, 23)."""
-        return np.stack([self.columns[name] for name in INPUTS], axis=1)
-
-    def at(self, positions: Indices) -> "Stored":
-        """Return the rows at some positions, (k,), without what the scene gives."""
-        columns = {name: values[positions] for name, values in self.columns.items()}
-        return self._replace(rows=self.rows[positions], columns=columns, given={})
+    inputs: Values  # (n, 23), Delta and the 22 statistics
 
 
 def read(
     request: Request,
     executor: Executor | None = None,
     stopping: Callable[[], bool] = lambda: False,
+    *,
+    common: bool = False,
 ) -> list[Dataset]:
     """Read the databases of a request once, and clean their rows for each of its targets.
 
-    The executor generates surfaces for hybrid features, this process if left out; there are no
-    datasets after a stop, for which `stopping` is asked meanwhile. InputError is raised if a file
-    is no database or lacks a target, databases cannot be learnt together, too few rows are left, or
-    a target is constant.
+    With `common`, they are the rows that all targets have. The executor generates surfaces for
+    hybrid features, this process if left out; there are no datasets after a stop, for which
+    `stopping` is asked meanwhile. InputError is raised if a file is no database or lacks a target,
+    databases cannot be learnt together, too few rows are left, or a target is constant.
     """
     if request.area_max is not None and not request.area_max > 0:
         raise InputError(f"--area-max {request.area_max:g}: give a percentage above 0")
@@ -248,6 +237,15 @@ def read(
             for part, own in zip(found, numbers, strict=True)
         ]
         sets.append(_together(usable))
+    if common:
+        keys = [each.database * MOST_ROWS + each.rows for each in sets]
+        shared = reduce(np.intersect1d, keys)
+        sets = [
+            each.at(np.flatnonzero(np.isin(own, shared)))
+            for each, own in zip(sets, keys, strict=True)
+        ]
+        for each in sets:
+            _require_usable(each)
     return sets
 
 
@@ -262,7 +260,7 @@ def _read_stored(path: Path, targets: Sequence[str], load: str) -> Stored:
                 raise InputError(f"--target {target!r}: {path} stores {names}")
         places = [name for name in (MAP, TILE) if name in scene.surface.PLACES]
         drawn = ["hardness"] if scene.contact.draws_hardness else []
-        wanted = {*INPUTS, "status", "reason", "area_percent", *columns, *places, *drawn}
+        wanted = {"status", "reason", "area_percent", *columns, *places, *drawn}
         return Stored(
             path,
             scene,
@@ -271,6 +269,7 @@ def _read_stored(path: Path, targets: Sequence[str], load: str) -> Stored:
             {name: reader.column(name) for name in wanted},
             given_values(scene, reader.column),
             [known[column] for column in columns],
+            np.stack([reader.column(name) for name in INPUTS], axis=1),
         )
 
 
@@ -286,9 +285,9 @@ def _numbers(part: Stored, hybrid: Values | None) -> Rows:
     if (limits := limits_of([part.scene])) is not None:
         hardness = part.columns.get("hardness")
         ratio = limits[0] if hardness is None else hardness / modulus(part.scene)
-    inputs, length = part.inputs, patch_length(part.scene.sides)
-    nodes = node_count(part.scene)
-    return Rows(inputs[:, 1:], inputs[:, 0], length, ratio, nodes, hybrid, given=part.given)
+    length, nodes = patch_length(part.scene.sides), node_count(part.scene)
+    statistics, delta = part.inputs[:, 1:], part.inputs[:, 0]
+    return Rows(statistics, delta, length, ratio, nodes, hybrid, given=part.given)
 
 
 def _usable(
@@ -329,7 +328,8 @@ def _usable(
         origins=(Origin(str(part.path), digest.hexdigest(), part.scene, kept.size, part.versions),),
         by_tile=TILE in part.columns,
     )
-    return rows, part.at(kept)
+    columns = {name: each[kept] for name, each in part.columns.items()}
+    return rows, part._replace(rows=part.rows[kept], columns=columns, inputs=inputs[kept])
 
 
 def _reasons_against(
@@ -358,8 +358,8 @@ def _reasons_against(
 def _together(parts: Sequence[tuple[Dataset, Stored]]) -> Dataset:
     """Join the usable rows of databases, and find the groups that every split keeps together."""
     sets, usable = [rows for rows, _ in parts], [part for _, part in parts]
-    whole = joined(sets)
-    require_usable(whole)
+    whole = joined(sets) if len(sets) > 1 else sets[0]
+    _require_usable(whole)
     names = [each for part in usable for each in _populations(part)]
     known = {name: number for number, name in enumerate(dict.fromkeys(names))}
     return replace(
@@ -400,14 +400,13 @@ def _require_compatible(parts: Sequence[Stored], *, scaled: bool) -> None:
     files = Counter(os.path.realpath(part.path) for part in parts)
     for file in [file for file, times in files.items() if times > 1]:
         raise InputError(f"{file}: is given twice: give each database once")
-    wanted = _must_agree(parts[0].scene, scaled=scaled)
     for part in parts[1:]:
-        for key, value in _must_agree(part.scene, scaled=scaled).items():
-            if value != wanted[key]:
-                raise InputError(
-                    f"{part.path}: {key} is {shown(value)}, {shown(wanted[key])} in"
-                    f" {parts[0].path}: they cannot be learnt together"
-                )
+        first, other = (_must_agree(each.scene, scaled=scaled) for each in (parts[0], part))
+        for key in [key for key in first if first[key] != other[key]]:
+            raise InputError(
+                f"{part.path}: {key} is {shown(other[key])}, {shown(first[key])} in"
+                f" {parts[0].path}: they cannot be learnt together"
+            )
 
 
 def _must_agree(scene: Scene, *, scaled: bool) -> dict[str, Any]:
@@ -548,7 +547,7 @@ def remarks(dataset: Dataset, normalisation: str) -> list[str]:
     return lines
 
 
-def require_usable(rows: Dataset) -> None:
+def _require_usable(rows: Dataset) -> None:
     """Refuse rows that are too few, of a database without any, or of a constant target."""
     name = rows.name
     if rows.size < SMALLEST:

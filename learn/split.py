@@ -23,6 +23,9 @@ DRAWS = 20
 FOLDS = 5
 """Folds of the cross-validation, the paper's number."""
 
+TILES = 4
+"""Smallest number of tiles of a surrogate: to train, validate settings, calibrate and test."""
+
 TEST_SHARE = 0.2
 """Share of the rows that test, the paper's number."""
 
@@ -82,7 +85,7 @@ def _drawn(random: np.random.Generator, groups: Indices, rows: int) -> tuple[Ind
     return shuffled[cut:], shuffled[:cut]
 
 
-def require_tiles(dataset: Dataset, wanted: int) -> None:
+def require_tiles(dataset: Dataset, wanted: int = TILES) -> None:
     """Refuse windows that lie in fewer tiles than a split needs."""
     tiles = np.unique(dataset.groups).size
     if dataset.by_tile and tiles < wanted:

@@ -28,10 +28,11 @@ from gen.arrays import Indices, Values
 from gen.database import Reader
 from gen.runtime.errors import InputError
 from gen.scene import ScanSurface
+from learn import dataset
 from learn.dataset import TILE, Dataset, Request
 from learn.executor import Executor, within
 from learn.metrics import no_better
-from learn.split import FOLDS, Split
+from learn.split import FOLDS, Split, require_tiles
 from learn.surrogate import fitting
 from learn.surrogate.fitting import fit_target
 from learn.surrogate.learnt import Learnt
@@ -268,9 +269,10 @@ def appraise(
     `time.time` [s]. InputError is raised if there are too few rows to fit or to judge.
     """
     began = time.monotonic()
-    sets = fitting.read(request, executor, stopping)
+    sets = dataset.read(request, executor, stopping, common=True)
     if not sets:
         return None
+    require_tiles(sets[0])
     reading = time.monotonic() - began
     sets = [each.at(np.flatnonzero(each.rows < rows)) for each in sets]
     parts = parted(sets, request.seed)

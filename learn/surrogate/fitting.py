@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import reduce
 from operator import attrgetter
 from pathlib import Path
 from time import process_time
@@ -198,9 +197,6 @@ def _most_likely(request: Request, inputs: Values, target: Values) -> Settings:
     )
 
 
-TILES = 4
-"""Smallest number of tiles, one each to train, to validate settings, to calibrate and to test."""
-
 NOT_CALIBRATED = Calibration((), ErrorScale(np.empty(0), 0.0, 0.0, 0.0))
 
 
@@ -218,13 +214,14 @@ def fit(
     predicted no better than by a constant.
     """
     models_named(list(request.models), request.features)
-    sets, others = read(request, executor, stopping), None
+    sets, others = dataset.read(request, executor, stopping, common=True), None
     if sets and request.calibrate_on is not None:
         wider = replace(request, databases=(*request.databases, request.calibrate_on))
-        others = read(wider, executor, stopping)
+        others = dataset.read(wider, executor, stopping, common=True)
         others = others and calibrating.of_another(sets, others)
     if not sets or others == []:
         return None
+    split.require_tiles(sets[0])
     parts = split.draw(sets[0], request.seed, request.train_rows, others=sets[1:])
     fitted = fit_parts(request, sets, parts, say, others)
     require_better(fitted, str(request.database))
@@ -241,25 +238,6 @@ def require_better(surrogate: Surrogate, name: str) -> None:
             raise InputError(f"{name}: {target}: {worst}; try another --model, or more rows")
 
 
-def read(
-    request: Request, executor: Executor, stopping: Callable[[], bool] = lambda: False
-) -> list[Dataset]:
-    """Read the rows that all targets have, one dataset for each target; none after a stop.
-
-    InputError is raised if the input cannot be used, there are too few rows, or windows lie in too
-    few tiles. See `fit` for the arguments.
-    """
-    sets = dataset.read(request, executor, stopping)
-    if not sets:
-        return []
-    common = reduce(np.intersect1d, [each.keys for each in sets])
-    sets = [each.at(np.flatnonzero(np.isin(each.keys, common))) for each in sets]
-    for each in sets:
-        dataset.require_usable(each)
-    split.require_tiles(sets[0], TILES)
-    return sets
-
-
 def fit_parts(
     request: Request,
     sets: list[Dataset],
@@ -267,7 +245,7 @@ def fit_parts(
     say: Callable[[str], None],
     others: list[Dataset] | None = None,
 ) -> Surrogate:
-    """Fit a surrogate to rows, from `read`, whose training and test parts have been chosen.
+    """Fit a surrogate to rows, from `dataset.read`, whose training and test parts have been chosen.
 
     `others` are rows of another database that calibrate, for each target. InputError is raised if
     there are too few rows to train on, or too little memory.

@@ -216,7 +216,6 @@ def test_rows_are_those_of_each_database_and_nodes_are_a_feature(made):
         np.testing.assert_allclose(here.inputs[:, -1], np.log2(33 if name == "stranger" else 17))
         assert rows.origins[number].sha256 == alone.sha256
         assert rows.origins[number].rows == alone.size
-    assert np.unique(rows.keys).size == rows.size
 
 
 def test_surfaces_of_one_seed_and_number_are_one_group_on_every_grid(made):

@@ -8,7 +8,7 @@ from learnt_rows import read
 
 from gen import cli as gen_cli
 from gen.runtime.errors import InputError
-from learn import Surrogate, cli, split
+from learn import Surrogate, cli, dataset, split
 from learn.dataset import Population, Request
 from learn.executor import Executor
 from learn.surrogate import calibration, fitting
@@ -86,7 +86,7 @@ def test_databases_of_the_same_surfaces_are_not_left_out_whole(rows):
 
 def fitted(solved, number, target="area"):
     request = replace(request_of(solved), targets=(target,))
-    sets = [of_maps(rows, number) for rows in fitting.read(request, None)]
+    sets = [of_maps(rows, number) for rows in dataset.read(request, common=True)]
     said = []
     return fitting.fit_parts(request, sets, split.draw(sets[0]), said.append), said
 
