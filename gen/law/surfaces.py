@@ -188,7 +188,7 @@ def read_subjects(
     doubts: list[str] = []
     seconds, facing = [], ""
     if opposite is not None:  # a body, or a folder of them
-        files = files_in([opposite.path])[0]
+        files = files_in(opposite.path)
         seconds = [replace(opposite, path=file).prepared(boundary) for file in files]
         facing = f" against {opposite.path}"
     for text in inputs:
@@ -206,7 +206,7 @@ def read_subjects(
             origins.append(f"{text}: its first {surfaces} surfaces{rough}")
             continue
         origins.append(f"{text}{facing}")
-        for file in files_in([Path(text)])[0]:
+        for file in files_in(Path(text)):
             for each, warnings in _pressed(file, reading, boundary, opposite, seconds):
                 say(f"{each.name}: {'; '.join(each.steps)}")
                 for line in warnings:

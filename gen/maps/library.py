@@ -25,18 +25,13 @@ import numpy as np
 
 from gen.arrays import Heights
 from gen.maps.prepare import is_same, prepare, resampled
-from gen.maps.read import Sides, in_words, read
+from gen.maps.read import Sides, files_in, in_words, read
 from gen.maps.settings import Reading
 from gen.maps.windows import Shape
 from gen.runtime.errors import InputError
 from gen.runtime.files import MAPS, atomic, kind_of
 from gen.runtime.installation import versions
 
-# suffixes of files that stand in folders of maps and hold none
-OTHERS = {
-    *(".toml", ".md", ".rst", ".pdf", ".html", ".json", ".yaml", ".yml", ".log", ".lock"),
-    *(".png", ".jpg", ".jpeg", ".svg", ".py", ".xlsx", ".docx", ".surrogate", ".maps"),
-}
 WILD = re.compile(r"[*?\[]")  # wildcards of a pattern
 MOST = 100_000  # largest number of files of a scene
 
@@ -49,9 +44,7 @@ def map_files(patterns: Sequence[str], folder: Path) -> list[Path]:
         if not here:
             path = folder / Path(pattern).expanduser()
             absence = f"there is no file or folder {str(path)!r}"
-            if path.is_dir():
-                absence = f"the folder {path} holds no map"
-            elif WILD.search(pattern):
+            if WILD.search(pattern):
                 absence = f"no file in {folder} is called so"
             raise InputError(f"files {pattern!r}: {absence}")
         found |= dict.fromkeys(path.resolve() for path in here)
@@ -65,14 +58,8 @@ def _matching(pattern: str, folder: Path) -> list[Path]:
     try:
         own = Path(pattern).expanduser()
         path = folder / own
-        if path.is_file():
-            return [path]
-        if path.is_dir():
-            return sorted(
-                each
-                for each in path.iterdir()
-                if each.is_file() and each.name[0] != "." and each.suffix.lower() not in OTHERS
-            )
+        if path.is_file() or path.is_dir():
+            return files_in(path)
         if not WILD.search(pattern):
             return []
         start = Path(own.anchor) if own.anchor else folder

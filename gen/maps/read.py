@@ -449,31 +449,21 @@ def _map_of(path: Path, reading: Reading, reader: Any, remark: str) -> Scan:
     return Scan(heights, widths, topography.unit, origin=origin, repeats=repeats)
 
 
-# suffixes of instruments' files in a folder, which are read as surfaces
-INSTRUMENTS = {
-    *(".x3p", ".sur", ".al3d", ".opd", ".opdx", ".plu", ".plux", ".gwy", ".nc", ".di", ".ibw"),
-    *(".spm", ".mi", ".zon", ".zag", ".top", ".frt", ".os3d", ".sdf", ".bcrf", ".bcr", ".h5"),
-    *(".mat", ".xyz", ".vk4", ".vk6", ".vk7", ".jpk", ".gsf", ".nid", ".ezd", ".mnt", ".stp"),
-    *(".nms", ".pts", ".prn"),
+# suffixes of files that stand in folders of maps and hold none
+OTHERS = {
+    *(".toml", ".md", ".rst", ".pdf", ".html", ".json", ".yaml", ".yml", ".log", ".lock"),
+    *(".png", ".jpg", ".jpeg", ".svg", ".py", ".xlsx", ".docx", ".surrogate", ".maps"),
 }
 
 
-def files_in(paths: Sequence[Path]) -> tuple[list[Path], int]:
-    """Return the files, with those of folders that can hold surfaces, and the number left out."""
-    files: list[Path] = []
-    others = 0
-    for path in paths:
-        if path.is_dir():
-            inside = [each for each in sorted(path.iterdir()) if each.is_file()]
-            inside = [each for each in inside if not each.name.startswith(".")]
-            suffixes = (OWN_SUFFIXES - {""}) | INSTRUMENTS
-            wanted = [each for each in inside if each.suffix.lower() in suffixes]
-            if not wanted:
-                raise InputError(f"{path}: holds no surface")
-            others += len(inside) - len(wanted)
-            files += wanted
-            continue
-        if not path.is_file():
-            raise InputError(f"{path}: is neither a file nor a folder")
-        files.append(path)
-    return files, others
+def files_in(path: Path) -> list[Path]:
+    """Return the files of a folder that may hold maps, sorted, or the file itself."""
+    if path.is_file():
+        return [path]
+    if not path.is_dir():
+        raise InputError(f"{path}: is neither a file nor a folder")
+    inside = [each for each in sorted(path.iterdir()) if each.is_file() and each.name[0] != "."]
+    found = [each for each in inside if each.suffix.lower() not in OTHERS]
+    if not found:
+        raise InputError(f"{path}: the folder holds no map")
+    return found

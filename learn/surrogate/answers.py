@@ -64,9 +64,7 @@ def answers(
     `say` is called with lines for the user about each surface. InputError is raised for the first
     file that cannot be used.
     """
-    files, others = files_in([path])
-    if others:
-        say(f"left out {others} files that hold no surfaces")
+    files = files_in(path)
     for file in files:
         warnings: list[str] = []
         if file.suffix.lower() == ".h5" and is_database(file):

@@ -53,7 +53,7 @@ WRONG = [
     (["fit", "database.h5", "-o", "x", "--from", "out"], "is no comparison"),
     (["law", "hybrid.surrogate", "table.csv"], "is not a number"),
     ([*PREDICT, "holes.npy"], "--fill closes holes"),
-    ([*PREDICT, "bare"], "bare: holds no surface"),
+    ([*PREDICT, "bare"], "bare: the folder holds no map"),
     ([*PREDICT[:2], "database.h5", "--delta", "5"], "database.h5: is a database; python -m learn"),
     ([*PREDICT, "many", "-o", "many/s0.npy"], "not replaced"),
     (
