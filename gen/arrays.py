@@ -5,14 +5,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Values = NDArray[np.float64]
-"""Numbers of any meaning and shape; docstrings give both."""
-
-Indices = NDArray[np.int64]
-"""Positions of rows, and numbers of surfaces, maps or groups."""
-
-Heights = Values
-"""Heights of a surface on its grid of nodes, shape (nx, ny) [um]."""
+Values = NDArray[np.float64]  # numbers of any meaning and shape; docstrings give both
+Indices = NDArray[np.int64]  # positions of rows, and numbers of surfaces, maps or groups
+Heights = Values  # heights of a surface on its grid of nodes, shape (nx, ny) [um]
 
 Columns = dict[str, NDArray[Any]]
 """Some rows of a database: for each column's name its values, one for each row."""

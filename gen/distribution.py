@@ -31,14 +31,9 @@ from gen.arrays import Values
 
 T = TypeVar("T")
 
-LEAST_INSIDE = 1e-9
-"""Smallest share of a normal distribution that its range may hold."""
-
-REACH = 3.0
-"""Deviations from the mean at which a normal distribution ends unless a range is given."""
-
-DIGITS = 53
-"""Binary digits of a random number in [0, 1)."""
+LEAST_INSIDE = 1e-9  # smallest share of a normal distribution that its range may hold
+REACH = 3.0  # deviations from the mean at which a normal distribution ends unless a range is given
+DIGITS = 53  # binary digits of a random number in [0, 1)
 
 KNOTS = 2**16
 """Intervals of equal probability inside which a normal distribution's quantiles are linear."""

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Literal
 
-SCHEMA = 1
-"""Number of the file layout: a file of another layout is refused."""
+SCHEMA = 1  # number of the file layout: a file of another layout is refused
 
 PART = 2
 """Number of the layout of parts, which add the attributes `first_row` and `rows`. It differs from
@@ -29,8 +28,7 @@ Earlier numbers, up to 4 for all scenes and up to 10 for some, are those of earl
 SHARE, AMOUNT = (0.0, 100.0), (0.0, math.inf)
 """Bounds of percentages, and of quantities that cannot be negative."""
 
-RUNTIME = "runtime"
-"""Group of the columns that differ from run to run: times, ranks, hosts."""
+RUNTIME = "runtime"  # group of the columns that differ from run to run: times, ranks, hosts
 
 
 class Status(IntEnum):

@@ -20,8 +20,7 @@ FARTHEST = 1e30
 MOST_PERIOD_NODES = 4 * MOST_NODES
 """Largest number of nodes along an axis of a surface's period: its waves take 10 GB."""
 
-ROUNDING = 1e-12
-"""Share by which a wave may be beyond the cut-off because of rounding."""
+ROUNDING = 1e-12  # share by which a wave may be beyond the cut-off because of rounding
 
 
 @dataclass(frozen=True)

@@ -22,11 +22,8 @@ from gen.statistics import refuse_masked
 
 T = TypeVar("T", int, float)
 
-MOST_NODES = 4097
-"""Largest number of nodes along an axis."""
-
-ANOTHER = "another"
-"""Second rough body of the same population."""
+MOST_NODES = 4097  # largest number of nodes along an axis
+ANOTHER = "another"  # second rough body of the same population
 
 
 def _one_or_two(kind: Any, most: float, least: float = 0.0) -> PlainValidator:
@@ -51,8 +48,7 @@ NODES = f"a whole number from 2 to {MOST_NODES}, or one for each axis, [nx, ny]"
 SIDE = "a finite number above 0, or one for each axis, [x, y] [um]"
 
 
-Parameters = Mapping[str, float]
-"""Parameters that were drawn for a surface, by their names."""
+Parameters = Mapping[str, float]  # parameters that were drawn for a surface, by their names
 
 Random = np.random.Generator
 

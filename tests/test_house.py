@@ -47,6 +47,7 @@ TESTED_TOGETHER = {
     "tests/bem/test_properties.py": "a property of all solves: monotony, symmetry, scaling ...",
     "tests/bem/test_recomputation.py": "a contact's numbers, computed again without bem",
     "tests/bem/test_yielding.py": "a property of all solves: bodies that yield",
+    "tests/gen/generation/test_functions.py": "a user's function, in every command that runs it",
     "tests/gen/test_bad_input.py": "bad scenes and surfaces, in every command that reads them",
     "tests/gen/test_parts.py": "parts of databases, in every command that reads or writes them",
     "tests/learn/test_arrays.py": "arrays of callers, in every public function",

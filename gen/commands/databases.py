@@ -42,7 +42,7 @@ def run(
     if dry_run:
         if world.is_master:
             from gen.commands import printer
-            from gen.generation.functions import completed
+            from gen.generation.sample import completed
             from gen.scene import load
 
             printer.print_plan(completed(load(scene)), output)
@@ -71,8 +71,8 @@ def estimate(
 ) -> None:
     """Measure a few samples and predict time, memory and disk space of a run."""
     from gen.commands import printer
-    from gen.generation.functions import completed
     from gen.generation.run import estimate as measured
+    from gen.generation.sample import completed
     from gen.scene import load
 
     loaded = completed(load(scene))

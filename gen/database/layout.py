@@ -35,16 +35,12 @@ from gen.schema import (
     Status,
 )
 
-SIGNATURE = b"\x89HDF\r\n\x1a\n"
-"""First bytes of HDF5 files."""
-
-CHUNK_BYTES = 8 * 2**20
-"""Most bytes of a column that are in memory at once."""
+SIGNATURE = b"\x89HDF\r\n\x1a\n"  # first bytes of HDF5 files
+CHUNK_BYTES = 8 * 2**20  # most bytes of a column that are in memory at once
 
 TEXTS = ("title", "scene", "scene_hash", "versions", "git_commit", "created")
 NUMBERS = ("samples", "schema", "physics", "physics_forced")
-LARGEST_ATTRIBUTE = 2**22
-"""Most bytes of an attribute, more than the text of any scene has."""
+LARGEST_ATTRIBUTE = 2**22  # most bytes of an attribute, more than the text of any scene has
 
 PART_NUMBERS = ("first_row", "rows")
 """Attributes of a part: its first row in the scene's plan, and its number of rows."""

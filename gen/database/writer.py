@@ -26,8 +26,7 @@ T = TypeVar("T")
 FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 """Errors of the system for a full disk, an exhausted quota or a file that is too large."""
 
-MOUNTS = Path("/proc/self/mountinfo")
-"""Linux's list of mounted file systems."""
+MOUNTS = Path("/proc/self/mountinfo")  # Linux's list of mounted file systems
 
 INCOHERENT = frozenset({"nfs", "nfs4", "cifs", "smb3"})
 """File systems whose machines write back whole pages, with outdated bytes of neighbouring rows."""

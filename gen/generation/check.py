@@ -24,14 +24,9 @@ from gen.schema import (
     statistics_columns,
 )
 
-Mask = NDArray[np.bool_]
-"""One truth value for each row of a chunk."""
-
-CHUNK_ROWS = 65_536
-"""Rows that are read and checked together."""
-
-ROUNDING = 1e-9
-"""Relative error that rounding can cause in a sum of pressures."""
+Mask = NDArray[np.bool_]  # one truth value for each row of a chunk
+CHUNK_ROWS = 65_536  # rows that are read and checked together
+ROUNDING = 1e-9  # relative error that rounding can cause in a sum of pressures
 
 
 def faults(path: Path, recompute: int, seed: int = 0) -> Iterator[str]:

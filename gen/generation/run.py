@@ -15,8 +15,7 @@ import numpy as np
 
 from gen.arrays import Columns
 from gen.generation import plan
-from gen.generation.functions import completed, functions, rehearse
-from gen.generation.sample import compute_rows, finished_parts
+from gen.generation.sample import completed, compute_rows, finished_parts, functions, rehearse
 from gen.runtime import farm
 from gen.runtime.errors import InputError
 from gen.runtime.signals import Interruption
@@ -50,11 +49,8 @@ MEASURED_SURFACES, MEASURED_LOADS = 16, 4
 COUNTED_ROWS = 1_000_000
 """Largest number of planned rows whose loads are drawn: more would hardly change the summary."""
 
-Block = tuple[int, int]
-"""First row of a task, and one past the last."""
-
-Choice = Literal["auto", "single", "parallel"]
-"""Writers that a user can ask for."""
+Block = tuple[int, int]  # first row of a task, and one past the last
+Choice = Literal["auto", "single", "parallel"]  # writers that a user can ask for
 
 
 @dataclass(frozen=True)

@@ -41,8 +41,7 @@ if TYPE_CHECKING:  # scenes of other surfaces need nothing of maps
 _OPEN: dict[ScanSurface, Library] = {}
 """Prepared maps of the scenes of this process."""
 
-MOST_PATTERNS = 1000
-"""Largest number of names in the list of files."""
+MOST_PATTERNS = 1000  # largest number of names in the list of files
 
 
 def files(value: object, given: ValidationInfo) -> tuple[str, ...]:
@@ -63,8 +62,7 @@ def files(value: object, given: ValidationInfo) -> tuple[str, ...]:
 Files = Annotated[tuple[str, ...], PlainValidator(files)]
 FILES = "a file, a folder or a pattern as 'scans/*.x3p', or a list of these"
 
-LONGEST = 200
-"""Largest length of a text."""
+LONGEST = 200  # largest length of a text
 
 Text = Annotated[str, Field(max_length=LONGEST)]
 

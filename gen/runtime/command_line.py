@@ -9,9 +9,9 @@ import shlex
 import signal
 import sys
 import time
-from collections.abc import Callable, Collection, Sequence
-from contextlib import suppress
-from dataclasses import fields, is_dataclass
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, fields, is_dataclass
 from functools import cache, wraps
 from inspect import Parameter, Signature, signature
 from typing import Annotated, Any, get_type_hints
@@ -163,22 +163,29 @@ def main(
     try:
         world = farm.this_world()
         joins = arguments[:1] and arguments[0] in together and "--help" not in arguments
-        code, message = 0, ""
+        end = _End()
         if alone and world.size > 1:
-            code, message = 2, f"{name}: started as {world.size} processes; start it as one"
+            end = _End(2, f"{name}: started as {world.size} processes; start it as one")
         elif world.is_master or joins:
-            code, message = _run(app, name, arguments)
-        if world.is_master and message:
-            _complain(message)
+            with _ending(name) as end:
+                _require_values(arguments)
+                started_as(name)
+                command = _built(app)
+                with command.make_context(name, list(arguments)) as context:
+                    returned = command.invoke(context)
+                put("", sys.stdout)  # so that errors of what is left of the output are raised here
+                end.code = returned if isinstance(returned, int) else 0
+        if world.is_master and end.message:
+            _complain(end.message)
         try:
-            return world.end(code)
+            return world.end(end.code)
         except RuntimeError:  # the command has failed on this worker alone: all end
-            if not message:
+            if not end.message:
                 raise
-            _complain(f"{message} (rank {world.rank})")
+            _complain(f"{end.message} (rank {world.rank})")
             time.sleep(farm.FORWARDING)
-            world.communicator.Abort(code)
-            sys.exit(code)
+            world.communicator.Abort(end.code)
+            sys.exit(end.code)
     except farm.MasterLeft as left:
         return left.code
     except InputError as error:  # this process could not join the others
@@ -188,33 +195,37 @@ def main(
         world.abort()
 
 
-def _run(app: typer.Typer, name: str, arguments: Sequence[str]) -> tuple[int, str]:
-    """Run a command on this process; return its exit code, and a message to the user or ""."""
+@dataclass
+class _End:
+    """How a command ends on this process: with which exit code, and a message to the user or ""."""
+
+    code: int = 0
+    message: str = ""
+
+
+@contextmanager
+def _ending(name: str) -> Iterator[_End]:
+    """Turn what a command raises into its end, but for bugs and the end of the master."""
+    end = _End()
     try:
-        _require_values(arguments)
-        started_as(name)
-        command = _built(app)
-        with command.make_context(name, list(arguments)) as context:
-            code = command.invoke(context)
-        put("", sys.stdout)  # so that errors of what is left of the output are raised here
+        yield end
     except typer.Exit as left:  # --help
-        code = left.exit_code
+        end.code = left.exit_code
     except farm.MasterLeft:
         raise
     except SystemExit as left:  # from a library; the other ranks have to end too
-        code = left.code if isinstance(left.code, int) else 1
+        end.code = left.code if isinstance(left.code, int) else 1
     except (KeyboardInterrupt, typer.Abort):
-        return 130, f"{name}: interrupted"
+        end.code, end.message = 130, f"{name}: interrupted"
     except BrokenPipeError:  # the reader of our output, for example `head`, has ended
         drop(sys.stdout)
-        return 141, ""
+        end.code = 141
     except (CommandLineError, InputError, ModuleNotFoundError, OSError) as error:
-        return 2, _in_words(name, error)
+        end.code, end.message = 2, _in_words(name, error)
     except MemoryError as error:
-        allowed = memory.size(memory.allowed())
-        fault = f"{str(error) or 'no more is given'}; {allowed} are allowed here"
-        return 2, f"{name}: this needs more memory than there is: {fault}, shared with all else"
-    return code if isinstance(code, int) else 0, ""
+        fault = f"{str(error) or 'no more is given'}; {memory.size(memory.allowed())} are allowed"
+        said = f"{name}: this needs more memory than there is: {fault} here, shared with all else"
+        end.code, end.message = 2, said
 
 
 def _require_values(arguments: Sequence[str]) -> None:

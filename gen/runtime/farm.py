@@ -24,8 +24,7 @@ if TYPE_CHECKING:  # slow to import, and few commands need it
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 
-IN_FLIGHT = 2
-"""Tasks in the hands of each worker: the second one spares it the wait for the master."""
+IN_FLIGHT = 2  # tasks in the hands of each worker: the second one spares it the wait for the master
 
 LAUNCHERS = ("PMI_SIZE", "PMIX_RANK", "OMPI_COMM_WORLD_SIZE", "MPI_LOCALNRANKS")
 """Environment variables that mpiexec, mpirun and srun set for the processes that they start."""
@@ -34,8 +33,7 @@ LONGEST_NAP = 0.01
 """Longest pause between two looks for a message of the master [s]; MPI's own waiting would keep a
 core busy while the master works alone."""
 
-FORWARDING = 0.5
-"""Time for the launcher to pass on a last line [s]; an abort would lose it."""
+FORWARDING = 0.5  # time for the launcher to pass on a last line [s]; an abort would lose it
 
 _own_work: ContextVar[Callable[[Any], Any]] = ContextVar("_own_work")
 """The function that this process applies to tasks while it is in `run`."""

@@ -24,7 +24,6 @@ Kind = Literal["text", "picture", "surrogate", "heights", "arrays", "maps", "par
 Present = Literal["replace", "keep", "refuse"]  # what a new file does to one that has its name
 _LONGEST_HEADER = 100_000  # number of characters within which the header of a table ends
 LARGEST = 64 * 2**20  # most bytes of a file that is read whole; ours have some thousands
-
 BEGINNING = 4096  # bytes at the beginning of a file that decide its kind
 
 TEXT = bytes({7, 8, 9, 10, 12, 13, 27} | set(range(32, 256)))

@@ -27,8 +27,7 @@ from gen.scene.faults import DOTTED, Location, dotted, first_fault, shown
 from gen.scene.tables import UNITS, Contact, Delta, Load, Piece, Quantity, Store
 from gen.surface import Grid
 
-INERT = {"samples", "title", "creator", "licence"}
-"""Keys of a scene that change no row."""
+INERT = {"samples", "title", "creator", "licence"}  # keys of a scene that change no row
 
 MOST_BYTES = 200_000
 """Largest size of a scene's file: a scene takes a few hundred bytes, apart from its title."""

@@ -41,11 +41,8 @@ UNITS: dict[Quantity, str] = {
 QUANTITIES = ", ".join(f"'{name}'" for name in UNITS)
 PIECES = "one or more { share = ..., range = [low, high] }, their shares sum to 1"
 
-LONGEST_UNIT = 20
-"""Most letters of a unit."""
-
-MOST_OUTPUTS = 1000
-"""Most outputs of a function."""
+LONGEST_UNIT = 20  # most letters of a unit
+MOST_OUTPUTS = 1000  # most outputs of a function
 
 
 class Contact(Table):

@@ -16,9 +16,8 @@ import numpy as np
 from gen import database
 from gen.arrays import Columns
 from gen.database import Reader, Writer
-from gen.generation.functions import completed, rehearse
 from gen.generation.run import blocks_of
-from gen.generation.sample import compute_rows, finished_parts
+from gen.generation.sample import completed, compute_rows, finished_parts, rehearse
 from gen.runtime import farm
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import RunProgress, to_type
@@ -143,7 +142,7 @@ def generate(
 ) -> None:
     """Give a database a number of rows, or make it; the caller holds `gen.database.lock(path)`.
 
-    The scene is one from `gen.generation.functions.completed`, whose number of samples does not
+    The scene is one from `gen.generation.sample.completed`, whose number of samples does not
     count. The clock learns the time of a row. A stop, or a kill, leaves a database that the same
     call goes on with. InputError is raised if the file is of another scene, or cannot be written.
     """

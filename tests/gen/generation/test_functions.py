@@ -11,9 +11,8 @@ from scipy import ndimage
 
 from gen import cli
 from gen.database import Reader, create
-from gen.generation.functions import completed
 from gen.generation.plan import parameters, surface_random
-from gen.generation.sample import compute_rows, solve_contact, surface_of
+from gen.generation.sample import completed, compute_rows, solve_contact, surface_of
 from gen.runtime.errors import SourceError
 from gen.scene import Scene
 from gen.schema import REASONS, Reason, Status
