@@ -20,11 +20,11 @@ from numpy.typing import ArrayLike
 import bem
 from gen.arrays import Heights, Values
 from gen.distribution import is_drawn
-from gen.generation.functions import completed
 from gen.generation.sample import (
     ANSWERS,
     FURTHER_ANSWERS,
     OPTIONAL_ANSWERS,
+    completed,
     load_of,
     solve_contact,
     surface_numbered,
