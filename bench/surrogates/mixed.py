@@ -49,7 +49,7 @@ def _judged(request: Request, every: Dataset) -> Iterator[tuple[tuple[str, str],
     nodes = np.array(GRIDS)[every.database]
     for trains in (*((grid,) for grid in GRIDS), GRIDS, GRIDS[:-1]):
         parts = parted(every.at(np.flatnonzero(np.isin(nodes, trains))))
-        fitted = fit(request, parts.train, parts.calibration, parts.folds)
+        fitted = fit(request, parts.train, parts.folds)
         test, judges = parts.test, trains
         if trains == GRIDS[:-1]:
             test, judges = every, GRIDS[-1:]

@@ -23,17 +23,10 @@ def test_what_is_not_there_is_not_listed(tmp_path):
 
 
 def test_the_fastest_other_solver_is_chosen_case_by_case():
-    table = [
-        ("1", "bem", "1"),
-        ("1", "A", "5"),
-        ("1", "B", "9"),
-        ("2", "A", "8"),
-        ("2", "B", "7"),
-        ("2", "paper's NNLS", "2"),
-        ("2", "C", ""),  # did not get there
-    ]
+    times = {("1", "bem"): 1, ("1", "A"): 5, ("1", "B"): 9, ("2", "A"): 8, ("2", "B"): 7}
+    times |= {("2", "paper's NNLS"): 2, ("2", "C"): ""}  # another algorithm, one that failed
     rows = [
-        {"nodes": "9", "hurst": "1", "delta_um": delta, "solver": solver, "times_ours": times}
-        for delta, solver, times in table
+        {"nodes": "9", "hurst": "1", "delta_um": delta, "solver": solver, "times_ours": str(each)}
+        for (delta, solver), each in times.items()
     ]
     assert "takes 5 to 7 times" in peers(rows)

@@ -49,9 +49,6 @@ def test_saved_benchmarks_are_a_table_and_can_be_compared(tmp_path: Path) -> Non
     after = measure(storage, "--benchmark-compare")
     assert after.returncode == 0, after.stdout + after.stderr
     assert "(0001_before)" in after.stdout
-
-
-def test_another_file_is_refused(tmp_path: Path) -> None:
     (tmp_path / "times.json").write_text("{}")
     with pytest.raises(InputError, match="no JSON file of pytest-benchmark"):
         contents(tmp_path)

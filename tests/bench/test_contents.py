@@ -14,13 +14,9 @@ from gen.runtime.errors import InputError
     ("text", "expected"),
     [
         ("", ""),
-        ("nan", "nan"),
-        ("NaN", "NaN"),
         ("infinity", "infinity"),
         ("inf", "∞"),
         ("15878", "15,878"),
-        ("129", "129"),
-        ("1.0", "1"),
         ("0.30000000000000004", "0.3"),
         ("1.23456e-12", "1.235e-12"),
         ("some words", "some words"),

@@ -1,5 +1,6 @@
 """The page shows what the parts hold, as it is, and stands alone."""
 
+import base64
 import re
 from pathlib import Path
 
@@ -17,24 +18,18 @@ def without_file(folder: Path) -> list[Content]:
     return [Table(folder / "none.csv", "Nothing.")]
 
 
-def test_a_part_without_a_record_is_shown_and_says_so(tmp_path: Path) -> None:
-    one = part("one", "-m bench hertz -o {folder}")
-    (tmp_path / "one").mkdir()
-    (tmp_path / "one" / "made.txt").write_text("by hand")
-    text = write_page([one], inputs(tmp_path)).read_text(encoding="utf-8")
+def test_a_part_that_cannot_be_shown_does_not_hide_the_others(tmp_path: Path) -> None:
+    one = Part("one", "First", "No table", WRITE, WRITE, without_file)
+    two, three = part("two", WRITE), part("three", "-m bench hertz -o {folder}")
+    makes(tmp_path, [one, two])
+    (tmp_path / "three").mkdir()
+    (tmp_path / "three" / "made.txt").write_text("by hand")
+    text = write_page([one, two, three], inputs(tmp_path)).read_text(encoding="utf-8")
+    assert "none.csv: cannot be read as a table" in text
+    assert "<p>x</p>" in text
     assert "<p>by hand</p>" in text
     assert "No record says when, where and by which command this was made" in text
     assert "bench hertz" not in text
-    assert "The state of the code is unknown of all parts." in text
-
-
-def test_a_part_that_cannot_be_shown_does_not_hide_the_others(tmp_path: Path) -> None:
-    one = Part("one", "First", "No table", WRITE, WRITE, without_file)
-    two = part("two", WRITE)
-    makes(tmp_path, [one, two])
-    text = write_page([one, two], inputs(tmp_path)).read_text(encoding="utf-8")
-    assert "none.csv: cannot be read as a table" in text
-    assert "<p>x</p>" in text
 
 
 def test_page_says_which_parts_are_of_another_state(tmp_path: Path) -> None:
@@ -99,6 +94,10 @@ def test_page_stands_alone(shown: Path) -> None:
     assert addresses
     assert all(address.startswith(("data:", "#")) for address in addresses)
     assert not re.search(r"@import|<script|url\(", text)
+    (source,) = set(re.findall(r'download="data.csv" href="data:text/csv;base64,([^"]*)"', text))
+    data = base64.b64decode(source)  # with all digits
+    assert data == (shown.parent / "one" / "data.csv").read_bytes()
+    assert b"0.30000000000000004" in data
 
 
 def test_page_shows_what_there_is_and_says_what_is_not(shown: Path) -> None:
@@ -113,15 +112,6 @@ def test_page_shows_what_there_is_and_says_what_is_not(shown: Path) -> None:
     assert 'alt="A line that falls."' in text
     assert "delta [µm]" in text
     assert ">0.3<" in text
-
-
-def test_page_links_hold_all_digits(shown: Path) -> None:
-    import base64
-
-    text = shown.read_text(encoding="utf-8")
-    (source,) = set(re.findall(r'download="data.csv" href="data:text/csv;base64,([^"]*)"', text))
-    assert base64.b64decode(source) == (shown.parent / "one" / "data.csv").read_bytes()
-    assert b"0.30000000000000004" in base64.b64decode(source)
 
 
 @pytest.mark.parametrize("width", [360, 1440])

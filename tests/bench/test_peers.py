@@ -11,7 +11,6 @@ from bench.__main__ import main
 from bench.contents import contents_of, tables_of
 from bench.files import read_table
 from bench.peers import (
-    Errors,
     Trial,
     compare,
     find_errors,
@@ -33,26 +32,14 @@ from gen.runtime.errors import InputError
 SMALL = sample(33, 25.0)
 
 
-@pytest.fixture(scope="module")
-def case() -> Case:
-    return SMALL
-
-
-def test_errors_are_told_by_what_was_given(case: Case) -> None:
-    exact = find_exact(case)
-    assert find_errors(exact.pressure, "displacement", case, exact) == Errors(
-        pytest.approx(0, abs=1e-12), 0, 0.0
+def test_another_displacement_under_the_same_force_shows_in_the_displacement() -> None:
+    exact = find_exact(SMALL)
+    assert find_errors(exact.pressure, "force", SMALL, exact).load_error == pytest.approx(
+        0, abs=1e-12
     )
-    by_force = find_errors(exact.pressure, "force", case, exact)
-    assert by_force.load_error == pytest.approx(0, abs=1e-12)
-    scaled = find_errors(1.01 * exact.pressure, "displacement", case, exact)
-    assert scaled.load_error == pytest.approx(0.01, rel=1e-9)
-    assert scaled.pressure_error == pytest.approx(0.01, rel=1e-9)
-    # Another displacement under the same force shows in the displacement.
-    other = replace(case, delta=case.delta * 1.01)
-    assert find_errors(exact.pressure, "force", other, exact).load_error == pytest.approx(
-        0.01 / 1.01, rel=1e-9
-    )
+    other = replace(SMALL, delta=SMALL.delta * 1.01)
+    found = find_errors(exact.pressure, "force", other, exact)
+    assert found.load_error == pytest.approx(0.01 / 1.01, rel=1e-9)
 
 
 @dataclass
@@ -108,13 +95,9 @@ def test_times_over_ours_are_of_the_same_round(monkeypatch: pytest.MonkeyPatch) 
         trial.take_turn()
     assert (ours.times(ours), theirs.times(ours)) == (1.0, pytest.approx(2.0))
     assert (ours.seconds, theirs.seconds) == (0.2, 0.3)
-
-
-def test_who_takes_too_long_to_be_repeated_has_a_ratio_too() -> None:
-    """Ours among them, and one that has no time at all."""
-    ours, theirs, failed = (Trial(Stub(name=name), SMALL) for name in ("", "theirs", "failed"))
-    ours._seconds, theirs._seconds = [6.0], [9.0]
-    assert (ours.times(ours), theirs.times(ours), failed.times(ours)) == (1.0, 1.5, None)
+    ours, theirs = Trial(Stub(), SMALL), Trial(Stub(), SMALL)
+    ours._seconds, theirs._seconds = [6.0], [9.0]  # too long to be repeated
+    assert theirs.times(ours) == 1.5
 
 
 def test_command_writes_table_and_picture(
@@ -127,7 +110,6 @@ def test_command_writes_table_and_picture(
     assert done.out.split()[-2:] == [str(folder / f"peers.{end}") for end in ("csv", "png")]
     for peer in OTHERS:
         assert (f"{peer.package} is not installed" in done.err) is not bool(peer.version)
-    assert (folder / "peers.png").read_bytes().startswith(b"\x89PNG")
     _, rows = read_table(folder / "peers.csv")
     assert [row["solver"] for row in rows[:2]] == ["bem", "paper's NNLS"]
     assert {row["delta_um"] for row in rows} == {"5.0", "25.0"}
@@ -136,23 +118,8 @@ def test_command_writes_table_and_picture(
         assert float(row["seconds"]) > 0
 
 
-def test_command_compares_bodies_that_yield(tmp_path: Path) -> None:
-    arguments = ["--nodes", "17", "--deltas", "25", "--rounds", "1", "--hardness", "0.02,0.1"]
-    assert main(["peers", "-o", str(tmp_path), *arguments]) == 0
-    _, rows = read_table(tmp_path / "hardness.csv")
-    assert [row["hardness"] for row in rows if row["solver"] == "bem"] == ["", "0.1", "0.02"]
-    assert [int(row["yielded_nodes"]) > 0 for row in rows if row["solver"] == "bem"][1:] == [
-        True,
-        True,
-    ]
-    assert rows[0]["yielded_nodes"] == "0"
-    assert all(float(row["load_error"]) <= 1e-6 for row in rows if row["solver"] == "bem")
-    shown = contents_of("hardness", tmp_path)
-    assert [len(tables_of(each)) for each in shown] == [1, 1]
-
-
 @pytest.mark.parametrize("solver", periodic.PERIODIC_SOLVERS, ids=lambda solver: solver.name)
-@pytest.mark.parametrize("load", periodic.LOADS)
+@pytest.mark.parametrize("load", periodic.LOADS[::2])
 def test_periodic_patches_are_the_same_problem_for_all(solver: Solver, load: float) -> None:
     """Our own waves, spacing, units and zero mean displacement, up to nearly full contact."""
     if not solver.version:
@@ -165,7 +132,7 @@ def test_periodic_patches_are_the_same_problem_for_all(solver: Solver, load: flo
     assert errors.pressure_error < 1e-8
 
 
-def test_command_compares_periodic_patches(tmp_path: Path) -> None:
+def test_command_compares_periodic_patches_and_bodies_that_yield(tmp_path: Path) -> None:
     arguments = ["--boundary", "periodic", "--nodes", "32", "--rounds", "1"]
     assert main(["peers", "-o", str(tmp_path), *arguments]) == 0
     _, rows = read_table(tmp_path / "periodic.csv")
@@ -173,16 +140,20 @@ def test_command_compares_periodic_patches(tmp_path: Path) -> None:
     assert [row["times_ours"] for row in ours] == ["1.0"] * 5
     assert float(ours[0]["area_percent"]) < 5
     assert float(ours[4]["area_percent"]) > 95
-    shown = contents_of("periodic", tmp_path)
-    assert [len(tables_of(each)) for each in shown] == [1, 1]
+    arguments = ["--nodes", "17", "--deltas", "25", "--rounds", "1", "--hardness", "0.02"]
+    assert main(["peers", "-o", str(tmp_path), *arguments]) == 0
+    elastic, yielding = read_table(tmp_path / "hardness.csv")[1][:2]
+    assert (elastic["hardness"], elastic["yielded_nodes"]) == ("", "0")
+    assert int(yielding["yielded_nodes"]) > 0
+    assert float(yielding["load_error"]) <= 1e-6
+    for name in ("periodic", "hardness"):
+        assert [len(tables_of(each)) for each in contents_of(name, tmp_path)] == [1, 1]
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (["--nodes", "128"], "nodes 128: give 2^k + 1"),
-        (["--hardness", "0.1,0"], "hardness 0.0: give a share of E* above 0"),
-        (["--boundary", "mirror"], "boundary mirror: give free or periodic"),
         (["--boundary", "periodic", "--hardness", "0.1"], "hardness with boundary periodic"),
         (["--boundary", "periodic", "--nodes", "129"], "nodes 129: give 2^k from 32 on"),
         (["--deltas", "5,"], "deltas '5,': give numbers with commas between them"),

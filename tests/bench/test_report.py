@@ -11,7 +11,6 @@ from page_parts import inputs
 from bench import commands, files, page, report
 from bench import contents as shown
 from bench.__main__ import app as bench
-from bench.contents import contents_of, files_of
 from bench.record import Inputs
 from bench.report import PARTS, Part
 from learn.cli import app as learn
@@ -52,13 +51,6 @@ def test_curves_of_a_short_run_have_three_points_or_more() -> None:
     ]
     assert lists
     assert all(len(values) == 1 or len(values) >= 3 for values in lists)
-
-
-def test_a_short_run_that_draws_fewer_pictures_is_shown(tmp_path: Path) -> None:
-    for name in ("grow.txt", "grow.csv", "quick.png"):
-        (tmp_path / name).write_text("made")
-    listed = [path.name for each in contents_of("grow", tmp_path) for path in files_of(each)]
-    assert listed == ["grow.csv", "quick.png", "grow.csv"]
 
 
 FALL = """

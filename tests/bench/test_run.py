@@ -29,6 +29,13 @@ def test_parts_are_made_once(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert (tmp_path / "one" / "made.txt").read_text() == "x"
     said = capsys.readouterr().err.splitlines()
     assert said == ["[1/2] one: is there", "[2/2] two: is there"]
+    path = inputs(tmp_path).making(parts[0]).path
+    found = json.loads(path.read_text())
+    assert found["command"].startswith("python -c ")
+    assert {"code", "seconds", "created", "commit", "state", "machine", "versions"} <= found.keys()
+    path.write_text("{")
+    with pytest.raises(InputError, match="cannot be read"):
+        makes(tmp_path, parts)
 
 
 def test_a_part_that_fails_is_named_and_does_not_stop_the_others(
@@ -163,7 +170,6 @@ def test_commands_make_and_rewrite_a_page(
         (["run", "speedup", "-o", "here"], "speedup: takes long, and needs --full"),
         (["run", "scale", "-o", "here"], "scale: left with commit d9d1fb3"),
         (["run", "-o", "here", "--comparison", "nowhere"], "--comparison nowhere: give a folder"),
-        (["run", "-o", "file"], "file is a file: give a folder"),
         (["run", "cost", "-o", "here", "--database", "none.h5"], "none.h5"),
         (["page", "nowhere"], "nowhere is not a folder"),
     ],
@@ -207,7 +213,7 @@ def test_a_command_that_was_run_elsewhere_names_no_folder_of_that_machine(tmp_pa
     assert here.command(one, "") == ""
 
 
-def test_another_command_or_state_of_the_code_makes_a_part_anew(
+def test_another_command_state_of_the_code_or_input_makes_a_part_anew(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     makes(tmp_path, [part("one", WRITE)])
@@ -217,6 +223,13 @@ def test_another_command_or_state_of_the_code_makes_a_part_anew(
     monkeypatch.setattr("bench.record.circumstances", lambda: other)
     makes(tmp_path, [part("one", WRITE.replace("'x'", "'y'"))])
     assert (tmp_path / "one" / "made.txt").read_text() == "xyy"
+    monkeypatch.undo()
+    reading = part("reading", WRITE + "#{database}")
+    for day in (1, 1, 2):
+        (tmp_path / "paper.h5").touch()
+        os.utime(tmp_path / "paper.h5", ns=(0, day * 10**18))
+        makes(tmp_path, [reading])
+    assert (tmp_path / "reading" / "made.txt").read_text() == "xx"
 
 
 def test_documents_and_results_are_no_code(tmp_path: Path) -> None:
@@ -227,8 +240,6 @@ def test_documents_and_results_are_no_code(tmp_path: Path) -> None:
     for name, same in {
         "docs/conf.py": True,
         "bench/results/a.toml": True,
-        "bench/results/b.csv": True,
-        "gen/read.md": True,
         "bench/page.toml": False,
         "learn/new.py": False,
     }.items():
@@ -238,28 +249,6 @@ def test_documents_and_results_are_no_code(tmp_path: Path) -> None:
         before = code_state(tmp_path)
     (tmp_path / "bem" / "solve.py").rename(tmp_path / "bem" / "solved.py")
     assert code_state(tmp_path) != before
-
-
-def test_other_inputs_make_a_part_anew(tmp_path: Path) -> None:
-    reading = part("reading", WRITE + "#{database}")
-    (tmp_path / "paper.h5").write_text("a")
-    makes(tmp_path, [reading])
-    makes(tmp_path, [reading])
-    assert (tmp_path / "reading" / "made.txt").read_text() == "x"
-    os.utime(tmp_path / "paper.h5", ns=(0, 10**18))
-    makes(tmp_path, [reading])
-    assert (tmp_path / "reading" / "made.txt").read_text() == "xx"
-
-
-def test_record_says_where_and_with_what(tmp_path: Path) -> None:
-    makes(tmp_path, [part("one", WRITE)])
-    path = inputs(tmp_path).making(part("one", WRITE)).path
-    found = json.loads(path.read_text())
-    assert found["command"].startswith("python -c ")
-    assert {"code", "seconds", "created", "commit", "state", "machine", "versions"} <= found.keys()
-    path.write_text("{")
-    with pytest.raises(InputError, match="cannot be read"):
-        makes(tmp_path, [part("one", WRITE)])
 
 
 def test_times_are_those_of_the_same_command_here_else_of_what_is_published(
@@ -282,17 +271,6 @@ def test_times_are_those_of_the_same_command_here_else_of_what_is_published(
     assert seconds(one, full) == 600
 
 
-def test_the_times_of_all_parts_of_a_short_run_are_known(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
-    short = {part.name for part in PARTS if part.quick}
-    assert {part.name for part in PARTS if part.seconds is not None} == short
-    assert main(["run", "-o", str(tmp_path / "report"), "--plan"]) == 0
-    said = capfd.readouterr().out
-    assert "known" not in said
-    assert f"{len(short)} parts to make: " in said
-
-
 @pytest.mark.parametrize(("full", "minutes"), [([], 10), (["--full"], 180)])
 def test_runs_take_ten_minutes_or_three_hours_by_the_published_times(
     full: list[str], minutes: int, tmp_path: Path, capfd: pytest.CaptureFixture[str]
@@ -302,4 +280,6 @@ def test_runs_take_ten_minutes_or_three_hours_by_the_published_times(
     time = re.search(r"(\d+) min by earlier records", last)
     assert time is not None
     assert int(time[1]) <= minutes
+    short = {part.name for part in PARTS if part.quick}
+    assert {part.name for part in PARTS if part.seconds is not None} == short
     assert not (tmp_path / "report").exists()

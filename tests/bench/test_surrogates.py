@@ -1,12 +1,10 @@
 """Reports on surrogates: the same functions as the commands', on a few rows of the paper preset."""
 
 import dataclasses
-import signal
 
 import pytest
 
 import gen.cli
-from bench import __main__ as bench
 from bench import databases
 from bench.files import read_table
 from bench.surrogates import cost as times
@@ -17,8 +15,7 @@ from bench.surrogates.cost import (
     sizes,
 )
 from bench.surrogates.fitting import fit, parted, read, request_for
-from gen.database import Counts, Reader
-from gen.generation.run import RunResult
+from gen.database import Reader
 from gen.runtime.errors import InputError
 
 
@@ -55,15 +52,6 @@ def test_databases_are_resumed_and_others_are_refused(tmp_path, capsys):
         databases.of_the_paper(tmp_path / "small.h5", tmp_path, 6)
 
 
-def test_a_signal_ends_the_report_with_what_to_do(tmp_path, monkeypatch, capsys):
-    interrupted = RunResult(Counts(4, 2, 0), signal.SIGTERM, "")
-    monkeypatch.setattr(databases, "generate_database", lambda *_: interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        databases.generated(tmp_path, "small", "samples = 6\n")
-    said = capsys.readouterr().err.strip()
-    assert said.endswith("small.h5: interrupted; the same command goes on")
-
-
 def test_a_fit_knows_where_it_was_trained(paper):
     request = request_for(paper, "kernel-ridge", "dimensionless", 100.0)
     parts = parted(read(request, 200))
@@ -95,19 +83,3 @@ def test_costs_end_to_end(paper, tmp_path, monkeypatch):
     assert [point["trained"] for point in points[:2]] == sizes(points[1]["trained"])
     last = {point["features"]: point["nmae"] for point in points}
     assert last["hybrid"] < last["paper"]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["cost", "--rows", "50"], "--rows 50: give 200 or more"),
-        (["cost", "--comparison", "nowhere"], "--comparison nowhere"),
-        (["cost", "--database", "nowhere.h5"], "nowhere.h5 does not exist"),
-    ],
-)
-def test_bad_input_is_one_line(arguments, message, tmp_path, capsys):
-    assert bench.main([*arguments, "-o", str(tmp_path / "out")]) == 2
-    error = capsys.readouterr().err
-    assert message in error
-    assert error.count("\n") == 1
-    assert not (tmp_path / "out").exists()

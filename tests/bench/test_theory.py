@@ -1,6 +1,5 @@
 """Closed forms and theories beside contacts: numbers, files, and what is refused."""
 
-import csv
 import subprocess
 import sys
 from pathlib import Path
@@ -8,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from launch import launch
 
 from bem.analytic import BUSH_GIBSON_THOMAS, PERSSON
 from bench import theory
@@ -37,23 +35,6 @@ def test_forces_of_the_papers_example(curves: Curves) -> None:
     }
     for key, share in shares.items():
         assert forces[key] / exact == pytest.approx(share, abs=1e-6)
-
-
-@pytest.mark.long
-def test_command_writes_table_and_picture(tmp_path: Path) -> None:
-    done = launch(0, "hertz", "-o", "new/reports", folder=tmp_path, module="bench")
-    assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.split()[-2:] == ["new/reports/hertz.csv", "new/reports/hertz.png"]
-    folder = tmp_path / "new" / "reports"
-    assert (folder / "hertz.png").read_bytes().startswith(b"\x89PNG")
-    with (folder / "hertz.csv").open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
-    assert len(rows) == 5 * (theory.STEPS + 1)
-    exact = [row for row in rows if row["solution"] == "hertz"]
-    assert {row["nodes"] for row in exact} == {""}
-    assert float(exact[-1]["delta_um"]) == 1
-    assert float(exact[-1]["force_uN"]) == pytest.approx(94.2809, abs=1e-4)
-    assert float(exact[-1]["area_percent"]) == pytest.approx(1.5708, abs=1e-4)
 
 
 @pytest.mark.parametrize("arguments", [["--help"], ["hertz", "--help"]])

@@ -6,10 +6,8 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from launch import launch
 
 from bench.__main__ import main
-from bench.files import read_table
 from bench.solvers.case import Case, find_exact
 from bench.solvers.solver import Answer, Failure
 from bench.work_precision import DECADES, Row, compare, curves, paper_case, solver
@@ -65,18 +63,13 @@ class Stub:
 def test_who_fails_at_one_tolerance_is_named_and_keeps_the_others(
     small: Case, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    stub = Stub(fails_below=1e-3, seconds=[1.0] * 4)
+    stub = Stub(fails_below=1e-3, seconds=[1.0] * 4, control="force")
     points = list(compare("peers", [stub], [small], [1e-1, 1e-2, 1e-4], 1))
     assert [point["rtol"] for point in points] == [1e-1, 1e-2]
+    assert {point["force_error"] for point in points} == {None}, "which is given"
     said = "peers: left out stub: paper 0, 33 nodes a side, tolerance 1e-04: stalled\n"
     assert capsys.readouterr().err == said
     assert [rtol for _, rtol in stub.asked].count(1e-4) == 1
-
-
-def test_who_is_given_the_force_has_no_error_in_it(small: Case) -> None:
-    (point,) = compare("peers", [Stub(control="force", seconds=[1.0] * 2)], [small], [1e-2], 1)
-    assert (point["control"], point["force_error"], point["pressure_error"]) == ("force", None, 0.0)
-    assert curves([point])[0]["force_error"] is None
 
 
 def test_tasks_run_back_and_forth_and_the_shortest_time_counts(small: Case) -> None:
@@ -98,25 +91,8 @@ def test_curves_are_means_over_the_cases(done: list[Row]) -> None:
     assert len(first) == 2
     mean = sum(point["force_error"] for point in first) / len(first)
     assert uniform[0]["force_error"] == pytest.approx(mean)
-
-
-def test_means_of_other_cases_are_not_drawn(done: list[Row]) -> None:
-    gone = next(point for point in done if (point["study"], point["rtol"]) == ("tolerance", 0.1))
-    drawn = curves([point for point in done if point is not gone])
-    rtols = [row["setting"] for row in drawn if row["study"] == "tolerance"]
-    assert rtols.count(0.1) == 1
-
-
-@pytest.mark.long
-def test_command_writes_table_and_picture(tmp_path: Path) -> None:
-    done = launch(0, "solver", "--quick", "-o", "new/reports", folder=tmp_path, module="bench")
-    assert done.returncode == 0
-    assert done.stdout.split()[-2:] == [
-        f"new/reports/{name}" for name in ("curves.csv", "solver.png")
-    ]
-    folder = tmp_path / "new" / "reports"
-    assert (folder / "solver.png").read_bytes().startswith(b"\x89PNG")
-    assert len(read_table(folder / "solver.csv")[1]) > 30
+    others = curves([point for point in tolerance if point is not first[0]])
+    assert [row["setting"] for row in others].count(0.1) == 1, "no mean of other cases"
 
 
 def test_missing_matplotlib_is_said_before_anything_is_solved(

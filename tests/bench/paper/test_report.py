@@ -8,13 +8,12 @@ import learn.cli
 from bench import __main__ as bench
 from bench import databases, picture, theory
 from bench.contents import Figure, Table, Words, files_of
-from bench.paper import database, facts, report, surfaces
+from bench.paper import database, facts, report
 from bench.paper.facts import why
 from bench.paper.report import contents
-from bench.record import Making, read
+from bench.record import Making
 from gen.database import Reader
 from gen.runtime.errors import InputError
-from gen.statistics import describe
 
 pytestmark = pytest.mark.long
 
@@ -107,6 +106,9 @@ def test_tables_hold_both_sides(made, preset):
 
 def test_parts_whose_files_are_there_are_shown(tmp_path):
     assert contents(tmp_path) == []
+    paths = report.write_report(tmp_path / "few", {}, 200, only=("profile", "table-2"))
+    assert {path.name for path in paths} == {"profile.png", "profile.csv", "table-2.csv"}
+    assert not (tmp_path / "few" / "databases").exists()
     drawn, record = tmp_path / "profile.png", tmp_path / "earlier.part.json"
     drawn.write_bytes(b"png")
     Making(record, "command", {}).write([Figure(drawn, "a", "b"), Table(drawn, "d"), Words("c")])
@@ -120,21 +122,11 @@ def test_parts_whose_files_are_there_are_shown(tmp_path):
         contents(tmp_path)
 
 
-def test_a_part_is_made_alone_without_what_it_does_not_need(tmp_path):
-    paths = report.write_report(tmp_path, {}, 200, only=("profile", "table-2"))
-    assert {path.name for path in paths} == {"profile.png", "profile.csv", "table-2.csv"}
-    assert not (tmp_path / "databases").exists()
-    made = read(tmp_path / "profile.part.json")
-    assert made.command == f"python -m bench paper -o {tmp_path}"
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (["--comparison", "nowhere"], "--comparison nowhere: give a folder of learn compare"),
-        (["--fine", "nowhere.h5"], "nowhere.h5 does not exist"),
         (["--fine", "PRESET"], "has 129 nodes a side, give one with more than 129"),
-        (["--only", "table-9"], "--only table-9: give one of numbers, levels"),
         (["--only", "table-4"], "--only table-4: needs --comparison"),
     ],
 )
@@ -145,11 +137,3 @@ def test_bad_input_is_one_line(arguments, message, preset, tmp_path, capsys):
     assert message in error
     assert error.count("\n") == 1
     assert not (tmp_path / "out").exists()
-
-
-def test_marks_are_what_the_statistics_count():
-    heights = surfaces.shown_surface(surfaces.ROUGH)
-    values = describe(heights, 1.0).values
-    along = [surfaces.above(heights, *each) for each in (surfaces.ALONG, surfaces.ACROSS)]
-    assert sum(marks.sum() for marks in along) == round(values["peak_density"] * 2 * heights.size)
-    assert heights[along[0] & along[1]].mean() == pytest.approx(values["asperity_mean"])

@@ -18,8 +18,8 @@ def random_heights(shape: Shape = (9, 11), seed: int = 0) -> np.ndarray:
     return np.random.default_rng(seed).standard_normal(shape)
 
 
-@pytest.mark.parametrize("aspect", [1.0, 64.0, 0.3])
-@pytest.mark.parametrize("offset", [(1, 0), (0, 2), (3, 1), (4, 5)])
+@pytest.mark.parametrize("aspect", [1.0, 64.0])
+@pytest.mark.parametrize("offset", [(1, 0), (3, 1)])
 def test_coefficients_are_the_integral_over_a_cell(offset: Shape, aspect: float) -> None:
     x, y = offset[0], offset[1] * aspect
     expected, _ = dblquad(
@@ -40,7 +40,7 @@ def test_coefficients_agree_with_those_of_the_solver(kernel: Kernel) -> None:
 
 
 @pytest.mark.parametrize("kernel", KERNELS)
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", range(3))
 def test_dense_solve_is_nonnegative_least_squares(seed: int, kernel: Kernel) -> None:
     heights = random_heights(seed=seed)
     matrix = dense.influence_matrix(heights.shape, kernel)
@@ -71,7 +71,7 @@ def rough(nodes: int = 33, seed: int = 0) -> np.ndarray:
 
 
 @pytest.mark.parametrize("kernel", KERNELS)
-@pytest.mark.parametrize("delta", [0.5, 2.0, 5.0])
+@pytest.mark.parametrize("delta", [0.5, 5.0])
 def test_pressure_is_that_of_the_solver_and_of_the_dense_reference(
     delta: float, kernel: Kernel
 ) -> None:
@@ -91,7 +91,7 @@ def press(kind: str, hardness: float, delta: float = 0.6, kernel: Kernel = "unif
     return heights, *dense.press_yielding(heights, delta, hardness, kernel)
 
 
-@pytest.mark.parametrize("share", [0.9, 0.5, 0.1])
+@pytest.mark.parametrize("share", [0.9, 0.1])
 @pytest.mark.parametrize("kind", SURFACES)
 def test_conditions_of_contact_hold(kind: str, share: float) -> None:
     elastic = press(kind, 1e3)[1].max()

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from bench.__main__ import main
-from bench.files import Row, read_table
+from bench.files import Row
 from bench.surrogates.models import front, models
 from gen.runtime.errors import InputError
 
@@ -52,14 +52,6 @@ def test_errors_and_times_are_those_of_the_comparison(comparison: Path) -> None:
     assert (tuned["result"], tuned["search_s"], tuned["predict_s"]) == ("tuned", 500, 0.003)
     fronts = [each["front"] for each in (tree, untuned, tuned)]
     assert fronts == ["predict fit", "", "predict fit search"]
-
-
-def test_command_writes_table_and_picture(comparison: Path, tmp_path: Path) -> None:
-    assert main(["models", str(comparison), "-o", str(tmp_path / "out")]) == 0
-    _, rows = read_table(tmp_path / "out" / "models.csv")
-    assert [row["model"] for row in rows] == ["decision-tree", "kernel-ridge", "kernel-ridge"]
-    assert rows[0]["search_s"] == ""
-    assert (tmp_path / "out" / "models.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_what_is_no_comparison_is_refused(

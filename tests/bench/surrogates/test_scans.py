@@ -3,11 +3,9 @@
 import numpy as np
 import pytest
 
-from bench import __main__ as bench
-from bench.contents import Figure, Table, contents_of
 from bench.made_maps import MAPS
 from bench.surrogates import scans as study
-from bench.surrogates.scans import Judged, judged_scans, scans
+from bench.surrogates.scans import Judged, judged_scans
 from gen.database import Reader
 
 pytestmark = pytest.mark.long
@@ -45,21 +43,6 @@ def test_every_row_is_judged_once_by_surrogates_of_the_others(made):
             assert set(folds) == set(range(study.FOLDS))
             if by_map:
                 assert np.unique(index[rows.rows[test]]).size == 1
-
-
-def test_the_report_has_a_row_for_each_map(made, monkeypatch, tmp_path):
-    _, found = made
-    monkeypatch.setattr(study, "judged_scans", lambda *_: found)
-    assert bench.main(["scans", "-o", str(tmp_path)]) == 0
-    kinds = [type(each) for each in contents_of("scans", tmp_path)]
-    assert kinds == [Figure, Table]
-    written = scans(tmp_path, 200, [32], 0)
-    rows = list(written.tables["scans"])
-    assert len(rows) == 2 * 6
-    every, *each = rows[:6]
-    assert every["rows"] == sum(row["rows"] for row in each) == found[0].truth.size
-    assert {row["map"] for row in each} == set(found[0].names)
-    assert every["r2"] > 90
 
 
 def test_scores_are_those_of_the_rows():
