@@ -149,13 +149,12 @@ class Writer(Reader):
             raise ValueError(f"rows {start} to {stop} of {self.rows.start} to {self.rows.stop}")
         if wrong := columns.keys() ^ self._datasets.keys():
             raise ValueError(f"columns missing or unknown: {', '.join(sorted(wrong))}")
-        arrays = {
-            column.name: np.ascontiguousarray(columns[column.name], dtype=column.dtype)
-            for column in self.columns()
-        }
+        arrays = {}
         for column in self.columns():
-            if arrays[column.name].shape != column.shape(stop - start, self.scene.shape):
-                raise ValueError(f"column {column.name} is of shape {arrays[column.name].shape}")
+            values = np.ascontiguousarray(columns[column.name], dtype=column.dtype)
+            if values.shape != column.shape(stop - start, self.scene.shape):
+                raise ValueError(f"column {column.name} is of shape {values.shape}")
+            arrays[column.name] = values
         self.confirm()
         status = arrays.pop(STATUS.name)
         try:

@@ -10,7 +10,7 @@ from gen.database import Reader
 from gen.export import description, parquet_files
 from gen.export.description import About
 from gen.runtime.errors import InputError
-from gen.runtime.files import check_folder, lock_folder, make_folder, write
+from gen.runtime.files import lock_folder, make_folder, write
 from gen.runtime.terminal import RunProgress
 from gen.schema import Status
 
@@ -31,7 +31,6 @@ def export(reader: Reader, folder: Path, about: About) -> Exported:
     InputError if the database has no done rows, the folder holds something else, or the disk is
     full.
     """
-    check_folder(folder)
     with lock_folder(folder):
         parquet_files.require_own_folder(folder, reader)
         done = np.asarray(reader.column("status") == Status.DONE)  # a run may go on meanwhile

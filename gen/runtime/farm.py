@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from contextvars import ContextVar
 from dataclasses import dataclass
+from pathlib import Path
 from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
@@ -133,7 +134,7 @@ def _check_launcher() -> None:
     size, descriptor = (os.environ.get(name) for name in ("PMI_SIZE", "PMI_FD"))
     faults = {
         "PMI_SIZE": size is not None and not size.isdecimal(),
-        "PMI_FD": descriptor is not None and not _is_open(descriptor),
+        "PMI_FD": descriptor is not None and not Path("/dev/fd", descriptor).exists(),
         "PMIX_RANK": "PMIX_RANK" in os.environ and "PMIX_NAMESPACE" not in os.environ,
     }
     for name, at_fault in faults.items():
@@ -142,15 +143,6 @@ def _check_launcher() -> None:
                 f"{name} = {os.environ[name]!r} in the environment is not from an MPI launcher that"
                 f" has started this process; to run alone: unset {name}"
             )
-
-
-def _is_open(descriptor: str) -> bool:
-    """Tell whether a text is the number of an open file."""
-    try:
-        os.fstat(int(descriptor))
-    except (OSError, ValueError, OverflowError):
-        return False
-    return True
 
 
 def leave() -> None:

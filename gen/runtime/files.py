@@ -121,7 +121,7 @@ def check_folder(folder: Path, *names: str) -> None:
     real = _folder(folder)
     existing = next(each for each in (real, *real.parents) if each.exists())
     with _in_words(folder, "cannot be written to"):
-        _try_beside(existing / "any")
+        _try_in(existing)
     for name in names if real.is_dir() else ():
         _try(folder / name, "picture" if name.endswith(".png") else "text")
 
@@ -248,7 +248,14 @@ def _try(path: Path, kind: Kind) -> None:
     """Refuse a file that cannot be written, without changing an existing one."""
     real = _place(path, kind)
     with _in_words(path, "cannot be written"):
-        _try_beside(real)
+        _try_in(real.parent)
+
+
+def _try_in(folder: Path) -> None:
+    """Make a file in a folder that is gone at once."""
+    from tempfile import TemporaryFile  # here, so that --help does not wait for it
+
+    TemporaryFile(dir=folder).close()
 
 
 def _place(path: Path, kind: Kind) -> Path:
@@ -285,13 +292,6 @@ def kind_of(path: Path) -> str:
     if start.translate(None, TEXT):
         return "binary"
     return "text" if start else ""
-
-
-def _try_beside(path: Path) -> None:
-    """Make and remove a trial file in the folder of a file."""
-    trial = path.with_name(f".asperity-{os.urandom(8).hex()}")
-    os.close(os.open(trial, os.O_WRONLY | os.O_CREAT | os.O_EXCL))
-    trial.unlink()
 
 
 def _files_of(inputs: Iterable[Path | str]) -> Iterator[Path]:

@@ -35,7 +35,8 @@ def source_hash(name: str) -> str:
     The name is "module:function"; the module stands in the current folder or where Python finds
     modules. Raise SourceError if there is no such module, or it has no source.
     """
-    return hashlib.sha256(_read(name, source_of(name))).hexdigest()
+    with faults_of(name):
+        return hashlib.sha256(source_of(name).read_bytes()).hexdigest()
 
 
 @functools.lru_cache(maxsize=16)
@@ -45,8 +46,9 @@ def load_function(name: str, source: str) -> Function:
     Raise SourceError if functions are not trusted, there is no such function, its module cannot be
     imported, or its source has changed.
     """
-    path = source_of(name)
-    content = _read(name, path)
+    with faults_of(name):
+        path = source_of(name)
+        content = path.read_bytes()
     if hashlib.sha256(content).hexdigest() != source:
         raise SourceError(f"{name}: {path} has changed since the database was made")
     module, _, attribute = name.partition(":")
@@ -103,14 +105,6 @@ def source_of(name: str) -> Path:
         if path.suffix == ".py" and path.is_file():
             return path
     raise SourceError(f"{name}: no module {module} in {folder}, nor where Python finds modules")
-
-
-def _read(name: str, path: Path) -> bytes:
-    """Read a source; a file that cannot be read has no function."""
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        raise SourceError(f"{name}: {path}: {error.strerror or error}") from None
 
 
 def _imported(name: str, module: str, path: Path, content: bytes) -> ModuleType:
