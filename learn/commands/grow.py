@@ -66,11 +66,7 @@ class Goal(NamedTuple):
 
 @grouped
 def grow(
-    scene: SceneName,
-    output: SurrogateFile,
-    *,
-    goal: Goal,
-    trust: options.Trust = False,
+    scene: SceneName, output: SurrogateFile, *, goal: Goal, trust: options.Trust = False
 ) -> int:
     """Generate rows of a scene and fit to them until a surrogate is as accurate as asked for.
 

@@ -89,9 +89,7 @@ def baseline(model: str, features: str) -> Settings:
     return {}
 
 
-LIBRARY: dict[str, Settings] = {
-    "gaussian-process": {"kernel": None, "optimizer": "fmin_l_bfgs_b"},
-}
+LIBRARY: dict[str, Settings] = {"gaussian-process": {"kernel": None, "optimizer": "fmin_l_bfgs_b"}}
 """Settings on top of a baseline that make it its library's own, where it is not.
 
 scikit-learn's Gaussian process fits amplitude and length of its kernel.

@@ -63,9 +63,7 @@ SPACES: dict[str, Space] = {
         "gamma": ["scale", "auto"],
         "cache_size": [200, 500, 1000, 2000, 3000, 5000],  # MB
     },
-    "gaussian-process": {
-        "alpha": [*(round(0.001 + step / 110, 4) for step in range(109)), 1.0],
-    },
+    "gaussian-process": {"alpha": [*(round(0.001 + step / 110, 4) for step in range(109)), 1.0]},
     "kernel-ridge": {
         "alpha": [1e-5, 5e-5, 1e-4, 5e-4, 1e-3, 1e-2, 0.1, 1.0],
         "gamma": [0.01, 0.1, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 150.0],

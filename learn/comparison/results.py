@@ -101,10 +101,7 @@ def fit_and_time(training: Training, task: TimedFit) -> FitResult:
 
 
 def repeated(
-    action: Callable[[], Any],
-    bounds: tuple[int, int],
-    before: float = 0.0,
-    until: float = math.inf,
+    action: Callable[[], Any], bounds: tuple[int, int], before: float = 0.0, until: float = math.inf
 ) -> list[float]:
     """Time an action repeatedly, between two numbers of times, and return the times [s].
 

@@ -25,15 +25,7 @@ from gen.scene import Scene, differences
 from gen.schema import Status
 from learn.dataset import TARGETS, Request, results, short_name
 from learn.executor import Executor, within
-from learn.grow.accuracy import (
-    EXPONENTS,
-    Appraisal,
-    Curve,
-    Sizes,
-    advise,
-    appraise,
-    learning_curve,
-)
+from learn.grow.accuracy import EXPONENTS, Appraisal, Curve, Sizes, advise, appraise, learning_curve
 
 Block = tuple[int, int]
 """First row of a task, and one past the last."""

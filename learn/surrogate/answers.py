@@ -166,12 +166,7 @@ def heading(column: str, unit: str) -> str:
 
 
 def _rows_of_surface(
-    surrogate: Surrogate,
-    path: Path,
-    question: Question,
-    say: Callable[[str], None],
-    *,
-    alone: bool,
+    surrogate: Surrogate, path: Path, question: Question, say: Callable[[str], None], *, alone: bool
 ) -> tuple[Rows, list[str]]:
     """Return the rows of a surface, which are NaN if it is not alone and statistics are undefined.
 

@@ -35,14 +35,7 @@ from learn.models import (
 from learn.split import Folds
 from learn.surrogate import calibration as calibrating
 from learn.surrogate import card
-from learn.surrogate.calibration import (
-    SURFACE,
-    Measured,
-    Plan,
-    groups_of,
-    holdouts,
-    measured,
-)
+from learn.surrogate.calibration import SURFACE, Measured, Plan, groups_of, holdouts, measured
 from learn.surrogate.interval import Calibration, ErrorScale
 from learn.surrogate.learnt import Learnt, clip_of
 from learn.surrogate.model import Surrogate

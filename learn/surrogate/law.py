@@ -32,16 +32,7 @@ from bem.derived.stiffness import without_patch
 from gen.arrays import Values
 from gen.law import Law, Order
 from gen.law.contact_law import ARGUMENTS, STEPS, law_of
-from gen.law.curves import (
-    STIFFNESS,
-    Curves,
-    Points,
-    continued,
-    monotone,
-    risen,
-    slopes,
-    tabulated,
-)
+from gen.law.curves import STIFFNESS, Curves, Points, continued, monotone, risen, slopes, tabulated
 from gen.law.surfaces import LawSurface, LawSurfaces, Load, read_subjects
 from gen.material import Bodies
 from gen.runtime.errors import InputError

@@ -141,8 +141,7 @@ WRITERS = {
 
 
 @pytest.mark.parametrize(
-    "name",
-    [pytest.param(name, marks=[pytest.mark.long] * (name == "compare")) for name in WRITERS],
+    "name", [pytest.param(name, marks=[pytest.mark.long] * (name == "compare")) for name in WRITERS]
 )
 def test_a_strict_reader_takes_every_text_that_a_command_writes(work, capsys, name):
     """Numbers are finite, JSON is JSON, rows are as long as their header."""

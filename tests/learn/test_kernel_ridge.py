@@ -4,12 +4,7 @@ import numpy as np
 import pytest
 from sklearn.kernel_ridge import KernelRidge
 
-from learn.kernel_ridge import (
-    IllConditioned,
-    SafeKernelRidge,
-    left_out_errors,
-    predictions,
-)
+from learn.kernel_ridge import IllConditioned, SafeKernelRidge, left_out_errors, predictions
 
 
 @pytest.mark.parametrize("kernel", ["rbf", "linear", "poly"])

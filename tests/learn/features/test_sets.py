@@ -11,13 +11,7 @@ from gen.scene import Scene
 from gen.surface import generate
 from learn.dataset import INPUTS
 from learn.features import OF_SURFACES, SETS, SurfaceFeatures, chosen
-from learn.features.sets import (
-    BLOCK_COUNTS,
-    HARDNESS,
-    PLASTIC,
-    SCALED_HARDNESS,
-    Rows,
-)
+from learn.features.sets import BLOCK_COUNTS, HARDNESS, PLASTIC, SCALED_HARDNESS, Rows
 from learn.features.surface import LOOSE
 
 FREE = [name for name, each in SETS.items() if each.scaled]
@@ -121,12 +115,7 @@ def test_the_hardness_is_a_feature_where_it_says_something(name):
     assert fixed.columns == (varied.columns if SETS[name].scaled else SETS[name].columns)
 
 
-@given(
-    st.integers(0, 999),
-    st.floats(0.0, 1.0),
-    st.sampled_from([5, 9, 17]),
-    st.floats(0.5, 60.0),
-)
+@given(st.integers(0, 999), st.floats(0.0, 1.0), st.sampled_from([5, 9, 17]), st.floats(0.5, 60.0))
 def test_no_elastic_pressure_reaches_the_ceiling_of_the_hardness(seed, hurst, nodes, delta):
     heights = generate("diamond-square", nodes, hurst, 12.0, np.random.default_rng(seed))
     contact = bem.solve(heights, (1000.0, 1000.0), delta)
