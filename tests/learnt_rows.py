@@ -1,13 +1,36 @@
-"""The usable rows of one database for one target, as `learn` reads them."""
+"""Databases that learn is tried on, their usable rows, and surrogates of them."""
 
 from pathlib import Path
 from typing import Any
 
+from gen import cli
 from learn import dataset
 from learn.dataset import Dataset, Request
+from learn.executor import Executor
+from learn.surrogate import Surrogate, fitting
 
 
 def read(path: Path, target: str = "area", **options: Any) -> Dataset:
     """Read a database with further options of a request."""
     (rows,) = dataset.read(Request((path,), targets=(target,), **options))
     return rows
+
+
+def database_of(folder: Path, text: str, name: str = "rows", *options: str) -> Path:
+    """Run a scene, by its text, in a folder; return the path of the database."""
+    (folder / f"{name}.toml").write_text(text)
+    path = folder / f"{name}.h5"
+    assert cli.main(["run", str(folder / f"{name}.toml"), "-o", str(path), *options]) == 0
+    return path
+
+
+def fitted(
+    path: Path, model: str = "kernel-ridge", features: str = "dimensionless", **options: Any
+) -> Surrogate:
+    """Fit a surrogate of area and force, or other targets, to a database."""
+    targets = options.pop("targets", ("area", "force"))
+    scaling = "l2" if features == "paper" else "standard"
+    request = Request((path,), path, targets, (model,), None, scaling, features, **options)
+    found = fitting.fit(request, Executor(), lambda line: None)
+    assert found is not None
+    return found

@@ -216,6 +216,7 @@ LEAVES_OUT = {
     },
     "--version": QUICK | {"learn"},
     "learn --help": QUICK,
+    "learn predict --help": NUMERICS,
     "gen --version": QUICK | {"learn"},
     "gen run --help": NUMERICS,
     "gen describe surface.npy --side 100": NUMERICS - {"numpy"},

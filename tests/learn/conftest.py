@@ -8,6 +8,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from learnt_rows import database_of
 from small_populations import KIND_SCENES, KINDS, POPULATIONS
 
 from gen import cli
@@ -20,30 +21,22 @@ SCENE = "samples = 90\n[surface]\nnodes = 33\n"
 @pytest.fixture(scope="session")
 def solved(tmp_path_factory):
     """The path of a database of 90 samples, one a surface."""
-    folder = tmp_path_factory.mktemp("database")
-    (folder / "scene.toml").write_text(SCENE)
-    assert cli.main(["run", str(folder / "scene.toml"), "-o", str(folder / "solved.h5")]) == 0
-    return folder / "solved.h5"
+    return database_of(tmp_path_factory.mktemp("database"), SCENE, "solved")
 
 
 @pytest.fixture(scope="session")
 def yielding(tmp_path_factory):
     """The path of a database of 90 samples, each with a hardness of its own."""
-    folder = tmp_path_factory.mktemp("yielding")
-    (folder / "scene.toml").write_text(f"{SCENE}[contact]\nhardness_ratio = [0.003, 0.1]\n")
-    assert cli.main(["run", str(folder / "scene.toml"), "-o", str(folder / "yielding.h5")]) == 0
-    return folder / "yielding.h5"
+    text = f"{SCENE}[contact]\nhardness_ratio = [0.003, 0.1]\n"
+    return database_of(tmp_path_factory.mktemp("yielding"), text, "yielding")
 
 
 @pytest.fixture(scope="session")
 def mirrored(tmp_path_factory):
     """The path of a database of 60 samples on 32 x 32 cells, patches between mirror images."""
-    folder = tmp_path_factory.mktemp("mirrored")
     text = SCENE.replace("90", "60") + "[contact]\nboundary = 'mirror'\n"
     text += "[delta]\npieces = [{ share = 1.0, range = [0.5, 6.0] }]\n"
-    (folder / "scene.toml").write_text(text)
-    assert cli.main(["run", str(folder / "scene.toml"), "-o", str(folder / "mirrored.h5")]) == 0
-    return folder / "mirrored.h5"
+    return database_of(tmp_path_factory.mktemp("mirrored"), text, "mirrored")
 
 
 @pytest.fixture(scope="session")
@@ -57,8 +50,7 @@ def kinds(tmp_path_factory):
     store = f"[store]\nfunction = 'kinds:outputs'\noutputs = {{ {units} }}\n"
     with contextlib.chdir(folder):
         for name, text in KIND_SCENES.items():
-            Path(f"{name}.toml").write_text(f"{SCENE}{text}{store}")
-            assert cli.main(["run", f"{name}.toml", "-o", f"{name}.h5", "--trust"]) == 0
+            database_of(Path(), f"{SCENE}{text}{store}", name, "--trust")
             with h5py.File(f"{name}.h5", "r+") as file:
                 file["spoilt"][::3] = np.nan
     sys.modules.pop("kinds", None)

@@ -3,9 +3,8 @@
 import h5py
 import numpy as np
 import pytest
-from learnt_rows import read
+from learnt_rows import database_of, read
 
-from gen import cli
 from gen.database import Reader
 from gen.runtime.errors import InputError
 from learn import dataset
@@ -48,10 +47,8 @@ def test_times_and_hosts_do_not_change_the_fingerprint(solved, database, change)
 @pytest.fixture(scope="module")
 def undefined(tmp_path_factory):
     """The path of a database of 60 surfaces of 5 x 5 nodes, many of which have no asperity."""
-    folder = tmp_path_factory.mktemp("undefined")
-    (folder / "s.toml").write_text("samples = 120\nsamples_per_surface = 2\n[surface]\nnodes = 5\n")
-    assert cli.main(["run", str(folder / "s.toml"), "-o", str(folder / "s.h5")]) == 0
-    return folder / "s.h5"
+    text = "samples = 120\nsamples_per_surface = 2\n[surface]\nnodes = 5\n"
+    return database_of(tmp_path_factory.mktemp("undefined"), text)
 
 
 def lacking(path):
@@ -173,16 +170,6 @@ SCENES = {
     """,
     "mirror": 'samples = 20\n[surface]\nnodes = 17\n[contact]\nboundary = "mirror"\n',
     "soft": "samples = 20\n[surface]\nnodes = 17\n[contact]\nhardness_ratio = 0.1\n",
-    "oblong": """
-        samples = 20
-        [surface]
-        generator = "spectral"
-        nodes = 17
-        side = [300.0, 200.0]
-        roll_off = 200.0
-        cut_off = 90.0
-        rms_height = 5.0
-    """,
 }
 
 
@@ -190,12 +177,7 @@ SCENES = {
 def made(tmp_path_factory):
     """The paths of small databases by the names of their scenes."""
     folder = tmp_path_factory.mktemp("several")
-    for name, text in SCENES.items():
-        (folder / f"{name}.toml").write_text(text)
-        assert (
-            cli.main(["run", str(folder / f"{name}.toml"), "-o", str(folder / f"{name}.h5")]) == 0
-        )
-    return {name: folder / f"{name}.h5" for name in SCENES}
+    return {name: database_of(folder, text, name) for name, text in SCENES.items()}
 
 
 def together(made, *names, features="dimensionless"):
@@ -242,10 +224,9 @@ def other_windows(populations, tmp_path_factory):
     """The path of a database of larger windows of the maps of the populations."""
     folder = tmp_path_factory.mktemp("windows")
     text = (populations / "scans.toml").read_text().replace("[20, 17]", "[40, 34]")
-    scene = folder / "larger.toml"
-    scene.write_text(text.replace('"maps"', f'"{(populations / "maps").as_posix()}"'))
-    assert cli.main(["run", str(scene), "-o", str(folder / "larger.h5")]) == 0
-    return folder / "larger.h5"
+    return database_of(
+        folder, text.replace('"maps"', f'"{(populations / "maps").as_posix()}"'), "larger"
+    )
 
 
 def test_windows_of_other_sizes_of_one_map_are_one_group(populations, other_windows):

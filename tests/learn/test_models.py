@@ -10,16 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from comparisons import run
-from learnt_rows import read
+from learnt_rows import database_of, fitted, read
 from small_populations import KIND_SCENES, KINDS
 
-from gen import cli as gen
 from gen.runtime.errors import InputError
 from gen.runtime.memory import free
 from learn import Surrogate, cli, models, split
 from learn.comparison.paper import OPTIMA
-from learn.dataset import Request
-from learn.executor import Executor
 from learn.models import (
     AT_BOUND,
     MODELS,
@@ -31,7 +28,6 @@ from learn.models import (
     remarks,
     scaling_of,
 )
-from learn.surrogate import fitting
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -127,12 +123,6 @@ def test_roots_of_areas_are_standardised_and_squared_again(solved):
     assert not scaling_of(force, train).root
 
 
-def fitted(path, targets, model="kernel-ridge", features="dimensionless"):
-    scaling = "l2" if features == "paper" else "standard"
-    request = Request((path,), path, targets, (model,), None, scaling, features)
-    return fitting.fit(request, Executor(), lambda line: None)
-
-
 def answers(surrogate, path):
     """The answers of a surrogate to the rows of its database, by target, and the ends."""
     rows = read(path, "area", features=surrogate.features.name)
@@ -153,7 +143,7 @@ def test_targets_of_every_kind_are_learnt_or_refused_in_a_line(kinds, tmp_path, 
     for target in KINDS:
         surrogate = known = None
         try:
-            surrogate = fitted(path, (target,), features=features)
+            surrogate = fitted(path, features=features, targets=(target,))
         except InputError as error:
             known = re.search(rf"{target}.*(no better than a constant|does not vary)", str(error))
         assert surrogate or known, target
@@ -186,14 +176,12 @@ def test_a_growth_to_a_negative_target_does_not_meet_its_mark_by_the_sign(kinds,
 
 def test_columns_are_cut_at_their_own_bounds_only(kinds, tmp_path):
     """An output without bounds may be negative; with `store.least` and `most` it keeps to them."""
-    surrogate = fitted(kinds / "free.h5", ("area", "negative"))
+    surrogate = fitted(kinds / "free.h5", targets=("area", "negative"))
     assert surrogate.learnt["area"].bounds == (0.0, 100.0)
     assert surrogate.learnt["negative"].bounds == (-np.inf, np.inf)
     text = (kinds / "free.toml").read_text() + "least = { signed = -4 }\nmost = { signed = 96 }\n"
     with contextlib.chdir(kinds):
-        Path("bounded.toml").write_text(text)
-        assert gen.main(["run", "bounded.toml", "-o", "bounded.h5", "--trust"]) == 0
-        bounded = fitted(Path("bounded.h5"), ("signed",))
+        bounded = fitted(database_of(Path(), text, "bounded", "--trust"), targets=("signed",))
     bounded.save(tmp_path / "b.surrogate")
     loaded = Surrogate.load(tmp_path / "b.surrogate").learnt["signed"]
     assert loaded.bounds == (-4.0, 96.0)

@@ -1,25 +1,17 @@
 """`learn fit`: with a tuned winner, of several databases, and on several ranks."""
 
-import csv
 import shutil
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
+from comparisons import run, table
 from launch import launch, mpiexec
+from learnt_rows import database_of
 
 from gen.surface import generate
-from learn import Surrogate, cli
-
-
-def run(*arguments):
-    return cli.main([str(argument) for argument in arguments])
-
-
-def table(path):
-    with Path(path).open(newline="") as file:
-        return list(csv.DictReader(file))
+from learn import Surrogate
 
 
 def test_a_tuned_winner_is_taken_with_what_it_rests_on(work, capsys, monkeypatch):
@@ -82,14 +74,8 @@ SCENES = {
 @pytest.fixture(scope="module")
 def several(tmp_path_factory):
     """A folder with databases of elastic and yielding bodies, two grids, and their surrogate."""
-    from gen import cli as gen
-
     folder = tmp_path_factory.mktemp("several")
-    for name, text in SCENES.items():
-        scene = folder / f"{name}.toml"
-        scene.write_text(text)
-        assert gen.main(["run", str(scene), "-o", str(folder / f"{name}.h5")]) == 0
-    files = [folder / f"{name}.h5" for name in SCENES]
+    files = [database_of(folder, text, name) for name, text in SCENES.items()]
     assert run("fit", *files, "--features", "hybrid", "-o", folder / "all.surrogate") == 0
     assert run("fit", *files, "-o", folder / "free.surrogate") == 0
     return folder

@@ -11,8 +11,8 @@ from pathlib import Path
 import h5py
 import pytest
 from comparisons import run
+from learnt_rows import database_of
 
-from gen import cli as gen_cli
 from learn import cli
 from learn.comparison import folder as folders
 
@@ -33,11 +33,8 @@ def test_databases_whose_names_are_no_text_leave_folders_that_can_be_read(work):
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
     folder = tmp_path_factory.mktemp("made")
-    (folder / "scene.toml").write_text(SCENE)
-    database = folder / "rows.h5"
-    assert gen_cli.main(["run", str(folder / "scene.toml"), "-o", str(database)]) == 0
-    arguments = [str(database), "-o", str(folder / "found"), "--model", "decision-tree"]
-    assert cli.main(["tune", *arguments]) == 0
+    database = database_of(folder, SCENE)
+    assert run("tune", database, "-o", folder / "found", "--model", "decision-tree") == 0
     assert (folder / "found" / RESULT).exists()
     return folder
 
@@ -83,7 +80,6 @@ def test_a_folder_of_another_database_is_refused(folder, capsys):
 
 DAMAGE = {
     "no-object": (RECORD, b"[1, 2]", SHOW),
-    "not-utf-8": (RESULT, b"\xff\xfe", SHOW),
     "empty": (RESULT, b"", SHOW),
     "nested": (RESULT, b"[" * 100_000, SHOW),
     "trials": (TRIALS, b"{}\n[]\n", TUNE),
@@ -100,11 +96,8 @@ def test_what_is_no_document_is_refused(name, folder, capsys):
 CHANGES = {
     "missing": (RECORD, "unit", None, SHOW),
     "area-nan": (RECORD, "conditions.area_max", float("nan"), SHOW),
-    "features": (RECORD, "conditions.features", "x", FIT),
     "score-nan": (RESULT, "test.r2", float("nan"), SHOW),
     "times-nan": (RESULT, "times.fit", float("nan"), SHOW),
-    "search-text": (RESULT, "search.fits", "many", SHOW),
-    "setting-unknown": (RESULT, "settings.depth", 3, FIT),
     "setting-huge": (RESULT, "settings.max_depth", 10**9, FIT),
 }
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from comparisons import run, table
+from learnt_rows import database_of
 
-from gen import cli as gen_cli
 from gen.runtime.errors import InputError
 from learn import dataset, split
 from learn.comparison import paper, pictures, tables
@@ -24,9 +24,7 @@ TREE = ["--model", "decision-tree"]
 def thrice(tmp_path_factory):
     """A comparison of rows that are three of each surface."""
     folder = tmp_path_factory.mktemp("thrice")
-    (folder / "scene.toml").write_text(SCENE)
-    assert gen_cli.main(["run", str(folder / "scene.toml"), "-o", str(folder / "rows.h5")]) == 0
-    assert run("compare", folder / "rows.h5", "-o", folder / "found", *TREE) == 0
+    assert run("compare", database_of(folder, SCENE), "-o", folder / "found", *TREE) == 0
     return folder / "found"
 
 

@@ -5,21 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from comparisons import run, table
 
 import bem
 from gen import cli as gen_cli
-from learn import Surrogate, cli
+from learn import Surrogate
 
 DELTAS = "6,20,40"
-
-
-def run(*arguments):
-    return cli.main([str(argument) for argument in arguments])
-
-
-def table(path):
-    with Path(path).open(newline="") as file:
-        return list(csv.DictReader(file))
 
 
 def test_a_folder_is_predicted_and_written(work, capsys):

@@ -1,14 +1,14 @@
 """Laws at the given loads, their bands, and no band outside the training."""
 
-import csv
 import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+from comparisons import table
+from learnt_rows import database_of
 from strict import json_of
 
-from gen import cli as gen_cli
 from gen.generation.plan import parameters
 from gen.generation.sample import solve_contact, surface_of
 from gen.law.curves import Points
@@ -17,7 +17,6 @@ from learn import cli
 from learn.surrogate.law import at_pressures
 
 STEEL = ["--young", "210e3", "--poisson", "0.3"]
-LOADS = ["--pressure", "100:2000:4"]
 
 
 def run(*arguments, ends=0):
@@ -27,9 +26,7 @@ def run(*arguments, ends=0):
 
 def rows_of(path, against=None):
     """Rows of a table, or those against one argument."""
-    with Path(path).open(newline="", encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
-    return [row for row in rows if against is None or row["against"] == against]
+    return [row for row in table(path) if against is None or row["against"] == against]
 
 
 def column(rows, name):
@@ -39,12 +36,6 @@ def column(rows, name):
 
 COLUMNS = ("delta_um", "area_percent", "mean_gap_um")
 FREE = ["--boundary", "free"]
-
-
-def solved_by_gen(surface, *load):
-    arguments = ["contact", surface, "--side", "1000", *load, *STEEL, "--csv", "gen.csv"]
-    assert gen_cli.main(arguments) == 0
-    return rows_of("gen.csv")
 
 
 def test_surfaces_without_asperities_are_left_out_of_a_population(work, capsys):
@@ -62,28 +53,6 @@ def test_surfaces_without_asperities_are_left_out_of_a_population(work, capsys):
     mixed = Path("law.csv").read_text()
     run("law", *ask, "many")
     assert Path("law.csv").read_text() == mixed
-
-
-def test_the_solver_solves_at_the_pressures_asked_for(work, capsys):
-    """Not on a grid of Delta, between which it would interpolate; a surrogate is not needed."""
-    contacts = solved_by_gen("many/s0.npy", *LOADS)
-    ask = ["many/s0.npy", "--side", "1000", "--solver", *LOADS, *STEEL, "--csv", "law.csv", *FREE]
-    run("law", *ask)
-    said = " ".join(capsys.readouterr().out.split())
-    assert "solved contact by contact" in said
-    assert "band: none, one surface was solved" in said
-    found = rows_of("law.csv", "pressure_MPa")
-    assert column(found, "pressure_MPa").tolist() == [100 + i * 1900 / 3 for i in range(4)]
-    for name in COLUMNS:
-        np.testing.assert_allclose(column(found, name), column(contacts, name), rtol=1e-6)
-        assert not {f"{name}_low", f"{name}_high", "reason"} & found[0].keys()
-    over_delta = rows_of("law.csv", "delta_um")[1:]
-    np.testing.assert_allclose(
-        column(over_delta, "force_uN"), column(contacts, "force_uN"), rtol=1e-6
-    )
-    assert f"{float(found[1]['delta_um']):.4g}" in said, "the pressures asked for are printed"
-    assert "warning: from Delta" in said
-    assert "real metals and polymers would have yielded" in said
 
 
 SCENE = """
@@ -331,8 +300,7 @@ def test_the_conductance_of_elastic_bodies_is_the_slope_of_their_force(work):
 
 @pytest.mark.long
 def test_the_conductance_of_bodies_that_yield_is_learnt_from_their_stiffness(work, capsys):
-    Path("yielding.toml").write_text(CONDUCTING)
-    assert gen_cli.main(["run", "yielding.toml", "-o", "yielding.h5"]) == 0
+    database_of(Path(), CONDUCTING, "yielding")
     fit = ["fit", "yielding.h5", "--model", "kernel-ridge", "--features", "hybrid"]
     run(*fit, "--target", "area,force,stiffness", "-o", "stiff.surrogate")
     run(*fit, "-o", "both.surrogate")

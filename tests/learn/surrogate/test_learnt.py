@@ -15,24 +15,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 from databases import run
+from learnt_rows import fitted
 from skops import io
 
 from gen.runtime.errors import InputError
 from learn import Surrogate, cli
-from learn.dataset import Request
-from learn.executor import Executor
 from learn.models import MODELS, pipeline
-from learn.surrogate import fitting
 from learn.surrogate.flag import reasons_of
 from learn.surrogate.learnt import FORMAT, HEAD
 
 
 @pytest.fixture(scope="module")
 def ridge(solved):
-    request = Request(
-        (solved,), solved, ("area",), ("kernel-ridge",), None, "standard", "dimensionless"
-    )
-    return fitting.fit(request, Executor(), lambda line: None)
+    return fitted(solved, targets=("area",))
 
 
 @pytest.fixture
@@ -292,15 +287,9 @@ def test_a_card_is_read_without_the_libraries_of_models(path):
     assert run(script, path).stderr == "set()\n"
 
 
-def fitted(path, features):
-    scaling = "l2" if features == "paper" else "standard"
-    request = Request((path,), path, ("area",), ("kernel-ridge",), None, scaling, features)
-    return fitting.fit(request, Executor(), lambda line: None)
-
-
 @pytest.fixture(scope="module")
 def surrogate(solved):
-    return fitted(solved, "hybrid")
+    return fitted(solved, features="hybrid", targets=("area",))
 
 
 @pytest.fixture
@@ -328,7 +317,7 @@ def test_a_moment_beyond_the_training_is_that_at_the_end_of_its_range(
 
 @pytest.mark.parametrize("features", ["paper", "dimensionless"])
 def test_kernel_ridge_is_scikit_learns(solved, features):
-    learnt = replace(fitted(solved, features).learnt["area"], clip=None)
+    learnt = replace(fitted(solved, features=features, targets=("area",)).learnt["area"], clip=None)
     ridge = learnt.pipeline.named_steps["model"]
     inputs = learnt.pipeline.steps[0][1].transform(
         np.abs(np.random.default_rng(0).normal(size=(5000, 23)))

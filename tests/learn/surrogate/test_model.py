@@ -4,18 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from learnt_rows import read
+from learnt_rows import database_of, fitted, read
 
 import bem
-from gen import cli
 from gen.law import Order
 from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
 from gen.surface import generate
 from learn import Surrogate, split
 from learn.comparison.paper import OPTIMA
-from learn.dataset import Request
-from learn.executor import Executor
 from learn.features.sets import ROOTED_LOCAL
 from learn.models import MODELS
 from learn.surrogate import fitting, law
@@ -26,13 +23,6 @@ from learn.surrogate.learnt import Learnt
 
 def say(line):
     """Hear nothing."""
-
-
-def fitted(path, model="kernel-ridge", features="dimensionless", **options):
-    targets = options.pop("targets", ("area", "force"))
-    scaling = "l2" if features == "paper" else "standard"
-    request = Request((path,), path, targets, (model,), None, scaling, features, **options)
-    return fitting.fit(request, Executor(), say)
 
 
 @pytest.fixture(scope="module")
@@ -217,11 +207,8 @@ def test_a_hardness_outside_the_training_is_flagged_and_none_is_refused(plastic,
 
 
 def test_one_hardness_of_the_training_is_the_one_of_the_answers(tmp_path, heights):
-    (tmp_path / "one.toml").write_text(
-        "samples = 60\n[surface]\nnodes = 33\n[contact]\nhardness_ratio = 0.02\n"
-    )
-    assert cli.main(["run", str(tmp_path / "one.toml"), "-o", str(tmp_path / "one.h5")]) == 0
-    surrogate = fitted(tmp_path / "one.h5")
+    text = "samples = 60\n[surface]\nnodes = 33\n[contact]\nhardness_ratio = 0.02\n"
+    surrogate = fitted(database_of(tmp_path, text))
     assert surrogate.hardness_limits == pytest.approx((0.02, 0.02))
     own = surrogate.predict(heights, 1000.0, 12.0)
     given = surrogate.predict(heights, 1000.0, 12.0, hardness=2.0, e_star=100.0)
