@@ -1,12 +1,11 @@
 """Small databases: scenes, blocks of rows, processes of their own, and looks with h5py alone."""
 
-import subprocess
-import sys
 import textwrap
 from pathlib import Path
 
 import h5py
 import numpy as np
+from launch import python
 
 from gen import database, schema
 from gen.database import Writer, create
@@ -62,12 +61,9 @@ NO_ROOM = """
 PHYSICS = schema.PHYSICS  # before a test raises it
 
 
-def run(script, *arguments, **options):
+def run(script, *arguments):
     """Run a script in a process of its own."""
-    command = [sys.executable, "-c", textwrap.dedent(script), *map(str, arguments)]
-    return subprocess.run(
-        command, capture_output=True, text=True, timeout=60, check=False, **options
-    )
+    return python("-c", textwrap.dedent(script), *arguments)
 
 
 def small(samples=10, **keys):

@@ -67,6 +67,21 @@ def launch(
     )
 
 
+def python(
+    *words: object, folder: Path | None = None, **variables: str
+) -> subprocess.CompletedProcess[str]:
+    """Run this Python to its end, with further variables of the environment."""
+    return subprocess.run(
+        [sys.executable, *map(str, words)],
+        cwd=folder,
+        env=os.environ | variables,
+        capture_output=True,
+        text=True,
+        timeout=TIMEOUT,
+        check=False,
+    )
+
+
 SECONDS = 120
 """Seconds after which a command line counts as hanging; each one here takes a second or two."""
 

@@ -74,7 +74,7 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
     ),
     "gen/generation/plan.py": (
         ("stream.advance(before + offset * per)", "stream.advance(before + offset)"),
-        ("border = min(border, stop)", "border = min(border, stop + 1)"),
+        ("min(stop, (number + 1) * chunk)", "min(stop, (number + 1) * chunk + 1)"),
         ('borders, uniform[:, 0], side="right")', 'borders, uniform[:, 1], side="right")'),
     ),
     "gen/generation/sample.py": (
@@ -111,8 +111,8 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
     ),
     "learn/kernel_ridge.py": (("if reciprocal > EPSILON:", "if reciprocal > 0:"),),
     "learn/surrogate/interval.py": (
-        ("math.ceil((scores.size + 1) *", "math.ceil(scores.size *"),
-        ("(weights[order]) / (len(scores) + 1)", "(weights[order]) / len(scores)"),
+        ("np.cumsum(self.weights) / (self.groups + 1)", "np.cumsum(self.weights) / self.groups"),
+        ("1.0 / sizes[place][order])", "1.0 / sizes[place])"),
     ),
     "learn/surrogate/learnt.py": (
         ("if hashlib.sha256(body).hexdigest() != head[2].decode():", "if False:"),

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from launch import python
 
 from gen.database import create
 from gen.runtime.installation import command_for
@@ -184,25 +185,14 @@ def test_one_place_prints(package):
             assert not re.search(r"\bConsole\(|typer\.s?echo|\bprint\(", text), path
 
 
-def told_by(code: str, folder: Path) -> "subprocess.CompletedProcess[str]":
-    """Run code in a fresh interpreter."""
-    return subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=120,
-    )
-
-
 @pytest.mark.parametrize("line", ["learn fit none.h5 -o a", "bench cost -o c"])
 def test_a_missing_extra_is_one_line(line, tmp_path):
     """As after `make quickstart`, which installs what databases need and no more."""
     package, *arguments = line.split()
     home = {"learn": "learn.cli", "bench": "bench.__main__"}[package]
     code = "import sys; sys.modules['sklearn'] = sys.modules['sklearn.metrics'] = None\n"
-    done = told_by(f"{code}from {home} import main; sys.exit(main({arguments!r}))", tmp_path)
+    code += f"from {home} import main; sys.exit(main({arguments!r}))"
+    done = python("-c", code, folder=tmp_path)
     assert done.returncode == 2
     (said,) = done.stderr.splitlines()
     assert said.endswith(f"which is not installed: {command_for('learn')}")
@@ -235,7 +225,7 @@ def test_what_is_not_needed_is_not_imported(line, tmp_path):
         create(tmp_path / "made.h5", load(str(tmp_path / "small.toml")))
     start = f"import sys; sys.argv[1:] = {line.split()!r}\nfrom asperity.command import main"
     code = line if line.startswith("import ") else f"{start}; assert main() == 0"
-    done = told_by(f"{code}\nimport sys; print(sorted(sys.modules))", tmp_path)
+    done = python("-c", f"{code}\nimport sys; print(sorted(sys.modules))", folder=tmp_path)
     assert done.returncode == 0, done.stderr
     assert not set(ast.literal_eval(done.stdout.splitlines()[-1])) & LEAVES_OUT[line]
 

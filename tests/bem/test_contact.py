@@ -1,9 +1,6 @@
 """The numbers and fields that `solve` returns, and its behaviour at the ends of its range."""
 
 import dataclasses
-import inspect
-import pydoc
-import textwrap
 import tracemalloc
 
 import numpy as np
@@ -132,13 +129,3 @@ def test_memory_is_at_most_twelve_padded_arrays(percent):
         tracemalloc.stop()
     assert 0.3 * percent < contact.area_percent < 2 * percent
     assert peak <= 12 * 8 * fast_period(nodes) ** 2
-
-
-@pytest.mark.parametrize("function", [bem.solve, bem.ladder])
-def test_help_opens_with_a_short_signature(function):
-    """Whether a version of Python writes it as one paragraph or each parameter on a line."""
-    title, _, signature, *_ = pydoc.plain(pydoc.render_doc(function)).splitlines()
-    assert function.__name__ in title
-    assert len(textwrap.wrap(signature, 80)) <= 8
-    assert len(inspect.signature(function).parameters) + 2 <= 20
-    assert max(len(str(each)) for each in inspect.signature(function).parameters.values()) < 78

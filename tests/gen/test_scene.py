@@ -3,8 +3,6 @@
 import inspect
 import json
 import re
-import subprocess
-import sys
 import time
 from importlib.resources import files
 from pathlib import Path
@@ -14,6 +12,7 @@ import pytest
 import tomli_w
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from launch import python
 
 from bem.problem import BOUNDARIES, MAX_ITERATIONS, RTOL, node_spacing
 from gen import cli
@@ -342,10 +341,7 @@ def test_spacings_follow_the_rule_of_the_solver(boundary):
     assert scene.spacing == expected
     code = f"from gen.scene import Scene; print(Scene.parse({text!r}, 'a').spacing);"
     code += "import sys; print('bem' in sys.modules)"
-    loaded = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
-    )
-    assert loaded.stdout.splitlines()[1] == "False"
+    assert python("-c", code).stdout.splitlines()[1] == "False"
 
 
 def test_parameters_nodes_and_seed_can_be_given_and_nothing_else_changes():

@@ -1,9 +1,6 @@
 """The 22 statistics against a plain version, closed forms, scaling laws and the paper's Table 1."""
 
 import math
-import os
-import subprocess
-import sys
 from itertools import pairwise
 from pathlib import Path
 
@@ -12,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from launch import python
 
 from gen.runtime.errors import InputError
 from gen.schema import statistics_columns
@@ -170,14 +168,7 @@ def test_last_bits_do_not_depend_on_the_threads_of_blas():
         "print([value.hex() for value in describe(z, 2.0).values.values()])"
     )
     outputs = [
-        subprocess.run(
-            [sys.executable, "-c", script],
-            env=os.environ | {"OPENBLAS_NUM_THREADS": threads, "OMP_NUM_THREADS": threads},
-            capture_output=True,
-            text=True,
-            check=True,
-            timeout=60,
-        ).stdout
+        python("-c", script, OPENBLAS_NUM_THREADS=threads, OMP_NUM_THREADS=threads).stdout
         for threads in ("1", "2", "3")
     ]
     assert outputs[0].count("0x") == len(NAMES)

@@ -1,17 +1,15 @@
 """Surfaces: nested, self-affine by construction, or refused."""
 
 import math
-import os
 import re
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from launch import python
 
 from gen.runtime.errors import InputError
 from gen.surface import GENERATORS, generate
@@ -136,30 +134,22 @@ def test_a_generator_is_one_file_and_a_line(tmp_path):
     (generators / "__init__.py").write_text(registry.replace(line, own + line))
     (tmp_path / "ridges.toml").write_text(RIDGES)
 
-    def python(*arguments):
-        done = subprocess.run(
-            [sys.executable, *arguments],
-            cwd=tmp_path,
-            env={**os.environ, "PYTHONPATH": str(tmp_path)},
-            capture_output=True,
-            text=True,
-            check=False,
-            timeout=120,
-        )
+    def ended(*words):
+        done = python(*words, folder=tmp_path, PYTHONPATH=str(tmp_path))
         return done.returncode, done.stdout, done.stderr
 
-    code, _, trouble = python("-m", "gen", "run", "ridges.toml", "-o", "ridges.h5")
+    code, _, trouble = ended("-m", "gen", "run", "ridges.toml", "-o", "ridges.h5")
     assert code == 0, trouble
-    code, told, trouble = python("-m", "gen", "check", "ridges.h5", "--recompute", "4")
+    code, told, trouble = ended("-m", "gen", "check", "ridges.h5", "--recompute", "4")
     assert code == 0, told + trouble
-    numbers, meaning = python("-c", LOOK)[1].splitlines()
+    numbers, meaning = ended("-c", LOOK)[1].splitlines()
     *amplitudes, done = map(float, numbers.split())
     assert all(1 <= amplitude <= 2 for amplitude in amplitudes)
     assert len(set(amplitudes)) == done == 4
     assert meaning == "distance of the ridges"
-    code, _, trouble = python("-m", "gen", "columns")
+    code, _, trouble = ended("-m", "gen", "columns")
     assert code == 0, trouble
     (tmp_path / "ridges.toml").write_text(RIDGES.replace("ridges", "ridge"))
-    code, _, trouble = python("-m", "gen", "run", "ridges.toml", "-o", "none.h5")
+    code, _, trouble = ended("-m", "gen", "run", "ridges.toml", "-o", "none.h5")
     assert code == 2
     assert "'ridges'" in trouble

@@ -14,7 +14,6 @@ ENTRIES = {CONVOLUTIONS: Entry(500, "first"), NODES: Entry(2000, "first")}
 @pytest.mark.parametrize(
     ("changes", "expected"),
     [
-        ({}, []),
         ({CONVOLUTIONS: 510, NODES: 2002}, []),
         ({CONVOLUTIONS: 300, NODES: 1998}, []),
         (

@@ -16,6 +16,7 @@ from random import Random
 
 import pytest
 import umbridge
+from launch import python
 
 from gen import cli
 from gen.database import Reader
@@ -403,10 +404,7 @@ def test_ctrl_c_lets_a_question_end_and_a_second_one_does_not(folder, presses, n
 )
 def test_bad_command_lines_get_one_line(folder, served, arguments, word):
     arguments = [str(served.port) if each == "PORT" else each for each in arguments]
-    line = [sys.executable, "-m", "asperity", "serve", *arguments]
-    done = subprocess.run(
-        line, cwd=folder, capture_output=True, text=True, timeout=TIMEOUT, check=False
-    )
+    done = python("-m", "asperity", "serve", *arguments, folder=folder)
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
     assert word in done.stderr

@@ -1,12 +1,12 @@
 """Outputs of a user's function: columns like all others, and one line for all that is wrong."""
 
-import subprocess
 import sys
 
 import h5py
 import numpy as np
 import pytest
 import user_functions
+from launch import python
 from scipy import ndimage
 
 from gen import cli
@@ -60,12 +60,9 @@ def test_nothing_but_runs_and_checks_needs_the_function(here, capsys):
     assert cli.main(["run", "mine.toml", "-o", "a.h5"]) == 0
     (here / "mine.py").write_text("raise SystemExit('this ran')\n")
     read = "import h5py; h5py.File('a.h5')['spots'][:]"
-    subprocess.run([sys.executable, "-c", read], cwd=here, check=True, timeout=60)
+    assert python("-c", read, folder=here).returncode == 0
     for arguments in (["info", "a.h5"], ["merge", "a.h5", "-o", "b.h5"]):
-        command = [sys.executable, "-m", "gen", *arguments]
-        ended = subprocess.run(
-            command, cwd=here, capture_output=True, text=True, timeout=60, check=False
-        )
+        ended = python("-m", "gen", *arguments, folder=here)
         assert (ended.returncode, ended.stderr) == (0, "")
     assert cli.main(["check", "a.h5", "--recompute", "0"]) == 0
     sys.modules.pop("mine", None)

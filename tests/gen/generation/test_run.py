@@ -9,13 +9,16 @@ import h5py
 import numpy as np
 import pytest
 from databases import deterministic_bytes, status
-from launch import command, environment
+from launch import command, environment, launch
 
+from bem.operators import patch
 from gen import cli, database
 from gen.database import writer
 from gen.generation.run import in_parallel
 from gen.runtime import farm
 from gen.runtime.errors import InputError
+from gen.scene import load
+from gen.scene.columns import columns_for, markdown_table
 
 SAMPLE = Path(__file__).resolve().parents[3] / "examples" / "sample.h5"
 SCENE = "samples = {}\nsamples_per_surface = 2\n{}\n[surface]\nnodes = 17\n"
@@ -165,3 +168,47 @@ def test_a_parallel_writer_that_cannot_be_is_refused(monkeypatch, world, has_mpi
     with pytest.raises(InputError, match=words) as caught:
         in_parallel("parallel", Path("x.h5"), world)
     assert "\n" not in str(caught.value)
+
+
+SMALL = "samples = 24\n[surface]\nnodes = 17\n"
+
+
+@pytest.fixture
+def small(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "small.toml").write_text(SMALL)
+    return tmp_path
+
+
+def test_run_info_and_plot(small, capsys):
+    assert cli.main(["run", "small.toml", "-o", "small.h5"]) == 0
+    assert "24 rows done, 0 failed, 0 pending" in capsys.readouterr().out
+    assert cli.main(["info", "small.h5"]) == 0
+    text = capsys.readouterr().out
+    assert "24 done" in text
+    for column in columns_for(load("small.toml")):
+        if not column.group and column.name not in {"status", "reason"}:
+            assert column.name in text
+    assert cli.main(["plot", "small.h5", "-o", "small.png"]) == 0
+    assert (small / "small.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_failed_rows_warn_and_say_why(small, capsys, monkeypatch):
+    monkeypatch.setattr(patch, "FEW_FREE", ((0.0, 1.0),))  # contact sets may do with one iteration
+    deep = "[contact]\nmax_iterations = 1\n[delta]\npieces = [{ share = 1.0, range = [30, 45] }]\n"
+    (small / "starved.toml").write_text(SMALL + deep)
+    assert cli.main(["run", "starved.toml", "-o", "starved.h5"]) == 0
+    assert "warning: 24 rows failed" in capsys.readouterr().out
+    assert cli.main(["info", "starved.h5"]) == 0
+    assert "24 failed: not converged" in capsys.readouterr().out
+    assert cli.main(["plot", "starved.h5", "-o", "no.png"]) == 2
+    assert not (small / "no.png").exists()
+
+
+def test_a_fresh_interpreter_pins_its_threads_and_exits_with_the_code(small):
+    good = launch(0, "columns", folder=small)
+    assert good.returncode == 0
+    assert good.stdout.strip() == markdown_table()
+    bad = launch(0, "info", "missing.h5", folder=small)
+    assert (bad.returncode, bad.stderr.count("\n"), bad.stdout) == (2, 1, "")
+    assert "Traceback" not in bad.stderr

@@ -263,14 +263,6 @@ def test_the_flow_through_the_gap_is_printed_written_and_drawn(surface, capsys):
     assert "no flow: the contact seals" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("given", [["0"], ["1", "2", "3"]])
-def test_impossible_conductivities_are_one_line(surface, capsys, given):
-    options = [word for each in given for word in ("--conductivity", each)]
-    assert answered(surface, "--pressure", "1", *options) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert "--conductivity" in line
-
-
 def test_the_area_in_the_continuum_stands_beside_the_count_of_nodes(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     np.save("waves.npy", 1000 * random_waves(1, 8, 0.8, 1)(64))

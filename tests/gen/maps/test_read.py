@@ -2,13 +2,12 @@
 
 import re
 import struct
-import subprocess
-import sys
 import zipfile
 from pathlib import Path
 
 import numpy as np
 import pytest
+from launch import python
 from scipy.io import savemat
 
 from bem.problem import BOUNDARIES, node_spacing
@@ -89,9 +88,7 @@ def test_without_the_extra_the_message_names_it(tmp_path):
         "import sys; sys.modules['SurfaceTopography'] = None\n"
         "from gen.cli import main; sys.exit(main(['describe', 'scan.x3p']))"
     )
-    run = subprocess.run(
-        [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
+    run = python("-c", program, folder=tmp_path)
     assert run.returncode == 2
     assert run.stderr.strip().endswith(f"without SurfaceTopography: {command_for('instruments')}")
 

@@ -199,15 +199,6 @@ def test_lines_and_tables_are_harmless(capsys):
     assert said.out == said.err == printable(EVIL) + "\n"
 
 
-def test_styles_of_our_own_stay_on_a_terminal(monkeypatch, capsys):
-    monkeypatch.setattr("sys.stdout.isatty", lambda: True)
-    monkeypatch.setenv("TERM", "xterm")
-    table = Table("x")
-    table.add_row("a", style="dim")
-    print_table(table)
-    assert "\x1b[2m" in capsys.readouterr().out
-
-
 def test_messages_name_commands_as_they_are_typed():
     started_as("asperity gen")
     assert to_type("learn card x") == "asperity learn card x"

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from databases import deterministic_bytes, status
+from launch import python
 
 import bem
 import gen.generation.sample
@@ -54,8 +55,7 @@ def _open_files() -> int:
 
 
 def test_the_first_signal_is_noted_and_the_second_is_as_ever():
-    command = [sys.executable, "-c", HEARING]
-    done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=TIMEOUT)
+    done = python("-c", HEARING)
     assert (done.returncode, done.stdout) == (0, "as ever\n"), done.stderr
 
 
