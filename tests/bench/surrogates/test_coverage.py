@@ -58,9 +58,9 @@ def test_rows_that_judge_train_nothing(made):
         (rows,) = dataset.read(study._request(*(paths[name] for name in pool)))
         for case in cases(pool, rows, 0):
             parts = study._parts(case, rows, 200, 0)
-            train = set(parts.train.keys)
             judged = parts.test if case.judged is None else rows.at(case.judged)
-            assert not train & set(judged.keys)
+            train, test = (set(zip(e.database, e.rows, strict=True)) for e in (parts.train, judged))
+            assert not train & test
             assert parts.train.size == parts.folds.size
             if case.tested_on == "Hurst exponents above":
                 assert column(parts.train, "hurst").max() <= 0.7 < column(judged, "hurst").min()
