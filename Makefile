@@ -46,12 +46,20 @@ check: .venv/test-installed
 
 # What people install: built, checked, alone in an environment, and tried in an empty folder.
 WHEEL := build/wheel
+LATER ?= python3.12 python3.13 python3.14
 wheel: .venv/bin/python
 	rm -rf build
 	$(BIN)/python -m venv $(WHEEL)/tools
-	$(WHEEL)/tools/bin/python -m pip install --quiet build twine cffconvert "setuptools>=77"
-	$(WHEEL)/tools/bin/python -m build --quiet --no-isolation --wheel --outdir $(WHEEL)/made
+	$(WHEEL)/tools/bin/python -m pip install --quiet build twine cffconvert py-rattler-build "setuptools>=77"
+	$(WHEEL)/tools/bin/python -c "import rattler_build as r; recipe = r.Stage0Recipe.from_file('recipe/recipe.yaml'); \
+	  print(*recipe.render(r.VariantConfig(), r.RenderConfig()))"
+	$(WHEEL)/tools/bin/python -m build --quiet --no-isolation --sdist --wheel --outdir $(WHEEL)/made
 	$(WHEEL)/tools/bin/python -m twine check --strict $(WHEEL)/made/*
+	$(WHEEL)/tools/bin/python -m pip wheel --quiet --no-deps --no-build-isolation \
+	  --wheel-dir $(WHEEL)/from-sdist $(WHEEL)/made/*.tar.gz
+	@for made in made from-sdist; do $(BIN)/python -m zipfile --list $(WHEEL)/$$made/*.whl | \
+	  awk '!/commit.txt/ { print $$1 }' | sort > $(WHEEL)/$$made.txt; done
+	diff $(WHEEL)/made.txt $(WHEEL)/from-sdist.txt
 	$(WHEEL)/tools/bin/cffconvert --validate
 	$(BIN)/python -m venv $(WHEEL)/installed
 	$(WHEEL)/installed/bin/python -m pip install --quiet --no-compile "$$(ls $(WHEEL)/made/*.whl)[mpich,plot]"
@@ -62,6 +70,13 @@ wheel: .venv/bin/python
 	  asperity gen check quick.h5 --recompute 4 && \
 	  asperity gen plot quick.h5 -o quick.png && \
 	  asperity learn --help && asperity bench --help
+	@for python in $(LATER); do \
+	  $$python -c "" 2> /dev/null || { echo "not tried on $$python: it is not on this machine"; continue; }; \
+	  $$python -m venv $(WHEEL)/$$python && cd $(WHEEL)/$$python && \
+	  bin/python -m pip install --quiet --no-compile "$$(ls ../made/*.whl)[learn]" && \
+	  bin/asperity gen run quick -o quick.h5 && \
+	  bin/asperity learn fit quick.h5 --features hybrid -o first.surrogate && cd - > /dev/null || exit 1; \
+	done
 
 # On Debian: .venv-parallel, in which h5py writes from all MPI ranks. No wheel does that: h5py is
 # built once for these versions of Debian's HDF5 and Open MPI, and its wheel is kept in WHEELS.

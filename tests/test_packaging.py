@@ -283,3 +283,17 @@ def test_the_commit_is_that_of_the_checkout():
         ["git", "rev-parse", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=True
     )
     assert installation.git_commit() == asked.stdout.strip()
+
+
+def test_the_recipe_asks_for_what_the_package_asks_for():
+    recipe = (ROOT / "recipe" / "recipe.yaml").read_text(encoding="utf-8")
+    assert f'version: "{VERSION}"' in recipe
+    run = recipe.partition("  run:\n")[2].partition("  run_constraints:")[0]
+    wanted = [line.strip(" -").replace(" ", "") for line in run.splitlines()][1:]
+    assert wanted == PROJECT["dependencies"]
+    (command,) = PROJECT["scripts"].items()
+    assert " = ".join(command) in recipe
+    for name in ("Containerfile", "asperity.def"):
+        text = (ROOT / "recipe" / name).read_text(encoding="utf-8")
+        (extras,) = re.findall(r"/source\[(.*)\]", text)
+        assert set(extras.split(",")) <= set(EXTRAS)
