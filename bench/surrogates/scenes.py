@@ -7,6 +7,7 @@ process of scikit-learn as a user would write it.
 """
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from time import process_time
@@ -38,6 +39,8 @@ SEED = 4242  # of parameters and surfaces that judge
 FEW = 20  # surfaces that a user would solve for a mean
 QUESTIONS = 10_000
 LEVEL = 0.9
+MODELS = ("population", "kernel-ridge", "gaussian-process")  # whose fits `learn fit` makes
+MODEL_ROWS = 3000  # that train each of them: the fits of the last two take the cube of their number
 PROCESS_ROWS = 1000  # of the plain Gaussian process, whose fit takes the cube of their number
 
 SCENES = {
@@ -94,6 +97,7 @@ def scene_surrogate(folder: Path, rows: int, points: int, surfaces: int) -> Repo
     """
     TRUSTED.set(True)  # the windows come from a function of `bench`
     found: list[Row] = []
+    models: list[Row] = []
     for name, text in SCENES.items():
         path = generated(folder / "databases", name.replace(" ", "-"), f"samples = {rows}\n{text}")
         with Reader(path) as reader:
@@ -107,21 +111,39 @@ def scene_surrogate(folder: Path, rows: int, points: int, surfaces: int) -> Repo
             normalisation="standard",
             load=load,
         )
-        began = process_time()
-        surrogate = fitting.fit(request, Executor(), remark)
-        seconds = process_time() - began
-        assert surrogate is not None
+        surrogate, seconds = _fitted(request)
         remark(f"{name}: {points} points of {surfaces} surfaces")
-        asked, truth = _solved(scene, surrogate.features.names, points, surfaces)
+        asked, truth = solved(scene, surrogate.features.names, points, surfaces)
         judged = _judged(surrogate, request, asked, truth)
         found += [
             {"scene": name, "load": load, "rows": rows, "fit_seconds": seconds, **row}
             for row in judged
         ]
-    return Report({"scene-surrogate": found})
+        for model in MODELS:
+            own, seconds = _fitted(replace(request, models=(model,), train_rows=MODEL_ROWS))
+            new = own.predict_rows(own.of_numbers(asked), level=LEVEL)
+            for target, learnt in own.learnt.items():
+                true = truth[learnt.column]
+                row = {"scene": name, "target": target, "model": model, "fit_seconds": seconds}
+                row["nmae"] = _Errors(true).of(new.values[target])
+                models.append({**row, "inside": _inside(new.low[target], new.high[target], true)})
+    return Report({"scene-surrogate": found, "scene-models": models})
 
 
-def _solved(
+def _fitted(request: Request) -> tuple[Surrogate, float]:
+    """Fit a surrogate as `learn fit` does; return it with the processor time [s]."""
+    began = process_time()
+    surrogate = fitting.fit(request, Executor(), remark)
+    assert surrogate is not None  # which a stop would make it
+    return surrogate, process_time() - began
+
+
+def _inside(low: Values, high: Values, true: Values) -> float:
+    """Return the share of results, (p, s), inside the intervals of their points, (p,)."""
+    return float(np.mean((low[:, None] <= true) & (true <= high[:, None])))
+
+
+def solved(
     scene: Scene, names: tuple[str, ...], points: int, surfaces: int
 ) -> tuple[dict[str, Values], dict[str, Values]]:
     """Return fresh parameters and loads by their names, (p,), and results by column, (p, s)."""
@@ -175,20 +197,20 @@ def _judged(
         process.fit(rows.inputs[:PROCESS_ROWS], rows.target[:PROCESS_ROWS])
         fit_seconds = process_time() - began
         middle, deviation = process.predict(inputs, return_std=True)
-        ends = middle[:, None] + norm.ppf((1 + LEVEL) / 2) * deviation[:, None] * [-1, 1]
+        deviation *= norm.ppf((1 + LEVEL) / 2)
         yield {
             "target": target,
             "nmae": error.of(new.values[target]),
             "floor": error.floor,
             "nmae_of_few": _Errors(true[:, :FEW]).of(new.values[target]),
             "floor_of_few": _Errors(true[:, :FEW]).floor,
-            "inside": float(np.mean((low[:, None] <= true) & (true <= high[:, None]))),
+            "inside": _inside(low, high, true),
             "width": float((high - low).mean() / true.mean()),
             "mean_inside": float(np.mean(wrong <= np.hypot(half, error.half))),
             "mean_width": float(2 * half.mean() / true.mean()),
             "answer_seconds": seconds,
             "process_nmae": error.of(middle),
-            "process_inside": float(np.mean((ends[:, :1] <= true) & (true <= ends[:, 1:]))),
+            "process_inside": _inside(middle - deviation, middle + deviation, true),
             "process_fit_seconds": fit_seconds,
             "process_answer_seconds": _seconds(partial(process.predict, every, return_std=True)),
         }
