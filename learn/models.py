@@ -144,6 +144,11 @@ EVERY = MODELS | {POPULATION.name: POPULATION}
 """All models by name."""
 
 
+def default_model(features: str) -> str:
+    """Return the model that `learn fit` takes for a feature set where none is given."""
+    return POPULATION.name if features == SCENE else "kernel-ridge"
+
+
 def normalisation_of(usual: str, given: str) -> str:
     """Return the given scaling, or the usual one of the features; InputError if there is none."""
     if given and given not in NORMALISATIONS:

@@ -10,9 +10,9 @@ all loads of a surface, more or less. The mean is a Gaussian process:
   cubic. Rows have the weight of its inverse square. Where surfaces scatter little, the mean follows
   the power law closer too: the deviation of the process is in proportion to the root of the scatter
   (to the scatter itself, or the same everywhere, errors or their estimates are worse).
-- A radial basis function has a length for each input, that of the largest likelihood on one row of
-  each surface: the scatter of several rows of one is correlated, and would pass for short waves of
-  the mean.
+- A radial basis function has a length for each input. Likely ones are found on one row of each
+  surface: the scatter of several rows of one is correlated, and would pass for short waves of the
+  mean. Those count with which all rows are predicted best, by the others' surfaces.
 - All rows count, but the mean is a sum of functions about a few hundred of them (the subset of
   regressors: J. Quinonero-Candela, C. E. Rasmussen (2005), J. Mach. Learn. Res. 6, 1939). Fit and
   answers take time in proportion to the rows.
@@ -25,7 +25,10 @@ all loads of a surface, more or less. The mean is a Gaussian process:
 """
 
 import warnings
+from collections.abc import Iterator
+from itertools import product
 from math import comb
+from typing import Any
 
 import numpy as np
 from scipy.linalg import cholesky, eigh, solve, solve_triangular
@@ -111,10 +114,15 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         self.deviation_ = float(np.std((ratio - self.mean_) / self._reach(X))) or 1.0
         reach = self._reach(X)
         unit, noise = (ratio - self.mean_) / reach, (self._scatter(X) / reach) ** 2
-        amplitude = self._choose_lengths(X, unit, noise, _one_each(surfaces, random))
-        chosen = random.permutation(len(y))[: self.centres]
-        self.places_ = X[chosen] / self.lengths_
-        self._solve(X, unit, 1 / noise, amplitude, dealt(surfaces, random))
+        rows = _one_each(surfaces, random)
+        centres = X[random.permutation(len(y))[: self.centres]]
+        parts = dealt(surfaces, random)
+
+        def error(kernel: Any) -> float:
+            """Solve with a kernel, and return the error of rows that are left out."""
+            return self._solve(X, unit, 1 / noise, (kernel, centres, parts))
+
+        error(min(_likely(X, unit, noise, rows), key=error))
         return self
 
     def _fit_scatter(self, X: Values, ratio: Values, weights: Values) -> None:
@@ -132,41 +140,35 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         least = np.log(LEAST * ratio.std())
         self.ends_ = np.maximum(self.ends_ + larger, least)
 
-    def _choose_lengths(self, X: Values, unit: Values, noise: Values, rows: Indices) -> float:
-        """Find the most likely lengths on some rows; return the variance of the mean."""
-        few = rows[:LIKELIHOOD_ROWS]
-        fits = []
-        for start in STARTS:
-            kernel = ConstantKernel(1.0, (1e-3, 1e5))
-            kernel *= RBF(np.full(X.shape[1], start), LENGTHS)
-            process = GaussianProcessRegressor(kernel, alpha=noise[few])
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", ConvergenceWarning)  # lengths at their bounds
-                fits.append(process.fit(X[few], unit[few]))
-        best = max(fits, key=lambda each: float(each.log_marginal_likelihood_value_)).kernel_
-        self.lengths_ = np.atleast_1d(best.k2.length_scale)
-        return float(best.k1.constant_value)
-
     def _solve(
-        self, X: Values, unit: Values, weights: Values, amplitude: float, parts: Indices
-    ) -> None:
-        """Solve for the coefficients with all rows, and without each part of them."""
+        self, X: Values, unit: Values, weights: Values, given: tuple[Any, Values, Indices]
+    ) -> float:
+        """Solve for the coefficients with all rows, and without each part of them.
+
+        `given` are the kernel, the centres of the functions and the parts. The mean square error of
+        rows that are left out is returned, in units of their scatter.
+        """
+        kernel, centres, parts = given
+        self.lengths_ = np.full(X.shape[1], kernel.k2.length_scale)
+        self.places_ = centres / self.lengths_
         functions = self._functions(X)
         weighted = functions * weights[:, None]
         matrix, right = weighted.T @ functions, weighted.T @ unit
-        penalty = _near(self.places_, self.places_) / amplitude
+        penalty = _near(self.places_, self.places_) / kernel.k1.constant_value
         penalty[np.diag_indices_from(penalty)] += JITTER * np.trace(matrix) / len(matrix)
-        found, self.left_out_ = [solve(matrix + penalty, right, assume_a="pos")], np.empty(len(X))
+        found, left_out = [solve(matrix + penalty, right, assume_a="pos")], np.empty(len(X))
         for part in np.unique(parts):
             own = parts == part
             less = matrix - weighted[own].T @ functions[own] + penalty
             found.append(solve(less, right - weighted[own].T @ unit[own], assume_a="pos"))
-            self.left_out_[own] = self._restored(X[own], functions[own] @ found[-1])
+            left_out[own] = functions[own] @ found[-1]
         self.coefficients_ = np.column_stack(found)
         inverse = solve_triangular(cholesky(matrix + penalty), np.eye(len(matrix)))
         shares, directions = eigh(inverse.T @ matrix @ inverse)
         kept = np.cumsum(shares) > (1 - KEPT) * shares.sum()
         self.spread_ = inverse @ directions[:, kept]
+        self.left_out_ = self._restored(X, left_out)
+        return float(np.mean((unit - left_out) ** 2 * weights))
 
     def _restored(self, X: Values, unit: Values) -> Values:
         """Return means, (n,), of distances from the power law over what the process reaches."""
@@ -203,6 +205,23 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
     def quantile(self, level: float) -> float:
         """Return the standard errors on both sides of the mean within which it lies, by level."""
         return float(t.ppf((1 + level) / 2, self.coefficients_.shape[1] - 2))
+
+
+def _likely(X: Values, unit: Values, noise: Values, rows: Indices) -> Iterator[Any]:
+    """Yield the kernels of the largest likelihood on some rows, from several starts.
+
+    The scatter makes the likelihood flat, and what is most likely on few rows may miss what all of
+    them show.
+    """
+    features = X.shape[1]
+    subsets = [rows[:LIKELIHOOD_ROWS]] + [rows[-LIKELIHOOD_ROWS:]] * (rows.size > LIKELIHOOD_ROWS)
+    starts = [1.0, *(np.full(features, start) for start in STARTS)]
+    for few, start in product(subsets, starts):
+        kernel = ConstantKernel(1.0, (1e-3, 1e5)) * RBF(start, LENGTHS)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ConvergenceWarning)  # lengths at their bounds
+            process = GaussianProcessRegressor(kernel, alpha=noise[few])
+            yield process.fit(X[few], unit[few]).kernel_
 
 
 def dealt(surfaces: Indices, random: np.random.Generator) -> Indices:

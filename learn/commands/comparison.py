@@ -17,7 +17,7 @@ from gen.runtime.command_line import grouped
 from gen.runtime.errors import InputError
 from gen.runtime.files import check_folder, lock_folder
 from gen.runtime.terminal import echo, to_type
-from learn.commands.fit import SEEDS, AreaMax
+from learn.commands.fit import SEEDS, AreaMax, targets_in
 
 if TYPE_CHECKING:
     from learn.dataset import Request
@@ -37,8 +37,8 @@ class Selection(NamedTuple):
         typer.Option(
             metavar="NAME",
             help="decision-tree, random-forest, adaboost, xgboost, gradient-boost, svm,"
-            " gaussian-process, kernel-ridge or mlp; may be repeated; if left out, all nine"
-            " (importance: kernel-ridge).",
+            " gaussian-process, kernel-ridge or mlp, and population for scene features; may be"
+            " repeated; if left out, all (importance: kernel-ridge).",
         ),
     ] = None
     target: Annotated[
@@ -54,8 +54,8 @@ class Selection(NamedTuple):
         typer.Option(
             metavar="SET",
             help="paper (Delta and the 22 statistics), dimensionless (the same without units: any"
-            " scan length), or hybrid (with bearing area and a coarse contact solve of each"
-            " surface).",
+            " scan length), hybrid (with bearing area and a coarse contact solve of each"
+            " surface), or scene (what the scene draws, and its load).",
         ),
     ] = "paper"
     normalise: Annotated[
@@ -82,20 +82,23 @@ class Selection(NamedTuple):
 
         InputError is raised if the folder cannot be written, or an option has no meaning.
         """
-        from learn.dataset import Request
+        from learn.dataset import Request, load_drawn
         from learn.executor import seconds
         from learn.features import chosen
+        from learn.features.scene import SCENE
         from learn.models import normalisation_of
 
         check_folder(output)
+        load = load_drawn(file) if self.features == SCENE else ""
         return Request(
             databases=(file,),
             output=output,
-            targets=("area", "force") if self.target == "both" else (self.target,),
+            targets=targets_in(self.target, load),
             models=tuple(self.model or ()),
             area_max=self.area_max,
             normalisation=normalisation_of(chosen(self.features).normalisation, self.normalise),
             features=self.features,
+            load=load,
             seed=self.seed,
             train_rows=self.train_rows,
             again=self.again,

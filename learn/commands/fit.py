@@ -182,10 +182,9 @@ def _request(files: list[Path], output: Path, choice: Choice) -> Request:
 
 def model_for(name: str, features: str) -> str:
     """Return the model of a name, or the one that is best for a feature set; refuse others."""
-    from learn.features.scene import SCENE
-    from learn.models import POPULATION, models_named
+    from learn.models import default_model, models_named
 
-    wanted = name or (POPULATION.name if features == SCENE else "kernel-ridge")
+    wanted = name or default_model(features)
     models_named([wanted], features)
     return wanted
 

@@ -21,14 +21,15 @@ import numpy as np
 from pydantic import ConfigDict, Field
 from sklearn.metrics import r2_score
 
-from gen.arrays import Values
+from gen.arrays import Indices, Values
 from gen.runtime import documents, files
 from gen.runtime.errors import InputError
 from learn import kernel_ridge
 from learn.comparison.folder import Count, Seconds, require_same
 from learn.comparison.grid import Task, shared_fit
 from learn.models import (
-    MODELS,
+    EVERY,
+    POPULATION,
     REMARK_LENGTH,
     STEP,
     UNSCALED,
@@ -57,6 +58,17 @@ class Training:
     normalisation: str = "l2"  # one of `learn.models.NORMALISATIONS`
     seed: int = 0  # of the models' random draws
     scaling: Scaling = UNSCALED
+    groups: Indices | None = None  # surfaces of the training rows, (n,)
+
+    def seen_by(self, model: str) -> Self:
+        """Return the training as a model sees it: targets as they are for means over surfaces."""
+        if model != POPULATION.name:
+            return replace(self, groups=None)
+        return replace(self, target=self.scaling.restored(self.target), scaling=UNSCALED)
+
+    def beside(self, rows: Indices | slice) -> dict[str, Indices]:
+        """Return what the fit of a pipeline takes beside inputs and target of some rows."""
+        return {} if self.groups is None else {f"{STEP}__surfaces": self.groups[rows]}
 
     @property
     def rows(self) -> int:
@@ -71,7 +83,7 @@ class Training:
     def first(self, rows: int) -> Self:
         """Return the same with the first training rows only."""
         some = {name: getattr(self, name)[:rows] for name in ("inputs", "target", "folds")}
-        return replace(self, **some)
+        return replace(self, **some, groups=None if self.groups is None else self.groups[:rows])
 
 
 class Trial(documents.Document):
@@ -152,6 +164,7 @@ def fit(training: Training, task: Task) -> list[Trial]:
     A fit that fails is a result too: its trials have no score, but the reason. InputError is raised
     if this machine lacks the memory.
     """
+    training = training.seen_by(task.model)
     inside = np.flatnonzero(training.folds != task.fold)[: task.rows]
     outside = training.folds == task.fold
     data = training.inputs[inside], training.target[inside], training.inputs[outside]
@@ -162,7 +175,7 @@ def fit(training: Training, task: Task) -> list[Trial]:
         )
     with remarks() as said:
         began = perf_counter()
-        found = _predictions(training, task, data)
+        found = _predictions(training, task, data, training.beside(inside))
         scores = [_score(training.target[outside], each) for each in found]
         seconds = (perf_counter() - began) / len(task.candidates)
     return [
@@ -180,10 +193,13 @@ def fit(training: Training, task: Task) -> list[Trial]:
 
 
 def _predictions(
-    training: Training, task: Task, data: tuple[Values, Values, Values]
+    training: Training,
+    task: Task,
+    data: tuple[Values, Values, Values],
+    beside: dict[str, Indices],
 ) -> list[Values | str]:
     """Return the predictions of each candidate, or the reason why there are none."""
-    model, candidates = MODELS[task.model], task.candidates
+    model, candidates = EVERY[task.model], task.candidates
     name = "" if task.baseline else shared_fit(model)
     common = {k: v for k, v in candidates[0].items() if k != name}
     build = partial(pipeline, normalisation=training.normalisation, seed=training.seed)
@@ -192,13 +208,13 @@ def _predictions(
         if name and name in candidates[0]:
             values = [candidate[name] for candidate in candidates]
             return [*shared_predictions(model, unfitted, data, name, values)]
-        return [unfitted.fit(data[0], data[1]).predict(data[2])]
+        return [unfitted.fit(data[0], data[1], **beside).predict(data[2])]
     except Exception as error:  # whatever a library raises: the candidate has no score
         if len(candidates) == 1:
             return [reason(error)]
     # A shared fit may fail late, after candidates that are fine: fit them one by one.
     alone = (replace(task, candidates=(candidate,)) for candidate in candidates)
-    return [_predictions(training, each, data)[0] for each in alone]
+    return [_predictions(training, each, data, beside)[0] for each in alone]
 
 
 def reason(error: Exception) -> str:

@@ -29,7 +29,7 @@ from gen.runtime.documents import Document, cell
 from gen.runtime.errors import InputError
 from learn.comparison import grid as grids
 from learn.dataset import Dataset
-from learn.models import MODELS, versions
+from learn.models import EVERY, versions
 from learn.split import FOLDS, Split
 
 KINDS = ("baseline", "library", "tuned")
@@ -228,7 +228,7 @@ class Folder:
 
     def results(self) -> Iterator[tuple[str, str, dict[str, Any]]]:
         """Yield model, kind and result of each result, in the order of the paper's Table 4."""
-        for model in MODELS:
+        for model in EVERY:
             for kind in KINDS:
                 result = self.result(kind, model)
                 if result is not None:

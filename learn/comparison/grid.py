@@ -19,7 +19,8 @@ from typing import Any
 
 from learn.comparison.paper import OPTIMA, SPACES, Space
 from learn.features import SETS, chosen
-from learn.models import MODELS, Model
+from learn.features.scene import SCENE
+from learn.models import MODELS, POPULATION, Model
 
 Settings = dict[str, Any]
 """Values by setting."""
@@ -63,17 +64,26 @@ WHOLE = "whole grid"
 """The words in a result for a search that left no candidate out."""
 
 
+def standard(features: str) -> bool:
+    """Say whether a feature set's inputs, and the targets with it, have mean 0 and deviation 1."""
+    return features == SCENE or chosen(features).scaled
+
+
 def space_of(model: str, features: str) -> tuple[str, Space]:
     """Return the name in tables, and the values to try, of a model for a feature set."""
-    if chosen(features).scaled and model in SCALED:
+    if model == POPULATION.name:
+        return "none: chooses by itself", {}
+    if standard(features) and model in SCALED:
         return SCALED_GRID, SCALED[model]
     return TABLE_2, SPACES[model]
 
 
 def untuned(model: str, features: str) -> tuple[str, Settings]:
     """Return the origin, for tables, and settings for a model that was not searched."""
-    if chosen(features).scaled and model in SCALED_OPTIMA:
+    if standard(features) and model in SCALED_OPTIMA:
         return "built in", dict(SCALED_OPTIMA[model])
+    if model == POPULATION.name:
+        return "built in", {}
     return "the paper's optimum", dict(OPTIMA[model])
 
 

@@ -17,14 +17,14 @@ from sklearn.inspection import permutation_importance
 from sklearn.preprocessing import StandardScaler
 
 from gen.runtime.figure import new_figure, save
-from learn import dataset, features, split
+from learn import dataset, split
 from learn.comparison.folder import Folder, conditions
-from learn.comparison.grid import untuned
+from learn.comparison.grid import standard, untuned
 from learn.comparison.pictures import DPI
 from learn.comparison.results import repeated
 from learn.dataset import Request, short_name
 from learn.metrics import scores
-from learn.models import MODELS, check_memory, models_named, pipeline, remarks
+from learn.models import EVERY, POPULATION, check_memory, models_named, pipeline, remarks
 
 SHUFFLES = 5
 """Times that an input is shuffled: enough for a mean and its scatter."""
@@ -41,7 +41,7 @@ def write_report(request: Request, say: Callable[[str], None]) -> list[Path]:
 
     InputError is raised for input that cannot be used, or too little memory.
     """
-    (model,) = models_named(list(request.models))
+    (model,) = models_named(list(request.models), request.features)
     (rows,) = dataset.read(request)
     parts = split.draw(rows, request.seed, request.train_rows)
     check_memory(model.name, parts.train.size)
@@ -81,14 +81,15 @@ def _unfitted(model: str, folder: Folder, request: Request, say: Callable[[str],
     origin, settings = untuned(model, request.features)
     if tuned and tuned.of_grid and result and result["test"]:
         origin, settings = "tuned here", tuned.settings
-    say(f"{MODELS[model].title}, {origin}: {settings}")
+    say(f"{EVERY[model].title}, {origin}: {settings}")
     how: dict[str, Any] = {
         "normalisation": request.normalisation,
         "seed": request.seed,
         "tuned": True,
     }
-    scaler = StandardScaler() if features.chosen(request.features).scaled else None
-    return TransformedTargetRegressor(pipeline(MODELS[model], settings, **how), transformer=scaler)
+    scaled = standard(request.features) and model != POPULATION.name
+    scaler = StandardScaler() if scaled else None
+    return TransformedTargetRegressor(pipeline(EVERY[model], settings, **how), transformer=scaler)
 
 
 def _selections(

@@ -21,12 +21,13 @@ from learn.comparison.results import TimedFit
 from learn.comparison.search import GridSearch, halved, whole
 from learn.dataset import Request, short_name
 from learn.executor import Executor
+from learn.features.scene import SCENE
 from learn.models import Model, check_memory, models_named, scaling_of
 
 
 def compare(request: Request, executor: Executor) -> int:
     """Fit, score and time the baselines of all models that are asked for; see `tune`."""
-    models = models_named(list(request.models))
+    models = models_named(list(request.models), request.features)
     tasks = [TimedFit(each.name, grids.baseline(each.name, request.features)) for each in models]
     tasks += [
         TimedFit(each.name, grids.LIBRARY[each.name], "library")
@@ -78,7 +79,7 @@ def _searches(
 
     What is left of the request's time is shared evenly among the searches that are left.
     """
-    models = models_named(list(request.models))
+    models = models_named(list(request.models), request.features)
     left = len(models) * len(request.targets)
     for folder, training in _targets(request, models, executor, interruption, searched=True):
         agreed, columns = folder.record()["conditions"], training.columns
@@ -120,7 +121,7 @@ def _targets(
             split.check_folds(rows, parts)
         for model in models:
             check_memory(model.name, parts.train.size, baseline=not searched)
-        scaling = scaling_of(rows, parts.train)
+        scaling = scaling_of(rows, parts.train, standard=rows.features.name == SCENE)
         folder = Folder(request.output / short_name(rows.target_name))
         folder.begin(rows, parts, conditions(rows, parts, request.normalisation, request.area_max))
         with RunProgress(1) as progress:
@@ -143,5 +144,6 @@ def _targets(
                 normalisation=request.normalisation,
                 seed=request.seed,
                 scaling=scaling,
+                groups=rows.groups[parts.train],
             ),
         )

@@ -11,7 +11,7 @@ from gen.runtime.figure import draw_parity, new_figure, parity_axes, save
 from learn.comparison.folder import Folder
 from learn.comparison.tables import OUR_AREA, SCORES, Row, Tables, nmse_note
 from learn.metrics import LEVEL
-from learn.models import MODELS
+from learn.models import EVERY, MODELS
 
 COLOURS = {"baseline": "tab:blue", "tuned": "tab:orange"}
 """Colours of the kinds of results."""
@@ -66,7 +66,7 @@ def _parity(folder: Folder, places: list[tuple[str, str]], quantity: str) -> Any
         for kind in kinds:
             truth, prediction = folder.prediction(kind, model)
             draw_parity(axis, truth, prediction, label=kind, color=COLOURS[kind], **DOTS[kind])
-        axis.set(title=MODELS[model].title, xlabel=f"solved {quantity}", ylabel="predicted")
+        axis.set(title=EVERY[model].title, xlabel=f"solved {quantity}", ylabel="predicted")
         axis.legend(markerscale=2, loc="upper left", fontsize=8)
     for axis in axes[len(models) :]:
         axis.set_axis_off()
@@ -102,7 +102,7 @@ def _said(tables: Tables, shown: list[Row]) -> str:
     lines = []
     if tables.drawn:
         lines.append(f"whiskers: {100 * LEVEL:g} % bootstrap intervals, {tables.how_drawn}")
-    won = [MODELS[row["model"]].title for row in shown if row["winner"] == "baseline"]
+    won = [EVERY[row["model"]].title for row in shown if row["winner"] == "baseline"]
     if won:
         lines.append(f"tuned is the baseline, which won the search: {', '.join(won)}")
     if tables.target == OUR_AREA:
@@ -130,7 +130,7 @@ def _bars(rows: list[Row], panels: list[Panel]) -> Any:
                     low, high = sorted(map(panel.of, ends))
                     reach = [[max(height - low, 0.0)], [max(high - height, 0.0)]]
                     axis.errorbar(place + BESIDE, height, reach, color="0.2", lw=1, capsize=2)
-        axis.set_xticks(range(len(models)), [MODELS[m].title.replace(" ", "\n") for m in models])
+        axis.set_xticks(range(len(models)), [EVERY[m].title.replace(" ", "\n") for m in models])
         axis.margins(y=0.2)
         axis.set(ylabel=panel.title, yscale="log" if panel.log else "linear")
     axes[0].legend(ncols=2, loc="lower right", bbox_to_anchor=(1, 1))

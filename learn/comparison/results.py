@@ -25,7 +25,7 @@ from learn.comparison.search import Found
 from learn.comparison.tables import WHY_BASELINE
 from learn.executor import within
 from learn.metrics import scores
-from learn.models import MODELS, STEP, Model, pipeline, remarks
+from learn.models import EVERY, STEP, Model, pipeline, remarks
 from learn.split import FOLDS
 
 FITS = (3, 7)
@@ -69,14 +69,16 @@ def fit_in_time(training: Training, task: TimedFit) -> FitResult | None:
 
 def fit_and_time(training: Training, task: TimedFit) -> FitResult:
     """Fit, score and time a model."""
-    model, how, restored = MODELS[task.model], training.normalisation, training.scaling.restored
+    training = training.seen_by(task.model)
+    model, how, restored = EVERY[task.model], training.normalisation, training.scaling.restored
     unfitted = pipeline(
         model, task.settings, normalisation=how, seed=training.seed, tuned=task.of_grid
     )
     prediction = np.empty(0)
     found: dict[str, Any] = {"fitted": {}, "test": None, "train": None, "failure": ""}
     found["times"] = {"fit": None, "fits": 0, "test": None, "row": None}
-    fit = partial(unfitted.fit, training.inputs, training.target)
+    beside = training.beside(slice(None))
+    fit = partial(unfitted.fit, training.inputs, training.target, **beside)
     with remarks() as said:
         try:
             began = perf_counter()
@@ -233,7 +235,7 @@ def write_fit(
     folder.write_json(
         f"{task.kind}/{task.model}.json", {**content, "search": search or {}, "times": times}
     )
-    title = f"{MODELS[task.model].title}, {task.kind}"
+    title = f"{EVERY[task.model].title}, {task.kind}"
     title += ", which is the baseline" if task.kind == "tuned" and not task.of_grid else ""
     if found["test"] is None:
         say(f"warning: {title}: {found['failure']}")

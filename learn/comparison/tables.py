@@ -12,12 +12,12 @@ from typing import Any
 from rich.table import Table
 
 from gen.runtime.errors import InputError
-from gen.runtime.terminal import echo, print_table
+from gen.runtime.terminal import echo, print_table, to_type
 from learn.comparison import paper
 from learn.comparison.folder import Folder
 from learn.comparison.grid import LEAST_JUDGED, LIBRARY, LIBRARY_ROWS, TABLE_2, space_of
 from learn.metrics import BOOTSTRAP, LEVEL, bootstrap, no_better, spread
-from learn.models import MODELS
+from learn.models import EVERY, default_model
 
 SCORES = {"nmse": "nMSE", "nmae": "nMAE", "nmaxe": "nMaxE", "r2": "R2"}
 """The four scores and their names in the paper [%]."""
@@ -154,7 +154,7 @@ def _search(model: str, result: Row) -> Row:
         **{column: sum(own) / len(own) if own else "" for column, own in folds.items()},
         "settings": settings or "those of the library",
         "fit_seconds": result["times"]["search"],
-        "paper_s": paper.TUNING_SECONDS[model],
+        "paper_s": paper.TUNING_SECONDS.get(model, ""),
     }
 
 
@@ -193,8 +193,20 @@ def show(tables: Tables) -> None:
         echo(nmse_note(tables.spread))
     if any(row["result"] == "tuned" for row in tables.scores):
         print_table(_search_table(tables), WIDTH)
-    for line in _remarks(folder):
+    for line in filter(None, [*_remarks(folder), _best(tables)]):
         echo(line)
+
+
+def _best(tables: Tables) -> str:
+    """Say which model has the least error, and which one `learn fit` takes where none is given."""
+    known = [row for row in tables.scores if row["nmae"] != ""]
+    if len({row["model"] for row in known}) < 2:
+        return ""
+    best = min(known, key=lambda row: float(row["nmae"]))
+    name = f"{EVERY[best['model']].title}, {label(best['model'], best['result'])}"
+    features = tables.folder.record()["conditions"].get("features", "paper")
+    usual = EVERY[default_model(features)].title
+    return f"smallest nMAE: {name}; {to_type('learn fit')} takes {usual} unless told otherwise"
 
 
 def _remarks(folder: Folder) -> Iterator[str]:
@@ -202,7 +214,7 @@ def _remarks(folder: Folder) -> Iterator[str]:
     for *_, said in no_better_than_constant(folder):
         yield f"warning: {said}"
     for model, kind, result in folder.results():
-        title, search = MODELS[model].title, result.get("search") or {}
+        title, search = EVERY[model].title, result.get("search") or {}
         if result.get("failure"):
             yield f"{title}, {label(model, kind)}: {result['failure']}"
         elif search:
@@ -253,7 +265,7 @@ def no_better_than_constant(folder: Folder) -> Iterator[tuple[str, str, str]]:
     for model, kind, result in folder.results():
         said = no_better(result["test"]["r2"]) if result.get("test") else ""
         if said:
-            yield model, kind, f"{MODELS[model].title}, {kind}: {said}"
+            yield model, kind, f"{EVERY[model].title}, {kind}: {said}"
 
 
 def _score_table(tables: Tables) -> Table:
@@ -265,7 +277,7 @@ def _score_table(tables: Tables) -> Table:
     for row in tables.scores:
         model, kind = row["model"], row["result"]
         won = row["winner"] == "baseline"
-        cells = [MODELS[model].title, f"{kind}: baseline" if won else label(model, kind)]
+        cells = [EVERY[model].title, f"{kind}: baseline" if won else label(model, kind)]
         if row["r2"] == "":
             table.add_row(*cells, "failed")
             continue
@@ -295,13 +307,14 @@ def _search_table(tables: Tables) -> Table:
     for row in (row for row in tables.scores if row["result"] == "tuned"):
         model = row["model"]
         if (search := searches.get(model)) is None:
-            table.add_row(MODELS[model].title, "", row["failure"].partition(":")[0])
+            table.add_row(EVERY[model].title, "", row["failure"].partition(":")[0])
             continue
-        theirs = f" ({search['paper_s']:.0f})" if tables.target == OUR_AREA else ""
+        published = tables.target == OUR_AREA and search["paper_s"] != ""
+        theirs = f" ({search['paper_s']:.0f})" if published else ""
         means = (search[name] for name in ("winner_r2", "baseline_r2"))
         extent = ("candidates", "candidates_differing", "fits", "fits_nominal")
         table.add_row(
-            *(MODELS[model].title, search["grid"], search["searched"]),
+            *(EVERY[model].title, search["grid"], search["searched"]),
             *(WINNERS.get(search["winner"], search["winner"]), search["settings"]),
             *("" if mean == "" else f"{mean:.2f}" for mean in means),
             *(str(search[name]) for name in extent),

@@ -10,6 +10,7 @@ from gen import cli as gen_cli
 from gen.runtime.errors import InputError
 from learn import Surrogate
 from learn import cli as learn_cli
+from learn.comparison.folder import Folder
 from learn.population import Population
 
 
@@ -148,6 +149,25 @@ def test_wrong_numbers_are_refused_in_a_line(tmp_path_factory, capsys, options, 
         grown = ["grow", str(folder / "s.toml"), "--features", "scene"]
         assert learn_cli.main([*grown, "-o", str(folder / "g.surrogate")]) == 2
         assert "features of surfaces" in capsys.readouterr().err
+
+
+def test_compare_and_tune_know_it_and_say_what_fit_takes(tmp_path, capsys):
+    (tmp_path / "s.toml").write_text(SCENE)
+    database, folder = str(tmp_path / "s.h5"), tmp_path / "compared"
+    assert gen_cli.main(["run", str(tmp_path / "s.toml"), "-o", database]) == 0
+    asked = [database, "-o", str(folder), "--features", "scene", "--model", "population"]
+    assert learn_cli.main(["compare", *asked, "--model", "decision-tree"]) == 0
+    found = Folder(folder / "area").results()
+    r2 = {model: result["test"]["r2"] for model, kind, result in found}
+    assert r2["population"] > r2["decision-tree"]
+    assert "takes Population Mean unless told otherwise" in capsys.readouterr().out
+    assert learn_cli.main(["tune", *asked]) == 0
+    line = ["fit", database, "--features", "scene", "--model", "population", "--target", "area"]
+    for options in ([], ["--from", str(folder)]):
+        kept = str(tmp_path / "s.surrogate")
+        assert learn_cli.main([*line, *options, "-o", kept]) == 0
+        scores = Surrogate.load(kept).card["targets"]["area"]["scores"]
+        assert scores["r2"] == pytest.approx(r2["population"], rel=0.01)  # cut at 100 %
 
 
 def test_the_force_is_no_target_at_a_pressure(tmp_path, capsys):
