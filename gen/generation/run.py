@@ -6,7 +6,7 @@ import math
 import resource
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, NamedTuple
@@ -71,25 +71,20 @@ class Target(NamedTuple):
     force: bool = False  # whether rows may be added to those of another physics number
 
 
-@contextmanager
-def opened(target: Target, world: farm.World) -> Iterator[Writer | None]:
+def opened(target: Target, world: farm.World) -> AbstractContextManager[Writer | None]:
     """Open the file of a run where rows are written: on the master, or on all processes together.
 
     The parallel writer opens and closes the file on all processes, so that all of them enter and
     leave this block.
     """
     if not (target.parallel or world.is_master):  # other workers need no HDF5
-        yield None
-        return
+        return nullcontext()
     from gen.database import ParallelWriter, Writer
 
     path, scene, force = target.path, target.scene, target.force
     if target.parallel:
-        with ParallelWriter(path, scene, world.communicator, force=force) as writer:
-            yield writer
-    else:
-        with Writer(path, scene, force=force) as writer:
-            yield writer
+        return ParallelWriter(path, scene, world.communicator, force=force)
+    return Writer(path, scene, force=force)
 
 
 def write(writer: Writer | None, block: Block, rows: Columns) -> Columns:
@@ -104,17 +99,11 @@ def in_parallel(choice: Choice, path: Path, world: farm.World) -> bool:
     """Decide whether workers write; `auto` means the parallel writer wherever it is safe."""
     from gen import database
 
-    if choice == "parallel":
-        if not database.parallel_hdf5():
-            raise InputError(
-                "--writer parallel: this h5py has no MPI; build one as"
-                " docs/how-to/parallel-hdf5.md says, or leave the option out"
-            )
-        if world.size == 1:
-            raise InputError(
-                "--writer parallel: there is one process only; start it as"
-                " mpiexec -n 9 python -m mpi4py -m gen run ..."
-            )
+    if choice == "parallel" and (world.size == 1 or not database.parallel_hdf5()):
+        raise InputError(
+            "--writer parallel: needs an h5py with MPI, see docs/how-to/parallel-hdf5.md, and"
+            " processes: mpiexec -n 9 python -m mpi4py -m gen run ..."
+        )
     if choice == "single" or world.size == 1:
         return False
     return choice == "parallel" or (database.parallel_hdf5() and database.coherent(path))

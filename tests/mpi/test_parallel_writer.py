@@ -176,7 +176,7 @@ def test_without_mpi_in_h5py_the_parallel_writer_is_refused_and_auto_is_single(t
     (tmp_path / "scene.toml").write_text(SCENE.format(6))
     refused = launch(3, "run", "scene.toml", "-o", "x.h5", "--writer", "parallel", folder=tmp_path)
     assert refused.returncode == 2
-    assert "h5py has no MPI" in refused.stderr
+    assert "needs an h5py with MPI" in refused.stderr
     assert refused.stderr.count("\n") == 1
     assert not (tmp_path / "x.h5").exists()
     assert "single writer" in run(tmp_path, "x.h5", ranks=2)

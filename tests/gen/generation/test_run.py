@@ -161,7 +161,7 @@ def test_who_writes(mounts, monkeypatch, choice, path, world, has_mpi, answer):
 
 
 @pytest.mark.parametrize(
-    ("world", "has_mpi", "words"), [(MANY, False, "no MPI"), (ALONE, True, "one process")]
+    ("world", "has_mpi", "words"), [(MANY, False, "h5py with MPI"), (ALONE, True, "processes")]
 )
 def test_a_parallel_writer_that_cannot_be_is_refused(monkeypatch, world, has_mpi, words):
     monkeypatch.setattr(database, "parallel_hdf5", lambda: has_mpi)
