@@ -54,7 +54,7 @@ ADVICE: dict[Load, str] = {
 FEW = 10  # nodes in contact below which a law shows the grid rather than the surface
 
 STEPS = 40
-"""Number of displacements over the range of a scene or a training, where no load is given."""
+"""Number of displacements over the range of a training, where no load is given."""
 
 Tables = tuple[Curves, Curves, list[str]]
 """Tables against Delta and against pressure, and remarks about them."""
@@ -65,7 +65,7 @@ class Order:
     """A request for a law."""
 
     inputs: tuple[str, ...]  # surfaces, folders of them, databases or scenes
-    # Loads as text; an empty one stands for those at the other, both for the usual range.
+    # Loads as text; an empty one stands for those at the other, both for a surrogate's range.
     delta: str = ""
     pressure: str = ""
     surfaces: int = 50  # number of a database's or scene's population
@@ -122,6 +122,8 @@ def by_solver(order: Order, say: Callable[[str], None]) -> Law:
     Raise InputError for input that cannot be used, or a load without a solution.
     """
     deltas, pressures = order.loads()
+    if deltas is None and pressures is None:
+        raise InputError("give --delta or --pressure, the loads of the law")
     subjects = read_subjects(
         order.inputs,
         order.surfaces,
@@ -136,9 +138,6 @@ def by_solver(order: Order, say: Callable[[str], None]) -> Law:
     if hardness is None and (ratio := subjects.hardness_ratio()) is not None:
         hardness = ratio * e_star
     bodies = Bodies(e_star, hardness, known=order.e_star is not None)
-    if deltas is None and pressures is None:
-        kind, loads = subjects.loads(STEPS, e_star)
-        deltas, pressures = (loads, None) if kind == "delta" else (None, loads)
     tables = _tables(order, subjects.surfaces, bodies, {"delta": deltas, "pressure": pressures})
     one = "none, one surface was solved"
     if order.grid_error and any(each.curves[CONTINUUM].banded.any() for each in tables[:2]):

@@ -5,11 +5,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
-import numpy as np
-
 from bem.problem import Boundary
-from gen.arrays import Values
-from gen.distribution import LogUniform, limits
 from gen.law.curves import APERTURES, GAS, JOINT, Gas
 from gen.maps.bodies import Opposite, composite
 from gen.maps.prepare import read_surface, surface_warnings
@@ -28,7 +24,6 @@ class LawSurface(Topography):
 
     # Settings of the solver that a scene states: spacing, kernel, far_field, rtol, max_iterations.
     settings: Mapping[str, Any] = field(default_factory=dict)
-    scene: Scene | None = None  # that it was generated from
 
     @property
     def spacing(self) -> Sides:
@@ -109,61 +104,6 @@ class LawSurfaces:
         if len(self.scenes) == len(self.origins) and len(ratios) > 1:
             raise InputError("the scenes have more than one hardness: give one with --hardness")
         return ratios.pop() if len(self.scenes) == len(self.origins) else None
-
-    def loads(self, number: int, e_star: float) -> tuple[Load, Values]:
-        """Return "delta" [um] or "pressure" [MPa] with ascending loads over all scenes' range.
-
-        Loads that a scene gives relative to its surfaces, and forces, become displacements or
-        pressures by the surfaces of this law: from the smallest of all to the largest that none
-        exceeds. They are spaced evenly, or by an even ratio where a scene draws log-uniformly.
-        """
-        if len(self.scenes) < len(self.origins):
-            raise InputError(
-                "give --delta or --pressure: a surface from a file has no range of loads"
-            )
-        kinds: set[Load] = {
-            "delta" if scene.quantity.startswith("delta") else "pressure" for scene in self.scenes
-        }
-        if len(kinds) > 1:
-            raise InputError(
-                "some scenes give displacements, others pressures: give --delta or --pressure"
-            )
-        if all(scene.quantity == "delta" for scene in self.scenes):
-            ranges = [_range(scene) for scene in self.scenes]
-            low, high = min(low for low, _ in ranges), max(high for _, high in ranges)
-        else:
-            ranges = [_given(each, e_star) for each in self.surfaces]
-            low, high = min(low for low, _ in ranges), min(high for _, high in ranges)
-        pieces = [piece for scene in self.scenes for piece in scene.pieces]
-        by_ratio = low > 0 and any(isinstance(piece.range, LogUniform) for piece in pieces)
-        loads = np.unique((np.geomspace if by_ratio else np.linspace)(low, high, number))
-        if not (loads > 0).any():
-            raise InputError("give --delta or --pressure: the scene presses nothing")
-        return kinds.pop(), loads[loads > 0]
-
-
-def _range(scene: Scene) -> tuple[float, float]:
-    """Return the smallest and the largest load of a scene, in its quantity."""
-    ranges = [limits(piece.range) for piece in scene.pieces]
-    return min(low for low, _ in ranges), max(high for _, high in ranges)
-
-
-def _given(surface: LawSurface, e_star: float) -> tuple[float, float]:
-    """Return the ends of the loads of a scene's surface, as Delta [um] or nominal pressure [MPa].
-
-    Pressures that the scene gives relative to its own E* are scaled to that of the law.
-    """
-    from gen.generation.sample import load_of
-
-    assert surface.scene is not None
-    relative = surface.scene.quantity.startswith("pressure/")
-    ratio = e_star / _modulus(surface.scene) if relative else 1.0
-    low, high = (
-        value / surface.nominal if name == "force" else value
-        for end in _range(surface.scene)
-        for name, value in load_of(surface.scene, surface.heights, end).items()
-    )
-    return low * ratio, high * ratio
 
 
 def read_subjects(
@@ -293,5 +233,4 @@ def _population(scene: Scene, text: str, number: int) -> Iterator[LawSurface]:
             scene.sides,
             boundary=contact.boundary,
             settings=settings,
-            scene=scene,
         )

@@ -116,9 +116,7 @@ def draw_map(axis: Any, surface_map: Map, letters: int = LETTERS) -> None:
     """Draw a field to scale unless it is very oblong, under titles of lines of some letters."""
     nx, ny = surface_map.field.shape
     (width, length), field = surface_map.sides, surface_map.field
-    low, high, extend = 0.0, COLOURS - 1.0, "neither"
-    if surface_map.quantity:
-        low, high, extend = _scale(np.ma.compressed(field))
+    low, high = _scale(np.ma.compressed(field)) if surface_map.quantity else (0.0, COLOURS - 1.0)
     oblong = max(width, length) > OBLONG * min(width, length)
     image = axis.imshow(
         field.T,
@@ -138,25 +136,20 @@ def draw_map(axis: Any, surface_map: Map, letters: int = LETTERS) -> None:
     if surface_map.quantity:
         beside = axis.inset_axes((1.03, 0.0, 0.04, 1.0))  # as high as the map
         label = f"{surface_map.quantity} [{surface_map.unit}]"
-        axis.figure.colorbar(image, cax=beside, label=label, extend=extend)
+        axis.figure.colorbar(image, cax=beside, label=label)
     lines = [*textwrap.wrap(surface_map.title, letters), *["not to scale"] * oblong]
     axis.set_title("\n".join(lines), loc="left", fontsize=10, parse_math=False)
     axis.set(xlabel="x [µm]", ylabel="y [µm]")
 
 
-def _scale(values: Values) -> tuple[float, float, str]:
-    """Return the limits of a colour scale, and its open ends, beyond which a few outliers are.
-
-    Values beyond a percentile are left out if they would take over half as much as the rest.
-    """
+def _scale(values: Values) -> tuple[float, float]:
+    """Return the limits of a colour scale, beyond which a few outliers are on either side."""
     if not values.size:
-        return 0.0, 1.0, "neither"
+        return 0.0, 1.0
     low, high = float(values.min()), float(values.max())
     first, last = map(float, np.percentile(values, [100 - UPPER_PERCENTILE, UPPER_PERCENTILE]))
-    below, above = low < 1.5 * first - 0.5 * last, high > 1.5 * last - 0.5 * first
-    extend = {(True, True): "both", (True, False): "min", (False, True): "max"}
-    limits = first if below else low, last if above else high
-    return *limits, extend.get((below, above), "neither")
+    limits = 1.5 * first - 0.5 * last, 1.5 * last - 0.5 * first
+    return first if low < limits[0] else low, last if high > limits[1] else high
 
 
 def draw_surface(

@@ -94,7 +94,7 @@ def test_every_command_works_on_every_population(population, tmp_path, monkeypat
         ["card", "d.s"],
         ["predict", "d.s", "s.npy", "--side", side, "--delta", "1:2:2", "-o", "p.csv"],
         ["law", "d.s", "d.h5", "--surfaces", "2", "--csv", "predicted.csv"],
-        ["law", "d.h5", "--solver", "--surfaces", "2", "--csv", "solved.csv"],
+        ["law", "d.h5", "--solver", "--surfaces", "2", "--delta", "0.01", "--csv", "solved.csv"],
         ["compare", "d.h5", "-o", "c", "--model", "decision-tree", "--features", "dimensionless"],
         ["show", "c", "--no-pictures"],
         ["importance", "d.h5", "-o", "c2", "--model", "decision-tree"],

@@ -2,14 +2,12 @@
 
 import json
 import re
-import textwrap
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
-from small_populations import POPULATIONS
 
 import bem
 from bem.contact import mean_conductivity
@@ -17,11 +15,7 @@ from bem.derived.stiffness import patch_stiffness
 from gen import cli
 from gen.law import contact_law
 from gen.law.curves import Gas
-from gen.law.surfaces import read_subjects
 from gen.maps.settings import Reading
-from gen.runtime.errors import InputError
-from gen.runtime.user_code import TRUSTED
-from gen.statistics import rms_slope
 from tests.bem.waves import random_waves
 
 E_STAR = 210e3 / (1 - 0.3**2)
@@ -91,7 +85,7 @@ def test_the_law_of_two_rough_bodies_is_that_of_their_sum(surfaces, run, capsys)
         run("many/s0.npy", *loads, "--against", f"many/s{seed}.npy", "--csv", "pair.csv")
         pairs.append(table("pair.csv").closure_um)
     np.testing.assert_allclose(table("each.csv").closure_um, np.mean(pairs, axis=0), rtol=1e-6)
-    assert cli.main(["law", "quick", "--against", "many/s1.npy", "--side", "100"]) == 2
+    assert cli.main(["law", "quick", *loads, "--against", "many/s1.npy", "--side", "100"]) == 2
     assert "surface.against" in capsys.readouterr().err
 
 
@@ -168,11 +162,15 @@ def test_a_scene_is_solved_without_edges_unless_told_otherwise(surfaces, capsys)
     assert set(table("mirror.csv").boundary) == {"mirror"}
     assert "boundary" not in table("free.csv")
     assert (table("free.csv").closure_um < table("free.csv").delta_um).all()
-    assert cli.main(["law", "scene.toml", "--surfaces", "2", "--csv", "all.csv"]) == 0
+    wide = ["--delta", "5:45:40", "--csv", "all.csv"]
+    assert cli.main(["law", "scene.toml", "--surfaces", "2", *wide]) == 0
     deltas = table("all.csv", "delta_um").delta_um[1:]
     assert len(deltas) == 10, "at the others of 40 every node touches"
     np.testing.assert_allclose(deltas, np.linspace(5, 45, 40)[:10])
     assert table("all.csv").pressure_MPa.max() < 5
+    capsys.readouterr()
+    assert cli.main(["law", "scene.toml"]) == 2
+    assert "give --delta or --pressure" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("name", ["many/s0.npy", "many"])
@@ -249,51 +247,6 @@ def test_the_area_in_the_continuum_has_the_error_of_the_grid(run, tmp_path, monk
     )
     run("waves.npy", *loads, "--csv", "law.csv", "--no-grid-error")
     assert not [name for name in table("law.csv").columns if "continuum" in name]
-
-
-def subjects(folder, *names, boundary="free"):
-    paths = [folder / f"{name}.toml" for name in names]
-    for name, path in zip(names, paths, strict=True):
-        path.write_text(textwrap.dedent(POPULATIONS[name]))
-    return read_subjects([str(path) for path in paths], 3, Reading(), boundary, print)
-
-
-def test_displacements_over_the_rms_height_reach_what_every_surface_was_given(tmp_path):
-    found = subjects(tmp_path, "relative")
-    rms = [float(each.heights.std()) for each in found.surfaces]
-    kind, loads = found.loads(5, 1.0)
-    assert kind == "delta"
-    np.testing.assert_allclose(loads, np.linspace(0.3 * min(rms), 2.0 * min(rms), 5))
-
-
-def test_pressures_over_the_modulus_and_the_slope_follow_the_modulus_of_the_law(tmp_path):
-    found = subjects(tmp_path, "spectral")
-    slopes = [rms_slope(each.heights, each.spacing) for each in found.surfaces]
-    for e_star in (1.0, 230e3):
-        kind, loads = found.loads(4, e_star)
-        wanted = e_star * min(slopes) * np.geomspace(0.05, 0.5, 4)
-        assert kind == "pressure"
-        np.testing.assert_allclose(loads, wanted)
-
-
-def test_forces_become_pressures_and_pressures_stay(tmp_path):
-    kind, loads = subjects(tmp_path, "force", boundary="periodic").loads(3, 5.0)
-    assert kind == "pressure"
-    np.testing.assert_allclose(loads, np.linspace(10.0, 200.0, 3) / (500.0 * 400.0))
-    trust = TRUSTED.set(True)
-    kind, loads = subjects(tmp_path, "python", boundary="mirror").loads(3, 5.0)
-    TRUSTED.reset(trust)
-    assert kind == "pressure"
-    np.testing.assert_allclose(loads, np.linspace(0.001, 0.02, 3))
-
-
-def test_loads_that_scenes_do_not_say_are_asked_for(tmp_path):
-    with pytest.raises(InputError, match="others pressures: give --delta or --pressure"):
-        subjects(tmp_path, "relative", "spectral").loads(3, 1.0)
-    np.save(tmp_path / "s.npy", np.random.default_rng(0).normal(size=(9, 9)))
-    found = read_subjects([str(tmp_path / "s.npy")], 3, Reading(side="10"), "free", print)
-    with pytest.raises(InputError, match="a surface from a file has no range of loads"):
-        found.loads(3, 1.0)
 
 
 def test_a_gas_in_the_gap_is_a_part_of_the_conductance(surfaces, run, make):

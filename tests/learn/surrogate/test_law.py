@@ -91,9 +91,8 @@ def test_a_scene_is_solved_as_it_says(work, capsys):
     cells = float(predicted["force_uN"]) / float(predicted["pressure_MPa"])
     assert cells == pytest.approx((17 * scene.spacing[0]) ** 2)
     Path("rigid.toml").write_text(SCENE.replace('far_field = "compliant"', ""))
-    run("law", "rigid.toml", "--solver", "--surfaces", "2", "--csv", "law.csv")
-    deltas = column(rows_of("law.csv", "delta_um"), "delta_um")
-    np.testing.assert_allclose(deltas, [0, *np.linspace(5, 45, 40)])
+    run("law", "rigid.toml", "--solver", "--surfaces", "2", "--delta", "5", "--csv", "law.csv")
+    assert column(rows_of("law.csv", "delta_um"), "delta_um")[1] == 5
 
 
 def test_a_predicted_population_has_bands_at_given_pressure(work):
@@ -158,7 +157,10 @@ ONE = ["hybrid.surrogate", "many/s0.npy", "--side", "1000"]
     [
         (["many/s0.npy", "--side", "1000"], "give a surrogate and then surfaces, or surfaces and"),
         (["many/s0.npy", "--side", "1000", "--solver"], "give --delta or --pressure"),
-        (["a.toml", "b.toml", "--solver", "--surfaces", "2"], "E* = 1 and 2 MPa: give one with"),
+        (
+            ["a.toml", "b.toml", "--solver", "--surfaces", "2", "--delta", "5"],
+            "E* = 1 and 2 MPa: give one with",
+        ),
         ([*ONE, "--delta", "5,9", "--pressure", "9"], "give a larger --delta"),
         ([*ONE, "--delta", "5", "--boundary", "mirror"], "--boundary mirror: the surrogate was"),
         ([*ONE, "--solver", "--delta", "1"], "--solver solves the law without a surrogate"),
