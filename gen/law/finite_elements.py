@@ -9,11 +9,9 @@ PRESSURE, without which it takes the second column for a clearance.
 
 CalculiX 2.20, like its newest source (commit 3593817 of August 2026), has room for 20 points where
 it presses surface to surface (springforc_f2f.f), takes their number from where the 41st overclosure
-stands (plconloc(81), instead of plconloc(801)), and holds the pressure constant behind the last of
-them, from where an iteration finds no way back. So only 19 points belong to the law. The 20th is
-far away on the last slope, and so are 21 more, which bring the number 20 to its place and mean the
-same to programs that read all of them. What follows 20 conductances overwrites other numbers of
-CalculiX. Abaqus continues the last slope by itself.
+stands (plconloc(81), instead of plconloc(801)), and holds the pressure constant behind the last.
+So 19 points belong to the law, the 20th is far away on the last slope, and so are 21 more, which
+bring the number 20 to its place. What follows 20 conductances overwrites other numbers.
 
 4C imports a Python file and calls its functions with the gap at a node, which is negative where the
 bodies overlap, and the offset of its input, by which they have to overlap before they touch. It

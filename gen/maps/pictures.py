@@ -295,14 +295,11 @@ def section_line(contact: Contact) -> tuple[int, int]:
     It is the line with the largest force off the border, along the longer side if there is one.
     """
     sides = patch_sides(contact)
-    longer = 0 if sides[0] >= sides[1] else 1
-    for along in (longer, 1 - longer):
-        forces = contact.pressure.sum(axis=along)
-        margin = max(int(BORDER * forces.size), 1)
-        inner = forces[margin : forces.size - margin]
-        if inner.max(initial=0.0) > 0:
-            return along, margin + int(inner.argmax())
-    return longer, int(contact.pressure.sum(axis=longer).argmax())
+    along = 0 if sides[0] >= sides[1] else 1
+    forces = contact.pressure.sum(axis=along)
+    margin = max(int(BORDER * forces.size), 1)
+    inner = forces[margin : forces.size - margin]
+    return along, margin + int(inner.argmax()) if inner.any() else int(forces.argmax())
 
 
 def _draw_section(axis: Any, contact: Contact, load: str) -> None:
