@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pyarrow import parquet
 
 from gen.database import Reader
-from gen.database.layout import chunks
+from gen.database.layout import CHUNK_BYTES
 from gen.runtime.errors import InputError
 from gen.runtime.files import atomic, kind_of
 from gen.schema import Column
@@ -111,28 +111,21 @@ def tables(reader: Reader, schema: pa.Schema, part: range, done: Mask) -> Iterat
 
     `done` has a truth value for each row of the database.
     """
-    names = schema.names[1:]
-    row = max(
-        column.row_bytes(reader.scene.shape) for column in reader.columns() if column.name in names
-    )
-    for start, stop in chunks(part.stop, row, part.start):
-        for first in range(start, stop, TABLE_ROWS):
-            last = min(first + TABLE_ROWS, stop)
-            wanted = done[first - reader.rows.start : last - reader.rows.start]
-            yield _table(reader, schema, first, last, wanted)
-
-
-def _table(reader: Reader, schema: pa.Schema, first: int, last: int, done: Mask) -> pa.Table:
-    """Read the done rows from a first row to one before a last."""
-    arrays = [pa.array(first + np.flatnonzero(done), type=pa.int64())]
-    for field in list(schema)[1:]:
-        values = reader.column(field.name, first, last)[done]
-        if values.ndim == 1:
-            arrays.append(pa.array(values, type=field.type))
-        else:
-            flat = pa.array(np.ascontiguousarray(values).reshape(-1))
-            arrays.append(pa.FixedSizeListArray.from_arrays(flat, field.type.list_size))
-    return pa.Table.from_arrays(arrays, schema=schema)
+    shape, names = reader.scene.shape, schema.names[1:]
+    row = max(column.row_bytes(shape) for column in reader.columns() if column.name in names)
+    step = min(TABLE_ROWS, max(1, CHUNK_BYTES // row))
+    for first in range(part.start, part.stop, step):
+        last = min(first + step, part.stop)
+        wanted = done[first - reader.rows.start : last - reader.rows.start]
+        arrays = [pa.array(first + np.flatnonzero(wanted), type=pa.int64())]
+        for field in list(schema)[1:]:
+            values = reader.column(field.name, first, last)[wanted]
+            if values.ndim == 1:
+                arrays.append(pa.array(values, type=field.type))
+            else:
+                flat = pa.array(np.ascontiguousarray(values).reshape(-1))
+                arrays.append(pa.FixedSizeListArray.from_arrays(flat, field.type.list_size))
+        yield pa.Table.from_arrays(arrays, schema=schema)
 
 
 def identity(reader: Reader) -> dict[str, object]:

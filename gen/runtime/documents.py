@@ -58,8 +58,8 @@ def text_of(content: dict[str, Any]) -> str:
     return text.encode(errors="replace").decode() + "\n"
 
 
-def read(path: Path, *kinds: type[Document]) -> dict[str, Any] | None:
-    """Read a JSON document of one of some kinds; return None if the file does not exist.
+def read(path: Path, kind: type[Document]) -> dict[str, Any] | None:
+    """Read a JSON document of a kind; return None if the file does not exist.
 
     Raise InputError as `read_bytes` and `checked` do.
     """
@@ -67,26 +67,17 @@ def read(path: Path, *kinds: type[Document]) -> dict[str, Any] | None:
         content = read_bytes(path)
     except FileNotFoundError:
         return None
-    return checked(path, content, *kinds)
+    return checked(path, content, kind)
 
 
-def checked(path: Path | str, content: bytes, *kinds: type[Document]) -> dict[str, Any]:
-    """Parse a JSON object and check it against the accepted kinds, one of which has to fit.
-
-    Raise InputError with the document's name, the key and its fault for the first kind, if none
-    fits.
-    """
-    faults = []
-    for kind in kinds:
-        try:
-            document = kind.model_validate_json(content)
-        except ValidationError as error:
-            faults.append(error.errors(include_url=False, include_input=False)[0])
-        else:
-            return document.model_dump(exclude_unset=True)
-    key = ".".join(map(str, faults[0]["loc"]))
-    where = f"{key}: " if key else ""
+def checked(path: Path | str, content: bytes, kind: type[Document]) -> dict[str, Any]:
+    """Parse a JSON object of a kind; an InputError has the document's name, the key, its fault."""
+    try:
+        return kind.model_validate_json(content).model_dump(exclude_unset=True)
+    except ValidationError as error:
+        fault = error.errors(include_url=False, include_input=False)[0]
+    key = ".".join(map(str, fault["loc"]))
     raise InputError(
         f"{path} is damaged: it cannot be read as what this program writes"
-        f" ({where}{faults[0]['msg']}): move it away"
+        f" ({f'{key}: ' if key else ''}{fault['msg']}): move it away"
     )
