@@ -29,12 +29,7 @@ INPUTS = {
 }
 """A good file of each kind that commands read."""
 
-OUTPUTS = {
-    "file": "new",
-    "folder": "new-folder",
-    "new-database": "new.h5",
-    "new-scene": "new.toml",
-}
+OUTPUTS = {"file": "new", "folder": "new-folder", "new-database": "new.h5", "new-scene": "new.toml"}
 """A good place for each kind of output."""
 
 LONG = "n" * 300
@@ -78,15 +73,8 @@ SELECTION = (
     ("--area-max nan", "--area-max"),
     ("--area-max 1e-9", "good.h5"),
 )
-SURFACE = (
-    ("--side 0", "--side"),
-    ("--unit mile", "mile"),
-    ("--crop 5", "--crop"),
-)
-MATERIAL = (
-    ("--young 0", "modulus"),
-    ("--young 1 --e-star 1", "--e-star"),
-)
+SURFACE = (("--side 0", "--side"), ("--unit mile", "mile"), ("--crop 5", "--crop"))
+MATERIAL = (("--young 0", "modulus"), ("--young 1 --e-star 1", "--e-star"))
 PREPARED = (
     ("--mask 500:600", "--mask 500:600"),
     ("--mask 1:", "missing"),

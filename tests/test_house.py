@@ -202,7 +202,7 @@ QUICK = NUMERICS | {"bem", "bench", "importlib.metadata", "rich", "pydantic"}
 LEAVES_OUT = {
     "import bem": NUMERICS - BEM_NEEDS | {"gen", "pydantic", "typer", "rich"},
     "import gen.generation.sample, gen.generation.run": {
-        *("scipy.optimize", "h5py", "rich", "typer", "mpi4py"),
+        *("scipy.optimize", "h5py", "rich", "typer", "mpi4py")
     },
     "--version": QUICK | {"learn"},
     "learn --help": QUICK,

@@ -79,10 +79,7 @@ DATA = {
 }
 """Files of the wheel that are neither Python nor of a kind below."""
 
-KINDS = [
-    *(r"gen/scenes/[\w-]+\.toml", r"gen/\w+/[\w.]+\.jinja"),
-    r"bench/(\w+/)?[\w.-]+\.toml",
-]
+KINDS = [*(r"gen/scenes/[\w-]+\.toml", r"gen/\w+/[\w.]+\.jinja"), r"bench/(\w+/)?[\w.-]+\.toml"]
 
 
 def test_the_files_of_a_wheel(wheel):

@@ -180,11 +180,7 @@ def test_residual_and_force_are_what_is_said(rtol, far_field):
 
 
 @pytest.mark.parametrize(
-    ("side", "scale", "load"),
-    [
-        (1e50, 1.0, {"force": 1e-300}),
-        (1.0, 1e200, {"force": 1e-150}),
-    ],
+    ("side", "scale", "load"), [(1e50, 1.0, {"force": 1e-300}), (1.0, 1e200, {"force": 1e-150})]
 )
 def test_forces_that_would_vanish_or_overflow_are_refused(side, scale, load):
     with pytest.raises(bem.OutOfRange, match="double precision"):

@@ -278,13 +278,7 @@ def test_the_environment_says_how_many(monkeypatch, said, many):
 
 
 @pytest.mark.usefixtures("four_cores")
-@pytest.mark.parametrize(
-    "many",
-    [
-        1.5,
-        True,
-    ],
-)
+@pytest.mark.parametrize("many", [1.5, True])
 def test_other_numbers_of_threads_are_refused(many):
     refused = r"threads = .*: must be a whole number of at least 1"
     with pytest.raises(ValueError, match=refused):

@@ -169,11 +169,7 @@ def faults(
     wanted, done = rounds or ROUNDS, []
     with tempfile.TemporaryDirectory() as folder:
         for interrupted in campaign(
-            Path(folder),
-            wanted,
-            seed=seed,
-            kinds=only or tuple(KINDS),
-            minutes=minutes,
+            Path(folder), wanted, seed=seed, kinds=only or tuple(KINDS), minutes=minutes
         ):
             done.append(interrupted)
             typer.echo(f"{len(done):3} {interrupted.line()}")

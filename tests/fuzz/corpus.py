@@ -108,9 +108,7 @@ KINDS: dict[str, Kind] = {
         ("found", "rows.h5"),
     ),
     "page": Kind(
-        ("page/hertz/*.json", "page/hertz/*.csv"),
-        (("bench", "page", "page"),),
-        ("page",),
+        ("page/hertz/*.json", "page/hertz/*.csv"), (("bench", "page", "page"),), ("page",)
     ),
 }
 

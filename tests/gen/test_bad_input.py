@@ -72,9 +72,7 @@ SCENES = {
 }
 """Scenes, and a word that the line which refuses each of them has to hold."""
 
-SURFACES = {
-    "complex": np.zeros((9, 9), dtype=complex),
-}
+SURFACES = {"complex": np.zeros((9, 9), dtype=complex)}
 
 MODULES = {
     "broken_waves.py": "def waves(:\n",

@@ -16,12 +16,7 @@ from gen import cli
 from gen.database import Reader
 from gen.draft import quoted, scene_like
 from gen.draft import write as write_scene
-from gen.draft.proposal import (
-    SIZES,
-    common_spacing,
-    propose_like,
-    window_nodes,
-)
+from gen.draft.proposal import SIZES, common_spacing, propose_like, window_nodes
 from gen.draft.survey import common_threshold, find_spikes, remarks, survey, with_texture
 from gen.maps.filters import without_spikes
 from gen.maps.settings import Reading

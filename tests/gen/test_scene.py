@@ -85,10 +85,7 @@ BAD_SCENES = [
         ["contact: boundary = 'mirror' needs spacing = 'side/n', not 'side/(n-1)'"],
     ),
     ("samples = 1\n[store]\ngap = true", ["unknown key store.gap = true;", "store.mean_gap"]),
-    (
-        "samples = 0\nseed = -1\n[contact]\nrtol = 2",
-        ["samples = 0;", "from 1", "(and 2 more)"],
-    ),
+    ("samples = 0\nseed = -1\n[contact]\nrtol = 2", ["samples = 0;", "from 1", "(and 2 more)"]),
     ('samples = 1\n"a\\nb\u2028" = "c\\u001b[31m"', ["unknown key a?b? = ", "closest"]),
     ("samples = 1\nseed 5", ["not TOML", "line 2"]),
     (

@@ -38,9 +38,6 @@ def surfaces(smallest: int = 9, largest: int = 17) -> st.SearchStrategy[np.ndarr
     )
 
 
-# ---------------------------------------------------------------- a plain version, node by node
-
-
 def profile_peaks(profile: list[float], spacing: float) -> list[tuple[float, float]]:
     """Height and curvature of each peak."""
     return [
@@ -130,9 +127,6 @@ def test_agrees_with_plain_loops_on_any_grid(heights, spacing):
     assert undefined == bool(description.reason)
 
 
-# ---------------------------------------------------------------- closed forms
-
-
 @pytest.mark.parametrize(
     ("shape", "spacing"), [((9, 9), (0.1, 0.1)), ((17, 9), (0.3, 0.7)), ((17, 9), (0.7, 0.01))]
 )
@@ -149,9 +143,6 @@ def test_paraboloid_has_one_summit_of_curvature_one_over_radius(shape, spacing):
     assert values["peak_curvature_mean"] == pytest.approx(1 / radius, rel=1e-9)
     assert math.isnan(values["peak_curvature_skewness"])
     assert description.reason == UNDEFINED
-
-
-# ---------------------------------------------------------------- scaling laws
 
 
 @settings(max_examples=40, deadline=None)
@@ -173,9 +164,6 @@ def test_last_bits_do_not_depend_on_the_threads_of_blas():
     ]
     assert outputs[0].count("0x") == len(NAMES)
     assert len(set(outputs)) == 1
-
-
-# ---------------------------------------------------------------- degenerate surfaces
 
 
 def spike(rows: int, columns: int, at: tuple[int, int]) -> np.ndarray:
@@ -234,9 +222,6 @@ def test_heights_that_have_no_statistics_are_refused(heights):
 def test_spacings_that_are_none_are_refused(spacing):
     with pytest.raises(InputError, match=r"^spacing .*: give one or a pair, from 1e-15 to"):
         describe(np.eye(4), spacing)
-
-
-# ---------------------------------------------------------------- calibration against Table 1
 
 
 @pytest.fixture(scope="module")

@@ -21,9 +21,6 @@ def surface(generator: str, nodes: int, seed: int = 5, hurst: float = 0.7, sigma
     return generate(generator, nodes, hurst, sigma0, np.random.default_rng(seed))
 
 
-# ---------------------------------------------------------------- generators
-
-
 def plain(generator: str, nodes: int, hurst: float, sigma0: float, random: np.random.Generator):
     """The definitions node by node: centres, then edges along x, then edges along y."""
     z = np.zeros((nodes, nodes))

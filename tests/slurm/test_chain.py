@@ -115,11 +115,7 @@ def test_a_restart_goes_on_with_the_part_it_was_at_and_keeps_verdicts(cluster, t
 
 
 def test_parts_write_into_the_report_and_a_missing_one_is_bad_input(cluster, tmp_path, serial):
-    parameters = {
-        "VENV": sys.prefix,
-        "PARTS": "weather database",
-        "DATABASE": serial / "short.h5",
-    }
+    parameters = {"VENV": sys.prefix, "PARTS": "weather database", "DATABASE": serial / "short.h5"}
     job = cluster.sbatch(SCRIPT, folder=tmp_path, parameters=parameters)
     ended = cluster.wait(job)
     log = (tmp_path / f"asperity-{job}.log").read_text()

@@ -6,12 +6,7 @@ from scipy.integrate import dblquad, quad
 from scipy.special import erf
 from scipy.stats import norm
 
-from bem.analytic import (
-    BUSH_GIBSON_THOMAS,
-    PERSSON,
-    PerssonInterface,
-    area_share,
-)
+from bem.analytic import BUSH_GIBSON_THOMAS, PERSSON, PerssonInterface, area_share
 
 MODULUS = 2.5
 HURST = 0.8

@@ -11,6 +11,7 @@ from gen.generation.check import faults
 from gen.schema import PHYSICS, Status
 
 SCENE = "samples = 20\nsamples_per_surface = 3\n[surface]\nnodes = 17\n[store]\npressure = true\n"
+SCENE += "[contact]\nhardness = [0.01, 0.05]\n"
 
 
 @pytest.fixture(scope="module")
@@ -68,6 +69,8 @@ def test_rows_of_an_earlier_solver_are_compared_by_their_surfaces(database, caps
         ("area_percent", 100.5, "area"),
         ("force", 0.0, "force"),
         ("residual", 0.5, "residual"),
+        ("yielded_percent", 99.0, "more nodes have yielded than are in contact"),
+        ("force", 1e9, "force above what the hardness bears"),
     ],
 )
 def test_a_spoilt_value_is_found_without_recomputing(database, capsys, column, value, fault):
@@ -102,10 +105,7 @@ def test_statistics_that_a_surface_does_not_define_are_no_faults(undefined, caps
 
 @pytest.mark.parametrize(
     ("column", "value", "fault"),
-    [
-        ("reason", 0, "peak_mean is not finite"),
-        ("delta", np.nan, "delta is not the plan's"),
-    ],
+    [("reason", 0, "peak_mean is not finite"), ("delta", np.nan, "delta is not the plan's")],
 )
 def test_only_statistics_with_their_reason_may_be_undefined(undefined, column, value, fault):
     spoil(undefined, column, 1, value)
@@ -129,30 +129,6 @@ def test_a_changed_bit_is_found_by_recomputing(database, column):
     found = list(faults(database, recompute=20))
     assert len(found) == 1
     assert column in found[0]
-
-
-@pytest.fixture
-def yielding(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    text = "samples = 12\n[surface]\nnodes = 17\n[contact]\nhardness = [0.01, 0.05]\n"
-    (tmp_path / "scene.toml").write_text(text)
-    assert cli.main(["run", "scene.toml", "-o", "rows.h5"]) == 0
-    return tmp_path / "rows.h5"
-
-
-@pytest.mark.parametrize(
-    ("column", "value", "fault"),
-    [
-        ("yielded_percent", 99.0, "more nodes have yielded than are in contact"),
-        ("force", 1e9, "force above what the hardness bears"),
-    ],
-)
-def test_a_spoilt_value_of_a_body_that_yields_is_found(yielding, column, value, fault):
-    spoil(yielding, column, 4, value)
-    lines = list(faults(yielding, recompute=0))
-    assert lines
-    assert all(line.startswith("row 4") for line in lines)
-    assert any(fault in line for line in lines)
 
 
 LOADED = """samples = 4

@@ -220,10 +220,7 @@ def test_what_is_no_surface_ends_the_run_in_one_line(surfaces_here, body, fault)
     assert "\n" not in str(refused.value)
 
 
-@pytest.mark.parametrize(
-    "body",
-    ["return np.full(shape, np.nan)", "return 1 / 0"],
-)
+@pytest.mark.parametrize("body", ["return np.full(shape, np.nan)", "return 1 / 0"])
 def test_numbers_that_are_not_finite_fail_their_rows(surfaces_here, body):
     rows = compute_rows(scene_with(surfaces_here, body), 0, 4)
     assert set(rows["status"].tolist()) == {Status.FAILED}

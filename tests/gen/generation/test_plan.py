@@ -8,11 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gen.generation.plan import (
-    CHUNK,
-    Parameters,
-    parameters,
-)
+from gen.generation.plan import CHUNK, Parameters, parameters
 from gen.generation.run import BLOCK_BYTES, blocks_of
 from gen.scene import Scene, load
 

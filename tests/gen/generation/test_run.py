@@ -135,11 +135,7 @@ def mounts(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize(
     ("path", "answer"),
-    [
-        ("/home/x.h5", False),
-        ("/home/on lustre/x.h5", True),
-        ("/homely/x.h5", True),
-    ],
+    [("/home/x.h5", False), ("/home/on lustre/x.h5", True), ("/homely/x.h5", True)],
 )
 def test_network_file_systems_are_known_by_their_mounts(mounts, path, answer):
     assert database.coherent(Path(path)) is answer

@@ -13,15 +13,7 @@ from scipy.interpolate import PchipInterpolator
 from strict import json_of
 
 from gen.law import files
-from gen.law.curves import (
-    CONDUCTANCE,
-    QUANTITIES,
-    STIFFNESS,
-    Points,
-    monotone,
-    slopes,
-    tabulated,
-)
+from gen.law.curves import CONDUCTANCE, QUANTITIES, STIFFNESS, Points, monotone, slopes, tabulated
 from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
 from gen.runtime.figure import new_figure

@@ -104,11 +104,7 @@ def test_who_is_pressed_against_whom_does_not_matter(shapes, sides, shift, bound
 
 @pytest.mark.parametrize(
     ("turned", "shift", "word"),
-    [
-        ("z", "", "--turned 'z'"),
-        ("", "5", "--shift '5'"),
-        ("", "inf,0", "--shift"),
-    ],
+    [("z", "", "--turned 'z'"), ("", "5", "--shift '5'"), ("", "inf,0", "--shift")],
 )
 def test_placements_that_are_none_are_refused(turned, shift, word):
     with pytest.raises(InputError, match=word):

@@ -13,7 +13,6 @@ from gen.maps.library import (
     PreparedMap,
     Wanted,
     digests,
-    located,
     map_files,
     opened,
     prepared,
@@ -211,19 +210,3 @@ def test_content_names_a_map_and_no_two_are_alike(folder):
     (folder / "scans" / "z.x3p").write_text("a.x3p")
     with pytest.raises(InputError, match=r"z\.x3p and .*a\.x3p are the same map"):
         digests(map_files(["scans"], folder))
-
-
-def test_a_map_is_found_where_it_was_or_beside_the_database(folder):
-    path = folder / "scans" / "a.x3p"
-    (sha256,) = digests([path])
-    assert located(path, sha256, folder) == path
-    moved = path.rename(folder / "a.x3p")
-    assert located(path, sha256, folder) == moved
-    path.write_text("another map")
-    assert located(path, sha256, folder) == moved
-    moved.unlink()
-    with pytest.raises(InputError, match="is not the map that the database was made of"):
-        located(path, sha256, folder)
-    path.unlink()
-    with pytest.raises(InputError, match="the map is gone that the database was made of"):
-        located(path, sha256, folder)

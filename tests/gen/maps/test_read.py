@@ -199,7 +199,7 @@ def x3p(path: Path, replaced: tuple[bytes, bytes] = (b"", b""), folder: str = ""
             (b"ISO5436 - 2000", DASH),
             "a/b/",
             "its entries lie in the folder 'a/b' and its revision is written with another dash",
-        ),
+        )
     ],
 )
 def test_x3p_of_other_programs_is_read(tmp_path, replaced, folder, remark):

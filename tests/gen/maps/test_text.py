@@ -32,10 +32,7 @@ HEADERS = {
     "Japanese": ("# チャネル： Topo\n# 幅: 10 µm\n# 高さ： 6 µm\n# 値の単位: m\n", 1e6),
     "SPIP": (SPIP + "# y-length = 6000\n# z-unit = um\n# Start of Data:\n", 1.0),
     "SPIP without a unit": (SPIP + "# y-length = 6000\n# Bit2nm = 0.5\n", 5e-4),
-    "Nova": (
-        NOVA + "Unit X = um\nUnit Data = nm\nStart of Data :\n",
-        1e-3,
-    ),
+    "Nova": (NOVA + "Unit X = um\nUnit Data = nm\nStart of Data :\n", 1e-3),
 }
 
 
@@ -143,13 +140,7 @@ def test_reads_text_with_any_separator_and_comments(tmp_path, text):
 GOOD = npy(np.eye(4))
 
 
-@pytest.mark.parametrize(
-    ("name", "fault"),
-    [
-        ("folder", "Is a directory"),
-        ("nu\0l", "null byte"),
-    ],
-)
+@pytest.mark.parametrize(("name", "fault"), [("folder", "Is a directory"), ("nu\0l", "null byte")])
 def test_paths_that_cannot_be_read_are_refused(tmp_path, name, fault):
     (tmp_path / "folder").mkdir()
     with pytest.raises(

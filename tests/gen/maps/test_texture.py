@@ -213,8 +213,7 @@ def fitted(topography) -> SelfAffineFit:
 
 
 @pytest.mark.parametrize(
-    ("nodes", "periods", "hurst"),
-    [(128, (4, 0.45), 0.3), (1000, (10, 0.125), 0.5)],
+    ("nodes", "periods", "hurst"), [(128, (4, 0.45), 0.3), (1000, (10, 0.125), 0.5)]
 )
 def test_a_law_is_found_again(nodes, periods, hurst):
     topography, asked = made(nodes, hurst, periods=periods)
