@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import json
-import math
 import re
 from pathlib import Path
 
@@ -18,7 +17,6 @@ from gen.draft.proposal import (
     LOADS_PER_SURFACE,
     NODES,
     SURFACES,
-    WIDE,
     Likeness,
     Loads,
     Proposal,
@@ -80,19 +78,15 @@ def draft(
 
 def scene_of_windows(proposal: Proposal, inputs: list[str], command: str, output: Path) -> str:
     """Return a scene of windows of maps, with comments that say why it has its values."""
-    nodes, tiles, length = proposal.nodes, proposal.tiling.total, proposal.length
+    nodes, tiles = proposal.nodes, proposal.tiling.total
     few = "\n# That is few: scores of a surrogate on them mean little." * (tiles < FEW_TILES)
-    if not math.isnan(length):
-        few += f"""
-# The autocorrelation length (Sal) of a middling map is {length:.3g} um: below {WIDE:g} of them in a
-# window its statistics scatter."""
     steps = [look.spacing for look in proposal.used]
     spacing = f"# All maps have a node every {in_words(steps[0])} um, and keep it."
     if proposal.spacing is not None:
         apart = [step for each in steps for step in each]
         spacing = f"""\
 # um; the maps have a node every {min(apart):.4g} to {max(apart):.4g} um. Finer maps can lose
-# detail, coarser ones cannot gain it. Slopes, and elastic areas, are those of this spacing.
+# detail, coarser ones cannot gain it.
 spacing = {float(proposal.spacing)!r}"""
     given = [(name, value) for name, value in proposal.reading.of("reading").items() if value]
     keys = "\n".join(f"{name} = {quoted(value)}" for name, value in given)
@@ -138,8 +132,7 @@ def _head(title: str, output: Path, surfaces: int, then: str = "") -> str:
 {then}
 title = {quoted(title)}
 
-# {surfaces} surfaces, each under {LOADS_PER_SURFACE} loads. A database can grow: raise samples, and
-# run again.
+# {surfaces} surfaces, each under {LOADS_PER_SURFACE} loads. A database can grow: raise samples.
 samples = {surfaces * LOADS_PER_SURFACE}
 samples_per_surface = {LOADS_PER_SURFACE}
 seed = 2025
@@ -160,48 +153,37 @@ def _files(proposal: Proposal, inputs: list[str], home: Path) -> str:
         if look.fault:
             lines.append(f"    # {quoted(name)} is left out: {printable(look.fault)}")
             continue
-        rough = f"rms height {look.rms_height:.3g} um, rms slope {look.rms_slope:.3g}"
-        lines.append(f"    {quoted(name)},  # {'; '.join([rough, *remarks(look)])}")
+        said = "; ".join([f"rms slope {look.rms_slope:.3g}", *remarks(look)])
+        lines.append(f"    {quoted(name)},  # {said}")
     return "\n".join(lines)
 
 
 def _preparation(proposal: Proposal) -> str:
     """Return the table of the preparation."""
     used, steps = proposal.used, proposal.reading
-    despike = "# No map has spikes, single nodes far above all others: no despike."
+    despike, fill = "# No map has spikes: no despike.", "# No map has holes: no fill."
     if steps.despike is not None:
-        spikes = [look.spikes for look in used if look.spikes is not None and look.spikes.number]
-        nearest, taken = min(each.nearest for each in spikes), sum(each.number for each in spikes)
+        spikes = [look.spikes.number for look in used if look.spikes and look.spikes.number]
         despike = f"""\
-# {len(spikes)} of {len(used)} maps have spikes, {taken} nodes in all, {nearest:.3g} or more times
-# the usual scatter away from their local median: the highest would set Delta's zero.
+# {len(spikes)} of {len(used)} maps have spikes, {sum(spikes)} nodes in all: the highest would set
+# Delta's zero.
 despike = {steps.despike!r}"""
-    tilt = max(max(map(abs, look.tilt)) for look in used)
-    level = f"# The maps are tilted by up to {tilt:.2g}, as they lay under the instrument."
+    level = f"the maps are tilted by up to {max(max(map(abs, look.tilt)) for look in used):.2g}"
     if steps.level != "plane":
         curved = printable(next(look.path.name for look in used if look.form > FORM))
-        level = f"""\
-# A quadratic form holds over {100 * FORM:g} % of the variance about the mean plane of {curved}:
-# form rather than roughness. Others lose little by it."""
-    fill = "# No map has holes: no fill."
+        level = f"{curved} and the like are curved: form rather than roughness"
     if steps.fill:
-        share = 100 * max(look.holes for look in used)
-        fill = f"""\
-# {sum(look.missing > 0 for look in used)} of {len(used)} maps have holes, up to {share:.2g} % of
-# the nodes: filled between the heights of their rims.
-fill = true"""
-    finest = 4 * max(max(look.spacing) for look in used)
+        holes = sum(look.missing > 0 for look in used)
+        fill = f"# {holes} of {len(used)} maps have holes.\nfill = true"
     return f"""\
 # The options of `gen contact`; every map goes through all steps.
 [surface.preparation]
 {despike}
 
-{level}
+# As {level}.
 level = {quoted(steps.level)}
 
 {fill}
-
-# Where waves of less than four nodes are noise, filter = "{finest:.4g}:" takes them out.
 """
 
 

@@ -36,7 +36,6 @@ class Proposal:
     looks: tuple[MapSurvey, ...]  # all files; those without a fault are used
     reading: Reading  # how files are read and prepared
     spacing: float | None  # spacing to which all maps are resampled; None if they share theirs [um]
-    length: float  # autocorrelation length of a usual map [um]; NaN if it is unknown
     nodes: int  # nodes along each side of a window
     windows: int  # number of windows
     loads: Loads  # loads of the scene
@@ -99,7 +98,7 @@ def propose(
     loads = choose_loads(bodies, [each.rms_slope for each in used], nodes**2)
     beside = sum(math.prod(each.prepared) for each in used) / nodes**2
     windows = 10 * round(min(max(OVERLAP * beside, WINDOWS[0]), WINDOWS[1]) / 10)
-    return Proposal(tuple(looks), reading, spacing, length, nodes, windows, loads, bodies)
+    return Proposal(tuple(looks), reading, spacing, nodes, windows, loads, bodies)
 
 
 def require_used(looks: Sequence[MapSurvey]) -> list[MapSurvey]:
