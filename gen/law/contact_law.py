@@ -194,12 +194,7 @@ def _tables(
     bodies: Bodies,
     asked: dict[Load, Values | None],
 ) -> Tables:
-    """Solve all surfaces under the given loads; tabulate against Delta and against pressure.
-
-    If one kind of load is given, the other table of one surface has the same contacts. For a
-    population further contacts are solved for it: a given Delta leads to a pressure on each
-    surface, and the second table is at the means of these pressures; likewise the other way round.
-    """
+    """Solve all surfaces under the given loads; tabulate against Delta and against pressure."""
     lost: list[str] = []
     under = partial(_solved, order, surfaces, bodies, lost)
     solved = {load: under(load, loads) for load, loads in asked.items() if loads is not None}
@@ -211,7 +206,7 @@ def _tables(
     rest = {name: float(np.mean([each[name] for each in rests])) for name in rests[0]}
     for load, argument in ARGUMENTS.items():
         loads, parts, _ = solved.get(load) or next(iter(solved.values()))
-        if load not in solved and len(surfaces) > 1:
+        if load not in solved and len(surfaces) > 1:  # solved at the means of the other one's
             means = np.sort(np.mean([part.values[argument] for part in parts], axis=0))
             loads, parts, _ = under(load, means[risen(means)], derived=True)
         elif load not in solved:
@@ -241,10 +236,7 @@ def _solved(
     *,
     derived: bool = False,
 ) -> tuple[Values, list[Points], list[str]]:
-    """Solve every surface; return the loads solved on all, the points, and warnings.
-
-    Lines about loads under which the solver did not converge on every surface go to `lost`.
-    """
+    """Solve every surface; return the loads solved on all, the points, and warnings."""
     loads = _possible(load, loads, surfaces, bodies, lost, derived=derived)
     found = []
     with RunProgress(len(surfaces), f"surfaces at given {load}") as progress:
@@ -276,9 +268,7 @@ def _possible(
     *,
     derived: bool,
 ) -> Values:
-    """Return the loads below full contact: of elastic bodies without edges Delta is below the mean
-    gap at rest, and of bodies that yield a derived pressure is below the hardness.
-    """
+    """Return the loads below full contact, and for derived pressures below the hardness."""
     full = [each.gap_at_rest for each in surfaces if each.boundary != "free"]
     if load == "delta" and full and bodies.hardness is None:
         possible = loads[loads < (1 - APART) * min(full)]
@@ -333,10 +323,7 @@ class _OfSurface(NamedTuple):
 def _of_surface(
     order: Order, surface: LawSurface, bodies: Bodies, load: Load, loads: Values, *, judged: bool
 ) -> _OfSurface:
-    """Solve the law of one surface at ascending loads; NaN where the solver did not converge.
-
-    If it is judged and the error of the grid asked for, the area in the continuum has an interval.
-    """
+    """Solve the law of one surface at ascending loads; NaN where the solver did not converge."""
     settings = {"modulus": bodies.e_star, **surface.settings}
     if bodies.hardness is not None:
         settings["hardness"] = bodies.hardness

@@ -258,10 +258,7 @@ def _agreed_sides(
 
 
 def _scan(path: Path, reading: Reading) -> Scan:
-    """Read a .npy or text file, whatever its suffix, or a file of an instrument.
-
-    Files of instruments may be text, too, that only SurfaceTopography understands.
-    """
+    """Read a .npy or text file, whatever its suffix, or a file of an instrument."""
     own, reason = path.suffix.lower() in OWN_SUFFIXES, ""
     try:
         matrices = text.read(path)
@@ -327,11 +324,7 @@ REVISION = re.compile(
 
 
 def _instruments_scan(path: Path, reading: Reading, reason: str) -> Scan:
-    """Read the map of a channel from an instrument's file.
-
-    Raises InputError if SurfaceTopography is missing or cannot read the file, or there is no
-    such channel.
-    """
+    """Read the map of a channel from an instrument's file by SurfaceTopography."""
     try:
         import SurfaceTopography  # noqa: F401
     except ImportError:
@@ -360,11 +353,7 @@ def _instruments_scan(path: Path, reading: Reading, reason: str) -> Scan:
 
 
 def _opened(path: Path, reason: str) -> tuple[Any, str]:
-    """Return the first reader that finds a map in a file, and what was mended in it, in words.
-
-    Readers of the file's suffix are tried first, and their reasons told if no reader finds a map.
-    Without any, the `reason` given is told.
-    """
+    """Return the first reader that finds a map in a file, and what was mended in it, in words."""
     from SurfaceTopography.IO import MagicMatch, open_topography, readers
 
     suffix = path.suffix.lower().removeprefix(".")

@@ -120,10 +120,7 @@ def matrices(content: str, path: Path) -> list[Matrix]:
 
 
 def _columns(line: str, place: str = "") -> dict[str, str]:
-    """Return the names and units of columns x, y and z as entries of a header.
-
-    Other lines have none. Two or three names with x, but not with y and z, are refused at a place.
-    """
+    """Return names and units of columns x, y and z as entries of a header; refuse a profile's."""
     words = _fields(re.sub(r"\s+(?=[\[(])", "", line))  # units set off by a blank
     matches = [NAME.fullmatch(word.strip()) for word in words]
     stated = [(match["name"].lower(), match["unit"]) if match else ("", "") for match in matches]
@@ -141,10 +138,7 @@ def _columns(line: str, place: str = "") -> dict[str, str]:
 
 
 def _lines(content: str, path: Path) -> Iterator[tuple[int, str, list[str]]]:
-    """Yield number, comment and fields of every line that has a comment or fields.
-
-    Lines of words above the first numbers are comments, unless they state a value.
-    """
+    """Yield number, comment and fields of every line; words above the numbers are comments."""
     lines = content.splitlines()
     first = next((line for line in lines if line.strip()), "")
     bare, begun, titles = BARE.match(first) is not None, False, 0
@@ -235,10 +229,7 @@ def _unit(text: str) -> str:
 
 
 def _row(fields: list[str], path: Path, line: int, above: list[list[float]]) -> list[float]:
-    """Return the numbers of one line; refuse another number of them than in the lines above.
-
-    The first line may have a word or a blank in front: the corner of a map with coordinates.
-    """
+    """Return the numbers of one line, as many as in those above; a corner may be a word."""
     if not above and len(fields) > 3 and all(map(_is_number, fields[1:])):
         fields = [fields[0] if _is_number(fields[0]) else "nan", *fields[1:]]
     try:

@@ -148,11 +148,7 @@ def gradients(
 def _lengths(
     heights: Heights, spacing: tuple[float, float], *, periodic: bool
 ) -> tuple[float, float, str]:
-    """Compute Sal [um] and Str (ISO 25178-2:2012, 4.2), and the reason why one is NaN.
-
-    They are the shortest distance from the origin at which the autocorrelation has fallen to
-    `DECAY`, and its ratio to the longest.
-    """
+    """Compute Sal [um] and Str (ISO 25178-2:2012, 4.2), and the reason why one is NaN."""
     decays, reaches = decay_lengths(autocorrelation(heights, periodic=periodic), spacing)
     fallen = np.isfinite(decays)
     reason = f"the autocorrelation does not fall to {DECAY:g} within half of the sides"
