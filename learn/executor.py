@@ -19,7 +19,6 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from functools import partial
 from multiprocessing.connection import Connection, Pipe
 from typing import Any, TypeVar
@@ -34,15 +33,6 @@ Result = TypeVar("Result")
 
 ALONE = farm.World()
 """The world of a process that works without MPI."""
-
-
-@dataclass(frozen=True)
-class _Round:
-    """The announcement of tasks to the workers."""
-
-    work: Callable[[Any, Any], Any]  # function of the shared data and of one task; sent by its name
-    shared: Any  # None if the workers still hold the data of the round before
-    fresh: bool  # whether `shared` replaces what the workers hold
 
 
 class Executor:
@@ -74,7 +64,7 @@ class Executor:
         InputError that `work` raises on any process, or `on_result` here, is raised here.
         """
         fresh = shared is not self._held
-        self._world.broadcast(_Round(work, shared if fresh else None, fresh))
+        self._world.broadcast((work, fresh, shared if fresh else None))
         self._held = shared
         farm.run(partial(work, shared), iter(tasks), on_result, self._world, stopping=stopping)
 
@@ -100,22 +90,13 @@ def lead(job: Callable[[Executor], int], world: farm.World) -> int:
         code = job(executor)
         executor.close()
         return code
+    shared: Any = None  # the workers keep it from round to round
     with Interruption(listening=False):
-        _serve(world)
+        while (announced := world.broadcast(None)) is not None:
+            work, fresh, sent = announced
+            shared = sent if fresh else shared
+            farm.run(partial(work, shared), iter(()), lambda *_: None, world)
     return 0
-
-
-def _serve(world: farm.World) -> None:
-    """Do the tasks of one round after the other until the master closes its executor."""
-    shared: Any = None
-    while (announced := world.broadcast(None)) is not None:
-        if announced.fresh:
-            shared = announced.shared
-        farm.run(partial(announced.work, shared), iter(()), _receive_nothing, world)
-
-
-def _receive_nothing(task: Any, result: Any) -> None:
-    """Stand for the handler of results on a worker, which receives none."""
 
 
 UNITS = {"s": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0, "d": 86400.0}
@@ -160,10 +141,7 @@ def within(
         return None
     if not _helpers:
         _helpers.append(_Helper(work.__module__))
-    helper = _helpers[-1]
-    if not helper.is_ready(until):
-        return None
-    result: Result | None = helper.call(work, shared, task, min(until, time.time() + longest))
+    result: Result | None = _helpers[-1].call(work, shared, task, until, longest)
     return result
 
 
@@ -186,16 +164,15 @@ class _Helper:
         self._held: object = None
         self._ready = False
 
-    def is_ready(self, until: float) -> bool:
-        """Wait for the process to have started, until a time; tell whether it has."""
-        if not self._ready and self._connection.poll(max(until - time.time(), 0.0)):
-            self._connection.recv()
-            self._ready = True
-        return self._ready
-
-    def call(self, work: Callable[..., Any], shared: object, task: object, until: float) -> Any:
-        """Send a task, and return its result, None if its time is over before."""
-        fresh = shared is not self._held
+    def call(
+        self, work: Callable[..., Any], shared: object, task: object, until: float, longest: float
+    ) -> Any:
+        """Send a task once the process has started; return its result, None if time is over."""
+        if not self._ready:
+            if not self._connection.poll(max(until - time.time(), 0.0)):
+                return None
+            self._ready = bool(self._connection.recv())
+        until, fresh = min(until, time.time() + longest), shared is not self._held
         self._held, result, fault = shared, None, None
         try:
             self._connection.send((work, fresh, shared if fresh else None, task))

@@ -141,11 +141,12 @@ def _request(files: list[Path], output: Path, choice: Choice) -> Request:
     from learn.dataset import Request, load_drawn
     from learn.features import chosen
     from learn.features.scene import SCENE
-    from learn.models import normalisation_of
+    from learn.models import default_model, models_named, normalisation_of
     from learn.surrogate.fitting import with_conditions
 
     features = chosen(choice.features or "dimensionless", roots=True, blocks=choice.blocks)
-    model, load = model_for(choice.model, features.name), ""
+    (model,) = models_named([choice.model or default_model(features.name)], features.name)
+    load = ""
     if features.name == SCENE:
         load = choice.load or load_drawn(files[0])
     elif choice.load:
@@ -154,7 +155,7 @@ def _request(files: list[Path], output: Path, choice: Choice) -> Request:
         databases=tuple(files),
         output=output,
         targets=targets_in(choice.target, load),
-        models=(model,),
+        models=(model.name,),
         area_max=choice.area_max,
         normalisation=normalisation_of(features.normalisation, choice.normalise),
         features=features.name,
@@ -168,25 +169,8 @@ def _request(files: list[Path], output: Path, choice: Choice) -> Request:
     )
     if choice.source is None:
         return request
-    return with_conditions(
-        request,
-        choice.source,
-        {
-            "features": choice.features,
-            "area_max": choice.area_max,
-            "seed": choice.seed,
-            "normalisation": choice.normalise,
-        },
-    )
-
-
-def model_for(name: str, features: str) -> str:
-    """Return the model of a name, or the one that is best for a feature set; refuse others."""
-    from learn.models import default_model, models_named
-
-    wanted = name or default_model(features)
-    models_named([wanted], features)
-    return wanted
+    given = {"features": choice.features, "area_max": choice.area_max, "seed": choice.seed}
+    return with_conditions(request, choice.source, given | {"normalisation": choice.normalise})
 
 
 def targets_in(text: str, load: str = "") -> tuple[str, ...]:

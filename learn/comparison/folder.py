@@ -28,7 +28,7 @@ from gen.runtime import documents, files
 from gen.runtime.documents import Document, cell
 from gen.runtime.errors import InputError
 from learn.comparison import grid as grids
-from learn.dataset import Dataset
+from learn.dataset import Dataset, Request
 from learn.models import EVERY, versions
 from learn.split import FOLDS, Split
 
@@ -45,7 +45,7 @@ Setting = bool | int | float | str | list[int] | None
 
 
 class Conditions(Document):
-    """The conditions of results: see `conditions`."""
+    """The conditions of results."""
 
     database_sha256: str
     target: str
@@ -143,26 +143,6 @@ class Result(Document):
         return self
 
 
-def conditions(
-    dataset: Dataset, split: Split, normalisation: str, area_max: float | None
-) -> dict[str, Any]:
-    """Describe the conditions of results: two results can be compared if these are equal."""
-    return {
-        "database_sha256": dataset.sha256,
-        "target": dataset.target_name,
-        "features": dataset.features.name,
-        "inputs": list(dataset.features.columns),
-        "normalisation": normalisation,
-        "target_scaling": "standard" if dataset.features.scaled else "none",
-        "seed": split.seed,
-        "folds": FOLDS,
-        "train_rows": int(split.train.size),
-        "test_rows": int(split.test.size),
-        "versions": versions(),
-        "area_max": area_max,
-    }
-
-
 def require_same(path: Path, stored: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
     """Refuse a file that was made under other conditions, naming the first that differs."""
     for name in sorted(wanted.keys() | stored.keys()):
@@ -192,8 +172,25 @@ class Folder:
     def __init__(self, path: Path) -> None:
         self.path = path
 
-    def begin(self, dataset: Dataset, split: Split, agreed: dict[str, Any]) -> None:
-        """Make the folder, or refuse it if it belongs to other data and choices than agreed."""
+    def begin(self, dataset: Dataset, split: Split, request: Request) -> None:
+        """Make the folder, or refuse it if it belongs to other data and choices.
+
+        The conditions of results: two of them can be compared if these are equal.
+        """
+        agreed = {
+            "database_sha256": dataset.sha256,
+            "target": dataset.target_name,
+            "features": dataset.features.name,
+            "inputs": list(dataset.features.columns),
+            "normalisation": request.normalisation,
+            "target_scaling": "standard" if dataset.features.scaled else "none",
+            "seed": split.seed,
+            "folds": FOLDS,
+            "train_rows": int(split.train.size),
+            "test_rows": int(split.test.size),
+            "versions": versions(),
+            "area_max": request.area_max,
+        }
         if (self.path / "comparison.json").exists():
             require_same(self.path, self.record()["conditions"], agreed)
             return

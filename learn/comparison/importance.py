@@ -18,7 +18,7 @@ from sklearn.preprocessing import StandardScaler
 
 from gen.runtime.figure import new_figure, save
 from learn import dataset, split
-from learn.comparison.folder import Folder, conditions
+from learn.comparison.folder import Folder
 from learn.comparison.grid import standard, untuned
 from learn.comparison.pictures import DPI
 from learn.comparison.results import repeated
@@ -46,7 +46,7 @@ def write_report(request: Request, say: Callable[[str], None]) -> list[Path]:
     parts = split.draw(rows, request.seed, request.train_rows)
     check_memory(model.name, parts.train.size)
     folder = Folder(request.output / short_name(rows.target_name))
-    folder.begin(rows, parts, conditions(rows, parts, request.normalisation, request.area_max))
+    folder.begin(rows, parts, request)
     names, unfitted = rows.features.columns, _unfitted(model.name, folder, request, say)
     train, test = ((rows.inputs[each], rows.target[each]) for each in (parts.train, parts.test))
     with remarks() as said:

@@ -16,7 +16,7 @@ from learn import dataset, split
 from learn.comparison import grid as grids
 from learn.comparison import results
 from learn.comparison.fits import Training, Trials
-from learn.comparison.folder import Folder, conditions
+from learn.comparison.folder import Folder
 from learn.comparison.results import TimedFit
 from learn.comparison.search import GridSearch, halved, whole
 from learn.dataset import Request, short_name
@@ -123,7 +123,7 @@ def _targets(
             check_memory(model.name, parts.train.size, baseline=not searched)
         scaling = scaling_of(rows, parts.train, standard=rows.features.name == SCENE)
         folder = Folder(request.output / short_name(rows.target_name))
-        folder.begin(rows, parts, conditions(rows, parts, request.normalisation, request.area_max))
+        folder.begin(rows, parts, request)
         with RunProgress(1) as progress:
             progress.say(
                 f"{request.database}: {rows.target_name}, {parts.train.size} training rows,"

@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass, field
 from functools import partial
 from statistics import median
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -52,14 +52,11 @@ class TimedFit:
     until: float = math.inf  # time of `time.time` at which the fit is stopped [s]
 
 
-class FitResult(NamedTuple):
-    """Predictions of the test rows, (m,), empty if the fit failed, and what a result says of it.
+FitResult = tuple[Values, dict[str, Any]]
+"""Predictions of the test rows, (m,), empty if the fit failed, and what a result says of it.
 
-    Times are medians on one thread: of a "fit", of predicting the "test" set, and one "row" [s].
-    """
-
-    prediction: Values
-    description: dict[str, Any]
+Times are medians on one thread: of a "fit", of predicting the "test" set, and one "row" [s].
+"""
 
 
 def fit_in_time(training: Training, task: TimedFit) -> FitResult | None:
@@ -99,7 +96,7 @@ def fit_and_time(training: Training, task: TimedFit) -> FitResult:
             prediction = guess
         except Exception as error:  # whatever a library raises: the model has no scores
             found |= {"failure": reason(error), "test": None, "train": None}
-    return FitResult(prediction, {**found, "remarks": said})
+    return prediction, {**found, "remarks": said}
 
 
 def repeated(
@@ -156,12 +153,7 @@ def write_search(folder: Folder, found: Found, result: FitResult) -> None:
         f"tuned/{search.model.name}-grid.csv",
         [*names, "differing_candidate", "r2_mean", *folds],
         (
-            [
-                *(candidate[name] for name in names),
-                number,
-                float(means[number]),
-                *scores.folds[number],
-            ]
+            [*candidate.values(), number, float(means[number]), *scores.folds[number]]
             for candidate, number in zip(grid.candidates, grid.canonical, strict=True)
         ),
     )
@@ -223,13 +215,13 @@ def write_fit(
     seconds: float = 0.0,
 ) -> None:
     """Write and print scores and times of a model, with the report and the time of its search."""
-    pairs = zip(training.test_target.tolist(), result.prediction.tolist(), strict=False)
+    prediction, found = result
+    pairs = zip(training.test_target.tolist(), prediction.tolist(), strict=False)
     folder.write_table(
         f"{task.kind}/{task.model}.csv",
         ("test_row", "truth", "prediction"),
         ((number, *pair) for number, pair in enumerate(pairs)),
     )
-    found = result.description
     times = {**found["times"], "search": seconds}
     content = {"model": task.model, "settings": task.settings, **found}
     folder.write_json(

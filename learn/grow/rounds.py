@@ -88,14 +88,11 @@ class Pace:
         for start, stop in blocks:
             first = start
             while first < stop:
-                rows = stop - first if self.limit is None else self._largest()
+                seconds, rows = PART * self.row * self.workers, stop - first
+                if self.limit is not None:
+                    rows = max(1, int(self.left / seconds)) if seconds else 1
                 yield first, min(first + rows, stop)
                 first += rows
-
-    def _largest(self) -> int:
-        """Return the largest number of rows of a task at this moment."""
-        seconds = PART * self.row * self.workers
-        return max(1, int(self.left / seconds)) if seconds else 1
 
 
 @dataclass(frozen=True)
@@ -269,22 +266,20 @@ class Growth:
                 *(order.request, rows, number, order.mark, self.executor, self.say),
                 *(self.stopping, self.pace.until),
             )
+            if found is not None or self.last is not None or self.stopping():
+                return found
+            fault = "no fit has ended"
         except InputError as error:
             if self.last is not None or number >= PATIENT or rows >= order.most:
                 raise
-            if not self._affords(rows):
-                raise InputError(
-                    f"the budget sufficed for {rows} rows, too few for a surrogate ({error}); the"
-                    " same command goes on"
-                ) from None
-            self.say(f"{rows} rows are too few: {error}")
-            return None
-        if found is None and self.last is None and not self.stopping():
+            fault = str(error)
+        if not self._affords(rows):
             raise InputError(
-                f"the budget sufficed for {rows} rows, but not for a fit to them; the same command"
-                " goes on"
+                f"the budget sufficed for {rows} rows, but for no surrogate ({fault}); the same"
+                " command goes on"
             )
-        return found
+        self.say(f"{rows} rows are too few: {fault}")
+        return None
 
     def _reason(self, rows: int) -> Ending | None:
         """Return why the growth ends after a look, None if it goes on."""
@@ -292,17 +287,13 @@ class Growth:
             return "met"
         if rows >= self.order.most:
             return "rows"
-        if self._is_hopeless(rows):
-            return "hopeless"
+        if self.last is not None and self.advice is not None and math.isinf(self.advice):
+            # The mark is out of reach for the curve; at first only if it is for the steepest one.
+            error = self.last.judged[self.last.worst].accuracy.nmae
+            steepest = error * (rows / self.order.most) ** EXPONENTS[1]
+            if steepest > self.order.mark or self.last.number >= EARLIEST:
+                return "hopeless"
         return None if self._affords(rows) else "budget"
-
-    def _is_hopeless(self, rows: int) -> bool:
-        """Tell whether the mark is out of reach for a curve, at first for the steepest one only."""
-        if self.last is None or self.advice is None or math.isfinite(self.advice):
-            return False
-        error = self.last.judged[self.last.worst].accuracy.nmae
-        steepest = error * (rows / self.order.most) ** EXPONENTS[1]
-        return steepest > self.order.mark or self.last.number >= EARLIEST
 
     def _affords(self, rows: int) -> bool:
         """Tell whether the budget allows another round that is worth its fit."""

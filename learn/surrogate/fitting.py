@@ -27,7 +27,6 @@ from learn.models import (
     POPULATION,
     STEP,
     check_memory,
-    models_named,
     pipeline,
     remarks,
     scaling_of,
@@ -206,7 +205,6 @@ def fit(
     raised if the input cannot be used, there are too few rows or too little memory, or a target is
     predicted no better than by a constant.
     """
-    models_named(list(request.models), request.features)
     sets, others = dataset.read(request, executor, stopping, common=True), None
     if sets and request.calibrate_on is not None:
         wider = replace(request, databases=(*request.databases, request.calibrate_on))

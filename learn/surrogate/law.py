@@ -377,7 +377,6 @@ def _pressures(
 ) -> tuple[Values, list[str]]:
     """Return the pressures to tabulate [MPa], and a note where the default ones end early."""
     mean = over_delta.curves["pressure_MPa"].value
-    last = f"Delta = {over_delta.at[-1]:.4g} um"
     if not mean[-1] > 0:
         raise InputError("the law has no force at all: nothing to tabulate against pressure")
     reach = min(float(each.values["pressure_MPa"].max()) for each in whole)
@@ -388,15 +387,10 @@ def _pressures(
         kept = np.append(usual[usual < reach], reach)
         text = f"the table against pressure ends at {reach:.4g} MPa: not all surfaces reach more"
         return kept, [text]
-    if asked[-1] > mean[-1]:
+    if asked[-1] > (end := min(mean[-1], reach)):
         raise InputError(
-            f"--pressure {asked[-1]:.6g}: the law ends at {mean[-1]:.6g} MPa, {last}: give a larger"
-            " --delta"
-        )
-    if asked[-1] > reach:
-        raise InputError(
-            f"--pressure {asked[-1]:.6g}: a surface reaches {reach:.6g} MPa only near {last}: give"
-            " a larger --delta, or smaller pressures"
+            f"--pressure {asked[-1]:.6g}: not all surfaces reach more than {end:.6g} MPa near"
+            f" Delta = {over_delta.at[-1]:.4g} um: give a larger --delta, or smaller pressures"
         )
     return asked, []
 

@@ -351,8 +351,18 @@ def read(path: Path) -> tuple[dict[str, Any], Values, Values, bytes]:
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror or error}") from None
     head = HEAD.match(data)
-    if head is None or int(head[1]) not in (*OLDER, FORMAT):
-        raise InputError(f"{path}: {_stranger(path, head)}")
+    if head is None:
+        from gen.database import is_database
+
+        what = "; it is a database" if is_database(path) else ""
+        raise InputError(
+            f"{path}: is no surrogate{what}: {to_type('learn fit')} makes one of a database"
+        )
+    if int(head[1]) not in (*OLDER, FORMAT):
+        raise InputError(
+            f"{path}: has format {int(head[1])}, this version reads {FORMAT}: fit it anew with"
+            f" {to_type('learn fit')}"
+        )
     body = memoryview(data)[head.end() :]
     if hashlib.sha256(body).hexdigest() != head[2].decode():
         raise InputError(
@@ -371,17 +381,6 @@ def read(path: Path) -> tuple[dict[str, Any], Values, Values, bytes]:
     if older:
         raise InputError(f"{path}: has format {int(head[1])}, this version reads {FORMAT}: {older}")
     return card, low, high, bytes(body[length:])
-
-
-def _stranger(path: Path, head: re.Match[bytes] | None) -> str:
-    """Describe a file that is no surrogate of a known format."""
-    from gen.database import is_database
-
-    command = to_type("learn fit")
-    if head is not None:
-        return f"has format {int(head[1])}, this version reads {FORMAT}: fit it anew with {command}"
-    what = "; it is a database" if is_database(path) else ""
-    return f"is no surrogate{what}: {command} makes one of a database"
 
 
 def _anew(path: Path, card: Mapping[str, Any]) -> str:
