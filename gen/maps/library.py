@@ -11,7 +11,6 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import re
 import stat
 import sys
 import tempfile
@@ -32,42 +31,26 @@ from gen.runtime.errors import InputError
 from gen.runtime.files import MAPS, atomic, kind_of
 from gen.runtime.installation import versions
 
-WILD = re.compile(r"[*?\[]")  # wildcards of a pattern
-MOST = 100_000  # largest number of files of a scene
-
 
 def map_files(patterns: Sequence[str], folder: Path) -> list[Path]:
-    """Find the files that a scene names; refuse a pattern that leads to none, or to too many."""
+    """Find the files that a scene names by names, folders and patterns; refuse one without any."""
     found: dict[Path, None] = {}
     for pattern in patterns:
-        here = _matching(pattern, folder)
+        try:
+            own = Path(pattern).expanduser()
+            if (folder / own).is_file() or (folder / own).is_dir():
+                here = files_in(folder / own)
+            else:
+                start = Path(own.anchor) if own.anchor else folder
+                inside = start.glob(str(own.relative_to(own.anchor)))
+                here = sorted(each for each in inside if each.is_file())
+        except (OSError, ValueError, RuntimeError) as error:
+            reason = getattr(error, "strerror", None) or error
+            raise InputError(f"files {pattern!r}: {reason}") from None
         if not here:
-            path = folder / Path(pattern).expanduser()
-            absence = f"there is no file or folder {str(path)!r}"
-            if WILD.search(pattern):
-                absence = f"no file in {folder} is called so"
-            raise InputError(f"files {pattern!r}: {absence}")
+            raise InputError(f"files {pattern!r}: no file or folder is called so in {folder}")
         found |= dict.fromkeys(path.resolve() for path in here)
-    if len(found) > MOST:
-        raise InputError(f"files: {len(found)} files, {MOST} at most are allowed; name fewer")
     return list(found)
-
-
-def _matching(pattern: str, folder: Path) -> list[Path]:
-    """Return the files that one name, folder or pattern leads to, sorted by their paths."""
-    try:
-        own = Path(pattern).expanduser()
-        path = folder / own
-        if path.is_file() or path.is_dir():
-            return files_in(path)
-        if not WILD.search(pattern):
-            return []
-        start = Path(own.anchor) if own.anchor else folder
-        rest = own.relative_to(own.anchor) if own.anchor else own
-        return sorted(each for each in start.glob(str(rest)) if each.is_file())
-    except (OSError, ValueError, RuntimeError, NotImplementedError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise InputError(f"files {pattern!r}: {reason}") from None
 
 
 def digest(path: Path) -> str:

@@ -192,9 +192,9 @@ def test_files_folders_and_patterns(folder, patterns, names):
 @pytest.mark.parametrize(
     ("pattern", "message"),
     [
-        ("none", "there is no file or folder"),
-        ("scans/*.sur", "no file in .* is called so"),
-        ("a\0b", r"there is no file or folder .*a\\x00b"),
+        ("none", "no file or folder is called so in"),
+        ("scans/*.sur", "no file or folder is called so in"),
+        ("a\0b", r"files 'a\\x00b': no file or folder is called so in"),
     ],
 )
 def test_names_without_a_file_are_refused_in_one_line(folder, pattern, message):
