@@ -89,18 +89,6 @@ def test_every_command_shown_is_understood(page):
                 pass  # closed, as the option --trust counts until then
 
 
-def test_every_page_can_be_reached():
-    """Each stands in the table of contents of another one, or of its folder."""
-    for page in PAGES.keys() - {"README.md", "docs/index.md"}:
-        path = ROOT / page
-        folder = path.parent
-        homes = [folder / "index.md", ROOT / "docs" / "index.md"]
-        listed = path.relative_to(ROOT / "docs").with_suffix("").as_posix()
-        name = path.stem if path.name != "index.md" else listed
-        texts = [home.read_text(encoding="utf-8").splitlines() for home in homes]
-        assert name in texts[0] or listed in texts[1], f"{page}: name it in {folder.name}/index.md"
-
-
 def test_python_shown_runs(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     surface, contact = codes("python", SURFACE)

@@ -106,24 +106,6 @@ def test_three_ranks_make_the_same_database_as_one_module(tmp_path):
     assert launch(0, "check", "rows.h5", folder=tmp_path).returncode == 0
 
 
-@pytest.mark.long
-@pytest.mark.mpi
-@under_mpi
-@pytest.mark.parametrize(
-    ("line", "refusal"),
-    [
-        ("gen run --bogus", "asperity gen: No such option"),
-        ("bench hertz -o new", "asperity bench: started as 3 processes; start it as one"),
-    ],
-)
-def test_three_ranks_refuse_in_one_line(line, refusal, tmp_path):
-    ended = on_three_ranks(tmp_path, *installed(*line.split()))
-    assert (ended.returncode, ended.stdout) == (2, "")
-    (said,) = [each for each in ended.stderr.splitlines() if each.startswith("asperity")]
-    assert "Traceback" not in ended.stderr
-    assert said.startswith(refusal)
-
-
 BUG = """
 import sys
 from mpi4py import MPI

@@ -2,7 +2,6 @@
 
 import math
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -275,14 +274,3 @@ def test_nayaks_bandwidth_is_not_the_papers(database, name):
     assert not agrees(database[name], TABLE_1[name], 0.0)
     assert database[name].min() > 2 * low
     assert np.median(database[name]) > high
-
-
-def test_an_asperity_is_above_its_four_neighbours_as_the_glossary_says():
-    """The lower of two nodes that meet at a corner counts too."""
-    heights = np.zeros((5, 5))
-    heights[1, 1], heights[2, 2] = 2.0, 1.0
-    values = describe(heights, 1.0).values
-    assert values["asperity_density"] * heights.size == pytest.approx(2)
-    assert values["asperity_mean"] == pytest.approx(1.5)
-    glossary = Path(__file__).resolve().parents[2] / "docs" / "glossary.md"
-    assert "higher than its four neighbours" in glossary.read_text()

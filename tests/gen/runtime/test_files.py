@@ -5,12 +5,10 @@ import os
 import resource
 import shutil
 import signal
-import socket
 import stat
 import subprocess
 import sys
 import textwrap
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,7 +18,7 @@ from gen import cli
 from gen.runtime import files
 from gen.runtime.errors import InputError
 from gen.runtime.figure import new_figure, save
-from gen.runtime.files import Output, check_outputs, lock, lock_folder, require_file
+from gen.runtime.files import Output, check_outputs, lock, lock_folder
 from gen.surface import generate
 from learn import cli as learn
 
@@ -245,17 +243,6 @@ def test_two_links_to_one_new_file_are_one_output(folder, capsys):
     assert cli.main(["describe", *SURFACE, "--csv", "one.csv", "--plot", "two.png"]) == 2
     assert "is what --csv writes too" in capsys.readouterr().err
     assert not (folder / "new").exists()
-
-
-def test_pipes_sockets_and_devices_are_refused(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)  # names of sockets are short
-    os.mkfifo("pipe")
-    Path("link").symlink_to("pipe")
-    with socket.socket(socket.AF_UNIX) as listening:
-        listening.bind("socket")
-        for name in ("pipe", "link", "socket", "/dev/zero"):
-            with pytest.raises(InputError, match=f"{name} is a pipe or a device"):
-                require_file(Path(name))
 
 
 HELD_ELSEWHERE = """
