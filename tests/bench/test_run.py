@@ -4,8 +4,6 @@ import json
 import os
 import re
 import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -17,7 +15,7 @@ from bench.__main__ import main
 from bench.page import write_page
 from bench.record import circumstances, code_state
 from bench.report import PARTS, Part
-from bench.run import Outcome, seconds
+from bench.run import Outcome
 from gen.runtime.errors import InputError
 
 
@@ -54,30 +52,27 @@ def test_a_part_that_fails_is_named_and_does_not_stop_the_others(
     assert makes(tmp_path, [failing]).failed == ("one",)  # tried again, not taken as made
 
 
-def failing_check(name: str, *, judges: bool, crashes: bool = False) -> Part:
-    said = "Traceback" if crashes else "bad"
+@pytest.mark.parametrize(
+    ("judges", "said", "made", "shown"),
+    [
+        (True, "bad", "x", "<p>x</p>"),
+        (False, "bad", "xx", "code 1"),
+        (True, "Traceback", "xx", "code 1"),
+    ],
+    ids=["failed check", "no check", "crash"],
+)
+def test_a_failed_check_is_shown_and_stays_failed_and_a_crash_is_tried_again(
+    tmp_path: Path, *, judges: bool, said: str, made: str, shown: str
+) -> None:
     command = (
-        f"-c s=__import__('sys');open('{{folder}}/made.txt','a').write('x');"
+        "-c s=__import__('sys');open('{folder}/made.txt','a').write('x');"
         f"s.stderr.write('{said}');s.exit(1)"
     )
-    return Part(name, "Chapter", name, command, command, shows_made, judges=judges)
-
-
-def test_a_failed_check_is_shown_and_stays_failed(tmp_path: Path) -> None:
-    checks = failing_check("checks", judges=True)
-    for _ in range(2):  # made, and then there
+    checks = Part("checks", "Chapter", "Checks", command, command, shows_made, judges=judges)
+    for _ in range(2):
         assert makes(tmp_path, [checks]).failed == ("checks",)
-    assert (tmp_path / "checks" / "made.txt").read_text() == "x"
-    assert "<p>x</p>" in write_page([checks], inputs(tmp_path)).read_text(encoding="utf-8")
-
-
-@pytest.mark.parametrize(("judges", "crashes"), [(False, False), (True, True)])
-def test_a_crash_is_no_failed_check(tmp_path: Path, *, judges: bool, crashes: bool) -> None:
-    crashed = failing_check("crashed", judges=judges, crashes=crashes)
-    for _ in range(2):  # it is tried again
-        assert makes(tmp_path, [crashed]).failed == ("crashed",)
-    assert (tmp_path / "crashed" / "made.txt").read_text() == "xx"
-    assert "code 1" in write_page([crashed], inputs(tmp_path)).read_text(encoding="utf-8")
+    assert (tmp_path / "checks" / "made.txt").read_text() == made
+    assert shown in write_page([checks], inputs(tmp_path)).read_text(encoding="utf-8")
 
 
 def test_what_was_made_while_the_code_changed_is_made_anew(
@@ -100,33 +95,6 @@ def test_a_short_run_leaves_a_full_one_alone(tmp_path: Path) -> None:
     assert (tmp_path / "both" / "made.txt").read_text() == "full"
 
 
-def test_a_signal_ends_the_part_and_the_same_call_goes_on(tmp_path: Path) -> None:
-    (tmp_path / "slow.py").write_text("import time\ntime.sleep(60)\n")
-    code = (
-        "import pathlib, sys\n"
-        "from bench.report import Part\n"
-        "from bench.record import Inputs\n"
-        "from bench.run import make\n"
-        f"here = pathlib.Path({str(tmp_path)!r})\n"
-        f"slow = Part('slow', '', '', {str(tmp_path / 'slow.py')!r}, '', lambda folder: [])\n"
-        "outcome = make([slow], Inputs(here, here, here, False), lambda: None)\n"
-        "sys.exit(128 + outcome.signal)\n"
-    )
-    process = subprocess.Popen([sys.executable, "-c", code])
-    try:
-        began = time.monotonic()
-        while not (tmp_path / "slow" / "slow.printed.txt").exists():
-            assert time.monotonic() < began + 60
-            time.sleep(0.05)
-        time.sleep(0.5)
-        os.kill(process.pid, signal.SIGTERM)
-        assert process.wait(timeout=60) == 128 + signal.SIGTERM
-    finally:
-        process.kill()
-        process.wait()
-    assert not (tmp_path / "slow" / "slow.part.json").exists()
-
-
 def test_a_part_that_does_not_heed_a_signal_is_killed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -143,6 +111,7 @@ def test_a_part_that_does_not_heed_a_signal_is_killed(
     outcome = makes(tmp_path, parts)
     assert outcome.signal == signal.SIGINT
     assert time.monotonic() < began + 30
+    assert not (tmp_path / "deaf" / "deaf.part.json").exists()
     assert not (tmp_path / "two").exists()
 
 
@@ -169,7 +138,6 @@ def test_commands_make_and_rewrite_a_page(
         (["run", "nothing", "-o", "here"], "nothing: give one of resolution"),
         (["run", "speedup", "-o", "here"], "speedup: takes long, and needs --full"),
         (["run", "scale", "-o", "here"], "scale: left with commit d9d1fb3"),
-        (["run", "-o", "here", "--comparison", "nowhere"], "--comparison nowhere: give a folder"),
         (["run", "cost", "-o", "here", "--database", "none.h5"], "none.h5"),
         (["page", "nowhere"], "nowhere is not a folder"),
     ],
@@ -249,26 +217,6 @@ def test_documents_and_results_are_no_code(tmp_path: Path) -> None:
         before = code_state(tmp_path)
     (tmp_path / "bem" / "solve.py").rename(tmp_path / "bem" / "solved.py")
     assert code_state(tmp_path) != before
-
-
-def test_times_are_those_of_the_same_command_here_else_of_what_is_published(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    one, report = part("one", WRITE), tmp_path / "report"
-    monkeypatch.setattr(running, "RESULTS", tmp_path / "results")
-    full, short = inputs(report, full=True), inputs(report)
-    assert seconds(one, full) is None
-    makes(report, [one])
-    found = json.loads(record(one, report).model_dump_json())
-    folder = tmp_path / "results" / "one"
-    folder.mkdir(parents=True)
-    (folder / "one.part.json").write_text(json.dumps(found | {"command": "", "seconds": 600.0}))
-    path = short.making(one).path
-    path.write_text(json.dumps(found | {"seconds": 30.0}))
-    assert seconds(one, short) == 30
-    path.unlink()
-    assert seconds(one, short) is None
-    assert seconds(one, full) == 600
 
 
 @pytest.mark.parametrize(("full", "minutes"), [([], 10), (["--full"], 180)])
