@@ -8,7 +8,7 @@ that has the given load.
 """
 
 from functools import cached_property
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from scipy.optimize import brentq
@@ -19,14 +19,6 @@ from bench.references.half_space import Field
 Boundary = Literal["periodic", "mirror"]
 
 CLOSE = 4 * np.finfo(float).eps  # relative accuracy of the spring's displacement
-
-
-class Solution(NamedTuple):
-    """Pressure [MPa], gap, negative at yielded nodes, and displacement from first touch [um]."""
-
-    pressure: Field
-    gap: Field
-    delta: float
 
 
 def axis_modes(nodes: int, side: float, boundary: Boundary) -> tuple[Field, Field]:
@@ -102,49 +94,20 @@ class Patch:
         pressure: Field = amplitudes @ self.modes
         return -float(pressure.min()) * pressure.size
 
-    def press(
-        self,
-        *,
-        delta: float = 0.0,
-        force: float | None = None,
-        method: dense.Method | None = None,
-    ) -> Solution:
-        """Find the equilibrium at a displacement, below that of full elastic contact, or a load.
+    def press(self, load: float) -> Field:
+        """Find the pressure [MPa] of a load, the sum of the nodes' pressures [MPa].
 
-        Parameters
-        ----------
-        delta : float
-            Displacement of the far field [um].
-        force : float, optional
-            Sum of the nodes' pressures instead, below the hardness on all of them [MPa].
-        method : callable, optional
-            Of `yielding`, to begin exchanges of nodes with; from all that overlap unless given.
-
-        Raises
-        ------
-        ArithmeticError
-            If the conditions of contact are not fulfilled.
+        The load is below the hardness on all nodes. ArithmeticError is raised if the conditions of
+        contact are not fulfilled.
         """
 
         def solve(sprung: float) -> Field:
-            interference = self.below + sprung
-            sides = None if method is None else method(self.sprung, interference, self.hardness)
-            return dense.solve(self.sprung, interference, sides, self.hardness)
+            return dense.solve(self.sprung, self.below + sprung, hardness=self.hardness)
 
         def excess(sprung: float) -> float:
-            total = float(solve(sprung).sum())
-            return sprung - self.spring * total - delta if force is None else total - force
+            return float(solve(sprung).sum()) - load
 
-        # No load takes more displacement than the range of heights, no displacement more load than
-        # that of full contact, or of the hardness on all nodes.
-        if force is None:
-            full, yielded = self.full_contact_load, self.hardness * self.below.size
-            most = full if np.isinf(yielded) else yielded
-            bounds = delta, delta + 1.001 * self.spring * most
-        else:
-            bounds = 0.0, 1.001 * (self.spring * force - float(self.below.min()))
-        sprung = float(brentq(excess, *bounds, xtol=CLOSE * bounds[1], rtol=CLOSE))
-        pressure = solve(sprung)
-        reached = sprung - self.spring * float(pressure.sum())
-        gap = self.matrix @ pressure - self.below - reached
-        return Solution(pressure.reshape(self.shape), gap.reshape(self.shape), reached)
+        # No load takes more displacement than the range of heights.
+        most = 1.001 * (self.spring * load - float(self.below.min()))
+        sprung = float(brentq(excess, 0.0, most, xtol=CLOSE * most, rtol=CLOSE))
+        return solve(sprung).reshape(self.shape)

@@ -1,9 +1,8 @@
-"""The references without edges: their matrices, two methods against each other, full contact."""
+"""The references without edges: their matrices, and the conditions of contact."""
 
 import numpy as np
 import pytest
 
-from bench.references import dense
 from bench.references.edgeless import Boundary, Patch
 from bench.references.surfaces import SURFACES, surface
 
@@ -26,20 +25,16 @@ def test_periodic_matrix_is_a_product_of_transforms(shape: tuple[int, int]) -> N
 @pytest.mark.parametrize("ratio", [2.0, None])
 @pytest.mark.parametrize("boundary", BOTH)
 @pytest.mark.parametrize("kind", SURFACES)
-def test_both_methods_and_both_loads_agree(
-    kind: str, boundary: Boundary, ratio: float | None
-) -> None:
-    """The hardness is over the mean pressure; a displacement gives the load that has led to it."""
+def test_conditions_of_contact_hold(kind: str, boundary: Boundary, ratio: float | None) -> None:
+    """The hardness is over the mean pressure."""
     shape = (9, 6)
     load = 0.1 * max(Patch(surface(kind, shape), SIDES, boundary).full_contact_load, 1.0)
     hardness = np.inf if ratio is None else ratio * load / 54
     patch = Patch(surface(kind, shape), SIDES, boundary, hardness)
-    found = patch.press(force=load)
-    largest = found.pressure.max()
-    assert found.pressure.sum() == pytest.approx(load, rel=1e-11)
-    other = patch.press(force=load, method=dense.by_least_squares)
-    np.testing.assert_allclose(other.pressure, found.pressure, rtol=0, atol=1e-9 * largest)
-    if 1e-9 < found.delta < patch.full_contact_delta * (1 - 1e-6):
-        again = patch.press(delta=found.delta)
-        np.testing.assert_allclose(again.pressure, found.pressure, rtol=0, atol=1e-8 * largest)
-        assert again.delta == pytest.approx(found.delta, rel=1e-10)
+    pressure = patch.press(load).reshape(-1)
+    assert pressure.sum() == pytest.approx(load, rel=1e-11)
+    assert 0 <= pressure.min() <= pressure.max() <= hardness
+    gap = patch.matrix @ pressure - patch.below
+    touching, yielded = pressure > 0, pressure >= hardness
+    # Gaps from the displacement on: at most 0 under pressure, at least 0 where nothing yields.
+    assert gap[touching].max() <= gap[~yielded].min(initial=np.inf) + 1e-10
