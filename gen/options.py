@@ -2,7 +2,6 @@
 
 import shlex
 import sys
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
@@ -14,18 +13,10 @@ from gen.runtime import command_line
 from gen.runtime.errors import InputError
 from gen.runtime.files import Output
 from gen.runtime.numbers import shown
-from gen.runtime.user_code import TRUSTED
 
 if TYPE_CHECKING:
     from gen.maps.bodies import Opposite
     from gen.material import Bodies
-
-
-def _trust(context: typer.Context, wanted: bool) -> bool:
-    """Trust functions that files name until the command has ended."""
-    if wanted:
-        context.call_on_close(partial(TRUSTED.reset, TRUSTED.set(wanted)))
-    return wanted
 
 
 OUT = "--output", "-o"
@@ -48,14 +39,6 @@ SampleLimit = Annotated[float | None, Option(metavar="SECONDS", help="Leave slow
 Writer = Annotated[
     Literal["auto", "single", "parallel"],
     Option(help="Who writes: rank 0, or every worker its own rows (needs an h5py with MPI)."),
-]
-Trust = Annotated[
-    bool,
-    Option(
-        "--trust",
-        callback=_trust,
-        help="Run the functions that a scene or a database names; without it none is run.",
-    ),
 ]
 DryRun = Annotated[bool, Option("--dry-run", help="Show the plan and write nothing.")]
 Delta = Annotated[str, Option(metavar="UM", help="Far-field displacement from first touch in um.")]

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gen.options import Trust
 from gen.runtime import command_line
-from gen.runtime.command_line import Version
+from gen.runtime.command_line import Trust, Version
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import echo
 

@@ -1,14 +1,16 @@
 """`gen run`, `estimate`, `info`, `plot`, `columns`, `check`, `merge`, `export`: databases."""
 
 import re
+import signal
 from pathlib import Path
 
 from gen import options
 from gen.runtime import farm, signals
+from gen.runtime.command_line import Trust
 from gen.runtime.errors import InputError
 from gen.runtime.files import Output, check_outputs
 from gen.runtime.numbers import shown
-from gen.runtime.terminal import echo
+from gen.runtime.terminal import echo, to_type
 
 COLUMNS = Path(__file__).parents[1] / "columns.md"  # what `gen.scene.columns.markdown_table` writes
 
@@ -22,7 +24,7 @@ def run(
     sample_limit: options.SampleLimit = None,
     writer: options.Writer = "auto",
     dry_run: options.DryRun = False,
-    trust: options.Trust = False,
+    trust: Trust = False,
 ) -> int:
     """Generate a database, or continue an interrupted run.
 
@@ -60,15 +62,22 @@ def run(
         choice=writer,
     )
     if world.is_master:
-        from gen.commands import printer
-
-        printer.print_result(output, result)
+        pending, done, failed = result.counts
+        echo(f"{output}: {done} rows done, {failed} failed, {pending} pending")
+        if failed:
+            echo(f"warning: {failed} rows failed; why: {to_type(f'gen info {output}')}")
+        if result.overdue:
+            echo(
+                f"warning: {result.overdue} rows took longer than --sample-limit and are pending;"
+                " the same command with a larger one, or without, goes on with them"
+            )
+        if pending and result.signal:
+            stop = signal.Signals(result.signal).name
+            echo(f"stopped by {stop}; the same command goes on with the rows that are pending")
     return 128 + result.signal if result.signal and result.counts.pending else 0
 
 
-def estimate(
-    scene: options.SceneName, ranks: options.Ranks = 1, trust: options.Trust = False
-) -> None:
+def estimate(scene: options.SceneName, ranks: options.Ranks = 1, trust: Trust = False) -> None:
     """Measure a few samples and predict time, memory and disk space of a run."""
     from gen.commands import printer
     from gen.generation.run import estimate as measured
@@ -88,7 +97,7 @@ def info(file: options.Database) -> None:
         printer.print_database(reader)
 
 
-def plot(file: options.Database, output: options.NewPicture, trust: options.Trust = False) -> None:
+def plot(file: options.Database, output: options.NewPicture, trust: Trust = False) -> None:
     """Draw a database: one surface and its pressure, all areas, all solve times."""
     from gen.commands.picture import draw_database
 
@@ -108,7 +117,7 @@ def check(
     file: options.Database,
     recompute: options.Recompute = 16,
     seed: options.Seed = 0,
-    trust: options.Trust = False,
+    trust: Trust = False,
 ) -> int:
     """Check a database: statuses, values and plan, and recompute N random rows.
 

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import json
 import math
-import signal
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from gen.runtime.memory import size
-from gen.runtime.terminal import echo, print_columns, to_type
+from gen.runtime.terminal import echo, print_columns
 from gen.schema import (
     PHYSICS_CHANGES,
     REASONS,
@@ -26,7 +25,7 @@ if TYPE_CHECKING:  # each command imports no more than it needs
 
     from bem import Contact
     from gen.database import Reader
-    from gen.generation.run import Estimate, RunResult
+    from gen.generation.run import Estimate
     from gen.maps.contacts import Wanted
     from gen.maps.read import Topography
     from gen.maps.texture import SelfAffineFit
@@ -35,22 +34,6 @@ if TYPE_CHECKING:  # each command imports no more than it needs
 
 MAPS = {"found": "map", "against_found": "the second body's map"}
 """Keys of a scene's surfaces whose maps are shown in lines of their own, and words for a map."""
-
-
-def print_result(path: Path, result: RunResult) -> None:
-    """Say how a run ended, and how to continue it."""
-    pending, done, failed = result.counts
-    echo(f"{path}: {done} rows done, {failed} failed, {pending} pending")
-    if failed:
-        echo(f"warning: {failed} rows failed; why: {to_type(f'gen info {path}')}")
-    if result.overdue:
-        echo(
-            f"warning: {result.overdue} rows took longer than --sample-limit and are pending; the"
-            " same command with a larger one, or without, goes on with them"
-        )
-    if pending and result.signal:
-        name = signal.Signals(result.signal).name
-        echo(f"stopped by {name}; the same command goes on with the rows that are pending")
 
 
 def print_database(reader: Reader) -> None:

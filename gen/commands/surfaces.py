@@ -8,7 +8,7 @@ import typer
 
 from gen import options
 from gen.maps.settings import FileReading, Reading
-from gen.runtime.command_line import grouped, typed
+from gen.runtime.command_line import Trust, grouped, typed
 from gen.runtime.errors import InputError
 from gen.runtime.figure import empty_figure
 from gen.runtime.files import Output, check_outputs
@@ -212,7 +212,7 @@ def law(
     grid_error: options.GridError = True,
     flow: options.Flow = False,
     output: options.LawFiles = None,
-    trust: options.Trust = False,
+    trust: Trust = False,
     files: options.LawOutputs,
     reading: Reading,
     facing: options.Against,

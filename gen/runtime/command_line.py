@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, fields, is_dataclass
-from functools import cache, wraps
+from functools import cache, partial, wraps
 from inspect import Parameter, Signature, signature
 from typing import Annotated, Any, get_type_hints
 
@@ -57,6 +57,26 @@ Version = Annotated[
     typer.Option("--version", is_eager=True, callback=_print_version, help="Print the version."),
 ]
 """The option `--version` of every program."""
+
+
+def _trust(context: typer.Context, wanted: bool) -> bool:
+    """Trust functions that files name until the command has ended."""
+    if wanted:
+        from gen.runtime.user_code import TRUSTED
+
+        context.call_on_close(partial(TRUSTED.reset, TRUSTED.set(wanted)))
+    return wanted
+
+
+Trust = Annotated[
+    bool,
+    typer.Option(
+        "--trust",
+        callback=_trust,
+        help="Run the functions that a scene or a database names; without it none is run.",
+    ),
+]
+"""The option `--trust` of commands that may run functions of users."""
 
 
 def start(*, default_sigint: bool) -> None:

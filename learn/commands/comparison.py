@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from gen.options import Trust
 from gen.runtime import farm
-from gen.runtime.command_line import grouped
+from gen.runtime.command_line import Trust, grouped
 from gen.runtime.errors import InputError
 from gen.runtime.files import check_folder, lock_folder
 from gen.runtime.terminal import echo, to_type

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from gen import options
 from gen.runtime import farm
-from gen.runtime.command_line import grouped
+from gen.runtime.command_line import Trust, grouped
 from gen.runtime.errors import InputError
 from gen.runtime.files import Output, check_outputs
 from gen.runtime.terminal import echo
@@ -65,9 +64,7 @@ class Goal(NamedTuple):
 
 
 @grouped
-def grow(
-    scene: SceneName, output: SurrogateFile, *, goal: Goal, trust: options.Trust = False
-) -> int:
+def grow(scene: SceneName, output: SurrogateFile, *, goal: Goal, trust: Trust = False) -> int:
     """Generate rows of a scene and fit to them until a surrogate is as accurate as asked for.
 
     A fifth of the surfaces (of maps: of their tiles) is held out for tests. Each round says how

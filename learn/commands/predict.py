@@ -8,7 +8,7 @@ import typer
 
 from gen import options
 from gen.maps.settings import Reading
-from gen.runtime.command_line import grouped, typed
+from gen.runtime.command_line import Trust, grouped, typed
 from gen.runtime.errors import InputError
 from gen.runtime.figure import empty_figure
 from gen.runtime.files import Output, check_outputs, kind_of
@@ -171,7 +171,7 @@ def law(
     boundary: LawBoundary = None,
     interval: Coverage = 0.9,
     output: options.LawFiles = None,
-    trust: options.Trust = False,
+    trust: Trust = False,
     *,
     files: options.LawOutputs,
     reading: Reading,
