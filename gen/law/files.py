@@ -26,6 +26,7 @@ PARTS = ("value", "low", "high", "slope")
 ENDS = ("", "_low", "_high", "_slope")  # ends of the columns' names of these parts
 
 FORMAT = "asperity contact law"
+GAS_KEYS = ("gas_conductivity_W_per_m_K", "gas_jump_distance_um")
 FORMAT_VERSION = 1  # raised whenever a reader of the last version would misread a file
 
 LABELS = {
@@ -125,7 +126,7 @@ def write_json(path: Path, law: Law) -> list[Path]:
         "e_star_MPa": law.bodies.e_star,
         "hardness_MPa": law.bodies.hardness,
         "conductivities_W_per_m_K": law.order.conductivities,
-        **({} if law.order.gas is None else {"gas": law.order.gas._asdict()}),
+        **dict(zip(GAS_KEYS, law.order.gas or (), strict=False)),
         "boundary": law.boundary,
         "surfaces": list(law.origins),
         "band": law.band,

@@ -277,7 +277,7 @@ def test_a_gas_in_the_gap_is_a_part_of_the_conductance(surfaces, run, make):
         assert f"Gas in the gap: conductivity {k:g} W/(m K), jump distance {jump:g} um" in text
         numbers = np.fromstring(text.partition("PRESSURE\n")[2].replace("\n", ","), sep=",")
         np.testing.assert_allclose(numbers[::2] / 1e3, [rest, *conductances], rtol=1e-9)
-    assert json.loads(Path("law.json").read_text())["gas"]["jump_distance"] == jump
+    assert json.loads(Path("law.json").read_text())["gas_jump_distance_um"] == jump
     assert "asperity_law_joint_conductance_at_pressure(" in Path("law.h").read_text()
     order = {"e_star": E_STAR, "gas": plates, "reading": Reading(side="100")}
     many = make("many", pressure="1,10", conductivities=(50.0, 20.0), **order)
