@@ -93,7 +93,7 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
         ("(heights < below) | (heights > above)", "(heights < below) & (heights > above)"),
     ),
     "gen/maps/filters.py": (("scatter = 1.4826 *", "scatter = 1.0 *"),),
-    "gen/maps/windows.py": (
+    "gen/maps/library.py": (
         ("return patch.T if symmetry & TRANSPOSED else patch", "return patch"),
     ),
     "gen/maps/read.py": (

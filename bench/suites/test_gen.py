@@ -21,8 +21,7 @@ from bench.references import exact
 from gen.generation.plan import parameters
 from gen.generation.run import Target, blocks_of
 from gen.generation.sample import surface_of
-from gen.maps.library import PreparedMap, stored_maps, write_maps
-from gen.maps.windows import Tiling, cut, drawn
+from gen.maps.library import PreparedMap, Tiling, cut, drawn, stored_maps, write_maps
 from gen.runtime.farm import World
 from gen.scene import Scene
 from gen.statistics import describe

@@ -13,11 +13,11 @@ import numpy as np
 
 from gen.arrays import Heights
 from gen.draft.survey import FORM, MapSurvey, common_threshold, survey, with_texture
+from gen.maps.library import Tiling
 from gen.maps.prepare import is_same, prepare
 from gen.maps.read import Sides, Topography, read
 from gen.maps.settings import Reading
 from gen.maps.texture import SelfAffineFit, areal_parameters, fit_self_affine, radial_spectrum
-from gen.maps.windows import Tiling
 from gen.material import Bodies
 from gen.runtime.errors import InputError
 from gen.spectral import SelfAffineSpectrum, generate_spectral

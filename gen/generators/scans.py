@@ -35,8 +35,7 @@ from gen.surface import (
 )
 
 if TYPE_CHECKING:  # scenes of other surfaces need nothing of maps
-    from gen.maps.library import Library, Wanted
-    from gen.maps.windows import Tiling, Window
+    from gen.maps.library import Library, Tiling, Wanted, Window
 
 _OPEN: dict[ScanSurface, Library] = {}
 """Prepared maps of the scenes of this process."""
@@ -325,7 +324,7 @@ class ScanSurface(GeneratedSurface):
         self, grid: Grid, surface: int, parameters: Parameters, first: Random, random: Random
     ) -> Heights:
         """Cut the second body's window out of a tile that is paired with the first body's."""
-        from gen.maps.windows import facing
+        from gen.maps.library import facing
 
         other, groups = self.opposite(), self.tile_groups()
         tiling = other._tiling()
@@ -334,13 +333,13 @@ class ScanSurface(GeneratedSurface):
 
     def _window(self, random: Random) -> Window:
         """Draw the window of the first body."""
-        from gen.maps.windows import drawn
+        from gen.maps.library import drawn
 
         return drawn(random, self._tiling(), square=self._is_square())
 
     def _cut(self, window: Window) -> Heights:
         """Cut a window of the first body's maps out."""
-        from gen.maps.windows import cut
+        from gen.maps.library import cut
 
         alone = self.alone()
         if alone not in _OPEN:
@@ -360,7 +359,7 @@ class ScanSurface(GeneratedSurface):
 @lru_cache(maxsize=8)
 def _tiled(shapes: tuple[tuple[int, int], ...], window: tuple[int, int]) -> Tiling:
     """Return the tiles of maps, the same ones for every surface of a run."""
-    from gen.maps.windows import Tiling
+    from gen.maps.library import Tiling
 
     return Tiling(shapes, window)
 

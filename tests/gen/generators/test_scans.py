@@ -10,9 +10,9 @@ from gen.generation.plan import parameters, surface_random
 from gen.generation.sample import surface_of
 from gen.generators import scans
 from gen.generators.scans import Found, ScannedMap
+from gen.maps.library import Tiling, drawn, turned
 from gen.maps.prepare import prepare
 from gen.maps.settings import Reading
-from gen.maps.windows import Tiling, drawn, turned
 from gen.runtime.errors import InputError
 from gen.scene import ScanSurface, Scene, differences, load, resolved
 from tests.maps import read
