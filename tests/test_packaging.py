@@ -46,7 +46,7 @@ def wheel(tmp_path_factory) -> zipfile.ZipFile:
     """The wheel of this clone's files, built without a network."""
     folder = copied(tmp_path_factory.mktemp("wheel"))
     build = "pip wheel --quiet --no-build-isolation --no-deps --no-index --wheel-dir made ."
-    subprocess.run([sys.executable, "-m", *build.split()], cwd=folder, check=True, timeout=120)
+    subprocess.run([sys.executable, "-m", *build.split()], cwd=folder, check=True, timeout=600)
     (made,) = (folder / "made").iterdir()
     assert made.name == f"asperity-{VERSION}-py3-none-any.whl"
     return zipfile.ZipFile(made)
@@ -58,7 +58,7 @@ def test_a_package_built_from_a_checkout_knows_its_commit(tmp_path):
     (tmp_path / ".git").mkdir()
     (tmp_path / ".git" / "HEAD").write_text(f"{COMMIT}\n")
     build = [sys.executable, "setup.py", "-q", "build", "--build-lib", "made"]
-    subprocess.run(build, cwd=tmp_path, check=True, timeout=120, capture_output=True)
+    subprocess.run(build, cwd=tmp_path, check=True, timeout=600, capture_output=True)
     asked = "from gen.runtime.installation import git_commit as it; print(it())"
     done = subprocess.check_output([sys.executable, "-c", asked], cwd=tmp_path / "made", text=True)
     assert done.strip() == COMMIT

@@ -61,15 +61,15 @@ def test_the_first_in_limits_and_the_last_out_restores():
         def other() -> None:
             with threads.on_one_blas_thread():
                 inside.set()
-                leave.wait(10)
+                leave.wait(600)
 
         thread = threading.Thread(target=other)
         with threads.on_one_blas_thread():
             thread.start()
-            assert inside.wait(10)
+            assert inside.wait(600)
         assert blas_threads() == {1}
         leave.set()
-        thread.join(10)
+        thread.join()
         assert blas_threads() == before
 
 
@@ -84,7 +84,7 @@ def forked(work: Callable[[], object]) -> int:
         except BaseException:
             os._exit(1)
         os._exit(0)
-    end = time.monotonic() + 20
+    end = time.monotonic() + 300
     while time.monotonic() < end:
         ended, status = os.waitpid(child, os.WNOHANG)
         if ended:
@@ -107,7 +107,7 @@ def test_a_fork_waits_for_other_threads_to_leave():
 
     thread = threading.Thread(target=other)
     thread.start()
-    assert inside.wait(10)
+    assert inside.wait(600)
     seen = left  # as it was when the child was forked
     assert forked(lambda: os._exit(0 if seen else 3)) == 0
     thread.join()
@@ -122,7 +122,7 @@ def test_a_child_forked_while_a_contact_computes_computes_too(monkeypatch):
     def slow(*problem: Any) -> object:
         if os.getpid() == parent:
             inside.set()
-            leave.wait(60)
+            leave.wait(600)
         return original(*problem)
 
     original = bem.contact.displacement_filter
@@ -130,7 +130,7 @@ def test_a_child_forked_while_a_contact_computes_computes_too(monkeypatch):
     thread = threading.Thread(target=lambda: contacts[0].gap)
     thread.start()
     try:
-        assert inside.wait(10)
+        assert inside.wait(600)
         assert forked(lambda: contacts[1].gap) == 0
     finally:
         leave.set()
@@ -141,7 +141,7 @@ def test_what_is_computed_once_is_the_same_for_all_threads():
     contact, start = bem.solve(ROUGH, 1000.0, 4.0), threading.Barrier(8)
 
     def gap() -> np.ndarray:
-        start.wait(10)
+        start.wait(600)
         return contact.gap
 
     with ThreadPoolExecutor(8) as pool:

@@ -103,14 +103,14 @@ def test_a_part_that_does_not_heed_a_signal_is_killed(
         "import os, signal, time\n"
         "signal.signal(signal.SIGINT, signal.SIG_IGN)\n"
         "os.kill(os.getppid(), signal.SIGINT)\n"
-        "time.sleep(60)\n"
+        "time.sleep(600)\n"
     )
     monkeypatch.setattr(running, "PATIENCE", 0.5)
     began = time.monotonic()
     parts = [part("deaf", str(deaf)), part("two", WRITE)]
     outcome = makes(tmp_path, parts)
     assert outcome.signal == signal.SIGINT
-    assert time.monotonic() < began + 30
+    assert time.monotonic() < began + 300
     assert not (tmp_path / "deaf" / "deaf.part.json").exists()
     assert not (tmp_path / "two").exists()
 

@@ -140,7 +140,7 @@ def test_an_early_signal_leaves_no_rank_waiting(folder, delay):
     time.sleep(delay)
     run.send_signal(signal.SIGINT)
     try:
-        run.communicate(timeout=30)
+        run.communicate(timeout=TIMEOUT)
     finally:
         run.kill()
     assert go_on_here(folder, f"early-{delay}.h5", "short") == 0

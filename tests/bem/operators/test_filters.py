@@ -128,13 +128,13 @@ def test_what_filters_occupy_is_bounded_for_all_threads_together(monkeypatch):
     def solve() -> None:
         for nodes in range(20, 60):
             displacement_filter((nodes, nodes), *FREE)
-        ready.wait(30)
-        done.wait(30)
+        ready.wait(600)
+        done.wait(600)
 
     threads = [threading.Thread(target=solve) for _ in range(3)]
     for thread in threads:
         thread.start()
-    ready.wait(30)
+    ready.wait(600)
     occupied = occupied_here()
     done.set()
     for thread in threads:

@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 import pytest
 from databases import deterministic_bytes, status
-from launch import command, environment, launch
+from launch import TIMEOUT, command, environment, launch
 
 from bem.operators import patch
 from gen import cli, database
@@ -107,7 +107,7 @@ def test_a_file_that_may_not_grow_is_one_line_and_the_next_run_succeeds(folder):
         capture_output=True,
         text=True,
         check=False,
-        timeout=60,
+        timeout=TIMEOUT,
     )
     assert full.returncode == 2
     assert full.stderr.count("\n") == 1

@@ -121,7 +121,7 @@ def started(folder, *arguments, **variables):
         env=os.environ | variables,
         check=False,
         capture_output=True,
-        timeout=60,
+        timeout=TIMEOUT,
     )
 
 

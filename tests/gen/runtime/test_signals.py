@@ -105,8 +105,8 @@ def test_a_block_that_takes_too_long_ends_and_leaves_nothing_behind():
     before = signal.getsignal(signal.SIGALRM)
     began = time.monotonic()
     with pytest.raises(Overtime), at_most(0.05):
-        time.sleep(30.0)
-    assert time.monotonic() - began < 15.0
+        time.sleep(600.0)
+    assert time.monotonic() - began < 300.0
     assert signal.getsignal(signal.SIGALRM) is before
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
 
@@ -114,8 +114,8 @@ def test_a_block_that_takes_too_long_ends_and_leaves_nothing_behind():
 def test_an_alarm_that_is_swallowed_rings_again():
     def swallow():
         with suppress(Overtime):
-            time.sleep(30.0)
-        time.sleep(30.0)
+            time.sleep(600.0)
+        time.sleep(600.0)
 
     with pytest.raises(Overtime), at_most(0.05):
         swallow()
@@ -129,7 +129,7 @@ def slow(rows, monkeypatch):
 
     def solve_contact(scene, heights, delta, hardness=None):
         if delta in late:
-            time.sleep(30.0)
+            time.sleep(600.0)
         return healthy(scene, heights, delta, hardness)
 
     monkeypatch.setattr(gen.generation.sample, "solve_contact", solve_contact)
@@ -148,7 +148,7 @@ def test_late_samples_stay_pending_and_the_next_run_does_them(folder, monkeypatc
 
 
 def test_a_late_surface_leaves_all_its_samples_pending(folder, monkeypatch):
-    monkeypatch.setattr(gen.generation.sample, "describe", lambda *_: time.sleep(30.0))
+    monkeypatch.setattr(gen.generation.sample, "describe", lambda *_: time.sleep(600.0))
     rows = compute_rows(load("scene.toml"), 0, 4, limit=0.05)
     assert set(rows["status"]) == {Status.PENDING}
     assert not list(finished_parts(0, rows))
