@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from small_populations import POPULATIONS
 
+import asperity
 import bem
 import gen.cli
 import learn.cli
 from gen.database import Reader
 from gen.generation.sample import surface_numbered
 from gen.runtime.user_code import TRUSTED
-from gen.scene import Scene
+from gen.scene import Scene, load
 from gen.schema import Status
 from gen.statistics import NAMES
 from gen.surface import generate
@@ -48,7 +49,9 @@ def surrogate(tmp_path_factory):
 def test_every_example_is_short_and_tested():
     scripts = sorted(path.stem for path in FOLDER.glob("*.py"))
     assert scripts == [
+        "calibration",
         "identification",
+        "multilevel",
         "propagation",
         "served",
         "sobol",
@@ -230,7 +233,6 @@ def test_the_served_solver_has_the_mean_area_of_the_solver(tmp_path, monkeypatch
     import umbridge
 
     from asperity.serving.models import Configuration, SolverModel
-    from gen.scene import load
 
     model = SolverModel(load("quick"), "quick")
 
@@ -256,6 +258,70 @@ def test_the_served_solver_has_the_mean_area_of_the_solver(tmp_path, monkeypatch
     with pytest.raises(SystemExit, match="2"):
         example("served")([*arguments, "--limits", "0.5:0.8"])
     assert "sizes [2, 1]" in capsys.readouterr().err
+
+
+def test_multilevel_finds_the_mean_of_the_finest_grid(capsys):
+    main = example("multilevel")
+    mean, error, _ = main(["quick", "--nodes", "17,33", "--output", "force", "--error", "400"])
+    function, timed = asperity.SceneFunction("quick", ["force"]), main.__globals__["timed"]
+    plain, _ = timed(function, load("quick"), 5000, 5300, 33)
+    assert mean == pytest.approx(plain.mean(), abs=3 * np.hypot(error, plain.std() / 300**0.5))
+    assert error == pytest.approx(400, rel=0.3)
+    assert "plain Monte Carlo on 33 nodes would take" in capsys.readouterr().out
+
+
+@pytest.mark.long
+def test_multilevel_needs_at_most_a_third_of_plain_monte_carlo(monkeypatch):
+    """With the times [ms] that contacts took on these grids, not those of a busy machine."""
+    main, times = example("multilevel"), {33: 1.5, 65: 2.7, 129: 5.7, 257: 20.0}
+    timed = main.__globals__["timed"]
+
+    def counted(function, scene, first, last, nodes):
+        return timed(function, scene, first, last, nodes)[0], (last - first) * times[nodes]
+
+    monkeypatch.setitem(main.__globals__, "timed", counted)
+    mean, error, ratio = main(["quick", "--error", "0.25"])
+    assert error == pytest.approx(0.25, rel=0.2)
+    assert mean == pytest.approx(7.78, abs=3 * error)  # +- 0.1, with 0.1 as the error
+    assert ratio < 1 / 3
+
+
+PRESSED = """samples = 100
+[surface]
+generator = "spectral"
+nodes = 32
+side = 100.0
+roll_off = 25.0
+cut_off = 12.0
+rms_slope = [0.15, 0.2]
+[load]
+quantity = "pressure"
+range = [10.0, 400.0]
+[contact]
+boundary = "periodic"
+modulus = 100e3
+hardness = [1000.0, 8000.0]
+"""
+
+
+def test_calibration_finds_the_hardness_of_a_surface_that_it_has_not_seen(
+    tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    Path("scene.toml").write_text(PRESSED)
+    function = asperity.SceneFunction("scene.toml", ["area_percent"])
+    pressures = np.array([50.0, 100.0, 200.0, 400.0])
+    given = {"rms_slope": 0.17, "pressure": pressures, "surface": 5000}
+    areas = function(**given, hardness=2500.0)[:, 0] * [1.05, 0.97, 1.0, 0.98]
+    np.savetxt("m.csv", np.c_[pressures, areas], "%g", ",", header="pressure,area_percent")
+    small = ["--surfaces", "15", "--hardnesses", "9"]
+    median, low, high = example("calibration")(["scene.toml", "m.csv", *small])
+    assert low < 2500 < high < 1.5 * low
+    assert low < median < high
+    assert "90 % interval" in capsys.readouterr().out
+    with pytest.raises(SystemExit, match="2"):
+        example("calibration")(["quick", "m.csv"])
+    assert "pressure, hardness wanted" in capsys.readouterr().err
 
 
 CLAIMS = {
