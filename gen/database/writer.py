@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any, Self, TypeVar
+from typing import Any, TypeVar
 
 import h5py
 import numpy as np
@@ -32,10 +32,11 @@ INCOHERENT = frozenset({"nfs", "nfs4", "cifs", "smb3"})
 """File systems whose machines write back whole pages, with outdated bytes of neighbouring rows."""
 
 
-class HeldFile:
+class HeldFile(ExitStack):
     """A file to be written, held by device and inode; a lock keeps writers apart, by name."""
 
     def __init__(self, path: Path) -> None:
+        super().__init__()
         self.path = path
         self._parts: tuple[tuple[int, int], ...] = ()
         self._metadata: list[bytes] = []
@@ -44,18 +45,7 @@ class HeldFile:
             self._descriptor = os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
         except FileNotFoundError:
             raise InputError(f"{path} does not exist; check the name") from None
-
-    def __enter__(self) -> Self:
-        """Return the file, which is released at the end of the block."""
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        """Release the file."""
-        self.close()
-
-    def close(self) -> None:
-        """Release the file."""
-        os.close(self._descriptor)
+        self.callback(os.close, self._descriptor)
 
     def remember(self, columns: Iterable[h5py.Dataset]) -> None:
         """Record the bytes before and behind the columns, where writers change nothing."""

@@ -197,7 +197,7 @@ def run(
         with MPICommExecutor(world.communicator, root=0) as executor:
             if executor is not None:
                 try:
-                    _supervise(executor, _do, tasks, on_result, world, stopping)
+                    _supervise(executor, tasks, on_result, world, stopping)
                 except KeyboardInterrupt:  # the user does not want to wait for the tasks in flight
                     world.communicator.Abort(130)
     finally:
@@ -211,7 +211,6 @@ def _do(task: Any) -> Any:
 
 def _supervise(
     executor: Any,
-    work: Callable[[Task], Result],
     tasks: Iterator[Task],
     on_result: Callable[[Task, Result], None],
     world: World,
@@ -226,7 +225,7 @@ def _supervise(
             task = None if stopping() else next(tasks, None)
             drained = task is None
             if task is not None:
-                future = executor.submit(work, task)
+                future = executor.submit(_do, task)
                 in_flight[future] = task
                 future.add_done_callback(finished.put)
         if in_flight:
