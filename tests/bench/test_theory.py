@@ -37,9 +37,8 @@ def test_forces_of_the_papers_example(curves: Curves) -> None:
         assert forces[key] / exact == pytest.approx(share, abs=1e-6)
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["hertz", "--help"]])
-def test_help_imports_no_numerics(arguments: list[str], tmp_path: Path) -> None:
-    code = f"import sys; from bench.__main__ import main; assert main({arguments}) == 0;"
+def test_help_imports_no_numerics(tmp_path: Path) -> None:
+    code = "import sys; from bench.__main__ import main; assert main(['hertz', '--help']) == 0;"
     code += "assert not {'numpy', 'scipy', 'pyfftw', 'h5py', 'matplotlib'} & sys.modules.keys()"
     command = [sys.executable, "-c", code]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)

@@ -1,11 +1,13 @@
-"""Solvers by other people: the same problem as ours, where they are installed."""
+"""Solvers by other people: the same problem as ours, where they are installed; their faults."""
+
+from dataclasses import replace
 
 import pytest
 
 from bench.peers import find_errors, sample
-from bench.solvers.case import find_exact
-from bench.solvers.others import OTHERS, installed
-from bench.solvers.solver import BEM, PAPERS, Failure, Solver
+from bench.solvers.case import Case, find_exact
+from bench.solvers.others import OTHERS, installed, missing
+from bench.solvers.solver import BEM, PAPERS, Answer, Failure, Press, Solver
 
 
 @pytest.mark.parametrize("peer", OTHERS, ids=lambda peer: peer.name)
@@ -40,3 +42,32 @@ def test_solvers_that_know_a_hardness_agree(delta: float, hardness: float) -> No
         assert errors.misplaced_nodes == 0
     with pytest.raises(Failure, match="paper's NNLS has no hardness"):
         PAPERS.solve(case, 1e-8)
+
+
+def broken(nodes: int, spacing: float) -> Press:
+    """A peer that raises what nobody expects."""
+
+    def press(case: Case, force: float, tolerance: float) -> Answer:
+        raise RuntimeError("nan encountered")
+
+    return press
+
+
+ABSENT = Solver("Absent", broken, "no_such_package", "pip install no-such-package")
+
+
+def test_faults_of_peers_are_failures() -> None:
+    case = sample(33, 25.0)
+    with pytest.raises(Failure, match="RuntimeError: nan encountered"):
+        ABSENT.solve(case, 1e-3)
+    with pytest.raises(Failure, match="no kernel 'concentrated-force'"):
+        ABSENT.solve(replace(case, kernel="concentrated-force"), 1e-3)
+    with pytest.raises(RuntimeError, match="nan encountered"):
+        replace(ABSENT, install="").solve(case, 1e-3)
+
+
+def test_absent_peers_are_left_out_with_how_to_get_them() -> None:
+    assert installed([ABSENT, BEM]) == [BEM]
+    assert missing([ABSENT, BEM, replace(ABSENT, name="again")]) == {
+        "no_such_package": "pip install no-such-package"
+    }
