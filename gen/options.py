@@ -181,10 +181,6 @@ class Against(NamedTuple):
         str, Option(metavar="X,Y", help="Centre of the second map, in um from that of the first.")
     ] = ""
 
-    def with_first(self, *surfaces: Path | str) -> list[Path | str]:
-        """Return the files of the first body and, if there is one, the second body's."""
-        return [*surfaces, *([self.against] if self.against else [])]
-
     def body(self, first: Reading) -> "Opposite | None":
         """Return the second body, if any, read as the first unless it has options of its own.
 

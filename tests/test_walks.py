@@ -33,7 +33,7 @@ MOST = {
     "scene": Counts(35, 256, 20),  # a scene to the rows of a database
     "fit": Counts(35, 208, 19),  # a database to a surrogate
     "predict": Counts(26, 145, 14),  # a surrogate and a map to a prediction
-    "law": Counts(39, 287, 25),  # a map to its contact law
+    "law": Counts(39, 283, 23),  # a map to its contact law
 }
 """Most of each that a walk may pass."""
 

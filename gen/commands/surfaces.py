@@ -45,7 +45,9 @@ def describe(
     from gen.schema import statistics_columns
 
     outputs = [Output(table, "--csv"), Output(spectrum, "--spectrum")]
-    check_outputs([*outputs, Output(picture, "--plot", "picture")], facing.with_first(surface))
+    check_outputs(
+        [*outputs, Output(picture, "--plot", "picture")], filter(None, [surface, facing.against])
+    )
     figure = empty_figure(picture, 10.5, 8.6)
     topography, warnings = read_surface(surface, reading, boundary, facing.body(reading))
     printer.print_preparation(topography, warnings)
@@ -147,7 +149,7 @@ def contact(
     wanted = Wanted(spots, stiffness, conductivities, grid_error, flow)
     outputs = [Output(table, "--csv"), Output(picture, "--plot", "picture")]
     outputs.append(Output(flattened, "--flattened", "heights"))
-    check_outputs(outputs, facing.with_first(surface))
+    check_outputs(outputs, filter(None, [surface, facing.against]))
     figure = empty_figure(picture, 11, 8.2)
     bodies = material.bodies()
     topography, doubts = read_surface(surface, reading, boundary, facing.body(reading))
@@ -229,7 +231,7 @@ def law(
     from gen.maps.contacts import require_conductivities
 
     files = files.filled(output)
-    check_outputs(files.outputs, facing.with_first(*inputs))
+    check_outputs(files.outputs, filter(None, [*inputs, facing.against]))
     figure = files.picture and empty_figure(files.picture, 12.0, 7.0)
     bodies = material.bodies()
     order = Order(

@@ -6,7 +6,7 @@ its mirror images unless it is told otherwise: what a free patch gives way as a 
 mesh of a finite-element model, not to its interface.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
@@ -55,6 +55,9 @@ FEW = 10  # nodes in contact below which a law shows the grid rather than the su
 
 STEPS = 40
 """Number of displacements over the range of a training, where no load is given."""
+
+Solved = tuple[Values, list[Points], list[str]]
+"""Loads that were solved on all surfaces, the points of each surface, and warnings."""
 
 Tables = tuple[Curves, Curves, list[str]]
 """Tables against Delta and against pressure, and remarks about them."""
@@ -138,7 +141,13 @@ def by_solver(order: Order, say: Callable[[str], None]) -> Law:
     if hardness is None and (ratio := subjects.hardness_ratio()) is not None:
         hardness = ratio * e_star
     bodies = Bodies(e_star, hardness, known=order.e_star is not None)
-    tables = _tables(order, subjects.surfaces, bodies, {"delta": deltas, "pressure": pressures})
+    lost: list[str] = []  # lines about loads that were not solved on every surface
+    under = partial(_solved, order, subjects.surfaces, bodies, lost)
+    asked: dict[Load, Values | None] = {"delta": deltas, "pressure": pressures}
+    solved = {load: under(load, loads) for load, loads in asked.items() if loads is not None}
+    over_delta, over_pressure = _tables(order, subjects.surfaces, solved, under)
+    lines = [line for _, _, said in solved.values() for line in said]
+    tables = over_delta, over_pressure, list(dict.fromkeys([*lines, *lost]))
     one = "none, one surface was solved"
     if order.grid_error and any(each.curves[CONTINUUM].banded.any() for each in tables[:2]):
         one = "the error of the grid, 9 times in 10, of the area in the continuum; one surface"
@@ -191,13 +200,10 @@ def law_of(
 def _tables(
     order: Order,
     surfaces: Sequence[LawSurface],
-    bodies: Bodies,
-    asked: dict[Load, Values | None],
-) -> Tables:
-    """Solve all surfaces under the given loads; tabulate against Delta and against pressure."""
-    lost: list[str] = []
-    under = partial(_solved, order, surfaces, bodies, lost)
-    solved = {load: under(load, loads) for load, loads in asked.items() if loads is not None}
+    solved: Mapping[Load, Solved],
+    under: Callable[..., Solved],
+) -> tuple[Curves, Curves]:
+    """Tabulate what was solved against Delta and against pressure; solve further if need be."""
     made: dict[Load, Curves] = {}
     rests = [
         surface.at_rest(order.gas, joint=bool(order.conductivities), flow=order.flow)
@@ -222,8 +228,7 @@ def _tables(
             for part in parts
         ]
         made[load] = tabulated(argument, loads, parts, order.level, rest)
-    lines = [line for _, _, said in solved.values() for line in said]
-    return made["delta"], made["pressure"], list(dict.fromkeys([*lines, *lost]))
+    return made["delta"], made["pressure"]
 
 
 def _solved(
@@ -235,7 +240,7 @@ def _solved(
     loads: Values,
     *,
     derived: bool = False,
-) -> tuple[Values, list[Points], list[str]]:
+) -> Solved:
     """Solve every surface; return the loads solved on all, the points, and warnings."""
     loads = _possible(load, loads, surfaces, bodies, lost, derived=derived)
     found = []
