@@ -5,6 +5,7 @@ from pathlib import Path
 from bench.report import remark
 from gen.database import Reader
 from gen.generation.run import generate_database
+from gen.generation.sample import completed
 from gen.runtime.errors import InputError
 from gen.runtime.farm import World
 from gen.runtime.files import make_folder, write
@@ -22,7 +23,7 @@ def generated(folder: Path, name: str, text: str) -> Path:
     A KeyboardInterrupt is raised after a signal: the same command goes on.
     """
     scene, path = folder / f"{name}.toml", folder / f"{name}.h5"
-    wanted = Scene.parse(text, str(scene))
+    wanted = completed(Scene.parse(text, str(scene)), folder)  # with the source of a function
     if _complete(path, wanted):
         return path
     make_folder(folder)
