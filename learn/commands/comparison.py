@@ -16,7 +16,7 @@ from gen.runtime.command_line import Trust, grouped
 from gen.runtime.errors import InputError
 from gen.runtime.files import check_folder, lock_folder
 from gen.runtime.terminal import echo, to_type
-from learn.commands.fit import SEEDS, AreaMax, targets_in
+from learn.commands.fit import SEEDS, AreaMax, Features, Normalise, TrainRows, targets_in
 
 if TYPE_CHECKING:
     from learn.dataset import Request
@@ -48,29 +48,12 @@ class Selection(NamedTuple):
         ),
     ] = "area"
     area_max: AreaMax = None
-    features: Annotated[
-        str,
-        typer.Option(
-            metavar="SET",
-            help="paper (Delta and the 22 statistics), dimensionless (the same without units: any"
-            " scan length), hybrid (with bearing area and a coarse contact solve of each"
-            " surface), or scene (what the scene draws, and its load).",
-        ),
-    ] = "paper"
-    normalise: Annotated[
-        str,
-        typer.Option(
-            metavar="HOW",
-            help="l2 (each row to unit length, the paper's), standard, min-max or none; l2 for"
-            " paper features and standard for others if left out.",
-        ),
-    ] = ""
+    features: Features = "paper"
+    normalise: Normalise = ""
     seed: Annotated[
         int, typer.Option(min=0, max=SEEDS, help="Seed of the split and of the models.")
     ] = 0
-    train_rows: Annotated[
-        int | None, typer.Option(metavar="N", help="Train on N rows at most, drawn with the seed.")
-    ] = None
+    train_rows: TrainRows = None
     again: Annotated[
         bool, typer.Option("--again", help="Measure again, also where a result is there.")
     ] = False

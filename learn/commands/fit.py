@@ -24,6 +24,34 @@ AreaMax = Annotated[
     float | None,
     typer.Option(metavar="PERCENT", help="Leave larger areas out; 16.56 is the paper's range."),
 ]
+Features = Annotated[
+    str,
+    typer.Option(
+        metavar="SET",
+        help="paper (Delta and the 22 statistics), dimensionless (the same without units: any scan"
+        " length), hybrid (with a coarse contact solve of each surface, which it needs: most"
+        " exact), or scene (what the scene draws, and its load).",
+    ),
+]
+Blocks = Annotated[
+    int | None,
+    typer.Option(
+        metavar="N",
+        help="Blocks along a side of the hybrid features' coarse solve: 33, or 65: more exact, and"
+        " slower [33].",
+    ),
+]
+Normalise = Annotated[
+    str,
+    typer.Option(
+        metavar="HOW",
+        help="l2 (each row to unit length, the paper's), standard, min-max or none; l2 for paper"
+        " features and standard for others if left out.",
+    ),
+]
+TrainRows = Annotated[
+    int | None, typer.Option(metavar="N", help="Train on N rows at most, drawn with the seed.")
+]
 Databases = Annotated[
     list[Path], typer.Argument(metavar="FILE...", help="One or more databases made by gen (HDF5).")
 ]
@@ -43,14 +71,7 @@ class Choice(NamedTuple):
             " population there if left out, else kernel-ridge.",
         ),
     ] = ""
-    features: Annotated[
-        str,
-        typer.Option(
-            metavar="SET",
-            help="paper, dimensionless (any scan length), hybrid (most exact; needs surfaces), or"
-            " scene: the parameters that the scene draws, and its load; dimensionless if left out.",
-        ),
-    ] = ""
+    features: Features = ""
     load: Annotated[
         Literal["", "delta", "pressure", "force", "relative_delta", "relative_pressure"],
         typer.Option(
@@ -59,14 +80,7 @@ class Choice(NamedTuple):
             " scene draws; what it draws if left out.",
         ),
     ] = ""
-    blocks: Annotated[
-        int | None,
-        typer.Option(
-            metavar="N",
-            help="Blocks along a side of the hybrid features' coarse solve: 33, or 65: more exact,"
-            " and slower [33].",
-        ),
-    ] = None
+    blocks: Blocks = None
     target: Annotated[
         str,
         typer.Option(
@@ -81,19 +95,11 @@ class Choice(NamedTuple):
         typer.Option("--from", metavar="DIR", help="Use the winner of learn tune in this folder."),
     ] = None
     area_max: AreaMax = None
-    normalise: Annotated[
-        str,
-        typer.Option(
-            metavar="HOW",
-            help="l2, standard, min-max or none; l2 for paper features, standard for other sets.",
-        ),
-    ] = ""
+    normalise: Normalise = ""
     seed: Annotated[
         int | None, typer.Option(min=0, max=SEEDS, help="Seed of the split and the model [0].")
     ] = None
-    train_rows: Annotated[
-        int | None, typer.Option(metavar="N", help="Train and calibrate on N rows at most.")
-    ] = None
+    train_rows: TrainRows = None
     calibrate_on: Annotated[
         Path | None,
         typer.Option(
@@ -107,6 +113,7 @@ class Choice(NamedTuple):
 def fit(files: Databases, output: SurrogateFile, *, choice: Choice, trust: Trust = False) -> int:
     """Fit a surrogate: area and force with intervals, in one file that holds its own model card.
 
+    Features are dimensionless ones if left out.
     Several databases are learnt together; where their grids differ, the number of nodes is an
     input.
 

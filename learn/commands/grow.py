@@ -12,7 +12,7 @@ from gen.runtime.command_line import Trust, grouped
 from gen.runtime.errors import InputError
 from gen.runtime.files import Output, check_outputs
 from gen.runtime.terminal import echo
-from learn.commands.fit import SEEDS, note, targets_in
+from learn.commands.fit import SEEDS, Blocks, note, targets_in
 
 if TYPE_CHECKING:
     from learn.executor import Executor
@@ -53,10 +53,7 @@ class Goal(NamedTuple):
     features: Annotated[str, typer.Option(metavar="SET", help="Features, as for learn fit.")] = (
         "hybrid"
     )
-    blocks: Annotated[
-        int | None,
-        typer.Option(metavar="N", help="Blocks of hybrid features, 33 or 65, as for learn fit."),
-    ] = None
+    blocks: Blocks = None
     model: Annotated[str, typer.Option(metavar="NAME", help="One of the nine models.")] = (
         "kernel-ridge"
     )
