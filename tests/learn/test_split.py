@@ -56,18 +56,6 @@ def test_surfaces_stay_together_and_rows_are_used_once(sizes, seed):
     assert abs(drawn.test.size - 0.2 * rows.size) <= 9 + 1
 
 
-@given(st.lists(st.integers(4, 30), min_size=4, max_size=25), st.integers(0, 99))
-def test_no_tile_is_divided_by_any_split(sizes, seed):
-    """Between training and test, between folds, and in the search's validation."""
-    rows = replace(rows_of(sizes, seed), by_tile=True)
-    drawn = split.draw(rows, seed)
-    train, folds = drawn.train, drawn.folds
-    parts = [set(rows.groups[part].tolist()) for part in (train, drawn.test)]
-    assert sum(len(part) for part in parts) == len(set().union(*parts)) == len(sizes)
-    inside = [set(rows.groups[train[folds == fold]].tolist()) for fold in np.unique(folds)]
-    assert sum(len(fold) for fold in inside) == len(parts[0])
-
-
 def test_too_few_tiles_are_refused_where_a_single_surface_is_split_by_rows():
     one = replace(rows_of([40]), by_tile=True)
     with pytest.raises(InputError, match="lie in 1 of the maps' tiles, 2 at least are needed"):
@@ -126,11 +114,3 @@ def test_a_target_that_no_split_can_have_in_both_parts_is_named():
     drawn = split.draw(rows)
     with pytest.raises(InputError, match=r"yielded_percent is 0 in all \d+ rows of a fold"):
         split.check_folds(rare, drawn)
-
-
-def test_some_rows_of_a_dataset_are_split_like_a_dataset():
-    some = rows_of([3] * 40).at(np.arange(0, 120, 2))
-    drawn = split.draw(some)
-    together = np.concatenate([drawn.train, drawn.test])
-    np.testing.assert_array_equal(np.sort(together), np.arange(60))
-    assert not set(some.groups[drawn.train]) & set(some.groups[drawn.test])
