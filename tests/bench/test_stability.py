@@ -48,14 +48,6 @@ def test_case(case: Case) -> None:
     assert result.passed, result.failed
 
 
-@pytest.mark.parametrize("table", TABLES)
-def test_names_are_unique_and_families_stand_together(table: str) -> None:
-    names = [(case.family, case.name) for case in cases_of(table)]
-    families = [family for family, _ in names]
-    assert len(set(names)) == len(names)
-    assert families == sorted(families, key=families.index)
-
-
 # ---------------------------------------------------------------- cases and the command
 
 

@@ -5,15 +5,8 @@ from pathlib import Path
 import pytest
 
 from bench.__main__ import main
-from bench.files import Row
-from bench.surrogates.models import front, models
+from bench.surrogates.models import models
 from gen.runtime.errors import InputError
-
-
-def cost(model: str, nmae: float, seconds: float, search: float | None = None) -> Row:
-    result = "tuned" if search else "baseline"
-    times = {"predict_s": seconds, "fit_s": seconds, "search_s": search}
-    return {"model": model, "result": result, "nmae": nmae, "r2": 99.0, **times, "front": ""}
 
 
 @pytest.fixture
@@ -36,13 +29,6 @@ def comparison(tmp_path: Path) -> Path:
     )
     (folder / "tuning-times.csv").write_text("model,fit_seconds,paper_s\nkernel-ridge,500,2599\n")
     return folder.parent
-
-
-def test_front_is_what_nothing_beats_in_both() -> None:
-    a, b, c, d = cost("a", 10, 1), cost("b", 5, 2), cost("c", 6, 3), cost("d", 10, 0.5)
-    assert front([a, b, c, d], "fit_s") == [d, b]
-    assert front([a, b, c, d], "search_s") == []
-    assert front([], "fit_s") == []
 
 
 def test_errors_and_times_are_those_of_the_comparison(comparison: Path) -> None:
