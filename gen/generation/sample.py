@@ -30,7 +30,7 @@ from gen.runtime.errors import InputError, SourceError
 from gen.runtime.memory import too_little_for_solve
 from gen.runtime.signals import Overtime, at_most
 from gen.runtime.user_code import faults_of, load_function, source_hash, source_of
-from gen.scene import PythonSurface, Scene, Store, resolved
+from gen.scene import PythonSurface, Scene, Store
 from gen.scene.columns import columns_for, require_own_names
 from gen.schema import DONE_REASONS, Reason, Status
 from gen.statistics import describe, rms_slope
@@ -343,7 +343,7 @@ def completed(scene: Scene, home: Path | None = None) -> Scene:
     solved here. The result depends on the scene and the functions' sources only.
     """
     require_own_names(scene)
-    scene = resolved(scene, home)
+    scene = scene.resolved(home)
     if isinstance(scene.surface, PythonSurface):
         load_function(scene.surface.function, str(scene.surface.source))
     if scene.store.function is None:

@@ -185,10 +185,10 @@ def is_scene(text: str) -> bool:
 
 def scene_of(text: str) -> Scene:
     """Return the scene of a name, of a file, or of a database."""
-    from gen.scene import load, resolved
+    from gen.scene import load
 
     if not text.lower().endswith(".h5"):
-        return resolved(load(text))
+        return load(text).resolved()
     from gen.database import Reader
 
     with Reader(Path(text)) as reader:

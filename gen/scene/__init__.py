@@ -2,7 +2,7 @@
 
 from gen.generators import DisplacedSurface, PythonSurface, ScanSurface
 from gen.scene.columns import columns_for, row_bytes
-from gen.scene.scene import Scene, differences, load, preset_names, resolved
+from gen.scene.scene import Scene, differences, load, preset_names
 from gen.scene.tables import Piece, Store, flags
 
 __all__ = [
@@ -17,6 +17,5 @@ __all__ = [
     "flags",
     "load",
     "preset_names",
-    "resolved",
     "row_bytes",
 ]

@@ -174,6 +174,32 @@ class Scene(Table):
         """Distances between neighbouring nodes along x and y [um]."""
         return self.grid.spacing
 
+    def resolved(self, home: Path | None = None) -> Self:
+        """Complete a scene by hashes of the files and sources that its surfaces depend on.
+
+        Parameters
+        ----------
+        home : Path, optional
+            Folder of the database, for what is prepared once for all processes; a temporary folder
+            if it is left out.
+
+        Returns
+        -------
+        Scene
+            The scene as a database records it; the same one if everything stands in the scene.
+
+        Raises
+        ------
+        InputError
+            If something that the scene names is missing, or does not go with the rest of it.
+        """
+        surface = self.surface.resolved(home)
+        if surface is self.surface:
+            return self
+        # Read anew: some rules of a scene need what has been found, as the spacing of maps.
+        text = self.model_copy(update={"surface": surface}).text()
+        return self.from_text(text, "the scene with its maps")
+
     @property
     def drawn_parameters(self) -> dict[str, Distribution]:
         """Distributions of the surface's parameters by their names, which are columns."""
@@ -333,19 +359,6 @@ class Scene(Table):
         """Return the keys that change results, with their values."""
         content = self.model_dump(exclude=INERT, exclude_none=True)
         return {**content, "surface": self.surface.relevant(content["surface"])}
-
-
-def resolved(scene: Scene, home: Path | None = None) -> Scene:
-    """Complete a scene by hashes of the files and sources that its surfaces depend on.
-
-    `home` is the folder of the database, for what is prepared once; without it a temporary one.
-    """
-    surface = scene.surface.resolved(home)
-    if surface is scene.surface:
-        return scene
-    # Read anew: some rules of a scene need what has been found, as the spacing of maps.
-    text = scene.model_copy(update={"surface": surface}).text()
-    return Scene.from_text(text, "the scene with its maps")
 
 
 def preset_names() -> tuple[str, ...]:

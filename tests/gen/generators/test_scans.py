@@ -14,7 +14,7 @@ from gen.maps.library import Tiling, drawn, turned
 from gen.maps.prepare import prepare
 from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
-from gen.scene import ScanSurface, Scene, differences, load, resolved
+from gen.scene import ScanSurface, Scene, differences, load
 from tests.maps import read
 
 MAPS = (
@@ -56,7 +56,7 @@ def write_scene(folder, samples=30, nodes="16", keys="", name="s.toml"):
 
 
 def scene_of(folder, name="s.toml"):
-    return resolved(load(str(folder / name)), folder)
+    return load(str(folder / name)).resolved(folder)
 
 
 def run(folder, *arguments):
