@@ -181,9 +181,26 @@ class Function(ABC):
         ]
         return np.reshape(rows, (*index.shape, len(self.outputs)))
 
-    @abstractmethod
     def answer(self, numbers: Mapping[str, float], where: Where) -> list[float]:
-        """Answer one question, with the numbers by `names`."""
+        """Answer one question.
+
+        Parameters
+        ----------
+        numbers : mapping of str to float
+            A value for each of `names`.
+        where : Where
+            Surface, nodes and seed.
+
+        Returns
+        -------
+        list of float
+            The outputs.
+        """
+        return self._answer(numbers, where)
+
+    @abstractmethod
+    def _answer(self, numbers: Mapping[str, float], where: Where) -> list[float]:
+        """Return what `answer` does."""
 
     def gradient(
         self,
@@ -211,10 +228,10 @@ class Function(ABC):
             Derivatives in the order of `outputs` and `names`.
         """
         self._require(numbers)
-        return self.slopes(numbers, _where(surface, nodes, seed))
+        return self._slopes(numbers, _where(surface, nodes, seed))
 
     @abstractmethod
-    def slopes(self, numbers: Mapping[str, float], where: Where) -> Values:
+    def _slopes(self, numbers: Mapping[str, float], where: Where) -> Values:
         """Return what `gradient` does."""
 
     def _require(self, numbers: Collection[str]) -> None:
@@ -257,7 +274,7 @@ class SceneFunction(Function):
             TRUSTED.reset(token)
         self.inputs = Inputs.of(self.scene)
 
-    def answer(self, numbers: Mapping[str, float], where: Where) -> list[float]:
+    def _answer(self, numbers: Mapping[str, float], where: Where) -> list[float]:
         """Solve one contact problem."""
         contact, _ = self._solved(numbers, where)
         try:
@@ -265,7 +282,7 @@ class SceneFunction(Function):
         except ArithmeticError as error:
             raise Unsolved(str(error)) from None
 
-    def slopes(self, numbers: Mapping[str, float], where: Where) -> Values:
+    def _slopes(self, numbers: Mapping[str, float], where: Where) -> Values:
         """Return derivatives of force and Delta by the load; see `gradient`."""
         contact, per_load = self._solved(numbers, where)
         found = np.full((len(self.outputs), len(self.names)), np.nan)
@@ -345,12 +362,26 @@ class SurrogateFunction(Function):
         """Read the file again where a copy is unpickled: no estimator travels."""
         return SurrogateFunction, (self._path,)
 
-    def answer(self, numbers: Mapping[str, float], where: Where) -> list[float]:
+    def _answer(self, numbers: Mapping[str, float], where: Where) -> list[float]:
         """Predict one contact problem."""
         return [value for value, *_ in self.predicted(numbers, where)]
 
     def predicted(self, numbers: Mapping[str, float], where: Where) -> list[list[float]]:
-        """Return value, low and high end of the 90 % interval, and 1 inside the training, or 0."""
+        """Predict one contact problem, with intervals.
+
+        Parameters
+        ----------
+        numbers : mapping of str to float
+            A value for each of `names`.
+        where : Where
+            Surface, nodes and seed.
+
+        Returns
+        -------
+        list of list of float
+            For each output its value, both ends of its 90 % interval, and 1 inside the training, or
+            0 outside.
+        """
         if self.of_scene and where != Where():
             raise InputError("config: the surrogate answers for all surfaces of the parameters")
         if self.of_scene:
@@ -365,13 +396,13 @@ class SurrogateFunction(Function):
         parts, inside = (found.values, found.low, found.high), float(found.inside[0])
         return [[*(float(part[name][0]) for part in parts), inside] for name in self.outputs]
 
-    def slopes(self, numbers: Mapping[str, float], where: Where) -> Values:
+    def _slopes(self, numbers: Mapping[str, float], where: Where) -> Values:
         """Return differences of the predictions; see `gradient`."""
         columns = []
         for name in self.names:
             step = STEP * abs(numbers[name])
             more, less = (
-                np.array(self.answer({**numbers, name: numbers[name] + way}, where))
+                np.array(self._answer({**numbers, name: numbers[name] + way}, where))
                 for way in (step, -step)
             )
             columns.append((more - less) / (2 * step))
