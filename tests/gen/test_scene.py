@@ -339,12 +339,3 @@ def test_spacings_follow_the_rule_of_the_solver(boundary):
     code = f"from gen.scene import Scene; print(Scene.parse({text!r}, 'a').spacing);"
     code += "import sys; print('bem' in sys.modules)"
     assert python("-c", code).stdout.splitlines()[1] == "False"
-
-
-def test_parameters_nodes_and_seed_can_be_given_and_nothing_else_changes():
-    scene = Scene.parse("samples = 3\n[surface]\nhurst = [0.2, 0.9]\nnodes = 17\n", "test")
-    given = scene.with_parameters({"hurst": 0.4}, nodes=33, seed=7)
-    assert given.drawn_parameters == {"hurst": 0.4, "sigma0": scene.drawn_parameters["sigma0"]}
-    assert (given.shape, given.seed, given.contact) == ((33, 33), 7, scene.contact)
-    with pytest.raises(InputError, match="hirst"):
-        scene.with_parameters({"hirst": 0.5})
