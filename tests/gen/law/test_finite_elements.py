@@ -473,6 +473,18 @@ def test_between_the_points_it_is_a_monotone_cubic_with_a_continuous_tangent(sur
 
 
 @needs_compiler
+def test_unknown_ends_of_a_band_are_no_numbers(surfaces, make):
+    law = make("many", pressure="1,10", e_star=2e5, stiffness=True, reading=Reading(side="100"))
+    area, at = law.over_delta.curves["area_percent"], law.over_delta.at
+    unknown = replace(area, low=np.where(np.arange(area.low.size) == 1, np.nan, area.low))
+    curves = replace(law.over_delta, curves={**law.over_delta.curves, "area_percent": unknown})
+    finite_elements.write_header(Path("law.h"), replace(law, over_delta=curves))
+    places = (at[1], (at[0] + at[1]) / 2, at[2])
+    found = said_by([f"asperity_law_area_low({place:.17g})" for place in places], ["law.h"])
+    assert np.isnan(found).tolist() == [True, True, False]
+
+
+@needs_compiler
 def test_a_header_says_what_it_is_and_a_second_of_its_name_is_an_error(surfaces, run):
     Path("other").mkdir()
     run("many/s0.npy", "--delta", "0.1,0.2", "--header", "steel.h")

@@ -41,6 +41,14 @@ def test_memory_that_runs_out_anywhere_is_one_line(folder, monkeypatch, capsys):
     assert "are allowed here" in line
 
 
+def test_a_complaint_about_a_long_text_is_short(folder, capsys):
+    assert cli.main(["info", "x" * 5000 + ".h5"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("gen: xxx")
+    assert line.endswith("File name too long")
+    assert len(line) < 1300
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
