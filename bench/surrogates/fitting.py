@@ -27,24 +27,25 @@ class Parts:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Fitted(Fit):
-    """A fitted model of the contact area, with the flags for rows of another kind."""
+    """A fitted model of a target, with the flags for rows of another kind."""
 
     low: Values  # (d,) ends of the training ranges
     high: Values
     distance: Distance  # from the training
 
     def predict(self, rows: Dataset) -> Values:
-        """Predict the areas of n rows [%]."""
-        return self.learnt.within(self.learnt.raw(rows.inputs))
+        """Predict n rows, in the unit of the target's column."""
+        return self.learnt.within(self.learnt.raw(rows.inputs) * rows.scale)
 
     def scores(self, rows: Dataset) -> Scores:
         """Judge the predictions of some rows."""
-        return scores(rows.target, self.predict(rows))
+        return scores(rows.target * rows.scale, self.predict(rows))
 
     def interval(self, rows: Dataset, level: float) -> tuple[Values, Values]:
-        """Return both ends of the interval of each of n rows [%]."""
-        raw = self.learnt.raw(rows.inputs)
-        return self.learnt.calibration.ends(raw, level, rows.inputs)
+        """Return both ends of the interval of each of n rows, in the unit of the column."""
+        ends = self.learnt.ends(rows.inputs, self.predict(rows) / rows.scale, level)
+        low, high = (self.learnt.within(end * rows.scale) for end in ends)
+        return low, high
 
     def flags(self, rows: Dataset) -> NDArray[np.bool_]:
         """Return whether rows have an input outside the training ranges, or are far away, (n,)."""

@@ -4,10 +4,18 @@ Each is a function for the scene's generator "python". Its numbers are drawn wit
 """
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from bench.made_maps import Kind, MadeMap, surface
 from gen.arrays import Heights
 from gen.spectral import SelfAffineSpectrum, generate_spectral
+from gen.surface import generate
+
+NAMES = (
+    *("turned", "ground", "honed", "sandblasted", "one_to_five", "one_to_ten", "sine", "egg_box"),
+    *("lognormal", "pitted", "bumps", "spheres", "worn", "two_scales", "grains", "scratched"),
+    *("stepped", "patchy", "brushed", "holed"),
+)
 
 Shape = tuple[int, int]
 Spacing = tuple[float, float]
@@ -175,3 +183,35 @@ def scratched(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heigh
             -((across / rng.uniform(0.01, 0.04)) ** 2)
         )
     return _sized(heights, rng)
+
+
+def _midpoint(shape: Shape, rng: np.random.Generator) -> Heights:
+    """Make a surface as the paper preset has them: random midpoint displacement."""
+    return generate("diamond-square", shape[0], rng.uniform(0.5, 0.8), rng.uniform(10, 15), rng)
+
+
+def stepped(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
+    """A surface of the paper preset with a step along a straight line."""
+    heights, (x, y), angle = _midpoint(shape, rng), _axes(shape), rng.uniform(0, 2 * np.pi)
+    beyond = (x - rng.uniform(0.2, 0.8)) * np.cos(angle) + (y - 0.5) * np.sin(angle) > 0
+    return np.asarray(heights + rng.uniform(0.1, 1.5) * heights.std() * beyond)
+
+
+def patchy(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
+    """A surface of the paper preset whose roughness varies over the patch."""
+    heights, (x, y) = _midpoint(shape, rng), _axes(shape)
+    wave = np.sin(2 * np.pi * (x + rng.uniform())) * np.sin(2 * np.pi * (y + rng.uniform()))
+    return np.asarray(heights * np.exp(rng.uniform(0.1, 1.0) * wave))
+
+
+def brushed(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
+    """A surface of the paper preset, smoothed along x by means over five nodes."""
+    heights, weight = _midpoint(shape, rng), rng.uniform(0.1, 1.0)
+    return np.asarray((1 - weight) * heights + weight * uniform_filter1d(heights, 5, axis=0))
+
+
+def holed(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
+    """A surface of the paper preset with deep holes of a node each."""
+    heights = _midpoint(shape, rng)
+    holes = rng.uniform(size=shape) < rng.uniform(0.001, 0.02)
+    return np.asarray(np.where(holes, heights - rng.uniform(1, 4) * heights.std(), heights))

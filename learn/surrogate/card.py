@@ -31,6 +31,12 @@ LEVELS = (0.5, 0.9, 0.95)
 
 LICENCE = "BSD-3-Clause"
 
+MEASURED = (
+    "          measured on 23 kinds of surfaces that were not trained on (bench coverage): 94 % of"
+    " the rows without a flag lie in their 90 % interval, of the worst kind, with scratches, 75 %"
+)
+"""What the intervals of this model and these features hold (`bench/results/coverage`)."""
+
 
 def make(
     request: Request,
@@ -189,6 +195,8 @@ def lines(card: Mapping[str, Any]) -> Iterator[str]:
             yield f"          warning: {remark}"
     if "calibration" in card:
         yield f"intervals {_calibration(card)}"
+    if (card["model"], card["features"]) == ("kernel-ridge", "hybrid"):
+        yield MEASURED
     if "grown" in card:
         yield f"grown     {_grown(card['grown'])}"
     alone = {**card, "sha256": card["database_sha256"]}

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from bench.surrogates import coverage as study
-from bench.surrogates.coverage import HARDNESS, cases, column, coverage, verdict
+from bench.surrogates import kinds
+from bench.surrogates.coverage import HARDNESS, by_kind, cases, column, coverage, verdict
 from gen.runtime.errors import InputError
-from learn import dataset
 
 pytestmark = pytest.mark.long
 
@@ -25,7 +25,7 @@ def made(tmp_path_factory):
 
     def databases(place, rows):
         return {
-            name: study.generated(place, name, f"samples = 300\n{text}")
+            name: study.generated(place, name, f"samples = 300\n{text}{study.STORE}")
             for name, text in SMALL.items()
         }
 
@@ -40,10 +40,12 @@ def made(tmp_path_factory):
 def test_every_case_is_judged_with_every_seed(made):
     found = made[1].tables["coverage-seeds"]
     names = [(row["trained_on"], row["tested_on"], row["seed"]) for row in found]
-    assert len(set(names)) == len(names) == 2 * 7
+    assert len(set(names)) == 2 * 7
+    assert len(names) == 3 * 2 * 7
     for row in found:
         assert 0 <= row["flagged"] <= 1
         assert row["unflagged"] == round(row["judged"] * (1 - row["flagged"]))
+    found = [row for row in found if row["target"] == "area"]
     by_case = {row["trained_on"]: row for row in found if row["tested_on"] == "fine-257"}
     assert by_case["preset"]["flagged"] == 1  # another grid, and the nodes are a feature
     assert by_case["preset and 20 rows of fine-257"]["flagged"] < 1
@@ -55,7 +57,7 @@ def test_rows_that_judge_train_nothing(made):
     folder, _ = made
     paths = {name: folder / "databases" / f"{name}.h5" for name in SMALL}
     for pool in (("paper",), ("paper", "midpoint"), ("paper-yielding",)):
-        (rows,) = dataset.read(study._request(*(paths[name] for name in pool)))
+        rows = study._read(*(paths[name] for name in pool))[0]
         for case in cases(pool, rows, 0):
             parts = study._parts(case, rows, 200, 0)
             judged = parts.test if case.judged is None else rows.at(case.judged)
@@ -70,10 +72,33 @@ def test_rows_that_judge_train_nothing(made):
 
 
 def test_verdicts_allow_for_a_standard_error():
-    assert verdict(np.nan, np.nan) == "all flagged"
-    assert verdict(0.88, 0.0) == "met"
-    assert verdict(0.87, 0.02) == "met within its error"
-    assert verdict(0.85, 0.02) == "not met"
+    assert verdict(np.nan, np.nan, 0) == "all flagged"
+    assert verdict(0.5, 0.1, 29) == "few unflagged"
+    assert verdict(0.86, 0.0, 30) == "met"
+    assert verdict(0.85, 0.02, 30) == "met within its error"
+    assert verdict(0.83, 0.02, 30) == "not met"
+
+
+@pytest.mark.parametrize("name", kinds.NAMES)
+def test_every_kind_makes_surfaces_of_its_own(name):
+    make, shape, spacing = getattr(kinds, name), (33, 33), (30.0, 30.0)
+    first, again, other = (make(shape, spacing, np.random.default_rng(n)) for n in (0, 0, 1))
+    np.testing.assert_array_equal(first, again)
+    assert first.shape == shape
+    assert np.isfinite(first).all()
+    assert first.std() > 0
+    assert not np.allclose(first, other)
+
+
+def test_kinds_have_a_row_with_all_targets():
+    row = {"trained_on": "preset", "judged": 5, "flagged": 0.2, "unflagged": 4, "empty": 1}
+    row |= {"covered_unflagged": 0.9, "width": 7.0}
+    names = [("kinds", "area"), ("kinds: worn", "area"), ("kinds: worn", "force"), ("fine", "area")]
+    table = [row | {"tested_on": tested, "target": target} for tested, target in names]
+    every, worn = by_kind(table)
+    assert (every["kind"], worn["kind"], worn["empty"]) == ("all", "worn", 2)
+    assert worn["force"] == 0.9
+    assert worn["area_width"] == 7.0
 
 
 def test_too_few_rows_are_refused(tmp_path):
