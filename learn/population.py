@@ -21,7 +21,7 @@ all loads of a surface, more or less. The mean is a Gaussian process:
 - The variance of the mean is the sum of two: that of the means without a part (the delete-a-group
   jackknife: P. S. Kott (2001), J. Off. Stat. 17, 521), which knows that rows of a surface are alike
   but not what no row shows, and that of the process, which knows the latter only. Either alone is
-  too small.
+  too small; on some hundred surfaces their sum may be too, where short waves are lost in scatter.
 """
 
 import warnings
