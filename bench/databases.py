@@ -23,10 +23,11 @@ def generated(folder: Path, name: str, text: str) -> Path:
     A KeyboardInterrupt is raised after a signal: the same command goes on.
     """
     scene, path = folder / f"{name}.toml", folder / f"{name}.h5"
-    wanted = completed(Scene.parse(text, str(scene)), folder)  # with the source of a function
+    make_folder(folder)  # which files of maps start from
+    # With the source of a function.
+    wanted = completed(Scene.parse(text, str(scene), folder), folder)
     if _complete(path, wanted):
         return path
-    make_folder(folder)
     write(scene, text)
     remark(f"generating {path}: {wanted.samples} rows")
     if generate_database(str(scene), path, World()).signal:
