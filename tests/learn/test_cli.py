@@ -80,6 +80,7 @@ def test_every_command_works_on_every_population(population, tmp_path, monkeypat
         scene = reader.scene
     np.save("s.npy", np.random.default_rng(0).normal(size=scene.shape))
     side = ",".join(f"{each:g}" for each in scene.sides)
+    level = ["--interval", "0.8"]  # which two maps reach
     for line in (
         [
             "fit",
@@ -92,8 +93,8 @@ def test_every_command_works_on_every_population(population, tmp_path, monkeypat
             "area,force,contact_nodes",
         ],
         ["card", "d.s"],
-        ["predict", "d.s", "s.npy", "--side", side, "--delta", "1:2:2", "-o", "p.csv"],
-        ["law", "d.s", "d.h5", "--surfaces", "2", "--csv", "predicted.csv"],
+        ["predict", "d.s", "s.npy", "--side", side, "--delta", "1:2:2", "-o", "p.csv", *level],
+        ["law", "d.s", "d.h5", "--surfaces", "2", "--csv", "predicted.csv", *level],
         ["law", "d.h5", "--solver", "--surfaces", "2", "--delta", "0.01", "--csv", "solved.csv"],
         ["compare", "d.h5", "-o", "c", "--model", "decision-tree", "--features", "dimensionless"],
         ["show", "c", "--no-pictures"],

@@ -14,11 +14,9 @@ from learn import Surrogate
 DELTAS = "6,20,40"
 
 
-def test_a_folder_is_predicted_and_written(work, capsys):
+def test_a_folder_is_predicted_and_written(work):
     arguments = ["predict", "hybrid.surrogate", "many", "--side", 1000, "--delta", DELTAS]
     assert run(*arguments, "-o", "p.csv") == 0
-    said = capsys.readouterr()
-    assert "left out 1 files" in said.err
     rows = table("p.csv")
     assert [row["input"] for row in rows[::3]] == [f"many/s{seed}.npy" for seed in range(3)]
     surrogate = Surrogate.load("hybrid.surrogate")
