@@ -54,8 +54,9 @@ NEARLY_YIELDED = 0.03
 # Nodes along an axis below which half of them say nothing.
 FEWEST = 8
 
-# Tolerance of the coarser contact, whose errors are far below its distance from the finer one.
-COARSE_RTOL = 1e-4
+# Tolerance of the coarser contact: its errors stay far below its distance from the finer one. On
+# 1,100 contacts the bars hold as many true errors as with 1e-4 (`bench grid-error`).
+COARSE_RTOL = 3e-3
 
 
 class Contact(Protocol):
