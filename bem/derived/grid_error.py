@@ -193,14 +193,16 @@ class GridError:
         contact = self.contact
         if contact.problem.delta is None or contact.force == 0:
             return 0.0
-        heights, pressure = contact.problem.heights, contact.pressure
-        work = float((pressure * (heights - heights.max() + contact.approach)).sum())
+        approach, touching = contact.approach, contact.pressure > 0
+        pressure = contact.pressure[touching]
+        pressed = (contact.problem.heights[touching] - contact.problem.heights.max()) / approach + 1
         if contact.problem.hardness is not None:
-            work += float((pressure * contact.yielded_depth).sum())
-        power = self._steepening * (2 * float(pressure.sum()) * contact.approach / work - 1)
+            pressed += contact.yielded_depth[touching] / approach
+        work = np.average(pressed, weights=pressure / pressure.max()) / 2  # [F d]
+        power = self._steepening * (1 / float(work) - 1)
         # A compliant far field gives way too.
-        yielded = power * (1 - contact.delta / contact.approach)
-        return power * self.summit / contact.approach / max(1 - yielded, 1e-3)
+        yielded = power * (1 - contact.delta / approach)
+        return power * self.summit / approach / max(1 - yielded, 1e-3)
 
     @property
     def _steepening(self) -> float:

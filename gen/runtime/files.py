@@ -80,7 +80,7 @@ def read_bytes(path: Path, largest: int = LARGEST) -> bytes:
         raise
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror or error}") from None
-    raise InputError(f"{path} has {size} bytes; at most {largest} are read: move it away")
+    raise InputError(f"{path} has {size} bytes; at most {largest} are read")
 
 
 class Output(NamedTuple):

@@ -146,6 +146,15 @@ def test_no_contact_full_contact_and_few_nodes_have_answers():
     assert few.area_percent == math.inf
 
 
+@pytest.mark.parametrize("hardness", [None, 1e-90, 1e90])
+@pytest.mark.parametrize("delta", [1e-200, 1e200])
+def test_bars_at_displacements_far_from_one_stay_within_double_precision(delta, hardness):
+    heights = random_waves(1, 8, 0.7, 3)(33)
+    error = bem.solve(heights, 1.0, delta, hardness=hardness).grid_error()
+    for bar in (error.area_percent, error.force, error.mean_gap):
+        assert math.isfinite(bar)
+
+
 def test_nothing_is_solved_unless_it_is_asked_for(monkeypatch):
     monkeypatch.setattr("bem.derived.grid_error.coarser", lambda _: pytest.fail("a coarser grid"))
     contact = bem.solve(fractal(32, 0.8, 0), 1.0, pressure=0.01, boundary="periodic")
