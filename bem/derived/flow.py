@@ -23,6 +23,7 @@ from scipy.sparse.linalg import splu
 
 from bem.arrays import Field, Nodes, Values
 from bem.derived.spots import regions
+from bem.problem import OutOfRange
 
 # Ratio of the thresholds of gaps from one level of pockets to the next: 6 decades of conductance
 # cost as many digits of the factor, which refinement gives back.
@@ -30,6 +31,9 @@ STEP = 1e-2
 
 # Gaps that are narrower by this factor than the widest one are closed.
 CLOSED = 1e-50
+
+# Widest gaps whose cubes double precision holds [um].
+WIDEST = 1e-90, 1e90
 
 # Solutions with the factor, each of what the ones before have left, and how far the last one may
 # still change the flow.
@@ -90,7 +94,8 @@ def flow_through(gap: Field, spacing: tuple[float, float], axis: int, *, periodi
     Raises
     ------
     ValueError
-        If the axis is neither 0 nor 1.
+        If the axis is neither 0 nor 1. OutOfRange, a ValueError, if the widest gap is beyond
+        `WIDEST`.
     ArithmeticError
         If the equations are not solved to `RTOL`.
     """
@@ -103,6 +108,9 @@ def flow_through(gap: Field, spacing: tuple[float, float], axis: int, *, periodi
     nothing = Flow(0.0, 0.0, _fixed(np.zeros((2, *gap.shape))))
     if not largest > 0:
         return nothing
+    if not WIDEST[0] < largest < WIDEST[1]:
+        low, high = WIDEST
+        raise OutOfRange(f"widest gap = {largest:g} um: its flow needs {low:g} to {high:g} um")
     reduced = np.where(gap > CLOSED * largest, gap / largest, 0.0)
     basis, lift, flowing = _pockets(reduced, periodic=periodic)
     if not flowing.any():

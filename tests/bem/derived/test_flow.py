@@ -5,6 +5,7 @@ import pytest
 
 import bem
 from bem.derived.flow import flow_through
+from bem.problem import OutOfRange
 from gen.spectral import SelfAffineSpectrum, generate_spectral
 
 AXES_AND_BORDERS = [(axis, periodic) for axis in (0, 1) for periodic in (False, True)]
@@ -193,3 +194,14 @@ def test_an_axis_that_there_is_not_is_refused():
     with pytest.raises(ValueError, match="axis 2: give 0"):
         contact.flow(2)
     assert contact.flow().factor == 0
+
+
+@pytest.mark.parametrize("widest", [1e-120, 1e-85, 1e85, 1e120])
+def test_gaps_whose_cubes_are_beyond_double_precision_are_refused(widest):
+    gap = np.full((4, 4), widest)
+    if 1e-90 < widest < 1e90:
+        found = flow_through(gap, (1.0, 1.0), 0, periodic=True)
+        assert found.aperture == pytest.approx(widest)
+    else:
+        with pytest.raises(OutOfRange, match="widest gap = 1e"):
+            flow_through(gap, (1.0, 1.0), 0, periodic=True)
