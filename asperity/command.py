@@ -13,7 +13,6 @@ import typer
 from typer.core import TyperGroup
 
 from gen.runtime import command_line, farm
-from gen.runtime.command_line import Version
 
 COMPLETING = "_ASPERITY_COMPLETE"  # environment variable by which a shell asks for completions
 
@@ -60,9 +59,9 @@ class Programs(TyperGroup):
 app = typer.Typer(cls=Programs, rich_markup_mode=None)
 
 
-@app.callback()
-def describe_program(*, version: Version = False) -> None:
-    """Contact of rough surfaces: solve it, make databases of it, learn from them."""
+app.callback(help="Contact of rough surfaces: solve it, make databases of it, learn from them.")(
+    command_line.take_version
+)
 
 
 def _stand_in() -> None:
@@ -83,9 +82,9 @@ def main() -> int:
     command_line.start(default_sigint=program is None or program.default_sigint)
     try:
         if program:
-            code: int = import_module(program.module).main(rest, f"asperity {name}")
+            code: int = import_module(program.module).main(rest, name=f"asperity {name}")
         else:
-            code = command_line.main(app, "asperity", sys.argv[1:])
+            code = command_line.main(app, sys.argv[1:], "asperity")
         farm.leave()
     except Exception:
         farm.abort_all()

@@ -42,7 +42,7 @@ def describe_program(*, version: command_line.Version = False) -> None:
 
 def main(arguments: Sequence[str], name: str = "bench") -> int:
     """Run one command line; return its exit code."""
-    return command_line.main(app, name, arguments, alone=True)
+    return command_line.main(app, arguments, name, alone=True)
 
 
 @app.command()

@@ -1,6 +1,6 @@
 """The command line of `python -m gen`: its commands, of which each has a home in `commands`."""
 
-from collections.abc import Sequence
+from functools import partial
 
 import typer
 
@@ -18,12 +18,9 @@ COMMANDS = (
 for _command in COMMANDS:
     app.command()(_command)
 
+app.callback(
+    help="Generate databases of rough-surface contact, inspect them, and solve single problems."
+)(command_line.take_version)
 
-def main(arguments: Sequence[str], name: str = "gen") -> int:
-    """Run one command line, as of a program of this name, and return its exit code."""
-    return command_line.main(app, name, arguments, together=["run"])
-
-
-@app.callback()
-def describe_program(*, version: command_line.Version = False) -> None:
-    """Generate databases of rough-surface contact, inspect them, and solve single problems."""
+main = partial(command_line.main, app, name="gen", together=["run"])
+"""Run one command line, a sequence of words, under a `name`; return its exit code."""

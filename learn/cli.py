@@ -1,6 +1,6 @@
 """The command line of `python -m learn`: its commands, of which each has a home in `commands`."""
 
-from collections.abc import Sequence
+from functools import partial
 
 import typer
 
@@ -21,12 +21,9 @@ TOGETHER = ("fit", "grow", "compare", "tune")
 for _command in COMMANDS:
     app.command()(_command)
 
+app.callback(
+    help="Surrogates of contact databases: nine models compared, tuned, and judged by their errors."
+)(command_line.take_version)
 
-def main(arguments: Sequence[str], name: str = "learn") -> int:
-    """Run one command line; return its exit code."""
-    return command_line.main(app, name, arguments, together=TOGETHER)
-
-
-@app.callback()
-def describe_program(*, version: command_line.Version = False) -> None:
-    """Surrogates of contact databases: nine models compared, tuned, and judged by their errors."""
+main = partial(command_line.main, app, name="learn", together=TOGETHER)
+"""Run one command line, a sequence of words, under a `name`; return its exit code."""

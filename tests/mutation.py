@@ -217,7 +217,7 @@ def mutation(
 
 def main(arguments: Sequence[str]) -> int:
     """Run one command line; return its exit code."""
-    return command_line.main(app, "mutation", arguments, alone=True)
+    return command_line.main(app, arguments, "mutation", alone=True)
 
 
 if __name__ == "__main__":

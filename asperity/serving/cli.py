@@ -36,7 +36,7 @@ Processes = Annotated[
 
 def main(arguments: Sequence[str], name: str) -> int:
     """Run the command line and return its exit code."""
-    return command_line.main(app, name, arguments, alone=True)
+    return command_line.main(app, arguments, name, alone=True)
 
 
 @app.command()

@@ -59,6 +59,10 @@ Version = Annotated[
 """The option `--version` of every program."""
 
 
+def take_version(*, version: Version = False) -> None:
+    """Take the option of a program that stands before its commands."""
+
+
 def _trust(context: typer.Context, wanted: bool) -> bool:
     """Trust functions that files name until the command has ended."""
     if wanted:
@@ -165,8 +169,8 @@ def typed(context: typer.Context, program: str) -> str:
 
 def main(
     app: typer.Typer,
-    name: str,
     arguments: Sequence[str],
+    name: str,
     *,
     together: Collection[str] = (),
     alone: bool = False,

@@ -184,7 +184,7 @@ def faults(
 
 def main(arguments: Sequence[str]) -> int:
     """Run one command line; return its exit code."""
-    return command_line.main(app, "faults", arguments, alone=True)
+    return command_line.main(app, arguments, "faults", alone=True)
 
 
 if __name__ == "__main__":

@@ -186,7 +186,7 @@ def fuzz(
 
 def main(arguments: Sequence[str]) -> int:
     """Run one command line; return its exit code."""
-    return command_line.main(app, "fuzz", arguments, alone=True)
+    return command_line.main(app, arguments, "fuzz", alone=True)
 
 
 if __name__ == "__main__":

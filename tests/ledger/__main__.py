@@ -56,7 +56,7 @@ def ledger(
 
 def main(arguments: Sequence[str]) -> int:
     """Run one command line; return its exit code."""
-    return command_line.main(app, "ledger", arguments, alone=True)
+    return command_line.main(app, arguments, "ledger", alone=True)
 
 
 if __name__ == "__main__":
