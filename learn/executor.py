@@ -2,7 +2,7 @@
 
 The contract of `Executor` is that of mpi4py.futures and schwimmbad. The code of a job is written as
 if there were one process: it hands tasks to an executor and receives their results on the master.
-The workers run none of it; they serve tasks until the executor closes. On one process the executor
+The workers run none of it; they serve tasks until the job has ended. On one process the executor
 does the tasks itself.
 
 Libraries cannot be asked to end a fit: compiled code runs to its end. A process that computes
@@ -18,10 +18,13 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from multiprocessing.connection import Connection, Pipe
 from typing import Any, TypeVar
+
+import typer
 
 from gen.runtime import farm
 from gen.runtime.errors import InputError
@@ -39,7 +42,7 @@ class Executor:
     """The workers of a job, as the code on its master sees them: `workers` processes that compute.
 
     The world is this process alone if left out. The workers among its processes have to be in
-    `lead`.
+    `led`.
     """
 
     def __init__(self, world: farm.World = ALONE) -> None:
@@ -74,29 +77,26 @@ class Executor:
         self.run(work, shared, [task], lambda _, result: results.append(result))
         return results[0]
 
-    def close(self) -> None:
-        """Release the workers from `lead`."""
-        self._world.broadcast(None)
 
+@contextmanager
+def led() -> Iterator[Executor]:
+    """Give the master the executor of its job; every process has to come here.
 
-def lead(job: Callable[[Executor], int], world: farm.World) -> int:
-    """Run a job on the master, and serve its tasks on the workers; every process has to call it.
-
-    The job's exit code is returned on the master, 0 on a worker. If the job raises an exception on
-    the master, `gen.runtime.farm.MasterLeft` is raised on the workers.
+    Workers serve the job's tasks and then end their command, by typer's `Exit`. If the job raises
+    an exception on the master, `gen.runtime.farm.MasterLeft` is raised on the workers.
     """
+    world = farm.this_world()
     if world.is_master:
-        executor = Executor(world)
-        code = job(executor)
-        executor.close()
-        return code
+        yield Executor(world)
+        world.broadcast(None)
+        return
     shared: Any = None  # the workers keep it from round to round
     with Interruption(listening=False):
         while (announced := world.broadcast(None)) is not None:
             work, fresh, sent = announced
             shared = sent if fresh else shared
             farm.run(partial(work, shared), iter(()), lambda *_: None, world)
-    return 0
+    raise typer.Exit
 
 
 UNITS = {"s": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0, "d": 86400.0}

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from gen.runtime import farm
 from gen.runtime.command_line import Trust, grouped
 from gen.runtime.errors import InputError
 from gen.runtime.files import check_folder, lock_folder
@@ -158,10 +157,10 @@ def _led(
     """
     from learn.comparison import tables
     from learn.comparison.folder import targets
-    from learn.executor import lead
+    from learn.executor import led
     from learn.models import MODELS
 
-    def job(executor: Executor) -> int:
+    with led() as executor:
         request = ask()
         with lock_folder(request.output):
             if number := work(request, executor):
@@ -174,9 +173,7 @@ def _led(
                 for model, kind, said in tables.no_better_than_constant(part):
                     if tuned and kind == "tuned" and model in (request.models or MODELS):
                         raise InputError(f"{part.path}: {said}; the tables are still written")
-        return 0
-
-    return lead(job, farm.this_world())
+    return 0
 
 
 def _write_and_print(folder: Path, *, pictures: bool) -> None:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 import typer
 
-from gen.runtime import farm
 from gen.runtime.command_line import Trust, grouped
 from gen.runtime.errors import InputError
 from gen.runtime.files import Output, check_outputs
@@ -15,7 +14,6 @@ from gen.runtime.terminal import echo, to_type
 
 if TYPE_CHECKING:
     from learn.dataset import Request
-    from learn.executor import Executor
 
 SEEDS = 2**32 - 1
 """The largest seed that all libraries of models take."""
@@ -122,10 +120,10 @@ def fit(files: Databases, output: SurrogateFile, *, choice: Choice, trust: Trust
     `mpiexec -n 9 python -m mpi4py -m learn fit ...`, the workers generate surfaces.
     """
     from gen.runtime.signals import Interruption
-    from learn.executor import lead
+    from learn.executor import led
     from learn.surrogate import fitting
 
-    def job(executor: Executor) -> int:
+    with led() as executor:
         wanted = Output(output, "--output", "surrogate")
         given = (*files, choice.source, choice.calibrate_on)
         check_outputs([wanted], [each for each in given if each is not None])
@@ -137,9 +135,7 @@ def fit(files: Databases, output: SurrogateFile, *, choice: Choice, trust: Trust
             return 128 + interruption.signal
         surrogate.save(output)
         echo(f"wrote {output}: {to_type(f'learn card {output}')}")
-        return 0
-
-    return lead(job, farm.this_world())
+    return 0
 
 
 def _request(files: list[Path], output: Path, choice: Choice) -> Request:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from gen.runtime import farm
 from gen.runtime.command_line import Trust, grouped
 from gen.runtime.errors import InputError
 from gen.runtime.files import Output, check_outputs
@@ -70,12 +69,10 @@ def grow(scene: SceneName, output: SurrogateFile, *, goal: Goal, trust: Trust = 
     surrogate stand an ordinary database (.h5) and a picture of the learning curve and the
     predictions (.png).
     """
-    from learn.executor import lead
+    from learn.executor import led
 
-    def job(executor: Executor) -> int:
+    with led() as executor:
         return _grow(_order(output, goal), scene, goal.budget, executor)
-
-    return lead(job, farm.this_world())
 
 
 def _grow(order: Order, scene: str, budget: str, executor: Executor) -> int:

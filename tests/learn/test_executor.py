@@ -10,10 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gen.runtime import farm
 from gen.runtime.errors import InputError
 from learn import executor
-from learn.executor import Executor, lead, within
+from learn.executor import Executor, led, within
 
 
 def count(shared, task):
@@ -130,13 +129,6 @@ def test_no_task_is_begun_once_it_is_told_to_stop():
     assert results == [0, 1]
 
 
-def test_the_master_leads_with_the_exit_code_of_its_job():
-    assert lead(lambda executor: executor.call(scaled, 1, 7), farm.World()) == 7
-
-
 def test_what_a_job_raises_is_not_swallowed():
-    def refuse(executor):
+    with pytest.raises(InputError, match="no job today"), led():
         raise InputError("no job today")
-
-    with pytest.raises(InputError, match="no job today"):
-        lead(refuse, farm.World())

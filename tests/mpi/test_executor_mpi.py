@@ -13,9 +13,10 @@ pytestmark = [
 
 JOBS = """
 import faulthandler, json, os, sys
+import typer
 from gen.runtime import farm
 from gen.runtime.errors import InputError
-from learn.executor import lead
+from learn.executor import led
 
 faulthandler.dump_traceback_later(300, exit=True)
 
@@ -44,17 +45,14 @@ def rounds(executor):
             assert os.getpid() not in workers
     alone, _ = executor.call(work, second, 4)
     print(json.dumps([found, alone, Sent.copies, executor.workers]), flush=True)
-    return 0
 
 def failing_work(executor):
     executor.run(work, Sent(1), [1, -5, 2], lambda *pair: None)
-    return 0
 
 def failing_master(executor):
     def refuse(task, result):
         raise InputError("disk full today")
     executor.run(work, Sent(1), range(9), refuse)
-    return 0
 
 def early(executor):
     raise InputError("no database today")
@@ -63,7 +61,10 @@ world = farm.this_world()
 for job in (rounds, failing_work, failing_master, early):
     code = 0
     try:
-        code = lead(job, world)
+        with led() as executor:
+            job(executor)
+    except typer.Exit as left:
+        code = left.exit_code
     except farm.MasterLeft as left:
         code = left.code
     except InputError as error:
