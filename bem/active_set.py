@@ -309,7 +309,7 @@ class ActiveSet(Iterate):
         """
         patch, residual, (reduction, floor) = self.patch, self.residual, goals
         base, carried, deflation = self._constraint(yielded)
-        direction, change = np.zeros_like(base), np.zeros_like(base)
+        direction, change = np.zeros(base.shape, np.float32), np.zeros(base.shape, np.float32)
         previous, goal, mean = math.inf, 0.0, 0.0
         least, last = math.inf, self.iterations
         singular = self.load is None and patch.singular
@@ -367,7 +367,7 @@ class ActiveSet(Iterate):
         if yielded is not None and yielded.any():
             return base, 0.0, (base, 0.0)
         image = patch.in_contact(self.below) - patch.in_contact(self.residual)
-        image += np.float32(self.shift) * (1 if image.ndim == 1 else patch.contact)
+        image += np.float32(self.shift) * (1 if image.ndim == 1 else patch.within)
         stiffness = inner(base, image)
         return base, 0.0, (image, stiffness if stiffness > 0 else 0.0)
 
@@ -386,7 +386,7 @@ class ActiveSet(Iterate):
     def _take_mean(self, here: Real, base: Real, carried: float) -> float:
         """Take the mean off a residual in contact, weighted by a pressure, and return it."""
         mean = inner(base, here) / carried
-        here -= np.float32(mean) if here.ndim == 1 else np.float32(mean) * self.patch.contact
+        here -= np.float32(mean) if here.ndim == 1 else np.float32(mean) * self.patch.within
         return mean
 
     def _has_to_change(

@@ -441,8 +441,8 @@ def _under_load(problem: Problem, near: Start | None, _: float) -> Equilibrium:
         solve.begin(pressure)
     spent = 0 if near is None else near.spent
     enough = solve.patch.few * (0.5 if near is None or spent else 0.9)
-    solve.approach(enough, interpolated=spent > 0)
     del near  # its memory is free again
+    solve.approach(enough, interpolated=spent > 0)
     if not solve.settle_few():
         solve.run()
     found = _result(problem, solve, touching, length, spent)

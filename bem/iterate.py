@@ -424,7 +424,7 @@ class Iterate:
             patch.add_to(ahead, np.float32(APPROACH) * correction)
             self.pressure = np.clip(ahead, 0, self.limit, out=ahead)
             self._admit(ahead)
-            self.residual -= patch.displace(ahead - before)
+            self.residual -= patch.displace(np.subtract(ahead, before, out=before))
             if self.load is not None:
                 self._balance()
             elif not self.yields:

@@ -93,7 +93,7 @@ class Dense:
         return (self.matrix @ pressure.reshape(-1)).reshape(self.shape)
 
     def take_contact(self, nodes: np.ndarray) -> None:
-        self.contact, self.count = nodes, int(nodes.sum())
+        self.contact, self.within, self.count = nodes, nodes, int(nodes.sum())
 
     def in_contact(self, field: np.ndarray) -> np.ndarray:
         return (field * self.contact).astype(np.float32)
