@@ -27,5 +27,5 @@ def numbers_of(path: Path | str) -> str:
     numbers = [found.low, found.high, found.distance.of(inputs)]
     for learnt in found.learnt.values():
         raw = learnt.raw(inputs)
-        numbers += [raw, *learnt.ends(inputs, raw, 0.5)]
+        numbers += [raw, *learnt.calibration.ends(raw, 0.5, inputs)]
     return repr([each.tolist() for each in numbers])

@@ -35,7 +35,7 @@ class Fitted(Fit):
 
     def predict(self, rows: Dataset) -> Values:
         """Predict n rows, in the unit of the target's column."""
-        return self.learnt.within(self.learnt.raw(rows.inputs) * rows.scale)
+        return np.clip(self.learnt.raw(rows.inputs) * rows.scale, *self.learnt.bounds)
 
     def scores(self, rows: Dataset) -> Scores:
         """Judge the predictions of some rows."""
@@ -43,8 +43,9 @@ class Fitted(Fit):
 
     def interval(self, rows: Dataset, level: float) -> tuple[Values, Values]:
         """Return both ends of the interval of each of n rows, in the unit of the column."""
-        ends = self.learnt.ends(rows.inputs, self.predict(rows) / rows.scale, level)
-        low, high = (self.learnt.within(end * rows.scale) for end in ends)
+        raw, inputs = self.predict(rows) / rows.scale, rows.inputs
+        ends = self.learnt.calibration.ends(raw, level, inputs)
+        low, high = (np.clip(end * rows.scale, *self.learnt.bounds) for end in ends)
         return low, high
 
     def flags(self, rows: Dataset) -> NDArray[np.bool_]:

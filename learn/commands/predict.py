@@ -95,7 +95,7 @@ def predict(
     from learn.features.scene import SCENE
     from learn.surrogate import Surrogate
     from learn.surrogate.answers import Question, answers, answers_of_parameters, show
-    from learn.surrogate.model import bodies_of, require_level
+    from learn.surrogate.model import require_level
 
     inputs = inputs or []
     check_outputs([Output(output, "--output")], [file, *inputs])
@@ -116,7 +116,7 @@ def predict(
             " are for surrogates that learn fit --features scene makes"
         )
     else:
-        bodies = bodies_of(surrogate, material.modulus(), material.hardness)
+        bodies = surrogate.bodies(material.modulus(), material.hardness)
         question = Question(deltas, bodies, interval, reading)
         with RunProgress(len(inputs), "inputs") as progress:
             for path in inputs:

@@ -137,7 +137,10 @@ class Rows:
     def coarse(self, name: str) -> Values:
         """Return a column of the coarse solve, (n,)."""
         if self.hybrid is None:
-            raise ValueError("these features need the surface")
+            raise InputError(
+                "hybrid features need the surface, not its statistics alone: give its heights, or"
+                " fit with --features dimensionless"
+            )
         return np.asarray(self.hybrid[:, HYBRID.index(name)])
 
     @cached_property
@@ -156,8 +159,10 @@ class Rows:
     @property
     def grid(self) -> Values:
         """Nodes along a side, (n,)."""
-        if self.nodes is None:
-            raise ValueError("these features need the number of nodes")
+        if self.nodes is None or not np.greater(self.nodes, 0).all():
+            raise InputError(
+                "names no nodes_x and nodes_y, which the surrogate was trained with as a feature"
+            )
         return np.ones(len(self.delta)) * self.nodes
 
     @property

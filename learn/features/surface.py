@@ -242,16 +242,6 @@ class SurfaceFeatures:
             contact.perimeter / self.length,
         )
 
-    @property
-    def full_contact(self) -> float:
-        """Displacement of full contact of elastic bodies, inf on a free patch [um].
-
-        A patch without edges has no equilibrium from there on.
-        """
-        if self.boundary == "free":
-            return math.inf
-        return float((self.heights.max() - self.heights).mean())
-
     def _pressed(self, coarse: Blocks, depth: float, hardness_ratio: float | None) -> bem.Contact:
         """Solve the contact of the block means, `depth` [um] below the highest, with E* = 1 MPa."""
         means, (step_x, step_y), (nx, ny) = coarse.means, self.steps, self.heights.shape

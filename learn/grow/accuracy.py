@@ -216,9 +216,9 @@ class Judged:
 def judge(learnt: Learnt, rows: Dataset) -> Judged:
     """Compare the predictions of a target with the solver's results for some rows."""
     raw = learnt.raw(rows.inputs)
-    ends = learnt.ends(rows.inputs, raw, LEVEL)
-    low, high = (learnt.within(each * rows.scale) for each in ends)
-    predicted = learnt.within(raw * rows.scale)
+    ends = learnt.calibration.ends(raw, LEVEL, rows.inputs)
+    low, high = (np.clip(each * rows.scale, *learnt.bounds) for each in ends)
+    predicted = np.clip(raw * rows.scale, *learnt.bounds)
     truth = rows.target * rows.scale
     found = accuracy(np.abs(predicted - truth), truth, rows.groups)
     return Judged(truth, predicted, low, high, found)

@@ -222,7 +222,7 @@ def rows_of_table(surrogate: Surrogate, path: Path, question: Question) -> Rows:
     if all(undefined):
         raise InputError(f"{path}: every row lacks statistics: nothing can be predicted")
     nodes = _numbers(path, cells, NODE_NAMES, 0.0)
-    trained = flag.pair(surrogate.card, "nodes"), flag.pair(surrogate.card, "side")
+    trained = surrogate.card["nodes"], surrogate.card["side"]
     notes = []
     for row, lacks in enumerate(undefined):
         nx, ny = map(int, nodes[row] if nodes[row].all() else trained[0])

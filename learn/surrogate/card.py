@@ -114,7 +114,7 @@ def judge(learnt: Learnt, rows: Dataset, test: Indices) -> dict[str, Any]:
     covered = []
     for level in LEVELS:
         share, *ends = learnt.calibration.coverage(raw, truth, level, tested.inputs)
-        low, high = (learnt.within(end * scale) for end in ends)
+        low, high = (np.clip(end * scale, *learnt.bounds) for end in ends)
         width = float(np.mean(high - low))
         covered.append({"level": level, "coverage": share, "mean_width": width})
     several = {} if len(rows.origins) == 1 else {"databases": _by_database(learnt, rows, test)}
@@ -131,7 +131,7 @@ def judge(learnt: Learnt, rows: Dataset, test: Indices) -> dict[str, Any]:
 def scores_of(learnt: Learnt, rows: Dataset, raw: Values) -> dict[str, float]:
     """Return the scores of predictions of rows over their scale, (n,) [%]."""
     truth = rows.target * rows.scale
-    found = scores(truth, learnt.within(raw * rows.scale))
+    found = scores(truth, np.clip(raw * rows.scale, *learnt.bounds))
     return {name: float(value) for name, value in vars(found).items()}
 
 
@@ -146,7 +146,7 @@ def _by_database(learnt: Learnt, rows: Dataset, test: Indices) -> list[dict[str,
         nmae = mae = covered = float("nan")
         if mine.size:
             raw, truth, scale = learnt.raw(rows.inputs[mine]), rows.target[mine], rows.scale[mine]
-            error = np.abs(learnt.within(raw * scale) - truth * scale)
+            error = np.abs(np.clip(raw * scale, *learnt.bounds) - truth * scale)
             mae, size = float(error.mean()), magnitude(truth * scale)
             nmae = 100 * mae / size if size else nmae
             covered, *_ = learnt.calibration.coverage(raw, truth, LEVELS[1], rows.inputs[mine])
@@ -212,7 +212,7 @@ def _training(card: Mapping[str, Any]) -> str:
     """Describe patches, loads and bodies of the training."""
     patches = []
     for entry in card.get("databases", [card]):
-        (nx, ny), (x, y) = flag.pair(entry, "nodes"), flag.pair(entry, "side")
+        (nx, ny), (x, y) = entry["nodes"], entry["side"]
         sides = f"side {x:g} um" if x == y else f"sides {x:g} x {y:g} um"
         patches.append(f"{nx:g} x {ny:g} nodes, {sides}")
     text = (
@@ -221,10 +221,10 @@ def _training(card: Mapping[str, Any]) -> str:
     )
     if card["area_max"] is not None:
         text += f", areas to {card['area_max']:g} %"
-    if (limits := flag.hardness_limits(card)) is not None:
+    if (limits := card.get("hardness_ratio")) is not None:
         also = ", and elastic bodies" if card.get("elastic") else ""
         text += f", hardness {flag.between(limits)} E*{also}"
-    boundary = flag.boundary_of(card)
+    boundary = card.get("boundary", "free")
     return text if boundary == "free" else f"{text}, {boundary} boundary"
 
 

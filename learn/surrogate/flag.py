@@ -20,9 +20,8 @@ from typing import Any
 
 import numpy as np
 
-from bem.problem import BOUNDARIES, Boundary, node_spacing
+from bem.problem import node_spacing
 from gen.arrays import Indices, Values
-from gen.runtime.errors import InputError
 from learn.features import FeatureSet
 from learn.surrogate.interval import CONSTANT, Scores
 
@@ -38,9 +37,6 @@ leave directions without any."""
 
 RIDGE_OF_MAPS = 0.01
 """The same where many maps or databases are one cloud: few directions tell them from another."""
-
-ROUNDING = 1e-6
-"""Relative distance from the training's hardness within which a hardness counts as equal."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +141,7 @@ def reasons_of(
     Notes, one for each row, stand first. The ranges are ends, each (d,), of the training's
     features.
     """
-    (low, high), far = ranges, distance.of(inputs)
+    (low, high), (far, _) = ranges, distance.measured(inputs)
     outside = (inputs < low) | (inputs > high)
     inputs, low, high = (features.shown(each) for each in (inputs, low, high))
     found = list(notes)
@@ -174,11 +170,11 @@ def grid_note(
     and spacing.
     """
     said = []
-    grids = list(dict.fromkeys(pair(each, "nodes") for each in card.get("databases", [card])))
+    grids = list(dict.fromkeys(tuple(each["nodes"]) for each in card.get("databases", [card])))
     if shape not in grids and not features.needs_nodes:
         trained = ", ".join(f"{nodes[0]:g} x {nodes[1]:g}" for nodes in grids)
         said.append(f"{shape[0]} x {shape[1]} nodes, trained on {trained}")
-    own = pair(card, "side")
+    own = card["side"]
     if not np.isclose(sides[0] * own[1], sides[1] * own[0], rtol=1e-3):
         trained = "square patches" if own[0] == own[1] else f"{own[0]:.6g} x {own[1]:.6g} um"
         said.append(f"{sides[0]:.6g} x {sides[1]:.6g} um, trained on {trained}")
@@ -186,83 +182,15 @@ def grid_note(
         said.append(f"side {sides[0]:.6g} um, trained on {own[0]:.6g} um")
     if features.scaled or features.needs_nodes:  # whose nodes are in their range or not
         return joined(*said)
-    boundary = boundary_of(card)
-    for nodes, side, usual in zip(shape, sides, pair(card, "spacing"), strict=True):
-        spacing = node_spacing(max(nodes, 2), side, boundary)
+    for nodes, side, usual in zip(shape, sides, card["spacing"], strict=True):
+        spacing = node_spacing(max(nodes, 2), side, card.get("boundary", "free"))
         if not np.isclose(spacing, usual, rtol=0.02):
             said.append(f"spacing {spacing:.4g} um, trained on {usual:.4g} um")
             break
     return joined(*said)
 
 
-def pair(card: Mapping[str, Any], name: str) -> tuple[float, float]:
-    """Return an entry of a card along x and y: "nodes" [1], "side" or "spacing" [um]."""
-    first, second = card[name]
-    return float(first), float(second)
-
-
-def boundary_of(card: Mapping[str, Any]) -> Boundary:
-    """Return the boundary of the training's patches; the card of free patches has no such entry."""
-    (boundary,) = (each for each in BOUNDARIES if each == card.get("boundary", "free"))
-    return boundary
-
-
-def hardness_limits(card: Mapping[str, Any]) -> tuple[float, float] | None:
-    """Return the smallest and largest hardness over E* of the training; None if none yields."""
-    limits = card.get("hardness_ratio")
-    return None if limits is None else (float(limits[0]), float(limits[1]))
-
-
-def hardness_ratio(
-    card: Mapping[str, Any], hardness: float | None, e_star: float | None = None
-) -> float | None:
-    """Return the hardness over E* of a prediction [MPa]; None for elastic bodies.
-
-    Without a hardness bodies are elastic if the training has some, otherwise they have the only
-    hardness of the training. Its E* is the default. InputError is raised if the training has no
-    hardness, or several and none is given.
-    """
-    limits = hardness_limits(card)
-    if limits is None:
-        if hardness is None:
-            return None
-        raise InputError(
-            f"--hardness {hardness:g}: the surrogate was trained on elastic bodies: leave that out,"
-            " or fit one to a database whose scene has a hardness"
-        )
-    if hardness is not None:
-        if not 0 < hardness < np.inf:
-            raise InputError(f"--hardness {hardness:g}: give a hardness above 0 MPa")
-        return hardness / (float(card["modulus"]) if e_star is None else e_star)
-    if card.get("elastic"):
-        return None
-    if limits[0] < limits[1]:
-        raise InputError(
-            f"give --hardness: the surrogate was trained on bodies that yield at {between(limits)}"
-            " E*"
-        )
-    return limits[0]
-
-
 def between(limits: tuple[float, float]) -> str:
     """Describe a range of the hardness over E*: "0.003 to 0.1", or "0.01" for a fixed one."""
     low, high = limits
     return f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
-
-
-def hardness_note(
-    limits: tuple[float, float] | None, hardness_ratio: float | None, *, elastic: bool = False
-) -> str:
-    """Return how a hardness over E* lies outside the limits of the training; "" if it does not.
-
-    Where elastic bodies are in the training, they are the end of the harder ones.
-    """
-    if limits is None or hardness_ratio is None:
-        return ""
-    low, high = limits
-    least, most = low * (1 - ROUNDING), np.inf if elastic else high * (1 + ROUNDING)
-    if least <= hardness_ratio <= most:
-        return ""
-    return (
-        f"hardness/E* {hardness_ratio:.4g} outside {low:.4g} to {np.inf if elastic else high:.4g}"
-    )

@@ -39,7 +39,7 @@ from gen.runtime.errors import InputError
 from gen.runtime.terminal import RunProgress
 from gen.scene import Scene
 from learn.features import SurfaceFeatures, Undefined
-from learn.surrogate.model import OnSurface, Prediction, Surrogate, bodies_of, require_surfaces
+from learn.surrogate.model import OnSurface, Prediction, Surrogate, require_surfaces
 
 BEYOND = (1.15, 1.4, 2.0, 3.0)
 """Further Deltas to predict, over the last one: some surfaces reach a pressure late."""
@@ -88,7 +88,7 @@ def make(surrogate: Surrogate, order: Order, say: Callable[[str], None]) -> Law:
     hardness = order.hardness
     if hardness is None and (given := subjects.hardness_ratio()) is not None:
         hardness = given * (order.e_star or surrogate.modulus)
-    bodies = bodies_of(surrogate, order.e_star, hardness)
+    bodies = surrogate.bodies(order.e_star, hardness)
     if deltas is None:
         low, high = surrogate.card["delta"]
         deltas = np.unique(np.linspace(float(low), float(high), STEPS))

@@ -21,7 +21,7 @@ import json
 import re
 import shlex
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping
 from copy import copy
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,7 +30,7 @@ from zipfile import ZIP_DEFLATED
 
 import numpy as np
 
-from gen.arrays import Values
+from gen.arrays import Indices, Values
 from gen.runtime.errors import InputError
 from gen.runtime.files import SURROGATE, atomic, require_file
 from gen.runtime.terminal import printable, to_type
@@ -121,22 +121,16 @@ class Learnt:
     clip: Clip | None = None  # ranges that the inputs do not leave; None for sets with units
     bounds: tuple[float, float] = (-np.inf, np.inf)  # least and largest value of the column
 
-    def within(self, values: Values) -> Values:
-        """Cut predictions, or ends of their intervals, at the bounds of the column, (n,)."""
-        return np.clip(values, *self.bounds)
-
     def raw(self, inputs: Values) -> Values:
         """Predict the target over its scale, (n,), at the features, (n, d); NaN where one is."""
-        if self.clip is not None:
-            inputs = np.clip(inputs, *self.clip)
+        found = np.full(len(inputs), np.nan)
         with np.errstate(over="ignore", invalid="ignore"):  # said by `predict_rows`, row by row
-            return self.scaling.restored(_by_parts(self._predict, inputs))
+            for rows in _parts(inputs):
+                seen = inputs[rows] if self.clip is None else np.clip(inputs[rows], *self.clip)
+                found[rows] = self._predict(seen)
+            return self.scaling.restored(found)
 
-    def ends(self, inputs: Values, raw: Values, level: float) -> tuple[Values, Values]:
-        """Return both ends, each (n,), of the interval over the scale around `raw` predictions."""
-        return self.calibration.ends(raw, level, inputs)
-
-    def mean_ends(self, inputs: Values, raw: Values, level: float) -> tuple[Values, Values]:
+    def mean_ends(self, raw: Values, level: float, inputs: Values) -> tuple[Values, Values]:
         """Return both ends, each (n,), of the interval of the mean over all surfaces.
 
         InputError is raised if the model does not know how uncertain the mean is.
@@ -144,7 +138,9 @@ class Learnt:
         model = self.pipeline.named_steps[STEP]
         if not hasattr(model, "coefficients_"):
             raise InputError("the mean has an interval with --model population alone: fit one")
-        errors = _by_parts(lambda part: model.error(self.pipeline[:-1].transform(part)), inputs)
+        errors = np.full(len(inputs), np.nan)
+        for rows in _parts(inputs):
+            errors[rows] = model.error(self.pipeline[:-1].transform(inputs[rows]))
         half = model.quantile(level) * errors * self.scaling.deviation
         return raw - half, raw + half
 
@@ -164,14 +160,11 @@ class Learnt:
         return np.asarray(np.exp(distances, out=distances) @ model.dual_coef_).reshape(-1)
 
 
-def _by_parts(predict: Callable[[Values], Values], inputs: Values) -> Values:
-    """Predict rows without NaN, (n,), some at a time; NaN for the others."""
-    found = np.full(len(inputs), np.nan)
+def _parts(inputs: Values) -> Iterator[Indices]:
+    """Yield the rows, (k,), without NaN that are predicted together."""
     known = np.flatnonzero(~np.isnan(inputs).any(axis=1))
     for start in range(0, known.size, PART):
-        rows = known[start : start + PART]
-        found[rows] = predict(inputs[rows])
-    return found
+        yield known[start : start + PART]
 
 
 def _skops() -> Any:
@@ -287,7 +280,7 @@ def _with_trees(estimator: Any, trees: dict[str, Values]) -> None:
         estimator.estimators_ = members
 
 
-def load_parts(path: Path) -> dict[str, Any]:
+def load_parts(path: Path) -> tuple[dict[str, Any], dict[str, Learnt], Values, Values, Distance]:
     """Read the fields of a `Surrogate`.
 
     InputError is raised if the file is no surrogate, of another format, damaged, or names types
@@ -311,7 +304,7 @@ def load_parts(path: Path) -> dict[str, Any]:
             f"{path}: its models cannot be used here ({fault}); it was made with"
             f" {printable(made)}: {_anew(path, card)}"
         ) from None
-    return {"card": card, "learnt": learnt, "low": low, "high": high, "distance": distance}
+    return card, learnt, low, high, distance
 
 
 def _unpacked(
@@ -337,7 +330,7 @@ def _unpacked(
     if card["features"] != SCENE and (card["features"] not in SETS or not names <= {*FORMULAS}):
         raise TypeError("its features are unknown")
     if sklearn.__version__ != card["versions"].get("scikit-learn"):
-        learnt.ends(low[None], learnt.raw(low[None]), 0.5)
+        learnt.calibration.ends(learnt.raw(low[None]), 0.5, low[None])
     return learnt
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations  # short signatures in help()
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from pathlib import Path
 from typing import Any, Self
 
@@ -34,6 +33,9 @@ PROPORTIONAL = {"force", "largest_pressure", "stiffness", "interface_stiffness"}
 
 ROUNDING = 1e-9
 """Difference up to which a level of intervals counts as the largest one."""
+
+SAME = 1e-6
+"""Relative distance from the training's hardness within which a hardness counts as equal."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +95,14 @@ class Surrogate:
         Training ranges of the features.
     distance : Distance
         Distances from the training.
+    features : FeatureSet
+        The feature set that the models were trained on.
+    modulus : float
+        E* of the training [MPa].
+    boundary : str
+        Boundary of the training's patches: that of every prediction too.
+    hardness_limits : tuple of float or None
+        Smallest and largest hardness over E* of the training; None if no bodies yield.
     """
 
     card: dict[str, Any]
@@ -100,6 +110,26 @@ class Surrogate:
     low: Values
     high: Values
     distance: Distance
+    features: FeatureSet = field(init=False)
+    modulus: float = field(init=False)
+    boundary: Boundary = field(init=False)
+    hardness_limits: tuple[float, float] | None = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Read of the card what predictions need."""
+        card, limits = self.card, self.card.get("hardness_ratio")
+        features = replace(
+            SETS[card["features"]],
+            columns=tuple(name for name, _ in card["columns"]),
+            blocks=int(card.get("blocks", 0)),
+            elastic=bool(card.get("elastic")),
+        )
+        vars(self).update(
+            features=features,
+            modulus=float(card["modulus"]),
+            boundary=card.get("boundary", "free"),
+            hardness_limits=None if limits is None else tuple(map(float, limits)),
+        )
 
     @classmethod
     def load(cls, path: Path | str) -> Self:
@@ -121,7 +151,7 @@ class Surrogate:
             If the file is no surrogate, is damaged or of another format, or does not fit the
             libraries installed here.
         """
-        return cls(**load_parts(Path(path)))
+        return cls(*load_parts(Path(path)))
 
     def save(self, path: Path | str) -> None:
         """Write the file that `load` reads, whole or not at all.
@@ -139,32 +169,6 @@ class Surrogate:
             If a model has settings that `learn fit` never gives.
         """
         write_parts(Path(path), self)
-
-    @cached_property
-    def features(self) -> FeatureSet:
-        """The feature set that the models were trained on."""
-        card = self.card
-        return replace(
-            SETS[str(card["features"])],
-            columns=tuple(name for name, _ in card["columns"]),
-            blocks=int(card.get("blocks", 0)),
-            elastic=bool(card.get("elastic")),
-        )
-
-    @property
-    def hardness_limits(self) -> tuple[float, float] | None:
-        """Smallest and largest hardness over E* of the training; None if no bodies yield."""
-        return flag.hardness_limits(self.card)
-
-    @property
-    def boundary(self) -> Boundary:
-        """Boundary of the training's patches: that of every prediction too."""
-        return flag.boundary_of(self.card)
-
-    @property
-    def modulus(self) -> float:
-        """E* of the training [MPa]."""
-        return float(self.card["modulus"])
 
     def predict(
         self,
@@ -229,6 +233,30 @@ class Surrogate:
         on_surface = self.for_surface(surface, side)
         one = None if hardness is None else float(np.asarray(hardness))
         return on_surface.predict(delta, e_star=e_star, hardness=one, level=level)
+
+    def bodies(self, e_star: float | None, hardness: float | None) -> Bodies:
+        """Return the bodies of a prediction, which are those of the training unless given [MPa].
+
+        Without a hardness bodies are elastic if the training has some, otherwise they have the only
+        hardness of the training. InputError is raised if the training has no hardness, or several
+        and none is given.
+        """
+        limits, modulus = self.hardness_limits, self.modulus if e_star is None else e_star
+        if hardness is not None and limits is None:
+            raise InputError(
+                f"--hardness {hardness:g}: the surrogate was trained on elastic bodies: leave that"
+                " out, or fit one to a database whose scene has a hardness"
+            )
+        if hardness is not None and not 0 < hardness < np.inf:
+            raise InputError(f"--hardness {hardness:g}: give a hardness above 0 MPa")
+        if hardness is None and limits is not None and not self.features.elastic:
+            if limits[0] < limits[1]:
+                raise InputError(
+                    "give --hardness: the surrogate was trained on bodies that yield at"
+                    f" {flag.between(limits)} E*"
+                )
+            hardness = limits[0] * modulus
+        return Bodies(modulus, hardness, known=e_star is not None)
 
     def _asks(self) -> str:
         """Name the numbers that a scene's surrogate asks for."""
@@ -351,19 +379,8 @@ class Surrogate:
 
     def _inputs(self, rows: Rows) -> Values:
         """Return the features of rows, (n, d), NaN where statistics are; see `of_statistics`."""
-        features = self.features
-        if features.needs_surface and rows.hybrid is None:
-            raise InputError(
-                f"{features.name} features need the surface, not its statistics alone: give its"
-                " heights, or fit with --features dimensionless"
-            )
-        needs_grid = features.needs_nodes or features.elastic
-        if needs_grid and (rows.nodes is None or not np.greater(rows.nodes, 0).all()):
-            raise InputError(
-                "names no nodes_x and nodes_y, which the surrogate was trained with as a feature"
-            )
-        inputs = features.of(rows)
-        if features.name == SCENE:  # checked by `of_numbers`
+        inputs = self.features.of(rows)
+        if self.features.name == SCENE:  # checked by `of_numbers`
             return inputs
         wrong = ~(np.abs(inputs) <= LARGEST).all(axis=1) & ~np.isnan(rows.statistics).any(axis=1)
         bad = np.flatnonzero(wrong | ~(rows.delta > 0))
@@ -419,36 +436,31 @@ class Surrogate:
                 raw[~np.isfinite(raw * scale)] = np.nan
             for row in np.flatnonzero(np.isnan(raw) & known):
                 said[row] = flag.joined(f"the surrogate has no finite {name}", said[row])
-            prediction.values[name] = learnt.within(raw * scale)
+            answer = np.clip(raw * scale, *learnt.bounds)
+            prediction.values[name] = answer
             if level is not None:
-                ends = learnt.mean_ends if mean else learnt.ends
                 with np.errstate(invalid="ignore", divide="ignore"):  # about what is answered, so
-                    answer = prediction.values[name]  # that bounds leave no interval without width
+                    # that bounds leave no interval without width
                     centre = np.where(answer == raw * scale, raw, answer / scale)
-                low, high = ends(inputs, centre, level)
-                prediction.low[name] = learnt.within(low * scale)
-                prediction.high[name] = learnt.within(high * scale)
+                ends = learnt.mean_ends if mean else learnt.calibration.ends
+                low, high = ends(centre, level, inputs)
+                prediction.low[name] = np.clip(low * scale, *learnt.bounds)
+                prediction.high[name] = np.clip(high * scale, *learnt.bounds)
         return replace(prediction, reasons=tuple(said))
 
     def _reasons(self, rows: Rows, inputs: Values) -> tuple[str, ...]:
         """Return for each row why it is outside the training; "" if it is inside."""
-        elastic, number = bool(self.card.get("elastic")), len(rows.delta)
-        ratios = [None] * number
-        if rows.hardness_ratio is not None:
-            ratios = np.broadcast_to(rows.hardness_ratio, number).tolist()
-        given = rows.notes or ("",)
-        notes = [
-            flag.joined(each, flag.hardness_note(self.hardness_limits, ratio, elastic=elastic))
-            for each, ratio in zip(given * (number // len(given)), ratios, strict=True)
-        ]
+        number, given = len(rows.delta), rows.notes or ("",)
+        notes = list(given * (number // len(given)))
+        if self.hardness_limits is not None and rows.hardness_ratio is not None:
+            low, high = self.hardness_limits
+            high = np.inf if self.features.elastic else high  # elastic bodies are very hard ones
+            ratios = np.broadcast_to(rows.hardness_ratio, number)
+            inside = (low * (1 - SAME) <= ratios) & (ratios <= high * (1 + SAME))
+            for row in np.flatnonzero(~inside):
+                said = f"hardness/E* {ratios[row]:.4g} outside {low:.4g} to {high:.4g}"
+                notes[row] = flag.joined(notes[row], said)
         return flag.reasons_of(inputs, notes, self.features, (self.low, self.high), self.distance)
-
-
-def bodies_of(surrogate: Surrogate, e_star: float | None, hardness: float | None) -> Bodies:
-    """Return E* and hardness of answers, for which the training has defaults; or InputError."""
-    given = surrogate.modulus if e_star is None else e_star
-    ratio = flag.hardness_ratio(surrogate.card, hardness, given)
-    return Bodies(given, None if ratio is None else ratio * given, known=e_star is not None)
 
 
 def require_surfaces(surrogate: Surrogate, what: str) -> None:
@@ -526,7 +538,9 @@ class OnSurface:
         rows = surface.rows(surrogate.features, deltas, hardness_ratio)
         shape = (surface.heights.shape[0], surface.heights.shape[1])
         note = flag.grid_note(surrogate.card, surrogate.features, shape, surface.sides)
-        limit = surface.full_contact if hardness_ratio is None else np.inf
+        limit = np.inf
+        if surrogate.boundary != "free" and hardness_ratio is None:
+            limit = float((surface.heights.max() - surface.heights).mean())
         full = f"no equilibrium: the contact is full at delta = {limit:.6g} um"
         beyond = np.where(deltas >= limit, full, "")
         return replace(rows, notes=tuple(flag.joined(own, note) for own in beyond))
@@ -556,5 +570,5 @@ class OnSurface:
         Prediction
             Predictions of all targets, one row for each displacement.
         """
-        rows = self.rows(delta, flag.hardness_ratio(self.surrogate.card, hardness, e_star))
+        rows = self.rows(delta, self.surrogate.bodies(e_star, hardness).hardness_ratio)
         return self.surrogate.predict_rows(rows, e_star=e_star, level=level, reasons=reasons)

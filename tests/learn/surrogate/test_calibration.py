@@ -115,8 +115,8 @@ def test_intervals_of_a_file_are_those_that_were_fitted(solved, tmp_path):
     area = Surrogate.load(tmp_path / "x.surrogate").learnt["area"]
     rows = read(solved, "area", features="dimensionless", roots=True)
     raw = area.raw(rows.inputs)
-    ends = found.learnt["area"].ends(rows.inputs, raw, 0.9)
-    np.testing.assert_array_equal(area.ends(rows.inputs, raw, 0.9), ends)
+    ends = found.learnt["area"].calibration.ends(raw, 0.9, rows.inputs)
+    np.testing.assert_array_equal(area.calibration.ends(raw, 0.9, rows.inputs), ends)
     assert (ends[1] > ends[0]).all()
     far = np.argsort(found.distance.of(rows.inputs))
     width = np.sqrt(ends[1]) - np.sqrt(raw)
