@@ -96,5 +96,5 @@ def filled(path, scene, *runs):
 
 def raise_physics(monkeypatch):
     """Have a version of the code that computes other results."""
-    for module in (database.creation, database.layout, database.reader):
+    for module in (database.creation, database.reader):
         monkeypatch.setattr(module, "PHYSICS", PHYSICS + 1)

@@ -10,20 +10,18 @@ HDF5's own file locks are not used: they fail on network file systems and would 
 `lock` keeps writers apart by name. A run writes only into the file that it has opened (`HeldFile`):
 if that is replaced, moved or overwritten meanwhile, the run ends.
 
-Two writers keep the same contract. `Writer` is one process, `ParallelWriter` all processes of an
-MPI run together, if h5py is built with MPI. They write the same file, and either continues the work
-of the other.
+A `Writer` is one process, or all processes of an MPI run together, if h5py is built with MPI. Both
+write the same file, and either continues the work of the other.
 """
 
 from gen.database.creation import Opened, create, extend, merge, open_or_create
 from gen.database.reader import Counts, Reader, is_database
-from gen.database.writer import ParallelWriter, Writer, coherent, parallel_hdf5
+from gen.database.writer import Writer, coherent, parallel_hdf5
 from gen.runtime.files import lock
 
 __all__ = [
     "Counts",
     "Opened",
-    "ParallelWriter",
     "Reader",
     "Writer",
     "coherent",

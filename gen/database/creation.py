@@ -1,11 +1,13 @@
 """Make databases: create, extend and merge them, and give new files their names when whole."""
 
+import json
 import os
 import re
 import shutil
 import stat
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, suppress
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -13,24 +15,26 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from gen.database.layout import (
+from gen.database.reader import (
+    FLAGS,
+    PART_NUMBERS,
     SIGNATURE,
+    Counts,
+    Reader,
+    checked,
     chunks,
-    identity,
-    lay_out,
-    provenance,
+    open_file,
     read_attributes,
     rows_of,
     stored_path,
-    write_rows,
 )
-from gen.database.reader import Counts, checked, checked_for, counts, open_file
-from gen.database.writer import HeldFile, disk_trouble
+from gen.database.writer import HeldFile, disk_trouble, write_rows
 from gen.runtime.errors import InputError
 from gen.runtime.files import lock, place_of, unfinished
+from gen.runtime.installation import git_commit, versions
 from gen.runtime.memory import size
 from gen.scene import Scene, columns_for, differences, row_bytes
-from gen.schema import PHYSICS, STATUS, Column, Status
+from gen.schema import PART, PHYSICS, RUNTIME, SCHEMA, STATUS, Column, Status
 
 
 class Opened(NamedTuple):
@@ -42,8 +46,30 @@ class Opened(NamedTuple):
 
 def create(path: Path, scene: Scene, rows: range | None = None) -> None:
     """Create a database of some rows, all pending; the caller holds `lock(path)`."""
-    rows = range(scene.samples) if rows is None else rows
-    _assemble(path, scene, rows, provenance(scene))
+    numerics = versions(("asperity", "numpy", "scipy", "pyfftw", "h5py"))
+    attributes: dict[str, str | int] = {
+        "Conventions": "CF-1.11",
+        **_identity(scene),
+        "schema": SCHEMA,
+        "physics": PHYSICS,
+        "physics_forced": 0,
+        "versions": json.dumps(numerics | {"hdf5": h5py.version.hdf5_version}),
+        "git_commit": git_commit(),
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+    }
+    _assemble(path, scene, range(scene.samples) if rows is None else rows, attributes)
+
+
+def _identity(scene: Scene) -> dict[str, str | int]:
+    """Return the attributes that identify a scene."""
+    persons = {"creator_name": scene.creator, "license": scene.licence}  # ACDD's names
+    return {
+        "title": scene.title or "Contact of rough surfaces",
+        **{name: text for name, text in persons.items() if text},
+        "scene": scene.text(),
+        "scene_hash": scene.fingerprint(),
+        "samples": scene.samples,
+    }
 
 
 def open_or_create(
@@ -59,11 +85,11 @@ def open_or_create(
         create(path, scene, wanted)
         return Opened("created", len(wanted))
     with open_file(path) as file:
-        checked_for(file, path, scene, force=force)
+        checked(file, path, scene, force=force)
         there = rows_of(read_attributes(file))
         other_physics = int(file.attrs["physics"]) != PHYSICS
     if other_physics:
-        with HeldFile(path), open_file(path, writing=True) as file:
+        with HeldFile(path), open_file(path, True) as file:
             file.attrs.modify("physics_forced", PHYSICS)
     if _hull(there, wanted) == there:
         return Opened("resumed", len(there))
@@ -78,7 +104,7 @@ def extend(path: Path, scene: Scene, rows: range | None = None, *, force: bool =
     Rows between those of a part and the requested ones are added as pending.
     """
     with HeldFile(path) as held, open_file(path) as old:
-        present = checked_for(old, path, scene, force=force)
+        present = checked(old, path, scene, force=force)
         attributes = read_attributes(old)
         old_rows = rows_of(attributes)
         rows = _hull(old_rows, range(scene.samples) if rows is None else rows)
@@ -86,7 +112,7 @@ def extend(path: Path, scene: Scene, rows: range | None = None, *, force: bool =
             raise InputError(f"{path} has {len(old_rows)} samples; to extend it ask for more")
         wider = scene if scene.samples > present.samples else present
         part = Part(path, old, old_rows)
-        _assemble(path, wider, rows, attributes | identity(wider), [part], replaced=held)
+        _assemble(path, wider, rows, attributes | _identity(wider), [part], replaced=held)
     return rows
 
 
@@ -114,7 +140,9 @@ def merge(target: Path, sources: Sequence[Path]) -> Counts:
         forced = max(int(file.attrs["physics_forced"]) for file in files.values())
         attributes = read_attributes(files[largest]) | {"physics_forced": forced}
         parts = [Part(path, file, rows_of(read_attributes(file))) for path, file in files.items()]
-        return _assemble(target, scene, range(scene.samples), attributes, parts)
+        _assemble(target, scene, range(scene.samples), attributes, parts)
+        with Reader(target) as merged:
+            return merged.counts()
 
 
 class Part(NamedTuple):
@@ -195,7 +223,7 @@ def _assemble(
     parts: Sequence[Part] = (),
     *,
     replaced: HeldFile | None = None,
-) -> Counts:
+) -> None:
     """Make a file of some rows beside a database, and rename it to the database when it is whole.
 
     Its name, `X.h5.0123456789abcdef.part`, is drawn at random. The next attempt, which holds the
@@ -211,12 +239,11 @@ def _assemble(
         with unfinished(real, "refuse" if replaced is None else "replace", ".part") as made:
             if replaced is not None:
                 _require_owner(path, real.stat(), made.stat())
-            lay_out(made, scene, rows, attributes)
-            with open_file(made, writing=True) as file:
+            _lay_out(made, scene, rows, attributes)
+            with open_file(made, True) as file:
                 widest = max(column.row_bytes(scene.shape) for column in columns_for(scene))
                 for start, stop in chunks(rows.stop, widest, rows.start):
                     _merge_rows(file, rows.start, parts, scene, start, stop)
-                counted = counts(file[STATUS.path])
             if replaced is not None:
                 replaced.check()
     except FileExistsError:
@@ -226,7 +253,64 @@ def _assemble(
         if trouble is None:
             raise
         raise InputError(f"{path}: {trouble}; nothing was changed") from None
-    return counted
+
+
+def _lay_out(path: Path, scene: Scene, rows: range, attributes: Mapping[str, str | int]) -> None:
+    """Create a file for some rows of a scene: dimensions, attributes and empty columns.
+
+    HDF5 allocates the columns; who calls fills them, because HDF5 crashes if the disk runs full
+    during its own filling.
+    """
+    columns = columns_for(scene)
+    # Version 2 of the superblock: later ones mark a file as open, and a killed writer would leave
+    # the mark. Creation order is tracked so that readers list columns in the schema's order.
+    with h5py.File(path, "w", libver=("v108", "v110"), track_order=True, locking=False) as file:
+        part = rows != range(scene.samples)
+        own = {name: value for name, value in attributes.items() if name not in PART_NUMBERS}
+        own |= {"schema": PART if part else SCHEMA}
+        own |= dict(zip(PART_NUMBERS, (rows.start, len(rows)), strict=True)) if part else {}
+        for name, value in own.items():
+            _set(file, name, value)
+        axes = {"sample": len(rows)}
+        if any(column.shape_of for column in columns):
+            axes |= dict(zip("xy", scene.shape, strict=True))
+        dimensions = []
+        for name, size in axes.items():  # netCDF-4: a scale without data or disk space
+            scale = file.create_dataset(name, shape=(size,), dtype=">f4")
+            scale.make_scale(f"This is a netCDF dimension but not a netCDF variable.{size:10d}")
+            dimensions.append(scale)
+        file.create_group(RUNTIME, track_order=True)
+        for column in columns:
+            properties = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+            properties.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
+            properties.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
+            shape, fill = column.shape(len(rows), scene.shape), column.fill
+            dataset = file.create_dataset(
+                column.path, shape=shape, dtype=column.dtype, fillvalue=fill, dcpl=properties
+            )
+            for axis, scale in enumerate(dimensions[: len(shape)]):
+                dataset.dims[axis].attach_scale(scale)
+            _set(dataset, "long_name", column.long_name)
+            if column.unit:
+                _set(dataset, "units", column.unit)
+            if flags := FLAGS.get(column):
+                dataset.attrs["flag_values"] = np.array(list(flags), dtype=column.dtype)
+                # CF's list of meanings is separated by blanks: each text has to be one word.
+                words = (re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_") for text in flags.values())
+                _set(dataset, "flag_meanings", " ".join(word or "none" for word in words))
+
+
+def _set(node: h5py.Dataset | h5py.File, name: str, value: str | int) -> None:
+    """Add an attribute, a text with a fixed length.
+
+    HDF5 keeps texts of variable length in a heap without checksums, and may read for ever if that
+    is damaged.
+    """
+    if isinstance(value, str):
+        data = value.encode()
+        node.attrs.create(name, data, dtype=h5py.string_dtype("utf-8", max(1, len(data))))
+    else:
+        node.attrs[name] = value
 
 
 def _require_owner(path: Path, old: os.stat_result, new: os.stat_result) -> None:

@@ -1,32 +1,57 @@
-"""Open databases, refuse other files, and read columns, attributes, counts and ranges."""
+"""Open databases, refuse other files, and read columns, attributes, counts and ranges.
+
+Databases come from anywhere. HDF5 lets the data of a dataset lie in other files (external storage,
+external links, virtual datasets), behind filters, or on top of another dataset's data, and lets a
+header declare more rows than the file has. With such a file, a run could write into a file that
+nobody named, or a reader could need memory without bound. Columns therefore have to be hard links
+to contiguous datasets of the schema's type and shape, and their data must not overlap.
+"""
 
 import errno
 import json
 import math
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
+from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple, NoReturn
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from gen.database.layout import (
-    FLAGS,
-    NUMBERS,
-    TEXTS,
-    check_columns,
-    chunks,
-    read_attributes,
-    rows_of,
-    stored_path,
-)
 from gen.runtime.errors import InputError
 from gen.runtime.files import require_file
 from gen.scene import Scene, columns_for, differences
-from gen.schema import DRAWN_NAMES, PART, PHYSICS, REASON, SCHEMA, STATUS, Column, Reason, Status
+from gen.schema import (
+    DRAWN_NAMES,
+    PART,
+    PHYSICS,
+    REASON,
+    REASONS,
+    SCHEMA,
+    STATUS,
+    Column,
+    Reason,
+    Status,
+)
+
+SIGNATURE = b"\x89HDF\r\n\x1a\n"  # first bytes of HDF5 files
+CHUNK_BYTES = 8 * 2**20  # most bytes of a column that are in memory at once
+
+TEXTS = ("title", "scene", "scene_hash", "versions", "git_commit", "created")
+NUMBERS = ("samples", "schema", "physics", "physics_forced")
+LARGEST_ATTRIBUTE = 2**22  # most bytes of an attribute, more than the text of any scene has
+
+PART_NUMBERS = ("first_row", "rows")
+"""Attributes of a part: its first row in the scene's plan, and its number of rows."""
+
+FLAGS: dict[Column, dict[int, str]] = {
+    STATUS: {status: status.name.lower() for status in Status},
+    REASON: REASONS,
+}
+"""Meaning of each code, for the columns with codes."""
 
 
 class Counts(NamedTuple):
@@ -37,7 +62,31 @@ class Counts(NamedTuple):
     failed: int
 
 
-def open_file(path: Path, *, writing: bool = False, communicator: Any = None) -> h5py.File:
+def chunks(rows: int, bytes_per_row: int, first: int = 0) -> Iterator[tuple[int, int]]:
+    """Split the rows from `first` on into chunks of `CHUNK_BYTES` at most, or one row."""
+    step = max(1, CHUNK_BYTES // bytes_per_row)
+    for start in range(first, rows, step):
+        yield start, min(start + step, rows)
+
+
+def rows_of(attributes: Mapping[str, str | int]) -> range:
+    """Return the rows of a file in the numbers of its scene's plan."""
+    samples = int(attributes["samples"])
+    if attributes["schema"] != PART:
+        return range(samples)
+    first, count = (int(attributes[name]) for name in PART_NUMBERS)
+    if not (0 <= first < samples and 1 <= count <= samples - first):
+        raise ValueError(f"it is said to hold {count} rows from row {first} on, of {samples}")
+    return range(first, first + count)
+
+
+def stored_path(file: h5py.File, column: Column) -> str:
+    """Return the name of a column in a file: in older ones, some have those of the parameters."""
+    older = {name: parameter for parameter, name in DRAWN_NAMES.items()}.get(column.name)
+    return column.path if older is None or column.path in file else older
+
+
+def open_file(path: Path, writing: bool = False, communicator: Any = None) -> h5py.File:
     """Open an HDF5 file unchecked; all processes of a communicator open it together.
 
     HDF5's buffer for small writes is off, so that data reach the kernel in the order of the calls,
@@ -83,8 +132,66 @@ def _damage(path: Path) -> Iterator[None]:
         ) from None
 
 
-def checked(file: h5py.File, path: Path) -> Scene:
-    """Check that an open file is a database of this layout, and return its scene."""
+def read_attributes(file: h5py.File) -> dict[str, str | int]:
+    """Read a file's attributes: texts of fixed length and single integers, nothing else."""
+    for name in file.attrs:
+        attribute = h5py.h5a.open(file.id, name.encode("utf-8", "surrogateescape"))
+        kind = attribute.get_type()
+        text = isinstance(kind, h5py.h5t.TypeStringID) and not kind.is_variable_str()
+        number = isinstance(kind, h5py.h5t.TypeIntegerID)
+        wanted = text if name in TEXTS else number if name in NUMBERS else text or number
+        single = attribute.get_space().get_simple_extent_type() == h5py.h5s.SCALAR
+        if not wanted or not single or attribute.get_storage_size() > LARGEST_ATTRIBUTE:
+            kind_wanted = "integer" if name in NUMBERS else "text of fixed length"
+            raise ValueError(f"attribute {name!r} is not one {kind_wanted}")
+    return {
+        name: value.decode() if isinstance(value, bytes) else int(value)
+        for name, value in file.attrs.items()
+    }
+
+
+def _check_columns(file: h5py.File, path: Path, scene: Scene, rows: int) -> None:
+    """Refuse a file whose columns `gen` cannot have laid out; no declared size costs time."""
+    size, places = path.stat().st_size, []
+
+    def refuse(name: str, fault: str) -> NoReturn:
+        raise InputError(
+            f"{path} is damaged, or gen has not written it: column {name!r} {fault}; restore it"
+            " from a copy or remove it"
+        )
+
+    for column in columns_for(scene):
+        name = stored_path(file, column)
+        for part in filter(None, (column.group, name)):
+            link = file.get(part, getclass=True, getlink=True)
+            if link is not h5py.HardLink:
+                refuse(name, "is missing" if link is None else "is a link to somewhere else")
+        dataset, shape = file[name], column.shape(rows, scene.shape)
+        if (
+            not isinstance(dataset, h5py.Dataset)
+            or (dataset.shape, dataset.dtype) != (shape, np.dtype(column.dtype))
+            or dataset.id.get_type().committed()
+        ):
+            refuse(name, f"is not of type {column.dtype} and shape {shape}")
+        if dataset.external or dataset.is_virtual or dataset.chunks is not None:
+            refuse(name, "is in another file, virtual, or in chunks, as in other programs' copies")
+        first, length = dataset.id.get_offset(), rows * column.row_bytes(scene.shape)
+        if first is None or first + length > size:
+            refuse(name, f"has {rows} rows that do not fit into its {size} bytes")
+        places.append((first, first + length, name))
+    for (_, end, name), (first, _, other) in pairwise(sorted(places)):
+        if first < end:
+            refuse(other, f"lies on top of column {name!r}")
+
+
+def checked(
+    file: h5py.File, path: Path, wanted: Scene | None = None, *, force: bool = False
+) -> Scene:
+    """Check that an open file is a database of this layout, and return its scene.
+
+    With a wanted scene, check too that rows of it can be written into the file: other results are
+    refused, and without `force` another physics number.
+    """
     with _damage(path):
         if not all(name in file.attrs for name in ("schema", "physics", "scene", "samples")):
             raise InputError(f"{path} is HDF5 but not a database of Asperity; give another name")
@@ -101,38 +208,24 @@ def checked(file: h5py.File, path: Path) -> Scene:
         if own != (scene.fingerprint(), scene.samples):
             raise ValueError("its scene is not the one that it was made with")
         json.loads(str(attributes["versions"])).items()
-        check_columns(file, path, scene, len(rows_of(attributes)))
+        _check_columns(file, path, scene, len(rows_of(attributes)))
+    if wanted is None:
         return scene
-
-
-def checked_for(file: h5py.File, path: Path, scene: Scene, *, force: bool) -> Scene:
-    """Check that rows of a scene can be written into an open file; return the file's own scene."""
-    present = checked(file, path)
-    if different := differences(present, scene):
+    if different := differences(scene, wanted):
         raise InputError(
             f"{path} holds another scene ({'; '.join(different)}); "
             "give another name, or the file's own scene"
         )
-    physics = int(file.attrs["physics"])
+    physics = int(attributes["physics"])
     if physics != PHYSICS and not force:
         raise InputError(
             f"{path} holds results of physics {physics}, this version computes physics {PHYSICS}; "
             "give another name, or --force to have rows of both in one file"
         )
-    return present
+    return scene
 
 
-def counts(status: h5py.Dataset) -> Counts:
-    """Count rows by their status, given the column of statuses."""
-    done = failed = 0
-    for start, stop in chunks(len(status), 1):
-        chunk = status[start:stop]
-        done += int(np.count_nonzero(chunk == Status.DONE))
-        failed += int(np.count_nonzero(chunk == Status.FAILED))
-    return Counts(len(status) - done - failed, done, failed)
-
-
-class Reader:
+class Reader(ExitStack):
     """A database open for reading, even while a run writes it; a context manager.
 
     Parameters
@@ -156,32 +249,17 @@ class Reader:
     """
 
     def __init__(self, path: Path | str) -> None:
+        super().__init__()
         self.path = Path(path)
-        with ExitStack() as stack:
-            self._file = stack.enter_context(self._open())
-            self.scene = self._checked()
-            self.rows = rows_of(read_attributes(self._file))
-            stack.pop_all()
+        with ExitStack() as opened:
+            self._take(opened.enter_context(open_file(self.path)))
+            self.push(opened.pop_all())
 
-    def _open(self) -> h5py.File:
-        """Open the file."""
-        return open_file(self.path)
-
-    def _checked(self) -> Scene:
-        """Check the open file, and return its scene."""
-        return checked(self._file, self.path)
-
-    def __enter__(self) -> Self:
-        """Return the database, which is closed at the end of the block."""
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        """Close the file."""
-        self.close()
-
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
+    def _take(self, file: h5py.File, wanted: Scene | None = None, *, force: bool = False) -> None:
+        """Check an open file, and read what it holds."""
+        self._file = file
+        self.scene = checked(file, self.path, wanted, force=force)
+        self.rows = rows_of(read_attributes(file))
 
     def _places(self, first: int, last: int | None) -> tuple[int, int]:
         """Return first and last position in the columns of those rows that the file has."""
@@ -207,7 +285,12 @@ class Reader:
         Counts
             Numbers of pending, done and failed rows.
         """
-        return counts(self._file[STATUS.path])
+        done = failed = 0
+        for start, stop in chunks(len(self.rows), 1):
+            chunk = self._file[STATUS.path][start:stop]
+            done += int(np.count_nonzero(chunk == Status.DONE))
+            failed += int(np.count_nonzero(chunk == Status.FAILED))
+        return Counts(len(self.rows) - done - failed, done, failed)
 
     @property
     def attributes(self) -> dict[str, str | int]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pyarrow import parquet
 
 from gen.database import Reader
-from gen.database.layout import CHUNK_BYTES
+from gen.database.reader import CHUNK_BYTES
 from gen.runtime.errors import InputError
 from gen.runtime.files import atomic, kind_of
 from gen.schema import Column

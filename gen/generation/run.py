@@ -79,12 +79,10 @@ def opened(target: Target, world: farm.World) -> AbstractContextManager[Writer |
     """
     if not (target.parallel or world.is_master):  # other workers need no HDF5
         return nullcontext()
-    from gen.database import ParallelWriter, Writer
+    from gen.database import Writer
 
-    path, scene, force = target.path, target.scene, target.force
-    if target.parallel:
-        return ParallelWriter(path, scene, world.communicator, force=force)
-    return Writer(path, scene, force=force)
+    together = world.communicator if target.parallel else None
+    return Writer(target.path, target.scene, together, force=target.force)
 
 
 def write(writer: Writer | None, block: Block, rows: Columns) -> Columns:

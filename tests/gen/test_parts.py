@@ -108,7 +108,7 @@ def test_parts_merge_whatever_they_overlap(folder, monkeypatch):
     # An old share: as large as the whole, with the rows of others pending.
     create(folder / "old.h5", Scene.parse(SCENE.format(60), "60.toml"))
     assert run("60.toml", "old.h5", "--rows", "28:47") == 0
-    monkeypatch.setattr("gen.database.layout.CHUNK_BYTES", 320)  # chunks that lie in no file
+    monkeypatch.setattr("gen.database.reader.CHUNK_BYTES", 320)  # chunks that lie in no file
     assert cli.main(["merge", *map(str, parts), "old.h5", "-o", "merged.h5"]) == 0
     assert bytes_of("merged.h5") == bytes_of("60.h5")
     assert merge(folder / "gap.h5", parts[1:]) == (24, 36, 0)

@@ -38,13 +38,13 @@ DYING = """
 import os, signal, sys
 from gen import cli
 from gen.runtime import farm
-from gen.database import ParallelWriter
+from gen.database import Writer
 flushes = []
 def die_between_columns_and_status(self):
     flushes.append(1)
     if farm.this_world().rank > 0 and len(flushes) == 3:  # whichever worker comes that far
         os.kill(os.getpid(), signal.SIGKILL)
-ParallelWriter._flush = die_between_columns_and_status
+Writer._flush = die_between_columns_and_status
 sys.exit(cli.main(["run", "scene.toml", "-o", sys.argv[1]]))
 """
 

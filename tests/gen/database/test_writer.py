@@ -109,7 +109,7 @@ def test_pending_is_what_a_plain_loop_finds(twenty_rows, statuses, first, last, 
             else:
                 wanted.append((row, row + 1))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(database.layout, "CHUNK_BYTES", chunk)
+        patch.setattr(database.reader, "CHUNK_BYTES", chunk)
         assert twenty_rows.pending(first, last) == wanted
         tally = [statuses.count(status) for status in Status]
         assert list(twenty_rows.counts()) == tally
@@ -195,7 +195,7 @@ def test_an_extension_does_not_replace_what_has_come_meanwhile(held, folder, mon
     def replace_meanwhile(*_arguments, **_settings):
         SUDDENLY["replaced"](folder)
 
-    monkeypatch.setattr("gen.database.creation.counts", replace_meanwhile)
+    monkeypatch.setattr("gen.database.creation._merge_rows", replace_meanwhile)
     with pytest.raises(InputError, match="replaced by another file"):
         extend(held, LARGER)
     assert held.read_bytes() == (folder / "other.h5").read_bytes()
@@ -263,7 +263,7 @@ def test_a_file_in_the_making_is_closed_to_whom_the_old_one_is(held, monkeypatch
     def note_modes(*_arguments, **_settings):
         modes.extend(stat.S_IMODE(each.stat().st_mode) for each in held.parent.glob("*.part"))
 
-    monkeypatch.setattr("gen.database.creation.counts", note_modes)
+    monkeypatch.setattr("gen.database.creation._merge_rows", note_modes)
     extend(held, LARGER)
     assert set(modes) == {0o600}
 
