@@ -91,7 +91,6 @@ def predict(
     """
     from gen.law.contact_law import loads_from
     from gen.runtime.documents import Row, write_csv
-    from gen.runtime.terminal import RunProgress
     from learn.features.scene import SCENE
     from learn.surrogate import Surrogate
     from learn.surrogate.answers import Question, answers, answers_of_parameters, show
@@ -118,10 +117,8 @@ def predict(
     else:
         bodies = surrogate.bodies(material.modulus(), material.hardness)
         question = Question(deltas, bodies, interval, reading)
-        with RunProgress(len(inputs), "inputs") as progress:
-            for path in inputs:
-                rows += answers(surrogate, path, question, progress.say)
-                progress.advance(1, 0)
+        for path in inputs:
+            rows += answers(surrogate, path, question)
         show(rows, f"Predictions with {100 * interval:g} % intervals, {bodies.text}", bodies.doubts)
     if output is not None:
         write_csv(output, rows)

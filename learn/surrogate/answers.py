@@ -3,7 +3,7 @@
 import csv
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -56,13 +56,11 @@ class Question(NamedTuple):
     reading: Reading  # options that say how surfaces are read
 
 
-def answers(
-    surrogate: Surrogate, path: Path, question: Question, say: Callable[[str], None]
-) -> Iterator[Row]:
+def answers(surrogate: Surrogate, path: Path, question: Question) -> Iterator[Row]:
     """Yield the rows of the predictions for a file, or for the files of a folder.
 
-    `say` is called with lines for the user about each surface. InputError is raised for the first
-    file that cannot be used.
+    Lines about each surface are printed. InputError is raised for the first file that cannot be
+    used.
     """
     files = files_in(path)
     for file in files:
@@ -76,7 +74,7 @@ def answers(
             rows = rows_of_table(surrogate, file, question)
         else:
             alone = len(files) == 1
-            rows, warnings = _rows_of_surface(surrogate, file, question, say, alone=alone)
+            rows, warnings = _rows_of_surface(surrogate, file, question, alone=alone)
         try:
             prediction = surrogate.predict_rows(
                 rows, e_star=question.bodies.e_star, level=question.level
@@ -167,7 +165,7 @@ def heading(column: str, unit: str) -> str:
 
 
 def _rows_of_surface(
-    surrogate: Surrogate, path: Path, question: Question, say: Callable[[str], None], *, alone: bool
+    surrogate: Surrogate, path: Path, question: Question, *, alone: bool
 ) -> tuple[Rows, list[str]]:
     """Return the rows of a surface, which are NaN if it is not alone and statistics are undefined.
 
@@ -176,16 +174,16 @@ def _rows_of_surface(
     topography, warnings = read_surface(path, question.reading, surrogate.boundary)
     if question.deltas is None:
         raise InputError(f"{path}: give --delta, the far-field displacement in um")
-    say(f"{path}: {'; '.join(topography.steps)}")
+    echo(f"{path}: {'; '.join(topography.steps)}", err=True)
     for line in warnings:
-        say(f"  warning: {line}")
+        echo(f"  warning: {line}", err=True)
     on_surface = surrogate.for_surface(topography.heights, topography.sides, str(path))
     try:
         return on_surface.rows(question.deltas, question.bodies.hardness_ratio), warnings
     except Undefined as error:
         if alone:
             raise
-        say(f"  warning: {error}: no prediction")
+        echo(f"  warning: {error}: no prediction", err=True)
     statistics, hybrid = (
         np.full((question.deltas.size, len(names)), np.nan) for names in (STATISTICS, HYBRID)
     )
