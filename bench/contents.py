@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from bench.files import content_of, is_there, named, read_table, read_toml
 from gen.runtime.errors import InputError
 
-DIGITS = 4  # significant digits of numbers that are shown; the files have all of them
+DIGITS = 4  # significant digits of numbers that are shown; the files have more
 
 PASSED = "passed"
 SPECIAL = {"": "", "nan": "nan", "inf": "∞", "-inf": "-∞"}

@@ -16,6 +16,7 @@ Row = dict[str, Any]
 """Values of one line of a table by the names of its columns, which are the same in all lines."""
 
 HOME = Path(__file__).parent  # of the texts of this package
+ENOUGH = 7  # significant digits of measured numbers, far beyond what repeats
 COMPRESSED = ".xz"  # added to the names of large tables in the repository; `unxz` gives them back
 
 
@@ -95,9 +96,13 @@ def write_table(
 
 
 def write_rows(path: Path, rows: Iterable[Mapping[str, Any]]) -> Path:
-    """Write rows under the names of their columns, numbers with all their digits."""
+    """Write rows under the names of their columns, numbers with `ENOUGH` significant digits."""
     rows = list(rows)
-    return write_table(path, rows[0], (list(row.values()) for row in rows))
+
+    def rounded(value: Any) -> Any:
+        return float(f"{value:.{ENOUGH}g}") if isinstance(value, float) else value
+
+    return write_table(path, rows[0], (list(map(rounded, row.values())) for row in rows))
 
 
 def read_table(path: Path) -> tuple[list[str], list[dict[str, str]]]:

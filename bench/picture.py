@@ -22,7 +22,7 @@ COLOURS = (
 # Looks of curves, which markers tell apart on paper too.
 STYLES = tuple({"color": c, "marker": m} for c, m in zip(COLOURS, "os^DvPx*<>", strict=True))
 DPI = 150
-PALETTE = 256  # colours of a picture: far fewer bytes, so that a page of forty can be kept and sent
+PALETTE = 64  # colours of a picture: far fewer bytes, so that a page of forty can be kept and sent
 
 
 def new_figure(width: float = 6.4, height: float = 4.8) -> Any:

@@ -84,7 +84,8 @@ def processor() -> str:
     return platform.processor() or platform.machine()
 
 
-SAME = ("state", "versions", "machine")  # what has to be as it was for something to stay
+SAME = {"command": "command", "inputs": "inputs", "state": "code", "versions": "packages"}
+SAME |= {"machine": "machine"}  # what has to be as it was for something to stay, in words
 # Ends of the names of files that record how a part was made; no part reads them.
 NOT_READ = (".part.json", ".printed.txt")
 PAGE = "index.html"
@@ -126,14 +127,15 @@ class Making:
     command: str
     sources: Mapping[str, Path]
 
-    def stays(self) -> bool:
-        """Say whether the record is of the same command, inputs, code, packages and machine."""
+    def stale(self) -> str:
+        """Say why this has to be made, "" if it stays: what has changed since the record."""
         found = read(self.path)
         if found is None or not found.finished:
-            return False
+            return "new" if found is None else "not finished"
         then = found.model_dump()
         now = circumstances() | {"command": self.command, "inputs": self._stamps()}
-        return all(then[name] == now[name] for name in ("command", "inputs", *SAME))
+        changed = [said for name, said in SAME.items() if then[name] != now[name]]
+        return f"other {', '.join(changed)}" if changed else ""
 
     def write(self, contents: Sequence[Content] = (), **said: Any) -> None:
         """Write the record, with the contents that are shown if it is to say so.

@@ -6,6 +6,7 @@ goes on where it was interrupted.
 """
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -23,11 +24,14 @@ from bench.record import PAGE, RESULTS, Inputs, Record, code_state, load, read
 from bench.report import PARTS, Part, remark
 from gen.runtime.errors import InputError
 from gen.runtime.files import check_folder, lock_folder
+from gen.runtime.installation import versions
 from gen.runtime.signals import Interruption
 from gen.scene import load as load_scene
 
 ROWS = 1500  # rows of the paper preset that a short run generates; a full one generates all 15,878
 PATIENCE = 60.0  # seconds that a part has to end after a signal, before it is killed
+LONGEST = 7200.0  # seconds after which a part counts as hanging, and is ended as by a signal
+DATABASE = 300  # seconds that all rows of the paper preset take, about
 
 
 @dataclass(frozen=True)
@@ -102,7 +106,7 @@ def _kept(part: Part, inputs: Inputs) -> Record | None:
     if found is None or not found.finished:
         return None
     longer = not inputs.full and found.command == full.command != making.command
-    return found if longer or making.stays() else None
+    return found if longer or not making.stale() else None
 
 
 def _run(part: Part, inputs: Inputs, interruption: Interruption) -> int:
@@ -167,22 +171,22 @@ def _call(
 
 
 def _wait(process: "subprocess.Popen[str]", interruption: Interruption) -> int:
-    """Wait for the end; pass a signal on, and kill a process that ignores it."""
-    while not interruption.requested():
+    """Wait for the end; pass a signal on, end what hangs, and kill a process that ignores it."""
+    limit = time.monotonic() + LONGEST
+    while not interruption.requested() and time.monotonic() < limit:
         with suppress(subprocess.TimeoutExpired):
             return process.wait(timeout=0.2)
-    process.send_signal(interruption.signal)
+    process.send_signal(interruption.signal or signal.SIGINT)
     with suppress(subprocess.TimeoutExpired):
-        return process.wait(timeout=PATIENCE)
+        return process.wait(timeout=PATIENCE) or -signal.SIGINT
     process.kill()
     return process.wait()
 
 
 def seconds(part: Part, inputs: Inputs) -> float | None:
-    """Return the time that a part took [s]: here, by the same command, else where it was measured.
+    """Return the time that a part takes [s]: as here by the same command, else as it says itself.
 
-    Full runs have records among the published results, short ones say it in the report's file.
-    None where neither knows the part.
+    Of full runs that do not say it, the published results have records; None where nobody knows.
     """
     making = inputs.making(part)
     here = read(making.path)
@@ -191,7 +195,7 @@ def seconds(part: Part, inputs: Inputs) -> float | None:
     if not inputs.full:
         return part.seconds
     there = read(RESULTS / (part.folder or part.name) / f"{part.name}.part.json")
-    return there.seconds if there is not None and there.seconds else None
+    return 60 * part.minutes or (there.seconds if there is not None else None)
 
 
 def told(time: float | None) -> str:
@@ -202,15 +206,26 @@ def told(time: float | None) -> str:
 
 
 def planned(inputs: Inputs, only: Sequence[str] = ()) -> str:
-    """List what a run would make, with the time that it is going to take, and make nothing."""
+    """List all parts of a run, why each is to be made and for how long, and make nothing."""
     parts = [part for part in _chosen(only, inputs) if inputs.arguments(part)]
     check_folder(inputs.output, PAGE)
-    left = {p.name: seconds(p, inputs) for p in parts if _kept(p, inputs) is None}
-    lines = [
-        f"{part.name:24} {told(left[part.name]) if part.name in left else 'is there':>9}"
-        f"  {part.title}"
-        for part in parts
-    ]
-    known = sum(time or 0.0 for time in left.values())
-    lines.append(f"{len(left)} parts to make: {told(known)} by earlier records")
-    return "\n".join(lines)
+    left = {p.name: seconds(p, inputs) or 0.0 for p in parts if _kept(p, inputs) is None}
+    lines = []
+    if inputs.full and not inputs.files["database"].exists():
+        left["database"] = DATABASE
+        lines.append(f"{'database':20}{told(DATABASE):>9}  {'new':14}  Rows of the paper preset")
+    for part in parts:
+        making, to_make = inputs.making(part), part.name in left
+        time = told(seconds(part, inputs)) if to_make else "-"
+        lack = ", ".join(name for name in part.needs if not _is_installed(name))
+        lines.append(
+            f"{part.name:20}{time:>9}  {making.stale() if to_make else 'is there':14}  {part.title}"
+            + f" (WITHOUT {lack}: not installed)" * bool(lack)
+        )
+    known = told(sum(left.values()))
+    return "\n".join([*lines, f"{len(left)} parts to make: {known} by earlier records"])
+
+
+def _is_installed(name: str) -> bool:
+    """Say whether a program or a distribution is there."""
+    return shutil.which(name) is not None or name in versions([name])

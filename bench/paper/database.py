@@ -102,7 +102,7 @@ def _points(folder: Path, rows: pd.DataFrame) -> Path:
     """Write the points of the pictures."""
     points = rows[["delta", "area_percent", "hurst", "solve_seconds"]].itertuples()
     header = ("row", "delta_um", "area_percent", "hurst", "solve_s")
-    return write_table(folder / "rows.csv", header, points, digits=5)
+    return write_table(folder / "rows.csv", header, points, DIGITS)
 
 
 def distributions(folder: Path, database: Path) -> list[Content]:
@@ -205,7 +205,7 @@ def fine_grid(folder: Path, database: Path, fine: Path) -> list[Content]:
         folder / "fine-grid.csv",
         ("row", "solved_percent", *found),
         zip(first.rows, first.target, *(e.prediction for e in found.values()), strict=True),
-        digits=5,
+        DIGITS,
     )
     seen = " (surfaces of the training's seed: not unseen)" if same else ""
     said: dict[str, Any] = {"rows": first.size, "seen": seen, "papers": FINE_ROWS}

@@ -7,7 +7,7 @@ from typing import Any
 import pandas as pd
 
 from bench.contents import Content
-from bench.files import write_table
+from bench.files import is_there, write_table
 from bench.paper.database import finished
 from bench.paper.facts import (
     AREA_MAX,
@@ -197,17 +197,19 @@ def predictions(folder: Path, comparison: Path, kind: str) -> list[Content]:
     for model, axis in zip(shown, axes, strict=False):
         for each in kinds:
             if ours.result(each, model):
-                rows += _draw_prediction(axis, ours, each, model)
+                dots = _draw_prediction(axis, ours, each, model)
+                rows += dots if each == kind else []
         axis.set_title(MODELS[model].title, fontsize=10)
     for axis in axes[len(shown) :]:
         axis.set_axis_off()
     figure.supxlabel("solved area [%]", fontsize=10)
     figure.supylabel("predicted area [%]", fontsize=10)
-    header = ("model", "result", "solved", "predicted")
-    path = write_table(folder / f"predictions-{kind}.csv", header, rows, digits=5)
+    header = ("model", "solved", "predicted")
+    write_table(folder / f"predictions-{kind}.csv", header, rows, DIGITS)
+    data = filter(is_there, (folder / f"predictions-{each}.csv" for each in kinds))
     section = "4.1, baselines" if kind == "baseline" else "4.2, tuned models beside baselines"
     said = {"section": section, **_seen(ours, kind, shown)}
-    return [picture(folder, f"predictions-{kind}", figure, path, shows="predictions", **said)]
+    return [picture(folder, f"predictions-{kind}", figure, *data, shows="predictions", **said)]
 
 
 def _seen(folder: Folder, kind: str, shown: Shown) -> dict[str, str]:
@@ -230,7 +232,7 @@ def _draw_prediction(axis: Any, folder: Folder, kind: str, model: str) -> list[t
         parity_axes(axis, truth)
     draw_parity(axis, truth, predicted, label=label, color=colour, **DOTS[kind])
     axis.legend(loc="lower right", fontsize=7, markerscale=2, framealpha=0.9)
-    return [(model, kind, *pair) for pair in zip(truth, predicted, strict=True)]
+    return [(model, *pair) for pair in zip(truth, predicted, strict=True)]
 
 
 def bars(folder: Path, comparison: Path) -> list[Content]:

@@ -115,6 +115,17 @@ def test_a_part_that_does_not_heed_a_signal_is_killed(
     assert not (tmp_path / "two").exists()
 
 
+def test_a_part_that_hangs_is_ended_and_failed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(running, "LONGEST", 0.0)
+    monkeypatch.setattr(running, "PATIENCE", 0.1)
+    (tmp_path / "hangs.py").write_text("import signal\nsignal.pause()\n")
+    hanging = part("one", str(tmp_path / "hangs.py"))
+    assert makes(tmp_path, [hanging]) == Outcome(failed=("one",))
+    assert not record(hanging, tmp_path).finished
+
+
 def test_commands_make_and_rewrite_a_page(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -191,8 +202,11 @@ def test_another_command_state_of_the_code_or_input_makes_a_part_anew(
     monkeypatch.setattr("bench.record.circumstances", lambda: other)
     makes(tmp_path, [part("one", WRITE.replace("'x'", "'y'"))])
     assert (tmp_path / "one" / "made.txt").read_text() == "xyy"
+    assert inputs(tmp_path).making(part("one", WRITE)).stale() == "other command"
     monkeypatch.undo()
+    assert inputs(tmp_path).making(part("one", WRITE)).stale() == "other command, code"
     reading = part("reading", WRITE + "#{database}")
+    assert inputs(tmp_path).making(reading).stale() == "new"
     for day in (1, 1, 2):
         (tmp_path / "paper.h5").touch()
         os.utime(tmp_path / "paper.h5", ns=(0, day * 10**18))
