@@ -2,6 +2,7 @@
 
 import shlex
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
@@ -11,7 +12,7 @@ from typer import Argument, Option
 from gen.maps.settings import Reading
 from gen.runtime import command_line
 from gen.runtime.errors import InputError
-from gen.runtime.files import Output
+from gen.runtime.files import Output, check_outputs
 from gen.runtime.numbers import shown
 
 if TYPE_CHECKING:
@@ -209,7 +210,7 @@ class Against(NamedTuple):
         except ValueError as error:  # a quotation mark that is not closed
             raise InputError(f"{named}: {error}") from None
         own = {name: value for name, value in context.params.items() if name != "surface"}
-        return Opposite(path, Reading.of_options(**own), placement, shared=False)
+        return Opposite(path, Reading(**own), placement, shared=False)
 
 
 def _one_body(surface: SurfaceFile, *, reading: Reading) -> None:
@@ -262,12 +263,22 @@ class LawOutputs(NamedTuple):
         Option(help="Units for CalculiX, Abaqus and 4C: mm (mm, N, s, MPa), si or um (with MPa)."),
     ] = "mm"
 
-    @property
-    def outputs(self) -> list[Output]:
-        """The outputs, for `gen.runtime.files.check_outputs`, with those of a band's sides.
+    def ready(self, stem: Path | None, inputs: Iterable[Path | str]) -> "LawOutputs":
+        """Return the files, those that `--output` names among them, once they can be written.
 
-        Raise InputError if 4C could not import its file by the name.
+        Raise InputError as `gen.runtime.files.check_outputs` does, also for the files of a band's
+        sides, and if 4C could not import its file by the name.
         """
+        if stem is not None:
+            if stem.name in {"", ".."}:
+                raise InputError(
+                    f"--output {stem}: give what the names of the files begin with, as law"
+                )
+            names = {name: f"{stem.name}{end}" for name, end in LAW_ENDS.items()}
+            names["for_4c"] = stem.name.replace(".", "_") + LAW_ENDS["for_4c"]  # to be imported
+            missing = {name for name in names if getattr(self, name) is None}
+            given: dict[str, Any] = {name: stem.with_name(names[name]) for name in missing}
+            self = self._replace(**given)  # noqa: PLW0642
         path = self.for_4c
         if path and (
             path.suffix != ".py" or "." in path.stem or path.stem in sys.stdlib_module_names
@@ -282,21 +293,5 @@ class LawOutputs(NamedTuple):
             option = {"table": "--csv", "for_4c": "--4c"}.get(name, f"--{name}")
             sides = sides_of(path) if path and name in {"calculix", "abaqus"} else []
             found += [Output(each, option) for each in (path, *sides)]
-        return found
-
-    def filled(self, stem: Path | None) -> "LawOutputs":
-        """Return the files, with missing names made from a stem, but no picture."""
-        if stem is None:
-            return self
-        if stem.name in {"", ".."}:
-            raise InputError(
-                f"--output {stem}: give what the names of the files begin with, as law"
-            )
-        names = {name: f"{stem.name}{end}" for name, end in LAW_ENDS.items()}
-        names["for_4c"] = stem.name.replace(".", "_") + LAW_ENDS["for_4c"]  # to be imported
-        missing: dict[str, Any] = {
-            name: stem.with_name(each)
-            for name, each in names.items()
-            if getattr(self, name) is None
-        }
-        return self._replace(**missing)
+        check_outputs(found, inputs)
+        return self

@@ -13,4 +13,4 @@ def read(
     path: Path, side: str = "", unit: str = "", *, boundary: Boundary = "free", **more: Any
 ) -> Topography:
     """Read a map by the options `--side`, `--unit` and more."""
-    return read_map(path, Reading.of_options(side=side, unit=unit, **more), boundary)
+    return read_map(path, Reading(side=side, unit=unit, **more), boundary)

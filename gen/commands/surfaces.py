@@ -145,7 +145,7 @@ def contact(
 
     load, values = chosen_load({"delta": delta, "force": force, "pressure": pressure})
     require_yielding(flattened, material.hardness)
-    conductivities = require_conductivities(conductivity or [])
+    conductivities = require_conductivities(conductivity) if conductivity else None
     wanted = Wanted(spots, stiffness, conductivities, grid_error, flow)
     outputs = [Output(table, "--csv"), Output(picture, "--plot", "picture")]
     outputs.append(Output(flattened, "--flattened", "heights"))
@@ -179,7 +179,10 @@ def contact(
                 further(solution.contact, wanted)  # computed here, and kept by the contact
             if progress is not None:
                 progress.advance(1, solution.contact is None)
-    warnings += [*contact_warnings(topography, contacts, material=bodies.known), *faults]
+    solved = [(each.delta, each.largest_pressure, each.contact_nodes) for each in contacts]
+    problem, several = contacts[0].problem, len(contacts) > 1
+    warnings += contact_warnings(topography, problem, solved, material=bodies.known, law=several)
+    warnings += faults
     printer.print_preparation(topography, warnings)
     printer.print_contacts(contacts, seconds, wanted)
     if remark := border_remark(topography, contacts):
@@ -230,10 +233,12 @@ def law(
     from gen.law.files import show, write_files
     from gen.maps.contacts import require_conductivities
 
-    files = files.filled(output)
-    check_outputs(files.outputs, filter(None, [*inputs, facing.against]))
+    files = files.ready(output, filter(None, [*inputs, facing.against]))
     figure = files.picture and empty_figure(files.picture, 12.0, 7.0)
     bodies = material.bodies()
+    gas = None
+    if gas_conductivity is not None or jump_distance is not None:
+        gas = Gas.of_options(gas_conductivity, jump_distance)
     order = Order(
         inputs=tuple(inputs),
         delta=delta,
@@ -243,8 +248,8 @@ def law(
         e_star=material.modulus(),
         hardness=bodies.hardness,
         boundary=boundary,
-        conductivities=require_conductivities(conductivity or []),
-        gas=Gas.of_options(gas_conductivity, jump_distance),
+        conductivities=require_conductivities(conductivity) if conductivity else None,
+        gas=gas,
         stiffness=True,
         grid_error=grid_error,
         flow=flow,
@@ -252,7 +257,7 @@ def law(
         opposite=facing.body(reading),
         command=typed(context, "gen"),
     )
-    made = by_solver(order, lambda line: echo(line, err=True))
+    made = by_solver(order)
     show(made)
     for written in write_files(made, files, figure):
         echo(f"wrote {written}")
@@ -274,5 +279,5 @@ def scene(
     """
     from gen.draft import draft
 
-    how = Reading.of_options(**vars(reading))
+    how = Reading(**vars(reading))
     draft(inputs or [], like, output, how, material.bodies(), typed(context, "gen"))

@@ -19,7 +19,7 @@ from pydantic_core import PydanticCustomError
 
 from gen.arrays import Heights
 from gen.distribution import Positive, Table
-from gen.maps.settings import Reading, keys, kind_of
+from gen.maps.settings import Reading, keys
 from gen.runtime.errors import InputError, SourceError
 from gen.surface import (
     ANOTHER,
@@ -85,17 +85,14 @@ def _table(name: str) -> type[Table]:
 
     Texts, and keys that exclude each other, are checked where the maps are looked for.
     """
-    rules: dict[Any, Any] = {bool: bool, str: Text, float: Positive}
+    rules: dict[str, Any] = {"side": Lengths, "despike": Positive}
     made: dict[str, Any] = {}
     for key, told in keys(name).items():
-        if key == "side":
-            rule: Any = Lengths
-        elif told.choices:
+        rule = rules.get(key, Text if told.metavar else bool)
+        if told.choices:
             rule = Literal[told.choices]
         elif told.least is not None:
             rule = Annotated[int, Field(ge=told.least)]
-        else:
-            rule = rules[kind_of(key)]
         made[key] = (rule | None, Field(default=None, description=told.allowed))
     return create_model(f"{name.capitalize()}Table", __base__=Table, **made)
 

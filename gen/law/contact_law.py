@@ -9,7 +9,6 @@ mesh of a finite-element model, not to its interface.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -39,9 +38,6 @@ from gen.material import Bodies
 from gen.runtime.errors import InputError
 from gen.runtime.numbers import MAGNITUDES, magnitude, shown, values_from
 from gen.runtime.terminal import RunProgress, shortened
-
-if TYPE_CHECKING:
-    from bem import Contact
 
 ARGUMENTS: dict[Load, str] = {"delta": "delta_um", "pressure": "pressure_MPa"}
 """Quantity of the arguments of a table by the kind of load."""
@@ -119,8 +115,8 @@ class Law:
     title: str  # names of the surfaces, with those of the second bodies, on one line
 
 
-def by_solver(order: Order, say: Callable[[str], None]) -> Law:
-    """Make a law with the solver; `say` is called with a line for the user about each file.
+def by_solver(order: Order) -> Law:
+    """Make a law with the solver; lines about each file go to standard error.
 
     Raise InputError for input that cannot be used, or a load without a solution.
     """
@@ -132,7 +128,6 @@ def by_solver(order: Order, say: Callable[[str], None]) -> Law:
         order.surfaces,
         order.reading,
         order.boundary or "mirror",
-        say,
         only_boundary=False,
         opposite=order.opposite,
     )
@@ -241,48 +236,18 @@ def _solved(
     *,
     derived: bool = False,
 ) -> Solved:
-    """Solve every surface; return the loads solved on all, the points, and warnings."""
-    loads = _possible(load, loads, surfaces, bodies, lost, derived=derived)
-    found = []
-    with RunProgress(len(surfaces), f"surfaces at given {load}") as progress:
-        for number, surface in enumerate(surfaces):
-            found.append(_of_surface(order, surface, bodies, load, loads, judged=number == 0))
-            progress.advance(1, 0)
-    kept, before = np.ones(loads.size, dtype=bool), len(lost)
-    for place, faults in enumerate(zip(*(each.faults for each in found), strict=True)):
-        failed = [f"{each.name}: {why}" for each, why in zip(surfaces, faults, strict=True) if why]
-        if failed:
-            kept[place] = False
-            many = f" on {len(failed)} of {len(found)} surfaces" if len(found) > 1 else ""
-            lost.append(f"warning: not solved{many}, left out: {failed[0]}")
-    if not kept.any():
-        raise InputError(f"no load was solved on every surface; {lost[before]}")
-    warned = [each.warnings for each in found if each.warnings]
-    many = f"{len(warned)} of {len(found)} surfaces, the first: " if len(found) > 1 else ""
-    lines = [f"warning: {many}{line}" for line in (warned[0] if warned else [])]
-    lines += [each.note for each in found if each.note]
-    return loads[kept], [each.points.chosen(kept) for each in found], lines
+    """Solve every surface; return the loads solved on all, the points, and warnings.
 
-
-def _possible(
-    load: Load,
-    loads: Values,
-    surfaces: Sequence[LawSurface],
-    bodies: Bodies,
-    lost: list[str],
-    *,
-    derived: bool,
-) -> Values:
-    """Return the loads below full contact, and for derived pressures below the hardness."""
-    full = [each.gap_at_rest for each in surfaces if each.boundary != "free"]
-    if load == "delta" and full and bodies.hardness is None:
-        possible = loads[loads < (1 - APART) * min(full)]
-        beyond = f"full contact from {min(full):.4g} um on"
+    Loads of full contact are left out, and derived pressures that are not below the hardness.
+    """
+    full = min((each.gap_at_rest for each in surfaces if each.boundary != "free"), default=np.inf)
+    if load == "delta" and np.isfinite(full) and bodies.hardness is None:
+        possible, beyond = loads[loads < (1 - APART) * full], f"full contact from {full:.4g} um on"
         if not possible.size:
             raise InputError(f"{beyond}: give smaller loads")
         if possible.size < loads.size:
             lost.append(f"{beyond}: the table against delta_um ends below it")
-        return possible
+        loads = possible
     if load == "pressure" and derived and bodies.hardness is not None:
         loads = loads[loads < (1 - APART) * bodies.hardness]
         if not loads.size:
@@ -290,54 +255,73 @@ def _possible(
                 f"every node yields: the pressure is the hardness, {bodies.hardness:.4g} MPa, at"
                 " all displacements: give smaller ones"
             )
-    return loads
+    found = []
+    with RunProgress(len(surfaces), f"surfaces at given {load}") as progress:
+        for number, surface in enumerate(surfaces):
+            found.append(_of_surface(order, surface, bodies, load, loads, judged=number == 0))
+            progress.advance(1, 0)
+    points, faults_of, warnings, notes = zip(*found, strict=True)
+    kept, before = np.ones(loads.size, dtype=bool), len(lost)
+    for place, faults in enumerate(zip(*faults_of, strict=True)):
+        failed = [f"{each.name}: {why}" for each, why in zip(surfaces, faults, strict=True) if why]
+        if failed:
+            kept[place] = False
+            many = f" on {len(failed)} of {len(found)} surfaces" if len(found) > 1 else ""
+            lost.append(f"warning: not solved{many}, left out: {failed[0]}")
+    if not kept.any():
+        raise InputError(f"no load was solved on every surface; {lost[before]}")
+    warned = [each for each in warnings if each]
+    many = f"{len(warned)} of {len(found)} surfaces, the first: " if len(found) > 1 else ""
+    lines = [f"warning: {many}{line}" for line in (warned[0] if warned else [])]
+    return loads[kept], [each.chosen(kept) for each in points], [*lines, *filter(None, notes)]
 
 
-def _further(
-    order: Order, bodies: Bodies, nominal: float
-) -> dict[str, Callable[["Contact"], float]]:
-    """Return how each quantity that is asked for beside the usual ones follows from a contact."""
-    found: dict[str, Callable[[Contact], float]] = {}
-    if order.grid_error:
-        found[CONTINUUM] = lambda contact: contact.continuum_area_percent
-    if order.stiffness or order.conductivities is not None:
-        found[STIFFNESS] = lambda contact: contact.interface_stiffness / nominal
-    if gas := order.gas:
-        found[GAS] = lambda contact: gas.conductance(contact.gap)
-    if gas and order.conductivities is not None:
-        spots = mean_conductivity(*order.conductivities) / bodies.e_star / nominal
-        found[JOINT] = lambda contact: (
-            spots * contact.interface_stiffness + gas.conductance(contact.gap)
-        )
-    if order.flow:
-        along, across = APERTURES
-        found[along] = lambda contact: contact.flow(0).aperture
-        found[across] = lambda contact: contact.flow(1).aperture
-    return found
-
-
-class _OfSurface(NamedTuple):
-    """The points of one surface, why the solver has none at each load, warnings, and a note."""
-
-    points: Points
-    faults: list[str]
-    warnings: list[str]
-    note: str
+FURTHER: Mapping[str, tuple[Callable[[Order], object], Callable[..., float]]] = {
+    CONTINUUM: (
+        lambda order: order.grid_error,
+        lambda contact, *_: contact.continuum_area_percent,
+    ),
+    STIFFNESS: (
+        lambda order: order.stiffness or order.conductivities,
+        lambda contact, nominal, *_: contact.interface_stiffness / nominal,
+    ),
+    GAS: (
+        lambda order: order.gas,
+        lambda contact, nominal, order: order.gas.conductance(contact.gap),
+    ),
+    JOINT: (
+        lambda order: order.gas and order.conductivities,
+        lambda contact, nominal, order: (
+            mean_conductivity(*order.conductivities)
+            / contact.problem.modulus
+            / nominal
+            * contact.interface_stiffness
+            + order.gas.conductance(contact.gap)
+        ),
+    ),
+    APERTURES[0]: (lambda order: order.flow, lambda contact, *_: contact.flow(0).aperture),
+    APERTURES[1]: (lambda order: order.flow, lambda contact, *_: contact.flow(1).aperture),
+}
+"""Quantities of a point beside the usual ones: whether an order asks for one, and how it follows
+from a contact, the nominal area [um2] and the order."""
 
 
 def _of_surface(
     order: Order, surface: LawSurface, bodies: Bodies, load: Load, loads: Values, *, judged: bool
-) -> _OfSurface:
-    """Solve the law of one surface at ascending loads; NaN where the solver did not converge."""
+) -> tuple[Points, list[str], list[str], str]:
+    """Solve the law of one surface at ascending loads; NaN where the solver did not converge.
+
+    Return the points, why the solver has none at each load, warnings, and a note.
+    """
     settings = {"modulus": bodies.e_star, **surface.settings}
     if bodies.hardness is not None:
         settings["hardness"] = bodies.hardness
     compliance, nominal = surface.patch_compliance(bodies.e_star), surface.nominal
-    further = _further(order, bodies, nominal)
+    further = {name: of for name, (is_asked, of) in FURTHER.items() if is_asked(order)}
     names = [*NAMES, *further]
     rows, bars = np.full((loads.size, len(names)), np.nan), np.full(loads.size, np.nan)
     faults, note = [], ""
-    notable: dict[int, Contact] = {}  # the last, and the first with each number of warnings
+    solved: list[tuple[float, float, int]] = []
     for place, (contact, _, fault) in enumerate(
         solve_loads(surface, load, loads.tolist(), **settings)
     ):
@@ -349,7 +333,7 @@ def _of_surface(
         closure = max(contact.delta - compliance * pressure, 0.0)
         row = [contact.delta, contact.area_percent, contact.force, gap, pressure, closure]
         try:
-            rows[place] = [*row, *(of(contact) for of in further.values())]
+            rows[place] = [*row, *(of(contact, nominal, order) for of in further.values())]
         except ArithmeticError as error:
             raise InputError(f"{surface.name}: {error}") from None
         if order.grid_error and judged:
@@ -357,14 +341,13 @@ def _of_surface(
             bars[place] = grid.area_percent if grid.resolved else np.nan
             if not (note or grid.resolved):
                 note = f"{surface.name}: the area is that of the grid: {grid.reason}"
-        warned = contact_warnings(surface, [contact], material=bodies.known)
-        notable.setdefault(len(warned), contact)  # their number only rises with the load
-        notable[-1] = contact
+        solved.append((contact.delta, contact.largest_pressure, contact.contact_nodes))
+        problem = contact.problem
     values = dict(zip(names, rows.T, strict=True))
     low: dict[str, Values] = {}
     high: dict[str, Values] = {}
     if order.grid_error and judged:
         low[CONTINUUM] = np.clip(values[CONTINUUM] - bars, 0, 100)
         high[CONTINUUM] = np.clip(values[CONTINUUM] + bars, 0, 100)
-    said = contact_warnings(surface, list(notable.values()), material=bodies.known)
-    return _OfSurface(Points(values, low, high, ("",) * loads.size), faults, said, note)
+    warnings = contact_warnings(surface, problem, solved, material=bodies.known, law=True)
+    return Points(values, low, high, ("",) * loads.size), faults, warnings, note

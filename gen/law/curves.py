@@ -73,11 +73,9 @@ class Gas(NamedTuple):
     jump_distance: float
 
     @classmethod
-    def of_options(cls, conductivity: float | None, jump_distance: float | None) -> Gas | None:
-        """Return the gas of the options of `gen law`, None without them."""
+    def of_options(cls, conductivity: float | None, jump_distance: float | None) -> Gas:
+        """Return the gas of the options of `gen law`, which needs both."""
         given = {"--gas-conductivity": conductivity, "--jump-distance": jump_distance}
-        if conductivity is None and jump_distance is None:
-            return None
         for (option, value), unit in zip(given.items(), ("W/(m K)", "um"), strict=True):
             if value is None:
                 raise InputError(f"a gas needs {' and '.join(given)}: {option} is missing")
@@ -227,7 +225,12 @@ def tabulated(
     are, closure, stiffness and conductance are NaN. A value that is not finite is refused.
     """
     outside = np.array([[bool(reason) for reason in part.reasons] for part in parts]).mean(axis=0)
-    reasons = [_summary(each) for each in zip(*(part.reasons for part in parts), strict=True)]
+    reasons = []  # of one surface all; of many how many are outside, and the first of its reasons
+    for each in zip(*(part.reasons for part in parts), strict=True):
+        given = list(filter(None, each))
+        first = given[0].partition("; ")[0] if given else ""
+        many = f"{len(given)} of {len(each)} surfaces, the first: {first}" if given else ""
+        reasons.append(many if len(parts) > 1 else each[0])
     withheld = outside > (1 - level) / 2
     if len(parts) == 1 and parts[0].endless:
         reasons = [one or other for one, other in zip(reasons, parts[0].endless, strict=True)]
@@ -252,15 +255,6 @@ def tabulated(
             value, slope = (np.where(outside > MOST, np.nan, each) for each in (value, slope))
         curves[name] = Curve(value, low, high, slope)
     return Curves(against, at, curves, outside, tuple(reasons), rest)
-
-
-def _summary(reasons: Sequence[str]) -> str:
-    """Summarise why surfaces are outside: how many are, and the reason of the first."""
-    given = [reason for reason in reasons if reason]
-    if not given or len(reasons) == 1:
-        return "; ".join(given)
-    first, _, _ = given[0].partition("; ")
-    return f"{len(given)} of {len(reasons)} surfaces, the first: {first}"
 
 
 def monotone(points: Points) -> tuple[Points, Points]:

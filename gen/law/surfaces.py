@@ -1,6 +1,6 @@
 """The surfaces of a contact law: from files and folders, or the population of a scene."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -13,6 +13,7 @@ from gen.maps.read import Sides, Topography, files_in
 from gen.maps.settings import Reading
 from gen.material import plane_strain_modulus
 from gen.runtime.errors import InputError
+from gen.runtime.terminal import echo
 from gen.scene import Scene, preset_names
 
 Load = Literal["delta", "pressure"]  # quantities that a law can be solved at
@@ -111,12 +112,11 @@ def read_subjects(
     surfaces: int,
     reading: Reading,
     boundary: Boundary,
-    say: Callable[[str], None],
     *,
     only_boundary: bool = True,
     opposite: Opposite | None = None,
 ) -> LawSurfaces:
-    """Read or generate all surfaces; `say` is called with a line for the user about each file.
+    """Read or generate all surfaces; say on standard error what is done to each file.
 
     Scenes and databases give their first `surfaces` surfaces. Those of another boundary are refused
     with `only_boundary`, or else take this one. Surfaces from files are pressed against the second
@@ -148,9 +148,11 @@ def read_subjects(
         origins.append(f"{text}{facing}")
         for file in files_in(Path(text)):
             for each, warnings in _pressed(file, reading, boundary, opposite, seconds):
-                say(f"{each.name}: {'; '.join(each.steps)}")
-                for line in warnings:
-                    say(f"  warning: {line}")
+                for line in (
+                    f"{each.name}: {'; '.join(each.steps)}",
+                    *map("  warning: {}".format, warnings),
+                ):
+                    echo(line, err=True)
                 subjects.append(
                     LawSurface(each.name, each.heights, each.sides, boundary=each.boundary)
                 )

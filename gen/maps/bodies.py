@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import numpy as np
 
 from gen.arrays import Heights, Values
-from gen.maps.prepare import prepare, require_useful_heights
+from gen.maps.prepare import prepare
 from gen.maps.read import Sides, Topography, intervals, read
 from gen.maps.settings import Reading, numbers_in
 from gen.runtime.errors import InputError
@@ -85,11 +85,9 @@ def composite(
     The sum stands on the finer of the two grids. The other map is interpolated there by cubic
     splines, and not at all where its nodes lie on those of the grid. Heights of the second body
     count from its highest node, so that a flat one changes nothing. Raises InputError if fewer
-    than 2 x 2 nodes lie on both bodies, or heights are too large to be added.
+    than 2 x 2 nodes lie on both bodies.
     """
     placement = placement or Placement()
-    for body in (first, second):
-        require_useful_heights(body)
     below = second.heights - second.heights.max()
     if placement.turned != "none":
         below = np.flip(below, axis=TURNS.index(placement.turned))

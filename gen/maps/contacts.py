@@ -22,6 +22,7 @@ from gen.runtime.numbers import values_from
 
 if TYPE_CHECKING:
     from bem import Contact
+    from bem.problem import Problem
 
 
 @dataclass(frozen=True)
@@ -56,14 +57,14 @@ class Answer(NamedTuple):
         return f"{self.value:.{max(1 - math.floor(math.log10(self.error)), 0)}f}"
 
 
-def require_conductivities(given: Sequence[float]) -> tuple[float, float] | None:
+def require_conductivities(given: Sequence[float]) -> tuple[float, float]:
     """Return the conductivities of both bodies [W/(m K)], the same for both if one is given."""
     if len(given) > 2:
         raise InputError(f"--conductivity was given {len(given)} times: give it once or twice")
     for conductivity in given:
         if not 0 < conductivity < math.inf:
             raise InputError(f"--conductivity {conductivity:g}: must be above 0 W/(m K), finite")
-    return (given[0], given[-1]) if given else None
+    return given[0], given[-1]
 
 
 def answers(contact: Contact, wanted: Wanted) -> list[Answer]:
@@ -265,17 +266,26 @@ def solve_loads(
 
 
 def contact_warnings(
-    topography: Topography, contacts: Sequence[Contact], *, material: bool
+    topography: Topography,
+    problem: Problem,
+    solved: Sequence[tuple[float, float, int]],
+    *,
+    material: bool,
+    law: bool,
 ) -> list[str]:
-    """List reasons to distrust contacts of a surface: full contact, and pressures that yield."""
-    problem, largest = contacts[0].problem, max(each.largest_pressure for each in contacts)
+    """List reasons to distrust contacts of a surface: full contact, and pressures that yield.
+
+    `solved` has Delta [um], the largest pressure [MPa] and the number of nodes of each contact; a
+    law's reader is told from which Delta on pressures are too high.
+    """
+    largest = max(pressure for _, pressure, _ in solved)
     limit = problem.modulus / YIELDING
     # without a material, a force or a pressure scales with an E* that nobody gave
     unscaled = problem.delta is None and not material
     check = "check the load and the unit of the heights"
     check = Bodies(problem.modulus).stated if unscaled else check
-    full = [each.delta for each in contacts if each.contact_nodes == each.pressure.size]
-    beyond = [each.delta for each in contacts if each.largest_pressure > limit]
+    full = [delta for delta, _, nodes in solved if nodes == topography.heights.size]
+    beyond = [delta for delta, pressure, _ in solved if pressure > limit]
     warnings = []
     if full:
         span = f"{np.ptp(topography.heights):.4g}"
@@ -286,7 +296,7 @@ def contact_warnings(
     elif largest > problem.modulus and unscaled:
         warnings.append(f"the largest pressure is {largest:.4g} MPa: {check}")
     if beyond and material and problem.hardness is None:
-        start = f"from Delta = {min(beyond):.4g} um on, " if len(contacts) > 1 else ""
+        start = f"from Delta = {min(beyond):.4g} um on, " if law else ""
         units = ", and check E*: moduli count in MPa (210e3)" * (largest > problem.modulus)
         warnings.append(
             f"{start}the largest pressure ({largest:.4g} MPa) is above E*/{YIELDING:g} ="

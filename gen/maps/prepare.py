@@ -17,9 +17,8 @@ from gen.arrays import Heights
 from gen.maps import filters
 from gen.maps.filters import ROWS, filled_harmonically, least_squares, without_spikes
 from gen.maps.read import WIDEST, Sides, Topography, in_words, intervals, read
-from gen.maps.settings import ORDER, SPIKE, Reading, numbers_in
+from gen.maps.settings import ORDER, SPIKE, Reading, numbers_in, said
 from gen.runtime.errors import InputError
-from gen.runtime.numbers import MAGNITUDES
 from gen.statistics import rms_slope
 
 if TYPE_CHECKING:
@@ -45,14 +44,12 @@ def prepare(topography: Topography, settings: Reading) -> Topography:
     settings.check()
     followed = topography.followed | settings.followed
     topography = replace(topography, followed=followed, asked=settings.asked)
-    if settings.despike or settings.form or settings.filter or settings.downsample:
-        require_useful_heights(topography)
     for key in ORDER:
         if key == "filter" and topography.missing:  # from here on every node is needed
             fault = f"{topography.missing} of {topography.heights.size} heights are missing (NaN)"
             remedies = ("fill", "closes holes"), ("crop", "leaves them out")
             raise InputError(f"{topography.name}: {advised(topography, fault, *remedies)}")
-        if getattr(settings, key):
+        if getattr(settings, key) and (key[:4] != "fill" or topography.missing):
             topography = STEPS[key](topography, settings)
     if not is_tilted(topography):
         return topography
@@ -67,13 +64,13 @@ def prepare(topography: Topography, settings: Reading) -> Topography:
 STEPS: Mapping[str, Callable[[Topography, Any], Topography]] = {
     "crop": lambda given, how: cropped(given, how.crop),
     "invert": lambda given, _: changed(given, -given.heights, "turned upside down"),
-    "mask": lambda given, how: masked(given, how.kept_heights()),
+    "mask": lambda given, how: masked(given, how.ends("mask")),
     "despike": lambda given, how: despiked(given, how.despike),
     "level": lambda given, how: levelled(given, how.level),
     "form": lambda given, how: without_form(given, how.form),
     "fill": lambda given, how: filled(given, insisted=how.fill_most),
     "fill_most": lambda given, how: filled(given, insisted=how.fill_most),
-    "filter": lambda given, how: filtered(given, *how.cutoffs()),
+    "filter": lambda given, how: filtered(given, *how.ends("filter")),
     "downsample": lambda given, how: downsampled(given, how.downsample),
 }
 
@@ -83,16 +80,9 @@ def changed(topography: Topography, heights: Heights, step: str) -> Topography:
     return replace(topography, heights=heights, steps=(*topography.steps, step))
 
 
-def require_useful_heights(topography: Topography) -> None:
-    """Refuse heights whose sums and products overflow."""
-    largest = float(np.nanmax(np.abs(topography.heights)))
-    if largest > MAGNITUDES[1]:
-        raise InputError(f"{topography.name}: heights of {largest:.3g} um; check their unit")
-
-
 def cropped(topography: Topography, text: str) -> Topography:
     """Cut out the nodes within "x0:x1,y0:y1" [um]."""
-    named, spacing = f"{topography.said('crop')} {text!r}", topography.spacing
+    named, spacing = said(f"crop {text!r}", topography.asked), topography.spacing
     limits = [numbers_in(part, ":") for part in text.split(",")]
     if [len(ends) for ends in limits] != [2, 2]:
         raise InputError(f"{named}: give x0:x1,y0:y1 in um, as 100:900,0:500")
@@ -119,15 +109,17 @@ def _on_grid(topography: Topography, heights: Heights, spacing: Sides) -> Topogr
     return replace(topography, sides=(x, y))
 
 
-def masked(topography: Topography, kept: Sides) -> Topography:
-    """Make holes of the heights that are outside two ends [um]."""
-    heights, (below, above) = topography.heights, kept
+def masked(topography: Topography, kept: tuple[float | None, float | None]) -> Topography:
+    """Make holes of the heights that are outside two ends [um], None for an open one."""
+    heights, (low, high) = topography.heights, kept
+    below, above = -np.inf if low is None else low, np.inf if high is None else high
     outside = (heights < below) | (heights > above)
     left = np.where(outside, np.nan, heights)
     if np.isnan(left).all():
+        named = said(f"mask {below:g}:{above:g}", topography.asked)
         raise InputError(
-            f"{topography.name}: {topography.said('mask')} {below:g}:{above:g} leaves no height,"
-            f" they are {np.nanmin(heights):.6g} to {np.nanmax(heights):.6g} um"
+            f"{topography.name}: {named} leaves no height, they are {np.nanmin(heights):.6g} to"
+            f" {np.nanmax(heights):.6g} um"
         )
     step = f"masked {_share(outside)} outside {below:g} to {above:g} um"
     return changed(topography, left, step)
@@ -141,7 +133,7 @@ def despiked(topography: Topography, threshold: float) -> Topography:
     clean = changed(topography, heights, step)
     if spikes.mean() <= MANY_SPIKES:
         return clean
-    named = topography.said("despike")
+    named = said("despike", topography.asked)
     warning = f"{taken} were taken out as spikes: probably a part of the surface; raise {named}"
     return replace(clean, warnings=(*clean.warnings, warning))
 
@@ -151,9 +143,10 @@ def without_form(topography: Topography, degree: int) -> Topography:
     heights, terms = topography.heights, (degree + 1) * (degree + 2) // 2
     (nx, ny), measured = heights.shape, heights.size - topography.missing
     if degree >= min(nx, ny) or measured <= terms:
+        named = said(f"form {degree}", topography.asked)
         raise InputError(
-            f"{topography.name}: {topography.said('form')} {degree} has {terms} coefficients,"
-            f" too many for {measured} heights on {nx} x {ny} nodes"
+            f"{topography.name}: {named} has {terms} coefficients, too many for {measured} heights"
+            f" on {nx} x {ny} nodes"
         )
     fit = filters.fitted_polynomial(heights, degree)
     span = f"{np.ptp(fit[~np.isnan(heights)]):.4g} um"
@@ -174,16 +167,14 @@ def levelled(topography: Topography, level: str) -> Topography:
 
 
 def filled(topography: Topography, *, insisted: bool) -> Topography:
-    """Fill holes, if any; warn of many, and refuse more than heights unless the user insists."""
+    """Fill holes; warn of many, and refuse more than heights unless the user insists."""
     missing, size = topography.missing, topography.heights.size
-    if not missing:
-        return topography
     share = f"{100 * missing / size:.3g} %"
     if missing > MOST_HOLES * size and not insisted:
+        fill, insist = (said(key, topography.asked) for key in ("fill", "fill_most"))
         raise InputError(
-            f"{topography.name}: {missing} of {size} heights are missing ({share}):"
-            f" {topography.said('fill')} would make up more than was measured; crop, measure again,"
-            f" or insist by {topography.said('fill_most')}"
+            f"{topography.name}: {missing} of {size} heights are missing ({share}): {fill} would"
+            f" make up more than was measured; crop, measure again, or insist by {insist}"
         )
     periodic = topography.boundary == "periodic"
     heights = filled_harmonically(topography.heights, topography.spacing, periodic=periodic)
@@ -203,7 +194,7 @@ def filtered(topography: Topography, short: float | None, long: float | None) ->
     for name, cutoff in given.items():
         if not finest * (1 - ROUNDING) <= cutoff <= side * (1 + ROUNDING):
             raise InputError(
-                f"{topography.name}: {topography.said('filter')}: the {name}'s cut-off,"
+                f"{topography.name}: {said('filter', topography.asked)}: the {name}'s cut-off,"
                 f" {cutoff:g} um, is outside {finest:.6g} to {side:.6g} um, four spacings to the"
                 " shorter side"
             )
@@ -220,11 +211,9 @@ def downsampled(topography: Topography, nodes: int) -> Topography:
     heights = topography.heights
     nx, ny = (length // nodes for length in heights.shape)
     if min(nx, ny) < 2:
-        shape = " x ".join(map(str, heights.shape))
-        raise InputError(
-            f"{topography.name}: {topography.said('downsample')} {nodes} leaves fewer than 2 x 2 of"
-            f" {shape} nodes"
-        )
+        named = f"{topography.name}: {said(f'downsample {nodes}', topography.asked)}"
+        of = " x ".join(map(str, heights.shape))
+        raise InputError(f"{named} leaves fewer than 2 x 2 of {of} nodes")
     means = heights[: nx * nodes, : ny * nodes].reshape(nx, nodes, ny, nodes).mean(axis=(1, 3))
     left = tuple(length % nodes for length in heights.shape)
     rest = f", the last {left[0]} and {left[1]} lines left out" if any(left) else ""
@@ -349,8 +338,7 @@ def read_surface(
     except InputError as error:
         named = opposite is not None or str(error).startswith(("--", str(path)))
         raise InputError(f"{'' if named else f'{path}: '}{error}") from None
-    with np.errstate(over="ignore"):  # of slopes that are too steep for a square: warned of
-        return surface, surface_warnings(surface)
+    return surface, surface_warnings(surface)
 
 
 def _border_step(heights: Heights) -> float:
@@ -364,7 +352,9 @@ def advised(topography: Topography, fault: str, *remedies: tuple[str, str]) -> s
     """Add remedies to a fault, each a step and what it does, but none that is followed."""
     followed = {*topography.followed, f"boundary {topography.boundary}"}
     followed |= {"unit m"} if topography.unit else set()
-    left = [f"{topography.said(step)} {does}" for step, does in remedies if step not in followed]
+    left = [
+        f"{said(step, topography.asked)} {does}" for step, does in remedies if step not in followed
+    ]
     return f"{fault}: {', '.join(left)}" if left else fault
 
 

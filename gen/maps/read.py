@@ -1,6 +1,6 @@
 """Read measured topographies: heights and lengths of an instrument's file, converted to um.
 
-`gen.maps.text` reads .npy files and text, SurfaceTopography, whose home is here, other formats.
+`gen.maps.text` reads text, SurfaceTopography, whose home is here, the files of instruments.
 `gen.maps.scan` tells whether the numbers are heights.
 """
 
@@ -10,7 +10,7 @@ import logging
 import re
 import warnings
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from io import BytesIO
@@ -21,19 +21,17 @@ from zipfile import BadZipFile, ZipFile
 import numpy as np
 
 from gen.arrays import Heights
-from gen.maps import text
 from gen.maps.scan import Channel, Scan, arranged, choose_channel
 from gen.maps.settings import Asked, Reading, numbers_in, said
+from gen.maps.text import Matrix, decoded, matrices
 from gen.runtime.errors import InputError
 from gen.runtime.files import require_file
-from gen.runtime.numbers import magnitude
+from gen.runtime.numbers import MAGNITUDES, magnitude
 
 if TYPE_CHECKING:  # surfaces are described without the solver
     from bem.problem import Boundary
 
 Sides = tuple[float, float]
-
-AS_THE_FILE_SAYS = Reading()  # nothing but the file says how it is read
 
 METRIC = {"m": 1e6, "cm": 1e4, "mm": 1e3, "um": 1.0, "µm": 1.0, "μm": 1.0, "nm": 1e-3, "pm": 1e-6}
 UNITS = METRIC | {"A": 1e-4, "Å": 1e-4, "inch": 25.4e3}  # length of each unit [um]
@@ -62,11 +60,7 @@ class Topography:
     followed: frozenset[str] = frozenset()
     # whether the file says that its map is periodic; the boundary is what the user says
     repeats: bool = False
-    asked: Asked = "keyword"  # {"option", "key", "keyword"}: who asks, for the words of messages
-
-    def said(self, phrase: str) -> str:
-        """Write a key, alone or with its value, in the words of who asks."""
-        return said(phrase, self.asked)
+    asked: Asked = "option"  # who asks, for the words of messages
 
     @property
     def spacing(self) -> Sides:
@@ -94,16 +88,14 @@ def in_words(spacing: Sides, digits: int = 6) -> str:
     return x if x == y else f"{x} x {y}"
 
 
-def read(
-    path: Path, reading: Reading = AS_THE_FILE_SAYS, boundary: Boundary = "free"
-) -> Topography:
+def read(path: Path, reading: Reading, boundary: Boundary = "free") -> Topography:
     """Read a surface from a file.
 
     Lengths and unit are to be given if the file lacks them; otherwise they are refused. Raises
     InputError if the file cannot be read or holds no map of heights, its channel is unknown, or
     a length or unit is missing, wrong, or given although the file has it.
     """
-    overrule, side, unit = map(reading.said, ("override_scale", "side", "unit"))
+    overrule, side, unit = (said(key, reading.asked) for key in ("override_scale", "side", "unit"))
     if reading.override_scale and not (reading.side or reading.unit):
         raise InputError(f"{overrule}: give {side}, {unit} or both, to overrule the file's")
     scan = _scan(path, reading)
@@ -111,19 +103,31 @@ def read(
     heights_unit = _agreed_unit(path, scan, reading, overruled)
     sides = _agreed_sides(path, scan, heights_unit, reading, boundary, overruled)
     with np.errstate(over="ignore"):
-        heights = scan.heights * _factor(heights_unit or "um", unit)
+        heights = scan.heights * (UNITS[_unit(heights_unit)] if heights_unit else 1.0)
     if np.isnan(heights).all():
         raise InputError(f"{path}: all of its {heights.size} heights are missing; measure again")
-    if np.isinf(heights).any() or not all(0 < length < np.inf for length in sides):
+    if np.nanmax(np.abs(heights)) > MAGNITUDES[1]:
         raise InputError(
-            f"{path}: its heights or lengths are beyond what numbers hold; give others"
+            f"{path}: heights of {np.nanmax(np.abs(heights)):.3g} um; check their unit"
         )
+    if not all(0 < length < np.inf for length in sides):
+        raise InputError(f"{path}: its lengths are beyond what numbers hold; give others")
     units = f"heights in {heights_unit}" if heights_unit else "heights taken as um"
     if scan.widths is not None:
         units = f"lengths in {heights_unit}"
         if scan.length_unit not in {None, heights_unit}:
             units = f"lengths in {scan.length_unit}, heights in {heights_unit}"
-    (nx, ny), holes = heights.shape, int(np.count_nonzero(np.isnan(heights)))
+    found = Topography(
+        name=str(path),
+        heights=heights,
+        sides=sides,
+        boundary=boundary,
+        unit=heights_unit or "",
+        asked=reading.asked,
+        repeats=scan.repeats,
+    )
+    (nx, ny), holes = heights.shape, found.missing
+    span = float(np.nanmax(heights)) - float(np.nanmin(heights))
     share = f"{holes} missing ({100 * holes / heights.size:.3g} %)"
     steps = [f"read {nx} x {ny} nodes{scan.origin}, {units}, {share}"]
     steps += [f"OVERRULED by {overrule}: {change}" for change in overruled]
@@ -132,31 +136,15 @@ def read(
         f"the file says {remark!r}, which is not read: check {side} and {unit} against it"
         for remark in scan.remarks
     ]
-    topography = Topography(
-        name=str(path),
-        heights=heights,
-        sides=sides,
-        steps=tuple(steps),
-        boundary=boundary,
-        unit=heights_unit or "",
-        asked=reading.asked,
-        repeats=scan.repeats,
-    )
-    return replace(topography, warnings=(*distrust, *_absurd(topography)))
-
-
-def _absurd(topography: Topography) -> list[str]:
-    """Warn of a scale that no instrument has; say which number it is."""
-    span = float(np.nanmax(topography.heights)) - float(np.nanmin(topography.heights))
-    numbers = {step: f"its nodes are {step:.3g} um apart" for step in topography.spacing}
+    numbers = {step: f"its nodes are {step:.3g} um apart" for step in found.spacing}
     numbers[span] = f"its heights span {span:.3g} um"
-    return [
+    distrust += [
         f"{absurd}, which no instrument measures; compare with the instrument's own display, and"
-        f" overrule the file by {topography.said('side')} or {topography.said('unit')} with"
-        f" {topography.said('override_scale')}"
+        f" overrule the file by {side} or {unit} with {overrule}"
         for number, absurd in numbers.items()
         if number and not NEAREST <= number <= WIDEST
     ]
+    return replace(found, steps=tuple(steps), warnings=tuple(distrust))
 
 
 def sides_from(text: str, asked: Asked = "option") -> Sides:
@@ -192,7 +180,7 @@ def _unit(name: str) -> str:
 
 def _agreed_unit(path: Path, scan: Scan, reading: Reading, overruled: list[str]) -> str | None:
     """Return the unit of the heights, from the file or the user; None if it is um by default."""
-    own, given, named = scan.unit, reading.unit, reading.said("unit")
+    own, given, named = scan.unit, reading.unit, said("unit", reading.asked)
     factor = _factor(given, named) if given else None
     if not own:
         if not given and (scan.widths is not None or own is None):
@@ -205,7 +193,7 @@ def _agreed_unit(path: Path, scan: Scan, reading: Reading, overruled: list[str])
         raise InputError(
             f"{path}: its {'lengths' if scan.length_unit is None else 'heights'} are in {own},"
             f" {named} says {given}; leave that out, or overrule the file by"
-            f" {reading.said('override_scale')}"
+            f" {said('override_scale', reading.asked)}"
         )
     overruled.append(f"unit {own}, taken as {given}")
     return given
@@ -220,20 +208,17 @@ def _agreed_sides(
     overruled: list[str],
 ) -> Sides:
     """Return the lengths of the patch [um], from the file or the user."""
-    side, named, (nx, ny) = reading.side, reading.said("side"), scan.heights.shape
-    overrule, own_scale = reading.said("override_scale"), ""
+    side, named, own_scale = reading.side, said("side", reading.asked), ""
+    overrule, nodes = said("override_scale", reading.asked), scan.heights.shape
+    lengths = [nodes[axis] - (boundary == "free") for axis in (0, 1)]  # in spacings
     if scan.widths is not None:
         length_unit = scan.length_unit or unit or "um"
         own_scale = f"lengths in {length_unit}"
         if not side or not reading.override_scale or _unit(length_unit) in UNITS:
             advice = f"give {named} with {overrule}, or lengths in"
             factor = _factor(length_unit, f"{path}: unit of lengths", advice)
-            width, length = scan.widths
-            width, length = (
-                width * intervals(nx, boundary) / nx,
-                length * intervals(ny, boundary) / ny,
-            )
-            own = width * factor, length * factor
+            x, y = (w * n / of for w, n, of in zip(scan.widths, lengths, nodes, strict=True))
+            own = x * factor, y * factor
             if not side or np.allclose(sides_from(side, reading.asked), own, rtol=1e-3):
                 return own
             own_scale = f"{own[0]:.6g} x {own[1]:.6g} um"
@@ -246,11 +231,12 @@ def _agreed_sides(
         hint = "".join(f" (it says {remark!r})" for remark in scan.remarks[:1])
         raise InputError(f"{path}: holds no lengths; give {named}, the scan length in um{hint}")
     given = sides_from(side, reading.asked)
-    if nx != ny and "," not in side:
-        square = given[0] / intervals(nx, boundary) * intervals(ny, boundary)
+    if nodes[0] != nodes[1] and "," not in side:
+        square = given[0] / lengths[0] * lengths[1]
         raise InputError(
-            f"{path}: has {nx} x {ny} nodes; give {named} two lengths, {given[0]:g},{square:g} for"
-            f" square cells or {given[0]:g},{given[0]:g} for a square patch"
+            f"{path}: has {nodes[0]} x {nodes[1]} nodes; give {named} two lengths,"
+            f" {given[0]:g},{square:g} for square cells or {given[0]:g},{given[0]:g} for a square"
+            " patch"
         )
     if own_scale:
         overruled.append(f"{own_scale}, taken as {given[0]:g} x {given[1]:g} um")
@@ -261,24 +247,19 @@ def _scan(path: Path, reading: Reading) -> Scan:
     """Read a .npy or text file, whatever its suffix, or a file of an instrument."""
     own, reason = path.suffix.lower() in OWN_SUFFIXES, ""
     try:
-        matrices = text.read(path)
-        if matrices and not own:
-            text.checked(matrices[0].numbers, path)
+        found = matrices_in(path)
+        if found and not own:
+            checked(found[0].numbers, path)
     except InputError as error:
         if own:
             raise
-        matrices, reason = [], str(error)
-    if matrices:
-        return _own_scan(path, matrices, reading)
-    if own and path.suffix.lower() != ".dat":
-        raise InputError(f"{path}: is neither .npy nor text; give one of them")
-    scan = _instruments_scan(path, reading, reason)
-    return arranged(path, replace(scan, heights=text.checked(scan.heights, path)))
-
-
-def _own_scan(path: Path, matrices: Sequence[text.Matrix], reading: Reading) -> Scan:
-    """Choose the map of a .npy or text file; if it is overruled, its unit need not be a length."""
-    overruled = reading.override_scale and bool(reading.unit)
+        found, reason = [], str(error)
+    if not found:
+        if own and path.suffix.lower() != ".dat":
+            raise InputError(f"{path}: is neither .npy nor text; give one of them")
+        scan = _instruments_scan(path, reading, reason)
+        return arranged(path, replace(scan, heights=checked(scan.heights, path)))
+    overruled = reading.override_scale and bool(reading.unit)  # its unit need not be a length
     channels = [
         Channel(
             place,
@@ -286,11 +267,11 @@ def _own_scan(path: Path, matrices: Sequence[text.Matrix], reading: Reading) -> 
             not matrix.unit or overruled or _unit(matrix.unit) in UNITS,
             matrix.unit,
         )
-        for place, matrix in enumerate(matrices)
+        for place, matrix in enumerate(found)
     ]
     taken, origin = choose_channel(path, channels, reading)
-    matrix = matrices[taken]
-    heights, widths = text.checked(matrix.numbers, path), matrix.widths
+    matrix = found[taken]
+    heights, widths = checked(matrix.numbers, path), matrix.widths
     x_unit, y_unit = matrix.axis_units
     differ = bool(y_unit) and _unit(y_unit) != _unit(x_unit)
     if widths is not None:
@@ -306,6 +287,43 @@ def _own_scan(path: Path, matrices: Sequence[text.Matrix], reading: Reading) -> 
     # An overflow is refused by `read`; a signalling NaN is a hole like every NaN.
     with np.errstate(over="ignore", invalid="ignore"):
         return replace(scan, heights=matrix.factor * scan.heights)
+
+
+def matrices_in(path: Path) -> list[Matrix]:
+    """Read the matrices of a .npy or text file, none of another one; never unpickle objects."""
+    require_file(path)
+    try:
+        content = path.read_bytes()
+    except (OSError, ValueError) as error:
+        fault = error.strerror if isinstance(error, OSError) else str(error)
+        raise InputError(f"{path}: cannot be read ({fault}); give a .npy or text file") from error
+    if path.suffix.lower() != ".npy" and not content.startswith(np.lib.format.MAGIC_PREFIX):
+        words = decoded(content)
+        return [] if words is None else matrices(words, path)
+    try:
+        with np.errstate(all="ignore"):  # of the numbers of nodes in a broken header
+            array = np.lib.format.read_array(BytesIO(content), allow_pickle=False)
+    except Exception as error:  # a broken header makes numpy raise nearly anything
+        fault = " ".join(str(error).split())[:120]
+        raise InputError(f"{path}: not a whole .npy file ({fault}); save real numbers") from error
+    if array.dtype.kind not in "iuf":
+        raise InputError(f"{path}: holds {array.dtype} values; save real numbers (float64)")
+    with np.errstate(over="ignore"):  # wider floats become infinite, and `checked` counts them
+        return [Matrix(np.asarray(array, dtype=np.float64, order="C"))]
+
+
+def checked(heights: Heights, path: Path) -> Heights:
+    """Refuse heights that are not 2-D, 2 x 2 or more, and finite or NaN."""
+    if heights.ndim != 2 or min(heights.shape) < 2:
+        shape = " x ".join(str(length) for length in heights.shape) or "a single number"
+        content = shape if heights.size else "no heights"
+        raise InputError(f"{path}: holds {content}; give 2-D heights, 2 x 2 or more")
+    refused = int(np.count_nonzero(np.isinf(heights)))
+    if refused:
+        raise InputError(
+            f"{path}: {refused} of {heights.size} heights are infinite; give finite heights"
+        )
+    return heights
 
 
 # spacing of the nodes above which a NanoFocus file was read in the wrong unit [um]

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Heights, Values
-from gen.maps.settings import Reading
+from gen.maps.settings import Reading, said
 from gen.runtime.errors import InputError
 
 
@@ -54,7 +54,7 @@ class Channel:
 
 def choose_channel(path: Path, channels: Sequence[Channel], reading: Reading) -> tuple[int, str]:
     """Return the index of the channel asked for, or the first with heights, and words on it."""
-    wanted, named = reading.channel, f"{reading.said('channel')} {reading.channel!r}"
+    wanted, named = reading.channel, said(f"channel {reading.channel!r}", reading.asked)
     if not wanted and len(channels) == 1 and channels[0].heights:
         return channels[0].index, ""
     labels = ", ".join(channel.label for channel in channels)

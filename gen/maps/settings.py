@@ -10,13 +10,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, fields
 from functools import cache
-from types import NoneType
-from typing import Annotated, Any, Literal, NamedTuple, Self, get_args, get_type_hints
+from typing import Annotated, Any, Literal, NamedTuple, get_type_hints
 
 from gen.runtime.errors import InputError
 from gen.runtime.numbers import shown
 
-Asked = Literal["option", "key", "keyword"]  # who asks: a command line, a scene, or Python
+Asked = Literal["option", "key"]  # who asks, for the words of messages: a command line, or a scene
 # height of the highest node above the median of its neighbours from which it is called a spike, in
 # robust standard deviations of this quantity over all nodes; self-affine surfaces stay below 5
 SPIKE = 7.0
@@ -31,6 +30,16 @@ ORDER = (
     *("crop", "invert", "mask", "despike", "level", "form", "fill", "fill_most", "filter"),
     "downsample",
 )
+
+
+# keys whose values are two numbers, one of which may be left out: what both are above, and advice
+ENDS = {
+    "mask": (-math.inf, "give the lowest and the highest height to keep in um, as -5:3, :3 or -5:"),
+    "filter": (
+        0.0,
+        "give the cut-offs of the S-filter and the L-filter in um, as 2.5:80, 2.5: or :80",
+    ),
+}
 
 
 def said(phrase: str, asked: Asked) -> str:
@@ -83,16 +92,7 @@ class FileReading:
     ] = ""
     # the first one with heights by default
     channel: Annotated[str, Key("Name or index of a channel of the file.", "NAME", READ)] = ""
-    asked: Asked = field(default="keyword", kw_only=True)
-
-    @classmethod
-    def of_options(cls, **given: Any) -> Self:
-        """Return the settings that options of a command line give."""
-        return cls(**{**given, "asked": "option"})
-
-    def said(self, phrase: str) -> str:
-        """Write a key, alone or with its value, in the words of who asks."""
-        return said(phrase, self.asked)
+    asked: Asked = field(default="option", kw_only=True)
 
 
 @dataclass(frozen=True)
@@ -163,8 +163,8 @@ class Reading(FileReading):
 
     def check(self) -> None:
         """Refuse settings that suit no map, and a level together with a form, by their names."""
-        self.kept_heights()
-        self.cutoffs()
+        for name in ENDS:
+            self.ends(name)
         for name, is_wrong in {
             "despike": self.despike is not None and not 0 < self.despike < math.inf,
             "level": bool(self.level) and self.level not in LEVELS,
@@ -172,12 +172,16 @@ class Reading(FileReading):
             "downsample": self.downsample is not None and self.downsample < 2,
         }.items():
             if is_wrong:
-                given = self.said(f"{name} {getattr(self, name)!r}")
+                given = said(f"{name} {getattr(self, name)!r}", self.asked)
                 allowed = keys(PREPARED)[name].allowed
                 raise InputError(f"{given}: give {'one of ' * (name == 'level')}{allowed}")
         if self.level and self.form is not None:
-            both = f"{self.said(f'level {self.level}')} and {self.said(f'form {self.form}')}"
-            raise InputError(f"{both} given: give one; forms of degree 1 and 2 are levels too")
+            level, form = (
+                said(f"{name} {getattr(self, name)}", self.asked) for name in ("level", "form")
+            )
+            raise InputError(
+                f"{level} and {form} given: give one; forms of degree 1 and 2 are levels too"
+            )
 
     @property
     def followed(self) -> frozenset[str]:
@@ -191,30 +195,17 @@ class Reading(FileReading):
             taken.add(f"despike {SPIKE:g}")
         return frozenset(taken)
 
-    def kept_heights(self) -> tuple[float, float]:
-        """Return the lowest and the highest height to keep [um]; infinite without a mask."""
-        advice = "give the lowest and the highest height to keep in um, as -5:3, :3 or -5:"
-        below, above = self._ends("mask", advice)
-        return -math.inf if below is None else below, math.inf if above is None else above
-
-    def cutoffs(self) -> tuple[float | None, float | None]:
-        """Return the cut-off wavelengths of the S-filter and the L-filter, None for no filter."""
-        advice = "give the cut-offs of the S-filter and the L-filter in um, as 2.5:80, 2.5: or :80"
-        return self._ends("filter", advice, above=0.0)
-
-    def _ends(
-        self, key: str, advice: str, above: float = -math.inf
-    ) -> tuple[float | None, float | None]:
-        """Parse two rising numbers with a colon between them, one of which may be left out."""
-        text = getattr(self, key)
+    def ends(self, key: str) -> tuple[float | None, float | None]:
+        """Return both ends of `mask`, or both cut-offs of `filter` [um]; None where one is open."""
+        text, (least, advice) = getattr(self, key), ENDS[key]
         if not text:
             return None, None
         parts = [part.strip() for part in text.split(":")]
         given = numbers_in(":".join(filter(None, parts)), ":")
-        rising = given == sorted(set(given)) and all(above < each < math.inf for each in given)
+        rising = given == sorted(set(given)) and all(least < each < math.inf for each in given)
         if len(parts) != 2 or not given or not rising:
             raise InputError(
-                f"{self.said(key)} {shown(text)}: {advice}, the first below the second"
+                f"{said(key, self.asked)} {shown(text)}: {advice}, the first below the second"
             )
         low, high = (float(part) if part else None for part in parts)
         return low, high
@@ -224,24 +215,17 @@ class Reading(FileReading):
         return {name: getattr(self, name) for name in keys(table)}
 
 
+@cache
 def keys(table: str) -> dict[str, Key]:
     """Return the keys of a table of scenes, in the order in which they are followed."""
-    found = {name: kind.__metadata__[0] for name, kind in _annotations().items()}
+    kinds = get_type_hints(Reading, include_extras=True)
+    found = {
+        each.name: kinds[each.name].__metadata__[0]
+        for each in fields(Reading)
+        if each.name != "asked"
+    }
     names = ORDER if table == PREPARED else found
     return {name: found[name] for name in names if found[name].table == table}
-
-
-@cache
-def _annotations() -> dict[str, Any]:
-    """Return the types of the keys with what is said of them."""
-    kinds = get_type_hints(Reading, include_extras=True)
-    return {each.name: kinds[each.name] for each in fields(Reading) if each.name != "asked"}
-
-
-def kind_of(name: str) -> Any:
-    """Return the type of a key's value: bool, str, int or float."""
-    kind = _annotations()[name].__origin__
-    return next((each for each in get_args(kind) if each is not NoneType), kind)
 
 
 def markdown_table() -> str:

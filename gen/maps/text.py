@@ -12,15 +12,13 @@ import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
 
-from gen.arrays import Heights, Values
+from gen.arrays import Values
 from gen.runtime.errors import InputError
-from gen.runtime.files import require_file
 
 # labels of a header, in lower case, for each quantity that we read from it
 LABELS: Mapping[str, str] = MappingProxyType(
@@ -281,45 +279,3 @@ def _no_number(field: str, path: Path, line: int) -> InputError:
         f"{path}, line {line}: {repr(field.strip())[:40]} is not a number; give numbers separated"
         " by whitespace, commas or ';', and nan for a missing height"
     )
-
-
-def read(path: Path) -> list[Matrix]:
-    """Read the matrices of a .npy or text file; text with headers may have more than one."""
-    require_file(path)
-    try:
-        content = path.read_bytes()
-    except (OSError, ValueError) as error:
-        fault = error.strerror if isinstance(error, OSError) else str(error)
-        raise InputError(f"{path}: cannot be read ({fault}); give a .npy or text file") from error
-    if path.suffix.lower() == ".npy" or content.startswith(np.lib.format.MAGIC_PREFIX):
-        return [Matrix(_from_npy(content, path))]
-    words = decoded(content)
-    return [] if words is None else matrices(words, path)
-
-
-def checked(heights: Heights, path: Path) -> Heights:
-    """Refuse heights that are not 2-D, 2 x 2 or more, and finite or NaN."""
-    if heights.ndim != 2 or min(heights.shape) < 2:
-        shape = " x ".join(str(length) for length in heights.shape) or "a single number"
-        content = shape if heights.size else "no heights"
-        raise InputError(f"{path}: holds {content}; give 2-D heights, 2 x 2 or more")
-    refused = int(np.count_nonzero(np.isinf(heights)))
-    if refused:
-        raise InputError(
-            f"{path}: {refused} of {heights.size} heights are infinite; give finite heights"
-        )
-    return heights
-
-
-def _from_npy(content: bytes, path: Path) -> Heights:
-    """Read real numbers of any shape from the bytes of a .npy file; never unpickle objects."""
-    try:
-        with np.errstate(all="ignore"):  # of the numbers of nodes in a broken header
-            array = np.lib.format.read_array(BytesIO(content), allow_pickle=False)
-    except Exception as error:  # a broken header makes numpy raise nearly anything
-        fault = " ".join(str(error).split())[:120]
-        raise InputError(f"{path}: not a whole .npy file ({fault}); save real numbers") from error
-    if array.dtype.kind not in "iuf":
-        raise InputError(f"{path}: holds {array.dtype} values; save real numbers (float64)")
-    with np.errstate(over="ignore"):  # wider floats become infinite, and `checked` counts them
-        return np.asarray(array, dtype=np.float64, order="C")

@@ -121,7 +121,7 @@ def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
     def called(**given: Any) -> Any:
         for name, group in groups.items():
             own = {each.name: given.pop(each.name) for each in _options(group)}
-            given[name] = getattr(group, "of_options", group)(**own)
+            given[name] = group(**own)
         return command(**given)
 
     called.__signature__ = Signature(parameters)  # type: ignore[attr-defined]

@@ -14,7 +14,6 @@ from gen.runtime.figure import empty_figure
 from gen.runtime.files import Output, check_outputs, kind_of
 from gen.runtime.numbers import shown
 from gen.runtime.terminal import echo
-from learn.commands.fit import note
 
 File = Annotated[Path, typer.Argument(metavar="FILE", help="A surrogate made by learn fit.")]
 Inputs = Annotated[
@@ -129,7 +128,7 @@ def _parameters(text: str, reading: Reading, material: options.Material) -> dict
     """Parse --at, as "hurst=0.7,rms_height=1.2", add a hardness, and refuse options of surfaces."""
     if material.modulus() is not None:
         raise InputError("the surrogate's modulus is that of its scene: leave out the option")
-    if reading != Reading.of_options():
+    if reading != Reading():
         raise InputError("the surrogate reads no surfaces: leave out the options that prepare them")
     found = {} if material.hardness is None else {"hardness": material.hardness}
     for part in filter(None, text.split(",")):
@@ -193,8 +192,7 @@ def law(
     from learn.surrogate.law import make, of_parameters
     from learn.surrogate.model import require_level
 
-    files = files.filled(output)
-    check_outputs(files.outputs, inputs)
+    files = files.ready(output, inputs)
     figure = empty_figure(files.picture, 12.0, 7.0)
     first, *others = inputs
     known = Path(first).is_file() and kind_of(Path(first)) == "surrogate"
@@ -222,19 +220,19 @@ def law(
         e_star=material.modulus(),
         hardness=material.hardness,
         boundary=boundary,
-        conductivities=require_conductivities(conductivity or []),
+        conductivities=require_conductivities(conductivity) if conductivity else None,
         reading=reading,
         command=typed(context, "learn"),
     )
     if solver:
-        made = by_solver(order, note)
+        made = by_solver(order)
     else:
         surrogate = surrogate or Surrogate.load(Path(first))
         require_level(surrogate, order.level)
         if of_scene:
             made = of_parameters(surrogate, order, _parameters(at, reading, material))
         else:
-            made = make(surrogate, order, note)
+            made = make(surrogate, order)
     show(made)
     for written in write_files(made, files, figure):
         echo(f"wrote {written}")

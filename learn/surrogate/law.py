@@ -67,8 +67,8 @@ ROUNDING = 1e-12
 """Relative distance beyond the last pressure within which a pressure counts as the last one."""
 
 
-def make(surrogate: Surrogate, order: Order, say: Callable[[str], None]) -> Law:
-    """Make a law; `say` is called with a line for the user about each file.
+def make(surrogate: Surrogate, order: Order) -> Law:
+    """Make a law; lines about each file go to standard error.
 
     The surrogate's E*, hardness and range of Delta stand in for those that are not given.
     InputError is raised for input that cannot be used, or a pressure that the law does not reach.
@@ -82,7 +82,7 @@ def make(surrogate: Surrogate, order: Order, say: Callable[[str], None]) -> Law:
             f" {surrogate.boundary} one: leave that out, or fit one to a database of this boundary"
         )
     deltas, pressures = order.loads()
-    subjects = read_subjects(order.inputs, order.surfaces, order.reading, surrogate.boundary, say)
+    subjects = read_subjects(order.inputs, order.surfaces, order.reading, surrogate.boundary)
     kept, left_out = _defined(subjects.surfaces)
     subjects = replace(subjects, surfaces=kept)
     hardness = order.hardness

@@ -274,7 +274,7 @@ def test_a_law_over_less_than_a_decade_feeds_no_scene(tmp_path, name):
         propose_like(write(made_map, tmp_path), Reading(), Bodies(1.0))
 
 
-HERE = Reading.of_options()
+HERE = Reading()
 
 
 @pytest.fixture
@@ -284,7 +284,7 @@ def saved(tmp_path):
     def look(heights, side="10"):
         path = tmp_path / "scan.txt"
         np.savetxt(path, heights)
-        return survey([path], Reading.of_options(side=side))[0]
+        return survey([path], Reading(side=side))[0]
 
     return look
 
@@ -308,7 +308,7 @@ def test_files_that_are_no_use_say_why(tmp_path):
     np.savetxt(tmp_path / "a.txt", np.random.default_rng(1).normal(size=(20, 20)))
     np.savetxt(tmp_path / "b.txt", np.random.default_rng(1).normal(size=(20, 20)))
     names = ["notes.txt", "noise.x3p", "a.txt", "b.txt", "none.txt"]
-    looks = survey([tmp_path / name for name in names], Reading.of_options(side="10"))
+    looks = survey([tmp_path / name for name in names], Reading(side="10"))
     faults = [look.fault for look in looks]
     assert "number" in faults[0]
     assert faults[1]
@@ -323,7 +323,7 @@ def test_maps_without_heights_are_left_out(saved):
     assert saved(np.ones((20, 20))).fault == "all its heights are equal"
     assert saved(rough[:3, :3]).fault == "3 x 3 nodes are too few"
     flat = saved(1e-9 * rough)
-    assert "check the unit" in with_texture(flat, Reading.of_options(side="10"), None).fault
+    assert "check the unit" in with_texture(flat, Reading(side="10"), None).fault
 
 
 def test_a_bowl_has_a_form_and_a_wave_has_none(saved):

@@ -68,7 +68,7 @@ def test_a_surface_is_a_window_of_a_prepared_map(folder, nodes, symmetries):
     write_scene(folder, nodes=nodes, samples=120)
     scene = scene_of(folder)
     plan = parameters(scene, 0, scene.samples)
-    asked = Reading.of_options(despike=7.0, level="plane", fill=True)
+    asked = Reading(despike=7.0, level="plane", fill=True)
     files = sorted((folder / "maps").iterdir())
     maps = [prepare(read(path), asked).heights for path in files]
     assert scene.spacing == pytest.approx((1.0, 1.0), rel=1e-12)

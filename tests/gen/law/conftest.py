@@ -47,6 +47,6 @@ def make():
     """Make a law in Python."""
 
     def made(*inputs, **order):
-        return by_solver(Order(inputs=inputs, **order), lambda _: None)
+        return by_solver(Order(inputs=inputs, **order))
 
     return made

@@ -75,6 +75,7 @@ def test_a_unit_is_asked_for_where_the_file_names_none(tmp_path):
     [
         (np.full((4, 4), np.nan), "all of its 16 heights are missing"),
         (np.array([[1.0, np.inf], [0.0, 1.0]]), "1 of 4 heights are infinite"),
+        (np.full((3, 3), -1e70), r"heights of 1e\+70 um; check their unit"),
     ],
 )
 def test_what_is_no_surface_is_refused(tmp_path, heights, message):

@@ -9,8 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gen import cli
-from gen.maps import text
-from gen.maps.read import Topography
+from gen.maps.read import Topography, checked, matrices_in
 from gen.runtime.errors import InputError
 from tests.maps import read
 
@@ -104,10 +103,10 @@ def test_remarks_that_are_not_read_are_told(tmp_path):
 
 def load(path: Path) -> np.ndarray:
     """Return the first matrix of a file."""
-    matrices = text.read(path)
+    matrices = matrices_in(path)
     if not matrices:
         raise InputError(f"{path}: neither .npy nor text; give one")
-    return text.checked(matrices[0].numbers, path)
+    return checked(matrices[0].numbers, path)
 
 
 def write(folder: Path, name: str, content: bytes | str) -> Path:

@@ -21,10 +21,6 @@ from learn.surrogate.flag import grid_note
 from learn.surrogate.learnt import Learnt
 
 
-def say(line):
-    """Hear nothing."""
-
-
 @pytest.fixture(scope="module")
 def ridge(solved):
     return fitted(solved)
@@ -160,7 +156,7 @@ def test_a_prediction_that_is_not_finite_is_never_inside(ridge, heights, tmp_pat
         with pytest.raises(
             InputError, match=r"h\.npy: the surrogate has no finite .* at Delta = 5"
         ):
-            law.make(spoilt, order, say)
+            law.make(spoilt, order)
 
 
 def test_an_answer_at_a_bound_has_an_interval_with_width(solved, heights, monkeypatch):
