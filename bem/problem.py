@@ -461,7 +461,7 @@ def overlap(problem: Problem, delta: float, length: float | None = None) -> Over
     """
     length = delta if length is None else length
     below = problem.heights - problem.heights.max()
-    box, grid = boxed(below > -delta), below.shape
+    box, grid = boxed(below > -delta) if delta < math.inf else np.s_[:, :], below.shape
     below = np.maximum(below[box], -DEEPEST * length)
     below /= length
     return Overlap(grid, box, below)

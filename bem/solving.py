@@ -381,18 +381,26 @@ def _extrapolated(last: list[Rung], load: float, spacing: float) -> Start | None
     """
     if len(last) < 2:
         return None
-    pressure, displacement = (np.zeros_like(last[-1][1].pressure) for _ in range(2))
+    weights = [
+        equilibrium.length
+        * math.prod((load - other) / (mine - other) for other, _ in last if other != mine)
+        for mine, equilibrium in last
+    ]
+    pressures = [equilibrium.pressure for _, equilibrium in last]
     with np.errstate(over="ignore", invalid="ignore"):
-        for mine, equilibrium in last:
-            weight = equilibrium.length * math.prod(
-                (load - other) / (mine - other) for other, _ in last if other != mine
-            )
-            pressure += weight / spacing * equilibrium.pressure
-            known = equilibrium.displacement
-            displacement += weight * (np.nan if known is None else known)
-    if not np.isfinite(pressure).all():
-        nearest = last[-1][1]
-        return Start(nearest.pressure * (nearest.length / spacing))
-    if pressure.min() >= 0:
-        return Start(pressure, displacement)
-    return Start(np.maximum(pressure, 0))
+        pressure = _combined([weight / spacing for weight in weights], pressures)
+        if not np.isfinite(pressure).all():
+            nearest = last[-1][1]
+            return Start(nearest.pressure * (nearest.length / spacing))
+        if pressure.min() < 0:
+            return Start(np.maximum(pressure, 0))
+        known = [field for _, each in last if (field := each.displacement) is not None]
+        return Start(pressure, _combined(weights, known) if len(known) == len(last) else None)
+
+
+def _combined(weights: list[float], fields: list[Field]) -> Field:
+    """Return a sum of fields by their weights."""
+    total = np.zeros_like(fields[0])
+    for weight, field in zip(weights, fields, strict=True):
+        total += weight * field
+    return total
