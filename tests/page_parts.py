@@ -27,10 +27,6 @@ def part(name: str, quick: str, full: str = "") -> Part:
     return Part(name, "Chapter", f"Title of {name}", quick, full or quick, shows_made)
 
 
-def long_part(name: str, full: str) -> Part:
-    return Part(name, "Chapter", f"Title of {name}", "", full, shows_made)
-
-
 def inputs(folder: Path, *, full: bool = False) -> Inputs:
     return Inputs(folder, folder / "paper.h5", folder / "comparison", full)
 

@@ -46,7 +46,6 @@ TESTED_TOGETHER = {
     "tests/bem/test_far_field.py": "a property of all solves: compliant far fields",
     "tests/bem/test_indenters.py": "a property of all solves: pressed indenters",
     "tests/bem/test_properties.py": "a property of all solves: monotony, symmetry, scaling ...",
-    "tests/bem/test_recomputation.py": "a contact's numbers, computed again without bem",
     "tests/bem/test_yielding.py": "a property of all solves: bodies that yield",
     "tests/gen/generation/test_functions.py": "a user's function, in every command that runs it",
     "tests/gen/test_bad_input.py": "bad scenes and surfaces, in every command that reads them",

@@ -6,11 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import bem
-from bem import dense, equilibrium
+from bem import dense
 from bem.dense import ContactFactor
-from bem.influence import KERNELS, InfluenceMatrix, Kernel
+from bem.influence import InfluenceMatrix, Kernel
 from bench.references import dense as reference
-from bench.references.surfaces import SURFACES, surface
+from bench.references.surfaces import surface
 
 SHAPE = (7, 9)
 MATRIX = InfluenceMatrix(SHAPE, "uniform-pressure", 1.0)
@@ -70,27 +70,6 @@ def test_a_singular_matrix_is_refused(dtype):
     matrix = InfluenceMatrix(SHAPE, "uniform-pressure", 1.0, dtype)
     with pytest.raises(np.linalg.LinAlgError):
         ContactFactor(matrix.among, np.array([3, 7, 40, 7]))
-
-
-@settings(max_examples=60)
-@given(
-    kind=st.sampled_from(list(SURFACES)),
-    seed=st.integers(0, 2**32 - 1),
-    shape=st.tuples(st.integers(1, 10), st.integers(1, 10)),
-    kernel=st.sampled_from(KERNELS),
-    share=st.floats(0.01, 3.0),
-    hardness=st.sampled_from([None, 0.3, 0.01]),
-)
-def test_few_nodes_are_solved_alike_by_both_methods(kind, seed, shape, kernel, share, hardness):
-    """Dense linear algebra below `FEW_NODES` candidates, convolutions above."""
-    heights = surface(kind, shape, seed)
-    delta = share * (float(np.ptp(heights)) or 1.0)
-    arguments = {"spacing": 1.0, "kernel": kernel, "rtol": 1e-12, "hardness": hardness}
-    exact = bem.solve(heights, 1.0, delta, **arguments)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(equilibrium, "FEW_NODES", 0)
-        iterated = bem.solve(heights, 1.0, delta, **arguments)
-    assert np.abs(exact.pressure - iterated.pressure).max() < 1e-8 * iterated.pressure.max()
 
 
 def test_sets_that_cycle_are_left_to_iterations(monkeypatch):

@@ -41,13 +41,6 @@ def test_a_ladder_gives_what_single_solves_give(deltas, kernel):
         )
 
 
-def test_a_ladder_stops_at_the_delta_that_is_to_blame():
-    rungs = bem.ladder(ROUGH, 1000.0, [5.0, np.nan])
-    next(rungs)
-    with pytest.raises(ValueError, match="delta = nan"):
-        next(rungs)
-
-
 @pytest.mark.parametrize("far_field", FAR_FIELDS)
 @pytest.mark.parametrize("loads", [np.geomspace(1e-4, 0.1, 16), [0.02, 0.0, 0.02, 0.001], [0.01]])
 @pytest.mark.parametrize("name", ["forces", "pressures"])
@@ -167,16 +160,6 @@ def test_ties_under_tight_tolerances_end(heights, pressure, rtol):
         contact = bem.solve(heights, 1.0, pressure=pressure, spacing=1.0, rtol=rtol)
     assert contact.residual <= rtol
     assert contact.iterations < 60
-
-
-@pytest.mark.parametrize("far_field", FAR_FIELDS)
-@pytest.mark.parametrize("rtol", [1e-3, 2e-7, 1e-12])
-def test_residual_and_force_are_what_is_said(rtol, far_field):
-    for pressure in (1e-3, 0.02, 0.2):
-        contact = bem.solve(LARGE, 1000.0, pressure=pressure, rtol=rtol, far_field=far_field)
-        gap = np.where(contact.pressure > 0, np.abs(contact.gap), -contact.gap)
-        assert contact.residual == pytest.approx(gap.max() / contact.approach, rel=0, abs=2e-14)
-        assert contact.pressure.mean() == pytest.approx(pressure, rel=1e-14)
 
 
 @pytest.mark.parametrize(

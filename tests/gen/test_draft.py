@@ -152,22 +152,6 @@ def test_a_draft_with_a_slipped_unit_says_so(tmp_path, monkeypatch, capsys):
         assert ("is the modulus in GPa?" in capsys.readouterr().err) == told
 
 
-TEXT = "# a row\nsamples = 1\n"
-
-
-@pytest.mark.parametrize("kind", ["file", "link to a file"])
-def test_what_is_there_stays(tmp_path, kind):
-    path = tmp_path / "a.toml"
-    if kind == "file":
-        path.write_text("mine")
-    else:
-        (tmp_path / "yours").write_text("mine")
-        path.symlink_to("yours")
-    with pytest.raises(InputError, match="is there already"):
-        write_scene(path, TEXT)
-    assert path.read_text() == "mine"
-
-
 def test_what_is_no_scene_is_not_written(tmp_path):
     with pytest.raises(InputError, match="samples"):
         write_scene(tmp_path / "a.toml", "samples = -1")

@@ -16,7 +16,7 @@ from small_populations import KIND_SCENES, KINDS
 
 from gen.runtime.errors import InputError
 from gen.runtime.memory import free
-from learn import Surrogate, cli, models, split
+from learn import Surrogate, cli, models
 from learn.comparison.paper import OPTIMA
 from learn.models import (
     AT_BOUND,
@@ -110,18 +110,6 @@ def test_targets_of_another_size_are_brought_to_an_areas_by_a_power_of_two(
     assert np.log2(scaling.deviation) % 1 == 0
     assert 4 <= np.median(scaling.scaled(forces.target)) < 8
     np.testing.assert_array_equal(scaling.restored(scaling.scaled(forces.target)), forces.target)
-
-
-def test_roots_of_areas_are_standardised_and_squared_again(solved):
-    area = read(solved, "area", features="dimensionless", roots=True)
-    train = split.draw(area).train
-    scaling = scaling_of(area, train)
-    assert scaling.root
-    assert scaling.scaled(area.target[train]).std() == pytest.approx(1)
-    np.testing.assert_allclose(scaling.restored(scaling.scaled(area.target)), area.target)
-    assert scaling.restored(np.array([-1e3]))[0] == 0.0, "a root below 0 is no area"
-    force = read(solved, "force", features="dimensionless", roots=True)
-    assert not scaling_of(force, train).root
 
 
 def answers(surrogate, path):

@@ -1,7 +1,5 @@
 """Closed forms of waves and of their sums: consistent with the half-space and with one another."""
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 from scipy.integrate import quad
@@ -14,34 +12,6 @@ WAVE = WavySurface(0.3, 40.0)
 FULL = WAVE.full_contact_pressure(MODULUS)
 LOADS = [1e-3, 0.1, 0.5, 0.9, 0.999]
 PLACES = np.linspace(-40, 40, 161)
-
-
-def displacement(x: float, mean_pressure: float) -> float:
-    """Of the half-space, with zero mean, by the kernel -2 / (pi E*) ln |2 sin(pi x / wavelength)|.
-
-    The kernel is the displacement under a row of line forces of 1 uN/um, one each wavelength.
-    """
-
-    def strip(place: float) -> float:
-        pressure = float(WAVE.pressure(np.array(place), mean_pressure, MODULUS))
-        return -pressure * np.log(2 * abs(np.sin(np.pi * (x - place) / 40))) if place != x else 0.0
-
-    half = WAVE.wavelength * WAVE.area_share(mean_pressure, MODULUS) / 2
-    ends = sorted({-half, min(max(x, -half), half), half})
-    parts = [quad(strip, *pair, limit=200, epsrel=1e-9)[0] for pair in pairwise(ends)]
-    return 2 / (np.pi * MODULUS) * sum(parts)
-
-
-@pytest.mark.parametrize("load", LOADS)
-def test_wavy_pressure_makes_the_half_space_fit_the_surface(load):
-    """Displacement - (height - highest + Delta) is the gap; 1e-7 of the amplitude is quadrature."""
-    approach = WAVE.approach(load * FULL, MODULUS)
-    half = WAVE.wavelength * WAVE.area_share(load * FULL, MODULUS) / 2
-    for x in [0.0, 0.4 * half, 0.95 * half, half + 0.3 * (20 - half), 20.0]:
-        pressed = float(WAVE.heights(np.array(x))) - 0.3 + approach
-        gap = float(WAVE.gap(np.array(x), load * FULL, MODULUS))
-        assert displacement(x, load * FULL) - pressed == pytest.approx(gap, abs=3e-8)
-        assert (gap > 0) == (abs(x) > half)
 
 
 @pytest.mark.parametrize("load", LOADS)
@@ -122,21 +92,6 @@ def test_solved_waves_are_the_closed_form(load, nodes):
 CROSSED = DoublySinusoidal(0.3, 40.0)
 
 
-def test_oblique_sines_hold_the_half_space_up_by_their_heights():
-    """By the kernel of line forces along their crests, one sine each direction, to 1e-9."""
-    for qx, qy, phase in [(0.3, 0.0, 0.0), (0.2, -0.5, 1.0), (-0.1, 0.7, 4.0)]:
-        sine, q = Sine(0.2, (qx, qy), phase), np.hypot(qx, qy)
-        pressed = SumOfSines((sine,))
-
-        def strip(along: float, q: float = q, sine: SumOfSines = pressed) -> float:
-            x, y = along * np.array(sine.sines[0].wavevector) / q
-            pressure = float(sine.pressure(x, y, 0.0, MODULUS))
-            return -2 / (np.pi * MODULUS) * pressure * np.log(2 * np.sin(q * along / 2))
-
-        moved = quad(strip, 0, 2 * np.pi / q, epsabs=1e-12, limit=200)[0]
-        assert moved == pytest.approx(float(sine.heights(np.array(0.0), np.array(0.0))), abs=1e-9)
-
-
 def test_doubly_sinusoidal_contact_at_light_load_is_hertz_at_every_peak():
     load, cell = 1e-9 * CROSSED.full_contact_pressure(MODULUS), 40.0**2 / 2
     sphere = Paraboloid(1 / (0.3 * (2 * np.pi / 40) ** 2))
@@ -144,34 +99,6 @@ def test_doubly_sinusoidal_contact_at_light_load_is_hertz_at_every_peak():
     share = np.pi * sphere.contact_radius(delta) ** 2 / cell
     assert CROSSED.area_share_at_light_load(load, MODULUS) == pytest.approx(share, rel=1e-12)
     assert CROSSED.approach_at_light_load(load, MODULUS) == pytest.approx(delta, rel=3e-3)
-
-
-def test_doubly_sinusoidal_gaps_near_full_contact_close_without_singularity():
-    """The traction that a crack relieves, by quadrature (Sneddon's integrals), to 1e-8."""
-    full = CROSSED.full_contact_pressure(MODULUS)
-    pressure = full * (1 - 1e-4)
-    share = CROSSED.area_share_near_full_contact(pressure, MODULUS)
-    edge = np.sqrt((1 - share) * 40**2 / (2 * np.pi))
-    rise = 2 * (np.pi / 40) ** 2 * full
-
-    def relieved(s: float) -> float:
-        """Return the integral of t traction(t) / sqrt(s^2 - t^2) from 0 to s, t = s sin u."""
-        return quad(
-            lambda u: s * np.sin(u) * (full - pressure - rise * (s * np.sin(u)) ** 2), 0, np.pi / 2
-        )[0]
-
-    def gap(r: float) -> float:
-        """Return the opening, s = sqrt(r^2 + v^2)."""
-        reach = np.sqrt(edge**2 - r**2)
-        work = quad(lambda v: relieved(np.hypot(r, v)) / np.hypot(r, v), 0, reach)[0]
-        return 4 / (np.pi * MODULUS) * work
-
-    assert relieved(edge) == pytest.approx(0, abs=1e-8 * relieved(edge / 2))
-    volume = quad(lambda r: 2 * np.pi * r * gap(r), 0, edge, epsabs=0, epsrel=1e-8)[0]
-    mean = 2 * volume / 40**2
-    assert CROSSED.mean_gap_near_full_contact(pressure, MODULUS) == pytest.approx(mean, rel=1e-8)
-    assert CROSSED.area_share_near_full_contact(full, MODULUS) == 1
-    assert CROSSED.mean_gap_near_full_contact(full, MODULUS) == 0
 
 
 def crossed(load: float) -> bem.Contact:

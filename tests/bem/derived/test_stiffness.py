@@ -8,7 +8,6 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import bem
-from bem.analytic import WavySurface
 from bem.derived.stiffness import PUNCH_RTOL, patch_stiffness, punch_of
 from bem.influence import InfluenceMatrix
 from bem.operators.patch import Patch
@@ -94,19 +93,6 @@ def test_bodies_that_yield_load_softer_than_they_unload(boundary):
     less = bem.solve(contact.flattened, SIDE, contact.delta - lower - step, **settings_)
     assert np.array_equal(less.pressure > 0, contact.pressure > 0)
     assert contact.stiffness == pytest.approx((contact.force - less.force) / step, rel=1e-4)
-
-
-def test_strips_without_edges_are_westergaards():
-    surface = WavySurface(amplitude=1.0, wavelength=SIDE)
-    for nodes, accuracy in ((256, 0.03), (1024, 0.01)):
-        x = (np.arange(nodes) + 0.5) * (SIDE / nodes)
-        heights = np.repeat(surface.heights(x)[:, np.newaxis], 8, axis=1)
-        sides = SIDE, 8 * SIDE / nodes
-        for share in (0.1, 0.5, 0.9):
-            load = share * surface.full_contact_pressure(E)
-            contact = bem.solve(heights, sides, pressure=load, boundary="periodic", modulus=E)
-            per_area = contact.stiffness / (sides[0] * sides[1])
-            assert per_area == pytest.approx(surface.stiffness(load, E), rel=accuracy)
 
 
 @pytest.mark.parametrize("boundary", ["periodic", "mirror"])

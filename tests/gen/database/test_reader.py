@@ -1,12 +1,11 @@
 """The reader: columns, ranges, and other programs that read the same file."""
 
-import h5py
 import numpy as np
 import pytest
 from databases import PHYSICS, block, filled, raise_physics, small
 
 from gen import database, schema
-from gen.database import Reader, Writer, create, merge, open_or_create
+from gen.database import Reader, Writer, create, open_or_create
 from gen.runtime.errors import InputError
 from gen.scene import DisplacedSurface, Scene, Store
 from gen.scene.columns import columns_for
@@ -58,51 +57,6 @@ def test_xarray_reads_both_groups_with_units(path):
         assert runtime.surface_seconds.dims == ("sample",)
         assert runtime.surface_seconds.attrs["units"] == "s"
         assert runtime.surface_seconds.dtype == "f8"
-
-
-def bad_file(path, kind):
-    """Put something at the path that is no database."""
-    if kind == "foreign":
-        with h5py.File(path, "w") as file:
-            file["force"] = np.ones(3)
-    elif kind == "cut off":
-        create(path, small())
-        with path.open("r+b") as file:
-            file.truncate(path.stat().st_size // 2)
-    elif kind == "damaged":
-        create(path, small())
-        with h5py.File(path, "r+") as file:
-            del file["force"]
-    elif kind == "spoilt":
-        create(path, small())
-        content = path.read_bytes()
-        path.write_bytes(content.replace(b"samples_per_surface", b"\xff" * 19))
-
-
-BAD_FILES = {
-    "foreign": "HDF5 but not a database",
-    "cut off": "cannot be read as a database .*truncated",
-    "damaged": "column 'force' is missing",
-    "spoilt": "is damaged",
-}
-
-
-@pytest.mark.parametrize("kind", BAD_FILES)
-def test_bad_file_is_named_in_one_line_and_left_alone(path, kind):
-    bad_file(path, kind)
-    before = path.read_bytes()
-    for opening in (
-        lambda: Reader(path),
-        lambda: Writer(path, small()),
-        lambda: open_or_create(path, small(20), force=True),
-        lambda: merge(path.with_name("target.h5"), [path]),
-    ):
-        with pytest.raises(InputError, match=BAD_FILES[kind]) as raised:
-            opening()
-        assert str(path) in str(raised.value)
-        assert "\n" not in str(raised.value)
-    assert path.read_bytes() == before
-    assert not path.with_name("target.h5").exists()
 
 
 def test_missing_file(path):

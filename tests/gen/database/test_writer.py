@@ -16,8 +16,8 @@ from gen import cli, database
 from gen.database import Reader, Writer, create, extend, lock, open_or_create
 from gen.database.writer import HeldFile
 from gen.runtime.errors import InputError
-from gen.scene import Scene, Store
-from gen.schema import Reason, Status
+from gen.scene import Scene
+from gen.schema import Status
 
 KILLED_BEFORE_STATUS = """
     import os, signal, sys
@@ -38,18 +38,6 @@ KILLED_BEFORE_STATUS = """
     writer._flush = flush_and_die
     writer.write_block(4, 8, block)
 """
-
-
-def test_written_rows_come_back(path):
-    scene = small(store=Store(heights=True, perimeter=True))
-    filled(path, scene, (2, 5, Status.DONE), (7, 8, Status.FAILED))
-    wanted = block(scene, 2, 5)
-    with Reader(path) as reader:
-        for column in reader.columns():
-            np.testing.assert_array_equal(reader.column(column.name, 2, 5), wanted[column.name])
-        assert reader.counts() == (6, 3, 1)
-        assert reader.reasons() == {Reason.NOT_CONVERGED: 1}
-        assert reader.size_bytes == path.stat().st_size
 
 
 def test_kill_between_columns_and_status_leaves_rows_pending(path):

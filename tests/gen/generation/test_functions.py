@@ -97,12 +97,6 @@ def test_a_function_that_fails_is_one_line_and_leaves_no_database(here, capsys, 
     assert not (here / "a.h5").exists()
 
 
-@pytest.mark.parametrize("key", ["outputs = { a = '1' }", "source = '" + 64 * "0" + "'"])
-def test_outputs_need_a_function(here, capsys, key):
-    (here / "mine.toml").write_text(f"samples = 3\n[store]\n{key}\n")
-    assert "needs function, which gives them" in refused(capsys, "run", "mine.toml", "-o", "a.h5")
-
-
 LATER = """
 def spots(contact):
     late = contact.delta > {delta}

@@ -17,8 +17,7 @@ from gen.database import writer
 from gen.generation.run import in_parallel
 from gen.runtime import farm
 from gen.runtime.errors import InputError
-from gen.scene import load
-from gen.scene.columns import columns_for, markdown_table
+from gen.scene.columns import markdown_table
 
 SAMPLE = Path(__file__).resolve().parents[3] / "examples" / "sample.h5"
 SCENE = "samples = {}\nsamples_per_surface = 2\n{}\n[surface]\nnodes = 17\n"
@@ -174,19 +173,6 @@ def small(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "small.toml").write_text(SMALL)
     return tmp_path
-
-
-def test_run_info_and_plot(small, capsys):
-    assert cli.main(["run", "small.toml", "-o", "small.h5"]) == 0
-    assert "24 rows done, 0 failed, 0 pending" in capsys.readouterr().out
-    assert cli.main(["info", "small.h5"]) == 0
-    text = capsys.readouterr().out
-    assert "24 done" in text
-    for column in columns_for(load("small.toml")):
-        if not column.group and column.name not in {"status", "reason"}:
-            assert column.name in text
-    assert cli.main(["plot", "small.h5", "-o", "small.png"]) == 0
-    assert (small / "small.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_failed_rows_warn_and_say_why(small, capsys, monkeypatch):

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import bem
-from bem.operators import patch
 from gen.generation.plan import parameters
 from gen.generation.sample import compute_rows, solve_contact, surface_of
 from gen.scene import Scene
@@ -78,26 +77,6 @@ def test_two_rough_bodies_are_the_sum_of_two_surfaces(text, boundary):
     ]
     assert abs(np.mean(likeness)) < 3 * np.std(likeness) / np.sqrt(60)  # none
     assert np.std(seconds) == pytest.approx(np.std(firsts), rel=0.2)
-
-
-def test_failures_are_rows_with_a_reason(monkeypatch):
-    monkeypatch.setattr(patch, "FEW_FREE", ((0.0, 1.0),))  # else one iteration may be enough
-    starved = scene("[contact]\nmax_iterations = 1")
-    rows = compute_rows(starved, 0, 4)
-    assert set(rows["status"]) == {Status.FAILED}
-    assert set(rows["reason"]) == {Reason.NOT_CONVERGED}
-    assert np.isnan(rows["area_percent"]).all()
-    assert set(rows["iterations"]) == {1}
-    assert (rows["residual"] > 1e-6).all()
-
-
-def test_a_flat_surface_has_an_area_but_no_statistics():
-    made = Scene.parse("samples = 2\n[surface]\nnodes = 9\nsigma0 = [0.0, 0.0]", "test")
-    rows = compute_rows(made, 0, 2)
-    assert set(rows["reason"]) == {Reason.NO_STATISTICS}
-    assert set(rows["status"]) == {Status.DONE}
-    assert set(rows["area_percent"]) == {100.0}
-    assert np.isnan(rows["peak_mean"]).all()
 
 
 @pytest.mark.parametrize("error", [OverflowError, np.linalg.LinAlgError])

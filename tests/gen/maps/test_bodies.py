@@ -129,26 +129,6 @@ def solved(*arguments, command="contact"):
     return row
 
 
-def with_header(name, heights, width):
-    """Write a map as Gwyddion does, with its own lengths and unit."""
-    lines = [f"# Width: {width} nm", f"# Height: {width} nm", "# Value units: nm"]
-    lines += ["\t".join(map(str, row)) for row in heights]
-    Path(name).write_text("\n".join(lines) + "\n")
-
-
-def test_the_contact_of_two_bodies_is_that_of_their_sum(capsys):
-    pair = solved("a.npy", "--side", 16, "--against", "b.npy", "--young", 10, "--young", 20)
-    assert (
-        "pressed against body 2 (b.npy), turned over (its x runs backwards)"
-        in capsys.readouterr().out
-    )
-    np.save("sum.npy", np.load("a.npy") + np.load("b.npy")[::-1])
-    one = solved("sum.npy", "--side", 16, "--young", 10, "--young", 20)
-    assert float(pair["force_uN"]) == pytest.approx(float(one["force_uN"]), rel=1e-9)
-    assert float(pair["modulus_MPa"]) == pytest.approx(1 / (1 / 10 + 1 / 20))
-    assert "body 2: read 17 x 17 nodes" in pair["prepared"]
-
-
 def test_both_bodies_are_prepared_alike_unless_the_second_has_options_of_its_own():
     options = ["a.npy", "--side", 16, "--level", "plane", "--against", "b.npy"]
     alike = solved(*options, command="describe")["prepared"]
@@ -162,14 +142,6 @@ def test_both_bodies_are_prepared_alike_unless_the_second_has_options_of_its_own
     assert "body 2: turned upside down" in own["prepared"]
     assert "body 2: downsampled to 8 x 8" in own["prepared"]
     assert "um share" in own["prepared"]
-
-
-def test_lengths_and_unit_of_the_second_file_stand():
-    with_header("own.txt", np.random.default_rng(3).normal(size=(17, 17)), 17_000)
-    row = solved("a.npy", "--side", 16, "--unit", "um", "--against", "own.txt", command="describe")
-    assert float(row["side_x_um"]) == pytest.approx(16)
-    assert "body 2: read 17 x 17 nodes under a header" in row["prepared"]
-    assert "lengths in nm" in row["prepared"]
 
 
 @pytest.mark.parametrize(

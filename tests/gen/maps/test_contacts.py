@@ -17,7 +17,6 @@ from tests.bem.waves import random_waves
 
 ROUGH = generate("diamond-square", 17, 0.7, 5.0, np.random.default_rng(4))
 STEEL = ["--young", "210e3", "--poisson", "0.3"]
-E_STAR = 210e3 / (1 - 0.3**2)
 
 
 @pytest.fixture
@@ -84,31 +83,6 @@ def wide(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     np.save("wide.npy", WIDE)
     return tmp_path
-
-
-@pytest.mark.few(1)
-@pytest.mark.parametrize("boundary", ["periodic", "mirror"])
-@pytest.mark.parametrize(
-    ("load", "given"),
-    [
-        (["--delta", "2"], {"deltas": [2.0]}),
-        (["--pressure", "50,100"], {"pressures": [50.0, 100.0]}),
-    ],
-)
-def test_a_patch_without_edges_is_made_of_its_pixels(wide, capsys, boundary, load, given):
-    options = [*load, *STEEL, "--boundary", boundary, "--plot", "picture.png"]
-    lines, _, row = solved(capsys, *options)
-    settings = {"modulus": E_STAR, "boundary": boundary}
-    *_, expected = bem.ladder(WIDE, (330.0, 300.0), **given, **settings)
-    assert expected.problem.spacing == (10.0, 10.0)
-    assert row.boundary == boundary
-    assert row.force_uN == pytest.approx(expected.force, rel=1e-12)
-    assert row.area_percent == expected.area_percent
-    assert row.pressure_MPa == pytest.approx(expected.force / (330 * 300), rel=1e-12)
-    if "," not in load[1]:
-        assert lines["boundary"] == [boundary]
-        assert lines["spacing"] == ["10", "x", "10", "um"]
-    assert not any("--boundary" in line for line in lines)
 
 
 def test_a_free_patch_says_what_its_borders_carry_and_which_option_has_none(wide, capsys):

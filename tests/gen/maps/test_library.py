@@ -16,7 +16,6 @@ from gen.maps.library import (
     PreparedMap,
     Tiling,
     Wanted,
-    cut,
     digests,
     drawn,
     map_files,
@@ -254,22 +253,6 @@ def stream(seed, surface):
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=(surface,))))
 
 
-def window_nodes(window, shape):
-    """The nodes (map, x, y) of a window before it is turned round."""
-    (x, y), (nx, ny) = window.corner, shape
-    return {(window.map, i, j) for i in range(x, x + nx) for j in range(y, y + ny)}
-
-
-@given(tilings(), st.integers(0, 2**63 - 1), st.lists(st.integers(0, 10**6), max_size=20))
-def test_windows_of_different_tiles_share_no_node(tiling, seed, surfaces):
-    """Rows are split by tile: whatever the parts of a split are, they share no node of a map."""
-    taken: dict[tuple[int, int, int], int] = {}
-    for surface in surfaces:
-        window = drawn(stream(seed, surface), tiling, square=False)
-        for node in window_nodes(window, tiling.window):
-            assert taken.setdefault(node, window.tile) == window.tile
-
-
 @given(tilings(), st.integers(0, 2**63 - 1), st.booleans())
 def test_a_window_lies_in_its_tile(tiling, seed, square):
     window = drawn(stream(seed, 3), tiling, square=square)
@@ -314,17 +297,3 @@ def test_the_eight_symmetries_are_those_of_the_square():
     known = {np.rot90(side, k).tobytes() for k in range(4) for side in (patch, patch.T)}
     assert made == known
     assert len(made) == 8
-
-
-@given(tilings(), st.integers(0, 2**32))
-def test_a_window_holds_the_map_heights_above_its_lowest_node(tiling, seed):
-    random = np.random.default_rng(seed)
-    maps = [random.normal(size=shape) for shape in tiling.shapes]
-    window = drawn(random, tiling, square=tiling.window[0] == tiling.window[1])
-    heights = cut(maps[window.map], window, tiling.window)
-    assert heights.shape == tiling.window
-    assert heights.min() == 0.0
-    assert heights.flags.c_contiguous
-    (x, y), (nx, ny) = window.corner, tiling.window
-    own = maps[window.map][x : x + nx, y : y + ny]
-    assert np.array_equal(np.sort(heights, axis=None), np.sort(own - own.min(), axis=None))

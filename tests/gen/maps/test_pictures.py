@@ -11,7 +11,6 @@ import pytest
 
 import bem
 from gen import cli
-from gen.database import Reader
 from gen.runtime.figure import draw_parity, log_axis, new_figure, parity_axes
 from gen.spectral import SelfAffineSpectrum, generate_spectral
 from gen.surface import generate
@@ -20,9 +19,8 @@ pytest.importorskip("matplotlib", reason="needs the extra plot")
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from gen.commands import picture
 from gen.maps import pictures
-from gen.maps.pictures import CYAN, Subject, draw_contacts, section_line
+from gen.maps.pictures import CYAN, Subject, draw_contacts
 
 ROUGH = generate_spectral(
     (129, 129), 1000.0, SelfAffineSpectrum(0.7, 250, 16.5), np.random.default_rng(1), rms_height=2.0
@@ -112,20 +110,6 @@ def test_nothing_is_cut_or_overlaps(shape):
     assert not left.get_tightbbox(renderer).overlaps(spots.get_tightbbox(renderer))
 
 
-def test_titles_say_file_load_and_material():
-    contacts = list(bem.ladder(FRACTAL, (100.0, 100.0), [1.0, 2.0], modulus=E_STAR))
-    figure = drawn(contacts, warnings=("beware",))
-    title = figure.get_suptitle()
-    assert title.startswith("a folder/with $")
-    assert title.splitlines()[0].endswith("scan.x3p")
-    for said in ("last of 2 loads: Δ = 2 µm, force ", " µN, mean pressure ", "E* = 200000 MPa"):
-        assert said in title
-    assert "beware" in figure.get_supxlabel()
-    alone = drawn(contacts[:1], name="scan.x3p", material=False)
-    assert alone.get_suptitle().startswith("scan.x3p\nΔ = 1 µm")
-    assert "no material given" in alone.get_suptitle()
-
-
 def test_laws_have_the_gap_and_logarithmic_axes_over_decades():
     for pressures, scale in (([1.0, 3.0, 10.0], "linear"), ([3.0, 0.1, 30.0], "log")):
         contacts = list(bem.ladder(FRACTAL, (100.0, 100.0), pressures=pressures, modulus=1e4))
@@ -135,14 +119,6 @@ def test_laws_have_the_gap_and_logarithmic_axes_over_decades():
         loads, gaps = gap.lines[0].get_data()
         np.testing.assert_allclose(loads, sorted(pressures), rtol=1e-6)
         assert sorted(gaps, reverse=True) == list(gaps)
-
-
-def test_one_spike_does_not_set_the_colours():
-    spiky = FRACTAL.copy()
-    spiky[20, 10] += 8
-    (contact,) = bem.ladder(spiky, (100.0, 100.0), [15.0], modulus=E_STAR)
-    limits = titled(drawn([contact]), "contact: ").images[0].get_clim()
-    assert limits[1] == pytest.approx(np.percentile(contact.pressure[contact.pressure > 0], 99))
 
 
 def test_yielded_nodes_have_a_colour_of_their_own():
@@ -170,27 +146,6 @@ def test_yielded_nodes_have_a_colour_of_their_own():
     assert "hardness" not in figure.get_suptitle()
 
 
-def bumps(nx: int, ny: int, *places: tuple[int, int]) -> np.ndarray:
-    """A flat surface with bumps."""
-    heights = np.zeros((nx, ny))
-    for place in places:
-        heights[place] = 1.0
-    return heights
-
-
-@pytest.mark.parametrize(
-    ("heights", "sides", "expected"),
-    [
-        (bumps(20, 20, (5, 8)), (19.0, 19.0), (0, 8)),
-        (bumps(20, 20, (0, 8)), (19.0, 19.0), (0, 8)),  # at a border: across it
-        (bumps(8, 20, (4, 3)), (7.0, 19.0), (1, 4)),  # along the longer side
-        (bumps(20, 20, (0, 0)), (19.0, 19.0), (0, 0)),  # there is no other contact
-    ],
-)
-def test_sections_run_through_the_contact(heights, sides, expected):
-    assert section_line(bem.solve(heights, side=sides, delta=0.1)) == expected
-
-
 def test_the_flow_takes_the_place_of_the_pressure():
     light, full = (bem.solve(FRACTAL, 100.0, pressure=p, modulus=E_STAR) for p in (1e-2, 1e7))
     figure = drawn([light], flow=True)
@@ -198,30 +153,6 @@ def test_the_flow_takes_the_place_of_the_pressure():
     assert titled(figure, f"flux along x: flow factor {light.flow().factor:.3g}")
     assert titled(drawn([full], spots=True, flow=True), "1 spots")
     assert titled(drawn([full], flow=True), "flux along x: no flow")
-
-
-def drawn_of_rows(monkeypatch: pytest.MonkeyPatch, folder: Path, scene: str) -> Any:
-    """Run a scene and return the figure that `gen plot` makes of its database, small.h5."""
-    monkeypatch.chdir(folder)
-    Path("small.toml").write_text(scene)
-    assert cli.main(["run", "small.toml", "-o", "small.h5"]) == 0
-    figures = []
-    monkeypatch.setattr(picture, "save", lambda figure, _: figures.append(figure))
-    assert cli.main(["plot", "small.h5", "-o", "small.png"]) == 0
-    return figures[0]
-
-
-@pytest.mark.parametrize("hardness", ["", "hardness = [0.01, 0.05]"])
-def test_a_database_shows_its_median_area(tmp_path, monkeypatch, hardness):
-    scene = f"samples = 15\n[surface]\nnodes = 17\n[contact]\n{hardness}"
-    figure = drawn_of_rows(monkeypatch, tmp_path, scene)
-    with Reader(Path("small.h5")) as reader:
-        areas = reader.column("area_percent")
-    assert figure.get_suptitle() == "small.h5"
-    titles = [" ".join(axis.get_title(loc="left").split()) for axis in figure.axes]
-    (title,) = (title for title in titles if title.startswith("contact at"))
-    assert f"{np.median(areas):.3g} % of 289 nodes, the median of rows done" in title
-    assert ("hardness" in title) == ("% yielded (cyan)" in title) == bool(hardness)
 
 
 @pytest.mark.parametrize("values", [(2.1, 4.4), (7.0, 45.0), (1, 1e6)])

@@ -65,17 +65,6 @@ def test_a_sine_has_its_closed_forms():
     assert "along all directions" in found.reason
 
 
-@pytest.mark.parametrize("spacing", [(1.0, 1.0), (2.0, 5.0)])
-def test_a_plane_has_its_closed_forms(spacing):
-    x, y = spacing[0] * np.arange(21)[:, None], spacing[1] * np.arange(31)
-    found = values_of(0.3 * x - 0.4 * y, spacing, "free").values
-    assert found["Sdq"] == pytest.approx(0.5, rel=1e-12)
-    assert found["Sdr"] == pytest.approx(100 * (math.sqrt(1.25) - 1), rel=1e-12)
-    assert found["Ssk"] == pytest.approx(0.0, abs=1e-12)
-    assert found["Sp"] == pytest.approx(found["Sv"], rel=1e-12)
-    assert found["Sz"] == pytest.approx(0.3 * 20 * spacing[0] + 0.4 * 30 * spacing[1], rel=1e-12)
-
-
 @pytest.mark.parametrize("boundary", ["periodic", "free"])
 def test_the_autocorrelation_is_its_definition(boundary):
     heights = np.random.default_rng(5).normal(size=(7, 10))

@@ -18,7 +18,7 @@ from rich.table import Table
 
 from gen import cli
 from gen.runtime.documents import cell, write_csv
-from gen.runtime.terminal import RunProgress, echo, print_table, printable, started_as, to_type
+from gen.runtime.terminal import RunProgress, echo, print_table, printable
 
 SCENE = 'title = "Rauheit ä€中 ±"\nsamples = 3\n[surface]\nnodes = 9\n'
 
@@ -196,14 +196,6 @@ def test_lines_and_tables_are_harmless(capsys):
     said = capsys.readouterr()
     assert_harmless(said.out)
     assert said.out == said.err == printable(EVIL) + "\n"
-
-
-def test_messages_name_commands_as_they_are_typed():
-    started_as("asperity gen")
-    assert to_type("learn card x") == "asperity learn card x"
-    started_as("gen")
-    assert to_type("learn card x") == "python -m learn card x"
-    assert to_type("asperity gen run") == "asperity gen run", "a path that was typed stays"
 
 
 class Full(io.StringIO):

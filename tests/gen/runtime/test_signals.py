@@ -154,13 +154,6 @@ def test_a_late_surface_leaves_all_its_samples_pending(folder, monkeypatch):
     assert not list(finished_parts(0, rows))
 
 
-@pytest.mark.parametrize("limit", ["0", "nan", "1e10"])
-def test_a_limit_that_is_none_is_refused(folder, limit, capsys):
-    assert cli.main(["run", "scene.toml", "-o", "rows.h5", "--sample-limit", limit]) == 2
-    assert "--sample-limit" in capsys.readouterr().err
-    assert not (folder / "rows.h5").exists()
-
-
 def test_an_interrupted_solve_leaves_nothing_in_the_next():
     """The filters are kept between solves: what an interruption leaves in them would spoil them."""
     random = np.random.default_rng(1)

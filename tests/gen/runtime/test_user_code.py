@@ -87,13 +87,6 @@ def test_a_function_that_cannot_be_loaded_is_one_line(here, text, fault):
     assert "of_the_user" not in sys.modules or "importing" not in fault
 
 
-def test_a_source_that_has_changed_is_refused(here):
-    source = write(here, "def f():\n    return 'old'\n")
-    write(here, "def f():\n    return 'new'\n")
-    with pytest.raises(SourceError, match="has changed since the database was made"):
-        load_function("of_the_user:f", source)
-
-
 @pytest.mark.parametrize("name", ["no_such_module_here:f", "sys:exit", "gen.no_such_module:f"])
 def test_a_module_without_a_source_is_refused(here, name):
     with pytest.raises(SourceError, match="no module"):

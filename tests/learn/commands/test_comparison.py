@@ -1,8 +1,5 @@
 """The commands that compare models: wrong input in one line, help without numerics."""
 
-import subprocess
-import sys
-
 import pytest
 from comparisons import run, table
 
@@ -55,19 +52,6 @@ def test_one_process_at_a_time_writes_a_folder(work, capsys, command):
         assert cli.main(line) == 2
         assert "x is being written by host" in capsys.readouterr().err
         assert sorted(work.rglob("*")) == before
-
-
-@pytest.mark.parametrize("arguments", [["--help"], ["tune", "--help"]])
-def test_help_imports_no_numerics(arguments, tmp_path):
-    code = f"from learn import cli; assert cli.main({arguments!r}) == 0"
-    code += "\nimport sys; print(sorted({name.partition('.')[0] for name in sys.modules}))"
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    loaded = done.stdout.splitlines()[-1]
-    for library in ("numpy", "scipy", "sklearn", "xgboost", "h5py", "matplotlib", "mpi4py"):
-        assert f"'{library}'" not in loaded
 
 
 def test_hybrid_features_go_through_compare_and_importance(work, capsys):

@@ -7,7 +7,6 @@ import h5py
 import numpy as np
 import pytest
 from comparisons import run, table
-from launch import launch, mpiexec
 from learnt_rows import database_of
 
 from gen.surface import generate
@@ -34,26 +33,6 @@ def test_a_tuned_winner_is_taken_with_what_it_rests_on(work, capsys, monkeypatch
     assert "made with features 'dimensionless', not 'paper'" in capsys.readouterr().err
     assert run(*fit, "--model", "svm") == 2
     assert "no tuned svm" in capsys.readouterr().err
-
-
-@pytest.mark.long
-@pytest.mark.mpi
-@pytest.mark.skipif(mpiexec() is None, reason="no mpiexec: install the extra 'mpich'")
-def test_workers_generate_the_surfaces_of_hybrid_features(made, database, tmp_path):
-    arguments = ["fit", "database.h5", "--features", "hybrid", "-o", "r3.surrogate"]
-    done = launch(3, *arguments, folder=tmp_path, module="learn")
-    assert done.returncode == 0, done.stderr
-    assert "generating 90 surfaces anew" in done.stderr
-    with (
-        np.load(tmp_path / "database.h5.pressed.npz") as ours,
-        np.load(made / "database.h5.pressed.npz") as serial,
-    ):
-        np.testing.assert_array_equal(ours["values"], serial["values"])
-    scores = [
-        Surrogate.load(path).card["targets"]["area"]["scores"]
-        for path in (tmp_path / "r3.surrogate", made / "hybrid.surrogate")
-    ]
-    assert scores[0] == scores[1]
 
 
 SCENES = {

@@ -25,6 +25,8 @@ def test_another_group_counts_as_one_more_than_those_that_are_known():
     assert known.groups == 2
     assert known.quantile(0.5) == 3.0
     assert known.quantile(0.9) == np.inf
+    uneven = Scores.of(np.array([4.0, 1.0, 2.0, 3.0]), np.array([0, 1, 1, 1]))
+    assert uneven.quantile(0.3) == 3.0, "three rows of a group weigh as much as the one of another"
 
 
 def test_with_one_row_a_surface_the_quantile_is_the_usual_one():

@@ -176,33 +176,6 @@ def test_a_law_that_cannot_be_is_refused(work, capsys, arguments, word):
     assert word in capsys.readouterr().err.splitlines()[-1]
 
 
-@pytest.mark.parametrize("inputs", [["many/s0.npy", "--side", 1000], ["many", "--side", 1000]])
-def test_a_law_is_monotone_and_consistent(work, inputs):
-    ask = ["law", "hybrid.surrogate", *inputs, "--delta", "2:40:12", "--csv", "law.csv"]
-    run(*ask, "--header", "law.h", "--young", "210e3", "--poisson", "0.3")
-    rows = rows_of("law.csv")
-    by_delta = [row for row in rows if row["against"] == "delta_um"]
-    by_pressure = [row for row in rows if row["against"] == "pressure_MPa"]
-    assert len(by_delta) == 13
-    delta = column(by_delta, "delta_um")
-    for name, sign in (("area_percent", 1), ("force_uN", 1), ("mean_gap_um", -1)):
-        value = column(by_delta, name)
-        assert (sign * np.diff(value) >= 0).all()
-        assert (sign * column(by_delta, f"{name}_slope") >= 0).all()
-        banded = [row for row in by_delta if row.get(f"{name}_low")]
-        value = column(banded, name)
-        assert (column(banded, f"{name}_low") <= value).all()
-        assert (value <= column(banded, f"{name}_high")).all()
-        assert all(row.get("reason") for row in by_delta if row not in banded)
-    pressure = column(by_delta, "pressure_MPa")
-    cells = (1000 / 32 * 33) ** 2
-    np.testing.assert_allclose(pressure, column(by_delta, "force_uN") / cells, rtol=1e-9)
-    back = np.interp(delta, column(by_pressure, "delta_um"), column(by_pressure, "pressure_MPa"))
-    np.testing.assert_allclose(back, pressure, atol=0.02 * pressure[-1])
-    assert (np.diff(column(by_pressure, "area_percent")) >= 0).all()
-    assert (np.diff(column(by_pressure, "mean_gap_um")) <= 0).all()
-
-
 def test_a_predicted_law_of_bodies_that_yield_is_near_the_solved_one(yielding, work, capsys):
     run("fit", yielding, "--features", "hybrid", "-o", "plastic.surrogate")
     ask = ["many/s0.npy", "--side", "1000", "--delta", "5:25:5"]

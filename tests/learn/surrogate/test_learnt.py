@@ -313,15 +313,3 @@ def test_a_moment_beyond_the_training_is_that_at_the_end_of_its_range(
     assert found[2] != found[3], "the other end is another place"
     reasons = reasons_of(inputs, [""] * 4, surrogate.features, ranges, surrogate.distance)
     assert [name in reason for reason in reasons] == [False, True, True, False]
-
-
-@pytest.mark.parametrize("features", ["paper", "dimensionless"])
-def test_kernel_ridge_is_scikit_learns(solved, features):
-    learnt = replace(fitted(solved, features=features, targets=("area",)).learnt["area"], clip=None)
-    ridge = learnt.pipeline.named_steps["model"]
-    inputs = learnt.pipeline.steps[0][1].transform(
-        np.abs(np.random.default_rng(0).normal(size=(5000, 23)))
-    )
-    learnt.pipeline.steps[0] = ("scaling", "passthrough")
-    theirs = learnt.scaling.restored(ridge.predict(inputs))
-    np.testing.assert_allclose(learnt.raw(inputs), theirs, rtol=1e-6, atol=1e-9)
