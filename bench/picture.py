@@ -22,7 +22,8 @@ COLOURS = (
 # Looks of curves, which markers tell apart on paper too.
 STYLES = tuple({"color": c, "marker": m} for c, m in zip(COLOURS, "os^DvPx*<>", strict=True))
 DPI = 150
-PALETTE = 64  # colours of a picture: far fewer bytes, so that a page of forty can be kept and sent
+# Colours of a picture, and of one with a colour bar: far fewer bytes, so that forty can be kept.
+PALETTE, GRADED = 64, 256
 
 
 def new_figure(width: float = 6.4, height: float = 4.8) -> Any:
@@ -41,7 +42,9 @@ def save(figure: Any, path: Path) -> Path:
 
     drawn, compact = BytesIO(), BytesIO()
     figure.savefig(drawn, dpi=DPI, format="png")
-    few = Image.open(drawn).convert("RGB").quantize(PALETTE, dither=Image.Dither.NONE)
+    graded = any(axis.get_label() == "<colorbar>" for axis in figure.axes)
+    colours = GRADED if graded else PALETTE
+    few = Image.open(drawn).convert("RGB").quantize(colours, dither=Image.Dither.NONE)
     few.save(compact, format="PNG", optimize=True)
     make_folder(path.parent)
     write(path, compact.getvalue(), "picture")
