@@ -5,9 +5,8 @@ accepted only if it fulfils the conditions of complementarity.
 
 `press_yielding` bounds the pressure by a hardness. With A = L L^T, the pressure 0 <= p <= H that
 minimises p A p / 2 - u p is the least-squares solution of L^T p = L^-1 u within these bounds, which
-SciPy finds. On large sets that takes minutes; there the set of yielded nodes grows until no
-pressure is above H. `solve` begins with these sets, and accepts a pressure only if it fulfils all
-conditions of contact, which a single one does.
+SciPy finds; on large sets that takes minutes. `solve` begins with these sets or with none, and
+accepts a pressure only if it fulfils all conditions of contact, which a single one does.
 
 `press_by_nnls` is the paper's algorithm, A. Bemporad and M. Paggi (2015), Int. J. Solids Struct.
 69-70, algorithm 3, after Lawson and Hanson (1974): one dense solve for each node that comes into
@@ -218,21 +217,18 @@ def _fields(
     return field, gap
 
 
-Method = Callable[[Field, Field, float], Sides]
-
-
 def press_yielding(
     heights: Field,
     delta: float,
     hardness: float,
     kernel: Kernel,
     aspect: float = 1.0,
-    method: Method | None = None,
+    sides: Callable[[Field, Field, float], Sides] | None = None,
 ) -> tuple[Field, Field]:
     """Solve contact on a rigid far field with bounded pressure.
 
-    The parameters are those of `press`; the method is `by_least_squares` unless given, or
-    `by_growth`.
+    The parameters are those of `press`; `sides` may find those that `solve` begins with, as
+    `by_least_squares` does.
 
     Returns
     -------
@@ -248,10 +244,10 @@ def press_yielding(
     """
     interference = ((heights - heights.max()) + delta).reshape(-1)
     nodes = np.flatnonzero(interference > 0)
+    matrix, over = influence_matrix(heights.shape, kernel, aspect, nodes), interference[nodes]
     pressure = np.zeros(heights.size)
-    matrix = influence_matrix(heights.shape, kernel, aspect, nodes)
-    sides = (method or by_least_squares)(matrix, interference[nodes], hardness)
-    pressure[nodes] = solve(matrix, interference[nodes], sides, hardness)
+    start = None if sides is None else sides(matrix, over, hardness)
+    pressure[nodes] = solve(matrix, over, start, hardness)
     field = pressure.reshape(heights.shape)
     return field, displace(field, kernel, aspect) - interference.reshape(heights.shape)
 
@@ -262,20 +258,6 @@ def by_least_squares(matrix: Field, interference: Field, hardness: float) -> Sid
     target = solve_triangular(factor, interference, lower=True)
     found = lsq_linear(factor.T, target, bounds=(0.0, hardness), method="bvls", tol=1e-15)
     return np.asarray(found.active_mask)
-
-
-def by_growth(matrix: Field, interference: Field, hardness: float) -> Sides:
-    """The same by elastic solves on fewer and fewer nodes, the others known to carry H."""
-    yielded = np.zeros(interference.size, bool)
-    while True:
-        rest = ~yielded
-        load = interference[rest] - hardness * matrix[np.ix_(rest, yielded)].sum(axis=1)
-        pressure = np.full(interference.size, hardness)
-        pressure[rest] = solve(matrix[np.ix_(rest, rest)], load) if rest.any() else 0.0
-        beyond = pressure > hardness
-        if not beyond.any():
-            return np.where(yielded, 1, np.where(pressure > 0, 0, -1))
-        yielded |= beyond
 
 
 def press_by_nnls(

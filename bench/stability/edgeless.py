@@ -6,7 +6,6 @@ the input even in full contact; the displacement is judged by the gaps that it l
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
@@ -14,8 +13,8 @@ import bem
 from bench.references.edgeless import Boundary, Patch
 from bench.references.half_space import Field
 from bench.references.surfaces import Random
-from bench.stability.case import Answer, Case, Finding
-from bench.stability.setup import Setup, Tally, blocks, surface_and_aspect
+from bench.stability.case import Case, Finding
+from bench.stability.setup import Setup, blocks, surface_and_aspect
 
 SALT = 25  # keeps these draws apart from those of other tables with the same seeds
 # Nodes a side at most: of every 50th problem, every 10th, all others.
@@ -23,23 +22,19 @@ MOST_NODES = {50: 24, 10: 16, 1: 10}
 MOST_MIRRORED = 40  # of patches that are compared with their mirror images or shifted
 LARGEST_ASPECT = 30.0  # largest ratio of a cell's sides, either way [1]
 LARGEST_DELTA = 4.0  # largest displacement of bodies that yield [that of full elastic contact]
-SECONDS = 60.0  # wall-clock time after which a solve counts as a loop
 RTOL = 1e-10  # tolerance of the solves [Delta]
 ROUNDING = 1e-11  # what gaps may differ by through rounding alone [range of heights]
-
-Judge = Callable[[Setup, bem.Contact], Iterator[Finding]]
 
 
 def cases() -> Iterator[Case]:
     """Ten blocks beside dense references, two of mirror images, one of cyclic shifts."""
-    kinds: tuple[tuple[str, int, str, Callable[[int], Setup], Judge], ...] = (
-        ("dense references", 1000, "1 to 24 nodes a side, rtol = 1e-10", problem, judge),
-        ("mirror images", 200, "1 to 40 nodes a side", mirrored_problem, judge_images),
-        ("cyclic shifts", 100, "1 to 40 nodes a side, periodic", periodic_problem, judge_shift),
+    yield from blocks(
+        "dense references", 1000, "1 to 24 nodes a side, rtol = 1e-10", problem, judge
     )
-    for family, problems, asked, draw, compare in kinds:
-        block = partial(examine, draw=draw, compare=compare)
-        yield from blocks(family, problems, asked, block, "problems")
+    yield from blocks("mirror images", 200, "1 to 40 nodes a side", mirrored_problem, judge_images)
+    yield from blocks(
+        "cyclic shifts", 100, "1 to 40 nodes a side, periodic", periodic_problem, judge_shift
+    )
 
 
 def problem(seed: int, most: int | None = None) -> Setup:
@@ -175,14 +170,3 @@ def alike(
     error = float(np.abs(placed(contact.displacement) - displacement).max())
     sides = (nodes * cell for nodes, cell in zip(contact.pressure.shape, asked.cell, strict=True))
     yield Finding("operator off", error / (largest / asked.modulus * max(sides)), 1e-13)
-
-
-def examine(seeds: range, draw: Callable[[int], Setup], compare: Judge) -> Answer:
-    """Solve the problems of some seeds, and compare their contacts."""
-    tally = Tally(SECONDS)
-    for seed in seeds:
-        asked = draw(seed)
-        contact = tally.solve(asked, f"seed {seed}")
-        if contact is not None:
-            tally.note(compare(asked, contact))
-    return tally.answer(len(seeds))

@@ -1,7 +1,7 @@
 """Surfaces and arguments of the solver's cases, and many random contacts as one case."""
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from functools import cached_property, lru_cache, partial
 from typing import Any
 
@@ -179,15 +179,20 @@ def _pair(lengths: Lengths) -> tuple[float, float]:
 
 
 BLOCK = 100  # problems of a case; the first block is in the quick table
+SECONDS = 60.0  # wall-clock time after which a solve counts as a loop
 
 
 def blocks(
-    family: str, problems: int, asked: str, examine: Callable[[range], Answer], what: str
+    family: str,
+    problems: int,
+    asked: str,
+    draw: Callable[[int], Setup],
+    compare: Callable[[Setup, bem.Contact], Iterable[Finding]],
 ) -> Iterator[Case]:
-    """Cut many problems into cases, named by what is numbered."""
+    """Cut many problems, each drawn with a seed and then compared, into cases."""
     for first in range(0, problems, BLOCK):
-        name, block = f"{what} {first} to {first + BLOCK - 1}", range(first, first + BLOCK)
-        yield Case(family, name, asked, partial(examine, block), slow=first > 0)
+        name, block = f"seeds {first} to {first + BLOCK - 1}", range(first, first + BLOCK)
+        yield Case(family, name, asked, partial(examine, block, draw, compare), slow=first > 0)
 
 
 def surface_and_aspect(
@@ -203,45 +208,30 @@ def surface_and_aspect(
     return heights / (np.ptp(heights) or 1.0), aspect
 
 
-@dataclass
-class Tally:
-    """The outcome of many solves of at most `seconds` each; a longer one counts as an endless loop.
+def examine(
+    seeds: range,
+    draw: Callable[[int], Setup],
+    compare: Callable[[Setup, bem.Contact], Iterable[Finding]],
+) -> Answer:
+    """Solve the problems of some seeds, and keep the worst finding of each name.
 
-    `iterations` are of every solve that has an answer, `astray` the errors that were raised and
-    where, `largest` the worst finding of each name.
+    A solve of more than `SECONDS` counts as an endless loop, without an answer.
     """
-
-    seconds: float
-    iterations: list[int] = field(default_factory=list)
-    astray: list[tuple[Exception, str]] = field(default_factory=list)
-    largest: dict[str, Finding] = field(default_factory=dict)
-
-    def solve(self, asked: Setup, where: str) -> bem.Contact | None:
-        """Solve; return None where that raises an error, and keep it."""
+    iterations, astray = [], []
+    largest: dict[str, Finding] = {}
+    for seed in seeds:
+        asked = draw(seed)
         try:
-            with at_most(self.seconds):
+            with at_most(SECONDS):
                 contact = asked.solve()
         except (Overtime, Exception) as error:
-            self.astray.append((error, where))
-            return None
-        self.iterations.append(contact.iterations)
-        return contact
-
-    def note(self, findings: Iterable[Finding]) -> None:
-        """Keep findings that are the worst of their name so far."""
-        for finding in findings:
-            worst = self.largest.get(finding.what, finding)
-            self.largest[finding.what] = max(worst, finding, key=lambda each: each.rank)
-
-    def raised(self, what: str, *expected: type[Exception]) -> Finding:
-        """Count errors, apart from those of expected types, and name the first three."""
-        others = [each for each in self.astray if not isinstance(each[0], expected)]
-        names = [f"{type(error).__name__} at {where}" for error, where in others[:3]]
-        return Finding(", ".join([what, *names]), len(others), 0)
-
-    def answer(self, problems: int, said: str = "", *first: Finding) -> Answer:
-        """Judge all solves, by these findings, or that there are no errors, and by the worst."""
-        middle, most = np.percentile(np.array(self.iterations or [0]), (50, 100))
-        out = f"{problems} solves, {middle:.0f} iterations in the middle, {most:.0f} at most{said}"
-        conduct = first or (self.raised("without an answer"),)
-        return Answer(out, [*conduct, *self.largest.values()])
+            astray.append(f"{type(error).__name__} at seed {seed}")
+            continue
+        iterations.append(contact.iterations)
+        for finding in compare(asked, contact):
+            worst = largest.get(finding.what, finding)
+            largest[finding.what] = max(worst, finding, key=lambda each: each.rank)
+    middle, most = np.percentile(iterations or [0], (50, 100))
+    out = f"{len(seeds)} solves, {middle:.0f} iterations in the middle, {most:.0f} at most"
+    unanswered = Finding(", ".join(["without an answer", *astray[:3]]), len(astray), 0)
+    return Answer(out, [unanswered, *largest.values()])
