@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 from statistics import fmean, median
 from time import process_time
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,14 +19,12 @@ import bem
 from bench import databases
 from bench.databases import OTHER_SEED
 from bench.files import Row
-from bench.picture import STYLES, draw_panel, new_figure
 from bench.report import Report, remark
 from bench.surrogates.fitting import Fitted, Parts, fit, parted, read, request_for
 from gen.arrays import Heights
 from gen.generation.plan import parameters
 from gen.generation.sample import compute_rows, solve_contact, surface_of
 from gen.runtime.errors import InputError
-from gen.runtime.figure import log_axis
 from gen.scene import load
 from learn.comparison import paper
 from learn.comparison.folder import Folder
@@ -178,15 +176,6 @@ features need them; t_h, `tuning`, to choose among the settings that come with t
 `fit`."""
 
 
-class Costs(NamedTuple):
-    """Times of answers, by feature set those of surrogates; `question`s; learning curves."""
-
-    solver: SolverTimes
-    answers: dict[str, SurrogateTimes]
-    questions: list[Row]
-    points: list[Row]
-
-
 def cost(
     folder: Path,
     rows: int,
@@ -212,20 +201,22 @@ def cost(
     path = databases.of_the_paper(database, folder / "databases", rows)
     remark(f"the solver on {surfaces} surfaces")
     contacts = new_contacts(surfaces)
-    costs = Costs(measure_solver(contacts), {}, [of_the_paper()], [])
+    solver, questions, points = measure_solver(contacts), [of_the_paper()], []
+    spent = _times("solver", solver)
     for features in OF_SURFACES:
         request = request_for(path, "kernel-ridge", features, area_max)
         parts = parted(read(request, rows))
         remark(f"{features} features: {parts.train.size} rows train")
         full = fit(request, parts.train, parts.folds)
         answer = measure_surrogate(full, features, contacts)
-        build = build_times(rows, costs.solver, answer, full, features)
-        costs.answers[features] = answer
+        spent += _times(f"{features} features", answer)
+        build = build_times(rows, solver, answer, full, features)
         search = searched if features == "paper" else math.nan
-        costs.questions.extend(_questions(features, rows, costs.solver, answer, build, search))
-        costs.points.extend(_curve(request, parts, rows, costs.solver, answer, full))
-    tables = {"cost": costs.questions, "learning": costs.points, "times": _times(costs)}
-    return Report(tables, pictures={"cost": _picture(costs)})
+        questions += _questions(features, rows, solver, answer, build, search)
+        points += _curve(request, parts, rows, solver, answer, full)
+    new = [each for each in questions if each["asked"] == NEW]
+    tables = {"cost": questions, "learning": points, "times": spent, "totals": _totals(new)}
+    return Report(tables)
 
 
 def tuning_seconds(comparison: Path) -> float:
@@ -351,64 +342,24 @@ def _fits(request: Request, parts: Parts, size: int) -> list[Fitted]:
     return [fit(request, rows, folds) for rows in drawn]
 
 
-def _times(costs: Costs) -> list[Row]:
-    """Return all mean processor times, and the error of a loose solve, by what they are of."""
-    of: dict[str, SolverTimes | SurrogateTimes] = {"solver": costs.solver}
-    of |= {f"{name} features": answer for name, answer in costs.answers.items()}
-    return [
-        {"of": who, "what": what, "value": value}
-        for who, each in of.items()
-        for what, value in each._asdict().items()
-    ]
+def _times(of: str, times: SolverTimes | SurrogateTimes) -> list[Row]:
+    """Return mean processor times [s], and the error of a loose solve, as rows."""
+    return [{"of": of, "what": what, "value": value} for what, value in times._asdict().items()]
 
 
-def _new(costs: Costs, solver: str) -> list[Row]:
-    """Return the costs of new surfaces, beside a solver."""
-    return [each for each in costs.questions if (each["asked"], each["solver"]) == (NEW, solver)]
-
-
-def _build(question: Row) -> float:
-    """Return the time before the first answer [s]."""
-    return float(question["database"] + question["tuning"] + question["fit"])
-
-
-def _picture(costs: Costs) -> Any:
-    """Draw costs over queries for both solvers, and errors over samples and over costs."""
-    figure = new_figure(11, 8)
-    (theirs, ours), (samples, seconds) = figure.subplots(2, 2)
-    for axis, solver, title in ((theirs, PAPERS, "the paper's solver"), (ours, OURS, "our solver")):
-        questions = _new(costs, solver)
-        names = [f"{each['features']} ({count(each['break_even'])})" for each in questions]
-        draw_costs(axis, questions, names, "solver")
-        axis.set(title=f"New surfaces, {title}", xlabel="queries", ylabel="total cost [s]")
-    for axis, column in ((samples, "trained"), (seconds, "build")):
-        draw_panel(axis, {"x": column, "y": "nmae", "label": "{features}"}, costs.points)
-        axis.set_ylabel("nMAE [%]")
-        log_axis(axis.xaxis)
-        log_axis(axis.yaxis)
-        axis.grid(visible=True, which="major", color="0.9")
-        axis.legend(loc="upper right")
-    samples.set(title="Learning curves", xlabel="training samples")
-    seconds.set(title="... against what they cost", xlabel="t_d + t_h + t_f [s]")
-    return figure
-
-
-def draw_costs(axis: Any, questions: Sequence[Row], names: Sequence[str], solver: str) -> None:
-    """Draw a named line for the solver, one for each surrogate, and dots where they cross."""
-    finite = [q["break_even"] for q in questions if math.isfinite(q["break_even"])]
-    queries, solve = np.geomspace(1, 30 * max(finite, default=1e5), 300), questions[0]["solve"]
-    axis.loglog(queries, queries * solve, color="0.3", lw=2, label=solver)
-    for each, name, style in zip(questions, names, STYLES, strict=False):
-        total = _build(each) + queries * each["query"]
-        axis.loglog(queries, total, color=style["color"], label=name)
-        if math.isfinite(each["break_even"]):
-            axis.plot(each["break_even"], each["break_even"] * solve, ms=8, **style)
-    axis.grid(visible=True, which="major", color="0.9")
-    axis.legend(fontsize=9, loc="upper left")
-
-
-def count(number: float) -> str:
-    """Write a number of queries, or never, or that it is not known."""
-    if math.isnan(number):
-        return "-"
-    return "never" if math.isinf(number) else f"{number:,.0f}"
+def _totals(questions: Sequence[Row]) -> list[Row]:
+    """Return the total cost [s] of a solver, and of each surrogate beside it, over the queries."""
+    rows: list[Row] = []
+    for solver in (PAPERS, OURS):
+        own = [each for each in questions if each["solver"] == solver]
+        most = max((q["break_even"] for q in own if math.isfinite(q["break_even"])), default=1e5)
+        curves = {"the solver": (0.0, own[0]["solve"])}
+        for each in own:
+            build = each["database"] + each["tuning"] + each["fit"]
+            curves[f"{each['features']} features"] = build, each["query"]
+        rows += [
+            {"solver": solver, "of": name, "queries": float(n), "seconds": float(build + n * each)}
+            for name, (build, each) in curves.items()
+            for n in np.geomspace(1, 30 * most, 40)
+        ]
+    return rows

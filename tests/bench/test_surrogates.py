@@ -69,7 +69,7 @@ def test_costs_end_to_end(paper, tmp_path, monkeypatch):
     monkeypatch.setattr(times, "ENOUGH", 0.01)
     report = cost(tmp_path, 200, paper, area_max=60.0, surfaces=3)
     paths = report.write(tmp_path / "report", "cost")
-    names = ["cost.csv", "learning.csv", "times.csv", "cost.png"]
+    names = ["cost.csv", "learning.csv", "times.csv", "totals.csv", "cost.png", "learning.png"]
     assert [path.name for path in paths] == names
     assert all(path.stat().st_size > 300 for path in paths)
     assert len(read_table(paths[0])[1]) == len(report.tables["cost"])
