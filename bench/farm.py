@@ -98,26 +98,6 @@ def _mpiexec() -> str:
     return found
 
 
-SALT = 2_654_435_761  # multiplies numbers, so that the sum tells whether each was there
-
-
-def work(task: int) -> int:
-    """Do nearly nothing, the same everywhere."""
-    return task * SALT
-
-
-def dispatch(tasks: int, world: farm.World) -> int:
-    """Sum the results of tasks that cost nothing: what is left is the farm's own work."""
-    results: list[int] = []
-    farm.run(work, iter(range(tasks)), lambda _task, result: results.append(result), world)
-    return sum(results)
-
-
-def expected(tasks: int) -> int:
-    """Return the sum of the results if every task is done once."""
-    return SALT * tasks * (tasks - 1) // 2
-
-
 def speedup(rows: int, rounds: int) -> list[Row]:
     """Generate the first rows of `paper` alone, with one worker, with two, and in two copies.
 
@@ -245,18 +225,13 @@ def time_writers(spec: Spec, path: Path, world: farm.World) -> Seconds:
         for writer in writers[:: (-1) ** number]:  # A B B A: drifts cancel
             target = Target(path, spec.scene, parallel=writer == "parallel")
             if world.is_master:
-                create(target)
+                target.path.unlink(missing_ok=True)
+                database.create(target.path, target.scene)
             world.broadcast(None)
             seconds[writer].append(write(target, blocks, template, world))
             if world.is_master:
                 require_rows(path, blocks, template)
     return seconds
-
-
-def create(target: Target) -> None:
-    """Create the file anew, without rows."""
-    target.path.unlink(missing_ok=True)
-    database.create(target.path, target.scene)
 
 
 def write(target: Target, blocks: Sequence[Block], template: Columns, world: farm.World) -> float:
@@ -306,15 +281,11 @@ def require_rows(path: Path, blocks: Sequence[Block], template: Columns) -> None
                 raise ValueError(f"row {stop - 1} is not what was written")
 
 
-def _write(arguments: dict[str, Any], world: farm.World) -> Seconds:
-    """Time both writers on rows as the arguments say."""
+def _writing(arguments: dict[str, Any], world: farm.World) -> Seconds:
     return time_writers(Spec(**arguments), Path("writers.h5"), world)
 
 
-PROGRAMS: dict[str, Callable[[dict[str, Any], farm.World], Any]] = {
-    "generation": _generation,
-    "writing": _write,
-}
+PROGRAMS = {"generation": _generation, "writing": _writing}
 """What runs on some ranks: every process calls it with the arguments and the world."""
 
 

@@ -42,19 +42,21 @@ PRESSED = ("area_percent", "yielded_percent", "mean_pressure", "convolutions")
 
 
 def growth(nodes: Sequence[int], surfaces: int) -> Report:
-    """Measure the cost of solves, and area and pressure under one load; arguments as in `cost`."""
-    return Report({"growth": cost(nodes, surfaces), "yielding": pressures(nodes, surfaces)})
-
-
-def cost(nodes: Sequence[int], surfaces: int, percents: Sequence[float] = PERCENTS) -> list[Row]:
-    """Measure the cost of solves at shares of contact [%] on grids, as means over surfaces.
+    """Measure the cost of solves, and area and pressure under one load.
 
     Raises
     ------
     InputError
         For nodes a side that are not 2^k + 1, or too few.
     """
-    require_nested(nodes)
+    for size in nodes:
+        if size < SEEKING_NODES[0] or size - 1 & size - 2:
+            raise InputError(f"nodes {size}: give 2^k + 1, {SEEKING_NODES[0]} or more")
+    return Report({"growth": cost(nodes, surfaces), "yielding": pressures(nodes, surfaces)})
+
+
+def cost(nodes: Sequence[int], surfaces: int, percents: Sequence[float] = PERCENTS) -> list[Row]:
+    """Measure the cost of solves at shares of contact on grids, as means over surfaces."""
     rows: list[Row] = []
     fewest = 1.0
     for percent, size in product(percents, nodes):
@@ -81,16 +83,8 @@ def cost(nodes: Sequence[int], surfaces: int, percents: Sequence[float] = PERCEN
     return rows
 
 
-def require_nested(nodes: Sequence[int]) -> None:
-    """Refuse numbers of nodes a side that are not 2^k + 1, or too few."""
-    for size in nodes:
-        if size < SEEKING_NODES[0] or size - 1 & size - 2:
-            raise InputError(f"nodes {size}: give 2^k + 1, {SEEKING_NODES[0]} or more")
-
-
 def pressures(nodes: Sequence[int], surfaces: int) -> list[Row]:
     """Press the same surfaces with the same mean pressure on each grid, as means over surfaces."""
-    require_nested(nodes)
     rows = []
     for hardness, size in product(HARDNESSES, nodes):
         contacts = [

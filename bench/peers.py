@@ -58,10 +58,6 @@ PERIODIC_HURST = 0.8
 # Mean pressures over E* times the rms slope: some 1, 10, 50, 90 and 99 % of the nodes touch.
 LOADS = (0.004, 0.04, 0.26, 0.75, 1.2)
 PERIODIC_LADDER = tuple(10.0**-decade for decade in range(2, 13))
-PERIODIC_COLUMNS = (
-    *("nodes", "hurst", "mean_pressure", "area_percent", "solver", "version"),
-    *("tolerance", "seconds", "times_ours", "convolutions", "remark"),
-)
 
 
 @lru_cache(maxsize=64)  # the same case has its exact solution found once
@@ -217,9 +213,11 @@ class Trial:
         return {
             "nodes": case.nodes,
             "hurst": case.hurst,
-            "sigma0_um": SIGMA0,
+            "sigma0_um": SIGMA0 if case.load is None else None,
             "delta_um": case.delta,
+            "mean_pressure": case.load,  # on periodic patches, over E* times the rms slope
             "contact_nodes": self.contact_nodes,  # of the reference
+            "area_percent": 100 * self._exact.contact_share,
             "solver": solver.name,
             "version": solver.version,
             "control": solver.control,
@@ -315,21 +313,12 @@ def periodic_sample(nodes: int, hurst: float, load: float) -> Case:
     return replace(case, delta=case.solve(PERIODIC_RTOL).delta)
 
 
-def compare_periodic(nodes: Sequence[int], rounds: int) -> list[Row]:
-    """Compare on a surface of each grid under all loads."""
+def periodic_samples(nodes: Sequence[int]) -> list[Case]:
+    """Return a surface of each grid under all loads."""
     for size in nodes:
         if size < others.COARSEST or size & (size - 1):
             raise InputError(f"nodes {size}: give 2^k from {others.COARSEST} on, as 128, 256, 512")
-    solvers = [PERIODIC_SOLVERS[0], *installed(PERIODIC_SOLVERS[1:])]
-    rows = []
-    for size, pressure in product(nodes, LOADS):
-        case = periodic_sample(size, PERIODIC_HURST, pressure)
-        share = 100 * find_exact(case, REFERENCE_RTOL).contact_share
-        for row in compare([case], solvers, rounds):
-            # the mean pressure is over E* times the rms slope
-            said = {"mean_pressure": pressure, "area_percent": share}
-            rows.append({name: (said | row)[name] for name in PERIODIC_COLUMNS})
-    return rows
+    return [periodic_sample(size, PERIODIC_HURST, load) for size, load in product(nodes, LOADS)]
 
 
 def peers(
@@ -355,7 +344,8 @@ def peers(
     if boundary == "periodic" and hardness:
         raise InputError("hardness with boundary periodic: no other solver knows both, give one")
     if boundary == "periodic":
-        rows = compare_periodic(nodes or [128, 256], rounds)
+        solvers = [PERIODIC_SOLVERS[0], *installed(PERIODIC_SOLVERS[1:])]
+        rows = compare(periodic_samples(nodes or [128, 256]), solvers, rounds)
         return Report({"periodic": rows}, of="periodic")
     nodes = nodes or [129, 257]
     _check(nodes, deltas, hardness)

@@ -177,11 +177,6 @@ def baselines(folder: Path, comparison: Path) -> list[Content]:
     return predictions(folder, comparison, "baseline") + bars(folder, comparison)
 
 
-def tuned(folder: Path, comparison: Path) -> list[Content]:
-    """Draw predictions of the tuned models beside the baselines' (section 4.2)."""
-    return predictions(folder, comparison, "tuned")
-
-
 def predictions(folder: Path, comparison: Path, kind: str) -> list[Content]:
     """Draw predictions over truth; nothing where the comparison has no result of this kind."""
     ours = opened(comparison)

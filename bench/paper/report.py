@@ -1,6 +1,7 @@
 """`python -m bench paper`: parts in the order of the paper, each made of the inputs it needs."""
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from inspect import signature
 from pathlib import Path
 
@@ -25,7 +26,7 @@ PARTS: Mapping[str, Callable[..., list[Content]]] = {
     "table-2": models.table_2,
     "table-3": models.table_3,
     "baselines": models.baselines,
-    "tuned": models.tuned,
+    "tuned": partial(models.predictions, kind="tuned"),
     "table-4": models.table_4,
     "fine": database.fine_grid,
     "appendix": surfaces.equal_kernels,

@@ -201,7 +201,8 @@ def cost(
     path = databases.of_the_paper(database, folder / "databases", rows)
     remark(f"the solver on {surfaces} surfaces")
     contacts = new_contacts(surfaces)
-    solver, questions, points = measure_solver(contacts), [of_the_paper()], []
+    solver, questions = measure_solver(contacts), [of_the_paper()]
+    points: list[Row] = []
     spent = _times("solver", solver)
     for features in OF_SURFACES:
         request = request_for(path, "kernel-ridge", features, area_max)

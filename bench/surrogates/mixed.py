@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from bench.databases import generated
-from bench.files import HOME, Row
+from bench.files import Row, read_toml
 from bench.report import remark
 from bench.surrogates.fitting import fit, parted, request_for
 from learn import dataset
@@ -20,15 +20,14 @@ from learn.dataset import Dataset, Request
 
 GRIDS = (33, 65, 129, 257)  # nodes a side
 TARGETS = {"count": "area", "continuum": "continuum_area_percent"}
-SCENE = HOME / "surrogates" / "mixed.toml"
+SCENE: str = read_toml("surrogates/scenes")["mixed-grids"]["scene"]
 
 
 def mixed(folder: Path, rows: int) -> list[Row]:
     """Return errors and biases [%] of both areas, for each set of grids that trains and judges."""
-    scene = SCENE.read_text(encoding="utf-8")
     paths = []
     for n in GRIDS:
-        text = f"samples = {rows}\nseed = {n}\n" + scene.replace("nodes = 33", f"nodes = {n}")
+        text = f"samples = {rows}\nseed = {n}\n" + SCENE.replace("nodes = 33", f"nodes = {n}")
         paths.append(generated(folder / "databases", f"spectral-{n}", text))
     found: dict[tuple[str, ...], Row] = {}
     for features in ("dimensionless", "hybrid", "scene"):

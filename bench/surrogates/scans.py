@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.databases import generated
-from bench.files import Row
+from bench.files import Row, read_toml
 from bench.made_maps import KINDS, ONE_INSTRUMENT, write_all
 from bench.picture import COLOURS, new_figure
 from bench.report import Report, remark
@@ -40,20 +40,7 @@ LEVEL = 0.9  # of the intervals whose coverage is counted
 FEWEST = 200  # smallest number of rows: ten of each map
 MISSED = 2.0  # times that a wrong row's error is half the width of its interval, at least
 
-SCENE = """samples = {rows}
-[surface]
-generator = "scans"
-files = "../maps"
-nodes = {nodes}
-[surface.preparation]
-despike = 7
-level = "plane"
-fill = true
-[load]
-quantity = "pressure/(E* slope_rms)"
-range = {{ log_uniform = [0.003, 0.08] }}
-"""
-"""Windows of prepared maps, mirrored, under pressures that give areas of about 0.5 to 40 %."""
+SCENE: str = read_toml("surrogates/scenes")["windows"]["scene"]
 
 PARTS = {"unseen tiles": "tile", "maps left out": "map"}
 """The rows that are left out of the training, and the column that tells them."""
@@ -116,30 +103,10 @@ class Judged:
 
 
 def scans(folder: Path, rows: int, nodes: Sequence[int], seed: int) -> Report:
-    """Judge surrogates of windows: the arguments are those of `judged_scans`."""
-    found = judged_scans(folder, rows, nodes, seed)
-    table = [row for judged in found for row in judged.rows()]
-    return Report({"scans": table}, pictures={"scans": picture(found)})
+    """Judge surrogates of windows, on tiles and maps left out; `seed` is that of the fifths.
 
-
-def judged_scans(folder: Path, rows: int, nodes: Sequence[int], seed: int = 0) -> list[Judged]:
-    """Judge surrogates of windows with some numbers of nodes a side, on tiles and maps left out.
-
-    Parameters
-    ----------
-    folder : Path
-        Folder of maps and databases, which are kept.
-    rows : int
-        Rows of each database.
-    nodes : sequence of int
-        Nodes a side of the windows of each database.
-    seed : int
-        Seed of the fifths of the tiles.
-
-    Raises
-    ------
-    InputError
-        If there are too few rows, or windows larger than the maps.
+    Maps and databases are kept in the folder. InputError is raised if there are too few rows, or
+    windows larger than the maps.
     """
     if rows < FEWEST:
         raise InputError(f"--rows {rows}: give {FEWEST} or more, ten of each map")
@@ -147,10 +114,11 @@ def judged_scans(folder: Path, rows: int, nodes: Sequence[int], seed: int = 0) -
         write_all(folder / "maps", ONE_INSTRUMENT)
     found = []
     for size in nodes:
-        text = SCENE.format(rows=rows, nodes=size)
+        text = f"samples = {rows}\n" + SCENE.replace("nodes = 64", f"nodes = {size}")
         path = generated(folder / "databases", f"windows-{size}", text)
         found += [_judged(path, size, left_out, seed) for left_out in PARTS]
-    return found
+    table = [row for judged in found for row in judged.rows()]
+    return Report({"scans": table}, pictures={"scans": picture(found)})
 
 
 def _judged(path: Path, nodes: int, left_out: str, seed: int) -> Judged:

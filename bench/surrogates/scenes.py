@@ -21,7 +21,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from bench.databases import generated
-from bench.files import Row
+from bench.files import Row, read_toml
 from bench.report import Report, remark
 from gen.arrays import Values
 from gen.database import Reader
@@ -43,51 +43,7 @@ MODELS = ("population", "kernel-ridge", "gaussian-process")  # whose fits `learn
 MODEL_ROWS = 3000  # that train each of them: the fits of the last two take the cube of their number
 PROCESS_ROWS = 1000  # of the plain Gaussian process, whose fit takes the cube of their number
 
-SCENES = {
-    "spectral": """
-seed = 1051
-samples_per_surface = 4
-[surface]
-generator = "spectral"
-nodes = 64
-side = 640.0
-hurst = [0.4, 0.9]
-rms_height = [0.5, 3.0]
-roll_off = [80.0, 320.0]
-cut_off = 40.0
-[load]
-quantity = "pressure"
-range = { log_uniform = [1.0, 100.0] }
-[contact]
-boundary = "periodic"
-modulus = 100e3
-hardness = [500.0, 4000.0]
-""",
-    "midpoint displacement": """
-seed = 1041
-samples_per_surface = 4
-[surface]
-nodes = 33
-hurst = [0.5, 0.8]
-sigma0 = [10.0, 15.0]
-""",
-    "windows of made maps": """
-seed = 1052
-samples_per_surface = 4
-[surface]
-generator = "python"
-function = "bench.made_maps:window"
-nodes = 64
-side = 64.0
-parameters = { rms = [0.3, 1.0], length = [10.0, 30.0] }
-[load]
-quantity = "pressure"
-range = { log_uniform = [10.0, 1000.0] }
-[contact]
-boundary = "mirror"
-modulus = 200e3
-""",
-}
+SCENES: dict[str, str] = read_toml("surrogates/scenes")["own-numbers"]
 
 
 def scene_surrogate(folder: Path, rows: int, points: int, surfaces: int) -> Report:

@@ -1,4 +1,4 @@
-"""The farm's measurements: tasks that cost nothing, medians of rounds, rows as written."""
+"""The farm's measurements: medians of rounds, rows as written."""
 
 import h5py
 import numpy as np
@@ -6,16 +6,9 @@ import pytest
 from launch import mpiexec
 
 from bench import farm as farms
-from bench.farm import dispatch, expected
 from gen.generation.run import blocks_of
 from gen.runtime import farm
 from gen.runtime.errors import InputError
-from gen.runtime.farm import World
-
-
-def test_dispatch_counts_each_task_once() -> None:
-    assert dispatch(100, World()) == expected(100)
-    assert expected(3) == dispatch(3, World()) != dispatch(2, World())
 
 
 def test_rows_out_of_place_are_found(tmp_path):

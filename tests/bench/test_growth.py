@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from bench.growth import HARDNESSES, cost, pressures
+from bench.growth import HARDNESSES, cost, growth, pressures
 from gen.runtime.errors import InputError
 
 
@@ -45,4 +45,4 @@ def test_a_hardness_bounds_the_mean_pressure(pressed: list[dict[str, Any]]) -> N
 @pytest.mark.parametrize("nodes", [100, 33])
 def test_grids_that_cannot_be_nested_are_refused(nodes: int) -> None:
     with pytest.raises(InputError, match=f"nodes {nodes}: give 2"):
-        cost((nodes,), 1)
+        growth((nodes,), 1)

@@ -5,7 +5,7 @@ import pytest
 
 from bench.made_maps import MAPS
 from bench.surrogates import scans as study
-from bench.surrogates.scans import Judged, judged_scans
+from bench.surrogates.scans import Judged
 from gen.database import Reader
 
 pytestmark = pytest.mark.long
@@ -17,7 +17,10 @@ def made(tmp_path_factory):
     folder = tmp_path_factory.mktemp("scans")
     with pytest.MonkeyPatch.context() as few:
         few.setattr(study, "ONE_INSTRUMENT", [each for each in MAPS if each.number == 0])
-        return folder, judged_scans(folder, 200, [32])
+        found = []
+        few.setattr(study, "picture", found.extend)
+        study.scans(folder, 200, [32], 0)
+        return folder, found
 
 
 def test_every_row_is_judged_once_by_surrogates_of_the_others(made):
