@@ -35,7 +35,6 @@ from bench.report import remark
 from gen import database
 from gen.arrays import Columns
 from gen.generation.run import Block, Target, blocks_of, generate_database, opened
-from gen.generation.run import write as write_block
 from gen.generation.sample import compute_rows
 from gen.runtime import farm
 from gen.runtime.errors import InputError
@@ -246,11 +245,13 @@ def write(target: Target, blocks: Sequence[Block], template: Columns, world: far
 
         def work(block: Block) -> Any:
             rows = {name: values[: block[1] - block[0]] for name, values in template.items()}
-            return write_block(writer, block, rows) if target.parallel else rows
+            if writer is not None and target.parallel:
+                writer.write_finished(block[0], rows)
+            return rows["status"] if target.parallel else rows
 
         def take(block: Block, result: Any) -> None:
-            if not target.parallel:
-                write_block(writer, block, result)
+            if writer is not None and not target.parallel:
+                writer.write_finished(block[0], result)
 
         world.broadcast(None)
         began = time.perf_counter()

@@ -23,9 +23,9 @@ from bench.page import write_page
 from bench.record import PAGE, RESULTS, Inputs, Record, code_state, load, read
 from bench.report import PARTS, Part, remark
 from gen.runtime.errors import InputError
+from gen.runtime.farm import Interruption
 from gen.runtime.files import check_folder, lock_folder
 from gen.runtime.installation import versions
-from gen.runtime.signals import Interruption
 from gen.scene import load as load_scene
 
 ROWS = 1500  # rows of the paper preset that a short run generates; a full one generates all 15,878

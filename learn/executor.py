@@ -28,7 +28,7 @@ import typer
 
 from gen.runtime import farm
 from gen.runtime.errors import InputError
-from gen.runtime.signals import Interruption
+from gen.runtime.farm import Interruption
 
 Shared = TypeVar("Shared")
 Task = TypeVar("Task")

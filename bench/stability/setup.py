@@ -18,7 +18,7 @@ from bench.references.surfaces import Random
 from bench.stability.case import Answer, Case, Finding
 from gen.generation.plan import parameters, surface_random
 from gen.material import plane_strain_modulus
-from gen.runtime.signals import Overtime, at_most
+from gen.runtime.farm import Overtime, at_most
 from gen.scene import load
 from gen.surface import generate
 

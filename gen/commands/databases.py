@@ -5,7 +5,7 @@ import signal
 from pathlib import Path
 
 from gen import options
-from gen.runtime import farm, signals
+from gen.runtime import farm
 from gen.runtime.command_line import Trust
 from gen.runtime.errors import InputError
 from gen.runtime.files import Output, check_outputs
@@ -36,10 +36,10 @@ def run(
     ends = re.fullmatch(r"([0-9]{1,18}):([0-9]{1,18})", rows)
     if rows and not ends:
         raise InputError(f"--rows {shown(rows)}: give two row numbers, as 0:1000")
-    if sample_limit is not None and not 0 < sample_limit <= signals.LONGEST:
+    if sample_limit is not None and not 0 < sample_limit <= farm.LONGEST_LIMIT:
         raise InputError(
             f"--sample-limit {sample_limit:g}: give seconds, a number above 0, at most"
-            f" {signals.LONGEST:g}"
+            f" {farm.LONGEST_LIMIT:g}"
         )
     if dry_run:
         if world.is_master:

@@ -177,6 +177,14 @@ class Writer(Reader):
                 "make room and run the same command again"
             ) from None
 
+    def write_finished(self, first: int, columns: Mapping[str, NDArray[Any]]) -> None:
+        """Write every longest run of finished rows of a block that begins with the row `first`."""
+        finished = columns["status"] != Status.PENDING
+        edges = np.flatnonzero(np.diff(finished, prepend=False, append=False)).tolist()
+        for start, stop in zip(edges[::2], edges[1::2], strict=True):
+            part = {name: values[start:stop] for name, values in columns.items()}
+            self.write_block(first + start, first + stop, part)
+
     def _flush(self) -> None:
         """Pass all data to the kernel, which keeps them if this process is killed.
 

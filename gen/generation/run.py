@@ -15,11 +15,12 @@ import numpy as np
 
 from gen.arrays import Columns
 from gen.generation import plan
-from gen.generation.sample import completed, compute_rows, finished_parts, functions, rehearse
+from gen.generation.sample import completed, compute_rows, rehearse
 from gen.runtime import farm
 from gen.runtime.errors import InputError
-from gen.runtime.signals import Interruption
+from gen.runtime.farm import Interruption
 from gen.runtime.terminal import RunProgress
+from gen.runtime.user_code import source_of
 from gen.scene import Scene, load, row_bytes
 from gen.schema import Status
 
@@ -85,14 +86,6 @@ def opened(target: Target, world: farm.World) -> AbstractContextManager[Writer |
     return Writer(target.path, target.scene, together, force=target.force)
 
 
-def write(writer: Writer | None, block: Block, rows: Columns) -> Columns:
-    """Write the finished rows of a block; return the column that tells which they are."""
-    assert writer is not None  # workers that have none return their rows
-    for start, stop, part in finished_parts(block[0], rows):
-        writer.write_block(start, stop, part)
-    return {"status": rows["status"]}
-
-
 def in_parallel(choice: Choice, path: Path, world: farm.World) -> bool:
     """Decide whether workers write; `auto` means the parallel writer wherever it is safe."""
     from gen import database
@@ -130,10 +123,10 @@ def generate_database(
         interruption = stack.enter_context(Interruption(listening=world.is_master))
         job, overdue = None, 0
         if world.is_master:
-            parallel = in_parallel(choice, path, world)
-            prepared = _prepared(scene, path, rows, retry_failed=retry_failed, force=force)
-            found, pending, said = stack.enter_context(prepared)
-            job = Target(path, found, parallel, force)
+            settings = _prepared(
+                scene, path, world, choice, rows, retry_failed=retry_failed, force=force
+            )
+            job, pending, said = stack.enter_context(settings)
         target: Target = world.broadcast(job)
 
         # If all processes have opened the file, all of them have to close it: between here and the
@@ -144,19 +137,24 @@ def generate_database(
             def work(block: Block) -> Columns:
                 target.scene.surface.make_ready(target.path.parent, verify=False)
                 made = compute_rows(target.scene, *block, rank=world.rank, limit=limit)
-                return write(writer, block, made) if target.parallel else made
+                if not target.parallel or writer is None:
+                    return made
+                writer.write_finished(block[0], made)
+                return {"status": made["status"]}
 
-            def take(block: Block, result: Columns) -> None:
+            def take(block: Block, made: Columns) -> None:
                 nonlocal overdue
-                status = (result if target.parallel else write(writer, block, result))["status"]
-                late = int(np.count_nonzero(status == Status.PENDING))
+                if not target.parallel and writer is not None:
+                    writer.write_finished(block[0], made)
+                late = int(np.count_nonzero(made["status"] == Status.PENDING))
+                failed = int(np.count_nonzero(made["status"] == Status.FAILED))
                 overdue += late
-                progress.advance(len(status) - late, int(np.count_nonzero(status == Status.FAILED)))
+                progress.advance(len(made["status"]) - late, failed)
 
             blocks: Iterator[Block] = iter(())
             if job is not None:
                 progress = inner.enter_context(RunProgress(sum(b - a for a, b in pending)))
-                for line in _remarks(target, said, world):
+                for line in said:
                     progress.say(line)
                 blocks = blocks_of(target.scene, pending, world.workers)
             farm.run(work, blocks, take, world, stopping=interruption.requested)
@@ -174,11 +172,19 @@ def generate_database(
 
 @contextmanager
 def _prepared(
-    name: str, path: Path, rows: tuple[int, int] | None, *, retry_failed: bool, force: bool
-) -> Iterator[tuple[Scene, list[Block], str]]:
-    """Lock the file, create or check it, and find its scene and its pending rows, on the master."""
+    name: str,
+    path: Path,
+    world: farm.World,
+    choice: Choice,
+    rows: tuple[int, int] | None,
+    *,
+    retry_failed: bool,
+    force: bool,
+) -> Iterator[tuple[Target, list[Block], list[str]]]:
+    """Lock the file, create or check it, and find its pending rows and what there is to say."""
     from gen import database
 
+    parallel = (choice == "parallel" or world.size > 1) and in_parallel(choice, path, world)
     asked_for = completed(load(name), path.parent)
     first, last = rows or (0, asked_for.samples)
     if not 0 <= first < last <= asked_for.samples:
@@ -195,20 +201,18 @@ def _prepared(
             retried = writer.retry_failed(first, last) if retry_failed else 0
             pending = writer.pending(first, last)
         scene.surface.make_ready(path.parent)
-        again = f", {retried} failed ones among them" if retried else ""
         todo = sum(stop - start for start, stop in pending)
-        yield scene, pending, f"{opened.how}, {opened.samples} rows, {todo} to do{again}"
-
-
-def _remarks(target: Target, begun: str, world: farm.World) -> list[str]:
-    """Return what there is to say of a run that begins."""
-    workers = f"{world.workers} {'worker' if world.workers == 1 else 'workers'}"
-    return [
-        f"{target.path}: {begun}; {workers}, {'parallel' if target.parallel else 'single'} writer",
-        *(f"runs {function}" for function in functions(target.scene)),
-        *(f"  warning: {doubt}" for doubt in target.scene.contact.doubts),
-        *(f"  {line}" for line in target.scene.surface.remarks()),
-    ]
+        again = f", {retried} failed ones among them" if retried else ""
+        workers = "1 worker" if world.workers == 1 else f"{world.workers} workers"
+        functions = {getattr(scene.surface, "function", None), scene.store.function} - {None}
+        begun = f"{path}: {opened.how}, {opened.samples} rows, {todo} to do{again}"
+        remarks = [
+            f"{begun}; {workers}, {'parallel' if parallel else 'single'} writer",
+            *(f"runs {each} of {source_of(each)}" for each in sorted(map(str, functions))),
+            *(f"  warning: {doubt}" for doubt in scene.contact.doubts),
+            *(f"  {line}" for line in scene.surface.remarks()),
+        ]
+        yield Target(path, scene, parallel, force), pending, remarks
 
 
 def blocks_of(scene: Scene, pending: Sequence[Block], workers: int) -> Iterator[Block]:

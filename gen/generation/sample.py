@@ -8,7 +8,7 @@ import json
 import math
 import socket
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from numbers import Real
 from pathlib import Path
@@ -27,9 +27,9 @@ from gen.generation.plan import (
 )
 from gen.material import plane_strain_modulus
 from gen.runtime.errors import InputError, SourceError
+from gen.runtime.farm import Overtime, at_most
 from gen.runtime.memory import too_little_for_solve
-from gen.runtime.signals import Overtime, at_most
-from gen.runtime.user_code import faults_of, load_function, source_hash, source_of
+from gen.runtime.user_code import faults_of, load_function, source_hash
 from gen.scene import PythonSurface, Scene, Store
 from gen.scene.columns import columns_for, require_own_names
 from gen.schema import DONE_REASONS, Reason, Status
@@ -55,11 +55,13 @@ OPTIONAL_ANSWERS = frozenset(
 )
 """Optional columns that are results of `bem.solve` under the same name."""
 
+SIDES = (1, 2)  # codes of opposite sides along x and y; that of both is their sum
+
 FURTHER_ANSWERS: dict[str, Callable[[bem.Contact], float]] = {
     "contact_spots": lambda contact: contact.spots.number,
     "largest_spot_percent": lambda contact: 100 * contact.spots.largest_share,
-    "contact_connects": lambda contact: _sides(contact.spots.contact_connects),
-    "gap_connects": lambda contact: _sides(contact.spots.gap_connects),
+    "contact_connects": lambda contact: int(np.dot(contact.spots.contact_connects, SIDES)),
+    "gap_connects": lambda contact: int(np.dot(contact.spots.gap_connects, SIDES)),
     "hydraulic_aperture_x": lambda contact: contact.flow(0).aperture,
     "hydraulic_aperture_y": lambda contact: contact.flow(1).aperture,
 }
@@ -114,15 +116,6 @@ def compute_rows(
     return rows
 
 
-def finished_parts(start: int, rows: Columns) -> Iterator[tuple[int, int, Columns]]:
-    """Yield first row, one past the last, and columns of every longest run of finished rows."""
-    finished = rows["status"] != Status.PENDING
-    edges = np.flatnonzero(np.diff(finished, prepend=False, append=False)).tolist()
-    for first, last in zip(edges[::2], edges[1::2], strict=True):
-        part = {name: values[first:last] for name, values in rows.items()}
-        yield start + first, start + last, part
-
-
 def surface_of(scene: Scene, plan: Parameters, row: int) -> Heights:
     """Make the surface of one row of a plan: heights of the scene's shape [um].
 
@@ -165,28 +158,21 @@ def solve_contact(
     The load is `delta` [um], `pressure` [MPa] or `force` [uN]. A scene that draws its hardness
     needs that of the sample [MPa]. The exceptions of `bem.solve` pass through.
     """
-    settings = scene.contact
-    if hardness is None and settings.hardness_limits is not None:
-        if settings.draws_hardness:
+    settings = settings_of(scene, hardness)
+    return bem.solve(heights, scene.sides, delta, pressure=pressure, force=force, **settings)
+
+
+def settings_of(scene: Scene, hardness: float | None) -> dict[str, Any]:
+    """Return the arguments of `bem.solve` that are not the surface, its sides and the load."""
+    given = scene.contact
+    if hardness is None and given.hardness_limits is not None:
+        if given.draws_hardness:
             raise ValueError("every sample of this scene has a hardness of its own: give it")
-        hardness = settings.hardness_limits[0]
-    return bem.solve(
-        heights,
-        scene.sides,
-        delta,
-        pressure=pressure,
-        force=force,
-        spacing=scene.spacing,
-        modulus=settings.modulus,
-        poisson=settings.poisson,
-        kernel=settings.kernel,
-        far_field=settings.far_field,
-        boundary=settings.boundary,
-        hardness=hardness,
-        rtol=settings.rtol,
-        max_iterations=settings.max_iterations,
-        threads=1,  # the ranks of a run share the processor already
-    )
+        hardness = given.hardness_limits[0]
+    names = ("modulus", "poisson", "kernel", "far_field", "boundary", "rtol", "max_iterations")
+    settings = {name: getattr(given, name) for name in names}
+    # The ranks of a run share the processor already: one thread.
+    return settings | {"spacing": scene.spacing, "hardness": hardness, "threads": 1}
 
 
 def load_of(scene: Scene, heights: Heights, load: float) -> dict[str, float]:
@@ -230,16 +216,20 @@ def _make_surface(
 def _solve(scene: Scene, heights: Heights, plan: Parameters, rows: Columns, row: int) -> Reason:
     """Solve one contact problem and fill in its row; return the reason if that is impossible."""
     try:
-        load = load_of(scene, heights, float(plan.load[row]))
-        contact = solve_contact(scene, heights, hardness=plan.hardness_of(row), **load)
+        given = settings_of(scene, plan.hardness_of(row))
+        given |= load_of(scene, heights, float(plan.load[row]))
+        contact = bem.solve(heights, scene.sides, **given)
         for name in EFFORT:
             rows[name][row] = getattr(contact, name)
         if not np.isfinite(contact.force):
             return Reason.NOT_FINITE
-        outputs = {}
-        if scene.store.function is not None:
-            outputs = outputs_of(scene.store, contact, plan.first + row)
-        for name, value in (_answers(scene, contact) | outputs).items():
+        store, wanted = scene.store, scene.optional_columns
+        outputs = outputs_of(store, contact, plan.first + row) if store.function else {}
+        for name in (*ANSWERS, *(OPTIONAL_ANSWERS & wanted), *({"delta"} - {scene.quantity})):
+            rows[name][row] = getattr(contact, name)
+        for name in FURTHER_ANSWERS.keys() & wanted:
+            rows[name][row] = FURTHER_ANSWERS[name](contact)
+        for name, value in outputs.items():
             rows[name][row] = value
         return Reason.NONE if np.isfinite(list(outputs.values())).all() else Reason.NOT_FINITE
     except bem.NotConverged as failure:
@@ -251,19 +241,6 @@ def _solve(scene: Scene, heights: Heights, plan: Parameters, rows: Columns, row:
         return elastic if scene.contact.hardness_limits is None else Reason.BEYOND_HARDNESS
     except (ArithmeticError, np.linalg.LinAlgError):
         return Reason.ARITHMETIC
-
-
-def _answers(scene: Scene, contact: bem.Contact) -> dict[str, Any]:
-    """Return what a scene's database holds of a contact beside effort and outputs."""
-    wanted = scene.optional_columns
-    names = {*ANSWERS, *(OPTIONAL_ANSWERS & wanted)} | ({"delta"} - {scene.quantity})
-    further = {name: FURTHER_ANSWERS[name](contact) for name in FURTHER_ANSWERS.keys() & wanted}
-    return {name: getattr(contact, name) for name in names} | further
-
-
-def _sides(connects: tuple[bool, bool]) -> int:
-    """Return the code of the sides that something connects: 1 along x, 2 along y, 3 both."""
-    return connects[0] + 2 * connects[1]
 
 
 def first_contact(scene: Scene, rows: int) -> tuple[int, bem.Contact] | None:
@@ -366,12 +343,6 @@ def rehearse(scene: Scene) -> None:
     if found and scene.store.function is not None:
         with suppress(ArithmeticError):
             outputs_of(scene.store, found[1], found[0])
-
-
-def functions(scene: Scene) -> list[str]:
-    """List the functions of the user's that a scene calls, each with the file of its module."""
-    named = {getattr(scene.surface, "function", None), scene.store.function} - {None}
-    return [f"{name} of {source_of(name)}" for name in sorted(map(str, named))]
 
 
 def _storing(scene: Scene, **keys: object) -> Scene:

@@ -1,20 +1,29 @@
-"""One master and its workers: serially or over MPI behind one contract; the home of mpi4py.
+"""One master and its workers, serially or over MPI behind one contract, and what ends their work.
 
 Work is a pure function of a task. Tasks are drawn from an iterator when a worker becomes free, and
 results reach the master one by one in the order of completion, so that the master holds a few tasks
-per worker however long the plan is.
+per worker however long the plan is. This is the home of mpi4py.
+
+A signal asks a run to stop in order, and an alarm bounds the time of a calculation. Python handles
+both between two of its own steps. If compiled code takes minutes for one step, as a fit may, a
+thread answers requests to stop: it prints that the run is stopping, and a second signal ends the
+process. An alarm waits for the end of the step.
 """
 
 import os
+import select
+import signal
 import sys
+import threading
 import time
 import traceback
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import ExitStack, contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
 from queue import SimpleQueue
+from types import FrameType
 from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 from gen.runtime.errors import InputError
@@ -35,6 +44,15 @@ LONGEST_NAP = 0.01
 core busy while the master works alone."""
 
 FORWARDING = 0.5  # time for the launcher to pass on a last line [s]; an abort would lose it
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1)
+"""Signals of Ctrl-C, of the end of a batch job, and of Slurm's warning before that end."""
+
+PATIENCE = 2.0  # time that Python has to handle a signal before the thread answers it [s]
+LONGEST_LIMIT = 1e8  # longest bound [s], three years; the system's timer ends at 9.2e9 s
+
+REPEATED = 1.0
+"""Interval of further alarms [s], since code that catches all exceptions may swallow the first."""
 
 _own_work: ContextVar[Callable[[Any], Any]] = ContextVar("_own_work")
 """The function that this process applies to tasks while it is in `run`."""
@@ -237,3 +255,92 @@ def _supervise(
             except Exception:  # a worker's bug, whose traceback is printed here
                 world.abort()
             on_result(in_flight.pop(future), result)
+
+
+class Interruption(ExitStack):
+    """A context manager that records the first signal; the second one has its usual effect.
+
+    The master is listening and stops the run in order; a worker ignores the signals and works until
+    the master has no more tasks. `signal` is the number of the first signal, 0 before it. Handlers
+    are installed as it is made; the previous ones are back from the first signal, or the end, on.
+    """
+
+    def __init__(self, *, listening: bool) -> None:
+        super().__init__()
+        self.signal = 0
+        if listening:
+            read, write = os.pipe()
+            os.set_blocking(write, False)
+            self.callback(os.close, write)
+            previous = signal.set_wakeup_fd(write, warn_on_full_buffer=False)
+            self.callback(signal.set_wakeup_fd, previous)
+            threading.Thread(target=self._watch, args=(read,), daemon=True).start()
+        for number in SIGNALS:
+            handler = self._note if listening else signal.SIG_IGN
+            self.callback(signal.signal, number, signal.signal(number, handler))
+
+    def requested(self) -> bool:
+        """Tell whether a signal has come."""
+        return self.signal != 0
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        """Record a signal and restore the previous handlers, so that the next one ends the run."""
+        self.signal = number
+        self.close()
+
+    def _watch(self, read: int) -> None:
+        """Answer signals while Python is inside compiled code, until the pipe is closed.
+
+        Signals that arrive together, as Ctrl-C does from a terminal and from mpiexec, count as one.
+        """
+        said = False
+        while numbers := os.read(read, 1024):
+            if not set(numbers) & set(SIGNALS):
+                continue
+            if not said:
+                time.sleep(PATIENCE)
+            if self.signal:
+                continue
+            if said:  # finished work is on disk already
+                os._exit(128 + numbers[-1])
+            with suppress(OSError, ValueError):
+                sys.stderr.write("stopping after the step under way; again, to stop now\n")
+            said = True
+            if select.select([read], [], [], 0)[0]:
+                os.read(read, 1024)
+        os.close(read)
+
+
+class Overtime(Exception):
+    """A calculation has taken longer than its bound.
+
+    Times differ between machines and between runs: such a calculation is pending, not failed.
+    """
+
+
+@contextmanager
+def at_most(seconds: float | None) -> Iterator[None]:
+    """Bound the wall-clock time [s] of a block, if there is a bound, on the main thread.
+
+    Python handles the alarm between two of its steps, so a long call of compiled code runs to its
+    end. Raise Overtime once the block has taken longer. A bound is above 0 and at most
+    `LONGEST_LIMIT`.
+    """
+    if seconds is None:
+        yield
+        return
+    previous = signal.signal(signal.SIGALRM, _end)
+    try:
+        signal.setitimer(signal.ITIMER_REAL, seconds, REPEATED)
+        try:
+            yield
+        finally:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+    finally:  # an alarm during the first `finally` is overtime too
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, previous)
+
+
+def _end(number: int, frame: FrameType | None) -> None:
+    """Handle the alarm."""
+    raise Overtime

@@ -19,7 +19,7 @@ from types import ModuleType
 from typing import Any
 
 from gen.runtime.errors import SourceError
-from gen.runtime.signals import Overtime
+from gen.runtime.farm import Overtime
 
 Function = Callable[..., Any]
 

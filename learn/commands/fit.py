@@ -119,7 +119,7 @@ def fit(files: Databases, output: SurrogateFile, *, choice: Choice, trust: Trust
     surface, or its map. The test rows give the scores. Started as
     `mpiexec -n 9 python -m mpi4py -m learn fit ...`, the workers generate surfaces.
     """
-    from gen.runtime.signals import Interruption
+    from gen.runtime.farm import Interruption
     from learn.executor import led
     from learn.surrogate import fitting
 

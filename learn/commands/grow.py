@@ -77,8 +77,8 @@ def grow(scene: SceneName, output: SurrogateFile, *, goal: Goal, trust: Trust = 
 
 def _grow(order: Order, scene: str, budget: str, executor: Executor) -> int:
     """Grow on the master; return the exit code."""
+    from gen.runtime.farm import Interruption
     from gen.runtime.figure import new_figure, save
-    from gen.runtime.signals import Interruption
     from gen.scene import load
     from learn.executor import seconds
     from learn.grow import report, rounds

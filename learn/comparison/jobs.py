@@ -10,7 +10,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import replace
 
-from gen.runtime.signals import Interruption
+from gen.runtime.farm import Interruption
 from gen.runtime.terminal import RunProgress
 from learn import dataset, split
 from learn.comparison import grid as grids

@@ -17,7 +17,7 @@ from gen import database
 from gen.arrays import Columns
 from gen.database import Reader, Writer
 from gen.generation.run import blocks_of
-from gen.generation.sample import completed, compute_rows, finished_parts, rehearse
+from gen.generation.sample import completed, compute_rows, rehearse
 from gen.runtime import farm
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import RunProgress, to_type
@@ -150,8 +150,7 @@ def generate(
 
             def take(block: Block, columns: Columns) -> None:
                 nonlocal made
-                for start, stop, part in finished_parts(block[0], columns):
-                    writer.write_block(start, stop, part)
+                writer.write_finished(block[0], columns)
                 made += block[1] - block[0]
                 pace.row = (time.monotonic() - began) / made
                 failed = int(np.count_nonzero(columns["status"] == Status.FAILED))

@@ -14,7 +14,7 @@ from bem.equilibrium import critical_delta
 from bem.influence import Kernel
 from bench.references import dense
 from bench.references.surfaces import SURFACES, Shape, surface
-from gen.runtime.signals import at_most
+from gen.runtime.farm import at_most
 
 pytestmark = pytest.mark.usefixtures("both_ways")
 

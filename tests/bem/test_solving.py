@@ -17,7 +17,7 @@ from bem.influence import KERNELS
 from bem.operators import filters
 from bem.problem import FAR_FIELDS
 from bench.references.surfaces import SURFACES, surface
-from gen.runtime.signals import at_most
+from gen.runtime.farm import at_most
 from gen.surface import generate
 
 pytestmark = pytest.mark.usefixtures("both_ways")

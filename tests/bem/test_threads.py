@@ -18,7 +18,7 @@ from threadpoolctl import ThreadpoolController, threadpool_limits
 
 import bem
 from bem import dense, threads
-from gen.runtime.signals import Overtime, at_most
+from gen.runtime.farm import Overtime, at_most
 from gen.surface import generate
 
 ROUGH = generate("diamond-square", 65, 0.7, 12.0, np.random.default_rng(0))

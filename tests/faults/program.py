@@ -1,7 +1,7 @@
 """`python -m tests.faults.program AILMENTS ...`: `python -m gen ...` in which some samples ail.
 
 AILMENTS is a JSON file of far-field displacements, by which a sample is known, and what it suffers
-from. All else is the program as it is: the seam is `gen.generation.sample.solve_contact`.
+from. All else is the program as it is: the seam is `bem.solve`.
 """
 
 import json
@@ -15,13 +15,11 @@ from unittest import mock
 
 import bem
 import gen.__main__
-import gen.generation.sample
 from gen.arrays import Heights
-from gen.scene import Scene
 
 Solve = Callable[[], bem.Contact]
 
-_healthy = gen.generation.sample.solve_contact
+_healthy = bem.solve
 
 
 def raises(solve: Solve) -> NoReturn:
@@ -59,18 +57,18 @@ AILMENTS: dict[str, Callable[[Solve], bem.Contact]] = {
 def ailing(ailments: Mapping[float, str]) -> Callable[..., bem.Contact]:
     """The solver of a program in which the samples with these displacements ail."""
 
-    def solve_contact(scene: Scene, heights: Heights, delta: float, **more: Any) -> bem.Contact:
-        solve = partial(_healthy, scene, heights, delta, **more)
+    def solves(heights: Heights, side: Any, delta: float, **more: Any) -> bem.Contact:
+        solve = partial(_healthy, heights, side, delta, **more)
         return AILMENTS[ailments[delta]](solve) if delta in ailments else solve()
 
-    return solve_contact
+    return solves
 
 
 def main() -> int:
     """Run `python -m gen` with the ailments."""
     path = Path(sys.argv.pop(1))
     ailments = {float(delta): name for delta, name in json.loads(path.read_text()).items()}
-    with mock.patch.object(gen.generation.sample, "solve_contact", ailing(ailments)):
+    with mock.patch.object(bem, "solve", ailing(ailments)):
         return gen.__main__.main()
 
 

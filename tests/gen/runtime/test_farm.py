@@ -1,12 +1,30 @@
-"""The serial side of the farm's contract; tests/mpi has the same for several ranks."""
+"""The serial side of the farm's contract, signals that stop a run, and alarms that end a sample.
+
+tests/mpi has the same for several ranks.
+"""
 
 import os
+import signal
+import subprocess
 import sys
+import time
+from contextlib import suppress
+from pathlib import Path
 
+import numpy as np
 import pytest
+from databases import deterministic_bytes, status
+from launch import python
 
+import bem
+from gen import cli
+from gen.generation.plan import parameters
+from gen.generation.sample import compute_rows
 from gen.runtime import farm
 from gen.runtime.errors import InputError
+from gen.runtime.farm import Interruption, Overtime, at_most
+from gen.scene import load
+from gen.schema import Status
 
 
 def test_every_task_is_done_once_and_drawn_lazily():
@@ -67,3 +85,157 @@ def test_variables_of_no_launcher_are_named(environment, name, monkeypatch):
         monkeypatch.setenv(variable, value)
     with pytest.raises(InputError, match=f"^{name} = .* to run alone: unset {name}$"):
         farm.this_world()
+
+
+TIMEOUT = 60
+
+HEARING = """
+import os, signal, time
+from gen.runtime.farm import Interruption
+
+signal.signal(signal.SIGINT, signal.default_int_handler)
+with Interruption(listening=True) as interruption:
+    os.kill(os.getpid(), signal.SIGINT)
+    time.sleep(0.01)
+    assert interruption.signal == signal.SIGINT
+    try:
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(5)
+    except KeyboardInterrupt:
+        print("as ever")
+assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+"""
+
+DEAF = """
+import hashlib
+from gen.runtime.farm import Interruption
+
+with Interruption(listening=True):
+    print("begun", flush=True)
+    hashlib.pbkdf2_hmac("sha256", b"", b"", 2**31 - 1)  # compiled, without Python's lock: hours
+"""
+
+
+def _open_files() -> int:
+    return sum(1 for _ in Path("/dev/fd").iterdir())
+
+
+def test_the_first_signal_is_noted_and_the_second_is_as_ever():
+    done = python("-c", HEARING)
+    assert (done.returncode, done.stdout) == (0, "as ever\n"), done.stderr
+
+
+def test_the_wakeup_is_given_back_and_nothing_is_left_open():
+    before = _open_files()
+    for _ in range(20):
+        with Interruption(listening=True), Interruption(listening=False):
+            pass
+    deadline = time.monotonic() + TIMEOUT
+    while _open_files() > before and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert _open_files() <= before
+    assert signal.set_wakeup_fd(-1) == -1
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_compiled_code_is_ended_by_the_second_signal(number):
+    with subprocess.Popen(
+        [sys.executable, "-c", DEAF], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        assert process.stdout.readline() == "begun\n"
+        time.sleep(0.5)
+        process.send_signal(number)
+        assert (
+            process.stderr.readline() == "stopping after the step under way; again, to stop now\n"
+        )
+        time.sleep(0.5)
+        assert process.poll() is None
+        process.send_signal(number)
+        assert process.wait(TIMEOUT) == 128 + number
+
+
+SCENE = "samples = 20\nsamples_per_surface = 2\n[surface]\nnodes = 17\n"
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scene.toml").write_text(SCENE)
+    return tmp_path
+
+
+def test_a_block_that_takes_too_long_ends_and_leaves_nothing_behind():
+    before = signal.getsignal(signal.SIGALRM)
+    began = time.monotonic()
+    with pytest.raises(Overtime), at_most(0.05):
+        time.sleep(600.0)
+    assert time.monotonic() - began < 300.0
+    assert signal.getsignal(signal.SIGALRM) is before
+    assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
+
+
+def test_an_alarm_that_is_swallowed_rings_again():
+    def swallow():
+        with suppress(Overtime):
+            time.sleep(600.0)
+        time.sleep(600.0)
+
+    with pytest.raises(Overtime), at_most(0.05):
+        swallow()
+
+
+def slow(rows, monkeypatch):
+    """Make some rows of the folder's scene take half a minute."""
+    healthy = bem.solve
+    scene = load("scene.toml")
+    late = {float(parameters(scene, row, row + 1).delta[0]) for row in rows}
+
+    def solve(heights, sides, delta, **settings):
+        if delta in late:
+            time.sleep(600.0)
+        return healthy(heights, sides, delta, **settings)
+
+    monkeypatch.setattr(bem, "solve", solve)
+
+
+def test_late_samples_stay_pending_and_the_next_run_does_them(folder, monkeypatch, capsys):
+    assert cli.main(["run", "scene.toml", "-o", "whole.h5"]) == 0
+    with monkeypatch.context() as patched:
+        slow([3, 8, 9], patched)
+        limited = ["run", "scene.toml", "-o", "rows.h5", "--sample-limit", "2"]
+        assert cli.main(limited) == 0
+    assert "warning: 3 rows took longer than --sample-limit" in capsys.readouterr().out
+    np.testing.assert_array_equal(np.flatnonzero(status(folder / "rows.h5") == 0), [3, 8, 9])
+    assert cli.main(["run", "scene.toml", "-o", "rows.h5", "--sample-limit", "60"]) == 0
+    assert deterministic_bytes(folder / "rows.h5") == deterministic_bytes(folder / "whole.h5")
+
+
+def test_a_late_surface_leaves_all_its_samples_pending(folder, monkeypatch):
+    monkeypatch.setattr("gen.generation.sample.describe", lambda *_: time.sleep(600.0))
+    rows = compute_rows(load("scene.toml"), 0, 4, limit=0.05)
+    assert set(rows["status"]) == {Status.PENDING}
+
+
+def test_an_interrupted_solve_leaves_nothing_in_the_next():
+    """The filters are kept between solves: what an interruption leaves in them would spoil them."""
+    random = np.random.default_rng(1)
+    heights = random.normal(size=(65, 65)).cumsum(0).cumsum(1)
+    delta = 0.5 * np.ptp(heights)
+    expected = bem.solve(heights, 1000.0, delta).pressure
+    durations = []
+    for _ in range(5):
+        began = time.perf_counter()
+        bem.solve(heights, 1000.0, delta)
+        durations.append(time.perf_counter() - began)
+    interrupted, duration = 0, min(durations)
+    for _ in range(60):
+        try:
+            with at_most(float(random.uniform(0.05, 0.95)) * duration):
+                bem.solve(heights, 1000.0, delta)
+        except Overtime:
+            interrupted += 1
+            np.testing.assert_array_equal(bem.solve(heights, 1000.0, delta).pressure, expected)
+    assert interrupted

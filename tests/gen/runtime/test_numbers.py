@@ -72,7 +72,7 @@ def test_a_run_out_of_memory_says_what_it_needs_and_fails_no_row(tmp_path, monke
 
     monkeypatch.chdir(tmp_path)
     (tmp_path / "scene.toml").write_text("samples = 3\n[surface]\nnodes = 9\n")
-    monkeypatch.setattr("gen.generation.sample.solve_contact", solve)
+    monkeypatch.setattr("bem.solve", solve)
     assert cli.main(["run", "scene.toml", "-o", "rows.h5"]) == 2
     (line,) = (each for each in capsys.readouterr().err.splitlines() if each.startswith("gen: "))
     assert "9 x 9 nodes does not fit into memory" in line

@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from gen.runtime.errors import SourceError
-from gen.runtime.signals import Overtime, at_most
+from gen.runtime.farm import Overtime, at_most
 from gen.runtime.user_code import TRUSTED, faults_of, load_function, source_hash, source_of
 
 
