@@ -151,6 +151,7 @@ import contextlib, errno, faulthandler, io, json, os, sys
 from unittest.mock import patch
 from mpi4py import MPI
 from gen import cli
+from gen.database import Writer
 from gen.generation import run
 from gen.runtime.errors import InputError
 faulthandler.dump_traceback_later(300, exit=True)
@@ -158,7 +159,7 @@ world = MPI.COMM_WORLD
 full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "disk")
 missing = ModuleNotFoundError("No module named 'matplotlib'", name="matplotlib")
 FAULTS = {
-    "a disk full while rows come in": (0, run, "write", full),
+    "a disk full while rows come in": (0, Writer, "write_finished", full),
     "a package that is missing": (0, run, "blocks_of", missing),
     "an error of the system at the start": (0, run, "Target", full),
     "a refusal after the start": (0, run, "opened", InputError("no file")),
@@ -188,7 +189,7 @@ from gen.scene import load
 from mpi4py import MPI
 world, master = MPI.COMM_WORLD, MPI.COMM_WORLD.rank == 0
 run.BLOCK_ROWS, run.ANSWER_NODES = 1, 0
-write = run.write
+write = database.Writer.write_finished
 def happen(path):  # on each rank that writes, perhaps at the same moment
     if path.name == "replaced.h5":
         os.replace(shutil.copy("other.h5", f"new-{world.rank}"), path)
@@ -199,12 +200,11 @@ def happen(path):  # on each rank that writes, perhaps at the same moment
         shutil.copyfile("other.h5", path)
 current, count = [], []
 def write_then_happen(*arguments):
-    tally = write(*arguments)
+    write(*arguments)
     count.append(1)
     if len(count) == 3:
         happen(current[-1])
-    return tally
-run.write = write_then_happen
+database.Writer.write_finished = write_then_happen
 for fate in sys.argv[1:]:
     current.append(Path(fate + ".h5"))
     count.clear()
