@@ -5,13 +5,13 @@ from __future__ import annotations  # short signatures in help()
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from bem.arrays import Field, Mask
 from bem.derived.border import continuum_nodes
-from bem.derived.grid_error import GridError, grid_errors
+from bem.derived.grid_error import GridError, grid_error_of
 from bem.derived.spots import Spots, spots_of
 from bem.derived.stiffness import Punch, patch_stiffness, punch_of, without_patch
 from bem.operators.filters import filtered
@@ -68,6 +68,7 @@ class Contact:
     iterations: int
     convolutions: int
     again: Callable[[Problem, Field], Contact] = field(repr=False)
+    _kept: dict[str | int, Any] = field(default_factory=dict, repr=False)
 
     @computed_once
     def displacement(self) -> Field:
@@ -84,16 +85,19 @@ class Contact:
     @computed_once
     def gap(self) -> Field:
         """Distance left between the surfaces, (nx, ny), zero in contact [um]."""
-        gap = self._elastic_gap
+        heights = self.problem.heights
+        gap: Field = self.displacement - ((heights - heights.max()) + self.approach)
         if self.problem.hardness is not None:
-            gap = gap + self.yielded_depth
+            gap = np.where(self._yielded, np.maximum(gap, 0.0), gap)
         gap.setflags(write=False)
         return gap
 
     @computed_once
     def yielded_depth(self) -> Field:
         """Depth by which the softer body has yielded, (nx, ny), zero without a hardness [um]."""
-        depth = np.where(self._yielded, np.maximum(-self._elastic_gap, 0.0), 0.0)
+        heights = self.problem.heights
+        interference = (heights - heights.max()) + self.approach
+        depth = np.where(self._yielded, np.maximum(interference - self.displacement, 0.0), 0.0)
         depth.setflags(write=False)
         return depth
 
@@ -118,13 +122,6 @@ class Contact:
         hardness = np.inf if self.problem.hardness is None else self.problem.hardness
         yielded: Mask = self.pressure >= hardness
         return yielded
-
-    @property
-    def _elastic_gap(self) -> Field:
-        """Displacement less interference, (nx, ny), negative where a body has yielded [um]."""
-        heights = self.problem.heights
-        gap: Field = self.displacement - ((heights - heights.max()) + self.approach)
-        return gap
 
     @property
     def mean_gap(self) -> float:
@@ -179,12 +176,9 @@ class Contact:
         GridError
             Half-widths of 90 % bars of the answers, and whether the grid resolves the surface.
         """
-        return self._grid_error
-
-    @computed_once
-    def _grid_error(self) -> GridError:
-        """The errors, which are kept."""
-        return grid_errors([self], self.again)[0]
+        if "grid_error" not in self._kept:
+            self._kept["grid_error"] = grid_error_of(self)
+        return cast("GridError", self._kept["grid_error"])
 
     @computed_once
     def spots(self) -> Spots:
@@ -219,16 +213,11 @@ class Contact:
         """
         from bem.derived.flow import flow_through  # here, because few contacts are asked for it
 
-        if axis not in self._flows:
+        if axis not in self._kept:
             gap = np.where(self.pressure > 0, 0.0, np.maximum(self.gap, 0.0))
             periodic = self.problem.boundary == "periodic"
-            self._flows[axis] = flow_through(gap, self.problem.spacing, axis, periodic=periodic)
-        return self._flows[axis]
-
-    @computed_once
-    def _flows(self) -> dict[int, Flow]:
-        """Flows that were asked for, by their axes."""
-        return {}
+            self._kept[axis] = flow_through(gap, self.problem.spacing, axis, periodic=periodic)
+        return cast("Flow", self._kept[axis])
 
     @computed_once
     def punch(self) -> Punch:

@@ -227,59 +227,61 @@ def pose(
         max_iterations=checked("max_iterations", max_iterations),
         boundary=boundary,
     )
-    _check_range(problem)
-    if boundary != "free":
-        _check_edgeless(problem)
-    if problem.kernel == "concentrated-force" and problem.aspect != 1:
-        raise ValueError(
-            f"kernel = 'concentrated-force' needs square cells, spacing is {problem.spacing} um:"
-            " use kernel = 'uniform-pressure'"
-        )
-    if problem.hardness is not None:
-        _check_yielding(problem, problem.hardness, pressure)
+    check_solvable(problem, pressure)
     return problem
 
 
-def _check_edgeless(problem: Problem) -> None:
-    """Refuse what only a free patch has, and displacements of full contact or more."""
-    if problem.kernel == "concentrated-force":
+def check_solvable(problem: Problem, pressure: float | None = None) -> None:
+    """Refuse settings that are not solved together, and loads without an equilibrium.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem.
+    pressure : float, optional
+        The mean pressure that its force was given by [MPa].
+
+    Raises
+    ------
+    ValueError
+        One line that says what was given and what is allowed.
+    NoSolution
+        If no equilibrium carries the load, or has the displacement.
+    """
+    _check_range(problem)
+    edgeless, force, hardness = problem.boundary != "free", problem.force, problem.hardness
+    settings = f"boundary = {problem.boundary!r}" if edgeless else "hardness"
+    if problem.kernel == "concentrated-force" and (edgeless or problem.aspect != 1):
+        with_what = f"is not solved with {settings}"
+        cells = f"needs square cells, spacing is {problem.spacing} um"
         raise ValueError(
-            f"kernel = 'concentrated-force' is not solved with boundary = {problem.boundary!r}:"
+            f"kernel = 'concentrated-force' {with_what if edgeless else cells}:"
             " use kernel = 'uniform-pressure'"
         )
-    if problem.far_field == "compliant":
+    if problem.far_field == "compliant" and (edgeless or hardness is not None):
         raise ValueError(
-            f"far_field = 'compliant' is not solved with boundary = {problem.boundary!r}:"
-            " use far_field = 'rigid'"
+            f"far_field = 'compliant' is not solved with {settings}: use far_field = 'rigid'"
         )
-    depth = float((problem.heights.max() - problem.heights).mean())
-    if (
-        problem.delta is not None
-        and problem.hardness is None
-        and problem.delta >= max(depth, 1e-300)
-    ):
-        raise NoSolution(
-            f"delta = {problem.delta:g} um has no equilibrium on a patch without edges: the contact"
-            f" is full at {depth:.10g} um: give a smaller delta, or the force or pressure"
-        )
-
-
-def _check_yielding(problem: Problem, hardness: float, pressure: float | None) -> None:
-    """Refuse a load that the hardness on all nodes does not carry, and a compliant far field."""
-    if problem.far_field == "compliant":
-        raise ValueError(
-            "hardness is not solved with far_field = 'compliant': use far_field = 'rigid'"
-        )
+    if problem.delta is not None and edgeless and hardness is None:
+        depth = float((problem.heights.max() - problem.heights).mean())
+        if problem.delta >= max(depth, 1e-300):
+            raise NoSolution(
+                f"delta = {problem.delta:g} um has no equilibrium on a patch without edges: the"
+                f" contact is full at {depth:.10g} um: give a smaller delta, or the force or"
+                " pressure"
+            )
+    if hardness is None or force is None:
+        return
     if pressure is not None and pressure >= hardness:
         raise NoSolution(
             f"pressure = {pressure:g} MPa has no equilibrium: the mean pressure must stay below"
             f" the hardness, {hardness:g} MPa"
         )
     largest = hardness * problem.heights.size * problem.spacing[0] * problem.spacing[1]
-    if problem.force is not None and problem.force >= largest:
+    if force >= largest:
         raise NoSolution(
-            f"force = {problem.force:g} uN has no equilibrium: it must stay below {largest:g} uN,"
-            f" the hardness of {hardness:g} MPa on all nodes"
+            f"force = {force:g} uN has no equilibrium: it must stay below {largest:g} uN, the"
+            f" hardness of {hardness:g} MPa on all nodes"
         )
 
 

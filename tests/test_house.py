@@ -60,13 +60,16 @@ NUMERICS = {"numpy", "scipy", "pyfftw", "h5py", "mpi4py", "matplotlib", "sklearn
 
 
 @functools.cache
-def imported_modules(path: Path) -> tuple[str, ...]:
-    """Names of all modules that a file imports, also inside its functions."""
-    return tuple(_imported_modules(path))
+def imported_modules(path: Path, for_types: bool = True) -> tuple[str, ...]:
+    """Names of all modules that a file imports, also inside its functions, or for types alone."""
+    return tuple(_imported_modules(path, for_types))
 
 
-def _imported_modules(path: Path) -> Iterator[str]:
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+def _imported_modules(path: Path, for_types: bool) -> Iterator[str]:
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    if not for_types:
+        tree.body = [node for node in tree.body if "TYPE_CHECKING" not in ast.dump(node)]
+    for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             yield from (name.name for name in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -113,7 +116,7 @@ def arrows(package: str) -> dict[str, set[str]]:
         module = path.relative_to(ROOT).with_suffix("").as_posix().replace("/", ".")
         here = room_of(module.removesuffix(".__init__"))
         found.setdefault(here, set())
-        for other in imported_modules(path):
+        for other in imported_modules(path, for_types=False):
             if other.partition(".")[0] == package and room_of(other) != here:
                 found[here].add(room_of(other))
     return found

@@ -13,15 +13,18 @@ W = F d / (m + 1), and W is known from pressure and displacement.
 from __future__ import annotations  # short signatures in help()
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from bem.arrays import Field
-from bem.problem import Boundary, NoSolution, Problem, pose
+from bem.problem import Boundary, NoSolution, Problem, check_solvable
 from bem.threads import computed_once
+
+if TYPE_CHECKING:
+    from bem.contact import Contact
 
 # Share of the difference of two grids in the bars, and what a bar has at least, in units of its
 # answer times the share of the area that counting nodes adds. Both are chosen so that at least 90 %
@@ -59,100 +62,51 @@ FEWEST = 8
 COARSE_RTOL = 3e-3
 
 
-class Contact(Protocol):
-    """What a `bem.Contact` says of itself, whose module needs this one."""
-
-    @property
-    def problem(self) -> Problem: ...  # noqa: D102
-    @property
-    def pressure(self) -> Field: ...  # noqa: D102
-    @property
-    def area_percent(self) -> float: ...  # noqa: D102
-    @property
-    def continuum_area_percent(self) -> float: ...  # noqa: D102
-    @property
-    def delta(self) -> float: ...  # noqa: D102
-    @property
-    def approach(self) -> float: ...  # noqa: D102
-    @property
-    def displacement(self) -> Field: ...  # noqa: D102
-    @property
-    def yielded_depth(self) -> Field: ...  # noqa: D102
-    @property
-    def force(self) -> float: ...  # noqa: D102
-    @property
-    def mean_gap(self) -> float: ...  # noqa: D102
-    @property
-    def stiffness(self) -> float: ...  # noqa: D102
-
-
-# Solves a problem, from a pressure near its own.
-Solve = Callable[[Problem, Field], Contact]
-
-
 @dataclass(frozen=True, eq=False)
 class GridError:
     """Half-widths of 90 % bars of a contact's answers, from the same contact on a coarser grid.
 
     Attributes
     ----------
-    contact : Contact
-        The contact whose errors these are.
-    coarse : Contact or None
-        The same contact on about every second node, None if there is none.
-    summit : float
-        How much the summit may lie above the highest node [um].
+    resolved : bool
+        Whether the grid resolves the surface, so that the bars hold.
+    reason : str
+        Why they hold, or why not, without a full stop.
     order : float
         Order in the spacing of the surface's mean square slope: 2 for smooth surfaces, negative
         where roughness goes on down to the grid [1].
-    fault : str
-        Why there is no coarser contact, empty if there is one.
+    summit : float
+        How much the summit may lie above the highest node [um].
+    growth : float
+        Share by which such a summit makes area and force grow, 0 under a given load [1].
+    counted : float
+        Share of the area in the continuum that counting nodes adds [1].
+    contact, coarse : Contact
+        The contact, and the same one on about every second node; None if there is none.
     """
 
+    resolved: bool
+    reason: str
+    order: float
+    summit: float
+    growth: float
+    counted: float
     contact: Contact = field(repr=False)
     coarse: Contact | None = field(repr=False)
-    summit: float
-    order: float
-    fault: str = ""
-
-    @property
-    def resolved(self) -> bool:
-        """Whether the grid resolves the surface, so that the bars hold."""
-        return self._verdict[0]
-
-    @property
-    def reason(self) -> str:
-        """Why the bars hold, or why not, without a full stop."""
-        return self._verdict[1]
-
-    @property
-    def _verdict(self) -> tuple[bool, str]:
-        """Whether the bars hold, and why."""
-        if self.coarse is None:
-            return False, self.fault
-        here, there = self._areas(self.contact), self._areas(self.coarse)
-        change = there / here - 1 if here else float(there > 0)
-        share, more = float(f"{100 * abs(change):.2g}"), "more" if change > 0 else "less"
-        words = f"half of the nodes give {f'{share:g} % {more}' if share else 'the same'} area"
-        if self._spare <= NEARLY_YIELDED:
-            borne = f"{100 * (1 - self._spare):.3g} %"
-            return True, f"yielding decides it: the load at the hardness takes {borne} of this area"
-        if self.order < LEAST_ORDER:
-            return False, f"waves go on down to the grid, so that the area has no limit: {words}"
-        if abs(change) > LARGEST_DIFFERENCE:
-            return False, f"too few nodes in a wave, or in contact: {words}"
-        return True, words
 
     @computed_once
     def area_percent(self) -> float:
         """Of `Contact.continuum_area_percent` [%]."""
-        percent = self.contact.continuum_area_percent / (area_within(self.contact) or 1.0)
-        floor = AT_LEAST["area"] * self._counted
-        if self.order < LEAST_ORDER and self._spare <= NEARLY_YIELDED:
-            floor = max(floor, self._spare)
-        floor *= self.contact.continuum_area_percent
-        raised = self.contact.continuum_area_percent * self._growth
-        return self._bar(lambda contact: percent * self._areas(contact), floor, raised)
+        spacing, percent = self.contact.problem.spacing, self.contact.continuum_area_percent
+        scale, spare = percent / (area_within(self.contact) or 1.0), _spare(self.contact)
+        floor = AT_LEAST["area"] * self.counted
+        if self.order < LEAST_ORDER and spare <= NEARLY_YIELDED:
+            floor = max(floor, spare)
+        return self._bar(
+            lambda contact: scale * area_within(contact, spacing),
+            floor * percent,
+            percent * self.growth,
+        )
 
     @computed_once
     def delta(self) -> float:
@@ -166,65 +120,25 @@ class GridError:
         """Of `Contact.force`, 0 where it was given [uN]."""
         if self.contact.problem.force is not None:
             return 0.0
-        return self._bar(lambda contact: contact.force, self.contact.force * self._growth)
+        return self._bar(lambda contact: contact.force, self.contact.force * self.growth)
 
     @computed_once
     def mean_gap(self) -> float:
         """Of `Contact.mean_gap` [um]."""
-        floor = AT_LEAST["gap"] * self._counted * self.contact.mean_gap
-        raised = 0.0
+        floor, raised = AT_LEAST["gap"] * self.counted * self.contact.mean_gap, 0.0
         if self.contact.problem.delta is not None:  # the bodies approach, and deform the more
-            deformed = float(self.contact.displacement.mean())
-            raised = self.summit - self._growth * deformed
+            raised = self.summit - self.growth * float(self.contact.displacement.mean())
         return self._bar(lambda contact: contact.mean_gap, floor, raised)
 
     @computed_once
     def stiffness(self) -> float:
         """Of `Contact.stiffness`, by one more linear solve on either grid [MPa um]."""
-        if not math.isfinite(self.contact.stiffness):  # full contact without edges
+        here = self.contact.stiffness
+        if not math.isfinite(here):  # full contact without edges
             return 0.0
-        floor = AT_LEAST["stiffness"] * self._counted * self.contact.stiffness
-        raised = self.contact.stiffness * self._growth * self._steepening
+        raised = here * self.growth * _steepening(self.contact)
+        floor = AT_LEAST["stiffness"] * self.counted * here
         return self._bar(lambda contact: contact.stiffness, floor, raised)
-
-    @computed_once
-    def _growth(self) -> float:
-        """Share by which a higher summit makes area and force grow, 0 under a given load [1]."""
-        contact = self.contact
-        if contact.problem.delta is None or contact.force == 0:
-            return 0.0
-        approach, touching = contact.approach, contact.pressure > 0
-        pressure = contact.pressure[touching]
-        pressed = (contact.problem.heights[touching] - contact.problem.heights.max()) / approach + 1
-        if contact.problem.hardness is not None:
-            pressed += contact.yielded_depth[touching] / approach
-        work = np.average(pressed, weights=pressure / pressure.max()) / 2  # [F d]
-        power = self._steepening * (1 / float(work) - 1)
-        # A compliant far field gives way too.
-        yielded = power * (1 - contact.delta / approach)
-        return power * self.summit / approach / max(1 - yielded, 1e-3)
-
-    @property
-    def _steepening(self) -> float:
-        """How much steeper forces grow than their mean power says, as a patch fills [1]."""
-        edgeless = self.contact.problem.boundary != "free"
-        return 1 + STEEPENING * self.contact.area_percent / 100 * edgeless
-
-    def _areas(self, contact: Contact) -> float:
-        """Return the area of a contact on either grid, within the same borders [um2]."""
-        return area_within(contact, self.contact.problem.spacing)
-
-    @property
-    def _spare(self) -> float:
-        """Share of the area beyond what bears the load at the hardness: no grid takes off more."""
-        hardness, area = self.contact.problem.hardness, area_within(self.contact)
-        return 1.0 if hardness is None or area == 0 else 1 - self.contact.force / hardness / area
-
-    @property
-    def _counted(self) -> float:
-        """Share of the area in the continuum that counting nodes adds [1]."""
-        area = self.contact.continuum_area_percent
-        return abs(self.contact.area_percent / area - 1) if area else 0.0
 
     def _bar(self, answer: Callable[[Contact], float], *parts: float) -> float:
         """Return the half-width of an answer's bar, from further parts of it in its unit."""
@@ -234,42 +148,73 @@ class GridError:
         return math.hypot(OF_DIFFERENCE * max(1.0, _remaining(self.order)) * apart, *parts)
 
 
-def grid_errors(contacts: Sequence[Contact], solve: Solve) -> list[GridError]:
-    """Return the errors of contacts of one surface.
-
-    Parameters
-    ----------
-    contacts : sequence of Contact
-        Contacts of the same heights that differ in their loads only.
-    solve : callable
-        Solves the coarser problems, each from the pressure of the finer contact.
-    """
-    if not contacts:
-        return []
-    problem = contacts[0].problem
-    heights = problem.heights
-    order = slope_order(heights, problem.boundary)
+def grid_error_of(contact: Contact) -> GridError:
+    """Return the errors of a contact, which is solved once more on about every second node."""
+    heights, percent = contact.problem.heights, contact.continuum_area_percent
+    order = slope_order(heights, contact.problem.boundary)
     summit = OF_SUMMIT * _remaining(order) * _second_difference(heights)
+    growth = 0.0 if contact.problem.delta is None else _growth(contact, summit)
+    counted = abs(contact.area_percent / percent - 1) if percent else 0.0
+    coarse, (resolved, reason) = None, (False, "half of the nodes are in full contact")
     if min(heights.shape) < FEWEST:
-        few = f"{heights.shape[0]} x {heights.shape[1]} nodes are too few to tell"
-        return [GridError(each, None, summit, order, few) for each in contacts]
-    half = coarser(problem)
-    errors = []
-    for contact in contacts:
+        reason = f"{heights.shape[0]} x {heights.shape[1]} nodes are too few to tell"
+    else:
         try:
-            coarse = _coarse(contact, half, summit, solve)
+            coarse = _coarse(contact, coarser(contact.problem), summit)
+            resolved, reason = _verdict(contact, coarse, order)
         except NoSolution:
-            fault = "half of the nodes are in full contact"
+            pass
         except ArithmeticError as error:
-            fault = f"half of the nodes: {error}"
-        else:
-            errors.append(GridError(contact, coarse, summit, order))
-            continue
-        errors.append(GridError(contact, None, summit, order, fault))
-    return errors
+            reason = f"half of the nodes: {error}"
+    return GridError(resolved, reason, order, summit, growth, counted, contact, coarse)
 
 
-def _coarse(contact: Contact, half: Problem, summit: float, solve: Solve) -> Contact:
+def _verdict(contact: Contact, coarse: Contact, order: float) -> tuple[bool, str]:
+    """Return whether the bars hold, and why."""
+    here, there = area_within(contact), area_within(coarse, contact.problem.spacing)
+    change = there / here - 1 if here else float(there > 0)
+    share, more = float(f"{100 * abs(change):.2g}"), "more" if change > 0 else "less"
+    words = f"half of the nodes give {f'{share:g} % {more}' if share else 'the same'} area"
+    spare = _spare(contact)
+    if spare <= NEARLY_YIELDED:
+        borne = f"{100 * (1 - spare):.3g} %"
+        return True, f"yielding decides it: the load at the hardness takes {borne} of this area"
+    if order < LEAST_ORDER:
+        return False, f"waves go on down to the grid, so that the area has no limit: {words}"
+    if abs(change) > LARGEST_DIFFERENCE:
+        return False, f"too few nodes in a wave, or in contact: {words}"
+    return True, words
+
+
+def _spare(contact: Contact) -> float:
+    """Return the share of the area beyond what bears the load at the hardness: none is below it."""
+    hardness, area = contact.problem.hardness, area_within(contact)
+    return 1.0 if hardness is None or area == 0 else 1 - contact.force / hardness / area
+
+
+def _growth(contact: Contact, summit: float) -> float:
+    """Return by what share a higher summit makes area and force grow at a given Delta [1]."""
+    if contact.force == 0:
+        return 0.0
+    approach, touching = contact.approach, contact.pressure > 0
+    pressure = contact.pressure[touching]
+    pressed = (contact.problem.heights[touching] - contact.problem.heights.max()) / approach + 1
+    if contact.problem.hardness is not None:
+        pressed += contact.yielded_depth[touching] / approach
+    work = np.average(pressed, weights=pressure / pressure.max()) / 2  # [F d]
+    power = _steepening(contact) * (1 / float(work) - 1)
+    # A compliant far field gives way too.
+    yielded = power * (1 - contact.delta / approach)
+    return power * summit / approach / max(1 - yielded, 1e-3)
+
+
+def _steepening(contact: Contact) -> float:
+    """Return how much steeper forces grow than their mean power says, as a patch fills [1]."""
+    edgeless = contact.problem.boundary != "free"
+    return 1 + STEEPENING * contact.area_percent / 100 * edgeless
+
+
+def _coarse(contact: Contact, half: Problem, summit: float) -> Contact:
     """Solve on the coarser grid, from the pressure of the finer one.
 
     Raises NoSolution also where a given Delta would close it if the summit were that much higher.
@@ -279,22 +224,10 @@ def _coarse(contact: Contact, half: Problem, summit: float, solve: Solve) -> Con
     )
     near = np.ascontiguousarray(contact.pressure[np.ix_(*places)])
     if contact.problem.delta is None:
-        return solve(replace(half, delta=None, force=contact.force), near)
+        return contact.again(replace(half, delta=None, force=contact.force), near)
     delta = contact.delta - float(contact.problem.heights.max() - half.heights.max())
-    displaced = pose(
-        half.heights,
-        1.0,
-        delta + summit,
-        spacing=half.spacing,
-        modulus=half.modulus,
-        kernel=half.kernel,
-        far_field=half.far_field,
-        boundary=half.boundary,
-        hardness=half.hardness,
-        rtol=half.rtol,
-        max_iterations=half.max_iterations,
-    )
-    return solve(replace(displaced, delta=delta), near)
+    check_solvable(replace(half, delta=delta + summit))
+    return contact.again(replace(half, delta=delta), near)
 
 
 def area_within(contact: Contact, spacing: tuple[float, float] | None = None) -> float:
