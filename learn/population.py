@@ -1,42 +1,38 @@
 """The mean of a result over all surfaces of some parameters, and how uncertain this mean is.
 
 Surfaces of the same parameters differ: a result is a function of parameters and load plus the
-scatter between surfaces, which is large, depends on parameters and load, and is the same number for
-all loads of a surface, more or less. The mean is a Gaussian process:
+scatter between surfaces, which is large, and depends on parameters and load. A surface whose result
+is large at one load is one with large results at other loads: four rows of a surface tell hardly
+more about the mean than one, but much about what the load does. The mean is a Gaussian process:
 
 - A target above 0 is divided by a power law of its inputs, which are logarithms as a rule. What is
   left varies little, and its scatter hardly at all.
 - The size of the scatter is the exponential of a quadratic in the inputs, by the distances from a
-  cubic. Rows have the weight of its inverse square. Where surfaces scatter little, the mean follows
-  the power law closer too: the deviation of the process is in proportion to the root of the scatter
-  (to the scatter itself, or the same everywhere, errors or their estimates are worse).
-- A radial basis function has a length for each input. Likely ones are found on one row of each
-  surface: the scatter of several rows of one is correlated, and would pass for short waves of the
-  mean. Those count with which all rows are predicted best, by the others' surfaces.
+  cubic. Where surfaces scatter little, the mean follows the power law closer too: the deviation of
+  the process is in proportion to the root of the scatter (to the scatter itself, or the same
+  everywhere, errors or their estimates are worse).
+- The scatter of two rows of a surface is correlated, the less the farther apart they are: the
+  correlation is an exponential of the distance, but for a share of each row's own, as likely as can
+  be. Rows are whitened by it, so that errors count as generalised least squares count them.
+- The mean is a plane plus a Matern function, with a length for each input. Lengths and variance
+  have the largest evidence on some thousand rows.
 - All rows count, but the mean is a sum of functions about a few hundred of them (the subset of
   regressors: J. Quinonero-Candela, C. E. Rasmussen (2005), J. Mach. Learn. Res. 6, 1939). Fit and
   answers take time in proportion to the rows.
 - Parts of the surfaces are left out in turn, which takes no further fits of the lengths. Errors on
-  them calibrate intervals of new surfaces.
-- The variance of the mean is the sum of two: that of the means without a part (the delete-a-group
-  jackknife: P. S. Kott (2001), J. Off. Stat. 17, 521), which knows that rows of a surface are alike
-  but not what no row shows, and that of the process, which knows the latter only. Either alone is
-  too small; on some hundred surfaces their sum may be too, where short waves are lost in scatter.
+  them calibrate intervals of new surfaces. The error of the mean is the process's own.
 """
 
-import warnings
-from collections.abc import Iterator
-from itertools import product
 from math import comb
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.linalg import cholesky, eigh, solve, solve_triangular
-from scipy.stats import t
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve, eigh, solve, solve_triangular
+from scipy.optimize import minimize
+from scipy.special import expit
+from scipy.stats import norm
 from sklearn.base import BaseEstimator, RegressorMixin
-from sklearn.exceptions import ConvergenceWarning
-from sklearn.gaussian_process import GaussianProcessRegressor
-from sklearn.gaussian_process.kernels import RBF, ConstantKernel
 from sklearn.preprocessing import PolynomialFeatures
 
 from gen.arrays import Indices, Values
@@ -44,18 +40,32 @@ from gen.arrays import Indices, Values
 CENTRES = 500
 """Rows at most that functions of the mean are about."""
 
-LIKELIHOOD_ROWS = 800
-"""Rows of as many surfaces for the likelihood, at most."""
+LIKELY_CENTRES, LIKELY_ROWS = 200, 3000
+"""The same, and rows of whole surfaces, for the evidence."""
 
-LENGTHS = (0.1, 3.0)
-"""Shortest and longest length, over the deviation of an input. Longer ones, of inputs whose effect
-looks like a power law on a few hundred rows, are too stiff for thousands."""
+LENGTHS = (0.1, 10.0)
+"""Shortest and longest length, over the deviation of an input."""
 
 STARTS = (1.0, 2.5)
 """Lengths from which the search for the most likely ones starts."""
 
+STEPS = 50
+"""Steps of this search, at most."""
+
+VARIANCES = (1e-3, 1e5)
+"""Least and largest variance of the process, over that of the target over its power law."""
+
+PLANE = 10.0
+"""Deviation of the plane's coefficients before any row is seen, over that of the target."""
+
 PARTS = 20
 """Parts of the surfaces that are left out in turn."""
+
+TOGETHER = 200
+"""Rows of a surface, at most, whose correlation counts; more count as another surface's."""
+
+OWN = 1e-4
+"""Least share of the scatter that is a row's own: rows may repeat others."""
 
 PASSES = 3
 """Fits of power law and scatter, each with the weights of the last."""
@@ -69,14 +79,14 @@ KEPT = 0.99
 RIDGE = 1e-6
 """Penalty of polynomials' coefficients, over the weight of all rows."""
 
-JITTER = 1e-11
-"""Added to the equations' diagonal, over its mean: neighbouring functions are nearly the same."""
+JITTER = 1e-6
+"""Added to the diagonal of functions at each other's centres: neighbours are nearly the same."""
 
 FLOOR = 1e-3
 """Least size of a residual or a target before its logarithm is taken, over their median."""
 
-ROWS_PER_TERM = 10
-"""Rows for each term of a polynomial, at least; polynomials of lower degree have fewer terms."""
+SURFACES_PER_TERM = 10
+"""Surfaces for each term of a polynomial, at least; with fewer it has a lower degree."""
 
 
 class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
@@ -101,37 +111,36 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         """
         random = np.random.default_rng(self.random_state)
         surfaces = np.arange(len(y)) if surfaces is None else surfaces
-        weights = np.ones(len(y))
+        weights, most = np.ones(len(y)), np.unique(surfaces).size / SURFACES_PER_TERM
         self.trend_ = np.zeros(X.shape[1] + 1)
         for _ in range(PASSES):
             if y.min() > 0:
-                self.trend_ = _polynomial(X, _floored_logarithm(y), weights, 1)
+                self.trend_ = _polynomial(X, _floored_logarithm(y), weights, 1, most)
             ratio = y / self._trend(X)
-            self._fit_scatter(X, ratio, weights)
+            wrong = self._fit_scatter(X, ratio, weights, most)
             weights = self._scatter(X) ** -2
         self.mean_ = float(np.average(ratio, weights=np.sqrt(weights)))
         self.deviation_ = 1.0
         self.deviation_ = float(np.std((ratio - self.mean_) / self._reach(X))) or 1.0
-        reach = self._reach(X)
-        unit, noise = (ratio - self.mean_) / reach, (self._scatter(X) / reach) ** 2
-        rows = _one_each(surfaces, random)
+        blocks = _blocks(surfaces)
+        alike = _most_alike(X, wrong / self._scatter(X), blocks)
+        size = alike.size * self._scatter(X)
+        rows = Whitened(X, (ratio - self.mean_) / size, self._reach(X) / size, blocks, alike)
         centres = X[random.permutation(len(y))[: self.centres]]
-        parts = dealt(surfaces, random)
-
-        def error(kernel: Any) -> float:
-            """Solve with a kernel, and return the error of rows that are left out."""
-            return self._solve(X, unit, 1 / noise, (kernel, centres, parts))
-
-        error(min(_likely(X, unit, noise, rows), key=error))
+        few = np.isin(surfaces, random.permutation(np.unique(surfaces))[: _few(surfaces)])
+        found = _likely(rows.at(few, _blocks(surfaces[few])), centres[:LIKELY_CENTRES])
+        self._solve(rows, centres, found, dealt(surfaces, random))
         return self
 
-    def _fit_scatter(self, X: Values, ratio: Values, weights: Values) -> None:
+    def _fit_scatter(self, X: Values, ratio: Values, weights: Values, most: float) -> Values:
         """Fit the size of the scatter by the distances of the ratio to the power law from a cubic.
 
-        It is the root mean square, and neither below nor above what nearly all rows have.
+        It is the root mean square, and neither below nor above what nearly all rows have. Return
+        the distances, (n,).
         """
-        wrong = np.abs(ratio - _terms(X, 3) @ _polynomial(X, ratio, weights, 3))
-        self.sizes_ = _polynomial(X, _floored_logarithm(wrong), np.ones(len(X)), 2)
+        distances = ratio - _terms(X, 3) @ _polynomial(X, ratio, weights, 3, most)
+        wrong = np.abs(distances)
+        self.sizes_ = _polynomial(X, _floored_logarithm(wrong), np.ones(len(X)), 2, most)
         logarithm = _terms(X, 2) @ self.sizes_
         self.ends_ = np.quantile(logarithm, (0.01, 0.99))
         size = np.exp(np.clip(logarithm, *self.ends_))
@@ -139,36 +148,33 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         self.sizes_[0] += larger
         least = np.log(LEAST * ratio.std())
         self.ends_ = np.maximum(self.ends_ + larger, least)
+        return np.asarray(distances)
 
-    def _solve(
-        self, X: Values, unit: Values, weights: Values, given: tuple[Any, Values, Indices]
-    ) -> float:
-        """Solve for the coefficients with all rows, and without each part of them.
+    def _solve(self, rows: "Whitened", centres: Values, found: Values, parts: Indices) -> None:
+        """Solve for the coefficients with all rows, and predict each part of them without it.
 
-        `given` are the kernel, the centres of the functions and the parts. The mean square error of
-        rows that are left out is returned, in units of their scatter.
+        `found` are lengths and variance by `_likely`.
         """
-        kernel, centres, parts = given
-        self.lengths_ = np.full(X.shape[1], kernel.k2.length_scale)
+        self.lengths_, variance = found[:-1], found[-1]
         self.places_ = centres / self.lengths_
-        functions = self._functions(X)
-        weighted = functions * weights[:, None]
-        matrix, right = weighted.T @ functions, weighted.T @ unit
-        penalty = _near(self.places_, self.places_) / kernel.k1.constant_value
-        penalty[np.diag_indices_from(penalty)] += JITTER * np.trace(matrix) / len(matrix)
-        found, left_out = [solve(matrix + penalty, right, assume_a="pos")], np.empty(len(X))
+        functions = self._functions(rows.X)
+        seen, unit = rows.white(functions * rows.reach[:, None]), rows.white(rows.unit)
+        matrix, right = seen.T @ seen, seen.T @ unit
+        penalty = np.eye(len(matrix))
+        penalty[: len(centres), : len(centres)] = _among(self.places_)[0] / variance
+        self.coefficients_ = solve(matrix + penalty, right, assume_a="pos")
+        left_out = np.empty(len(unit))
         for part in np.unique(parts):
             own = parts == part
-            less = matrix - weighted[own].T @ functions[own] + penalty
-            found.append(solve(less, right - weighted[own].T @ unit[own], assume_a="pos"))
-            left_out[own] = functions[own] @ found[-1]
-        self.coefficients_ = np.column_stack(found)
-        inverse = solve_triangular(cholesky(matrix + penalty), np.eye(len(matrix)))
-        shares, directions = eigh(inverse.T @ matrix @ inverse)
+            less = matrix - seen[own].T @ seen[own] + penalty
+            without = solve(less, right - seen[own].T @ unit[own], assume_a="pos")
+            left_out[own] = functions[own] @ without
+        self.left_out_ = self._restored(rows.X, left_out)
+        inverse = solve_triangular(np.linalg.cholesky(matrix + penalty).T, np.eye(len(matrix)))
+        weighted = functions.T @ functions
+        shares, directions = eigh(inverse.T @ weighted @ inverse)
         kept = np.cumsum(shares) > (1 - KEPT) * shares.sum()
         self.spread_ = inverse @ directions[:, kept]
-        self.left_out_ = self._restored(X, left_out)
-        return float(np.mean((unit - left_out) ** 2 * weights))
 
     def _restored(self, X: Values, unit: Values) -> Values:
         """Return means, (n,), of distances from the power law over what the process reaches."""
@@ -187,41 +193,135 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         return np.asarray(np.exp(X @ self.trend_[1:] + self.trend_[0]))
 
     def _functions(self, X: Values) -> Values:
-        """Return the functions about the centres, (n, m)."""
-        return _near(X / self.lengths_, self.places_)
+        """Return the functions about the centres, and those of the plane, (n, m + 1 + d)."""
+        return np.hstack([_near(X / self.lengths_, self.places_)[0], _plane(X)])
 
     def predict(self, X: Values) -> Values:
         """Return the mean, (n,), at standardised inputs, (n, d)."""
-        return self._restored(X, self._functions(X) @ self.coefficients_[:, 0])
+        return self._restored(X, self._functions(X) @ self.coefficients_)
 
     def error(self, X: Values) -> Values:
         """Return the standard error of the mean, (n,)."""
-        functions = self._functions(X)
-        found = functions @ self.coefficients_[:, 1:]
-        parts = found.var(axis=1) * (found.shape[1] - 1)
-        process = np.square(functions @ self.spread_).sum(axis=1)
-        return np.asarray(np.sqrt(parts + process) * self._reach(X) * self._trend(X))
+        variance = np.square(self._functions(X) @ self.spread_).sum(axis=1)
+        return np.asarray(np.sqrt(variance) * self._reach(X) * self._trend(X))
 
     def quantile(self, level: float) -> float:
         """Return the standard errors on both sides of the mean within which it lies, by level."""
-        return float(t.ppf((1 + level) / 2, self.coefficients_.shape[1] - 2))
+        return float(norm.ppf((1 + level) / 2))
 
 
-def _likely(X: Values, unit: Values, noise: Values, rows: Indices) -> Iterator[Any]:
-    """Yield the kernels of the largest likelihood on some rows, from several starts.
+class Alike(NamedTuple):
+    """How alike the scatter of rows of one surface is."""
 
-    The scatter makes the likelihood flat, and what is most likely on few rows may miss what all of
-    them show.
-    """
-    features = X.shape[1]
-    subsets = [rows[:LIKELIHOOD_ROWS]] + [rows[-LIKELIHOOD_ROWS:]] * (rows.size > LIKELIHOOD_ROWS)
-    starts = [1.0, *(np.full(features, start) for start in STARTS)]
-    for few, start in product(subsets, starts):
-        kernel = ConstantKernel(1.0, (1e-3, 1e5)) * RBF(start, LENGTHS)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", ConvergenceWarning)  # lengths at their bounds
-            process = GaussianProcessRegressor(kernel, alpha=noise[few])
-            yield process.fit(X[few], unit[few]).kernel_
+    own: float  # share that is a row's own
+    length: float  # distance over which the correlation falls to 1 / e
+    size: float = 1.0  # of the scatter, over what was given
+
+    def roots(self, X: Values, blocks: list[Indices]) -> list[Values]:
+        """Return the triangular roots of the correlations of rows in blocks, (b, k, k) each."""
+        shared = [(1 - self.own) * np.exp(-_apart(X[block]) / self.length) for block in blocks]
+        own = [self.own * np.eye(block.shape[1]) for block in blocks]
+        return [np.asarray(np.linalg.cholesky(sum(each))) for each in zip(shared, own, strict=True)]
+
+
+class Whitened:
+    """Rows whose scatter is brought to 1, and whitened, of surfaces whose rows are alike."""
+
+    def __init__(
+        self, X: Values, unit: Values, reach: Values, blocks: list[Indices], alike: Alike
+    ) -> None:
+        self.X, self.unit, self.reach, self.alike = X, unit, reach, alike  # (n, d), (n,), (n,)
+        self._blocks = blocks
+        self._inverses = [np.linalg.inv(root) for root in alike.roots(X, blocks)]
+
+    def at(self, rows: NDArray[np.bool_], blocks: list[Indices]) -> "Whitened":
+        """Return some rows, of whole surfaces, that are in these blocks."""
+        return Whitened(self.X[rows], self.unit[rows], self.reach[rows], blocks, self.alike)
+
+    def white(self, values: Values, *, back: bool = False) -> Values:
+        """Whiten columns, (n, m) or (n,), or with `back` apply the transpose of that."""
+        columns = values.reshape(len(values), -1)
+        found = np.empty_like(columns)
+        for block, inverse in zip(self._blocks, self._inverses, strict=True):
+            found[block] = (inverse.transpose(0, 2, 1) if back else inverse) @ columns[block]
+        return found.reshape(values.shape)
+
+    def evidence(self, logarithms: Values, centres: Values) -> tuple[float, Values]:
+        """Return minus the logarithm of the evidence and its slopes, (d + 1,).
+
+        They are functions of the logarithms of lengths and variance; centres are (m, d).
+        """
+        lengths, variance, count = np.exp(logarithms[:-1]), np.exp(logarithms[-1]), len(centres)
+        places, about, plane = self.X / lengths, centres / lengths, _plane(self.X)
+        (near, near_slope), (among, among_slope) = _near(places, about), _among(about)
+        functions, unit = np.hstack([near, plane]) * self.reach[:, None], self.white(self.unit)
+        seen = self.white(functions)
+        matrix = seen.T @ seen + np.eye(seen.shape[1])
+        matrix[:count, :count] += among / variance - np.eye(count)
+        whole, prior = cho_factor(matrix), cho_factor(among)
+        found, inverse = cho_solve(whole, seen.T @ unit), cho_solve(whole, np.eye(len(matrix)))
+        determinants = np.log(np.diag(whole[0])).sum() - np.log(np.diag(prior[0])).sum()
+        squares = unit @ unit - found @ (seen.T @ unit)
+        minus = determinants + (count * logarithms[-1] + squares) / 2
+        # Slopes by the functions at the rows, and at each other's centres.
+        by_seen = np.outer(unit - seen @ found, found[:count]) - seen @ inverse[:, :count]
+        by_near = self.white(by_seen, back=True) * self.reach[:, None]
+        moments = (inverse[:count, :count] + np.outer(found[:count], found[:count])) / variance
+        by_among = (cho_solve(prior, np.eye(count)) - moments) / 2
+        slopes = np.empty(len(logarithms))
+        slopes[:-1] = _by_lengths(by_near * near_slope, places, about)
+        slopes[:-1] += _by_lengths(by_among * among_slope, about, about)
+        slopes[-1] = (np.sum(moments * among) - count) / 2
+        return float(minus), -slopes
+
+
+def _likely(rows: Whitened, centres: Values) -> Values:
+    """Return lengths and variance, (d + 1,), of the largest evidence, from several starts."""
+    features = centres.shape[1]
+    bounds = [tuple(np.log(each)) for each in [*[LENGTHS] * features, VARIANCES]]
+    given: dict[str, Any] = {"jac": True, "method": "L-BFGS-B", "bounds": bounds}
+    given["options"] = {"maxiter": STEPS, "ftol": 1e-6}
+    starts = [np.log([*[start] * features, 1.0]) for start in STARTS]
+    found = [minimize(rows.evidence, start, (centres,), **given) for start in starts]
+    return np.asarray(np.exp(min(found, key=lambda each: float(each.fun)).x))
+
+
+def _most_alike(X: Values, scatter: Values, blocks: list[Indices]) -> Alike:
+    """Return how alike rows of a surface most likely are, by their scatter, (n,), of size 1."""
+
+    def sized(logarithms: Values) -> tuple[float, Alike]:
+        """Return minus the logarithm of the likelihood, and the size that is most likely."""
+        alike = Alike(OWN + (1 - OWN) * float(expit(logarithms[0])), float(np.exp(logarithms[1])))
+        squares = volume = 0.0
+        for block, root in zip(blocks, alike.roots(X, blocks), strict=True):
+            squares += np.square(np.linalg.solve(root, scatter[block][:, :, None])).sum()
+            volume += np.log(np.diagonal(root, axis1=1, axis2=2)).sum()
+        size = np.sqrt(max(squares / len(X), np.finfo(float).tiny))
+        return len(X) * np.log(size) + volume, alike._replace(size=float(size))
+
+    given: dict[str, Any] = {"method": "Nelder-Mead", "options": {"maxiter": 60, "xatol": 0.05}}
+
+    def minus(logarithms: Values) -> float:
+        return sized(logarithms)[0]
+
+    return sized(minimize(minus, np.array([-2.0, 1.0]), **given).x)[1]
+
+
+def _blocks(surfaces: Indices) -> list[Indices]:
+    """Return the rows of surfaces, (b, k) for those of k rows, by the numbers of all rows, (n,)."""
+    order = np.argsort(surfaces, kind="stable")
+    first = np.flatnonzero(np.diff(surfaces[order], prepend=surfaces[order[0]] - 1))
+    of_size: dict[int, list[Indices]] = {}
+    for own in np.split(order, first[1:]):
+        for start in range(0, own.size, TOGETHER):
+            block = own[start : start + TOGETHER]
+            of_size.setdefault(block.size, []).append(block)
+    return [np.array(each) for each in of_size.values()]
+
+
+def _few(surfaces: Indices) -> int:
+    """Return how many surfaces have about `LIKELY_ROWS` rows."""
+    return -(-LIKELY_ROWS * np.unique(surfaces).size // surfaces.size)
 
 
 def dealt(surfaces: Indices, random: np.random.Generator) -> Indices:
@@ -230,20 +330,40 @@ def dealt(surfaces: Indices, random: np.random.Generator) -> Indices:
     return np.asarray(random.permutation(place.max() + 1)[place] % PARTS)
 
 
-def _one_each(surfaces: Indices, random: np.random.Generator) -> Indices:
-    """Draw one row of each surface, in random order."""
-    order = random.permutation(surfaces.size)
-    _, first = np.unique(surfaces[order], return_index=True)
-    return np.asarray(order[random.permutation(first)])
+def _apart(X: Values) -> Values:
+    """Return the distances of rows of one block, (..., k, d), from each other: (..., k, k)."""
+    return np.asarray(np.sqrt(np.square(X[..., :, None, :] - X[..., None, :, :]).sum(axis=-1)))
 
 
-def _near(places: Values, others: Values) -> Values:
-    """Return the radial basis function of distances between places, (n, d) and (m, d): (n, m)."""
+def _plane(X: Values) -> Values:
+    """Return the functions of the plane, (n, 1 + d)."""
+    return PLANE * np.column_stack([np.ones(len(X)), X])
+
+
+def _near(places: Values, others: Values) -> tuple[Values, Values]:
+    """Return the Matern function between places, (n, d) and (m, d), and its slopes: (n, m) each.
+
+    It is that of two derivatives; slopes are by the squared distance.
+    """
     squares = -2.0 * (places @ others.T)
     squares += np.einsum("ij,ij->i", places, places)[:, None]
     squares += np.einsum("ij,ij->i", others, others)
-    squares *= -0.5
-    return np.asarray(np.exp(np.minimum(squares, 0.0, out=squares), out=squares))
+    root = np.sqrt(5.0 * np.maximum(squares, 0.0, out=squares))
+    falling = np.exp(-root)
+    return (1 + root + root**2 / 3) * falling, -5 / 6 * (1 + root) * falling
+
+
+def _among(places: Values) -> tuple[Values, Values]:
+    """Return `_near` of places among themselves, which can be inverted."""
+    near, slopes = _near(places, places)
+    near[np.diag_indices_from(near)] += JITTER
+    return near, slopes
+
+
+def _by_lengths(slopes: Values, places: Values, others: Values) -> Values:
+    """Return slopes by logarithms of lengths, (d,), of those by squared distances, (n, m)."""
+    squares = slopes.sum(axis=1) @ places**2 + slopes.sum(axis=0) @ others**2
+    return np.asarray(-2 * (squares - 2 * np.einsum("jk,jk->k", slopes.T @ places, others)))
 
 
 def _terms(X: Values, degree: int) -> Values:
@@ -251,13 +371,12 @@ def _terms(X: Values, degree: int) -> Values:
     return np.asarray(PolynomialFeatures(degree).fit_transform(X))
 
 
-def _polynomial(X: Values, target: Values, weights: Values, degree: int) -> Values:
+def _polynomial(X: Values, target: Values, weights: Values, degree: int, most: float) -> Values:
     """Return a polynomial's coefficients by weighted least squares, with 0 for terms too many.
 
-    With few rows for each term the polynomial is of a lower degree, whose terms are the first ones.
+    With more than `most` terms the polynomial is of a lower degree, whose terms are the first ones.
     """
-    terms = _terms(X, degree)
-    found, most = np.zeros(terms.shape[1]), len(X) / ROWS_PER_TERM
+    found = np.zeros((terms := _terms(X, degree)).shape[1])
     while degree > 1 and comb(X.shape[1] + degree, degree) > most:
         degree -= 1
     used = slice(comb(X.shape[1] + degree, degree))

@@ -106,8 +106,8 @@ def predict(
         numbers |= {} if deltas is None else {"delta": deltas}
         numbers |= {"pressure": loads_from("pressure", pressure)} if pressure else {}
         rows += answers_of_parameters(surrogate, inputs, numbers, interval, mean=mean)
-        of = "means over surfaces" if mean else f"new surfaces with {100 * interval:g} % intervals"
-        show(rows, f"Predictions of {of}")
+        of = "means over surfaces" if mean else "new surfaces"
+        show(rows, f"Predictions of {of} with {100 * interval:g} % intervals")
     elif at or pressure or mean or not inputs:
         raise InputError(
             f"{file}: predicts for surfaces: give some, and --delta; --at, --pressure and --mean"

@@ -99,9 +99,9 @@ def answers_of_parameters(
     """Yield the rows of a scene's surrogate for numbers, or for each row of CSV tables with them.
 
     Numbers are those of the parameters and the load, (k,) each, by their names; the columns of a
-    table have the names of the others, and its further columns are kept as they are. The mean
-    over surfaces has no interval: with few surfaces it would be too narrow. InputError is
-    raised for a name that is missing or unknown, and for what is no number.
+    table have the names of the others, and its further columns are kept as they are. With `mean`
+    intervals are those of the mean over surfaces. InputError is raised for a name that is missing
+    or unknown, and for what is no number.
     """
     names = [name for name in surrogate.features.names if name not in numbers]
     fixed = {name: np.atleast_1d(np.asarray(each, float)) for name, each in numbers.items()}
@@ -126,7 +126,7 @@ def answers_of_parameters(
             rows = surrogate.of_numbers(spread)
         except InputError as error:
             raise InputError(f"{table}: {error}" if table else str(error)) from None
-        prediction = surrogate.predict_rows(rows, level=None if mean else level, mean=mean)
+        prediction = surrogate.predict_rows(rows, level=level, mean=mean)
         asked: list[Row] = [
             {"input": str(table or "")}
             | further[k // most]
