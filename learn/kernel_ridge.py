@@ -134,22 +134,27 @@ def _linear(train: Values, target: Values, test: Values, alphas: Sequence[float]
     return [projected @ (singular / (singular**2 + alpha) * weights) for alpha in alphas]
 
 
-def left_out_errors(ridge: KernelRidge, parts: Sequence[Indices]) -> list[Values]:
+def left_out_errors(model: Any, parts: Sequence[Indices]) -> list[Values]:
     """Return the errors at rows that are left out together, part by part, from one fit to all rows.
 
-    Of the inverse of the matrix K + alpha I, the rows and columns S of those left out give their
-    errors e, target less prediction: inverse_SS e = coefficients_S. One inverse replaces a fit for
-    each part, whose positions rise. Source: S. An, W. Liu, S. Venkatesh (2007), Pattern Recognit.
-    40, 2154, equation 21.
+    The model is kernel ridge or a Gaussian process, of which the kernel stays. Of the inverse of
+    the matrix K + alpha I, the rows and columns S of those left out give their errors e, target
+    less prediction: inverse_SS e = coefficients_S. One inverse replaces a fit for each part, whose
+    positions rise. Source: S. An, W. Liu, S. Venkatesh (2007), Pattern Recognit. 40, 2154, equation
+    21.
     """
-    kernel = flushed(np.asarray(ridge._get_kernel(ridge.X_fit_), dtype=float))
-    alpha = float(getattr(ridge, "alpha_used_", ridge.alpha))
-    kernel[np.diag_indices_from(kernel)] += alpha
+    if isinstance(model, KernelRidge):
+        kernel = flushed(np.asarray(model._get_kernel(model.X_fit_), dtype=float))
+        alpha, coefficients = getattr(model, "alpha_used_", model.alpha), model.dual_coef_
+    else:
+        kernel = np.asarray(model.kernel_(model.X_train_))
+        alpha, coefficients = model.alpha, model.alpha_
+    kernel[np.diag_indices_from(kernel)] += float(alpha)
     factor, fault = dpotrf(kernel, lower=1, overwrite_a=1)
     if fault:
         raise np.linalg.LinAlgError("the kernel matrix is not positive definite")
     inverse, _ = dpotri(factor, lower=1, overwrite_c=1)
-    coefficients = np.asarray(ridge.dual_coef_, dtype=float).reshape(-1)
+    coefficients = np.asarray(coefficients, dtype=float).reshape(-1)
     found = []
     for part in parts:
         lower = np.tril(inverse[np.ix_(part, part)])  # the indices rise

@@ -1,6 +1,6 @@
 """Fit surrogates: read, split into three sets, choose settings, fit, calibrate, judge."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from operator import attrgetter
@@ -9,7 +9,6 @@ from time import process_time
 from typing import Any, NamedTuple
 
 import numpy as np
-from sklearn.kernel_ridge import KernelRidge
 
 from gen.arrays import Indices, Values
 from gen.runtime.errors import InputError
@@ -34,7 +33,7 @@ from learn.models import (
 from learn.split import Folds
 from learn.surrogate import calibration as calibrating
 from learn.surrogate import card
-from learn.surrogate.calibration import SURFACE, Measured, Plan, groups_of, holdouts, measured
+from learn.surrogate.calibration import SURFACE, Groups, Measured, Parts, Plan, groups_of, measured
 from learn.surrogate.interval import Calibration, ErrorScale
 from learn.surrogate.learnt import Learnt, clip_of
 from learn.surrogate.model import Surrogate
@@ -79,6 +78,10 @@ NETWORK: dict[str, Any] = {
 
 BUILT_IN: dict[str, dict[str, Any]] = {"mlp": NETWORK, POPULATION.name: {}}
 """Settings where nothing is searched; the mean of a population chooses its own."""
+
+
+CLOSED = ("kernel-ridge", "gaussian-process", POPULATION.name)
+"""Models of which one fit tells the errors at rows that are left out."""
 
 
 class Settings(NamedTuple):
@@ -242,7 +245,12 @@ def fit_parts(
     there are too few rows to train on, or too little memory.
     """
     train, name = parts.train, sets[0].name
-    plan = Plan(train, groups_of(sets[0].at(train) if others is None else others[0]), others)
+    if others is None:
+        every = request.models[0] in CLOSED
+        groups, each = calibrating.chosen_parts(sets[0].at(train), every=every)
+        plan = Plan(train, sum(mine.size for mine, _ in each), groups)
+    else:
+        plan = Plan(train, others[0].size, groups_of(others[0]), others)
     check_memory(request.models[0], train.size)
     for rows in sets:
         if np.ptp(rows.target[train]) == 0:
@@ -324,9 +332,9 @@ def fit_target(
 ) -> Fit:
     """Fit and calibrate the model of one target, after a choice of settings if none are given.
 
-    Without rows that calibrate the training rows do: further fits, with the same settings, leave
-    out some of them each. The first of the training rows' folds validates the candidates of a
-    search.
+    Without rows that calibrate the training rows do: one or more further fits, with the same
+    settings, leave out some of them each. The first of the training rows' folds validates the
+    candidates of a search.
     InputError is raised if this machine lacks the memory, or the folder lacks the model.
     """
     (name,) = request.models
@@ -346,11 +354,19 @@ def fit_target(
     learnt = Learnt(column.name, column.unit, fitted, scaling, *own)
     seen, crossed = measured(train), None
     if calibration is None:
-        crossed = _crossed(request, settings, train, target, learnt)
-        intervals = _calibrated(learnt, train, crossed, seen)
+        groups, parts = calibrating.chosen_parts(train, every=name in CLOSED)
+        crossed = _crossed(request, settings, train, target, learnt, (groups, parts))
+        kept = np.sort(np.concatenate([mine for mine, _ in parts]))
+        raw, calibration = crossed[kept], train.at(kept)
+        groups = groups._replace(labels=groups.labels[kept])
+        seen = Measured(seen.distance, seen.far[kept], seen.nearest[kept])
     else:
+        groups, raw = groups_of(calibration), learnt.raw(calibration.inputs)
         seen = Measured(seen.distance, *seen.distance.measured(calibration.inputs))
-        intervals = _calibrated(learnt, calibration, learnt.raw(calibration.inputs), seen)
+    # Roots of targets that are never below 0 have errors that differ less between small and large.
+    root, truth = learnt.bounds[0] == 0, calibration.target
+    raw, truth = (np.sqrt(np.maximum(each, 0)) if root else each for each in (raw, truth))
+    intervals = calibrating.calibrate(calibration, groups, np.abs(raw - truth), seen, root=root)
     learnt = replace(learnt, calibration=intervals)
     return Fit(learnt, settings, chose - began, done - chose, said, crossed)
 
@@ -376,22 +392,30 @@ def _fitted(
 
 
 def _crossed(
-    request: Request, settings: Settings, train: Dataset, target: Values, learnt: Learnt
+    request: Request,
+    settings: Settings,
+    train: Dataset,
+    target: Values,
+    learnt: Learnt,
+    chosen: tuple[Groups, Parts],
 ) -> Values:
-    """Predict the training rows over their scale by models that have not seen their groups.
+    """Predict the parts of the training rows, over their scale, by models without their groups.
 
-    Kernel ridge needs no further fits; its features then keep the scaling of all training rows, and
-    moments beyond those of the other groups are not clipped: errors are, if anything, larger.
+    Models in `CLOSED` need no further fits; their features then keep the scaling of all training
+    rows, and moments beyond those of the other groups are not clipped: errors are, if anything,
+    larger. Rows that are in no part are NaN.
     """
-    groups = groups_of(train)
+    (groups, parts), model = chosen, learnt.pipeline.named_steps[STEP]
     by_surface = groups.kind == SURFACE and groups.scheme == "others"
-    if by_surface and request.models == (POPULATION.name,):
-        return learnt.scaling.restored(learnt.pipeline.named_steps[STEP].left_out_)
-    parts = list(holdouts(train, groups.left_out(train)))
-    found = _ridge_left_out(learnt, target, parts)
-    if found is not None:
-        return found
-    found = np.empty(train.size)
+    found, (name,) = np.full(train.size, np.nan), request.models
+    if by_surface and name == POPULATION.name:
+        return learnt.scaling.restored(model.left_out_)
+    if name in CLOSED and name != POPULATION.name:
+        with suppress(np.linalg.LinAlgError):  # a singular matrix: further fits deal with it
+            errors = left_out_errors(model, [unseen for _, unseen in parts])
+            for (mine, unseen), error in zip(parts, errors, strict=True):
+                found[mine] = target[mine] - error[np.isin(unseen, mine)]
+            return learnt.scaling.restored(found)
     for mine, unseen in parts:
         others = np.setdiff1d(np.arange(train.size), unseen)
         rest = train.inputs[others], target[others], train.groups[others]
@@ -399,31 +423,3 @@ def _crossed(
         without = replace(learnt, pipeline=fitted, clip=clip_of(train.at(others)))
         found[mine] = without.raw(train.inputs[mine])
     return found
-
-
-def _ridge_left_out(
-    learnt: Learnt, target: Values, parts: Sequence[tuple[Indices, Indices]]
-) -> Values | None:
-    """Predict the training rows over their scale by kernel ridge, without further fits; else None.
-
-    The model was fitted to all rows' scaled target, (n,); parts come from `holdouts`.
-    """
-    found, ridge = np.empty(target.size), learnt.pipeline.named_steps[STEP]
-    if isinstance(ridge, KernelRidge):
-        with suppress(np.linalg.LinAlgError):  # a singular matrix: further fits deal with it
-            errors = left_out_errors(ridge, [unseen for _, unseen in parts])
-            for (mine, unseen), error in zip(parts, errors, strict=True):
-                found[mine] = target[mine] - error[np.isin(unseen, mine)]
-            return learnt.scaling.restored(found)
-    return None
-
-
-def _calibrated(learnt: Learnt, rows: Dataset, raw: Values, seen: Measured) -> Calibration:
-    """Calibrate intervals by predictions of rows, (n,), over their scale.
-
-    Targets that are never below 0 have errors of their roots, which differ less between small and
-    large ones.
-    """
-    root = learnt.bounds[0] == 0
-    found, truth = (np.sqrt(np.maximum(each, 0)) if root else each for each in (raw, rows.target))
-    return calibrating.calibrate(rows, np.abs(found - truth), seen, root=root)

@@ -1,7 +1,11 @@
 """Kernel ridge beside scikit-learn's, and where that one gives up."""
 
+from functools import partial
+
 import numpy as np
 import pytest
+from sklearn.gaussian_process import GaussianProcessRegressor
+from sklearn.gaussian_process.kernels import RBF, WhiteKernel
 from sklearn.kernel_ridge import KernelRidge
 
 from learn.kernel_ridge import IllConditioned, SafeKernelRidge, left_out_errors, predictions
@@ -64,3 +68,12 @@ def test_errors_of_rows_left_out_are_those_of_fits_to_the_others(samples, kernel
         alone = SafeKernelRidge(**settings).fit(inputs[others], target[others])
         wanted = target[part] - alone.predict(inputs[part])
         np.testing.assert_allclose(found, wanted, rtol=1e-6, atol=1e-9)
+
+
+def test_a_gaussian_process_tells_its_errors_too(samples):
+    inputs, target = samples
+    made = partial(GaussianProcessRegressor, RBF(0.5) + WhiteKernel(1e-3), optimizer=None)
+    whole, part = made().fit(inputs, target), np.arange(10, 70, 7)
+    alone = made().fit(np.delete(inputs, part, axis=0), np.delete(target, part))
+    (found,) = left_out_errors(whole, [part])
+    np.testing.assert_allclose(found, target[part] - alone.predict(inputs[part]), rtol=1e-6)

@@ -74,6 +74,18 @@ def test_no_row_is_predicted_by_a_model_that_has_seen_its_map(rows, solved, mode
     assert not np.allclose(again.crossed[others], fit.crossed[others], rtol=1e-3)
 
 
+@pytest.mark.parametrize(("model", "number"), [("kernel-ridge", 90), ("decision-tree", 36)])
+def test_further_fits_are_as_few_as_have_surfaces_enough(solved, rows, monkeypatch, model, number):
+    """Parts of 18 surfaces: two have 30, and kernel ridge tells the errors of all of them."""
+    monkeypatch.setattr(calibration, "ENOUGH", 30)
+    request, folds = request_of(solved, model), np.zeros(rows.size, dtype=np.int8)
+    fit = fit_target(request, rows, None, folds, settings=Settings({}, False, "given"))
+    assert np.isfinite(fit.crossed).sum() == number
+    assert fit.learnt.calibration.largest_level == pytest.approx(number / (number + 1))
+    every = model == "kernel-ridge"
+    assert calibration.chosen_parts(rows, every=every)[0].number == number
+
+
 def test_databases_of_the_same_surfaces_are_not_left_out_whole(rows):
     made = of_maps(rows, 9)
     maps = tuple(Population(f"{each}.h5", "rmd") for each in range(9))
