@@ -1,4 +1,4 @@
-"""`python -m tests.faults`: the fault campaign, from 105 faults down to a single kind."""
+"""`python -m tests.faults`: the fault campaign, from 77 faults down to a single kind."""
 
 import sys
 import tempfile
@@ -149,7 +149,7 @@ app = typer.Typer(add_completion=False, rich_markup_mode=None)
 @app.command()
 def faults(
     rounds: Annotated[
-        int | None, typer.Option(min=1, help="Faults to inject, 105 unless given.")
+        int | None, typer.Option(min=1, help="Faults to inject, 77 unless given.")
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of kinds, victims and moments.")] = 0,
     minutes: Annotated[float, typer.Option(min=0.0, help="No round begins later.")] = 30.0,
@@ -162,9 +162,8 @@ def faults(
 ) -> int:
     """Disturb runs at random and see whether anything is lost, wrong or done twice.
 
-    Signals to a run alone, to worker, master and mpiexec; full disks, files cut off or replaced,
-    second writers; samples that fail, never end, have a bug. Exit code 0 if as many faults as asked
-    for were injected and nothing was wrong, 1 otherwise.
+    Signals to a run alone, to worker, master and mpiexec; full disks, replaced files, failing
+    samples. Exit code 0 if as many faults as asked for were injected and nothing was wrong, else 1.
     """
     wanted, done = rounds or ROUNDS, []
     with tempfile.TemporaryDirectory() as folder:

@@ -5,7 +5,6 @@ import signal
 import time
 from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
@@ -13,7 +12,6 @@ from gen.scene.columns import row_bytes
 from gen.schema import Reason
 from tests.faults.stage import (
     PROCESSES,
-    Ended,
     Found,
     Stage,
     await_lock,
@@ -41,11 +39,9 @@ HELD = (0.5, 2.5)
 SMALLEST = 64 * 1024
 """Smallest limit on the size of files: below it, the run could not even write down its output."""
 
-LIMIT = 2.0
-"""Wall-clock limit of a sample that never ends [s]; ordinary ones take milliseconds."""
 
 AILING = 3
-"""Samples that ail in one run, at most: each that never ends takes `LIMIT`."""
+"""Samples that ail in one run, at most."""
 
 FAILURES = {
     "raises": Reason.ARITHMETIC,
@@ -116,29 +112,6 @@ def files_may_not_grow(stage: Stage) -> Found:
     return Found(f"beyond {size} bytes", fault, hit, ended.seconds)
 
 
-def _ended(stage: Stage, path: Path) -> Ended:
-    """Run on a file elsewhere, to the end."""
-    with stage.run(stage.ranks(), output=str(path)) as run:
-        return run.wait()
-
-
-def file_cut_off(stage: Stage) -> Found:
-    """A copy loses its end between two runs: refused, and left as it is."""
-    source = stage.path if stage.path.exists() else stage.folder / "reference.h5"
-    path = stage.folder / "cut.h5"
-    whole = source.read_bytes()
-    size = int(stage.random.choice((0, len(whole) - 1, int(stage.random.integers(1, len(whole))))))
-    path.write_bytes(whole[:size])
-    ended = _ended(stage, path)
-    fault = refusal_fault(ended, "cut.h5")
-    if not fault and path.read_bytes() != whole[:size]:
-        fault = "the rest of a file that was cut off has been changed"
-    if not fault and list(stage.folder.glob("cut.h5.*")):
-        fault = "files are left behind"
-    path.unlink()
-    return Found(f"{size} of {len(whole)} bytes left", fault, seconds=ended.seconds)
-
-
 def file_replaced(stage: Stage) -> Found:
     """Another file takes the name of the database under a run: it ends, and says so."""
     with stage.run(stage.ranks()) as run:
@@ -156,29 +129,6 @@ def file_replaced(stage: Stage) -> Found:
     if hit and not (complete and ended.code == 0):  # after its last row, nothing is missing
         fault = refusal_fault(ended, "replaced by another file")
     return Found("", fault, hit, ended.seconds)
-
-
-def second_writer(stage: Stage) -> Found:
-    """A second run on the same file is refused; one after the first has ended is not."""
-    killed = bool(stage.random.random() < 0.5)
-    with stage.run(stage.ranks()) as first:
-        stage.await_rows(first, 1)
-        first.send("everybody", signal.SIGSTOP)  # or it might end before the second begins
-        hit = is_locked(stage.path)
-        with stage.run(stage.ranks()) as second:
-            ended = second.wait()
-        first.send("everybody", signal.SIGKILL if killed else signal.SIGCONT)
-        first.wait()
-        await_lock(stage.path)
-    fault = refusal_fault(ended, "is being written by") if hit else ""
-    left = stage.path.with_name(stage.path.name + ".lock")
-    left.write_text("host elsewhere, process 1, since long ago\n")  # as a dead job leaves it
-    with stage.run(0) as third:
-        third_ended = third.wait()
-    if not fault and third_ended.code:
-        fault = f"a dead job's lock: exit code {third_ended.code}"
-    fault = fault or difference(columns_of(stage.path), stage.reference)
-    return Found(f"the first {'killed' if killed else 'goes on'}", fault, hit, ended.seconds)
 
 
 def samples_fail(stage: Stage) -> Found:
@@ -201,32 +151,6 @@ def samples_fail(stage: Stage) -> Found:
     return Found(f"{ailment}, rows {rows}", fault, seconds=ended.seconds)
 
 
-def sample_never_ends(stage: Stage) -> Found:
-    """Samples run into the wall-clock limit: they stay pending, the others are done."""
-    rows = _rows(stage)
-    limit = "--sample-limit", f"{LIMIT:g}"
-    with stage.run(stage.ranks(), *limit, ailments=dict.fromkeys(rows, "never_ends")) as run:
-        ended = run.wait()
-    fault, now = "", columns_of(stage.path)
-    if ended.code or "took longer than --sample-limit" not in ended.text:
-        fault = f"exit code {ended.code} without the warning of --sample-limit"
-    elif now is None or finished(now)[rows].any():
-        fault = "a sample beyond the limit was finished"
-    return Found(f"rows {rows}", fault, seconds=ended.seconds)
-
-
-def sample_has_a_bug(stage: Stage) -> Found:
-    """A bug in a sample: the run ends at once and says where; nothing else is lost."""
-    row = _rows(stage)[0]
-    with stage.run(stage.ranks(), ailments={row: "has_a_bug"}) as run:
-        ended = run.wait()
-        await_lock(stage.path)
-    fault = code_fault(ended, columns_of(stage.path))
-    if ended.code in {0, 2} or "TypeError: injected" not in ended.text:
-        fault = f"exit code {ended.code} without the bug's traceback"
-    return Found(f"row {row}", fault, seconds=ended.seconds)
-
-
 def _rows(stage: Stage) -> list[int]:
     """Some of the pending rows, at random."""
     pending = stage.pending()
@@ -244,11 +168,7 @@ KINDS: dict[str, Callable[[Stage], Found]] = {
     "SIGUSR1": partial(signalled, signal.SIGUSR1, tuple(VICTIMS)),
     "SIGSTOP, then SIGCONT": worker_held_up,
     "files may not grow": files_may_not_grow,
-    "file cut off": file_cut_off,
     "file replaced": file_replaced,
-    "second writer": second_writer,
     "samples fail": samples_fail,
-    "sample never ends": sample_never_ends,
-    "sample has a bug": sample_has_a_bug,
 }
 """The kinds of disturbances, by the names in the report."""

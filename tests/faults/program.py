@@ -37,20 +37,8 @@ def does_not_converge(solve: Solve) -> NoReturn:
     raise bem.NotConverged(solve())
 
 
-def never_ends(solve: Solve) -> NoReturn:
-    """Solve again and again: whatever ends this ends it in the midst of a solve."""
-    while True:
-        solve()
-
-
-def has_a_bug(solve: Solve) -> NoReturn:
-    """Raise what no sample may raise."""
-    raise TypeError("injected")
-
-
 AILMENTS: dict[str, Callable[[Solve], bem.Contact]] = {
-    ailment.__name__: ailment
-    for ailment in (raises, returns_nan, does_not_converge, never_ends, has_a_bug)
+    ailment.__name__: ailment for ailment in (raises, returns_nan, does_not_converge)
 }
 
 

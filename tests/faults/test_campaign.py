@@ -1,6 +1,5 @@
 """A short form of the fault campaign, and its judges; `python -m tests.faults` is the long one."""
 
-import json
 from unittest import mock
 
 import numpy as np
@@ -93,15 +92,3 @@ def test_samples_ail_as_they_should(tmp_path, ailment, reason):
         rows = compute_rows(scene, 0, 5)
     np.testing.assert_array_equal(rows["reason"], [0, 0, reason, 0, 0])
     np.testing.assert_array_equal(rows["status"], [1, 1, 2, 1, 1])
-
-
-def test_a_bug_ends_the_program_with_its_name(tmp_path, monkeypatch, capfd):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "scene.toml").write_text("samples = 5\n[surface]\nnodes = 9\n")
-    delta = float(parameters(load("scene.toml"), 2, 3).delta[0])
-    (tmp_path / "ailments.json").write_text(json.dumps({repr(delta): "has_a_bug"}))
-    arguments = ["", "ailments.json", "run", "scene.toml", "-o", "rows.h5"]
-    monkeypatch.setattr("sys.argv", arguments)
-    with pytest.raises(SystemExit):
-        program.main()
-    assert "TypeError: injected" in capfd.readouterr().err

@@ -5,16 +5,14 @@ a second, and whatever a command does to its process is gone with it.
 """
 
 import importlib
+import multiprocessing
 import os
 import re
 import resource
 import signal
 import sys
 import tempfile
-import time
-import traceback
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, NoReturn
@@ -67,15 +65,16 @@ def run(
     has [bytes], None for no bound.
     """
     with tempfile.TemporaryFile() as output, tempfile.TemporaryFile() as errors:
-        limit = time.monotonic() + bound
-        process = os.fork()
-        if process == 0:
-            if memory is not None:
-                pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
-                _limit(resource.RLIMIT_AS, pages * os.sysconf("SC_PAGE_SIZE") + memory)
-            _become(command, folder, output, errors)
-        code, hung = _await(process, limit)
-        return Ended(code, _content(output), _content(errors), hung)
+        arguments = (command, folder, output, errors, memory)
+        process = multiprocessing.get_context("fork").Process(target=_become, args=arguments)
+        process.start()
+        process.join(bound)
+        hung = process.exitcode is None
+        if hung:
+            process.kill()
+            process.join()
+        assert process.exitcode is not None
+        return Ended(process.exitcode, _content(output), _content(errors), hung)
 
 
 def fault(command: Sequence[str], ended: Ended) -> str:
@@ -98,52 +97,29 @@ def fault(command: Sequence[str], ended: Ended) -> str:
     return next((fault for fault, found in wrong.items() if found), "")
 
 
-def _become(command: Sequence[str], folder: Path, output: IO[bytes], errors: IO[bytes]) -> NoReturn:
-    """Be the command, in the fork; nothing that the forked program would do at its end is done."""
-    code = 1
-    try:
-        signal.signal(signal.SIGINT, signal.SIG_DFL)
-        os.chdir(folder)
-        os.dup2(output.fileno(), 1)
-        os.dup2(errors.fileno(), 2)
-        sys.stdout = open(1, "w", encoding="utf-8", closefd=False)  # noqa: SIM115
-        sys.stderr = open(  # noqa: SIM115 - as the interpreter has it
-            2, "w", encoding="utf-8", errors="backslashreplace", closefd=False, buffering=1
-        )
-        _limit(resource.RLIMIT_FSIZE, LARGEST_FILE)
-        _limit(resource.RLIMIT_CORE, 0)
-        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-        main: Callable[[Sequence[str]], int] = importlib.import_module(PROGRAMS[command[0]]).main
-        code = main(command[1:])
-    except SystemExit as exit_:
-        code = exit_.code if isinstance(exit_.code, int) else 1
-    except BaseException:
-        traceback.print_exc()
-    finally:
-        with suppress(BaseException):
-            sys.stdout.flush()
-        with suppress(BaseException):
-            sys.stderr.flush()
-        os._exit(code)
+def _become(
+    command: Sequence[str], folder: Path, output: IO[bytes], errors: IO[bytes], memory: int | None
+) -> NoReturn:
+    """Be the command, in the fork."""
+    if memory is not None:
+        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
+        _limit(resource.RLIMIT_AS, pages * os.sysconf("SC_PAGE_SIZE") + memory)
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    os.chdir(folder)
+    os.dup2(output.fileno(), 1)
+    os.dup2(errors.fileno(), 2)
+    sys.stdout = open(1, "w", encoding="utf-8", closefd=False)  # noqa: SIM115
+    sys.stderr = open(  # noqa: SIM115 - as the interpreter has it
+        2, "w", encoding="utf-8", errors="backslashreplace", closefd=False, buffering=1
+    )
+    _limit(resource.RLIMIT_FSIZE, LARGEST_FILE)
+    _limit(resource.RLIMIT_CORE, 0)
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    sys.exit(importlib.import_module(PROGRAMS[command[0]]).main(command[1:]))
 
 
 def _limit(kind: int, most: int) -> None:
     resource.setrlimit(kind, (most, resource.getrlimit(kind)[1]))
-
-
-def _await(process: int, limit: float) -> tuple[int, bool]:
-    """Exit code of a child, and whether it had to be killed."""
-    pause = 0.001
-    while True:
-        ended, status = os.waitpid(process, os.WNOHANG)
-        if ended:
-            return os.waitstatus_to_exitcode(status), False
-        if time.monotonic() > limit:
-            os.kill(process, signal.SIGKILL)
-            os.waitpid(process, 0)
-            return -signal.SIGKILL, True
-        time.sleep(pause)
-        pause = min(2 * pause, 0.05)
 
 
 def _content(file: IO[bytes]) -> str:

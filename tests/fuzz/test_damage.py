@@ -6,9 +6,8 @@ import signal
 import numpy as np
 import pytest
 
-from gen.runtime.errors import InputError
 from tests.fuzz import child
-from tests.fuzz.__main__ import Case, Findings, cases, main
+from tests.fuzz.__main__ import Case, Findings, cases
 from tests.fuzz.child import Ended, fault, run
 from tests.fuzz.corpus import BY_ENDING, damaged
 
@@ -83,10 +82,3 @@ def test_a_finding_is_kept_once_with_its_command(tmp_path):
     assert (kept / "command.txt").read_text() == "python -m gen run scene.toml\n"
     assert (kept / "scene.toml").read_text() == "damaged"
     assert found.summary(3.0).startswith("3 cases in 3 s; 2 findings of 1 kinds")
-
-
-def test_the_command_refuses_what_it_cannot_do(tmp_path, capsys):
-    with pytest.raises(InputError, match="no kind 'poem'; there are scene"):
-        list(cases(tmp_path, kinds=("poem",)))
-    assert main(["-o", str(tmp_path)]) == 2
-    assert "exists: give a new folder" in capsys.readouterr().err
