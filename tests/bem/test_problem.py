@@ -23,7 +23,6 @@ def test_one_side_of_one_cell_needs_its_spacing():
 
 SQUARE = np.zeros((4, 4))
 
-
 HOLES = np.array([[0.0, NAN], [INF, -INF]])
 
 
@@ -33,7 +32,6 @@ BAD_HEIGHTS = [
     (3.0, ["()", "(nx, ny)"]),
     ("surface.npy", ["<U11", "real numbers"]),
     ([np.ma.masked_equal(row, 0.0) for row in np.eye(3)], ["masked", "fill or crop"]),
-    (SQUARE.astype(object), ["object", "real numbers"]),
     ([[1.0, 2.0], [3.0]], ["unequal length"]),
 ]
 
@@ -45,7 +43,6 @@ BAD_ARGUMENTS: list[tuple[dict[str, Any], list[str]]] = [
         ["65 x 129 nodes", "(1000, 2000) for square cells", "(1000, 1000) for a square patch"],
     ),
     ({"side": (1.0, 2.0, 3.0)}, ["side = (1.0, 2.0, 3.0)", "one length or two"]),
-    ({"side": (1.0, 0.0)}, ["side = 0.0", "above 0 um"]),
     ({"spacing": -0.5}, ["spacing = -0.5", "above 0 um"]),
     ({"heights": SQUARE[:1]}, ["1 x 4", "give the spacing"]),
     ({"delta": [1.0]}, ["delta = [1.0]", "finite"]),
@@ -57,9 +54,7 @@ BAD_ARGUMENTS: list[tuple[dict[str, Any], list[str]]] = [
     ({"modulus": 1e308, "spacing": 1e-6}, ["pressure scale", "double precision"]),
     ({"poisson": np.nextafter(0.5, 1)}, ["0.5", "above -1 and at most 0.5"]),
     ({"hardness": 0}, ["hardness = 0", "above 0 MPa"]),
-    ({"hardness": "soft"}, ["hardness = 'soft'", "above 0 MPa"]),
     ({"rtol": 1}, ["rtol = 1", "between 1e-15 and 1"]),
-    ({"rtol": 1e-300}, ["rtol = 1e-300", "between 1e-15 and 1"]),
     ({"kernel": np.array(["uniform-pressure"])}, ["kernel", "must be one of"]),
     ({"kernel": "concentrated-force", "side": (1.0, 2.0)}, ["square cells", "uniform-pressure"]),
     ({"far_field": "soft"}, ["far_field = 'soft'", "rigid, compliant"]),

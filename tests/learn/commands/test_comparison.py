@@ -14,12 +14,8 @@ def work(database, tmp_path, monkeypatch):
 
 
 WRONG = [
-    (["compare", "database.h5"], "--output"),
     (["compare", "scene.toml", "-o", "x"], "scene.toml"),
-    (["compare", "database.h5", "-o", "x", "--model", "forest"], "random-forest"),
     (["compare", "database.h5", "-o", "x", "--target", "mean_gap"], "stores area, force"),
-    (["compare", "database.h5", "-o", "x", "--normalise", "l1"], "min-max"),
-    (["compare", "database.h5", "-o", "x", "--area-max", "0.001"], "0 usable rows"),
     (["compare", "database.h5", "-o", "x", "--train-rows", "1"], "--train-rows 1"),
     (["compare", "database.h5", "-o", "scene.toml"], "scene.toml"),
     (["tune", "database.h5", "-o", "x", "--budget", "soon"], "--budget 'soon'"),
