@@ -68,23 +68,6 @@ def test_propagation_finds_the_mean_area_of_the_population(surrogate, tmp_path, 
     assert "hurst, sigma0" in capsys.readouterr().err
 
 
-@pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize("target", ["contact_nodes", "yielded_percent"])
-def test_numbers_are_told_with_what_they_are_of(target, tmp_path, capsys):
-    """A pure number has no unit; and at 1e-6 um no node has yielded: no error is a share of it."""
-    (tmp_path / "scene.toml").write_text("samples = 60\n[surface]\nnodes = 17\n" + YIELDING)
-    rows, path = str(tmp_path / "rows.h5"), str(tmp_path / "learnt.surrogate")
-    assert gen.cli.main(["run", str(tmp_path / "scene.toml"), "-o", rows]) == 0
-    assert learn.cli.main(["fit", rows, "-o", path, "--target", target]) == 0
-    capsys.readouterr()
-    example("propagation")([path, "--surfaces", "3", "--delta", "1e-6"])
-    lines = capsys.readouterr().out.splitlines()
-    assert not any(line.endswith(" 1") for line in lines)
-    assert lines[-1].startswith("mean error where the contact was solved too (3): ")
-    if target == "yielded_percent":
-        assert np.isfinite(float(lines[-1].split()[-2]))
-
-
 @pytest.fixture(scope="module", params=[*POPULATIONS, "yielding"])
 def population(request, populations, tmp_path_factory):
     """A surrogate of a scene of any generator and load, and the sizes of what it draws."""

@@ -321,13 +321,6 @@ def test_a_bowl_has_a_form_and_a_wave_has_none(saved):
 SOME = [made for made in MAPS if made.number in {2, 3}]
 
 
-@pytest.mark.parametrize("made", SOME, ids=lambda made: made.name)
-def test_all_spikes_of_made_maps_are_found_and_nothing_else(made):
-    found = find_spikes(measured(made))
-    assert found.number == made.faults.spikes
-    assert found.surface < found.nearest
-
-
 def test_the_threshold_takes_out_the_spikes_of_all_maps_and_nothing_else():
     maps = [measured(made) for made in SOME]
     threshold = common_threshold([find_spikes(heights) for heights in maps])

@@ -144,12 +144,6 @@ def test_paraboloid_has_one_summit_of_curvature_one_over_radius(shape, spacing):
     assert description.reason == UNDEFINED
 
 
-@settings(max_examples=40, deadline=None)
-@given(heights=surfaces(4, 12), offset=st.sampled_from([-1e8, -3.0, 7.5, 1e8]))
-def test_offsets_change_nothing(heights, offset):
-    assert_same(describe(heights + offset, 2.0).values, describe(heights, 2.0).values, 1e-12)
-
-
 def test_last_bits_do_not_depend_on_the_threads_of_blas():
     """A database is the same for any number of ranks, which share the cores' threads."""
     script = (

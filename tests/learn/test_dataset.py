@@ -210,15 +210,6 @@ def test_surfaces_of_one_seed_and_number_are_one_group_on_every_grid(made):
     assert np.unique(strangers.groups).size == 30 + 20
 
 
-def test_populations_of_windows_are_their_maps(populations):
-    rows = read(populations / "scans.h5")
-    assert len(rows.populations) == 2
-    assert {each.generator for each in rows.populations} == {"scans"}
-    for number in (0, 1):  # no tile is in two maps
-        mine, others = (rows.groups[(rows.population == number) == own] for own in (True, False))
-        assert not set(mine) & set(others)
-
-
 @pytest.fixture(scope="module")
 def other_windows(populations, tmp_path_factory):
     """The path of a database of larger windows of the maps of the populations."""

@@ -59,13 +59,6 @@ def test_kill_while_extending_leaves_the_old_file(path):
     assert list(path.parent.iterdir()) == [path]
 
 
-def test_creation_never_overwrites(path):
-    path.write_text("precious")
-    with pytest.raises(InputError, match="exists"):
-        create(path, small())
-    assert path.read_text() == "precious"
-
-
 def test_creation_never_overwrites_what_appears_meanwhile(path, monkeypatch):
     monkeypatch.setattr(
         database.creation, "_merge_rows", lambda *_, **__: path.write_text("precious")

@@ -8,7 +8,6 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-import bem
 from gen import cli
 from gen.maps.bodies import Placement, composite
 from gen.maps.read import Topography, intervals
@@ -28,19 +27,6 @@ def rough(shape, seed=0):
 def grid(nodes, side, boundary):
     """Coordinates of nodes from the centre of a patch [um]."""
     return (np.arange(nodes) - (nodes - 1) / 2) * side / intervals(nodes, boundary)
-
-
-@pytest.mark.parametrize(
-    ("boundary", "turned"), list(zip(BOUNDARIES, ("x", "y", "none"), strict=True))
-)
-def test_a_flat_second_body_changes_no_byte(boundary, turned):
-    first = surface(rough((16, 15)), boundary=boundary)
-    flat = surface(np.full((16, 15), 1e3 + 0.1), boundary=boundary)
-    made = composite(first, flat, Placement(turned))
-    assert made.heights.tobytes() == first.heights.tobytes()
-    assert (made.sides, made.spacing) == (first.sides, first.spacing)
-    own, pair = (bem.solve(each.heights, each.sides, 0.4) for each in (first, made))
-    assert pair.pressure.tobytes() == own.pressure.tobytes()
 
 
 def test_a_body_faces_the_other_one_with_one_axis_turned():

@@ -155,17 +155,6 @@ def limited(search, fits):
     return replace(search, stopping=lambda: sum(n == total for *_, n in finished) >= fits)
 
 
-def test_with_time_enough_the_whole_grid_is_judged(searching, trees, monkeypatch):
-    monkeypatch.setattr(searches, "LEAST_ROWS", 20)
-    found = searches.halved(searching("decision-tree", trees), math.inf)
-    exact = searching("decision-tree", trees).exhaustive()
-    assert found.how == "whole grid"
-    assert found.fault == ""
-    number = len(exact.folds)
-    np.testing.assert_array_equal(found.scores.folds[:number], exact.folds)
-    assert found.seconds >= exact.seconds
-
-
 def test_the_best_on_few_rows_are_judged_first_after_the_optimum(searching, trials, monkeypatch):
     """On 26 rows of `levels` the deep trees come after all others, on all of them they are best."""
     monkeypatch.setattr(searches, "LEAST_ROWS", 20)

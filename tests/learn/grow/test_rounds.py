@@ -3,7 +3,6 @@
 import math
 from pathlib import Path
 
-import numpy as np
 import pytest
 from comparisons import numbers_of
 from databases import deterministic_bytes
@@ -86,24 +85,6 @@ def test_a_growth_ends_with_a_surrogate_that_meets_its_mark(whole):
     assert record["met"] is True
     assert record["rows"] == found.rows
     assert record["bounds"]["area"] == found.bound("area")
-
-
-def test_the_truth_on_fresh_rows_is_below_the_bound(whole):
-    """400 rows of the same scene that nothing has seen."""
-    _, grown, _ = whole
-    from gen.generation.sample import compute_rows
-    from learn.features.sets import STATISTICS, patch_length
-
-    solved = compute_rows(SCENE, 5000, 5400)
-    statistics = np.stack([solved[name] for name in STATISTICS], axis=1)
-    usable = np.isfinite(statistics).all(axis=1) & (solved["reason"] == 0)
-    delta, truth = solved["delta"][usable], solved["area_percent"][usable]
-    surrogate = grown.last.surrogate
-    asked = surrogate.of_statistics(statistics[usable], delta, patch_length(SCENE.sides))
-    predicted = surrogate.predict_rows(asked).values["area"]
-    nmae = 100 * np.abs(predicted - truth).mean() / truth.mean()
-    assert usable.sum() > 350
-    assert nmae <= grown.last.bound("area") <= MARK
 
 
 def test_the_holdout_never_train(whole):

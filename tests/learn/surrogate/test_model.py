@@ -76,13 +76,6 @@ def test_what_it_predicts_are_the_rows_of_its_test(solved):
     assert surrogate.card["targets"]["force"]["scores"] == pytest.approx(again)
 
 
-def test_area_knows_no_units_and_force_scales_with_them(ridge, heights):
-    micro = ridge.predict(heights, 1000.0, [5.0, 30.0])
-    nano = ridge.predict(heights * 3e-4, 0.3, [5.0 * 3e-4, 30.0 * 3e-4], e_star=2e5)
-    np.testing.assert_allclose(nano.area, micro.area, rtol=1e-7)
-    np.testing.assert_allclose(nano.force, micro.force * 2e5 * 3e-4 * 0.3 / 1000, rtol=1e-7)
-
-
 @pytest.fixture(scope="module")
 def rooted(solved):
     """A surrogate as `learn fit --features hybrid` makes it, with square roots."""
