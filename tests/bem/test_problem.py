@@ -58,6 +58,7 @@ BAD_ARGUMENTS: list[tuple[dict[str, Any], list[str]]] = [
     ({"kernel": np.array(["uniform-pressure"])}, ["kernel", "must be one of"]),
     ({"kernel": "concentrated-force", "side": (1.0, 2.0)}, ["square cells", "uniform-pressure"]),
     ({"far_field": "soft"}, ["far_field = 'soft'", "rigid, compliant"]),
+    ({"kernel": "concentrated-force", "boundary": "mirror"}, ["is not solved with boundary"]),
     ({"boundary": "round"}, ["boundary = 'round'", "must be one of free, periodic, mirror"]),
     ({"boundary": "mirror", "far_field": "compliant"}, ["use far_field = 'rigid'"]),
     ({"max_iterations": 0}, ["max_iterations = 0", "at least 1"]),

@@ -61,6 +61,7 @@ def leaves(shape, spacing, rng):
 """
 
 CONTACT = ["contact", "good.npy", "--side", "9", "--delta", "1"]
+AGAINST = ["good.npy", "--side", "9", "--against", "good.npy"]
 LINES = [
     *(
         (["run", f"{name}.toml", "-o", "x.h5", "--trust"], word)
@@ -69,6 +70,11 @@ LINES = [
     *((["describe", f"{name}.npy", "--side", "9"], f"{name}.npy") for name in SURFACES),
     (["run", "quick", "-o", "foreign.h5"], "foreign.h5"),
     (["info", "foreign.h5"], "foreign.h5"),
+    ([*CONTACT, "--force", "1"], "give one of --delta, --force and --pressure"),
+    (["describe", "good.npy", "--side", "0"], "give the scan length"),
+    (["describe", "good.npy", "--side", "9", "--crop", "5"], "give x0:x1,y0:y1"),
+    (["describe", "good.npy", "--side", "9", "--against-options", "--fill"], "needs --against"),
+    (["describe", *AGAINST, "--shift", "0,99"], "fewer than 2 x 2 nodes lie on both maps"),
     (["describe", "oblong.npy", "--side", "9"], "9,4.5 for square cells or 9,9"),
     ([*CONTACT, "--delta", "70", "--max-iterations", "1"], "max_iterations"),
     ([*CONTACT, "--delta", "99", "--far-field", "compliant"], "Delta*"),
