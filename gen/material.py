@@ -30,29 +30,6 @@ class Bodies(NamedTuple):
     # Young's modulus [MPa] and Poisson's ratio of the only elastic body, if that was given
     only: tuple[float, float] | None = None
 
-    @classmethod
-    def of_options(
-        cls,
-        young: Sequence[float],
-        poisson: Sequence[float],
-        e_star: float | None,
-        hardness: float | None,
-    ) -> "Bodies":
-        """Make the bodies of the options of `gen contact`; raise InputError if they are none."""
-        known = bool(young) or e_star is not None
-        combined = combined_modulus(young, poisson, e_star)
-        if hardness is not None and not magnitude(hardness):
-            raise InputError(
-                f"--hardness {hardness:g}: the hardness must be above 0 MPa, and finite"
-            )
-        if hardness is not None and not known:
-            raise InputError(
-                f"--hardness {hardness:g}: give the modulus too (--young or --e-star), which is 1"
-                " MPa without these options"
-            )
-        only = (young[0], poisson[0] if poisson else 0.0) if len(young) == 1 else None
-        return cls(combined, hardness, known, only)
-
     @property
     def hardness_ratio(self) -> float | None:
         """Hardness over E*; None for elastic bodies."""

@@ -13,7 +13,7 @@ from gen.maps.settings import Reading
 from gen.runtime import command_line
 from gen.runtime.errors import InputError
 from gen.runtime.files import Output, check_outputs
-from gen.runtime.numbers import shown
+from gen.runtime.numbers import magnitude, shown
 
 if TYPE_CHECKING:
     from gen.maps.bodies import Opposite
@@ -143,10 +143,23 @@ class Material(NamedTuple):
         return combined if given else None
 
     def bodies(self) -> "Bodies":
-        """Return the bodies, with an E* of 1 MPa if none was given."""
-        from gen.material import Bodies
+        """Return the bodies, with an E* of 1 MPa if none was given; refuse a hardness then."""
+        from gen.material import Bodies, combined_modulus
 
-        return Bodies.of_options(self.young or [], self.poisson or [], self.e_star, self.hardness)
+        young, poisson, hardness = self.young or [], self.poisson or [], self.hardness
+        known = bool(young) or self.e_star is not None
+        combined = combined_modulus(young, poisson, self.e_star)
+        if hardness is not None and not magnitude(hardness):
+            raise InputError(
+                f"--hardness {hardness:g}: the hardness must be above 0 MPa, and finite"
+            )
+        if hardness is not None and not known:
+            raise InputError(
+                f"--hardness {hardness:g}: give the modulus too (--young or --e-star), which is 1"
+                " MPa without these options"
+            )
+        only = (young[0], poisson[0] if poisson else 0.0) if len(young) == 1 else None
+        return Bodies(combined, hardness, known, only)
 
 
 class Against(NamedTuple):

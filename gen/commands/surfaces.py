@@ -245,7 +245,7 @@ def law(
         pressure=pressure,
         surfaces=surfaces,
         level=require_share("--band", band),
-        e_star=material.modulus(),
+        e_star=bodies.e_star if bodies.known or material.poisson else None,
         hardness=bodies.hardness,
         boundary=boundary,
         conductivities=require_conductivities(conductivity) if conductivity else None,

@@ -7,6 +7,7 @@ mesh of a finite-element model, not to its interface.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -236,10 +237,41 @@ def _solved(
     *,
     derived: bool = False,
 ) -> Solved:
-    """Solve every surface; return the loads solved on all, the points, and warnings.
+    """Solve every surface; return the loads solved on all, the points, and warnings."""
+    loads = _possible(load, loads, surfaces, bodies, lost, derived=derived)
+    found = []
+    many = len(surfaces) > 1
+    with RunProgress(len(surfaces), f"surfaces at given {load}") if many else nullcontext() as told:
+        for number, surface in enumerate(surfaces):
+            found.append(_of_surface(order, surface, bodies, load, loads, judged=number == 0))
+            if told is not None:
+                told.advance(1, 0)
+    points, faults_of, warnings, notes = zip(*found, strict=True)
+    kept, before = np.ones(loads.size, dtype=bool), len(lost)
+    for place, faults in enumerate(zip(*faults_of, strict=True)):
+        failed = [f"{each.name}: {why}" for each, why in zip(surfaces, faults, strict=True) if why]
+        if failed:
+            kept[place] = False
+            on = f" on {len(failed)} of {len(found)} surfaces" if many else ""
+            lost.append(f"warning: not solved{on}, left out: {failed[0]}")
+    if not kept.any():
+        raise InputError(f"no load was solved on every surface; {lost[before]}")
+    warned = [each for each in warnings if each]
+    of = f"{len(warned)} of {len(found)} surfaces, the first: " if many else ""
+    lines = [f"warning: {of}{line}" for line in (warned[0] if warned else [])]
+    return loads[kept], [each.chosen(kept) for each in points], [*lines, *filter(None, notes)]
 
-    Loads of full contact are left out, and derived pressures that are not below the hardness.
-    """
+
+def _possible(
+    load: Load,
+    loads: Values,
+    surfaces: Sequence[LawSurface],
+    bodies: Bodies,
+    lost: list[str],
+    *,
+    derived: bool,
+) -> Values:
+    """Return the loads below full contact, and for derived pressures below the hardness."""
     full = min((each.gap_at_rest for each in surfaces if each.boundary != "free"), default=np.inf)
     if load == "delta" and np.isfinite(full) and bodies.hardness is None:
         possible, beyond = loads[loads < (1 - APART) * full], f"full contact from {full:.4g} um on"
@@ -247,7 +279,7 @@ def _solved(
             raise InputError(f"{beyond}: give smaller loads")
         if possible.size < loads.size:
             lost.append(f"{beyond}: the table against delta_um ends below it")
-        loads = possible
+        return possible
     if load == "pressure" and derived and bodies.hardness is not None:
         loads = loads[loads < (1 - APART) * bodies.hardness]
         if not loads.size:
@@ -255,25 +287,7 @@ def _solved(
                 f"every node yields: the pressure is the hardness, {bodies.hardness:.4g} MPa, at"
                 " all displacements: give smaller ones"
             )
-    found = []
-    with RunProgress(len(surfaces), f"surfaces at given {load}") as progress:
-        for number, surface in enumerate(surfaces):
-            found.append(_of_surface(order, surface, bodies, load, loads, judged=number == 0))
-            progress.advance(1, 0)
-    points, faults_of, warnings, notes = zip(*found, strict=True)
-    kept, before = np.ones(loads.size, dtype=bool), len(lost)
-    for place, faults in enumerate(zip(*faults_of, strict=True)):
-        failed = [f"{each.name}: {why}" for each, why in zip(surfaces, faults, strict=True) if why]
-        if failed:
-            kept[place] = False
-            many = f" on {len(failed)} of {len(found)} surfaces" if len(found) > 1 else ""
-            lost.append(f"warning: not solved{many}, left out: {failed[0]}")
-    if not kept.any():
-        raise InputError(f"no load was solved on every surface; {lost[before]}")
-    warned = [each for each in warnings if each]
-    many = f"{len(warned)} of {len(found)} surfaces, the first: " if len(found) > 1 else ""
-    lines = [f"warning: {many}{line}" for line in (warned[0] if warned else [])]
-    return loads[kept], [each.chosen(kept) for each in points], [*lines, *filter(None, notes)]
+    return loads
 
 
 FURTHER: Mapping[str, tuple[Callable[[Order], object], Callable[..., float]]] = {

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from dataclasses import astuple
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from gen.arrays import Values
 from gen.law import finite_elements
 from gen.law.contact_law import Law
 from gen.law.curves import CONDUCTANCE, CONTINUUM, GAS, JOINT, STIFFNESS, Curve
@@ -116,10 +116,6 @@ def write_table(path: Path, law: Law) -> list[Path]:
 
 def write_json(path: Path, law: Law) -> list[Path]:
     """Write a law as JSON, with null for numbers that are not finite."""
-
-    def numbers(values: Values) -> list[float | None]:
-        return [value if math.isfinite(value) else None for value in values.tolist()]
-
     content = {
         "format": FORMAT,
         "version": FORMAT_VERSION,
@@ -138,12 +134,15 @@ def write_json(path: Path, law: Law) -> list[Path]:
         "tables": [
             {
                 "against": curves.against,
-                "at": numbers(curves.at),
+                "at": curves.at.tolist(),
                 "gap_at_rest_um": curves.rest["mean_gap_um"],
-                "share_of_surfaces_outside_the_training": numbers(curves.outside),
+                "share_of_surfaces_outside_the_training": curves.outside.tolist(),
                 "reasons": list(curves.reasons),
                 "curves": {
-                    name: {part: numbers(getattr(curve, part)) for part in PARTS}
+                    name: {
+                        part: [each if math.isfinite(each) else None for each in numbers.tolist()]
+                        for part, numbers in zip(PARTS, astuple(curve), strict=True)
+                    }
                     for name, curve in curves.curves.items()
                 },
             }

@@ -39,7 +39,6 @@ from gen.law.curves import (
     GAS,
     JOINT,
     STIFFNESS,
-    Curves,
     risen,
     slopes,
 )
@@ -418,13 +417,23 @@ def _header_description(law: Law, name: str) -> Iterator[str]:
 
 
 def _body(law: Law, name: str) -> Iterator[str]:
-    """Yield tables and functions."""
+    """Yield tables and functions, from first touch on, where the curves over Delta begin."""
     yield "#include <math.h>"
     yield C_FUNCTIONS.replace("NAME", name)
+    rest = law.over_delta.curves
     for curves in (law.over_delta, law.over_pressure):
         argument, suffix = ARGUMENTS[curves.against]
-        at, columns = _columns(curves, suffix, law.over_delta)
-        yield from _tables(name, argument, at, columns)
+        missing = curves.at[:1] > 0  # first touch, where pressures were given
+        columns = {}
+        for quantity, curve in curves.curves.items():
+            parts = [("", "value"), ("_low", "low"), ("_high", "high")]
+            banded = curves.banded or curve.banded.all()
+            for end, part in parts if banded else parts[:1]:
+                values, first = getattr(curve, part), np.zeros(1)
+                if quantity in FROM_REST and quantity in rest:
+                    first = getattr(rest[quantity], part)[:1]
+                columns[f"{SHORT[quantity]}{suffix}{end}"] = np.append(first[missing], values)
+        yield from _tables(name, argument, np.append(np.zeros(1)[missing], curves.at), columns)
     pressures, closures, _ = rising(law)
     yield from _tables(name, "closure", closures, {"pressure_at_closure": pressures})
 
@@ -443,20 +452,6 @@ def _tables(name: str, argument: str, at: Values, columns: dict[str, Values]) ->
         for end, function in (("", "interpolate"), ("_tangent", "slope"))[: 1 + tangent]:
             yield f"static inline double {own}{end}(double {argument})"
             yield f"{{ return {name}_{function}({tables}); }}"
-
-
-def _columns(curves: Curves, suffix: str, rest: Curves) -> tuple[Values, dict[str, Values]]:
-    """Return arguments and columns from first touch on, where the curves of `rest` begin."""
-    missing = curves.at[:1] > 0  # first touch, where pressures were given
-    columns = {}
-    for name, curve in curves.curves.items():
-        banded = curves.banded or curve.banded.all()
-        for end, part in (("", "value"), ("_low", "low"), ("_high", "high"))[: 3 if banded else 1]:
-            values, first = getattr(curve, part), np.zeros(1)
-            if name in FROM_REST and name in rest.curves:
-                first = getattr(rest.curves[name], part)[:1]
-            columns[f"{SHORT[name]}{suffix}{end}"] = np.concatenate([first[missing], values])
-    return np.concatenate([np.zeros(1)[missing], curves.at]), columns
 
 
 def _array(name: str, size: str, values: Values) -> Iterator[str]:

@@ -132,15 +132,24 @@ def read_subjects(
         seconds = [replace(opposite, path=file).prepared(boundary) for file in files]
         facing = f" against {opposite.path}"
     for text in inputs:
-        if is_scene(text):
+        if (scene := scene_of(text)) is not None:
             if opposite is not None:
                 raise InputError(
                     f"--against: {text} is a scene, which names the second body of its surfaces"
                     " itself: surface.against"
                 )
-            scenes.append(_scene(text, boundary, only_boundary=only_boundary))
-            subjects += _population(scenes[-1], text, surfaces)
-            against = scenes[-1].surface.against
+            if (own := scene.contact).boundary != boundary:
+                if only_boundary:
+                    raise InputError(
+                        f"{text}: has a {own.boundary} boundary, the law a {boundary} one: a law"
+                        " has patches of one boundary, that of its surrogate if there is one"
+                    )
+                change = {"boundary": boundary, "kernel": "uniform-pressure", "far_field": "rigid"}
+                changed = {"contact": own.model_copy(update=change)}
+                scene = scene.model_copy(update=changed)
+            scenes.append(scene)
+            subjects += _population(scene, text, surfaces)
+            against = scene.surface.against
             named = ", ".join(against) if isinstance(against, tuple) else "another of them"
             rough = "" if against is None else f" against {named}"
             origins.append(f"{text}: its first {surfaces} surfaces{rough}")
@@ -179,37 +188,20 @@ def _pressed(
         yield topography, warned
 
 
-def is_scene(text: str) -> bool:
-    """Return whether an input is a scene or a database rather than surfaces."""
-    suffix = Path(text).suffix.lower()
-    return suffix in {".toml", ".h5"} or (not suffix and text in preset_names())
-
-
-def scene_of(text: str) -> Scene:
-    """Return the scene of a name, of a file, or of a database."""
+def scene_of(text: str) -> Scene | None:
+    """Return the scene of a name, of a file, or of a database; None for surfaces."""
     from gen.scene import load
 
-    if not text.lower().endswith(".h5"):
+    suffix = Path(text).suffix.lower()
+    if suffix == ".toml" or (not suffix and text in preset_names()):
         return load(text).resolved()
+    if suffix != ".h5":
+        return None
     from gen.database import Reader
 
     with Reader(Path(text)) as reader:
         reader.scene.surface.make_ready(Path(text).parent)
         return reader.scene
-
-
-def _scene(text: str, boundary: Boundary, *, only_boundary: bool) -> Scene:
-    """Return the scene of an input, with the law's boundary."""
-    scene = scene_of(text)
-    if scene.contact.boundary == boundary:
-        return scene
-    if only_boundary:
-        raise InputError(
-            f"{text}: has a {scene.contact.boundary} boundary, the law a {boundary} one: a law has"
-            " patches of one boundary, that of its surrogate if there is one"
-        )
-    change = {"boundary": boundary, "kernel": "uniform-pressure", "far_field": "rigid"}
-    return scene.model_copy(update={"contact": scene.contact.model_copy(update=change)})
 
 
 def _modulus(scene: Scene) -> float:

@@ -91,7 +91,10 @@ ADVICE = "give the heights as a grid, one row of them a line, or x, y and z of p
 
 
 def arranged(path: Path, scan: Scan, names: Sequence[str] = ()) -> Scan:
-    """Turn a table of numbers into a map of heights; refuse a profile, and points on no grid."""
+    """Turn a table of numbers into a map of heights, without coordinates in its border.
+
+    A profile, points on no grid, and coordinates along one axis only are refused.
+    """
     numbers = scan.heights
     if scan.widths is not None:
         return scan
@@ -101,7 +104,29 @@ def arranged(path: Path, scan: Scan, names: Sequence[str] = ()) -> Scan:
     for columns, direction in ((numbers, "columns"), (numbers.T, "rows")):
         if _is_list(columns):
             return _from_points(path, scan, columns, direction)
-    return _between_coordinates(path, scan)
+    kinds = "", ""  # of the coordinates in the first row, x, and in the first column, y
+    if min(numbers.shape) >= 4:
+        kinds = _first_row(numbers), _first_row(numbers.T)
+    x, y = numbers[0, 1:], numbers[1:, 0]
+    if kinds == ("even", "even") and min(numbers.shape) > CHANCE / 2:
+        (dx, dy), heights = (float(np.diff(axis).mean()) for axis in (x, y)), numbers[1:, 1:].T
+        heights = np.ascontiguousarray(heights[:: 1 if dx > 0 else -1, :: 1 if dy > 0 else -1])
+        inside = "in its first row and column, x along its lines"
+        if np.allclose((dx, dy), 1, rtol=1e-9) and {x[0], y[0]} <= {0, 1}:
+            said = f"{scan.origin} without the row and column numbers {inside}"
+            return replace(scan, heights=heights, origin=said)
+        widths = abs(dx) * heights.shape[0], abs(dy) * heights.shape[1]
+        said = f"{scan.origin} between coordinates {inside}"
+        return replace(scan, heights=heights, widths=widths, origin=said)
+    pairs = zip(kinds, (x, y), strict=True)
+    alone = any(kind and (axis.size >= CHANCE or np.isnan(numbers[0, 0])) for kind, axis in pairs)
+    if alone and (all(kinds) or "even" in kinds):
+        row, column = (f"{kind}ly spaced" if kind else "no" for kind in kinds)
+        raise InputError(
+            f"{path}: its first row holds {row} coordinates, its first column {column} coordinates;"
+            " leave both out, or give both in even steps"
+        )
+    return scan
 
 
 def _is_list(columns: Values) -> bool:
@@ -151,33 +176,6 @@ def _from_points(path: Path, scan: Scan, columns: Values, direction: str) -> Sca
         f"{path}: holds {points} x {width} numbers in {direction}: looks like {looks}, not a map of"
         f" heights; {ADVICE}"
     )
-
-
-def _between_coordinates(path: Path, scan: Scan) -> Scan:
-    """Take coordinates off the first row, x, and column, y; refuse one without the other."""
-    numbers, kinds = scan.heights, ("", "")
-    if min(numbers.shape) >= 4:
-        kinds = _first_row(numbers), _first_row(numbers.T)
-    x, y = numbers[0, 1:], numbers[1:, 0]
-    if kinds == ("even", "even") and min(numbers.shape) > CHANCE / 2:
-        (dx, dy), heights = (float(np.diff(axis).mean()) for axis in (x, y)), numbers[1:, 1:].T
-        heights = np.ascontiguousarray(heights[:: 1 if dx > 0 else -1, :: 1 if dy > 0 else -1])
-        inside = "in its first row and column, x along its lines"
-        if np.allclose((dx, dy), 1, rtol=1e-9) and {x[0], y[0]} <= {0, 1}:
-            said = f"{scan.origin} without the row and column numbers {inside}"
-            return replace(scan, heights=heights, origin=said)
-        widths = abs(dx) * heights.shape[0], abs(dy) * heights.shape[1]
-        said = f"{scan.origin} between coordinates {inside}"
-        return replace(scan, heights=heights, widths=widths, origin=said)
-    pairs = zip(kinds, (x, y), strict=True)
-    alone = any(kind and (axis.size >= CHANCE or np.isnan(numbers[0, 0])) for kind, axis in pairs)
-    if alone and (all(kinds) or "even" in kinds):
-        row, column = (f"{kind}ly spaced" if kind else "no" for kind in kinds)
-        raise InputError(
-            f"{path}: its first row holds {row} coordinates, its first column {column} coordinates;"
-            " leave both out, or give both in even steps"
-        )
-    return scan
 
 
 def _first_row(numbers: Values) -> str:

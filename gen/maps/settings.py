@@ -163,7 +163,7 @@ class Reading(FileReading):
 
     def check(self) -> None:
         """Refuse settings that suit no map, and a level together with a form, by their names."""
-        for name in ENDS:
+        for name in filter(self.__getattribute__, ENDS):
             self.ends(name)
         for name, is_wrong in {
             "despike": self.despike is not None and not 0 < self.despike < math.inf,

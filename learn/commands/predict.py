@@ -184,7 +184,7 @@ def law(
     """
     from gen.law import Order, by_solver
     from gen.law.files import show, write_files
-    from gen.law.surfaces import is_scene, scene_of
+    from gen.law.surfaces import scene_of
     from gen.maps.contacts import require_conductivities
     from learn.features.scene import SCENE
     from learn.surrogate import Surrogate
@@ -209,8 +209,9 @@ def law(
             f"{first}: nothing else given: give a surrogate and then surfaces, or surfaces and"
             " --solver"
         )
-    if solver and boundary is None and (scenes := list(filter(is_scene, inputs))):
-        boundary = scene_of(scenes[0]).contact.boundary
+    if solver and boundary is None:
+        scene = next(filter(None, map(scene_of, inputs)), None)
+        boundary = None if scene is None else scene.contact.boundary
     order = Order(
         inputs=tuple(inputs if solver or of_scene else others),
         delta=delta,

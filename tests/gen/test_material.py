@@ -2,7 +2,8 @@
 
 import pytest
 
-from gen.material import SLIPS, Bodies, combined_modulus
+from gen.material import SLIPS, combined_modulus
+from gen.options import Material
 from gen.runtime.errors import InputError
 from gen.scene.tables import Contact
 
@@ -37,8 +38,8 @@ PLAUSIBLE = [(210e3, 2000.0), (70e3, 300.0), (3e3, 250.0), (1e6, 1e5), (12e3, 9.
 
 @pytest.mark.parametrize(("young", "hardness"), PLAUSIBLE)
 def test_solids_are_not_doubted_and_slips_of_their_units_are(young, hardness):
-    assert not Bodies.of_options([young], [], None, hardness).doubts
-    assert not Bodies.of_options([young], [], None, None).doubts
+    assert not Material([young], [], None, hardness).bodies().doubts
+    assert not Material([young], [], None, None).bodies().doubts
     for factors, slip in (
         ((1e-3, 1), "is the modulus in GPa?"),
         ((1e6, 1), "is the modulus in Pa?"),
@@ -46,7 +47,7 @@ def test_solids_are_not_doubted_and_slips_of_their_units_are(young, hardness):
         ((1, 1e6), "is the hardness in Pa?"),
     ):
         slipped = young * factors[0], hardness * factors[1]
-        doubts = Bodies.of_options([slipped[0]], [], None, slipped[1]).doubts
+        doubts = Material([slipped[0]], [], None, slipped[1]).bodies().doubts
         ratio = slipped[1] / slipped[0]
         if 1e-4 <= ratio <= 0.2:  # soft or hard enough to pass for another solid
             assert not doubts
