@@ -31,17 +31,9 @@ def describe(
     """Print the 22 roughness statistics, the parameters of ISO 25178 and the self-affine law."""
     from gen import statistics
     from gen.commands import printer
-    from gen.maps.pictures import draw_surface
+    from gen.maps import pictures, texture
     from gen.maps.prepare import read_surface
-    from gen.maps.texture import (
-        LAW,
-        PARAMETERS,
-        areal_parameters,
-        fit_self_affine,
-        nodes_a_wave,
-        radial_spectrum,
-    )
-    from gen.runtime.documents import Row, write_csv
+    from gen.runtime.documents import write_csv
     from gen.schema import statistics_columns
 
     outputs = [Output(table, "--csv"), Output(spectrum, "--spectrum")]
@@ -52,44 +44,38 @@ def describe(
     topography, warnings = read_surface(surface, reading, boundary, facing.body(reading))
     printer.print_preparation(topography, warnings)
     description = statistics.describe(topography.heights, topography.spacing)
-    areal = areal_parameters(topography, depth)
+    areal = texture.areal_parameters(topography, depth)
     printer.print_statistics(topography, description, areal)
-    radial = radial_spectrum(topography)
-    fit = fit_self_affine(topography, radial, areal.values["Str"])
-    nodes = nodes_a_wave(radial, topography.spacing)
+    radial = texture.radial_spectrum(topography)
+    fit = texture.fit_self_affine(topography, radial, areal.values["Str"])
+    nodes = texture.nodes_a_wave(radial, topography.spacing)
     printer.print_spectrum(fit, nodes)
     if spectrum is not None and not radial.wavenumbers.size:
         raise InputError(f"--spectrum {spectrum}: there is none, {fit}")
     if table is not None:
-        smr = {} if depth is None else {"Smr_depth": depth}
-        law = dict.fromkeys(LAW, "") if isinstance(fit, str) else fit.values
-        said = f"none: {fit}" if isinstance(fit, str) else "; ".join(fit.remarks)
-        nx, ny = topography.heights.shape
         edgeless = {} if topography.boundary == "free" else {"boundary": topography.boundary}
-        row: Row = {
+        row = {
             **description.values,
-            "nodes_x": nx,
-            "nodes_y": ny,
-            "side_x_um": topography.sides[0],
-            "side_y_um": topography.sides[1],
+            **dict(zip(("nodes_x", "nodes_y"), topography.heights.shape, strict=True)),
+            **dict(zip(("side_x_um", "side_y_um"), topography.sides, strict=True)),
             **edgeless,
             "prepared": "; ".join(topography.steps),
             "warnings": "; ".join(warnings),
             **areal.values,
-            **smr,
-            **law,
-            "law": said,
+            **({} if depth is None else {"Smr_depth": depth}),
+            **(dict.fromkeys(texture.LAW, "") if isinstance(fit, str) else fit.values),
+            "law": f"none: {fit}" if isinstance(fit, str) else "; ".join(fit.remarks),
             "nodes_a_wave": nodes,
         }
         units = {column.name: column.unit for column in statistics_columns()}
-        units |= {name: unit for name, unit, _ in PARAMETERS} | LAW
+        units |= {name: unit for name, unit, _ in texture.PARAMETERS} | texture.LAW
         units |= {"Smr_depth": "um", "nodes_a_wave": "1"}
         known = "; ".join(f"{name} {units[name]}" for name in row if name in units)
         write_csv(table, [{**row, "units": known}])
     if spectrum is not None:
         write_csv(spectrum, radial.rows())
     if picture is not None:
-        draw_surface(figure, topography, radial, fit, picture)
+        pictures.draw_surface(figure, topography, radial, fit, picture)
 
 
 @grouped
@@ -128,39 +114,27 @@ def contact(
     """
     from bem.threads import cores, default_threads, on_threads
     from gen.commands import printer
-    from gen.maps.contacts import (
-        Wanted,
-        answers,
-        border_remark,
-        chosen_load,
-        contact_warnings,
-        further,
-        require_conductivities,
-        require_yielding,
-        solve_loads,
-        write_flattened,
-    )
+    from gen.maps import contacts
     from gen.maps.prepare import read_surface
     from gen.runtime.documents import write_csv
 
-    load, values = chosen_load({"delta": delta, "force": force, "pressure": pressure})
-    require_yielding(flattened, material.hardness)
-    conductivities = require_conductivities(conductivity) if conductivity else None
-    wanted = Wanted(spots, stiffness, conductivities, grid_error, flow)
+    load, values = contacts.chosen_load({"delta": delta, "force": force, "pressure": pressure})
+    contacts.require_yielding(flattened, material.hardness)
+    pair = contacts.require_conductivities(conductivity) if conductivity else None
+    wanted = contacts.Wanted(spots, stiffness, pair, grid_error, flow)
     outputs = [Output(table, "--csv"), Output(picture, "--plot", "picture")]
     outputs.append(Output(flattened, "--flattened", "heights"))
     check_outputs(outputs, filter(None, [surface, facing.against]))
     figure = empty_figure(picture, 11, 8.2)
     bodies = material.bodies()
     topography, doubts = read_surface(surface, reading, boundary, facing.body(reading))
-    warnings = [*bodies.doubts, *doubts]
-    contacts, faults, seconds = [], [], 0.0
+    found, faults, seconds = [], [], 0.0
     with (
         on_threads(threads or default_threads(cores())),
         RunProgress(len(values), "loads") if len(values) > 1 else nullcontext() as progress,
     ):
         # Nothing is printed before the first contact is solved, since its load may be refused.
-        for solution in solve_loads(
+        for solution in contacts.solve_loads(
             topography,
             load,
             values,
@@ -175,29 +149,43 @@ def contact(
             if solution.contact is None:
                 faults.append(f"not solved, left out: {solution.fault}")
             else:
-                contacts.append(solution.contact)
-                further(solution.contact, wanted)  # computed here, and kept by the contact
+                found.append(solution.contact)
+                contacts.further(solution.contact, wanted)  # computed here, kept by the contact
             if progress is not None:
                 progress.advance(1, solution.contact is None)
-    solved = [(each.delta, each.largest_pressure, each.contact_nodes) for each in contacts]
-    problem, several = contacts[0].problem, len(contacts) > 1
-    warnings += contact_warnings(topography, problem, solved, material=bodies.known, law=several)
+    solved = [(each.delta, each.largest_pressure, each.contact_nodes) for each in found]
+    problem, several = found[0].problem, len(found) > 1
+    warnings = [*bodies.doubts, *doubts]
+    warnings += contacts.contact_warnings(
+        topography, problem, solved, material=bodies.known, law=several
+    )
     warnings += faults
     printer.print_preparation(topography, warnings)
-    printer.print_contacts(contacts, seconds, wanted)
-    if remark := border_remark(topography, contacts):
+    printer.print_contacts(found, seconds, wanted)
+    if remark := contacts.border_remark(topography, found):
         echo(f"{topography.name}: {remark}")
     if table is not None:
         said = {"prepared": "; ".join(topography.steps), "warnings": "; ".join(warnings)}
-        rows = ({each.column: each.value for each in answers(one, wanted)} for one in contacts)
+        rows = (
+            {each.column: each.value for each in contacts.answers(one, wanted)} for one in found
+        )
         write_csv(table, [{**row, **said} for row in rows])
     if flattened is not None:
-        write_flattened(flattened, contacts, len(values))
+        contacts.write_flattened(flattened, found, len(values))
     if picture is not None:
-        from gen.maps.pictures import Subject, draw_contacts
+        from gen.maps.pictures import draw_contacts
 
-        subject = Subject(topography.name, load, bodies.known, warnings, spots=spots, flow=flow)
-        draw_contacts(figure, contacts, subject, picture)
+        draw_contacts(
+            figure,
+            found,
+            picture,
+            name=topography.name,
+            load=load,
+            material=bodies.known,
+            warnings=warnings,
+            spots=spots,
+            flow=flow,
+        )
 
 
 @grouped

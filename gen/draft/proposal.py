@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from gen.arrays import Heights
-from gen.draft.survey import FORM, MapSurvey, common_threshold, survey, with_texture
+from gen.draft.survey import FORM, MapSurvey, common_threshold, measure, survey
 from gen.maps.library import Tiling
 from gen.maps.prepare import is_same, prepare
 from gen.maps.read import Sides, Topography, read
@@ -71,15 +71,14 @@ def propose(
     looks = survey(paths, reading, looked)
     require_used(looks)
     spacing = common_spacing([look.spacing for look in looks if not look.fault])
-    for index, look in enumerate(looks):
-        if not look.fault and spacing is not None and max(look.spacing) > 1.001 * spacing:
-            fault = f"a node every {max(look.spacing):.4g} um, most others have one every"
-            looks[index] = replace(look, fault=f"{fault} {spacing:g}")
+    for look in looks:
+        if not look.fault and spacing is not None and (wide := max(look.spacing)) > 1.001 * spacing:
+            look.fault = f"a node every {wide:.4g} um, most others have one every {spacing:g}"
     reading = with_steps(reading, [look for look in looks if not look.fault])
     target = None if spacing is None else (spacing, spacing)
-    for index, look in enumerate(looks):
+    for look in looks:
         if not look.fault:
-            looks[index] = with_texture(look, reading, target)
+            measure(look, reading, target)
         looked()
     used = require_used(looks)
     step = max(used[0].spacing) if spacing is None else spacing
@@ -90,10 +89,9 @@ def propose(
         raise InputError(
             f"the maps are too small for windows: all have fewer than {SIZES[-1]} nodes a side"
         )
-    for index, look in enumerate(looks):
-        if not look.fault and min(shape := look.prepared) < nodes:
-            fault = f"{shape[0]} x {shape[1]} nodes hold no window of {nodes} x {nodes}"
-            looks[index] = replace(look, fault=fault)
+    for look in used:
+        if min(shape := look.prepared) < nodes:
+            look.fault = f"{shape[0]} x {shape[1]} nodes hold no window of {nodes} x {nodes}"
     used = require_used(looks)
     loads = choose_loads(bodies, [each.rms_slope for each in used], nodes**2)
     beside = sum(math.prod(each.prepared) for each in used) / nodes**2
@@ -251,7 +249,8 @@ def propose_like(path: Path, reading: Reading, bodies: Bodies) -> Likeness:
     """Fit a self-affine law to a map, and generate a few surfaces to see how like they are."""
     [look] = require_used(survey([path], reading))
     reading = with_steps(reading, [look])
-    [look] = require_used([with_texture(look, reading, None)])
+    measure(look, reading, None)
+    require_used([look])
     topography = prepare(read(path, reading), reading)
     stretch = _stretch(topography)
     # Wavelengths of a stretched spectrum are those along y, which stay as they are.

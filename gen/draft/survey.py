@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,7 +14,7 @@ from gen.arrays import Heights, Values
 from gen.maps.filters import fitted_polynomial, local_medians
 from gen.maps.library import digest
 from gen.maps.prepare import FLAT, MANY_SPIKES, MOST_HOLES, STEEP, prepare, resampled, tilt
-from gen.maps.read import Sides, in_words, read
+from gen.maps.read import Sides, Topography, in_words, read
 from gen.maps.settings import SPIKE, Reading
 from gen.maps.texture import areal_parameters
 from gen.runtime.errors import InputError
@@ -26,7 +26,7 @@ from gen.statistics import rms_slope
 FORM = 0.9
 
 
-@dataclass(frozen=True)
+@dataclass
 class MapSurvey:
     """The content of a file, and its roughness after the preparation; NaN before it is known."""
 
@@ -45,11 +45,6 @@ class MapSurvey:
     # autocorrelation length Sal of ISO 25178, NaN if half of the map is too short for it [um]
     length: float = math.nan
 
-    @property
-    def holes(self) -> float:
-        """Share of the nodes without a height [1]."""
-        return self.missing / max(1, math.prod(self.shape))
-
 
 def survey(
     paths: Sequence[Path], reading: Reading, looked: Callable[[], None] = lambda: None
@@ -58,38 +53,37 @@ def survey(
     found: list[MapSurvey] = []
     contents: dict[str, Path] = {}
     for path in paths:
+        look = MapSurvey(path)
+        found.append(look)
         try:
             known = contents.setdefault(digest(path), path)
             if known is path:
-                found.append(_look(path, reading))
+                _look(look, read(path, reading))
             else:
-                found.append(MapSurvey(path, f"the same map as {known.name}"))
+                look.fault = f"the same map as {known.name}"
         except InputError as error:
-            found.append(MapSurvey(path, _without_name(error, path)))
+            look.fault = _without_name(error, path)
         looked()
     return found
 
 
-def _look(path: Path, reading: Reading) -> MapSurvey:
-    """Read a file and note its content."""
-    topography = read(path, reading)
+def _look(look: MapSurvey, topography: Topography) -> None:
+    """Note what a file holds."""
     heights, missing = topography.heights, topography.missing
-    nx, ny = heights.shape
-    fault = ""
+    nx, ny = look.shape = heights.shape[0], heights.shape[1]
+    look.spacing, look.unit, look.missing = topography.spacing, topography.unit, missing
     if missing > MOST_HOLES * heights.size:
-        fault = f"{100 * missing / heights.size:.3g} % of its heights are missing"
+        look.fault = f"{100 * missing / heights.size:.3g} % of its heights are missing"
     elif np.nanmax(heights) == np.nanmin(heights):
-        fault = "all its heights are equal"
+        look.fault = "all its heights are equal"
     elif min(nx, ny) < 4:
-        fault = f"{nx} x {ny} nodes are too few"
-    look = MapSurvey(path, fault, (nx, ny), topography.spacing, topography.unit, missing)
-    if fault:
-        return look
-    plane, quadratic = (
-        float(np.nanvar(heights - fitted_polynomial(heights, degree))) for degree in (1, 2)
-    )
-    form = 1.0 - quadratic / plane if plane else 0.0
-    return replace(look, spikes=find_spikes(heights), tilt=tilt(topography), form=form)
+        look.fault = f"{nx} x {ny} nodes are too few"
+    else:
+        plane, quadratic = (
+            float(np.nanvar(heights - fitted_polynomial(heights, degree))) for degree in (1, 2)
+        )
+        look.form = 1.0 - quadratic / plane if plane else 0.0
+        look.spikes, look.tilt = find_spikes(heights), tilt(topography)
 
 
 def _without_name(error: InputError, path: Path) -> str:
@@ -98,23 +92,21 @@ def _without_name(error: InputError, path: Path) -> str:
     return fault.replace(", or overrule the file by --override-scale", "")
 
 
-def with_texture(look: MapSurvey, reading: Reading, spacing: Sides | None) -> MapSurvey:
-    """Prepare a map as the scene will, and measure its roughness."""
+def measure(look: MapSurvey, reading: Reading, spacing: Sides | None) -> None:
+    """Prepare a map as the scene will, and note its roughness."""
     try:
         topography = prepare(read(look.path, reading), reading)
         if spacing is not None:
             topography = resampled(topography, spacing)
     except InputError as error:
-        return replace(look, fault=_without_name(error, look.path))
+        look.fault = _without_name(error, look.path)
+        return
     heights, slope = topography.heights, rms_slope(topography.heights, topography.spacing)
-    return replace(
-        look,
-        prepared=(heights.shape[0], heights.shape[1]),
-        rms_height=float(heights.std()),
-        rms_slope=slope,
-        length=areal_parameters(topography).values["Sal"],
-        fault=f"its rms slope is {slope:.2g}: check the unit of its heights" * (slope < FLAT),
-    )
+    look.prepared = heights.shape[0], heights.shape[1]
+    look.rms_height, look.rms_slope = float(heights.std()), slope
+    look.length = areal_parameters(topography).values["Sal"]
+    if slope < FLAT:
+        look.fault = f"its rms slope is {slope:.2g}: check the unit of its heights"
 
 
 def remarks(look: MapSurvey) -> list[str]:
@@ -189,7 +181,7 @@ def print_looks(looks: Sequence[MapSurvey]) -> None:
             f"{look.shape[0]} x {look.shape[1]}",
             in_words(look.spacing, 4),
             look.unit or "um?",
-            f"{100 * look.holes:.2g}",
+            f"{100 * look.missing / max(1, math.prod(look.shape)):.2g}",
             str(look.spikes.number) if look.spikes else "-",
             f"{max(map(abs, look.tilt)):.2g}",
             f"{look.rms_height:.3g}",

@@ -348,12 +348,9 @@ def write_header(path: Path, law: Law) -> list[Path]:
 
     Raise InputError if it cannot be written, or everything is outside the training.
     """
-    over_delta, over_pressure = law.over_delta, law.over_pressure
-    law = replace(
-        law,
-        over_delta=over_delta.chosen(~over_delta.flagged),
-        over_pressure=over_pressure.chosen(~over_pressure.flagged),
-    )
+    if law.over_delta.flagged.any() or law.over_pressure.flagged.any():
+        inside = [each.chosen(~each.flagged) for each in (law.over_delta, law.over_pressure)]
+        law = replace(law, over_delta=inside[0], over_pressure=inside[1])
     own = re.sub(r"[^0-9A-Za-z]+", "_", path.stem).strip("_")
     name = f"asperity_{own or 'law'}"  # asperity_steel_2 for steel-2.h
     files.write(path, "\n".join(_header(law, name)) + "\n")

@@ -2,13 +2,14 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 from pathlib import Path
 from typing import Any, Literal
 
 from bem.problem import Boundary
 from gen.law.curves import APERTURES, GAS, JOINT, Gas
-from gen.maps.bodies import Opposite, composite
-from gen.maps.prepare import read_surface, surface_warnings
+from gen.maps.bodies import Opposite
+from gen.maps.prepare import read_surface
 from gen.maps.read import Sides, Topography, files_in
 from gen.maps.settings import Reading
 from gen.material import plane_strain_modulus
@@ -126,10 +127,10 @@ def read_subjects(
     scenes: list[Scene] = []
     origins: list[str] = []
     doubts: list[str] = []
-    seconds, facing = [], ""
+    bodies: list[Opposite | None] = [opposite]
+    facing = ""
     if opposite is not None:  # a body, or a folder of them
-        files = files_in(opposite.path)
-        seconds = [replace(opposite, path=file).prepared(boundary) for file in files]
+        bodies = [replace(opposite, path=file) for file in files_in(opposite.path)]
         facing = f" against {opposite.path}"
     for text in inputs:
         if (scene := scene_of(text)) is not None:
@@ -155,37 +156,16 @@ def read_subjects(
             origins.append(f"{text}: its first {surfaces} surfaces{rough}")
             continue
         origins.append(f"{text}{facing}")
-        for file in files_in(Path(text)):
-            for each, warnings in _pressed(file, reading, boundary, opposite, seconds):
-                for line in (
-                    f"{each.name}: {'; '.join(each.steps)}",
-                    *map("  warning: {}".format, warnings),
-                ):
-                    echo(line, err=True)
-                subjects.append(
-                    LawSurface(each.name, each.heights, each.sides, boundary=each.boundary)
-                )
-                doubts += [f"warning: {text}{facing}: {doubt}" for doubt in each.warnings]
+        for file, body in product(files_in(Path(text)), bodies):
+            each, warnings = read_surface(file, reading, boundary, body)
+            if each.heights.max() == each.heights.min():
+                raise InputError(f"{file}: is flat: all of it touches at once, there is no law")
+            echo(f"{each.name}: {'; '.join(each.steps)}", err=True)
+            for line in warnings:
+                echo(f"  warning: {line}", err=True)
+            subjects.append(LawSurface(each.name, each.heights, each.sides, boundary=each.boundary))
+            doubts += [f"warning: {text}{facing}: {doubt}" for doubt in each.warnings]
     return LawSurfaces(subjects, scenes, origins, list(dict.fromkeys(doubts)))
-
-
-def _pressed(
-    file: Path,
-    reading: Reading,
-    boundary: Boundary,
-    opposite: Opposite | None,
-    seconds: Sequence[Topography],
-) -> Iterator[tuple[Topography, list[str]]]:
-    """Yield the surface of a file, or its sums with all second bodies, with warnings about each."""
-    first, warnings = read_surface(file, reading, boundary)
-    pairs = [(first, warnings)]
-    if opposite is not None:
-        sums = (composite(first, second, opposite.placement) for second in seconds)
-        pairs = [(each, surface_warnings(each)) for each in sums]
-    for topography, warned in pairs:
-        if topography.heights.max() == topography.heights.min():
-            raise InputError(f"{file}: is flat: all of it touches at once, there is no law")
-        yield topography, warned
 
 
 def scene_of(text: str) -> Scene | None:

@@ -19,7 +19,7 @@ import numpy as np
 
 from gen.arrays import Heights, Values
 from gen.maps.prepare import prepare
-from gen.maps.read import Sides, Topography, intervals, read
+from gen.maps.read import Sides, Topography, read
 from gen.maps.settings import Reading, numbers_in
 from gen.runtime.errors import InputError
 from gen.runtime.numbers import shown
@@ -104,7 +104,7 @@ def composite(
         )
     heights = grid.heights[lines[0].nodes, lines[1].nodes] + _at(added.heights, lines)
     x, y = (
-        side if nodes == of_all else intervals(nodes, grid.boundary) * step
+        side if nodes == of_all else (nodes - (grid.boundary == "free")) * step
         for side, nodes, of_all, step in zip(
             grid.sides, heights.shape, grid.heights.shape, grid.spacing, strict=True
         )

@@ -228,39 +228,47 @@ def _draw_spectrum(axis: Any, spectrum: RadialSpectrum, fit: SelfAffineFit | str
     axis.legend(loc="lower left", fontsize="small")
 
 
-@dataclass(frozen=True)
-class Subject:
-    """Surface, load and material of a picture of contacts."""
-
-    name: str  # of the surface
-    load: str  # the quantity that was given: delta, force or pressure
-    material: bool  # whether the user gave a modulus
-    warnings: Sequence[str]  # reasons to distrust the contacts
-    spots: bool = False  # whether to draw spots and the open gap instead of heights and pressure
-    flow: bool = False  # whether to draw the flux along x, beside the spots or the open gap
-
-
 def draw_contacts(
-    figure: Any, contacts: Sequence[Contact], subject: Subject, picture: Path
+    figure: Any,
+    contacts: Sequence[Contact],
+    picture: Path,
+    *,
+    name: str,
+    load: str,
+    material: bool,
+    warnings: Sequence[str],
+    spots: bool = False,
+    flow: bool = False,
 ) -> None:
-    """Draw a surface, its contact and a section under the last load, and the law of several."""
+    """Draw a surface, its contact and a section under the last load, and the law of several.
+
+    `load` is the quantity that was given: delta, force or pressure; `material` is whether a modulus
+    was. With `spots` or `flow` the spots, the open gap or the flux along x are drawn instead of
+    heights and pressure.
+    """
     last, law = contacts[-1], len(contacts) > 1
     panels = [["heights"] * 3 + ["contact"] * 3, ["section"] * 6]
     heights = [4.4, 2.6]
     if law:
-        panels.append([name for name in ("area", "answer", "gap") for _ in range(2)])
+        panels.append([each for each in ("area", "answer", "gap") for _ in range(2)])
         heights.append(2.8)
     figure.set_size_inches(11.0, sum(heights) + 0.8)
     axes = figure.subplot_mosaic(panels, height_ratios=heights)
-    figure.suptitle(_title(contacts, subject), fontsize=11, parse_math=False)
-    if subject.warnings:
-        lines = [textwrap.fill(f"warning: {warning}", 160) for warning in subject.warnings]
-        figure.supxlabel("\n".join(lines), fontsize=8, color="tab:red", parse_math=False)
-    where = f" at {load_text(last, subject.load)}" if law else ""
-    if subject.spots or subject.flow:
+    problem, pressed = last.problem, last.force / nominal_area(last)
+    title = f"last of {len(contacts)} loads: " if law else ""
+    title += f"Δ = {last.delta:.4g} µm, force {last.force:.4g} µN, mean pressure {pressed:.4g} MPa"
+    bodies = Bodies(problem.modulus, problem.hardness).text + ", no material given" * (not material)
+    bodies += "" if problem.boundary == "free" else f"; {problem.boundary} boundary"
+    lines = shortened(name), title, bodies
+    figure.suptitle("\n".join(lines), fontsize=11, parse_math=False)
+    if warnings:
+        told = "\n".join(textwrap.fill(f"warning: {warning}", 160) for warning in warnings)
+        figure.supxlabel(told, fontsize=8, color="tab:red", parse_math=False)
+    where = f" at {load_text(last, load)}" if law else ""
+    if spots or flow:
         first, second = spot_maps(last)
-        if subject.flow:
-            first, second = second if subject.spots else first, flow_map(last)
+        if flow:
+            first, second = second if spots else first, flow_map(last)
         first = replace(first, title=f"{first.title}{where}")
     else:
         share = f"{last.area_percent:.3g} % of {last.pressure.size} nodes"
@@ -269,24 +277,8 @@ def draw_contacts(
     draw_map(axes["contact"], second)
     _draw_section(axes["section"], last, where)
     if law:
-        _draw_law([axes[name] for name in ("area", "answer", "gap")], contacts, subject.load)
+        _draw_law([axes[each] for each in ("area", "answer", "gap")], contacts, load)
     save(figure, picture)
-
-
-def _title(contacts: Sequence[Contact], subject: Subject) -> str:
-    """Return the title: file, load and material, a line each."""
-    last = contacts[-1]
-    load = (
-        f"{f'last of {len(contacts)} loads: ' if len(contacts) > 1 else ''}"
-        f"Δ = {last.delta:.4g} µm, force {last.force:.4g} µN,"
-        f" mean pressure {last.force / nominal_area(last):.4g} MPa"
-    )
-    material = Bodies(last.problem.modulus, last.problem.hardness).text
-    if not subject.material:
-        material += ", no material given"
-    if last.problem.boundary != "free":
-        material += f"; {last.problem.boundary} boundary"
-    return f"{shortened(subject.name)}\n{load}\n{material}"
 
 
 def section_line(contact: Contact) -> tuple[int, int]:

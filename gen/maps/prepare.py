@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from gen.arrays import Heights
 from gen.maps import filters
 from gen.maps.filters import ROWS, filled_harmonically, least_squares, without_spikes
-from gen.maps.read import WIDEST, Sides, Topography, in_words, intervals, read
+from gen.maps.read import WIDEST, Sides, Topography, in_words, read
 from gen.maps.settings import ORDER, SPIKE, Reading, numbers_in, said
 from gen.runtime.errors import InputError
 from gen.statistics import rms_slope
@@ -42,8 +42,12 @@ def prepare(topography: Topography, settings: Reading) -> Topography:
     waves that they would fold back. Raises InputError if a setting does not suit the map.
     """
     settings.check()
-    followed = topography.followed | settings.followed
-    topography = replace(topography, followed=followed, asked=settings.asked)
+    followed = {key for key in ORDER if getattr(settings, key)} - {"level", "despike"}
+    followed |= {f"level {settings.level}"} if settings.level else set()
+    # a threshold of spikes counts as the one that is advised if it takes out as many
+    followed |= {f"despike {SPIKE:g}"} if (settings.despike or np.inf) <= SPIKE else set()
+    followed |= topography.followed
+    topography = replace(topography, followed=frozenset(followed), asked=settings.asked)
     for key in ORDER:
         if key == "filter" and topography.missing:  # from here on every node is needed
             fault = f"{topography.missing} of {topography.heights.size} heights are missing (NaN)"
@@ -103,7 +107,7 @@ def cropped(topography: Topography, text: str) -> Topography:
 def _on_grid(topography: Topography, heights: Heights, spacing: Sides) -> Topography:
     """Give a patch the lengths of other heights with a spacing [um]."""
     x, y = (
-        intervals(nodes, topography.boundary) * step
+        (nodes - (topography.boundary == "free")) * step
         for nodes, step in zip(heights.shape, spacing, strict=True)
     )
     return replace(topography, sides=(x, y))
@@ -376,7 +380,7 @@ def tilt(topography: Topography) -> tuple[float, float]:
     """Fit a plane to the measured nodes and return its slopes along x and y [1]."""
     _, (_, *slopes) = least_squares(topography.heights, 1)
     x, y = (
-        2 * float(slope) / (side * ((nodes - 1) / intervals(nodes, topography.boundary)))
+        2 * float(slope) / (side * ((nodes - 1) / (nodes - (topography.boundary == "free"))))
         for side, nodes, slope in zip(
             topography.sides, topography.heights.shape, slopes, strict=True
         )

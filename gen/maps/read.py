@@ -23,7 +23,7 @@ import numpy as np
 from gen.arrays import Heights
 from gen.maps.scan import Channel, Scan, arranged, choose_channel
 from gen.maps.settings import Asked, Reading, numbers_in, said
-from gen.maps.text import Matrix, decoded, matrices
+from gen.maps.text import decoded, matrices
 from gen.runtime.errors import InputError
 from gen.runtime.files import require_file
 from gen.runtime.numbers import MAGNITUDES, magnitude
@@ -64,22 +64,14 @@ class Topography:
 
     @property
     def spacing(self) -> Sides:
-        """Distance of the nodes along x and y [um]."""
-        nx, ny = (intervals(nodes, self.boundary) for nodes in self.heights.shape)
+        """Distance of the nodes along x and y [um]; the rule of `bem`, without loading it."""
+        nx, ny = (nodes - (self.boundary == "free") for nodes in self.heights.shape)
         return self.sides[0] / nx, self.sides[1] / ny
 
     @property
     def missing(self) -> int:
         """Number of nodes without a height."""
         return int(np.count_nonzero(np.isnan(self.heights)))
-
-
-def intervals(nodes: int, boundary: Boundary) -> int:
-    """Return the length of a patch in spacings of its nodes, along one axis.
-
-    The rule is that of `bem.problem.node_spacing`, without loading the solver.
-    """
-    return nodes - 1 if boundary == "free" else nodes
 
 
 def in_words(spacing: Sides, digits: int = 6) -> str:
@@ -249,7 +241,7 @@ def _scan(path: Path, reading: Reading) -> Scan:
     try:
         found = matrices_in(path)
         if found and not own:
-            checked(found[0].numbers, path)
+            checked(found[0].heights, path)
     except InputError as error:
         if own:
             raise
@@ -263,16 +255,16 @@ def _scan(path: Path, reading: Reading) -> Scan:
     channels = [
         Channel(
             place,
-            matrix.channel or f"matrix {place}",
-            not matrix.unit or overruled or _unit(matrix.unit) in UNITS,
-            matrix.unit,
+            each.channel or f"matrix {place}",
+            not each.unit or overruled or _unit(each.unit) in UNITS,
+            each.unit or "",
         )
-        for place, matrix in enumerate(found)
+        for place, each in enumerate(found)
     ]
     taken, origin = choose_channel(path, channels, reading)
-    matrix = found[taken]
-    heights, widths = checked(matrix.numbers, path), matrix.widths
-    x_unit, y_unit = matrix.axis_units
+    scan = found[taken]
+    heights, widths = checked(scan.heights, path), scan.widths
+    x_unit, y_unit = scan.length_unit or "", scan.y_unit
     differ = bool(y_unit) and _unit(y_unit) != _unit(x_unit)
     if widths is not None:
         if differ:
@@ -282,14 +274,13 @@ def _scan(path: Path, reading: Reading) -> Scan:
         origin += " under a header, x along its lines"
     elif differ:
         raise InputError(f"{path}: has x in {x_unit} and y in {y_unit}; give both in one unit")
-    scan = Scan(heights, widths, matrix.unit, x_unit or None, origin, matrix.remarks)
-    scan = arranged(path, scan, matrix.names)
+    scan = arranged(path, replace(scan, heights=heights, widths=widths, origin=origin))
     # An overflow is refused by `read`; a signalling NaN is a hole like every NaN.
     with np.errstate(over="ignore", invalid="ignore"):
-        return replace(scan, heights=matrix.factor * scan.heights)
+        return replace(scan, heights=scan.factor * scan.heights)
 
 
-def matrices_in(path: Path) -> list[Matrix]:
+def matrices_in(path: Path) -> list[Scan]:
     """Read the matrices of a .npy or text file, none of another one; never unpickle objects."""
     require_file(path)
     try:
@@ -309,7 +300,7 @@ def matrices_in(path: Path) -> list[Matrix]:
     if array.dtype.kind not in "iuf":
         raise InputError(f"{path}: holds {array.dtype} values; save real numbers (float64)")
     with np.errstate(over="ignore"):  # wider floats become infinite, and `checked` counts them
-        return [Matrix(np.asarray(array, dtype=np.float64, order="C"))]
+        return [Scan(np.asarray(array, dtype=np.float64, order="C"), unit="")]
 
 
 def checked(heights: Heights, path: Path) -> Heights:

@@ -22,9 +22,11 @@ from gen.runtime.errors import InputError
 
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """The map of a channel in the file's own units."""
+    """The map of a channel, or the table of numbers that holds it, in the file's own units."""
 
-    heights: Heights  # heights, NaN at holes [unit], shape (nx, ny)
+    heights: (
+        Heights  # heights, NaN at holes [factor unit], shape (nx, ny); of text (lines, columns)
+    )
     # lengths along x and y, which count whole pixels [length_unit]; None if the file has none
     widths: tuple[float, float] | None = None
     # unit of the heights; if the file names none, "" for one in um by default, else None
@@ -34,6 +36,10 @@ class Scan:
     # comments of the file that we do not understand and that name a unit of length
     remarks: tuple[str, ...] = ()
     repeats: bool = False  # whether the file calls the map one period of a periodic surface
+    channel: str = ""  # name of the channel in a text
+    factor: float = 1.0  # of the numbers
+    names: tuple[str, ...] = ()  # coordinate in each column, "" for another quantity
+    y_unit: str = ""  # unit of the length along y, or across the lines of a text
 
 
 @dataclass(frozen=True)
@@ -90,7 +96,7 @@ COVERED = 0.5  # smallest share of the nodes of a grid that points of a map lie 
 ADVICE = "give the heights as a grid, one row of them a line, or x, y and z of points on a grid"
 
 
-def arranged(path: Path, scan: Scan, names: Sequence[str] = ()) -> Scan:
+def arranged(path: Path, scan: Scan) -> Scan:
     """Turn a table of numbers into a map of heights, without coordinates in its border.
 
     A profile, points on no grid, and coordinates along one axis only are refused.
@@ -98,8 +104,8 @@ def arranged(path: Path, scan: Scan, names: Sequence[str] = ()) -> Scan:
     numbers = scan.heights
     if scan.widths is not None:
         return scan
-    if len(names) == numbers.shape[1]:
-        columns = numbers[:, [names.index(axis) for axis in "xyz"]]
+    if len(scan.names) == numbers.shape[1]:
+        columns = numbers[:, [scan.names.index(axis) for axis in "xyz"]]
         return _from_points(path, scan, columns, "columns")
     for columns, direction in ((numbers, "columns"), (numbers.T, "rows")):
         if _is_list(columns):

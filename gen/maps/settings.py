@@ -183,18 +183,6 @@ class Reading(FileReading):
                 f"{level} and {form} given: give one; forms of degree 1 and 2 are levels too"
             )
 
-    @property
-    def followed(self) -> frozenset[str]:
-        """Steps that are taken, in the words of advice: "crop", "level plane"; a threshold of
-        spikes counts as the one that is advised if it takes out as many.
-        """
-        taken = {name for name in ORDER if getattr(self, name)} - {"level", "despike"}
-        if self.level:
-            taken.add(f"level {self.level}")
-        if self.despike is not None and self.despike <= SPIKE:
-            taken.add(f"despike {SPIKE:g}")
-        return frozenset(taken)
-
     def ends(self, key: str) -> tuple[float | None, float | None]:
         """Return both ends of `mask`, or both cut-offs of `filter` [um]; None where one is open."""
         text, (least, advice) = getattr(self, key), ENDS[key]

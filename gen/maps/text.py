@@ -11,13 +11,12 @@ import codecs
 import math
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
 
-from gen.arrays import Values
+from gen.maps.scan import Scan
 from gen.runtime.errors import InputError
 
 # labels of a header, in lower case, for each quantity that we read from it
@@ -61,23 +60,6 @@ BARE = re.compile(r"\s*(File Format\s*=|WSxM file)", re.IGNORECASE)
 SAYS_LENGTHS = re.compile(r"\b(mm|um|µm|μm|nm|microns?|micromet\w+|nanomet\w+|\d\s*m)\b|Å")
 
 
-@dataclass(frozen=True, eq=False)
-class Matrix:
-    """Numbers of a text file, with what the header above them states."""
-
-    numbers: Values  # numbers as the file holds them [unit of the header], shape (lines, columns)
-    channel: str = ""  # name of the channel
-    # factor and unit of the numbers; the unit is "" if the header has none
-    factor: float = 1.0
-    unit: str = ""
-    names: tuple[str, ...] = ()  # coordinate in each column, "" for another quantity
-    # lengths along the lines and across them, which count whole pixels; None if one is not stated
-    widths: tuple[float, float] | None = None
-    axis_units: tuple[str, str] = ("", "")  # units of these lengths, or of coordinates
-    # comments that we do not understand and that name a unit of length
-    remarks: tuple[str, ...] = ()
-
-
 def decoded(content: bytes) -> str | None:
     """Decode text in UTF-8 or UTF-16; of other encodings, foreign letters are lost."""
     encoding = "utf-8-sig"
@@ -92,9 +74,9 @@ def decoded(content: bytes) -> str | None:
     return None if CONTROL_CHARACTERS.search(text) else text
 
 
-def matrices(content: str, path: Path) -> list[Matrix]:
+def matrices(content: str, path: Path) -> list[Scan]:
     """Read the numbers of a text file: one matrix, or one for each header that names a channel."""
-    read: list[Matrix] = []
+    read: list[Scan] = []
     rows: list[list[float]] = []
     entries: dict[str, str] = {}
     remarks: list[str] = []
@@ -164,11 +146,11 @@ def _lines(content: str, path: Path) -> Iterator[tuple[int, str, list[str]]]:
 
 def _matrix(
     path: Path, rows: list[list[float]], entries: dict[str, str], remarks: list[str]
-) -> Matrix:
+) -> Scan:
     """Return the numbers under a header; refuse more or fewer of them than it states."""
     numbers = np.array(rows, dtype=np.float64)
     if not rows:
-        return Matrix(numbers)
+        return Scan(numbers, unit="")
     found = numbers.shape
     widths, axis_units = _widths(entries, found)
     if widths is None:  # for example, one of the two lengths is missing
@@ -192,8 +174,18 @@ def _matrix(
     if "value unit" not in entries and "nm per value" in entries:
         factor, unit = _quantity(entries["nm per value"])[0] or 1.0, "nm"
     names = tuple(entries["columns of points"].split(",")) if "columns of points" in entries else ()
-    channel = entries.get("channel", "")
-    return Matrix(numbers, channel, factor, unit, names, widths, axis_units, tuple(remarks[:3]))
+    x_unit, y_unit = axis_units
+    return Scan(
+        numbers,
+        widths,
+        unit,
+        x_unit or None,
+        remarks=tuple(remarks[:3]),
+        channel=entries.get("channel", ""),
+        factor=factor,
+        names=names,
+        y_unit=y_unit,
+    )
 
 
 def _widths(

@@ -17,7 +17,7 @@ from gen.database import Reader
 from gen.draft import quoted, scene_like
 from gen.draft import write as write_scene
 from gen.draft.proposal import SIZES, common_spacing, propose_like, window_nodes
-from gen.draft.survey import common_threshold, find_spikes, remarks, survey, with_texture
+from gen.draft.survey import common_threshold, find_spikes, measure, remarks, survey
 from gen.maps.filters import without_spikes
 from gen.maps.settings import Reading
 from gen.material import Bodies
@@ -279,7 +279,7 @@ def test_a_made_map_is_seen_as_it_was_made(tmp_path, name):
     [look] = survey([write(made, tmp_path)], HERE)
     assert (look.fault, look.shape, look.unit != "") == ("", made.shape, True)
     assert look.spacing == pytest.approx(made.spacing)
-    assert (look.holes > 0) == (made.faults.holes > 0)
+    assert (look.missing > 0) == (made.faults.holes > 0)
     assert look.spikes is not None
     assert look.spikes.number == made.faults.spikes
     assert look.tilt == pytest.approx(made.faults.tilt, abs=3e-3)
@@ -307,7 +307,8 @@ def test_maps_without_heights_are_left_out(saved):
     assert saved(np.ones((20, 20))).fault == "all its heights are equal"
     assert saved(rough[:3, :3]).fault == "3 x 3 nodes are too few"
     flat = saved(1e-9 * rough)
-    assert "check the unit" in with_texture(flat, Reading(side="10"), None).fault
+    measure(flat, Reading(side="10"), None)
+    assert "check the unit" in flat.fault
 
 
 def test_a_bowl_has_a_form_and_a_wave_has_none(saved):

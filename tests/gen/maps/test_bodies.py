@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from gen import cli
 from gen.maps.bodies import Placement, composite
-from gen.maps.read import Topography, intervals
+from gen.maps.read import Topography
 from gen.runtime.errors import InputError
 
 BOUNDARIES = ("free", "periodic", "mirror")
@@ -26,7 +26,7 @@ def rough(shape, seed=0):
 
 def grid(nodes, side, boundary):
     """Coordinates of nodes from the centre of a patch [um]."""
-    return (np.arange(nodes) - (nodes - 1) / 2) * side / intervals(nodes, boundary)
+    return (np.arange(nodes) - (nodes - 1) / 2) * side / (nodes - (boundary == "free"))
 
 
 def test_a_body_faces_the_other_one_with_one_axis_turned():

@@ -20,7 +20,7 @@ pytest.importorskip("matplotlib", reason="needs the extra plot")
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from gen.maps import pictures
-from gen.maps.pictures import CYAN, Subject, draw_contacts
+from gen.maps.pictures import CYAN, draw_contacts
 
 ROUGH = generate_spectral(
     (129, 129), 1000.0, SelfAffineSpectrum(0.7, 250, 16.5), np.random.default_rng(1), rms_height=2.0
@@ -73,7 +73,7 @@ def drawn(contacts: list[bem.Contact], **changes: Any) -> Any:
     subject = {"name": NAME, "load": "delta", "material": True, "warnings": (), **changes}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(pictures, "save", lambda *_: None)
-        draw_contacts(figure, contacts, Subject(**subject), Path("contact.png"))
+        draw_contacts(figure, contacts, Path("contact.png"), **subject)
     return figure
 
 

@@ -11,7 +11,6 @@ from launch import python
 from scipy.io import savemat
 
 from bem.problem import BOUNDARIES, node_spacing
-from gen.maps.read import intervals
 from gen.runtime.errors import InputError
 from gen.runtime.installation import command_for
 from tests.maps import read
@@ -57,8 +56,6 @@ def test_the_size_of_a_pixel_is_that_of_the_file_whatever_the_boundary(tmp_path,
         assert found.boundary == boundary
         for axis, nodes in enumerate(HEIGHTS.shape):
             assert found.spacing[axis] == node_spacing(nodes, found.sides[axis], boundary)
-            between = intervals(nodes, boundary)
-            assert between == pytest.approx(found.sides[axis] / found.spacing[axis])
 
 
 def test_a_unit_is_asked_for_where_the_file_names_none(tmp_path):

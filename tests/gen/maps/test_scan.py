@@ -189,8 +189,8 @@ def test_points_on_any_grid_become_the_map_they_were_taken_from(nx, ny, step, st
     kept[:, 0] = kept[0] = True  # the whole extent
     x, y = np.mgrid[:nx, :ny]
     columns = np.column_stack([start + step * x[kept], 7 - 3 * step * y[kept], heights[kept]])
-    table = Scan(random.permutation(columns))
-    found = arranged(Path("points.txt"), table, ("x", "y", "z"))
+    table = Scan(random.permutation(columns), names=("x", "y", "z"))
+    found = arranged(Path("points.txt"), table)
     assert found.widths == pytest.approx((step * nx, 3 * step * ny), rel=1e-6)
     np.testing.assert_array_equal(found.heights, np.where(kept, heights, np.nan)[:, ::-1])
 

@@ -106,7 +106,7 @@ def load(path: Path) -> np.ndarray:
     matrices = matrices_in(path)
     if not matrices:
         raise InputError(f"{path}: neither .npy nor text; give one")
-    return checked(matrices[0].numbers, path)
+    return checked(matrices[0].heights, path)
 
 
 def write(folder: Path, name: str, content: bytes | str) -> Path:
