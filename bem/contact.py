@@ -211,12 +211,14 @@ class Contact:
         ArithmeticError
             If the equations are not solved to 1e-9.
         """
-        from bem.derived.flow import flow_through  # here, because few contacts are asked for it
+        from bem.derived.flow import flows_through  # here, because few contacts are asked for it
 
         if axis not in self._kept:
             gap = np.where(self.pressure > 0, 0.0, np.maximum(self.gap, 0.0))
             periodic = self.problem.boundary == "periodic"
-            self._kept[axis] = flow_through(gap, self.problem.spacing, axis, periodic=periodic)
+            axes = (axis, 1 - axis) if periodic else (axis,)  # one factor serves both
+            flows = flows_through(gap, self.problem.spacing, axes, periodic=periodic)
+            self._kept.update(zip(axes, flows, strict=True))
         return cast("Flow", self._kept[axis])
 
     @computed_once

@@ -14,7 +14,8 @@ of a pocket carries the pressure of the whole pocket, and all others count from 
 equations is then a difference of larger numbers, and one factor solves them to rounding.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,9 +26,9 @@ from bem.arrays import Field, Nodes, Values
 from bem.derived.spots import regions
 from bem.problem import OutOfRange
 
-# Ratio of the thresholds of gaps from one level of pockets to the next: 6 decades of conductance
+# Ratio of the thresholds of gaps from one level of pockets to the next: 9 decades of conductance
 # cost as many digits of the factor, which refinement gives back.
-STEP = 1e-2
+STEP = 1e-3
 
 # Gaps that are narrower by this factor than the widest one are closed.
 CLOSED = 1e-50
@@ -61,19 +62,26 @@ class Flow:
     aperture: float
     flux: Field
 
+    def __post_init__(self) -> None:
+        """Keep the field from being written to."""
+        self.flux.setflags(write=False)
+
 
 @dataclass(frozen=True, eq=False)
 class _Faces:
-    """Faces between cells, each of shape (f,)."""
+    """Faces between cells, each of shape (f,); what drives the flow along k axes."""
 
     first: Nodes  # cell on one side; the number of cells stands for both reservoirs
     second: Nodes  # cell on the other side, further along either axis
+    along: NDArray[np.bool_]  # whether it is crossed along x
     root: Values  # square root of the conductance [reduced]
-    drop: Values  # pressure that is lost on the way, beside that of the cells [dP]
+    drop: Field  # pressure that is lost on the way, beside that of the cells, (f, k) [dP]
 
 
-def flow_through(gap: Field, spacing: tuple[float, float], axis: int, *, periodic: bool) -> Flow:
-    """Compute the flow through a gap along one axis.
+def flows_through(
+    gap: Field, spacing: tuple[float, float], axes: Sequence[int], *, periodic: bool
+) -> list[Flow]:
+    """Compute the flow through a gap along axes; those of a periodic patch share their effort.
 
     Parameters
     ----------
@@ -81,31 +89,43 @@ def flow_through(gap: Field, spacing: tuple[float, float], axis: int, *, periodi
         Distance between the bodies, 0 where they touch [um].
     spacing : tuple of float
         Lengths of a cell along x and y [um].
-    axis : int
+    axes : sequence of int
         0 for flow along x, 1 for flow along y.
     periodic : bool
         Whether the patch repeats itself.
 
     Returns
     -------
-    Flow
-        Flow factor, hydraulic aperture and field of flux.
+    list of Flow
+        Flow factor, hydraulic aperture and field of flux along each axis.
 
     Raises
     ------
     ValueError
-        If the axis is neither 0 nor 1. OutOfRange, a ValueError, if the widest gap is beyond
+        If an axis is neither 0 nor 1. OutOfRange, a ValueError, if the widest gap is beyond
         `WIDEST`.
     ArithmeticError
         If the equations are not solved to `RTOL`.
     """
-    if axis not in (0, 1):
-        raise ValueError(f"axis {axis!r}: give 0 for flow along x, 1 for flow along y")
-    if axis == 1:
-        turned = flow_through(gap.T, spacing[::-1], 0, periodic=periodic)
-        return Flow(turned.factor, turned.aperture, _fixed(turned.flux[::-1].transpose(0, 2, 1)))
-    largest = float(gap.max())
-    nothing = Flow(0.0, 0.0, _fixed(np.zeros((2, *gap.shape))))
+    if wrong := {*axes} - {0, 1}:
+        raise ValueError(f"axis {wrong.pop()!r}: give 0 for flow along x, 1 for flow along y")
+    if periodic:
+        both = _flows(gap, spacing, periodic=True)
+        return [both[axis] for axis in axes]
+    flows = []
+    for axis in axes:
+        if axis == 0:
+            flows += _flows(gap, spacing, periodic=False)
+            continue
+        (turned,) = _flows(gap.T, spacing[::-1], periodic=False)
+        flows.append(replace(turned, flux=turned.flux[::-1].transpose(0, 2, 1)))
+    return flows
+
+
+def _flows(gap: Field, spacing: tuple[float, float], *, periodic: bool) -> list[Flow]:
+    """Compute the flow along x; of a patch that repeats itself, also along y."""
+    largest, (nx, ny), (dx, dy) = float(gap.max()), gap.shape, spacing
+    nothing = [Flow(0.0, 0.0, np.zeros((2, nx, ny)))] * (1 + periodic)
     if not largest > 0:
         return nothing
     if not WIDEST[0] < largest < WIDEST[1]:
@@ -115,46 +135,41 @@ def flow_through(gap: Field, spacing: tuple[float, float], axis: int, *, periodi
     basis, lift, flowing = _pockets(reduced, periodic=periodic)
     if not flowing.any():
         return nothing
-    faces, along = _faces(reduced, spacing, flowing, periodic=periodic)
+    faces = _faces(reduced, spacing, flowing, periodic=periodic)
     lost = _solved(faces, basis, lift)
-    (nx, ny), (dx, dy) = gap.shape, spacing
-    cubed = largest**3 * (nx * dx) / (ny * dy)
-    conducted = float(lost @ lost) * cubed
-    flux = np.zeros((2, gap.size + 1))
-    through = faces.root * lost * (largest**3 * nx * dx / 2)
-    for component, chosen in enumerate((along, ~along)):
-        for cells in (faces.first[chosen], faces.second[chosen]):
-            flux[component] += np.bincount(cells, through[chosen], gap.size + 1)
-    flux /= np.array([[dy], [dx]])
-    field = _fixed(flux[:, :-1].reshape(2, nx, ny))
-    return Flow(conducted / float(gap.mean()) ** 3, float(np.cbrt(conducted)), field)
+    flows, sides = [], (nx * dx, ny * dy)
+    for length, width, drop in zip(sides, sides[::-1], lost.T, strict=False):
+        conducted = float(drop @ drop) * largest**3 * length / width
+        through = faces.root * drop * (largest**3 * length / 2)
+        flux = np.zeros((2, gap.size + 1))
+        for component, chosen in enumerate((faces.along, ~faces.along)):
+            for cells in (faces.first[chosen], faces.second[chosen]):
+                flux[component] += np.bincount(cells, through[chosen], gap.size + 1)
+        flux /= np.array([[dy], [dx]])
+        factor, aperture = conducted / float(gap.mean()) ** 3, float(np.cbrt(conducted))
+        flows.append(Flow(factor, aperture, flux[:, :-1].reshape(2, nx, ny)))
+    return flows
 
 
-def _fixed(flux: Field) -> Field:
-    """Return a field that cannot be written to."""
-    flux.setflags(write=False)
-    return flux
-
-
-def _pockets(gap: Field, *, periodic: bool) -> tuple[csr_matrix, Values, NDArray[np.bool_]]:
+def _pockets(gap: Field, *, periodic: bool) -> tuple[csr_matrix, Field, NDArray[np.bool_]]:
     """Find the pockets of all levels.
 
     Returns
     -------
     basis : csr_matrix, shape (cells + 1, unknowns)
         1 where an unknown is part of a cell's pressure; none is part of the last, the reservoirs'.
-    lift : ndarray, shape (cells + 1,)
+    lift : ndarray, shape (cells + 1, k)
         Pressure to begin with, the same all over each pocket that nothing crosses [dP].
     flowing : ndarray of bool, shape (cells + 1,)
         Cells that opposite sides are connected by, and the reservoirs if there are any.
     """
-    cells = gap.size
+    cells, drives = gap.size, 1 + periodic
     nodes = np.arange(cells).reshape(gap.shape)
     if not periodic:
         gap = np.pad(gap, ((1, 1), (0, 0)), constant_values=np.inf)
         nodes = np.pad(nodes, ((1, 1), (0, 0)), constant_values=cells)
-    rising = np.argsort(gap, axis=None, kind="stable")
-    lift, crosses = np.zeros(gap.shape), np.zeros(gap.shape, dtype=bool)
+    rising = np.argsort(gap, axis=None)
+    lift, crosses = np.zeros((drives, *gap.shape)), np.zeros((drives, *gap.shape), dtype=bool)
     widest, rows, columns = nodes, [nodes.reshape(-1)], [nodes.reshape(-1)]
     threshold, least = STEP, float(gap[gap > 0].min())
     while True:
@@ -163,8 +178,8 @@ def _pockets(gap: Field, *, periodic: bool) -> tuple[csr_matrix, Values, NDArray
         labels, crossing, patch = regions(inside, periodic=periodic)
         if not periodic:
             patch = (labels == labels[0, 0])[None]  # joined to the reservoir at the higher pressure
-        crosses = crossing[labels, 0]
-        lift = np.where(inside & ~crosses, patch[0], lift)
+        crosses = crossing.T[:drives, labels]
+        lift = np.where(inside & ~crosses, patch, lift)
         roots = np.zeros(len(crossing), dtype=np.intp)
         roots[labels.reshape(-1)[rising]] = nodes.reshape(-1)[rising]  # the widest of each is last
         now = np.where(inside, roots[labels], nodes)
@@ -176,9 +191,9 @@ def _pockets(gap: Field, *, periodic: bool) -> tuple[csr_matrix, Values, NDArray
             break
         threshold *= STEP
     whole, flowing = np.full(cells + 1, cells), np.zeros(cells + 1, dtype=bool)
-    lifted = np.zeros(cells + 1)
-    for array, values in ((whole, widest), (flowing, crosses), (lifted, lift)):
-        array[nodes] = values
+    whole[nodes], flowing[nodes] = widest, crosses.any(axis=0)
+    lifted = np.zeros((cells + 1, drives))
+    lifted[nodes] = np.moveaxis(lift, 0, -1)
     lifted[cells], row, column = 0.0, np.concatenate(rows), np.concatenate(columns)
     wanted = flowing[row] & (whole[column] != column)  # one of each region is where it counts from
     unknowns, column = np.unique(column[wanted], return_inverse=True)
@@ -188,8 +203,8 @@ def _pockets(gap: Field, *, periodic: bool) -> tuple[csr_matrix, Values, NDArray
 
 def _faces(
     gap: Field, spacing: tuple[float, float], flowing: NDArray[np.bool_], *, periodic: bool
-) -> tuple[_Faces, NDArray[np.bool_]]:
-    """Return the faces between cells where something flows, and whether each is crossed along x."""
+) -> _Faces:
+    """Return the faces between cells where something flows."""
     nodes, line = np.arange(gap.size).reshape(gap.shape), gap.shape[1]
     cells, gaps = nodes, gap
     if periodic:
@@ -206,23 +221,27 @@ def _faces(
     other = np.concatenate([gaps[1:].reshape(-1), gap[:, 1:].reshape(-1)])
     place = np.arange(first.size)
     along = place < cells.size - line
-    driven = along & (place >= cells.size - 2 * line) if periodic else place < line
+    if periodic:
+        last = along & (place >= cells.size - 2 * line), ~along & ((place + 1) % line == 0)
+        driven = np.stack(last, axis=1)
+    else:
+        driven = (place < line)[:, None]
     low, high = np.minimum(one, other), np.maximum(one, other)
     kept = (low > 0) & flowing[first] & flowing[second]
     along, low, high = along[kept], low[kept], high[kept]
     root = np.sqrt(2 * np.where(along, ratio, 1 / ratio) / (1 + (low / high) ** 3)) * low**1.5
-    return _Faces(first[kept], second[kept], root, driven[kept].astype(np.float64)), along
+    return _Faces(first[kept], second[kept], along, root, driven[kept].astype(np.float64))
 
 
-def _solved(faces: _Faces, basis: csr_matrix, lift: Values) -> Values:
-    """Solve for the pressures; return the drops at faces by the roots of their conductances, (f,).
+def _solved(faces: _Faces, basis: csr_matrix, lift: Field) -> Field:
+    """Solve for the pressures; return drops at faces by the roots of their conductances, (f, k).
 
     The sum of their squares is the flow, and the least that pressures can make it.
     """
     count, root = faces.root.size, faces.root
     pairs = np.tile(np.arange(count), 2), np.concatenate([faces.second, faces.first])
     rises = csr_matrix((np.concatenate([root, -root]), pairs), (count, basis.shape[0])) @ basis
-    drop: Values = root * (faces.drop - (lift[faces.second] - lift[faces.first]))
+    drop: Field = root[:, None] * (faces.drop - (lift[faces.second] - lift[faces.first]))
     if not basis.shape[1]:
         return drop
     rises.eliminate_zeros()
@@ -238,8 +257,8 @@ def _solved(faces: _Faces, basis: csr_matrix, lift: Values) -> Values:
         options={"SymmetricMode": True},
     )
     for _ in range(SOLUTIONS):
-        before = float(drop @ drop)
+        before = (drop**2).sum(axis=0)
         drop = drop - rises @ factor.solve(columns @ drop)
-    if not abs(before - drop @ drop) <= RTOL * before:
+    if not np.all(abs(before - (drop**2).sum(axis=0)) <= RTOL * before):
         raise ArithmeticError(f"flow through the gap: not solved to {RTOL:g}")
     return drop

@@ -53,11 +53,11 @@ class LawSurface(Topography):
         """
         found = {"mean_gap_um": self.gap_at_rest}
         if flow:
-            from bem.derived.flow import flow_through
+            from bem.derived.flow import flows_through
 
             gap, periodic = self.heights.max() - self.heights, self.boundary == "periodic"
-            for axis, name in enumerate(APERTURES):
-                found[name] = flow_through(gap, self.spacing, axis, periodic=periodic).aperture
+            flows = flows_through(gap, self.spacing, (0, 1), periodic=periodic)
+            found |= {name: flow.aperture for name, flow in zip(APERTURES, flows, strict=True)}
         if gas is not None:
             found[GAS] = gas.conductance(float(self.heights.max()) - self.heights)
             found |= {JOINT: found[GAS]} if joint else {}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import bem
-from bem.derived.flow import flow_through
+from bem.derived.flow import flows_through
 from bem.problem import OutOfRange
 from gen.spectral import SelfAffineSpectrum, generate_spectral
 
@@ -18,6 +18,10 @@ OTHERS = {
     (0.1, 64): (0.005264899326932438, 0.007701579475751482),
     (-0.05, 64): (0.00012879937251391443, 0.0006586882052816042),
 }
+
+
+def flow_through(gap, spacing, axis, *, periodic):
+    return flows_through(gap, spacing, [axis], periodic=periodic)[0]
 
 
 def waves(level, nodes):
