@@ -11,9 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import bem
-from bem import equilibrium
+from bem import dense, equilibrium
+from bem.dense import ContactFactor
 from bem.equilibrium import Equilibrium, Start
-from bem.influence import KERNELS
+from bem.influence import KERNELS, InfluenceMatrix
 from bem.operators import filters
 from bem.problem import FAR_FIELDS
 from bench.references.surfaces import SURFACES, surface
@@ -220,3 +221,18 @@ def test_a_start_beyond_all_bounds_is_left_aside(amount):
     with at_most(20):
         contact = bem.solve(heights, 1.0, 0.3, near=np.full((65, 65), amount))
     assert contact.force == bem.solve(heights, 1.0, 0.3).force
+
+
+@pytest.mark.parametrize("dtype", ["float64", "float32"])
+def test_a_singular_matrix_is_refused(dtype):
+    matrix = InfluenceMatrix((7, 9), "uniform-pressure", 1.0, dtype)
+    with pytest.raises(np.linalg.LinAlgError):
+        ContactFactor(matrix.among, np.array([3, 7, 40, 7]))
+
+
+def test_sets_that_cycle_are_left_to_iterations(monkeypatch):
+    monkeypatch.setattr(dense.ContactFactor.solve, "__defaults__", (1,))
+    heights = surface("self-affine", (9, 9), 1)
+    contact = bem.solve(heights, 8.0, 0.7 * float(np.ptp(heights)))
+    assert contact.residual <= 1e-6
+    assert contact.iterations > 1

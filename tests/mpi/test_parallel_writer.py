@@ -1,7 +1,7 @@
 """Every worker writes its own rows: the single writer's bytes, whatever happens on the way.
 
-Where h5py has MPI, the other tests of this folder run with the parallel writer too, those of
-signals and of a second writer among them.
+Where h5py has MPI, the other tests of this folder run with the parallel writer too, those of any
+number of ranks, of growing, of signals and of a second writer among them.
 """
 
 from pathlib import Path
@@ -48,20 +48,6 @@ Writer._flush = die_between_columns_and_status
 sys.exit(cli.main(["run", "scene.toml", "-o", sys.argv[1]]))
 """
 
-WITHOUT_ROOM = """
-import resource, signal, sys
-from gen import cli
-from gen.generation import run
-from gen.runtime import farm
-compute_rows = run.compute_rows
-def compute_without_room(*rows, **options):
-    if farm.this_world().rank == 1:
-        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))
-    return compute_rows(*rows, **options)
-run.compute_rows = compute_without_room
-sys.exit(cli.main(["run", "scene.toml", "-o", "full.h5"]))
-"""
 
 ELSEWHERE = """
 import os, sys
@@ -89,17 +75,6 @@ def run(folder, output, *options, ranks=4):
 
 
 @needs_parallel_hdf5
-@pytest.mark.parametrize("ranks", [2, 4, 8])
-def test_the_bytes_are_those_of_the_single_writer(folder, ranks):
-    told = run(folder, f"{ranks}.h5", ranks=ranks)
-    assert "parallel writer" in told
-    assert deterministic_bytes(folder / f"{ranks}.h5") == deterministic_bytes(folder / "serial.h5")
-    with h5py.File(folder / f"{ranks}.h5", "r") as file:
-        assert 0 not in file["runtime/rank"][:]
-        assert file["pressure"][:].max() > 0
-
-
-@needs_parallel_hdf5
 @pytest.mark.parametrize(("first", "second"), [("single", "parallel"), ("parallel", "single")])
 def test_either_writer_goes_on_with_what_the_other_has_left(folder, first, second):
     output = f"{first}-{second}.h5"
@@ -109,22 +84,6 @@ def test_either_writer_goes_on_with_what_the_other_has_left(folder, first, secon
     assert "50 to do" in told
     assert f"{second} writer" in told
     assert deterministic_bytes(folder / output) == deterministic_bytes(folder / "serial.h5")
-
-
-@needs_parallel_hdf5
-def test_an_extended_file_and_failed_rows_are_written_in_parallel_too(folder):
-    text = SCENE.format(30) + "[contact]\nmax_iterations = 2\n"
-    (folder / "hasty.toml").write_text(text)
-    (folder / "longer.toml").write_text(text.replace("30", "60", 1))
-    for output, writer in (("one.h5", "single"), ("all.h5", "parallel")):
-        for scene, options in (("hasty", ()), ("longer", ("--retry-failed",))):
-            done = launch(
-                3, "run", f"{scene}.toml", "-o", output, "--writer", writer, *options, folder=folder
-            )
-            assert done.returncode == 0, done.stderr
-            assert f"{writer} writer" in done.stderr
-    assert set(status(folder / "all.h5")) == {1, 2}
-    assert deterministic_bytes(folder / "one.h5") == deterministic_bytes(folder / "all.h5")
 
 
 def assert_done_rows_are_right(path: Path, whole: Path) -> int:
@@ -144,20 +103,6 @@ def test_a_worker_that_dies_before_its_status_costs_its_rows_only(folder, writer
     assert 0 < assert_done_rows_are_right(folder / output, folder / "serial.h5") < 90
     run(folder, output, "--writer", writer)
     assert deterministic_bytes(folder / output) == deterministic_bytes(folder / "serial.h5")
-
-
-@needs_parallel_hdf5
-def test_a_worker_without_room_ends_the_run_with_one_line(folder):
-    (folder / "without_room.py").write_text(WITHOUT_ROOM)
-    done = launch(3, folder=folder, module="without_room")
-    assert done.returncode == 2, done.stderr
-    problem = [line for line in done.stderr.splitlines() if line.startswith("gen: ")]
-    assert len(problem) == 1
-    assert "make room and run the same command again" in problem[0]
-    assert "Traceback" not in done.stderr
-    assert_done_rows_are_right(folder / "full.h5", folder / "serial.h5")
-    run(folder, "full.h5")
-    assert deterministic_bytes(folder / "full.h5") == deterministic_bytes(folder / "serial.h5")
 
 
 @needs_parallel_hdf5

@@ -95,47 +95,6 @@ def test_oblong_cells(aspect):
         assert coarse.continuum_area_percent == pytest.approx(fine.continuum_area_percent, 0.01)
 
 
-def spectral(q, angle):
-    """Compliance of a grid with the spacing one, whose waves fold at its borders."""
-    along, across = (
-        part - 2 * np.pi * np.round(part / 2 / np.pi)
-        for part in (q * np.cos(angle), q * np.sin(angle))
-    )
-    return 2 / np.hypot(along, across)
-
-
-def uniform(q, angle, reach=14):
-    """Compliance of uniform pressure on cells: the sum over all waves that a grid confuses."""
-    shifts = 2 * np.pi * np.arange(-reach, reach + 1)
-    along = q[:, None, None] * np.cos(angle) + shifts[:, None]
-    across = q[:, None, None] * np.sin(angle) + shifts
-    pressed = np.sinc(along / 2 / np.pi) * np.sinc(across / 2 / np.pi)
-    return (2 / np.hypot(along, across) * pressed).sum(axis=(1, 2))
-
-
-def offset(compliance, angle, end=60.0, steps=6000):
-    """Compute the offset of the module's docstring by the midpoint rule and its tail's mean."""
-    q = (np.arange(steps) + 0.5) * end / steps
-    logarithm = np.log(compliance(q, angle))
-    body = np.sum((logarithm + np.log(q / 2)) / q**2) * end / steps
-    tail = (np.log(end / 2) + 1 + logarithm[steps // 2 :].mean()) / end
-    return (body + tail) / np.pi
-
-
-@pytest.mark.parametrize(
-    ("kernel", "compliance", "mean"),
-    [("spectral", spectral, 0.1014), ("uniform-pressure", uniform, 0.0904)],
-)
-def test_the_closed_form_of_the_local_problem(kernel, compliance, mean):
-    angles = np.radians(np.arange(1.5, 45, 3))
-    offsets = [offset(compliance, angle) for angle in angles]
-    edges = np.cos(angles) + np.sin(angles)
-    assert np.mean(offsets) / np.mean(edges) == pytest.approx(mean, abs=5e-4)
-    q = (np.arange(2000) + 0.5) / 2000 * np.pi
-    geometric = np.exp(np.log(compliance(q, 0.0)).mean())
-    assert geometric == pytest.approx(border.COMPLIANCE[kernel], rel=1e-3)
-
-
 def test_the_layer_below_concentrated_forces():
     tables = [
         influence_coefficients((400, 400), kernel)

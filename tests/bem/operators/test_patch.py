@@ -48,24 +48,17 @@ def approximate_inverse(patch: Patch, nodes: np.ndarray) -> np.ndarray:
     return np.array(columns).T
 
 
-@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize(
+    ("kernel", "aspect"), [(KERNELS[0], 1.0), (KERNELS[1], 1.0), ("uniform-pressure", 7.3)]
+)
 @pytest.mark.parametrize("shape", [*SHAPES, (65, 65), (128, 65)])
-def test_displacement_is_the_dense_product(shape, kernel):
-    pressure, patch = random_field(shape), Patch(shape, "free", kernel, 1.0)
-    expected = dense.displace(pressure, kernel)
+def test_displacement_is_the_dense_product(shape, kernel, aspect):
+    pressure, patch = random_field(shape), Patch(shape, "free", kernel, aspect)
+    expected = dense.displace(pressure, kernel, aspect)
     assert relative_error(exact(patch, pressure), expected) < 1e-12
     single = patch.displace(pressure)
     assert single.dtype == np.float32
     assert relative_error(single, expected) < 1e-6
-
-
-@pytest.mark.parametrize("aspect", [2.0, 0.5, 7.3, 1 / 64])
-@pytest.mark.parametrize("shape", [(1, 17), (16, 33), (65, 20)])
-def test_displacement_on_oblong_cells(shape, aspect):
-    pressure = random_field(shape)
-    expected = dense.displace(pressure, "uniform-pressure", aspect)
-    displacement = exact(Patch(shape, "free", "uniform-pressure", aspect), pressure)
-    assert relative_error(displacement, expected) < 1e-12
 
 
 def test_periods_are_even_and_hold_every_offset():

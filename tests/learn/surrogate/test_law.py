@@ -9,10 +9,7 @@ from comparisons import table
 from learnt_rows import database_of
 from strict import json_of
 
-from gen.generation.plan import parameters
-from gen.generation.sample import solve_contact, surface_of
 from gen.law.curves import Points
-from gen.scene import Scene
 from learn import cli
 from learn.surrogate.law import at_pressures
 
@@ -53,46 +50,6 @@ def test_surfaces_without_asperities_are_left_out_of_a_population(work, capsys):
     mixed = Path("law.csv").read_text()
     run("law", *ask, "many")
     assert Path("law.csv").read_text() == mixed
-
-
-SCENE = """
-samples = 9
-[surface]
-nodes = 17
-[contact]
-kernel = "concentrated-force"
-far_field = "compliant"
-spacing = "side/n"
-modulus = 100.0
-poisson = 0.3
-"""
-
-
-def test_a_scene_is_solved_as_it_says(work, capsys):
-    """Its kernel, far field, spacing and modulus; and over its range of Delta unless told."""
-    Path("mirco.toml").write_text(SCENE)
-    scene = Scene.parse(SCENE, "mirco.toml")
-    run("law", "mirco.toml", "--solver", "--surfaces", "2", "--delta", "2,5", "--csv", "law.csv")
-    assert f"E* = {100 / 0.91:g} MPa" in capsys.readouterr().out
-    found = rows_of("law.csv", "delta_um")[1:]
-    plan = parameters(scene, 0, 2)
-    for row in found:
-        contacts = [
-            solve_contact(scene, surface_of(scene, plan, surface), float(row["delta_um"]))
-            for surface in range(2)
-        ]
-        assert float(row["force_uN"]) == pytest.approx(np.mean([each.force for each in contacts]))
-        pressure = np.mean([each.force for each in contacts]) / (17 * scene.spacing[0]) ** 2
-        assert float(row["pressure_MPa"]) == pytest.approx(pressure)
-    run(
-        "law", "hybrid.surrogate", "mirco.toml", "--surfaces", "2", "--delta", "5", "--csv", "p.csv"
-    )
-    (predicted,) = rows_of("p.csv", "delta_um")[1:]
-    cells = float(predicted["force_uN"]) / float(predicted["pressure_MPa"])
-    assert cells == pytest.approx((17 * scene.spacing[0]) ** 2)
-    Path("rigid.toml").write_text(SCENE.replace('far_field = "compliant"', ""))
-    run("law", "rigid.toml", "--solver", "--surfaces", "2", "--delta", "5", "--csv", "law.csv")
-    assert column(rows_of("law.csv", "delta_um"), "delta_um")[1] == 5
 
 
 def test_a_predicted_population_has_bands_at_given_pressure(work):
