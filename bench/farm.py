@@ -39,8 +39,7 @@ from gen.generation.sample import compute_rows
 from gen.runtime import farm
 from gen.runtime.errors import InputError
 from gen.runtime.installation import command_for
-from gen.scene import Scene, load
-from gen.scene.columns import columns_for, row_bytes
+from gen.scene import Scene, columns_for, load, row_bytes
 from gen.schema import Status
 
 TIMEOUT = 300.0  # seconds after which a measurement counts as hanging

@@ -18,8 +18,8 @@ from pydantic import (
     BaseModel,
     ConfigDict,
     Field,
-    PlainSerializer,
     PlainValidator,
+    SerializeAsAny,
     Strict,
     TypeAdapter,
     ValidationError,
@@ -188,12 +188,21 @@ class Drawn:
     beyond: bool = False  # whether values have to be above `low`, not only at least `low`
 
     def __call__(self, value: object) -> Distribution:
-        """Read a number, a range or a table of a distribution.
-
-        One function does it all because an error message for a union of types would name its
-        members.
-        """
-        distribution = _parsed(value)
+        """Read a number, a range or a table; errors of a union of types would name its members."""
+        distribution: Distribution
+        if isinstance(value, LogUniform | Normal | Choice):
+            distribution = value
+        else:
+            key = "range" if isinstance(value, list | tuple) else "number"
+            if isinstance(value, dict):
+                named = [name for name in TABLES if name in value]
+                if len(named) != 1:
+                    raise ValueError(f"give one of the keys {', '.join(TABLES)}")
+                (key,) = named
+            try:
+                distribution = _READERS[key].validate_python(value)
+            except ValidationError as error:
+                raise _refusal(key, error) from None
         smallest, largest = limits(distribution)
         inside = smallest > self.low if self.beyond else smallest >= self.low
         if inside and largest <= self.high:
@@ -205,43 +214,23 @@ class Drawn:
         raise PydanticCustomError("distribution", "a value is outside the limits")
 
 
-def _written(distribution: Distribution) -> float | tuple[float, float] | dict[str, object]:
-    """Write a distribution as it stands in a scene's text."""
-    if isinstance(distribution, Table):
-        return distribution.model_dump(exclude_none=True)
-    return distribution
+def _refusal(key: str, error: ValidationError) -> Exception:
+    """Return the error for a number, a range or a table that breaks its rules, in its words."""
+    fault = error.errors(include_url=False)[0]
+    if fault["type"] == "value_error":
+        return ValueError(str(fault["ctx"]["error"]))
+    if key not in TABLES:
+        return PydanticCustomError("distribution", "not a finite number or a range")
+    inner = str(fault["loc"][0])
+    field = TABLES[key].model_fields.get(inner)
+    said = f"is {field.description}" if field else f"is unknown beside {key}"
+    return ValueError(f"{inner} {said}")
 
 
-_TEXT = PlainSerializer(_written)
-AnyNumber = Annotated[Distribution, PlainValidator(Drawn()), _TEXT]
-AtLeastZero = Annotated[Distribution, PlainValidator(Drawn(0.0)), _TEXT]
-AboveZero = Annotated[Distribution, PlainValidator(Drawn(0.0, beyond=True)), _TEXT]
-FromZeroToOne = Annotated[Distribution, PlainValidator(Drawn(0.0, 1.0)), _TEXT]
-
-
-def _parsed(value: object) -> Distribution:
-    """Turn TOML's number, array or table into a distribution."""
-    if isinstance(value, LogUniform | Normal | Choice):
-        return value
-    key = "range" if isinstance(value, list | tuple) else "number"
-    if isinstance(value, dict):
-        named = [name for name in TABLES if name in value]
-        if len(named) != 1:
-            raise ValueError(f"give one of the keys {', '.join(TABLES)}")
-        (key,) = named
-    try:
-        read: Distribution = _READERS[key].validate_python(value)
-    except ValidationError as error:
-        fault = error.errors(include_url=False)[0]
-        if fault["type"] == "value_error":
-            raise ValueError(str(fault["ctx"]["error"])) from None
-        if key not in TABLES:
-            raise PydanticCustomError("distribution", "not a finite number or a range") from None
-        inner = str(fault["loc"][0])
-        field = TABLES[key].model_fields.get(inner)
-        said = f"{inner} is {field.description}" if field else f"{inner} is unknown beside {key}"
-        raise ValueError(said) from None
-    return read
+AnyNumber = Annotated[Distribution, PlainValidator(Drawn()), SerializeAsAny()]
+AtLeastZero = Annotated[Distribution, PlainValidator(Drawn(0.0)), SerializeAsAny()]
+AboveZero = Annotated[Distribution, PlainValidator(Drawn(0.0, beyond=True)), SerializeAsAny()]
+FromZeroToOne = Annotated[Distribution, PlainValidator(Drawn(0.0, 1.0)), SerializeAsAny()]
 
 
 def limits(distribution: Distribution) -> tuple[float, float]:

@@ -1,6 +1,6 @@
 """The columns that every database can have, and the numbers of layout and results.
 
-Parameters of surfaces are named by their generators: `gen.scene.columns` puts both together.
+Parameters of surfaces are named by their generators: `gen.scene` puts both together.
 Lengths are in um, pressures in MPa, forces in uN.
 """
 

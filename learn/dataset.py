@@ -22,8 +22,7 @@ from numpy.typing import NDArray
 from gen.arrays import Indices, Values
 from gen.database import Reader
 from gen.runtime.errors import InputError
-from gen.scene import ScanSurface, Scene
-from gen.scene.columns import columns_for, parameter_columns
+from gen.scene import ScanSurface, Scene, columns_for, parameter_columns
 from gen.scene.faults import shown
 from gen.schema import REASONS, Column, Reason, Status, statistics_columns
 from learn.executor import Executor

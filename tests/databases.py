@@ -9,8 +9,7 @@ from launch import python
 
 from gen import database, schema
 from gen.database import Writer, create
-from gen.scene import DisplacedSurface, Scene
-from gen.scene.columns import columns_for
+from gen.scene import DisplacedSurface, Scene, columns_for
 from gen.schema import Reason, Status
 
 

@@ -31,8 +31,7 @@ from gen.arrays import Values
 from gen.database import Reader
 from gen.runtime.errors import InputError
 from gen.runtime.figure import draw_parity, parity_axes
-from gen.scene import Scene, differences, load
-from gen.scene.columns import ALL_COLUMNS
+from gen.scene import ALL_COLUMNS, Scene, differences, load
 from gen.schema import Column, Status, statistics_columns
 from learn.dataset import Dataset
 from learn.features import OF_SURFACES

@@ -13,7 +13,7 @@ from bench.contents import Figure, Table
 from bench.files import read_toml
 from bench.picture import save
 from bench.surrogates.cost import PAPER_ROWS, PAPER_TESTS
-from gen.scene.columns import ALL_COLUMNS
+from gen.scene import ALL_COLUMNS
 from learn.metrics import Scores
 
 GRIDS = (2, 8, 32, 128)  # cells a side of the surfaces that show how the generator works

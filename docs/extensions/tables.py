@@ -12,7 +12,7 @@ from bench.answers import lines as answers
 from bench.record import Inputs
 from bench.report import PARTS
 from gen.maps.settings import markdown_table as preparation
-from gen.scene.columns import markdown_table
+from gen.scene import markdown_table
 from learn.comparison.grid import LEAST_JUDGED, LIBRARY
 from learn.models import MODELS
 

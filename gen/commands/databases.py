@@ -12,7 +12,7 @@ from gen.runtime.files import Output, check_outputs
 from gen.runtime.numbers import shown
 from gen.runtime.terminal import echo, to_type
 
-COLUMNS = Path(__file__).parents[1] / "columns.md"  # what `gen.scene.columns.markdown_table` writes
+COLUMNS = Path(__file__).parents[1] / "columns.md"  # what `gen.scene.markdown_table` writes
 
 
 def run(

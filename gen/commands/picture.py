@@ -15,8 +15,7 @@ from gen.material import Bodies
 from gen.runtime.errors import InputError
 from gen.runtime.figure import log_axis, new_figure, require_picture_name, save
 from gen.runtime.terminal import shortened
-from gen.scene import Scene
-from gen.scene.columns import columns_for, parameter_columns
+from gen.scene import Scene, columns_for, parameter_columns
 from gen.schema import Status
 
 WIDTH = 11.0  # width of the picture [inches]

@@ -25,8 +25,7 @@ from numpy.typing import NDArray
 
 from gen.arrays import Columns, Values
 from gen.distribution import log_within, quantiles
-from gen.scene import Piece, Scene
-from gen.scene.columns import parameter_columns
+from gen.scene import Piece, Scene, parameter_columns
 from gen.scene.tables import Quantity
 
 CHUNK = 65_536
@@ -153,7 +152,7 @@ def _hardness(scene: Scene, start: int, stop: int) -> Values | None:
     A pair of limits is log-uniform here, unlike those of all other numbers.
     """
     contact = scene.contact
-    given, limits = contact.hardness_distribution, contact.hardness_limits
+    given, limits = contact.hardness or contact.hardness_ratio, contact.hardness_limits
     if given is None or limits is None:
         return None
     if not contact.draws_hardness:

@@ -30,8 +30,7 @@ from gen.runtime.errors import InputError, SourceError
 from gen.runtime.farm import Overtime, at_most
 from gen.runtime.memory import too_little_for_solve
 from gen.runtime.user_code import faults_of, load_function, source_hash
-from gen.scene import PythonSurface, Scene, Store
-from gen.scene.columns import columns_for, require_own_names
+from gen.scene import PythonSurface, Scene, Store, columns_for, require_own_names
 from gen.schema import DONE_REASONS, Reason, Status
 from gen.statistics import describe, rms_slope
 
@@ -223,11 +222,11 @@ def _solve(scene: Scene, heights: Heights, plan: Parameters, rows: Columns, row:
             rows[name][row] = getattr(contact, name)
         if not np.isfinite(contact.force):
             return Reason.NOT_FINITE
-        store, wanted = scene.store, scene.optional_columns
+        store = scene.store
         outputs = outputs_of(store, contact, plan.first + row) if store.function else {}
-        for name in (*ANSWERS, *(OPTIONAL_ANSWERS & wanted), *({"delta"} - {scene.quantity})):
+        for name in (*ANSWERS, *(OPTIONAL_ANSWERS & rows.keys()), *({"delta"} - {scene.quantity})):
             rows[name][row] = getattr(contact, name)
-        for name in FURTHER_ANSWERS.keys() & wanted:
+        for name in FURTHER_ANSWERS.keys() & rows.keys():
             rows[name][row] = FURTHER_ANSWERS[name](contact)
         for name, value in outputs.items():
             rows[name][row] = value

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, Annotated, Union
 
-from pydantic import Discriminator, Tag
+from pydantic import Field
 
 from gen.generators.function import PythonSurface
 from gen.generators.scans import ScanSurface
@@ -20,19 +20,10 @@ GENERATORS: tuple[type[GeneratedSurface], ...] = (
 """Tables of surfaces; a new generator is a file of this folder and a line here. A scene that names
 no generator has the first one, the paper's. Columns of parameters stand in this order."""
 
-TAGS = {f"<{table.NAMES[0]}>": table for table in GENERATORS}
-"""Tables of surfaces by the tags that locations of errors have."""
-
-
-def tag_of(value: object) -> str:
-    """Return the tag of the rules for a table of surfaces, the paper's if it names no generator."""
-    own = value.get("generator") if isinstance(value, dict) else getattr(value, "generator", None)
-    tags = (tag for tag, table in TAGS.items() if own in table.NAMES)
-    return next(tags, next(iter(TAGS)))
-
+TAGS = {name: table for table in GENERATORS for name in table.NAMES}
+"""Tables of surfaces by the names of their generators, which locations of errors have too."""
 
 if TYPE_CHECKING:
     Surface = GeneratedSurface
 else:
-    _TAGGED = tuple(Annotated[table, Tag(tag)] for tag, table in TAGS.items())
-    Surface = Annotated[Union[_TAGGED], Discriminator(tag_of)]  # noqa: UP007
+    Surface = Annotated[Union[GENERATORS], Field(discriminator="generator")]  # noqa: UP007

@@ -1,11 +1,22 @@
 """Scenes: the TOML files that describe a database, read and checked in this one room."""
 
 from gen.generators import DisplacedSurface, PythonSurface, ScanSurface
-from gen.scene.columns import columns_for, row_bytes
-from gen.scene.scene import Scene, differences, load, preset_names
+from gen.scene.faults import differences
+from gen.scene.scene import (
+    ALL_COLUMNS,
+    Scene,
+    columns_for,
+    load,
+    markdown_table,
+    parameter_columns,
+    preset_names,
+    require_own_names,
+    row_bytes,
+)
 from gen.scene.tables import Piece, Store, flags
 
 __all__ = [
+    "ALL_COLUMNS",
     "DisplacedSurface",
     "Piece",
     "PythonSurface",
@@ -16,6 +27,9 @@ __all__ = [
     "differences",
     "flags",
     "load",
+    "markdown_table",
+    "parameter_columns",
     "preset_names",
+    "require_own_names",
     "row_bytes",
 ]

@@ -1,14 +1,19 @@
-"""Messages about a scene that breaks a rule: key, value, allowed."""
+"""Messages about scenes: what breaks a rule, and what differs between two of them."""
+
+from __future__ import annotations
 
 import difflib
 import re
 from collections.abc import Iterator
-from typing import Any, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 from pydantic import ValidationError
 
 from gen.distribution import TABLES, Table
-from gen.generators import GENERATORS, TAGS
+from gen.generators import TAGS
+
+if TYPE_CHECKING:
+    from gen.scene.scene import Scene
 
 Location = tuple[int | str, ...]
 
@@ -43,10 +48,13 @@ def first_fault(error: ValidationError, root: type[Table]) -> str:
     faults = error.errors(include_url=False)
     # A misspelt key makes another one look missing: the misspelt one is the better news.
     fault = min(faults, key=lambda fault: fault["type"] != "extra_forbidden")
-    location, value, kind = fault["loc"], shown(fault["input"]), fault["type"]
-    tags = [str(part) for part in location if part in TAGS]
-    parts = tuple(part for part in location if part not in TAGS)
-    key, known = dotted(parts), dict(_known_keys(root, tags[0] if tags else next(iter(TAGS))))
+    location, given, kind = fault["loc"], fault["input"], fault["type"]
+    if kind == "union_tag_invalid":
+        location, given = (*location, "generator"), given["generator"]
+    tag = str(location[1]) if location[:1] == ("surface",) and len(location) > 1 else ""
+    parts = (location[0], *location[2:]) if tag in TAGS else location
+    key, value = dotted(parts), shown(given)
+    known = dict(_known_keys(root, tag if tag in TAGS else next(iter(TAGS))))
     if kind == "extra_forbidden":
         text = _unknown(location, key, value, known)
     elif kind == "conflict":
@@ -67,8 +75,8 @@ def first_fault(error: ValidationError, root: type[Table]) -> str:
 def _unknown(location: Location, key: str, value: str, known: dict[str, str]) -> str:
     """Describe a key that no table has, or only the table of another generator."""
     owners = [name for name, table in TAGS.items() if location[-1] in table.model_fields]
-    if len(location) == 3 and owners and any(part in TAGS for part in location):
-        there = " or ".join(f"'{name}'" for owner in owners for name in TAGS[owner].NAMES)
+    if len(location) == 3 and location[1] in TAGS and owners:
+        there = " or ".join(f"'{name}'" for name in owners)
         return f"unknown key {key} = {value} of this generator; it is one of {there}"
     # Of keys with the same last name the one in the same table is meant.
     nearest = sorted(known, key=lambda name: name.startswith(f"{location[0]}."))
@@ -79,7 +87,7 @@ def _unknown(location: Location, key: str, value: str, known: dict[str, str]) ->
 
 def _known_keys(table: type[Table], tag: str, prefix: str = "") -> Iterator[tuple[str, str]]:
     """Yield every key of a scene, dotted and without indices, with its allowed values in words."""
-    *others, last = (f"'{name}'" for each in GENERATORS for name in each.NAMES)
+    *others, last = (f"'{name}'" for name in TAGS)
     for name, field in table.model_fields.items():
         words = f"{', '.join(others)} or {last}" if name == "generator" else field.description
         yield prefix + name, words or ""
@@ -94,3 +102,32 @@ def _tables(annotation: Any, tag: str) -> Iterator[type[Table]]:
     for kind in kinds:
         if isinstance(kind, type) and issubclass(kind, Table) and kind not in others:
             yield kind
+
+
+def differences(in_file: Scene, asked_for: Scene) -> list[str]:
+    """List the keys that change results and differ between two scenes, with both values.
+
+    Each is a text as "contact.rtol: 2e-07 in the file, 1e-08 asked for".
+    """
+    old = dict(_leaves(in_file.relevant()))
+    new = dict(_leaves(asked_for.relevant()))
+    hashes = {("surface", "source"), ("store", "source")}
+    return [
+        f"{dotted(key)}: the source of the function's module has changed"
+        if key in hashes and key in old and key in new
+        else f"{dotted(key)}: {shown(old.get(key))} in the file, {shown(new.get(key))} asked for"
+        for key in old | new
+        if old.get(key) != new.get(key)
+    ]
+
+
+def _leaves(value: object, location: Location = ()) -> Iterator[tuple[Location, object]]:
+    """Yield every single value of nested tables and arrays with its location."""
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            yield from _leaves(inner, (*location, name))
+    elif isinstance(value, tuple):
+        for index, inner in enumerate(value):
+            yield from _leaves(inner, (*location, index))
+    else:
+        yield location, value

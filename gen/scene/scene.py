@@ -1,10 +1,11 @@
-"""Scenes: the tables of a TOML file that describe a database, shipped ones and those in files."""
+"""Scenes: the tables of a TOML file that describe a database, and the columns that it gets."""
 
 import hashlib
 import json
 import math
 import tomllib
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, Self
@@ -19,12 +20,13 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from gen.distribution import Distribution, Table, limits
-from gen.generators import TAGS, DisplacedSurface, ScanSurface, Surface, tag_of
+from gen.generators import GENERATORS, DisplacedSurface, ScanSurface, Surface
 from gen.runtime.errors import InputError
 from gen.runtime.files import read_bytes
 from gen.runtime.terminal import printable
-from gen.scene.faults import DOTTED, Location, dotted, first_fault, shown
+from gen.scene.faults import DOTTED, first_fault
 from gen.scene.tables import UNITS, Contact, Delta, Load, Piece, Quantity, Store
+from gen.schema import COLUMNS, DRAWN_NAMES, RUNTIME, Column
 from gen.surface import Grid
 
 INERT = {"samples", "title", "creator", "licence"}  # keys of a scene that change no row
@@ -63,24 +65,33 @@ class Scene(Table):
     @model_validator(mode="before")
     @classmethod
     def _complete(cls, content: Any) -> Any:
-        """Give a scene without loads the paper's displacements, and windows no edges.
+        """Complete a scene by what follows from its other keys.
 
-        A window is a piece of a larger surface: a free patch would have edges where the surface has
-        none.
+        Without a generator it has the paper's, without loads the paper's displacements. Windows
+        have no edges: a window is a piece of a larger surface, which has none there. The spacing of
+        a patch without edges is that of its cells.
         """
         if not isinstance(content, dict):
             return content
-        if TAGS[tag_of(content.get("surface"))].WINDOWS:
-            contact = content.get("contact", {})
-            mirrored = {"boundary": "mirror", **contact} if isinstance(contact, dict) else contact
-            return {**content, "contact": mirrored}
-        if content.keys().isdisjoint({"delta", "load"}):
-            return {**content, "delta": Delta()}
+        content, generator = dict(content), GENERATORS[0].NAMES[0]
+        if isinstance(surface := content.get("surface"), dict):
+            content["surface"] = surface = {"generator": generator, **surface}
+            generator = surface["generator"]
+        windows = generator in ScanSurface.NAMES or isinstance(surface, ScanSurface)
+        if isinstance(contact := content.get("contact", {}), dict):
+            contact = {"boundary": "mirror", **contact} if windows else contact
+            edgeless = contact.get("boundary", "free") != "free"
+            content["contact"] = {"spacing": "side/n", **contact} if edgeless else contact
+        if not windows and content.keys().isdisjoint({"delta", "load"}):
+            content["delta"] = Delta()
         return content
 
     @model_validator(mode="after")
-    def _require_one_table_of_loads(self) -> Self:
-        """Refuse two tables of loads, none, and loads that the contact cannot have."""
+    def _require_what_goes_together(self) -> Self:
+        """Refuse loads that the contact cannot have, and surfaces that cannot be made.
+
+        Surfaces of maps are known once a run has found them.
+        """
         if self.delta is None and self.load is None:
             raise PydanticCustomError(
                 "conflict",
@@ -97,14 +108,6 @@ class Scene(Table):
                 f"load.quantity = '{self.quantity}' needs contact.far_field = 'rigid', not"
                 " 'compliant'",
             )
-        return self
-
-    @model_validator(mode="after")
-    def _require_surfaces_and_solutions(self) -> Self:
-        """Refuse surfaces that cannot be made, and loads all of which exceed the hardness.
-
-        Those of maps are known once a run has found them. Corrected areas need square cells.
-        """
         if isinstance(self.surface, ScanSurface) and self.surface.found is None:
             return self
         if fault := self.surface.fault_on(self.grid):
@@ -112,7 +115,9 @@ class Scene(Table):
         hardness = self.contact.hardness_limits
         if hardness is None or self.quantity not in {"pressure", "force"}:
             return self
-        patch = math.prod(self.shape) * math.prod(self.spacing) if self.quantity == "force" else 1.0
+        patch = (
+            math.prod((*self.grid.shape, *self.grid.spacing)) if self.quantity == "force" else 1.0
+        )
         least = min(limits(piece.range)[0] for piece in self.pieces)
         if least >= hardness[1] * patch:
             raise PydanticCustomError(
@@ -124,11 +129,14 @@ class Scene(Table):
         return self
 
     @model_serializer(mode="wrap")
-    def _without_absent_loads(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Leave out the table of loads that the scene does not have."""
+    def _without_absent_keys(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave out the table of loads that the scene does not have, and free boundaries.
+
+        The boundary of windows is not free by default, so that theirs is written.
+        """
         content: dict[str, Any] = handler(self)
-        if self.surface.WINDOWS:  # their boundary is not free by default
-            content["contact"]["boundary"] = self.contact.boundary
+        if self.contact.boundary == "free" and not self.surface.WINDOWS:
+            content.get("contact", {}).pop("boundary", None)
         return {name: value for name, value in content.items() if value is not None}
 
     @property
@@ -243,19 +251,6 @@ class Scene(Table):
         """Number of surfaces that the samples need; the last one may have fewer samples."""
         return -(-self.samples // self.samples_per_surface)
 
-    @property
-    def optional_columns(self) -> frozenset[str]:
-        """Names of the optional columns that this scene asks for."""
-        names = {name for name, wanted in self.store if wanted is True}
-        names |= self.drawn_parameters.keys() | self.surface.PLACES.keys()
-        if self.quantity != "delta":
-            names.add("load")
-        if self.contact.draws_hardness:
-            names.add("hardness")
-        if self.contact.hardness_limits is not None:
-            names.add("yielded_percent")
-        return frozenset(names)
-
     @classmethod
     def parse(cls, text: str, source: str, folder: Path | None = None) -> Self:
         """Read a scene from TOML.
@@ -353,9 +348,9 @@ class Scene(Table):
         str
             The hash in hexadecimal digits.
         """
-        return hashlib.sha256(json.dumps(self._relevant(), sort_keys=True).encode()).hexdigest()
+        return hashlib.sha256(json.dumps(self.relevant(), sort_keys=True).encode()).hexdigest()
 
-    def _relevant(self) -> dict[str, Any]:
+    def relevant(self) -> dict[str, Any]:
         """Return the keys that change results, with their values."""
         content = self.model_dump(exclude=INERT, exclude_none=True)
         return {**content, "surface": self.surface.relevant(content["surface"])}
@@ -389,49 +384,118 @@ def load(name_or_path: str) -> Scene:
     if name_or_path in preset_names():
         preset = files("gen") / "scenes" / f"{name_or_path}.toml"
         return Scene.parse(preset.read_text(encoding="utf-8"), f"scene {name_or_path}")
-    return Scene.parse(_read(name_or_path), name_or_path, Path(name_or_path).parent)
-
-
-def _read(path: str) -> str:
-    """Read a scene's file; drop the byte order mark that some editors write."""
     try:
-        return read_bytes(Path(path), MOST_BYTES).decode("utf-8-sig")
+        text = read_bytes(Path(name_or_path), MOST_BYTES).decode("utf-8-sig")  # some editors' mark
     except FileNotFoundError:
         reason = "neither a file nor a preset"
     except UnicodeDecodeError as error:
         reason = f"not UTF-8 text (byte {error.start} is {error.object[error.start]:#04x})"
     except ValueError as error:  # no regular file, too large, a null character in the path
         reason = str(error)
-    presets = ", ".join(preset_names())
-    raise InputError(
-        printable(f"scene {path!r}: {reason}; give a preset ({presets}) or the path of a TOML file")
-    )
-
-
-def differences(in_file: Scene, asked_for: Scene) -> list[str]:
-    """List the keys that change results and differ between two scenes, with both values.
-
-    Each is a text as "contact.rtol: 2e-07 in the file, 1e-08 asked for".
-    """
-    old = dict(_leaves(in_file._relevant()))
-    new = dict(_leaves(asked_for._relevant()))
-    hashes = {("surface", "source"), ("store", "source")}
-    return [
-        f"{dotted(key)}: the source of the function's module has changed"
-        if key in hashes and key in old and key in new
-        else f"{dotted(key)}: {shown(old.get(key))} in the file, {shown(new.get(key))} asked for"
-        for key in old | new
-        if old.get(key) != new.get(key)
-    ]
-
-
-def _leaves(value: object, location: Location = ()) -> Iterator[tuple[Location, object]]:
-    """Yield every single value of nested tables and arrays with its location."""
-    if isinstance(value, dict):
-        for name, inner in value.items():
-            yield from _leaves(inner, (*location, name))
-    elif isinstance(value, tuple):
-        for index, inner in enumerate(value):
-            yield from _leaves(inner, (*location, index))
     else:
-        yield location, value
+        return Scene.parse(text, name_or_path, Path(name_or_path).parent)
+    presets = f"give a preset ({', '.join(preset_names())}) or the path of a TOML file"
+    raise InputError(printable(f"scene {name_or_path!r}: {reason}; {presets}"))
+
+
+ARGUMENTS = ("shape", "spacing", "rng")
+"""Names that parameters of a user's generator cannot have, which is called with these."""
+
+TAKEN = "is the name of something else; give a name of your own"
+
+
+def _of_generators() -> Iterator[Column]:
+    """Yield the columns of all generators: where surfaces were taken from, and parameters."""
+    columns = {}
+    owners: dict[str, list[str]] = {}
+    for table in GENERATORS:
+        known = table.PARAMETERS
+        for name in (*table.PLACES, *known):
+            owners.setdefault(name, []).extend(f"`{each}`" for each in table.NAMES)
+        for name, words in table.PLACES.items():
+            columns[name] = Column(name, "i4", "1", words)
+        for name, (unit, words, span) in known.items():
+            own = DRAWN_NAMES.get(name, name)
+            columns[name] = Column(own, "f8", unit, words, paper_range=span)
+    for name, column in sorted(columns.items(), key=lambda each: each[1].dtype != "i4"):
+        *others, last = owners[name]
+        several = f"the generators {', '.join(others)} and {last}"
+        yield replace(column, optional=several if others else f"the generator {last}")
+
+
+_PLACE = [column.name for column in COLUMNS].index("surface") + 1
+ALL_COLUMNS = (*COLUMNS[:_PLACE], *_of_generators(), *COLUMNS[_PLACE:])
+"""Every column that a database can have, in the order of the file."""
+
+RESERVED = frozenset(
+    (*(column.name for column in ALL_COLUMNS), *DRAWN_NAMES, RUNTIME, "sample", "x", "y", "area")
+)
+"""Names that outputs of a user's function cannot have: columns, dimensions, groups and targets."""
+
+
+def columns_for(scene: Scene) -> tuple[Column, ...]:
+    """Return a scene's columns in the file's order: common, asked for, the user's own."""
+    parameters, store, contact = parameter_columns(scene), scene.store, scene.contact
+    asked_for = {*parameters.values(), *scene.surface.PLACES}
+    asked_for |= {name for name, wanted in store if wanted is True}
+    asked_for |= {"load"} if scene.quantity != "delta" else set()
+    asked_for |= {"hardness"} if contact.draws_hardness else set()
+    asked_for |= {"yielded_percent"} if contact.hardness_limits is not None else set()
+    chosen = [column for column in ALL_COLUMNS if not column.optional or column.name in asked_for]
+    names = [column.name for column in chosen]
+    if "load" in names:
+        load = names.index("load")
+        chosen[load] = replace(chosen[load], unit=scene.load_unit, long_name=scene.quantity)
+    own = tuple(
+        Column(name, "f8", "1", f"parameter of {scene.surface.generator}")
+        for name in parameters.values()
+        if name not in names
+    )
+    outputs = tuple(
+        Column(name, "f8", unit, f"output of {store.function}", bounds=store.bounds(name))
+        for name, unit in (store.outputs or {}).items()
+    )
+    place = names.index("surface") + 1
+    last = next(index for index, column in enumerate(chosen) if column.group)
+    return (*chosen[:place], *own, *chosen[place:last], *outputs, *chosen[last:])
+
+
+def parameter_columns(scene: Scene) -> dict[str, str]:
+    """Return the columns of the parameters of a scene's surfaces, by the parameters' names."""
+    return {name: DRAWN_NAMES.get(name, name) for name in scene.surface.drawn()}
+
+
+def require_own_names(scene: Scene) -> None:
+    """Refuse parameters and outputs of a user's functions that have the names of other columns.
+
+    Parameters of a user's generator may have the names that other generators' parameters have.
+    """
+    known = {name for table in GENERATORS for name in table.PARAMETERS}
+    for name in scene.surface.drawn():
+        if name in RESERVED - known or name in ARGUMENTS:
+            raise InputError(f"surface.parameters.{name}: {name} {TAKEN}, as own_{name}")
+    for name in scene.store.outputs or ():
+        if name in RESERVED or name in scene.drawn_parameters:
+            raise InputError(f"store.outputs.{name}: {name} {TAKEN}, as own_{name}")
+    outputs = scene.store.outputs
+    for name in (*(scene.store.least or ()), *(scene.store.most or ())):
+        if outputs is not None and name not in outputs:
+            raise InputError(f"store: {name} has bounds; the outputs are {', '.join(outputs)}")
+
+
+def row_bytes(scene: Scene) -> int:
+    """Return the size of one row of a scene's database, all columns together [bytes]."""
+    grid = scene.grid.shape
+    return sum(column.row_bytes(grid) for column in columns_for(scene))
+
+
+def markdown_table() -> str:
+    """Write the table of columns of `docs/how-to/reading.md` and `gen/columns.md`, in Markdown."""
+    lines = ["| Column | Unit | Meaning | Paper's range |", "|---|---|---|---|"]
+    for column in ALL_COLUMNS:
+        span = "{:g} to {:g}".format(*column.paper_range) if column.paper_range else ""
+        shape = ", nx x ny per sample" if column.shape_of else ""
+        condition = f" (with {column.optional})" if column.optional else ""
+        meaning = f"{column.long_name}{shape}{condition}"
+        lines.append(f"| `{column.path}` | {column.unit} | {meaning} | {span} |")
+    return "\n".join(lines)

@@ -7,9 +7,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import (
     AfterValidator,
     Field,
-    SerializerFunctionWrapHandler,
     Strict,
-    model_serializer,
     model_validator,
 )
 from pydantic_core import PydanticCustomError
@@ -17,7 +15,6 @@ from pydantic_core import PydanticCustomError
 from gen.distribution import (
     AboveZero,
     AtLeastZero,
-    Distribution,
     Number,
     Positive,
     Table,
@@ -54,7 +51,7 @@ class Contact(Table):
     far_field: Literal["rigid", "compliant"] = Field(
         default="rigid", description="'rigid' or 'compliant'"
     )
-    # A free patch is never written: scenes without the key keep their texts and fingerprints.
+    # A scene writes no free patch: without the key it keeps its text and its fingerprint.
     boundary: Literal["free", "periodic", "mirror"] = Field(
         default="free", description="'free', 'periodic' or 'mirror'"
     )
@@ -85,22 +82,6 @@ class Contact(Table):
         description="a finite number above 0, or [low, high] with 0 < low <= high [E*], or"
         " a distribution",
     )
-
-    @model_validator(mode="before")
-    @classmethod
-    def _follow_boundary(cls, content: Any) -> Any:
-        """Let the spacing of a patch without edges be that of its cells unless it is given."""
-        if isinstance(content, dict) and content.get("boundary", "free") != "free":
-            return {"spacing": "side/n", **content}
-        return content
-
-    @model_serializer(mode="wrap")
-    def _without_free_boundary(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Leave out the boundary of a free patch."""
-        content: dict[str, Any] = handler(self)
-        if self.boundary == "free":
-            del content["boundary"]
-        return content
 
     @model_validator(mode="after")
     def _require_what_goes_together(self) -> Self:
@@ -133,14 +114,9 @@ class Contact(Table):
         return plane_strain_modulus(self.modulus, self.poisson)
 
     @property
-    def hardness_distribution(self) -> Distribution | None:
-        """Distribution of the hardness in its unit; None for elastic bodies."""
-        return self.hardness if self.hardness_ratio is None else self.hardness_ratio
-
-    @property
     def hardness_limits(self) -> tuple[float, float] | None:
         """Smallest and largest hardness [MPa], equal for a fixed one; None for elastic bodies."""
-        if (given := self.hardness_distribution) is None:
+        if (given := self.hardness or self.hardness_ratio) is None:
             return None
         low, high = limits(given)
         return low * self.hardness_unit, high * self.hardness_unit
@@ -148,6 +124,8 @@ class Contact(Table):
     @property
     def doubts(self) -> list[str]:
         """What no solid has; hardnesses in shares of E* are taken as they are."""
+        if self.hardness is None and "modulus" not in self.model_fields_set:
+            return []
         ends = (None,) if self.hardness is None else limits(self.hardness)
         e_star = plane_strain_modulus(self.modulus, self.poisson)
         known = "modulus" in self.model_fields_set
@@ -156,7 +134,7 @@ class Contact(Table):
     @property
     def draws_hardness(self) -> bool:
         """Whether every sample has a hardness of its own."""
-        given = self.hardness_distribution
+        given = self.hardness or self.hardness_ratio
         return given is not None and is_drawn(given)
 
 

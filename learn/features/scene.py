@@ -13,8 +13,7 @@ from gen.distribution import limits
 from gen.generators import GENERATORS
 from gen.material import plane_strain_modulus
 from gen.runtime.errors import InputError
-from gen.scene import Scene
-from gen.scene.columns import parameter_columns
+from gen.scene import Scene, parameter_columns
 
 SCENE = "scene"
 """Name of the feature set."""

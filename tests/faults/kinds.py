@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from gen.scene.columns import row_bytes
+from gen.scene import row_bytes
 from gen.schema import Reason
 from tests.faults.stage import (
     PROCESSES,

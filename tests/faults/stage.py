@@ -20,8 +20,7 @@ from gen.database import Reader
 from gen.generation.plan import parameters
 from gen.runtime.errors import InputError
 from gen.runtime.files import lock
-from gen.scene import Scene
-from gen.scene.columns import ALL_COLUMNS
+from gen.scene import ALL_COLUMNS, Scene
 from gen.schema import Status
 from tests.launch import command, environment
 

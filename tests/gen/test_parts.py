@@ -11,8 +11,7 @@ from learnt_rows import read
 from gen import cli
 from gen.database import Reader, Writer, create, merge
 from gen.runtime.errors import InputError
-from gen.scene import Scene
-from gen.scene.columns import row_bytes
+from gen.scene import Scene, row_bytes
 
 SCENE = "samples = {}\nsamples_per_surface = 2\n[surface]\nnodes = 17\n"
 

@@ -19,8 +19,7 @@ from gen.generation.sample import compute_rows, surface_of
 from gen.runtime.errors import InputError
 from gen.runtime.farm import World
 from gen.runtime.files import require_file, write
-from gen.scene import load
-from gen.scene.columns import row_bytes
+from gen.scene import load, row_bytes
 from gen.schema import Status
 from learn.comparison import grid as grids
 from learn.comparison import jobs

@@ -13,8 +13,7 @@ from databases import NO_ROOM, PHYSICS, block, filled, raise_physics, run, small
 from gen import cli, database, schema
 from gen.database import Reader, Writer, create, merge, open_or_create
 from gen.runtime.errors import InputError
-from gen.scene import Scene, Store
-from gen.scene.columns import ALL_COLUMNS, columns_for, markdown_table
+from gen.scene import ALL_COLUMNS, Scene, Store, columns_for, markdown_table
 from gen.schema import DRAWN_NAMES, PHYSICS_CHANGES, Status
 
 KILLED_WHILE_EXTENDING = """

@@ -7,8 +7,7 @@ from databases import PHYSICS, block, filled, raise_physics, small
 from gen import database, schema
 from gen.database import Reader, Writer, create, open_or_create
 from gen.runtime.errors import InputError
-from gen.scene import DisplacedSurface, Scene, Store
-from gen.scene.columns import columns_for
+from gen.scene import DisplacedSurface, Scene, Store, columns_for
 from gen.schema import Reason, Status
 
 

@@ -17,7 +17,7 @@ from gen.database import writer
 from gen.generation.run import in_parallel
 from gen.runtime import farm
 from gen.runtime.errors import InputError
-from gen.scene.columns import markdown_table
+from gen.scene import markdown_table
 
 SAMPLE = Path(__file__).resolve().parents[3] / "examples" / "sample.h5"
 SCENE = "samples = {}\nsamples_per_surface = 2\n{}\n[surface]\nnodes = 17\n"

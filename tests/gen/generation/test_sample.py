@@ -6,8 +6,7 @@ import pytest
 import bem
 from gen.generation.plan import parameters
 from gen.generation.sample import compute_rows, solve_contact, surface_of
-from gen.scene import Scene
-from gen.scene.columns import columns_for
+from gen.scene import Scene, columns_for
 from gen.schema import Reason, Status
 from gen.statistics import describe
 
