@@ -28,7 +28,7 @@ from gen.schema import REASONS, Column, Reason, Status, statistics_columns
 from learn.executor import Executor
 from learn.features import FeatureSet, chosen
 from learn.features.scene import BY_FORCE, SCENE, given_values, load_of
-from learn.features.sets import BLOCKS, Rows, limits_of, modulus, node_count, patch_length
+from learn.features.sets import BLOCKS, Rows, geometric_mean, limits_of, modulus
 from learn.metrics import usual_size
 
 INPUTS: tuple[str, ...] = ("delta", *(column.name for column in statistics_columns()))
@@ -69,7 +69,7 @@ class Request:
     targets: tuple[str, ...] = ("area",)
     models: tuple[str, ...] = ()  # all nine if there are none
     area_max: float | None = None  # largest area that is kept [%]
-    normalisation: str = "l2"  # one of `learn.models.NORMALISATIONS`
+    normalisation: str = "l2"  # see `learn.models.pipeline`
     features: str = "paper"  # one of `learn.features.SETS`
     seed: int = 0  # of the split and of the models
     train_rows: int | None = None  # training rows at most
@@ -80,11 +80,6 @@ class Request:
     calibrate_on: Path | None = None  # database whose rows calibrate the intervals
     source: Path | None = None  # comparison folder whose winners' settings are taken
     load: str = ""  # one of `learn.features.scene.LOADS`; the scene's with its features, or Delta
-
-    @property
-    def database(self) -> Path:
-        """The first database."""
-        return self.databases[0]
 
 
 def short_name(column: str) -> str:
@@ -192,7 +187,7 @@ class Stored(NamedTuple):
     versions: str
     rows: Indices  # (n,), their numbers
     columns: Mapping[str, NDArray[Any]]  # (n,) each, by name: all that learning needs
-    given: Mapping[str, Values]  # (n,) each, see `learn.features.scene.given_values`
+    numbers: Rows  # finite where they can be used, without the coarse solve's
     targets: Sequence[Column]
     inputs: Values  # (n, 23), Delta and the 22 statistics
 
@@ -213,29 +208,26 @@ def read(
     """
     if request.area_max is not None and not request.area_max > 0:
         raise InputError(f"--area-max {request.area_max:g}: give a percentage above 0")
-    load = request.load or (load_drawn(request.database) if request.features == SCENE else "delta")
+    load = request.load or (
+        load_drawn(request.databases[0]) if request.features == SCENE else "delta"
+    )
     found = [_read_stored(path, request.targets, load) for path in request.databases]
     scenes = [part.scene for part in found]
     wanted = chosen(request.features, scenes, roots=request.roots, blocks=request.blocks, load=load)
     _require_compatible(found, scaled=wanted.scaled)
-    numbers: list[Rows] = []
-    for part in found:
-        hybrid = None
-        if wanted.needs_surface:
-            from learn.features.regeneration import hybrid_rows
+    if wanted.needs_surface:
+        from learn.features.regeneration import hybrid_rows
 
+        for number, part in enumerate(found):
             workers = executor or Executor()
             hybrid = hybrid_rows(part.path, workers, stopping, wanted.blocks or BLOCKS)
             if stopping():
                 return []
-        numbers.append(_numbers(part, hybrid))
-    sets = []
-    for target in range(len(request.targets)):
-        usable = [
-            _usable(part, own, part.targets[target], wanted, request.area_max)
-            for part, own in zip(found, numbers, strict=True)
-        ]
-        sets.append(_together(usable))
+            found[number] = part._replace(numbers=replace(part.numbers, hybrid=hybrid))
+    sets = [
+        _together([_usable(part, target, wanted, request.area_max) for part in found])
+        for target in range(len(request.targets))
+    ]
     if common:
         keys = [each.database * MOST_ROWS + each.rows for each in sets]
         shared = reduce(np.intersect1d, keys)
@@ -260,15 +252,21 @@ def _read_stored(path: Path, targets: Sequence[str], load: str) -> Stored:
         places = [name for name in (MAP, TILE) if name in scene.surface.PLACES]
         drawn = ["hardness"] if scene.contact.draws_hardness else []
         wanted = {"status", "reason", "area_percent", *columns, *places, *drawn}
+        inputs = np.stack([reader.column(name) for name in INPUTS], axis=1)
+        ratio: Values | float | None = None
+        if (limits := limits_of([scene])) is not None:
+            ratio = reader.column("hardness") / modulus(scene) if drawn else limits[0]
+        size = geometric_mean(scene.sides), ratio, geometric_mean(scene.shape)
+        given = given_values(scene, reader.column)
         return Stored(
             path,
             scene,
             str(reader.attributes["versions"]),
             np.array(reader.rows, dtype=np.int64),
             {name: reader.column(name) for name in wanted},
-            given_values(scene, reader.column),
+            Rows(inputs[:, 1:], inputs[:, 0], *size, given=given),
             [known[column] for column in columns],
-            np.stack([reader.column(name) for name in INPUTS], axis=1),
+            inputs,
         )
 
 
@@ -278,21 +276,11 @@ def load_drawn(path: Path) -> str:
         return load_of(reader.scene)
 
 
-def _numbers(part: Stored, hybrid: Values | None) -> Rows:
-    """Return the numbers of all rows of a database, finite where they can be used."""
-    ratio: Values | float | None = None
-    if (limits := limits_of([part.scene])) is not None:
-        hardness = part.columns.get("hardness")
-        ratio = limits[0] if hardness is None else hardness / modulus(part.scene)
-    length, nodes = patch_length(part.scene.sides), node_count(part.scene)
-    statistics, delta = part.inputs[:, 1:], part.inputs[:, 0]
-    return Rows(statistics, delta, length, ratio, nodes, hybrid, given=part.given)
-
-
 def _usable(
-    part: Stored, numbers: Rows, column: Column, wanted: FeatureSet, area_max: float | None
+    part: Stored, target: int, wanted: FeatureSet, area_max: float | None
 ) -> tuple[Dataset, Stored]:
     """Keep the rows that can be used for one target; groups and populations are not known yet."""
+    column, numbers = part.targets[target], part.numbers
     values = np.asarray(part.columns[column.name], dtype=np.float64)
     area, inputs = part.columns["area_percent"], part.inputs
     with np.errstate(over="ignore", invalid="ignore"):
@@ -432,12 +420,13 @@ def _populations(part: Stored) -> Iterator[Population]:
     surface = part.scene.surface
     own = Population(str(part.path), str(getattr(surface, "generator", "")))
     if MAP not in part.columns or not isinstance(surface, ScanSurface):
-        return iter([own] * part.rows.size)
+        yield from [own] * part.rows.size
+        return
     maps = [
         own._replace(map=f"{Path(each.file).name} {each.sha256[:DIGITS]}")
         for each in surface.known().maps
     ]
-    return (maps[index] for index in part.columns[MAP])
+    yield from (maps[index] for index in part.columns[MAP])
 
 
 def _related(parts: Sequence[Stored]) -> Indices:
@@ -518,7 +507,7 @@ def _linked(first: Indices, second: Indices) -> Indices:
 def remarks(dataset: Dataset, normalisation: str) -> list[str]:
     """List what a user should know of the rows before a model is trained on them.
 
-    The normalisation is one of `learn.models.NORMALISATIONS`.
+    The normalisation is one of `learn.models.pipeline`.
     """
     lines = [f"left out {number} rows: {why}" for why, number in sorted(dataset.dropped.items())]
     names = dataset.features.columns

@@ -68,7 +68,13 @@ def dual_coefficients(kernel: Values, target: Values, alpha: float) -> tuple[Val
     rounding = EPSILON * max(float(diagonal.max()), np.finfo(float).tiny) * len(kernel)
     shift, estimate = alpha, 0.0
     while True:
-        factor, norm, reciprocal = _factorised(kernel, diagonal + shift)
+        factor = np.array(kernel.T, order="F")  # symmetric; the transpose is Fortran's order
+        np.fill_diagonal(factor, diagonal + shift)
+        norm = float(matrix_norm(factor, 1, check_finite=False))
+        if not np.isfinite(norm):
+            raise ValueError("the kernel matrix is not finite: the inputs are too large")
+        factor, failed = dpotrf(factor, overwrite_a=1, clean=0)
+        reciprocal = 0.0 if failed else float(dpocon(factor, anorm=norm)[0])
         if reciprocal > EPSILON:
             break
         # A failed factorisation gives no estimate: take the norm over alpha or the rounding.
@@ -83,17 +89,6 @@ def dual_coefficients(kernel: Values, target: Values, alpha: float) -> tuple[Val
         )
     solution, _ = dpotrs(factor, target)
     return np.asarray(solution).reshape(target.shape), shift
-
-
-def _factorised(kernel: Values, diagonal: Values) -> tuple[Values, float, float]:
-    """Return the Cholesky factor of a kernel with another diagonal, its norm and 1 / condition."""
-    factor = np.array(kernel.T, order="F")  # symmetric; the transpose is Fortran's order
-    np.fill_diagonal(factor, diagonal)
-    norm = float(matrix_norm(factor, 1, check_finite=False))
-    if not np.isfinite(norm):
-        raise ValueError("the kernel matrix is not finite: the inputs are too large")
-    factor, failed = dpotrf(factor, overwrite_a=1, clean=0)
-    return factor, norm, 0.0 if failed else float(dpocon(factor, anorm=norm)[0])
 
 
 def predictions(

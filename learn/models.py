@@ -32,10 +32,6 @@ if TYPE_CHECKING:
 LIBRARIES = ("numpy", "scipy", "scikit-learn", "xgboost-cpu")
 """Libraries whose versions decide the numbers."""
 
-NORMALISATIONS = ("l2", "standard", "min-max", "none")
-"""Scalings of the rows: every row to unit length (the paper's), every input to mean 0 and
-deviation 1, every input to 0..1, or none."""
-
 LONG_TRAINING = 20_000
 """Epochs of the multi-layer perceptron in its search and in its winner's fit; the baseline has 200,
 the default."""
@@ -149,13 +145,6 @@ def default_model(features: str) -> str:
     return POPULATION.name if features == SCENE else "kernel-ridge"
 
 
-def normalisation_of(usual: str, given: str) -> str:
-    """Return the given scaling, or the usual one of the features; InputError if there is none."""
-    if given and given not in NORMALISATIONS:
-        raise InputError(f"--normalise {given!r}: give one of {', '.join(NORMALISATIONS)}")
-    return given or usual
-
-
 def versions() -> dict[str, str]:
     """Return the versions of the libraries that decide the numbers, "" for a missing one."""
     found = dict.fromkeys(LIBRARIES, "")
@@ -198,7 +187,8 @@ def pipeline(
     """Build an unfitted pipeline of scikit-learn: scaling, then the model.
 
     The settings come on top of the baseline's; with `tuned`, so do those that all candidates of a
-    search share. The normalisation is one of `NORMALISATIONS`, the seed that of the model's draws.
+    search share. The normalisation is l2 (every row to unit length, the paper's), standard (every
+    input to mean 0 and deviation 1), min-max (to 0..1) or none. The seed is that of the draws.
     """
     from sklearn.pipeline import Pipeline
     from sklearn.preprocessing import MinMaxScaler, Normalizer, StandardScaler
@@ -322,29 +312,19 @@ OTHERS = 512
 """MiB of other models, as of a cache of kernel rows."""
 
 
-def memory_needed(model: str, rows: int, *, baseline: bool = False) -> int:
-    """Estimate the peak memory of one process that fits a model to some rows [bytes].
+def check_memory(model: str, rows: int, *, baseline: bool = False) -> None:
+    """Refuse a fit of a model to some rows in one process that this machine cannot hold.
 
-    A baseline needs less than the largest candidate of the search.
+    A baseline needs less than the largest candidate of a search. InputError tells the need and the
+    supply.
     """
     pairs = PAIR_BYTES.get(model, 0.0) * (0.52 if baseline and model == "gaussian-process" else 1)
     flat = 0 if baseline else TREES.get(model, OTHERS) * MIB
-    return int(PROCESS + pairs * rows**2 + flat * max(1.0, rows / TREE_ROWS))
-
-
-def memory_available() -> int:
-    """Return the memory that a fit may take on this machine now [bytes]."""
-    return int(USABLE * min(allowed(), free()))
-
-
-def check_memory(model: str, rows: int, *, baseline: bool = False) -> None:
-    """Refuse a model that this machine cannot hold; see `memory_needed`.
-
-    InputError tells the need and the supply.
-    """
-    need, limit = memory_needed(model, rows, baseline=baseline), memory_available()
+    need = PROCESS + pairs * rows**2 + flat * max(1.0, rows / TREE_ROWS)
+    limit = USABLE * min(allowed(), free())
     if need > limit:
         raise InputError(
             f"{model} needs about {need / 2**30:.1f} GiB for {rows} training rows, this machine has"
-            f" {limit / 2**30:.1f} to give: take fewer with --train-rows, or another --model"
+            f" {limit / 2**30:.1f} to give: take fewer with --train-rows, fewer workers, or another"
+            " --model"
         )

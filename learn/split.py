@@ -67,7 +67,12 @@ def draw(
         train = train if train_rows is None else train[:train_rows]
         fault = _fault([dataset, *others], train, test, train_rows)
         if not fault:
-            return Split(train, test, _folds(groups[train]), seed, by_surface)
+            # Folds of about the same size that share no group, of rows sorted by group.
+            starts = np.flatnonzero(np.diff(groups[train], prepend=-1))
+            sizes = np.diff(starts, append=train.size)
+            places = FOLDS * (starts + sizes / 2) / train.size
+            folds = np.minimum(places, FOLDS - 1).astype(np.int8).repeat(sizes)
+            return Split(train, test, folds, seed, by_surface)
         faults.append(fault)
     raise InputError(faults[0])
 
@@ -94,15 +99,6 @@ def require_tiles(dataset: Dataset, wanted: int = TILES) -> None:
             f" {wanted} at least are needed, as no tile may train and test: give larger maps, or"
             " more of them"
         )
-
-
-def _folds(groups: Indices) -> Folds:
-    """Cut rows, sorted by group, into folds of about the same size that share no group."""
-    starts = np.flatnonzero(np.diff(groups, prepend=-1))
-    middles = (starts + np.append(starts[1:], groups.size)) / 2
-    fold_of_group = np.minimum(FOLDS * middles / groups.size, FOLDS - 1).astype(np.int8)
-    number = np.cumsum(np.diff(groups, prepend=-1) != 0) - 1
-    return np.asarray(fold_of_group[number], dtype=np.int8)
 
 
 def _fault(sets: Sequence[Dataset], train: Indices, test: Indices, train_rows: int | None) -> str:

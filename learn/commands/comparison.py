@@ -67,7 +67,6 @@ class Selection(NamedTuple):
         from learn.executor import seconds
         from learn.features import chosen
         from learn.features.scene import SCENE
-        from learn.models import normalisation_of
 
         check_folder(output)
         load = load_drawn(file) if self.features == SCENE else ""
@@ -77,7 +76,7 @@ class Selection(NamedTuple):
             targets=targets_in(self.target, load),
             models=tuple(self.model or ()),
             area_max=self.area_max,
-            normalisation=normalisation_of(chosen(self.features).normalisation, self.normalise),
+            normalisation=self.normalise or chosen(self.features).normalisation,
             features=self.features,
             load=load,
             seed=self.seed,

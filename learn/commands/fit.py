@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
@@ -40,7 +41,7 @@ Blocks = Annotated[
     ),
 ]
 Normalise = Annotated[
-    str,
+    Literal["", "l2", "standard", "min-max", "none"],
     typer.Option(
         metavar="HOW",
         help="l2 (each row to unit length, the paper's), standard, min-max or none; l2 for paper"
@@ -143,7 +144,7 @@ def _request(files: list[Path], output: Path, choice: Choice) -> Request:
     from learn.dataset import Request, load_drawn
     from learn.features import chosen
     from learn.features.scene import SCENE
-    from learn.models import default_model, models_named, normalisation_of
+    from learn.models import default_model, models_named
     from learn.surrogate.fitting import with_conditions
 
     features = chosen(choice.features or "dimensionless", roots=True, blocks=choice.blocks)
@@ -159,7 +160,7 @@ def _request(files: list[Path], output: Path, choice: Choice) -> Request:
         targets=targets_in(choice.target, load),
         models=(model.name,),
         area_max=choice.area_max,
-        normalisation=normalisation_of(features.normalisation, choice.normalise),
+        normalisation=choice.normalise or features.normalisation,
         features=features.name,
         seed=choice.seed or 0,
         train_rows=choice.train_rows,
@@ -186,6 +187,5 @@ def targets_in(text: str, load: str = "") -> tuple[str, ...]:
     return targets
 
 
-def note(line: str) -> None:
-    """Print a line for the user on standard error."""
-    echo(line, err=True)
+note = partial(echo, err=True)
+"""Print a line for the user on standard error."""

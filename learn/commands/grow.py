@@ -86,7 +86,7 @@ def _grow(order: Order, scene: str, budget: str, executor: Executor) -> int:
     from learn.surrogate.fitting import require_better
 
     pace = Pace(seconds(budget) if budget else None, executor.workers)
-    output, database = order.request.output, order.request.database
+    output, database = order.request.output, order.request.databases[0]
     drawing = _beside(output, ".png")
     check_outputs(
         [Output(output, "--output", "surrogate"), Output(drawing, "--output", "picture")],

@@ -35,8 +35,7 @@ from learn.models import (
     UNSCALED,
     Model,
     Scaling,
-    memory_available,
-    memory_needed,
+    check_memory,
     pipeline,
     remarks,
 )
@@ -55,7 +54,7 @@ class Training:
     folds: Folds  # of each training row, (n,)
     test_inputs: Values  # of the m test rows, which no search sees, (m, d)
     test_target: Values  # not scaled, (m,)
-    normalisation: str = "l2"  # one of `learn.models.NORMALISATIONS`
+    normalisation: str = "l2"  # see `learn.models.pipeline`
     seed: int = 0  # of the models' random draws
     scaling: Scaling = UNSCALED
     groups: Indices | None = None  # surfaces of the training rows, (n,)
@@ -168,11 +167,7 @@ def fit(training: Training, task: Task) -> list[Trial]:
     inside = np.flatnonzero(training.folds != task.fold)[: task.rows]
     outside = training.folds == task.fold
     data = training.inputs[inside], training.target[inside], training.inputs[outside]
-    if memory_needed(task.model, inside.size) > memory_available():
-        raise InputError(
-            f"{task.model}: too little memory is free for a fit: give fewer workers, or"
-            " --train-rows"
-        )
+    check_memory(task.model, inside.size)
     with remarks() as said:
         began = perf_counter()
         found = _predictions(training, task, data, training.beside(inside))

@@ -126,7 +126,7 @@ def _targets(
         folder.begin(rows, parts, request)
         with RunProgress(1) as progress:
             progress.say(
-                f"{request.database}: {rows.target_name}, {parts.train.size} training rows,"
+                f"{request.databases[0]}: {rows.target_name}, {parts.train.size} training rows,"
                 f" {parts.test.size} test rows, {rows.features.name} features"
             )
             for line in dataset.remarks(rows, request.normalisation):

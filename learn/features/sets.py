@@ -221,7 +221,7 @@ class FeatureSet:
 
     name: str  # on the command line and in files
     columns: tuple[str, ...]  # names of the features, in order
-    normalisation: str  # the default, of `learn.models.NORMALISATIONS`
+    normalisation: str  # the default of `learn.models.pipeline`
     scaled: bool  # True if features and targets have no units (`scale`)
     blocks: int = 0  # per side of the coarse solve, if `LOCAL` is among the features
     elastic: bool = False  # True if elastic bodies are among those that yield
@@ -356,16 +356,16 @@ def chosen(
         elastic = any(scene.contact.hardness_limits is None for scene in scenes)
         added.append(SCALED_HARDNESS if features.scaled else HARDNESS)
         added += [PLASTIC] if elastic and features.needs_surface else []
-    added += [NODES] if len({node_count(scene) for scene in scenes}) > 1 else []
+    added += [NODES] if len({geometric_mean(scene.shape) for scene in scenes}) > 1 else []
     columns = (*features.columns, *added)
     return replace(
         features, columns=columns, blocks=(blocks or BLOCKS) if local else 0, elastic=elastic
     )
 
 
-def patch_length(sides: tuple[float, float]) -> float:
-    """Return the scan length L of a patch, the geometric mean of its sides along x and y [um]."""
-    return sides[0] if sides[0] == sides[1] else math.sqrt(sides[0] * sides[1])
+def geometric_mean(along: tuple[float, float]) -> float:
+    """Return the mean of both axes' sides, the scan length L [um], or of their nodes."""
+    return along[0] if along[0] == along[1] else math.sqrt(along[0] * along[1])
 
 
 def modulus(scene: Scene) -> float:
@@ -377,9 +377,3 @@ def limits_of(scenes: Sequence[Scene]) -> Limits | None:
     """Return the smallest and largest hardness over E* of scenes; None if all are elastic."""
     ends = [end / modulus(scene) for scene in scenes for end in scene.contact.hardness_limits or ()]
     return (min(ends), max(ends)) if ends else None
-
-
-def node_count(scene: Scene) -> float:
-    """Return the nodes of a scene's patches along a side, the geometric mean of both axes."""
-    nx, ny = scene.shape
-    return math.sqrt(nx * ny)

@@ -34,7 +34,7 @@ from learn.features.sets import (
     SHIFTS,
     FeatureSet,
     Rows,
-    patch_length,
+    geometric_mean,
 )
 
 Sides = tuple[float, float]
@@ -168,7 +168,7 @@ class SurfaceFeatures:
     @property
     def length(self) -> float:
         """Scan length L, the geometric mean of both sides [um]."""
-        return patch_length(self.sides)
+        return geometric_mean(self.sides)
 
     @cached_property
     def description(self) -> Description:

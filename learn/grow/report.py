@@ -39,7 +39,7 @@ def show(grown: Growth, found: Appraisal) -> None:
     by = rows.get("split_by", "surface")
     about = (
         f"{request.output}: {card['title']}, {card['features']} features; {found.rows} rows of"
-        f" {request.database}: {rows['train']} train, {rows['calibration']} calibrate,"
+        f" {request.databases[0]}: {rows['train']} train, {rows['calibration']} calibrate,"
         f" {rows['test']} held out by {by}, {sum(rows['left_out'].values())} left out"
     )
     for line in (about, *_verdict(grown, found)):

@@ -221,7 +221,7 @@ class Growth:
 
     def run(self) -> None:
         """Go on until there is a reason to end."""
-        path = self.order.request.database
+        path = self.order.request.databases[0]
         wanted = max(stock(path).length, min(self.sizes.rows(0), self.order.most))
         while self.ending is None:
             there = stock(path)
@@ -326,7 +326,7 @@ def grow(
     stop or a kill. InputError is raised if the input cannot be used, or the budget is too small for
     a first surrogate.
     """
-    path = order.request.database
+    path = order.request.databases[0]
     whole = completed(scene, path.parent)
     known = results(whole)
     for target in order.request.targets:

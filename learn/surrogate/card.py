@@ -75,7 +75,7 @@ def make(
         "spacing": list(scene.spacing),
         "modulus": modulus(scene),
         **{name: value for name, value in sometimes.items() if value},
-        "delta": _ends(rows.described[train, 0]),
+        "delta": np.quantile(rows.described[train, 0], (0, 1)).tolist(),
         "area_max": request.area_max,
         "rows": {
             **{name: int(size) for name, size in sizes.items()},
@@ -122,7 +122,7 @@ def judge(learnt: Learnt, rows: Dataset, test: Indices) -> dict[str, Any]:
         **several,
         "column": learnt.column,
         "unit": learnt.unit,
-        "range": _ends(truth * scale),
+        "range": np.quantile(truth * scale, (0, 1)).tolist(),
         "scores": scores_of(learnt, tested, raw),
         "intervals": covered,
     }
@@ -315,8 +315,3 @@ def _ranges(card: Mapping[str, Any], low: Values, high: Values) -> "Table":
     columns = zip(card["columns"], low, high, strict=True)
     rows = [(name, unit, f"{least:.5g}", f"{most:.5g}") for (name, unit), least, most in columns]
     return _table("Inputs and their training ranges", "Input|Unit", "from|to", rows)
-
-
-def _ends(values: Values) -> list[float]:
-    """Return the least and the largest of some values."""
-    return [float(values.min()), float(values.max())]

@@ -218,7 +218,7 @@ def fit(
     split.require_tiles(sets[0])
     parts = split.draw(sets[0], request.seed, request.train_rows, others=sets[1:])
     fitted = fit_parts(request, sets, parts, say, others)
-    require_better(fitted, str(request.database))
+    require_better(fitted, str(request.databases[0]))
     return fitted
 
 

@@ -211,7 +211,15 @@ def _packed(learnt: Learnt, distance: Distance) -> dict[str, Any]:
     intervals, own = learnt.calibration, learnt.calibration.distance
     if own is not None and not np.array_equal(own.centres, distance.centres):
         raise ValueError("errors grow with other distances than those of the surrogate")
-    estimator, trees = _without_trees(_portable(learnt.pipeline.named_steps[STEP]))
+    from sklearn.kernel_ridge import KernelRidge
+
+    fitted = learnt.pipeline.named_steps[STEP]  # without what can be computed again
+    kept = KernelRidge() if isinstance(fitted, KernelRidge) else copy(fitted)
+    vars(kept).update(vars(fitted))
+    if hasattr(kept, "L_"):  # the factor of a Gaussian process, as large as its rows squared
+        kept.L_ = None
+    vars(kept).pop("left_out_", None)  # predictions of the training rows
+    estimator, trees = _without_trees(kept)
     pipeline = copy(learnt.pipeline)
     pipeline.steps = [pipeline.steps[0], (STEP, estimator)]
     return {
@@ -227,18 +235,6 @@ def _packed(learnt: Learnt, distance: Distance) -> dict[str, Any]:
         "grows": own is not None,
         "root": intervals.root,
     }
-
-
-def _portable(estimator: Any) -> Any:
-    """Return an estimator for a file: of its library's type, without what can be computed again."""
-    from sklearn.kernel_ridge import KernelRidge
-
-    kept = KernelRidge() if isinstance(estimator, KernelRidge) else copy(estimator)
-    vars(kept).update(vars(estimator))
-    if hasattr(kept, "L_"):  # the factor of a Gaussian process, as large as its rows squared
-        kept.L_ = None
-    vars(kept).pop("left_out_", None)  # predictions of the training rows
-    return kept
 
 
 def _without_trees(estimator: Any) -> tuple[Any, dict[str, Values] | None]:

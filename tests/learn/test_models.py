@@ -24,7 +24,6 @@ from learn.models import (
     UNFINISHED,
     UNSCALED,
     models_named,
-    normalisation_of,
     pipeline,
     remarks,
     scaling_of,
@@ -73,8 +72,6 @@ def test_spelled_out_defaults_are_defaults(samples):
 def test_wrong_names_are_refused():
     with pytest.raises(InputError, match="decision-tree, random-forest"):
         models_named(["forest"])
-    with pytest.raises(InputError, match="l2, standard, min-max, none"):
-        normalisation_of("l2", "l1")
     assert [model.name for model in models_named(["svm", "mlp"])] == ["svm", "mlp"]
     assert len(models_named(None)) == 9
 

@@ -5,7 +5,6 @@ import pytest
 
 from gen.runtime.errors import InputError
 from learn import models
-from learn.comparison import fits
 from learn.comparison.fits import Trials, shared_predictions
 from learn.models import MODELS, pipeline
 
@@ -68,6 +67,6 @@ def test_a_finished_fit_is_in_its_file_at_once(searching, trials):
 
 
 def test_a_machine_without_the_memory_for_a_fit_ends_the_search(searching, monkeypatch):
-    monkeypatch.setattr(fits, "memory_available", lambda: models.PROCESS)
-    with pytest.raises(InputError, match="svm: too little memory is free for a fit"):
+    monkeypatch.setattr(models, "free", lambda: models.PROCESS)
+    with pytest.raises(InputError, match=r"svm needs about .* fewer workers"):
         searching("svm", {"C": [1.0]}).exhaustive()
