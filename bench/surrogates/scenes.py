@@ -39,8 +39,11 @@ SEED = 4242  # of parameters and surfaces that judge
 FEW = 20  # surfaces that a user would solve for a mean
 QUESTIONS = 10_000
 LEVEL = 0.9
+MEANS = ("nmae", "floor", "mean_inside", "mean_width")
 MODELS = ("population", "kernel-ridge", "gaussian-process")  # whose fits `learn fit` makes
 MODEL_ROWS = 3000  # that train each of them: the fits of the last two take the cube of their number
+SIZES = (500, 1500, 5000)  # rows that train means too
+DRAWS = 5  # of these rows, since means of one fit err alike at neighbouring points
 PROCESS_ROWS = 1000  # of the plain Gaussian process, whose fit takes the cube of their number
 
 SCENES: dict[str, str] = read_toml("surrogates/scenes")["own-numbers"]
@@ -54,6 +57,7 @@ def scene_surrogate(folder: Path, rows: int, points: int, surfaces: int) -> Repo
     TRUSTED.set(True)  # the windows come from a function of `bench`
     found: list[Row] = []
     models: list[Row] = []
+    means: list[Row] = []
     for name, text in SCENES.items():
         path = generated(folder / "databases", name.replace(" ", "-"), f"samples = {rows}\n{text}")
         with Reader(path) as reader:
@@ -83,7 +87,14 @@ def scene_surrogate(folder: Path, rows: int, points: int, surfaces: int) -> Repo
                 row = {"scene": name, "target": target, "model": model, "fit_seconds": seconds}
                 row["nmae"] = _Errors(true).of(new.values[target])
                 models.append({**row, "inside": _inside(new.low[target], new.high[target], true)})
-    return Report({"scene-surrogate": found, "scene-models": models})
+        for size in (each for each in SIZES if each < rows):
+            draws = [replace(request, train_rows=size, seed=draw) for draw in range(DRAWS)]
+            fits = [list(_means(_fitted(each)[0], asked, truth)) for each in draws]
+            for same in zip(*fits, strict=True):
+                mean = {name: float(np.mean([each[name] for each in same])) for name in MEANS}
+                means.append({"scene": name, "target": same[0]["target"], "rows": size, **mean})
+    tables = {"scene-surrogate": found, "scene-models": models, "scene-means": means}
+    return Report(tables)
 
 
 def _fitted(request: Request) -> tuple[Surrogate, float]:
@@ -126,23 +137,38 @@ def solved(
     )
 
 
+def _means(
+    surrogate: Surrogate, asked: dict[str, Values], truth: dict[str, Values]
+) -> Iterator[Row]:
+    """Yield a row for each target: errors of means over surfaces, and what their intervals hold."""
+    answer = surrogate.predict_rows(surrogate.of_numbers(asked), level=LEVEL, mean=True)
+    for target, learnt in surrogate.learnt.items():
+        true, error = truth[learnt.column], _Errors(truth[learnt.column])
+        half = (answer.high[target] - answer.low[target]) / 2
+        wrong = np.abs(answer.values[target] - true.mean(axis=1))
+        yield {
+            "target": target,
+            "nmae": error.of(answer.values[target]),
+            "floor": error.floor,
+            "mean_inside": float(np.mean(wrong <= np.hypot(half, error.half))),
+            "mean_width": float(2 * half.mean() / true.mean()),
+        }
+
+
 def _judged(
     surrogate: Surrogate, request: Request, asked: dict[str, Values], truth: dict[str, Values]
 ) -> Iterator[Row]:
     """Yield a row for each target: errors of the mean, coverage, times; and the plain process's."""
     questions = surrogate.of_numbers(asked)
-    new, mean = (
-        surrogate.predict_rows(questions, level=LEVEL, mean=each) for each in (False, True)
-    )
+    new, means = surrogate.predict_rows(questions, level=LEVEL), _means(surrogate, asked, truth)
     many = {name: np.resize(values, QUESTIONS) for name, values in asked.items()}
     seconds = _seconds(lambda: surrogate.predict_rows(surrogate.of_numbers(many), level=LEVEL))
     inputs = surrogate.features.of(questions)
     every = np.resize(inputs, (QUESTIONS, inputs.shape[1]))
-    for (target, learnt), rows in zip(surrogate.learnt.items(), dataset.read(request), strict=True):
-        true = truth[learnt.column]
+    for mean, rows in zip(means, dataset.read(request), strict=True):
+        target = str(mean["target"])
+        true = truth[surrogate.learnt[target].column]
         low, high, error = new.low[target], new.high[target], _Errors(true)
-        half = (mean.high[target] - mean.low[target]) / 2
-        wrong = np.abs(new.values[target] - true.mean(axis=1))
         process = make_pipeline(
             StandardScaler(),
             GaussianProcessRegressor(
@@ -155,15 +181,11 @@ def _judged(
         middle, deviation = process.predict(inputs, return_std=True)
         deviation *= norm.ppf((1 + LEVEL) / 2)
         yield {
-            "target": target,
-            "nmae": error.of(new.values[target]),
-            "floor": error.floor,
+            **mean,
             "nmae_of_few": _Errors(true[:, :FEW]).of(new.values[target]),
             "floor_of_few": _Errors(true[:, :FEW]).floor,
             "inside": _inside(low, high, true),
             "width": float((high - low).mean() / true.mean()),
-            "mean_inside": float(np.mean(wrong <= np.hypot(half, error.half))),
-            "mean_width": float(2 * half.mean() / true.mean()),
             "answer_seconds": seconds,
             "process_nmae": error.of(middle),
             "process_inside": _inside(middle - deviation, middle + deviation, true),
