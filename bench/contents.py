@@ -5,8 +5,8 @@ caption. The page of all reports and the manual render the same contents.
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -62,20 +62,6 @@ def tables_of(content: Content) -> tuple[Path, ...]:
     if isinstance(content, Figure):
         return content.data
     return (content.data,) if isinstance(content, Table) else ()
-
-
-def files_of(content: Content) -> tuple[Path, ...]:
-    """Return the pictures and tables of a content."""
-    picture = (content.picture,) if isinstance(content, Figure) else ()
-    return *picture, *tables_of(content)
-
-
-def moved(content: Content, place: Callable[[Path], Path]) -> Content:
-    """Return a content whose files are elsewhere."""
-    if isinstance(content, Figure):
-        data = tuple(map(place, content.data))
-        return replace(content, picture=place(content.picture), data=data)
-    return replace(content, data=place(content.data)) if isinstance(content, Table) else content
 
 
 def contents_of(report: str, folder: Path) -> list[Content]:

@@ -10,15 +10,13 @@ import re
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import Field
 
-from bench.contents import Content, Figure, Table, files_of, moved
-from bench.files import is_there
 from bench.report import Part
 from gen.runtime import documents
 from gen.runtime.files import write
@@ -105,7 +103,6 @@ class Record(documents.Document):
     finished: bool = True
     seconds: Annotated[float, Field(ge=0, le=1e15)] = 0.0
     told: list[str] = Field(default_factory=list)
-    contents: list[Content] = Field(default_factory=list)
     inputs: dict[str, int]
     created: str
     commit: str
@@ -137,14 +134,8 @@ class Making:
         changed = [said for name, said in SAME.items() if then[name] != now[name]]
         return f"other {', '.join(changed)}" if changed else ""
 
-    def write(self, contents: Sequence[Content] = (), **said: Any) -> None:
-        """Write the record, with the contents that are shown if it is to say so.
-
-        Their files are in the record's folder; `said` are further fields of `Record`.
-        """
-        folder = self.path.parent
-        if contents:
-            said["contents"] = [moved(e, lambda file: file.relative_to(folder)) for e in contents]
+    def write(self, **said: Any) -> None:
+        """Write the record; `said` are the fields of `Record` that are not known here."""
         known = {"command": self.command, "inputs": self._stamps(), **circumstances()}
         record = Record(**known, **said)
         write(self.path, record.model_dump_json(indent=2, exclude_unset=True) + "\n")
@@ -169,22 +160,6 @@ def read(path: Path) -> Record | None:
     """Read a record; None if there is none."""
     found = documents.read(path, Record)
     return None if found is None else Record.model_validate(found, strict=False)
-
-
-def recorded(path: Path) -> list[Content] | None:
-    """Return the contents that a record lists; None without a record, or if a file is missing."""
-    found = read(path)
-    if found is None:
-        return None
-    contents = [moved(each, lambda file: path.parent / file) for each in found.contents]
-    if not all(is_there(file) for each in contents for file in files_of(each)):
-        return None
-    return [
-        replace(each, command=each.command or found.command)
-        if isinstance(each, Figure | Table)
-        else each
-        for each in contents
-    ]
 
 
 def typed(arguments: Sequence[str]) -> str:

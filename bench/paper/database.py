@@ -10,28 +10,27 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from bench.contents import Content
-from bench.files import write_table
+from bench.files import Row
 from bench.paper.facts import (
     AREA_MAX,
-    DIGITS,
     FINE,
     FINE_ROWS,
     LONGEST_SOLVE,
     RANGES,
-    picture,
+    few,
     ratio,
-    table,
+    rows_of,
     why,
 )
 from bench.picture import COLOURS, new_figure
-from bench.surrogates.cost import PAPER_ROWS, PAPER_SOLVE
+from bench.report import Report
+from bench.surrogates.cost import PAPER_SOLVE
 from bench.surrogates.fitting import fit, parted, read, request_for
 from gen.arrays import Values
 from gen.database import Reader
 from gen.runtime.errors import InputError
 from gen.runtime.figure import draw_parity, parity_axes
-from gen.scene import ALL_COLUMNS, Scene, differences, load
+from gen.scene import ALL_COLUMNS, differences, load
 from gen.schema import Column, Status, statistics_columns
 from learn.dataset import Dataset
 from learn.features import OF_SURFACES
@@ -55,7 +54,7 @@ def finished(path: Path) -> pd.DataFrame:
     return done
 
 
-def solve_times(folder: Path, database: Path) -> list[Content]:
+def solve_times(database: Path) -> Report:
     """Draw the time of a solve against displacement and area (section 2.4)."""
     rows = finished(database)
     seconds = rows["solve_seconds"]
@@ -66,14 +65,11 @@ def solve_times(folder: Path, database: Path) -> list[Content]:
             told = times.agg(["mean", "median", "max"])
             bins.append((name, values.min(), values.max(), len(part), *told))
     header = ("against", "from", "to", "rows", "mean_ms", "median_ms", "longest_ms")
-    data = write_table(folder / "solve-times.csv", header, bins, DIGITS)
-    half = len(bins) // 2
-    delta, area = (each[-1][4] / each[0][4] for each in (bins[:half], bins[half:]))
-    mean, most = 1000 * seconds.mean(), 1000 * seconds.max()
-    said = {"rows": len(rows), "mean": mean, "most": most, "times": 1000 * PAPER_SOLVE / mean}
-    said |= {"delta": delta, "area": area, "why": why("solver")}
-    drawn, points = _times_picture(rows), _points(folder, rows)
-    return [picture(folder, "solve-times", drawn, data, points, **said)]
+    points = rows[["delta", "area_percent", "hurst", "solve_seconds"]].itertuples()
+    names = ("row", "delta_um", "area_percent", "hurst", "solve_s")
+    dots = rows_of(names, ([row, *few(values)] for row, *values in points))
+    tables = {"solve-times": rows_of(header, bins), "rows": dots}
+    return Report(tables, {"solve-times": _times_picture(rows)})
 
 
 def _times_picture(rows: pd.DataFrame) -> Any:
@@ -97,14 +93,7 @@ def _times_picture(rows: pd.DataFrame) -> Any:
     return figure
 
 
-def _points(folder: Path, rows: pd.DataFrame) -> Path:
-    """Write the points of the pictures."""
-    points = rows[["delta", "area_percent", "hurst", "solve_seconds"]].itertuples()
-    header = ("row", "delta_um", "area_percent", "hurst", "solve_s")
-    return write_table(folder / "rows.csv", header, points, DIGITS)
-
-
-def distributions(folder: Path, database: Path) -> list[Content]:
+def distributions(database: Path) -> Report:
     """Draw the distribution of the displacement, and area against it (section 3.2)."""
     rows = finished(database)
     area = rows["area_percent"]
@@ -119,13 +108,10 @@ def distributions(folder: Path, database: Path) -> list[Content]:
     right.legend(loc="upper left", fontsize=9)
     right.set(title="(b) areas", xlabel=LABELS["delta"], ylabel=LABELS["area_percent"])
     figure.colorbar(shown, ax=right, label="Hurst exponent H")
-    said = {"rows": len(rows), "papers": PAPER_ROWS, "largest": area.max()}
-    said |= {"below": 100 * float((area <= AREA_MAX).mean())}
-    said |= {"why": why("areas", largest=AREA_MAX)}
-    return [picture(folder, "database", figure, _points(folder, rows), **said)]
+    return Report({}, {"database": figure})
 
 
-def table_1(folder: Path, database: Path) -> list[Content]:
+def table_1(database: Path) -> Report:
     """Tabulate the ranges of all parameters, and draw their distributions."""
     rows = finished(database)
     ends = ("ours_low", "ours_high", "paper_low", "paper_high", "ours_inside_percent")
@@ -134,12 +120,7 @@ def table_1(folder: Path, database: Path) -> list[Content]:
     low, high = pd.DataFrame(RANGES).to_numpy()
     inside = 100 * ((shown >= low) & (shown <= high)).mean()
     ranges = [_range(column, rows[column.name], inside[column.name]) for column in SHOWN]
-    data = write_table(folder / "table-1.csv", header, ranges, DIGITS)
-    outside = [each.long_name for each in SHOWN if inside[each.name] < ENOUGH_INSIDE]
-    return [
-        table(data, outside=", ".join(outside) or "none"),
-        picture(folder, "statistics", _histograms(rows), data),
-    ]
+    return Report({"table-1": rows_of(header, ranges)}, {"statistics": _histograms(rows)})
 
 
 def _range(column: Column, values: pd.Series, inside: float) -> tuple[object, ...]:
@@ -193,27 +174,18 @@ class Judged(NamedTuple):
     scores: Scores
 
 
-def fine_grid(folder: Path, database: Path, fine: Path) -> list[Content]:
+def fine_grid(database: Path, fine: Path) -> Report:
     """Train with each feature set on the preset's grid, test on the finer one."""
-    same = check(fine).seed == PRESET.seed
+    check(fine)
     found = {name: _judge(database, fine, name) for name in OF_SURFACES}
     first = found["paper"].rows
-    curvature = _curvature(database, first)
-    data = _table_5(folder, found, curvature)
-    predictions = write_table(
-        folder / "fine-grid.csv",
-        ("row", "solved_percent", *found),
-        zip(first.rows, first.target, *(e.prediction for e in found.values()), strict=True),
-        DIGITS,
-    )
-    seen = " (surfaces of the training's seed: not unseen)" if same else ""
-    said: dict[str, Any] = {"rows": first.size, "seen": seen, "papers": FINE_ROWS}
-    said |= {"theirs": FINE.r2, "ours": ", ".join(f"{e.scores.r2:.2f}" for e in found.values())}
-    drawn = _fine_picture(found)
-    return [
-        picture(folder, "fine-grid", drawn, data, predictions, **said),
-        table(data, why=curvature),
-    ]
+    pairs = zip(first.target, *(e.prediction for e in found.values()), strict=True)
+    dots = [[row, *few(pair)] for row, pair in zip(first.rows.tolist(), pairs, strict=True)]
+    tables = {
+        "table-5": _table_5(found, _curvature(database, first)),
+        "fine-grid": rows_of(("row", "solved_percent", *found), dots),
+    }
+    return Report(tables, {"fine-grid": _fine_picture(found)})
 
 
 def tests_of(rows: int) -> int:
@@ -221,8 +193,8 @@ def tests_of(rows: int) -> int:
     return min(FINE_ROWS, max(40, rows // 5))
 
 
-def check(fine: Path) -> Scene:
-    """Return a database's scene; refuse all but the paper preset's on a finer grid."""
+def check(fine: Path) -> None:
+    """Refuse all databases but the paper preset's on a finer grid."""
     with Reader(fine) as reader:
         scene = reader.scene
     nodes, coarse = scene.shape[0], PRESET.shape[0]
@@ -237,7 +209,6 @@ def check(fine: Path) -> Scene:
         raise InputError(
             f"--fine {fine}: give one of the paper preset with another grid ({different[0]})"
         )
-    return scene
 
 
 def _judge(database: Path, fine: Path, features: str) -> Judged:
@@ -258,8 +229,8 @@ def _curvature(database: Path, fine: Dataset) -> str:
     return why("fine", growth=growth, beyond=100 * float((own > np.nanmax(coarse)).mean()))
 
 
-def _table_5(folder: Path, found: dict[str, Judged], curvature: str) -> Path:
-    """Write Table 5, a column for each feature set."""
+def _table_5(found: dict[str, Judged], curvature: str) -> list[Row]:
+    """Return Table 5, a column for each feature set."""
     rows: list[tuple[object, ...]] = []
     for name, theirs in asdict(FINE).items():
         ours = {features: getattr(each.scores, name) for features, each in found.items()}
@@ -268,7 +239,7 @@ def _table_5(folder: Path, found: dict[str, Judged], curvature: str) -> Path:
         rows.append((name, *ours.values(), theirs, apart, curvature))
     header = ("score_percent", *(f"ours_{name}" for name in found))
     names = (*header, "paper", "deviation", "explanation")
-    return write_table(folder / "table-5.csv", names, rows, DIGITS)
+    return rows_of(names, rows)
 
 
 def _fine_picture(found: dict[str, Judged]) -> Any:

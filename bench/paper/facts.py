@@ -1,4 +1,4 @@
-"""The paper's numbers that nothing else here needs, captions, and why ours differ.
+"""The paper's numbers that nothing else here needs, and why ours differ.
 
 Its ranges (Table 1) stand in `gen.columns`, its search spaces, optima, times and scores (Tables 2
 to 4) in `learn.comparison.paper`, its costs (section 4.4) in `bench.surrogates.cost`, its
@@ -6,12 +6,10 @@ paraboloid (section 2.4) in `bench.theory`: modules here take them from there.
 """
 
 import math
-from pathlib import Path
+from collections.abc import Iterable, Sequence
 from typing import Any
 
-from bench.contents import Figure, Table
-from bench.files import read_toml
-from bench.picture import save
+from bench.files import Row, read_toml
 from bench.surrogates.cost import PAPER_ROWS, PAPER_TESTS
 from gen.scene import ALL_COLUMNS
 from learn.metrics import Scores
@@ -27,34 +25,24 @@ RANGES = {column.name: column.paper_range for column in ALL_COLUMNS if column.pa
 AREA_MAX = RANGES["area_percent"][1]  # largest area in the paper's database [%]
 
 
-DIGITS = 4  # significant digits of numbers in tables that people read
+DIGITS = 4  # significant digits of dots of pictures
 
-TEXTS = {
-    kind: {name: " ".join(text.split()) for name, text in texts.items()}
-    for kind, texts in read_toml("paper/texts").items()
-}
+WHY = {name: " ".join(text.split()) for name, text in read_toml("paper/why").items()}
 
 
 def why(name: str, **values: Any) -> str:
     """Say why a number differs from the paper's."""
-    return TEXTS["why"][name].format(**values)
+    return WHY[name].format(**values)
 
 
-def caption(name: str, **values: Any) -> str:
-    """Return the caption of a picture or a table."""
-    return TEXTS["captions"][name].format(**values)
+def rows_of(header: Sequence[str], lines: Iterable[Sequence[Any]]) -> list[Row]:
+    """Return lines of a table by the names of its columns."""
+    return [dict(zip(header, line, strict=True)) for line in lines]
 
 
-def picture(
-    folder: Path, name: str, drawn: Any, *data: Path, shows: str = "", **values: Any
-) -> Figure:
-    """Save a figure under a name; its caption is that of the name, or the one that it `shows`."""
-    return Figure(save(drawn, folder / f"{name}.png"), caption(shows or name, **values), data=data)
-
-
-def table(data: Path, shows: str = "", **values: Any) -> Table:
-    """Show a table with the caption of its file's name, or another one."""
-    return Table(data, caption(shows or data.stem, **values))
+def few(line: Iterable[float]) -> list[float]:
+    """Return numbers of dots with no more digits than can be seen."""
+    return [float(f"{value:.{DIGITS}g}") for value in line]
 
 
 def ratio(ours: float, theirs: float) -> str:

@@ -6,20 +6,18 @@ from typing import Any
 
 import pandas as pd
 
-from bench.contents import Content
-from bench.files import is_there, write_table
 from bench.paper.database import finished
 from bench.paper.facts import (
     AREA_MAX,
-    DIGITS,
     LONGEST_SOLVE,
     TRAIN_ROWS,
-    picture,
+    few,
     ratio,
-    table,
+    rows_of,
     why,
 )
 from bench.picture import COLOURS, new_figure
+from bench.report import Report
 from bench.surrogates.cost import PAPER_ROWS, PAPER_SOLVE, PAPER_TESTS, time_of
 from gen.database import Reader
 from gen.runtime.errors import InputError
@@ -76,7 +74,7 @@ def spread(folder: Folder) -> float:
     return float(truth.var() / truth.mean())
 
 
-def table_2(folder: Path, comparison: Path | None = None) -> list[Content]:
+def table_2(comparison: Path | None = None) -> Report:
     """Tabulate search spaces and optima."""
     tuned = {} if comparison is None else _searched(opened(comparison))
     rows: list[tuple[object, ...]] = []
@@ -90,10 +88,7 @@ def table_2(folder: Path, comparison: Path | None = None) -> list[Content]:
             parameter, tried = name.removeprefix("estimator__"), _values(values)
             rows.append((_title(model), parameter, len(values), tried, theirs, ours, same))
     header = ("model", "hyperparameter", "points", "values_tried", "paper_optimum", "our_optimum")
-    path = write_table(folder / "table-2.csv", (*header, "deviation"), rows)
-    missing = ", ".join(_title(model) for model in SPACES if model not in tuned)
-    said = f" Not searched here: {missing}; learn tune does that." if missing else ""
-    return [table(path, missing=said)]
+    return Report({"table-2": rows_of((*header, "deviation"), rows)})
 
 
 def _title(model: str) -> str:
@@ -113,7 +108,7 @@ def _value(value: Any) -> str:
     return "none" if value is None else str(value)
 
 
-def table_3(folder: Path, comparison: Path) -> list[Content]:
+def table_3(comparison: Path) -> Report:
     """Tabulate the times of the searches."""
     tuned = _searched(opened(comparison))
     rows: list[tuple[object, ...]] = []
@@ -128,10 +123,10 @@ def table_3(folder: Path, comparison: Path) -> list[Content]:
             reason = f"{search['how']} of the grid searched; {reason}"
         rows.append((_title(model), ours, float(theirs), ratio(ours, theirs), reason))
     header = ("model", "ours_s", "paper_s", "ours_over_paper", "explanation")
-    return [table(write_table(folder / "table-3.csv", header, rows, DIGITS))]
+    return Report({"table-3": rows_of(header, rows)})
 
 
-def table_4(folder: Path, comparison: Path) -> list[Content]:
+def table_4(comparison: Path) -> Report:
     """Tabulate scores and times of all models, and how far they are from the paper's."""
     ours = opened(comparison)
     here = spread(ours)
@@ -141,9 +136,7 @@ def table_4(folder: Path, comparison: Path) -> list[Content]:
     ]
     pairs = [f"{n}{end}" for n in (*tables.SCORES.values(), "fit_s", "predict_s") for end in ENDS]
     header = ("model", "result", *pairs, "nMAE_ratio", "unexplained_ratio", "explanation")
-    path = write_table(folder / "table-4.csv", header, rows)
-    trained = ours.record()["conditions"]["train_rows"]
-    return [table(path, rows=trained, papers=TRAIN_ROWS, here=here, there=paper.SPREAD)]
+    return Report({"table-4": rows_of(header, rows)})
 
 
 def _scores_and_times(model: str, kind: str, result: dict[str, Any], here: float) -> Iterator[str]:
@@ -172,17 +165,18 @@ def _scores_and_times(model: str, kind: str, result: dict[str, Any], here: float
 TIMES = {"fit": "fit [s]", "test": "prediction of\nall test rows [s]"}
 
 
-def baselines(folder: Path, comparison: Path) -> list[Content]:
+def baselines(comparison: Path) -> Report:
     """Draw predictions, scores and times of the baselines (section 4.1)."""
-    return predictions(folder, comparison, "baseline") + bars(folder, comparison)
+    dots, scored = predictions(comparison, "baseline"), bars(comparison)
+    return Report({**dots.tables, **scored.tables}, {**dots.pictures, **scored.pictures})
 
 
-def predictions(folder: Path, comparison: Path, kind: str) -> list[Content]:
+def predictions(comparison: Path, kind: str) -> Report:
     """Draw predictions over truth; nothing where the comparison has no result of this kind."""
     ours = opened(comparison)
     shown = results(ours, kind)
     if not shown:
-        return []
+        return Report({})
     kinds = ("baseline",) if kind == "baseline" else ("baseline", "tuned")
     columns = min(3, len(shown))
     lines = -(-len(shown) // columns)
@@ -199,22 +193,8 @@ def predictions(folder: Path, comparison: Path, kind: str) -> list[Content]:
         axis.set_axis_off()
     figure.supxlabel("solved area [%]", fontsize=10)
     figure.supylabel("predicted area [%]", fontsize=10)
-    header = ("model", "solved", "predicted")
-    write_table(folder / f"predictions-{kind}.csv", header, rows, DIGITS)
-    data = filter(is_there, (folder / f"predictions-{each}.csv" for each in kinds))
-    section = "4.1, baselines" if kind == "baseline" else "4.2, tuned models beside baselines"
-    said = {"section": section, **_seen(ours, kind, shown)}
-    return [picture(folder, f"predictions-{kind}", figure, *data, shows="predictions", **said)]
-
-
-def _seen(folder: Folder, kind: str, shown: Shown) -> dict[str, str]:
-    """Say which model is closest here and in the paper, and which predict areas that cannot be."""
-    best = max(shown, key=lambda model: float(shown[model]["test"]["r2"]))
-    theirs = max(shown, key=lambda model: paper.TEST[kind][model].r2)
-    negative = {m: 100 * float((folder.prediction(kind, m)[1] < 0).mean()) for m in shown}
-    below = [f"{MODELS[m].title} ({p:.0f} % of the rows)" for m, p in negative.items() if p >= 1]
-    titles = {"best": MODELS[best].title, "theirs": MODELS[theirs].title}
-    return {**titles, "below": ", ".join(below) or "hardly any"}
+    name = f"predictions-{kind}"
+    return Report({name: rows_of(("model", "solved", "predicted"), rows)}, {name: figure})
 
 
 def _draw_prediction(axis: Any, folder: Folder, kind: str, model: str) -> list[tuple[object, ...]]:
@@ -227,17 +207,17 @@ def _draw_prediction(axis: Any, folder: Folder, kind: str, model: str) -> list[t
         parity_axes(axis, truth)
     draw_parity(axis, truth, predicted, label=label, color=colour, **DOTS[kind])
     axis.legend(loc="lower right", fontsize=7, markerscale=2, framealpha=0.9)
-    return [(model, *pair) for pair in zip(truth, predicted, strict=True)]
+    return [(model, *few(pair)) for pair in zip(truth, predicted, strict=True)]
 
 
-def bars(folder: Path, comparison: Path) -> list[Content]:
+def bars(comparison: Path) -> Report:
     """Draw scores and times of the baselines as bars, the paper's beside ours, if there are any.
 
     Of R2 the rest to 100 % is drawn, for good models look alike in R2.
     """
     shown, theirs = results(opened(comparison), "baseline"), paper.TEST["baseline"]
     if not shown:
-        return []
+        return Report({})
     pairs: dict[str, list[tuple[Any, float]]] = {}
     for name, title in tables.SCORES.items():
         pairs[f"{title} [%]"] = [
@@ -263,8 +243,7 @@ def bars(folder: Path, comparison: Path) -> list[Content]:
         axis.set_ylabel(title.replace("R2", "1 - R²"), fontsize=9)
         axis.margins(y=0.25)
     header = ("model", "quantity", "ours", "paper")
-    path = write_table(folder / "bars.csv", header, rows, DIGITS)
-    return [picture(folder, "bars", figure, path)]
+    return Report({"bars": rows_of(header, rows)}, {"bars": figure})
 
 
 Row = tuple[str, str, str, str, str, str]
@@ -272,12 +251,12 @@ Row = tuple[str, str, str, str, str, str]
 HEADER = ("quantity", "section", "paper", "ours", "deviation", "explanation")
 
 
-def numbers(folder: Path, database: Path, comparison: Path | None = None) -> list[Content]:
+def numbers(database: Path, comparison: Path | None = None) -> Report:
     """Collect the numbers in the paper's text that can be compared with the inputs at hand."""
     rows = [*_of_the_database(database)]
     if comparison is not None:
         rows += _of_the_comparison(comparison)
-    return [table(write_table(folder / "numbers.csv", HEADER, rows))]
+    return Report({"numbers": rows_of(HEADER, rows)})
 
 
 def _of_the_database(path: Path) -> Iterator[Row]:

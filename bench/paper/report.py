@@ -4,36 +4,35 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from inspect import signature
 from pathlib import Path
+from typing import Any
 
 from bench import databases
-from bench.contents import Content, files_of
 from bench.databases import OTHER_SEED
-from bench.paper import database, models, surfaces
-from bench.record import Making, recorded, typed
+from bench.files import Row
+from bench.paper import database as of_database
+from bench.paper import models, surfaces
 from bench.report import Report, remark
 from gen.runtime.errors import InputError
-from gen.runtime.files import check_folder, make_folder
 
-PARTS: Mapping[str, Callable[..., list[Content]]] = {
+PARTS: Mapping[str, Callable[..., Report]] = {
     "numbers": models.numbers,
     "levels": surfaces.levels,
     "profile": surfaces.profile,
     "topographies": surfaces.topographies,
-    "hertz": surfaces.paraboloid,
-    "solve-times": database.solve_times,
-    "distributions": database.distributions,
-    "table-1": database.table_1,
+    "solve-times": of_database.solve_times,
+    "distributions": of_database.distributions,
+    "table-1": of_database.table_1,
     "table-2": models.table_2,
     "table-3": models.table_3,
     "baselines": models.baselines,
     "tuned": partial(models.predictions, kind="tuned"),
     "table-4": models.table_4,
-    "fine": database.fine_grid,
+    "fine": of_database.fine_grid,
     "appendix": surfaces.equal_kernels,
 }
-"""All parts in the paper's order, by the functions that make their files in a folder.
+"""All parts in the paper's order, by the functions that make their tables and pictures.
 
-The further parameters of a function are its inputs by name; it makes more of those with a default.
+The parameters of a function are its inputs by name; it makes more of those with a default.
 """
 
 
@@ -45,47 +44,28 @@ def paper(
     comparison: Path | None,
     only: Sequence[str],
 ) -> Report:
-    """Draw the paper's figures and tables anew; the arguments are those of the command."""
-    inputs = {"database": database, "fine": fine, "comparison": comparison}
-    given = {name: path for name, path in inputs.items() if path is not None}
-    paths = write_report(folder, given, rows, only=only)
-    return Report({}, text="\n".join(map(str, paths)))
-
-
-def write_report(
-    folder: Path, given: Mapping[str, Path], rows: int, *, only: Sequence[str] = ()
-) -> list[Path]:
     """Make the parts that are asked for, all unless named, and that the inputs allow.
 
-    Inputs are `given` by the names of the command's options; databases that are not are generated
-    in the folder's `databases`. Return pictures and tables, in the paper's order.
+    The arguments are those of the command. Databases that are not given are generated in the
+    folder's `databases`.
     """
-    check_folder(folder)
-    for name, refuse in (("comparison", models.opened), ("fine", database.check)):
+    inputs = {"database": database, "fine": fine, "comparison": comparison}
+    given = {name: path for name, path in inputs.items() if path is not None}
+    for name, refuse in (("comparison", models.opened), ("fine", of_database.check)):
         if name in given:
             refuse(given[name])
     parts = _chosen(only, given)
     needed = {each for name in parts for each in signature(PARTS[name]).parameters}
     sources = {**given, **_databases(folder / "databases", given, rows, needed)}
-    make_folder(folder)
-    options = [word for name, path in given.items() for word in (f"--{name}", str(path))]
-    command = typed(["-m", "bench", "paper", *options, "-o", str(folder)])
-    written: dict[Path, None] = {}
+    tables: dict[str, Sequence[Row]] = {}
+    pictures: dict[str, Any] = {}
     for number, name in enumerate(parts, 1):
         remark(f"{number} of {len(parts)}: {name}")
-        _, *wanted = signature(PARTS[name]).parameters
-        own = {each: sources[each] for each in wanted if each in sources}
-        shown = PARTS[name](folder, **own)
-        Making(folder / f"{name}.part.json", command, own).write(shown)
-        written |= dict.fromkeys(path for each in shown for path in files_of(each))
-    return list(written)
-
-
-def contents(folder: Path) -> list[Content]:
-    """List what a page shows of a folder of the report: its parts, those of earlier code last."""
-    records = [folder / f"{name}.part.json" for name in PARTS]
-    earlier = sorted({*folder.glob("*.part.json")} - {*records})
-    return [each for path in (*records, *earlier) for each in recorded(path) or ()]
+        wanted = signature(PARTS[name]).parameters
+        made = PARTS[name](**{each: sources[each] for each in wanted if each in sources})
+        tables |= made.tables
+        pictures |= made.pictures
+    return Report(tables, pictures)
 
 
 def _chosen(only: Sequence[str], given: Mapping[str, Path]) -> list[str]:
@@ -111,7 +91,7 @@ def _databases(
     if "database" in needed:
         found["database"] = databases.of_the_paper(given.get("database"), place, rows)
     if "fine" in needed and "fine" not in given:
-        count = database.tests_of(len(database.finished(found["database"])))
-        text = f"samples = {count}\nseed = {OTHER_SEED}\n{database.FINE_SCENE}"
+        count = of_database.tests_of(len(of_database.finished(found["database"])))
+        text = f"samples = {count}\nseed = {OTHER_SEED}\n{of_database.FINE_SCENE}"
         found["fine"] = databases.generated(place, "fine", text)
     return found

@@ -7,10 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import bem
-from bench import theory
-from bench.contents import Content, Figure
-from bench.files import write_table
-from bench.paper.facts import AREA_MAX, DELTAS, DIGITS, GRIDS, caption, picture
+from bench.paper.facts import AREA_MAX, DELTAS, GRIDS, rows_of
 from bench.picture import COLOURS, new_figure
 from bench.report import Report
 from gen.arrays import Heights
@@ -50,7 +47,7 @@ def above(heights: Heights, *offsets: tuple[int, int]) -> NDArray[np.bool_]:
     return np.asarray(np.all([heights > neighbour for neighbour in neighbours], axis=0))
 
 
-def levels(folder: Path) -> list[Content]:
+def levels() -> Report:
     """Draw one surface at four levels, by both generators (section 2.2)."""
     middle = (ROUGH + SMOOTH) / 2
     figure = new_figure(10.5, 4.9)
@@ -68,11 +65,10 @@ def levels(folder: Path) -> list[Content]:
     for axis in axes[-1]:
         axis.set_xlabel("x [µm]")
     header = ("generator", "cells_a_side", "nodes_a_side", "rms_height_um", "largest_height_um")
-    table = write_table(folder / "levels.csv", header, rows, DIGITS)
-    return [picture(folder, "levels", figure, table, hurst=middle, sigma0=SIGMA0)]
+    return Report({"levels": rows_of(header, rows)}, {"levels": figure})
 
 
-def profile(folder: Path) -> list[Content]:
+def profile() -> Report:
     """Draw a topography and one of its profiles, statistics marked (section 2.3)."""
     heights = shown_surface(ROUGH)
     middle = NODES // 2
@@ -95,8 +91,7 @@ def profile(folder: Path) -> list[Content]:
         ("all nodes", heights.size, values["height_mean"], values["height_rms"]),
     )
     header = ("of", "number", "mean_height_um", "rms_um")
-    table = write_table(folder / "profile.csv", header, counted, DIGITS)
-    return [picture(folder, "profile", figure, table, hurst=ROUGH)]
+    return Report({"profile": rows_of(header, counted)}, {"profile": figure})
 
 
 def _draw_profile(
@@ -118,7 +113,7 @@ def _draw_profile(
     axis.legend(ncols=2, fontsize=8, loc="upper center")
 
 
-def topographies(folder: Path) -> list[Content]:
+def topographies() -> Report:
     """Draw two topographies, and the forces on their nodes at two displacements (section 2.4)."""
     small, large = DELTAS
     cases = [("ad", ROUGH, small), ("be", ROUGH, large), ("cf", SMOOTH, small)]
@@ -146,9 +141,7 @@ def topographies(folder: Path) -> list[Content]:
         line[0].set_ylabel("y [µm]")
         figure.colorbar(drawn, ax=line, label=label)
     header = ("panels", "hurst", "delta_um", "area_percent", "force_uN", "largest_uN", "residual")
-    table = write_table(folder / "topographies.csv", header, rows, DIGITS)
-    areas = [contact.area_percent for contact in pressed]
-    return [picture(folder, "topographies", figure, table, areas=areas)]
+    return Report({"topographies": rows_of(header, rows)}, {"topographies": figure})
 
 
 def _image(axis: Any, field: Any, **options: Any) -> Any:
@@ -161,20 +154,7 @@ APPENDIX_ROWS = 3000
 process's memory grows with their square."""
 
 
-def paraboloid(folder: Path) -> list[Content]:
-    """Press the paraboloid, and draw it as `python -m bench hertz` does (section 2.4)."""
-    rows = theory.hertz()
-    data, drawn = Report({"hertz": rows}).write(folder, "hertz")
-    areas: dict[str, float] = {}
-    for row in rows:
-        name = f"{row['solution']} on {row['nodes']} nodes a side"
-        areas[name] = areas.get(name, 0.0) + row["area_percent"]
-    (_, exact), *others = areas.items()
-    off = [f"{100 * (area / exact - 1):+.1f} % ({name})" for name, area in others]
-    return [Figure(drawn, caption("hertz", off=", ".join(off)), data=(data,))]
-
-
-def equal_kernels(folder: Path, database: Path) -> list[Content]:
+def equal_kernels(database: Path) -> Report:
     """Fit Gaussian process and kernel ridge with equal kernels: they predict alike (Appendix A).
 
     Case 1 has a radial basis function of length 1, which is gamma = 1/2, and 1e-10 on the diagonal.
@@ -208,10 +188,4 @@ def equal_kernels(folder: Path, database: Path) -> list[Content]:
         panels[1].semilogy(truth, off + 1e-18, ".", ms=3)
         panels[1].set(xlabel="solved area [%]", ylabel="difference of the predictions [%]")
     header = ("case", "gp_r2", "ridge_r2", "largest_difference")
-    table = write_table(folder / "appendix.csv", header, lines)
-    said = "; ".join(
-        f"{case}: R2 {gp:.4f} % (Gaussian process), {other:.4f} % (kernel ridge), predictions"
-        f" differ by {largest:.1e} of the largest area"
-        for case, gp, other, largest in lines
-    )
-    return [picture(folder, "appendix", figure, table, said=said, rows=APPENDIX_ROWS)]
+    return Report({"appendix": rows_of(header, lines)}, {"appendix": figure})

@@ -6,18 +6,13 @@ import pytest
 
 import learn.cli
 from bench import __main__ as bench
-from bench import databases, picture, theory
-from bench.contents import Figure, Table, Words, files_of
+from bench import databases, picture
+from bench.contents import Figure, contents_of, tables_of
 from bench.paper import database, facts, report
 from bench.paper.facts import why
-from bench.paper.report import contents
-from bench.record import Making
 from gen.database import Reader
-from gen.runtime.errors import InputError
 
 pytestmark = pytest.mark.long
-
-NAMES = set(report.PARTS)
 
 
 @pytest.fixture(scope="module")
@@ -53,30 +48,25 @@ def comparison(preset, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def made(preset, comparison, tmp_path_factory):
-    """The whole report on few rows: its folder, its inputs, the files that it told of."""
-    folder, compare = tmp_path_factory.mktemp("made"), theory.hertz
-    given = {"database": preset, "comparison": comparison}
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(theory, "hertz", lambda: compare(3))
-        return folder, given, report.write_report(folder, given, 200)
+    """The whole report on few rows: its folder and files."""
+    folder = tmp_path_factory.mktemp("made")
+    made = report.paper(folder, 200, preset, None, comparison, ())
+    return folder, made.write(folder, "paper")
 
 
 def test_everything_there_is_shown_in_the_papers_order(made):
-    folder, _, paths = made
-    shown = contents(folder)
-    files = [path for each in shown for path in files_of(each)]
-    assert list(dict.fromkeys(files)) == paths
+    folder, paths = made
+    shown = contents_of("paper", folder)
+    pictures = {each.picture for each in shown if isinstance(each, Figure)}
+    assert pictures | {path for each in shown for path in tables_of(each)} == set(paths)
     assert all(path.stat().st_size > 60 for path in paths)
-    assert all(each.command.endswith(f"-o {folder}") for each in shown)
-    assert all(30 < len(each.caption) < 900 for each in shown)
-    assert {path.name.partition(".")[0] for path in folder.glob("*.part.json")} == NAMES
     sections = [each.caption.split()[:2] for each in shown if each.caption.startswith("Section")]
     numbers = [float(number.rstrip(",")) for _, number in sections]
     assert numbers == sorted(numbers)
 
 
 def test_tables_hold_both_sides(made, preset):
-    folder, *_ = made
+    folder, _ = made
     with Reader(preset) as reader:
         highest = reader.column("height_max").max()
     first = {row["parameter"]: row for row in table_of(folder / "table-1.csv")}
@@ -104,22 +94,14 @@ def test_tables_hold_both_sides(made, preset):
     assert fifth["nmae"]["paper"] == "3.95"
 
 
-def test_parts_whose_files_are_there_are_shown(tmp_path):
-    assert contents(tmp_path) == []
-    paths = report.write_report(tmp_path / "few", {}, 200, only=("profile", "table-2"))
-    assert {path.name for path in paths} == {"profile.png", "profile.csv", "table-2.csv"}
-    assert not (tmp_path / "few" / "databases").exists()
-    drawn, record = tmp_path / "profile.png", tmp_path / "earlier.part.json"
-    drawn.write_bytes(b"png")
-    Making(record, "command", {}).write([Figure(drawn, "a", "b"), Table(drawn, "d"), Words("c")])
-    assert contents(tmp_path) == [
-        *(Figure(drawn, "a", "b"), Table(drawn, "d", "command"), Words("c"))
-    ]
-    drawn.unlink()
-    assert contents(tmp_path) == []
-    record.write_text("{")
-    with pytest.raises(InputError, match="move it away"):
-        contents(tmp_path)
+def test_parts_whose_files_are_there_are_shown(tmp_path, capsys):
+    folder = tmp_path / "few"
+    few = ["--only", "profile", "--only", "table-2"]
+    assert bench.main(["paper", *few, "-o", str(folder)]) == 0
+    paths = [folder / name for name in ("profile.csv", "table-2.csv", "profile.png")]
+    assert capsys.readouterr().out.splitlines()[-3:] == list(map(str, paths))
+    assert sorted(folder.iterdir()) == sorted(paths)
+    assert len(contents_of("paper", folder)) == 2
 
 
 @pytest.mark.parametrize(
