@@ -1,6 +1,5 @@
 """What is installed, and what is said of a version: citation, changelog, extras, compatibility."""
 
-import ast
 import importlib
 import re
 import shutil
@@ -8,13 +7,13 @@ import subprocess
 import sys
 import tomllib
 import zipfile
-from collections.abc import Iterator
 from email import message_from_bytes
 from email.message import Message
 from functools import reduce
 from pathlib import Path
 
 import pytest
+from test_house import imports
 
 from gen import schema
 from gen.runtime import VERSION, command_line, installation
@@ -254,14 +253,6 @@ def test_every_library_is_always_there_or_of_an_extra():
                 continue
             strangers = set(imports(path)) - known - set(sys.stdlib_module_names)
             assert not strangers, f"{path}: {strangers}"
-
-
-def imports(path: Path) -> Iterator[str]:
-    """Packages that a file imports, also inside its functions."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
-        names += [str(node.module)] if isinstance(node, ast.ImportFrom) else []
-        yield from (name.partition(".")[0] for name in names)
 
 
 def test_no_message_names_a_distribution_that_no_index_has():

@@ -4,7 +4,7 @@ import pytest
 
 from gen.runtime.errors import InputError
 from tests.ledger import __main__ as program
-from tests.ledger.counts import LEDGER, Entry, Key, faults, read, updated, write_entries
+from tests.ledger.counts import LEDGER, Entry, Key, faults, read, write_entries
 
 CONVOLUTIONS = Key("given force", "convolutions")
 NODES = Key("given force", "contact nodes")
@@ -30,22 +30,6 @@ ENTRIES = {CONVOLUTIONS: Entry(500, "first"), NODES: Entry(2000, "first")}
 def test_work_may_fall_and_results_may_not_change(changes, expected):
     counts = {CONVOLUTIONS: 500, NODES: 2000} | changes
     assert list(faults(ENTRIES, counts)) == expected
-
-
-def test_an_entry_that_nobody_counts_fails():
-    (fault,) = faults(ENTRIES, {CONVOLUTIONS: 500})
-    assert fault == "given force, contact nodes: is in the ledger but was not counted"
-
-
-def test_an_update_gives_its_reason_to_changed_entries_alone():
-    counts = {CONVOLUTIONS: 450, NODES: 2000, Key("new", "fits"): 3}
-    entries = updated(ENTRIES, counts, "a better start")
-    assert entries == {
-        CONVOLUTIONS: Entry(450, "a better start"),
-        NODES: Entry(2000, "first"),
-        Key("new", "fits"): Entry(3, "a better start"),
-    }
-    assert not list(faults(entries, counts))
 
 
 def test_the_file_holds_its_entries(tmp_path):

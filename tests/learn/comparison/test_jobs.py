@@ -182,22 +182,6 @@ def test_a_search_that_was_stopped_goes_on_and_ends_with_the_same_tables(
 
 
 @pytest.mark.long
-def test_a_budget_is_the_time_of_the_call_however_long_fits_are(work, monkeypatch):
-    """Perceptrons of which one takes minutes, beside models that share the time."""
-    slow = {"hidden_layer_sizes": [(400, 400)], "solver": ["lbfgs"], "tol": [0.0]}
-    monkeypatch.setitem(paper.SPACES, "mlp", slow)
-    monkeypatch.setitem(paper.SPACES, "decision-tree", {"max_depth": [2, 4, 8]})
-    models = ["--model", "mlp", "--model", "decision-tree", "--model", "kernel-ridge"]
-    began = time.monotonic()
-    code = run("tune", "database.h5", "-o", "out", *models, "--budget", "30s")
-    assert code in {0, 2}, "the perceptron's baseline may be worse than a constant"
-    assert time.monotonic() - began < 90, "a fit of the perceptron alone takes minutes"
-    found = {row["model"]: row["winner"] for row in table("out/area/tuning.csv")}
-    assert "kernel-ridge" in found, "a model has at least what those before it have left"
-    assert found.get("mlp", "baseline") == "baseline"
-
-
-@pytest.mark.long
 @pytest.mark.mpi
 @pytest.mark.skipif(mpiexec() is None, reason="no mpiexec: install the extra 'mpich'")
 def test_tables_do_not_depend_on_the_number_of_ranks(work):
