@@ -67,6 +67,20 @@ def launch(
     )
 
 
+def begin(
+    ranks: int, *arguments: object, folder: Path, module: str = "gen"
+) -> subprocess.Popen[str]:
+    """Start a run that a test disturbs; `communicate` of what it returns waits for its end."""
+    return subprocess.Popen(
+        command(ranks, *arguments, module=module),
+        cwd=folder,
+        env=environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
 def python(
     *words: object, folder: Path | None = None, **variables: str
 ) -> subprocess.CompletedProcess[str]:

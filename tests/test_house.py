@@ -203,6 +203,7 @@ def test_a_missing_extra_is_one_line(line, tmp_path):
 QUICK = NUMERICS | {"bem", "bench", "importlib.metadata", "rich", "pydantic"}
 LEAVES_OUT = {
     "import bem": NUMERICS - BEM_NEEDS | {"gen", "pydantic", "typer", "rich"},
+    "import asperity": {"asperity.functions", "bem"},
     "import gen.generation.sample, gen.generation.run": {
         *("scipy.optimize", "h5py", "rich", "typer", "mpi4py")
     },

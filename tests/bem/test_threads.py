@@ -2,8 +2,6 @@
 
 import os
 import platform
-import subprocess
-import sys
 import threading
 import time
 import warnings
@@ -14,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from launch import python
 from threadpoolctl import ThreadpoolController, threadpool_limits
 
 import bem
@@ -327,5 +326,5 @@ print(min(faults))
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="about glibc's heap")
 def test_a_solve_finds_the_memory_of_the_one_before():
     """It would wait for hundreds of pages otherwise, of 4 KB each."""
-    run = subprocess.run([sys.executable, "-c", SOLVES], capture_output=True, text=True, check=True)
+    run = python("-c", SOLVES)
     assert int(run.stdout) < 20

@@ -2,13 +2,12 @@
 
 import json
 import signal
-import subprocess
 import time
 
 import h5py
 import pytest
 from databases import deterministic_bytes, has_begun, status
-from launch import TIMEOUT, command, environment, is_open_mpi, launch, mpiexec
+from launch import TIMEOUT, begin, is_open_mpi, launch, mpiexec
 
 from gen import cli
 
@@ -58,14 +57,7 @@ def assert_first_rows_are_right(path):
 
 def start(folder, ranks, output):
     """A run that is surely in its midst: some rows are finished, others are not."""
-    run = subprocess.Popen(
-        command(ranks, "run", "scene.toml", "-o", output),
-        cwd=folder,
-        env=environment(),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    run = begin(ranks, "run", "scene.toml", "-o", output, folder=folder)
     limit = time.monotonic() + TIMEOUT
     while not has_begun(folder / output):
         assert time.monotonic() < limit
@@ -129,14 +121,7 @@ def test_the_lock_does_not_outlive_a_killed_run(folder):
 @pytest.mark.long
 @pytest.mark.parametrize("delay", [0.1, 0.5, 0.9, 1.3])
 def test_an_early_signal_leaves_no_rank_waiting(folder, delay):
-    run = subprocess.Popen(
-        command(3, "run", "short.toml", "-o", f"early-{delay}.h5"),
-        cwd=folder,
-        env=environment(),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    run = begin(3, "run", "short.toml", "-o", f"early-{delay}.h5", folder=folder)
     time.sleep(delay)
     run.send_signal(signal.SIGINT)
     try:

@@ -1,14 +1,13 @@
 """`learn grow`: as a user starts it, alone, on three ranks, and killed in its midst."""
 
 import signal
-import subprocess
 import time
 from pathlib import Path
 
 import pytest
 from comparisons import numbers_of
 from databases import deterministic_bytes
-from launch import TIMEOUT, command, environment, launch, mpiexec
+from launch import TIMEOUT, begin, launch, mpiexec
 
 from gen import cli as gen
 from learn import cli
@@ -77,14 +76,7 @@ def test_three_ranks_grow_what_one_process_grows(grown, tmp_path):
 def test_a_signal_in_its_midst_leaves_a_growth_that_goes_on(number, grown, tmp_path, monkeypatch):
     folder, _ = grown
     (tmp_path / "scene.toml").write_text(SCENE)
-    process = subprocess.Popen(
-        command(0, *GROW, module="learn"),
-        cwd=tmp_path,
-        env=environment(),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    process = begin(0, *GROW, folder=tmp_path, module="learn")
     limit = time.monotonic() + TIMEOUT
     while not (tmp_path / "my.h5").exists() and time.monotonic() < limit:
         time.sleep(0.01)

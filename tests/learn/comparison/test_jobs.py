@@ -2,15 +2,15 @@
 
 import json
 import signal
-import subprocess
 import time
 from pathlib import Path
 
 import h5py
+import launch
 import numpy as np
 import pytest
 from comparisons import run, table
-from launch import TIMEOUT, command, environment, mpiexec, walk
+from launch import TIMEOUT, mpiexec, walk
 
 from learn import models as nine
 from learn.comparison import paper, results, tables
@@ -133,17 +133,10 @@ def test_a_search_in_which_every_fit_fails_says_why(work, capsys, monkeypatch):
     assert "'C' parameter" in table("out/area/scores.csv")[0]["failure"]
 
 
-def begin(work, ranks=0):
+def begin(work):
     """Start a search and wait until some of its fits are on disk."""
     arguments = ["tune", "database.h5", "-o", "cut", "--model", "decision-tree"]
-    started = subprocess.Popen(
-        command(ranks, *arguments, module="learn"),
-        cwd=work,
-        env=environment(),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    started = launch.begin(0, *arguments, folder=work, module="learn")
     trials = work / "cut/area/trials/decision-tree.jsonl"
     limit = time.monotonic() + TIMEOUT
     while not trials.exists() or trials.read_bytes().count(b"\n") < 12:
