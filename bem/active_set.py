@@ -123,7 +123,7 @@ class ActiveSet(Iterate):
             settled = False
         if not settled and not max(self.violation()) <= largest:
             (self.pressure, self.residual, self.shift), self.exact = before, False
-        return settled and not self._exceeds()
+        return settled and not self.pressure.max() > self.hardness
 
     def _settle(self, nodes: Nodes) -> bool:
         """Solve on the candidate set, then check all nodes.
@@ -179,7 +179,8 @@ class ActiveSet(Iterate):
         while True:
             rounds += 1
             certain = largest <= CERTAIN * max(self.shift, self.least)
-            if certain and self.hardness < math.inf and self._exceeds():
+            elastic = self.hardness < math.inf and not self.yields  # so far
+            if certain and elastic and self.pressure.max() > self.hardness:
                 self._let_yield()
                 violation, renewed = self.violation(), 1.0
                 largest = max(violation)

@@ -243,10 +243,6 @@ class Iterate:
         over = float(np.maximum(pressure - self.hardness, 0).sum())
         return over / carried if carried > 0 else 0.0
 
-    def _exceeds(self) -> bool:
-        """Return whether bodies that counted as elastic exceed the hardness."""
-        return not self.yields and float(self.pressure.max()) > self.hardness
-
     def _let_yield(self) -> None:
         """Take pressures to the hardness, and let bodies yield from now on."""
         self.expect_yielding()

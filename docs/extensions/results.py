@@ -1,8 +1,9 @@
 """Numbers of the manual, put into its pages when they are built: a Sphinx extension.
 
 A page says `{result} NAME` for a table of `tables`, or `{report} NAME` for everything that a report
-of `bench` shows: its command, machine and commit, pictures, and tables. The lines between the
-fences name the files, for readers of the page's source.
+of `bench` shows: its command, machine and commit, pictures, and tables; `{rooms} PACKAGE` and
+`{walk} NAME` for what `house` draws. The lines between the fences name the files, for readers of
+the page's source.
 """
 
 import re
@@ -10,13 +11,16 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import house
 import tables
 from sphinx.application import Sphinx
 
 from bench.page import fragment
 
 ROOT = Path(__file__).resolve().parents[2]
-BLOCK = re.compile(r"^```\{(result|report)\} (\S+)\n(.*?)^```$", flags=re.DOTALL | re.MULTILINE)
+BLOCK = re.compile(
+    r"^```\{(result|report|rooms|walk)\} (\S+)\n(.*?)^```$", flags=re.DOTALL | re.MULTILINE
+)
 
 
 def result(name: str, listed: list[str], _: Path) -> str:
@@ -33,7 +37,12 @@ def report(name: str, _: list[str], folder: Path) -> str:
     return fragment(name, folder)
 
 
-KINDS: dict[str, Callable[[str, list[str], Path], str]] = {"result": result, "report": report}
+KINDS: dict[str, Callable[[str, list[str], Path], str]] = {
+    "result": result,
+    "report": report,
+    "rooms": house.rooms,
+    "walk": house.walk,
+}
 
 
 def fill(app: Sphinx, document: str, source: list[str]) -> None:
