@@ -93,7 +93,7 @@ def test_the_holdout_never_train(whole):
     apart = set(found.sets[0].rows[found.parts.test])
     assert not apart & set(found.sets[0].rows[found.parts.train])
     rows = found.surrogate.card["rows"]
-    assert rows["train"] == rows["calibration"] == found.parts.train.size
+    assert rows["train"] == found.parts.train.size > rows["calibration"] > 400, "parts that suffice"
     assert rows["test"] == found.parts.test.size
 
 
