@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from bem.influence import KERNELS
 from bem.operators.patch import Patch, fast_period
@@ -30,22 +28,6 @@ def matrix_of(patch: Patch) -> np.ndarray:
     """The influence matrix of all nodes, column by column."""
     units = np.eye(patch.shape[0] * patch.shape[1]).reshape(-1, *patch.shape)
     return np.array([exact(patch, unit).reshape(-1).copy() for unit in units]).T
-
-
-def approximate_inverse(patch: Patch, nodes: np.ndarray) -> np.ndarray:
-    """The approximate inverse on some nodes, column by column."""
-    mask = np.zeros(patch.shape, bool)
-    mask.reshape(-1)[nodes] = True
-    patch.take_contact(mask)
-    columns = []
-    for node in nodes:
-        unit = np.zeros(patch.shape, np.float32)
-        unit.reshape(-1)[node] = 1
-        corrected = np.zeros(patch.shape, np.float32)
-        patch.add_to(corrected, patch.correct(patch.in_contact(unit)))
-        assert not corrected[~mask].any()
-        columns.append(corrected.reshape(-1)[nodes].astype(np.float64))
-    return np.array(columns).T
 
 
 @pytest.mark.parametrize(
@@ -103,16 +85,3 @@ def test_entries_are_those_of_the_transforms(shape, aspect, boundary):
     expected = np.tril(matrix[np.ix_(nodes, nodes)])
     np.testing.assert_allclose(np.tril(patch.entries(nodes, "float64")), expected, atol=1e-12)
     assert np.linalg.eigvalsh(matrix).max() <= patch.norm * (1 + 1e-12)
-
-
-@settings(max_examples=40)
-@given(data=st.data())
-def test_the_inverse_is_symmetric_and_positive_definite_on_any_nodes(data):
-    shape = data.draw(st.tuples(st.integers(1, 14), st.integers(1, 14)))
-    kernel = data.draw(st.sampled_from(KERNELS))
-    aspect = data.draw(st.sampled_from([1.0, 0.25, 5.0])) if kernel == "uniform-pressure" else 1.0
-    everywhere = st.integers(0, shape[0] * shape[1] - 1)
-    nodes = np.array(sorted(data.draw(st.sets(everywhere, min_size=1))))
-    matrix = approximate_inverse(Patch(shape, "free", kernel, aspect), nodes)
-    assert relative_error(matrix, matrix.T) < 2e-5
-    assert np.linalg.eigvalsh((matrix + matrix.T) / 2)[0] > 0

@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 from strict import json_of, rows_of
 
-from bench.calculix import DECK, DOWN, QUANTITIES, YOUNG, pressed
+from bench.calculix import QUANTITIES, pressed
 from gen import cli
 from gen.law import finite_elements
 from gen.law.curves import Curve
@@ -280,31 +280,6 @@ def test_calculix_follows_the_last_slope_past_the_end_of_the_table(law):
         for row in pressed(folder, steps):
             for name in QUANTITIES:
                 assert row[f"{name}_calculix"] == pytest.approx(row[name], rel=1e-3)
-
-
-@needs_calculix
-def test_the_deck_of_the_manual_runs_as_it_stands_and_without_heat(law, tmp_path):
-    folder, _ = law
-    heat = DECK.read_text()
-    cold = heat.replace("*COUPLED TEMPERATURE-DISPLACEMENT, STEADY STATE", "*STATIC")
-    without = "*CONDUCTIVITY\n50.\n", "*INITIAL CONDITIONS, TYPE=TEMPERATURE\nALL, 0.\n", ", NT"
-    for text in (*without, "BOTTOM, 11, 11, 0.\n", "TOP, 11, 11, 100.\n"):
-        assert text in heat
-        cold = cold.replace(text, "")
-    forces = []
-    for name, deck, include in (("heat", heat, "joint-calculix"), ("cold", cold, "plain")):
-        shutil.copy(folder / f"{include}.inp", tmp_path / "joint-calculix.inp")
-        interaction = include.upper().replace("-", "_")
-        text = deck.replace("INTERACTION=JOINT_CALCULIX", f"INTERACTION={interaction}")
-        (tmp_path / f"{name}.inp").write_text(text)
-        done = subprocess.run(["ccx", name], cwd=tmp_path, timeout=60, check=False)
-        assert done.returncode == 0
-        lines = (tmp_path / f"{name}.dat").read_text().split()
-        forces.append(-float(lines[-1]))
-    down = -float(DOWN.split(",")[-1])
-    behaviour = read(folder / "plain.inp")[TABLE]
-    wanted = np.interp(down, behaviour[:, 1] + 2 * behaviour[:, 0] / YOUNG, behaviour[:, 0])
-    np.testing.assert_allclose(forces, wanted, rtol=1e-3)
 
 
 @pytest.fixture

@@ -73,22 +73,6 @@ def test_holes_are_neither_spikes_nor_neighbours(seed):
     assert np.array_equal(np.isnan(despiked), np.isnan(heights))
 
 
-@pytest.mark.parametrize("shape", [(9, 12), (12, 9), (7, 7), (2, 3)])
-def test_medians_are_those_of_numpy_on_the_local_slope(shape):
-    random = np.random.default_rng(3)
-    heights = np.where(random.random(shape) < 0.3, np.nan, random.normal(size=shape))
-    heights[0, 0] = 1.0
-    padded = np.pad(heights, 2, constant_values=np.nan)
-    windows = np.lib.stride_tricks.sliding_window_view(padded, (WINDOW, WINDOW))
-    steps = np.arange(-2, 3)
-    for (x, y), median in np.ndenumerate(local_medians(heights)[0]):
-        window = windows[x, y]
-        slopes = [np.diff(window, axis=axis) for axis in (0, 1)]
-        along_x, along_y = (0.0 if np.isnan(each).all() else np.nanmedian(each) for each in slopes)
-        expected = np.nanmedian(window - along_x * steps[:, None] - along_y * steps)
-        assert median == pytest.approx(expected, rel=1e-12)
-
-
 SPACING = (0.5, 0.8)  # um
 
 

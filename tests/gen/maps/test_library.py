@@ -141,16 +141,6 @@ def path(tmp_path):
     return path
 
 
-def test_maps_come_back_bit_for_bit(path):
-    stored = stored_maps(path, "key", verify=True)
-    assert stored.spacing == (0.5, 0.5)
-    assert [each.remarks for each in stored.maps] == [("a remark",), ()]
-    for each, (made, _) in zip(stored.maps, MAPS, strict=True):
-        assert np.array_equal(each.heights, made.heights)
-        assert isinstance(each.heights, np.memmap)
-        assert not each.heights.flags.writeable
-
-
 @pytest.mark.parametrize("place", [0, PAGE, -1])
 def test_damaged_heights_and_tables_are_noticed(path, place):
     content = bytearray(path.read_bytes())

@@ -20,7 +20,7 @@ pytest.importorskip("matplotlib", reason="needs the extra plot")
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from gen.maps import pictures
-from gen.maps.pictures import CYAN, draw_contacts
+from gen.maps.pictures import draw_contacts
 
 ROUGH = generate_spectral(
     (129, 129), 1000.0, SelfAffineSpectrum(0.7, 250, 16.5), np.random.default_rng(1), rms_height=2.0
@@ -119,31 +119,6 @@ def test_laws_have_the_gap_and_logarithmic_axes_over_decades():
         loads, gaps = gap.lines[0].get_data()
         np.testing.assert_allclose(loads, sorted(pressures), rtol=1e-6)
         assert sorted(gaps, reverse=True) == list(gaps)
-
-
-def test_yielded_nodes_have_a_colour_of_their_own():
-    (elastic,) = bem.ladder(FRACTAL, (100.0, 100.0), [6.0], modulus=E_STAR)
-    (contact,) = bem.ladder(FRACTAL, (100.0, 100.0), [6.0], modulus=E_STAR, hardness=4000.0)
-    assert contact.yielded_percent > 0
-    figure = drawn([contact])
-    assert "E* = 200000 MPa, hardness = 4000 MPa" in figure.get_suptitle()
-    spots = titled(figure, "contact: ")
-    assert f"{contact.yielded_percent:.3g} % yielded (cyan)" in spots.get_title(loc="left")
-    pressures, marks = (image.get_array() for image in spots.images)
-    yielded = contact.pressure.T == 4000.0
-    np.testing.assert_array_equal(marks[..., 3] == 1.0, yielded)
-    np.testing.assert_array_equal(marks[yielded], np.tile((*CYAN, 1.0), (yielded.sum(), 1)))
-    assert np.ma.getmaskarray(pressures)[yielded].all()
-    assert pressures.max() < 4000.0
-    assert [text.get_text() for text in titled(figure, "section at").get_legend().texts] == [
-        "rough body",
-        "half-space",
-        "in contact",
-        "yielded",
-    ]
-    figure = drawn([elastic])
-    assert len(titled(figure, "contact: ").images) == 1
-    assert "hardness" not in figure.get_suptitle()
 
 
 def test_the_flow_takes_the_place_of_the_pressure():

@@ -190,18 +190,9 @@ def x3p(path: Path, replaced: tuple[bytes, bytes] = (b"", b""), folder: str = ""
     return path
 
 
-@pytest.mark.parametrize(
-    ("replaced", "folder", "remark"),
-    [
-        (
-            (b"ISO5436 - 2000", DASH),
-            "a/b/",
-            "its entries lie in the folder 'a/b' and its revision is written with another dash",
-        )
-    ],
-)
-def test_x3p_of_other_programs_is_read(tmp_path, replaced, folder, remark):
-    topography = read(x3p(tmp_path / "scan.x3p", replaced, folder))
+def test_x3p_of_other_programs_is_read(tmp_path):
+    topography = read(x3p(tmp_path / "scan.x3p", (b"ISO5436 - 2000", DASH), "a/b/"))
     np.testing.assert_allclose(topography.heights, SMOOTH, rtol=1e-9)
     assert topography.spacing == pytest.approx((1, 1))
+    remark = "its entries lie in the folder 'a/b' and its revision is written with another dash"
     assert f"({remark})" in topography.steps[0]

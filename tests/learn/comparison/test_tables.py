@@ -2,7 +2,6 @@
 
 import json
 import shutil
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +10,7 @@ from learnt_rows import database_of
 
 from gen.runtime.errors import InputError
 from learn import dataset, split
-from learn.comparison import paper, pictures, tables
+from learn.comparison import paper, tables
 from learn.comparison.folder import Folder
 from learn.comparison.grid import reach
 from learn.dataset import Request
@@ -69,25 +68,6 @@ def test_rows_that_do_not_belong_to_the_predictions_are_refused(thrice, tmp_path
     (tmp_path / "area/rows.csv").write_text("".join(rows[:-1]))
     with pytest.raises(InputError, match=r"decision-tree.csv has 12 rows, rows.csv has 11"):
         tables.read(Folder(tmp_path / "area"))
-
-
-def test_r2_is_drawn_as_what_is_left_of_it_and_baselines_as_circles(work, monkeypatch):
-    for command in ("compare", "tune"):
-        assert run(command, "database.h5", "-o", "out", "--model", "kernel-ridge") == 0
-    figures = {}
-    monkeypatch.setattr(
-        pictures, "save", lambda figure, path, dpi: figures.setdefault(path.name, figure)
-    )
-    pictures.draw(tables.read(Folder(Path("out/area"))))
-    left = next(axis for axis in figures["scores.png"].axes if axis.get_ylabel() == "1 - R2 [%]")
-    assert left.get_yscale() == "log"
-    r2 = [float(row["r2"]) for row in table("out/area/scores.csv")]
-    assert [bar.get_height() for bar in left.patches] == pytest.approx([100 - each for each in r2])
-    line, baseline, tuned = figures["parity.png"].axes[0].lines
-    assert baseline.get_markerfacecolor() == "none"
-    assert baseline.get_markersize() > tuned.get_markersize()
-    assert len(baseline.get_xdata()) == len(tuned.get_xdata()) == 18
-    assert list(line.get_xdata()) == list(line.get_ydata())
 
 
 def test_winners_beyond_the_grid_and_searches_of_too_few_candidates_are_said(work, capsys):

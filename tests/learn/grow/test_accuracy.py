@@ -150,16 +150,6 @@ def test_an_exact_error_asks_for_the_rows_of_the_curve():
     assert advise(appraised(4.0, 0.0, 2.001), curve_of(0, 62.0, 0.5), Sizes(1), 20_000) == 960
 
 
-def test_a_standard_error_asks_for_more():
-    curve = curve_of(0, 62.0, 0.5)
-    exact, uncertain = (
-        advise(appraised(4.0, error, 2.0), curve, Sizes(1), 20_000) for error in (0.0, 0.5)
-    )
-    assert exact < uncertain < math.inf
-    tiles = advise(appraised(4.0, 0.5, 2.0, by_tile=True), curve, Sizes(1), 20_000)
-    assert tiles > uncertain  # more windows, but no more tiles
-
-
 def test_a_floor_above_the_mark_is_hopeless():
     found = appraised(4.0, 0.1, 2.0)
     assert math.isinf(advise(found, curve_of(3.0, 15.5, 0.5), Sizes(1), 20_000))

@@ -297,10 +297,8 @@ def middle(surrogate):
     return (surrogate.low + surrogate.high) / 2
 
 
-@pytest.mark.parametrize(("name", "times"), [("peak_kurtosis_pearson", 40.0)])
-def test_a_moment_beyond_the_training_is_that_at_the_end_of_its_range(
-    surrogate, middle, name, times
-):
+def test_a_moment_beyond_the_training_is_that_at_the_end_of_its_range(surrogate, middle):
+    name, times = "peak_kurtosis_pearson", 40.0
     place = surrogate.features.columns.index(name)
     end, beyond, further = middle.copy(), middle.copy(), middle.copy()
     span = surrogate.high[place] - surrogate.low[place]
