@@ -119,7 +119,10 @@ def contact(
     from gen.runtime.documents import write_csv
 
     load, values = contacts.chosen_load({"delta": delta, "force": force, "pressure": pressure})
-    contacts.require_yielding(flattened, material.hardness)
+    if flattened is not None and material.hardness is None:
+        raise InputError("--flattened needs --hardness: elastic bodies keep their surface")
+    if flattened is not None and flattened.suffix.lower() != ".npy":
+        raise InputError(f"--flattened {flattened}: give a name that ends in .npy")
     pair = contacts.require_conductivities(conductivity) if conductivity else None
     wanted = contacts.Wanted(spots, stiffness, pair, grid_error, flow)
     outputs = [Output(table, "--csv"), Output(picture, "--plot", "picture")]

@@ -104,7 +104,17 @@ def answers(contact: Contact, wanted: Wanted) -> list[Answer]:
 
 def further(contact: Contact, wanted: Wanted) -> list[Answer]:
     """Compute the answers that are asked for; see `answers`."""
-    found = _in_the_continuum(contact) if wanted.grid_error else []
+    found: list[Answer] = []
+    if wanted.grid_error:
+        error, area = contact.grid_error(), contact.continuum_area_percent
+        bar, resolved = error.area_percent, error.resolved
+        unit = f"+- {bar:.2g} %, in 9 of 10 cases" if resolved else "% on this grid"
+        said = "yes" if resolved else "no"
+        found = [
+            Answer("continuum_area_percent", area, "area in the continuum", unit, bar),
+            Answer("continuum_area_error_percent", bar if resolved else "", "its error", "%", bar),
+            Answer("resolved", said, "resolved by the grid", error.reason),
+        ]
     found += _spots(contact) if wanted.spots else []
     try:
         if wanted.flow:
@@ -114,19 +124,6 @@ def further(contact: Contact, wanted: Wanted) -> list[Answer]:
     except ArithmeticError as error:
         raise InputError(str(error)) from None
     return found
-
-
-def _in_the_continuum(contact: Contact) -> list[Answer]:
-    """Return the area in the continuum, its error, and whether the grid resolves the surface."""
-    error = contact.grid_error()
-    bar, resolved = error.area_percent, error.resolved
-    unit = f"+- {bar:.2g} %, in 9 of 10 cases" if resolved else "% on this grid"
-    return [
-        Answer("continuum_area_percent", contact.continuum_area_percent, "area in the continuum",
-               unit, bar),
-        Answer("continuum_area_error_percent", bar if resolved else "", "its error", "%", bar),
-        Answer("resolved", "yes" if resolved else "no", "resolved by the grid", error.reason),
-    ]  # fmt: skip
 
 
 def _spots(contact: Contact) -> list[Answer]:
@@ -322,16 +319,6 @@ def border_remark(topography: Topography, contacts: Sequence[Contact]) -> str:
     if is_tilted(topography):  # whose mirror images are tilted too
         return said
     return f"{said}: if this is a piece of a larger surface, --boundary mirror leaves no edges"
-
-
-def require_yielding(flattened: Path | None, hardness: float | None) -> None:
-    """Refuse to write a flattened surface of bodies that do not yield, or under another suffix."""
-    if flattened is None:
-        return
-    if hardness is None:
-        raise InputError("--flattened needs --hardness: elastic bodies keep their surface")
-    if flattened.suffix.lower() != ".npy":
-        raise InputError(f"--flattened {flattened}: give a name that ends in .npy")
 
 
 def write_flattened(path: Path, contacts: Sequence[Contact], loads: int) -> None:

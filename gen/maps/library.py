@@ -23,9 +23,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import accumulate
+from itertools import accumulate, product
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -161,7 +161,7 @@ def prepared(
                 " written to; set TMPDIR to a folder of yours"
             )
         key = wanted.key(sha256s)
-        path = _file(home, key)
+        path = home / f"asperity-{key[:16]}.maps"
         damaged = path.exists()
         if damaged and not (path.is_file() and kind_of(path) in {"maps", ""}):
             raise InputError(f"{path}: is no file of prepared maps; move it away")
@@ -180,15 +180,11 @@ def opened(
     """Return prepared maps from the file that holds them, read to the end to `verify`, or None."""
     key = wanted.key(sha256s)
     for place in (folder, _temporary_folder(make=False)):
-        stored = None if place is None else stored_maps(_file(place, key), key, verify=verify)
-        if stored is not None:
-            return stored
+        if place is not None:
+            stored = stored_maps(place / f"asperity-{key[:16]}.maps", key, verify=verify)
+            if stored is not None:
+                return stored
     return None
-
-
-def _file(folder: Path, key: str) -> Path:
-    """Return the file of prepared maps with a key, in a folder."""
-    return folder / f"asperity-{key[:16]}.maps"
 
 
 def _square(spacing: Sides) -> Sides:
@@ -317,14 +313,6 @@ WIDE = 2  # side of a tile over that of the window, at least, where the map is l
 FEWEST = 2
 
 
-class Tile(NamedTuple):
-    """A piece of a map: the nodes from the first to one past the last, along x and along y."""
-
-    map: int  # index of the map
-    x: Shape
-    y: Shape
-
-
 @dataclass(frozen=True)
 class Tiling:
     """The tiles of several maps for windows of one shape."""
@@ -333,15 +321,11 @@ class Tiling:
     window: Shape  # nodes of a window along x and y
 
     @cached_property
-    def tiles(self) -> list[list[Tile]]:
-        """The tiles of each map."""
+    def tiles(self) -> list[list[tuple[Shape, Shape]]]:
+        """The tiles of each map: the first node and one past the last, along x and along y."""
         return [
-            [
-                Tile(number, x, y)
-                for x in _cut(shape[0], self.window[0])
-                for y in _cut(shape[1], self.window[1])
-            ]
-            for number, shape in enumerate(self.shapes)
+            list(product(_cut(shape[0], self.window[0]), _cut(shape[1], self.window[1])))
+            for shape in self.shapes
         ]
 
     @cached_property
@@ -400,7 +384,7 @@ def facing(random: np.random.Generator, tiling: Tiling, tiles: range, *, square:
 def _placed(numbers: Values, tiling: Tiling, tile: int, *, square: bool) -> Window:
     """Turn three numbers in [0, 1) into a window of a tile: two for its place, one to turn it."""
     index = bisect_right(tiling.starts, tile) - 1
-    _, *ends = tiling.tiles[index][tile - tiling.starts[index]]
+    ends = tiling.tiles[index][tile - tiling.starts[index]]
     x, y = (
         start + _among(number, stop - start - nodes + 1)
         for number, (start, stop), nodes in zip(numbers[:2], ends, tiling.window, strict=True)
@@ -412,14 +396,10 @@ def _placed(numbers: Values, tiling: Tiling, tile: int, *, square: bool) -> Wind
 def cut(heights: Heights, window: Window, shape: tuple[int, int]) -> Heights:
     """Cut a window out of its map and turn it round."""
     (x, y), (nx, ny) = window.corner, shape
-    patch = turned(heights[x : x + nx, y : y + ny], window.symmetry)
-    return np.ascontiguousarray(patch - patch.min())
-
-
-def turned(patch: Heights, symmetry: int) -> Heights:
-    """Apply a symmetry of `Window` to a patch; views of the same heights."""
+    patch, symmetry = heights[x : x + nx, y : y + ny], window.symmetry
     patch = patch[:: -1 if symmetry & 1 else 1, :: -1 if symmetry & 2 else 1]
-    return patch.T if symmetry & TRANSPOSED else patch
+    patch = patch.T if symmetry & TRANSPOSED else patch
+    return np.ascontiguousarray(patch - patch.min())
 
 
 def _among(number: float, count: int) -> int:

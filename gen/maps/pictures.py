@@ -281,31 +281,22 @@ def draw_contacts(
     save(figure, picture)
 
 
-def section_line(contact: Contact) -> tuple[int, int]:
-    """Return the axis of a section, and the index of its line on the other axis.
-
-    It is the line with the largest force off the border, along the longer side if there is one.
-    """
-    sides = patch_sides(contact)
+def _draw_section(axis: Any, contact: Contact, load: str) -> None:
+    """Draw both bodies along the line with the largest force off the border, in the longer side."""
+    sides, spacing = patch_sides(contact), contact.problem.spacing
     along = 0 if sides[0] >= sides[1] else 1
     forces = contact.pressure.sum(axis=along)
     margin = max(int(BORDER * forces.size), 1)
     inner = forces[margin : forces.size - margin]
-    return along, margin + int(inner.argmax()) if inner.any() else int(forces.argmax())
-
-
-def _draw_section(axis: Any, contact: Contact, load: str) -> None:
-    """Draw both bodies along a line through the contact; the title says at which load."""
-    along, place = section_line(contact)
+    place = margin + int(inner.argmax()) if inner.any() else int(forces.argmax())
     line: tuple[Any, ...] = (slice(None), place) if along == 0 else (place, slice(None))
-    side, spacing = patch_sides(contact)[along], contact.problem.spacing
     first = 0.0 if contact.problem.boundary == "free" else 0.5  # distance of nodes from the border
     position = spacing[along] * (first + np.arange(contact.pressure.shape[along]))
     # The half-space's surface is at 0 before contact, and the rough body comes down from above.
     deformed = -contact.displacement[line]
     rough = contact.gap[line] + deformed
-    margin = 0.08 * float(np.ptp([deformed.min(), deformed.max(), rough.max(), 0.0]))
-    top, bottom = max(float(rough.max()), 0.0) + margin, float(deformed.min()) - margin
+    edge = 0.08 * float(np.ptp([deformed.min(), deformed.max(), rough.max(), 0.0]))
+    top, bottom = max(float(rough.max()), 0.0) + edge, float(deformed.min()) - edge
     axis.fill_between(position, rough, top, color="0.8", label="rough body")
     axis.fill_between(position, bottom, deformed, color="tab:blue", alpha=0.4, label="half-space")
     yielded = yielded_nodes(contact)[line]
@@ -319,7 +310,7 @@ def _draw_section(axis: Any, contact: Contact, load: str) -> None:
     where = f"section at {'yx'[along]} = {across:.4g} µm{load.replace(' at', ',', 1)}"
     axis.set_title(where, loc="left", fontsize=10)
     axis.set(xlabel=f"{'xy'[along]} [µm]", ylabel="z [µm], stretched")
-    axis.set(xlim=(0, side), ylim=(bottom, top))
+    axis.set(xlim=(0, sides[along]), ylim=(bottom, top))
     axis.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=4, fontsize="small", frameon=False)
 
 

@@ -79,9 +79,17 @@ STEPS: Mapping[str, Callable[[Topography, Any], Topography]] = {
 }
 
 
-def changed(topography: Topography, heights: Heights, step: str) -> Topography:
-    """Return the topography with new heights and one more recorded step."""
-    return replace(topography, heights=heights, steps=(*topography.steps, step))
+def changed(
+    topography: Topography, heights: Heights, step: str, spacing: Sides | None = None
+) -> Topography:
+    """Return the topography with new heights, perhaps of a new spacing [um], and a step more."""
+    if spacing is not None:
+        x, y = (
+            (nodes - (topography.boundary == "free")) * apart
+            for nodes, apart in zip(heights.shape, spacing, strict=True)
+        )
+        topography = replace(topography, sides=(x, y))
+    return replace(topography, heights=heights, steps=(*topography.steps, *filter(None, [step])))
 
 
 def cropped(topography: Topography, text: str) -> Topography:
@@ -101,16 +109,7 @@ def cropped(topography: Topography, text: str) -> Topography:
     if np.isnan(heights).all():
         raise InputError(f"{named}: all heights are missing there")
     step = f"cropped to {heights.shape[0]} x {heights.shape[1]} nodes, {text} um"
-    return changed(_on_grid(replace(topography, repeats=False), heights, spacing), heights, step)
-
-
-def _on_grid(topography: Topography, heights: Heights, spacing: Sides) -> Topography:
-    """Give a patch the lengths of other heights with a spacing [um]."""
-    x, y = (
-        (nodes - (topography.boundary == "free")) * step
-        for nodes, step in zip(heights.shape, spacing, strict=True)
-    )
-    return replace(topography, sides=(x, y))
+    return changed(replace(topography, repeats=False), heights, step, spacing)
 
 
 def masked(topography: Topography, kept: tuple[float | None, float | None]) -> Topography:
@@ -223,7 +222,7 @@ def downsampled(topography: Topography, nodes: int) -> Topography:
     rest = f", the last {left[0]} and {left[1]} lines left out" if any(left) else ""
     dx, dy = topography.spacing
     step = f"downsampled to {nx} x {ny} means of {nodes} x {nodes} nodes{rest}"
-    return changed(_on_grid(topography, means, (nodes * dx, nodes * dy)), means, step)
+    return changed(topography, means, step, (nodes * dx, nodes * dy))
 
 
 def _share(chosen: NDArray[np.bool_]) -> str:
@@ -257,11 +256,8 @@ def resampled(topography: Topography, spacing: Sides) -> Topography:
             f"{topography.name}: a spacing of {in_words(spacing)} um leaves {nx} x {ny} nodes,"
             " give one that leaves 2 x 2 or more"
         )
-    result = _on_grid(topography, heights, spacing)
-    if heights is topography.heights:
-        return result
     step = f"resampled to {nx} x {ny} nodes every {in_words(spacing)} um by cubic splines"
-    return changed(result, heights, step)
+    return changed(topography, heights, step * (heights is not topography.heights), spacing)
 
 
 def _along(topography: Topography, heights: Heights, axis: int, new: float) -> Heights:

@@ -10,7 +10,7 @@ from gen.generation.plan import parameters, surface_random
 from gen.generation.sample import surface_of
 from gen.generators import scans
 from gen.generators.scans import Found, ScannedMap
-from gen.maps.library import Tiling, drawn, turned
+from gen.maps.library import Tiling, cut, drawn
 from gen.maps.prepare import prepare
 from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
@@ -77,9 +77,8 @@ def test_a_surface_is_a_window_of_a_prepared_map(folder, nodes, symmetries):
     for row in range(0, scene.samples, 2):
         window = drawn(surface_random(scene, row // 2), tiling, square=symmetries == 8)
         assert (plan.places["map"][row], plan.places["tile"][row]) == (window.map, window.tile)
-        (x, y), (nx, ny) = window.corner, scene.shape
-        own = turned(maps[window.map][x : x + nx, y : y + ny], window.symmetry)
-        assert np.array_equal(surface_of(scene, plan, row), own - own.min())
+        own = cut(maps[window.map], window, scene.shape)
+        assert np.array_equal(surface_of(scene, plan, row), own)
         seen.add(window.symmetry)
     assert seen == set(range(symmetries))
 
