@@ -363,5 +363,5 @@ def _of_surface(
     if order.grid_error and judged:
         low[CONTINUUM] = np.clip(values[CONTINUUM] - bars, 0, 100)
         high[CONTINUUM] = np.clip(values[CONTINUUM] + bars, 0, 100)
-    warnings = contact_warnings(surface, problem, solved, material=bodies.known, law=True)
+    warnings = list(contact_warnings(surface, problem, solved, material=bodies.known, law=True))
     return Points(values, low, high, ("",) * loads.size), faults, warnings, note

@@ -269,8 +269,8 @@ def contact_warnings(
     *,
     material: bool,
     law: bool,
-) -> list[str]:
-    """List reasons to distrust contacts of a surface: full contact, and pressures that yield.
+) -> Iterator[str]:
+    """Yield reasons to distrust contacts of a surface: full contact, and pressures that yield.
 
     `solved` has Delta [um], the largest pressure [MPa] and the number of nodes of each contact; a
     law's reader is told from which Delta on pressures are too high.
@@ -283,24 +283,20 @@ def contact_warnings(
     check = Bodies(problem.modulus).stated if unscaled else check
     full = [delta for delta, _, nodes in solved if nodes == topography.heights.size]
     beyond = [delta for delta, pressure, _ in solved if pressure > limit]
-    warnings = []
     if full:
         span = f"{np.ptp(topography.heights):.4g}"
-        warnings.append(
-            f"from Delta = {min(full):.4g} um on every node touches, the heights span {span} um:"
-            f" {check}"
-        )
+        start = f"from Delta = {min(full):.4g} um on every node touches"
+        yield f"{start}, the heights span {span} um: {check}"
     elif largest > problem.modulus and unscaled:
-        warnings.append(f"the largest pressure is {largest:.4g} MPa: {check}")
+        yield f"the largest pressure is {largest:.4g} MPa: {check}"
     if beyond and material and problem.hardness is None:
         start = f"from Delta = {min(beyond):.4g} um on, " if law else ""
         units = ", and check E*: moduli count in MPa (210e3)" * (largest > problem.modulus)
-        warnings.append(
+        yield (
             f"{start}the largest pressure ({largest:.4g} MPa) is above E*/{YIELDING:g} ="
             f" {limit:.4g} MPa: real metals and polymers would have yielded, and their contact area"
             f" is larger than this elastic one; give --hardness{units}"
         )
-    return warnings
 
 
 def border_remark(topography: Topography, contacts: Sequence[Contact]) -> str:

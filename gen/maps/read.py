@@ -261,7 +261,9 @@ def _scan(path: Path, reading: Reading) -> Scan:
         )
         for place, each in enumerate(found)
     ]
-    taken, origin = choose_channel(path, channels, reading)
+    taken, origin = 0, ""
+    if reading.channel or len(found) > 1 or not channels[0].heights:
+        taken, origin = choose_channel(path, channels, reading)
     scan = found[taken]
     heights, widths = checked(scan.heights, path), scan.widths
     x_unit, y_unit = scan.length_unit or "", scan.y_unit

@@ -61,8 +61,6 @@ class Channel:
 def choose_channel(path: Path, channels: Sequence[Channel], reading: Reading) -> tuple[int, str]:
     """Return the index of the channel asked for, or the first with heights, and words on it."""
     wanted, named = reading.channel, said(f"channel {reading.channel!r}", reading.asked)
-    if not wanted and len(channels) == 1 and channels[0].heights:
-        return channels[0].index, ""
     labels = ", ".join(channel.label for channel in channels)
     if wanted:
         matches = [channel for channel in channels if channel.name == wanted]
