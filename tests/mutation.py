@@ -33,8 +33,8 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
     "bem/contact.py": (
         ("touching[:, :-1], touching[:-1]", "touching[:-1], touching[:, :-1]"),
         ("along[:-1]) * self.problem.spacing[1]", "along[:-1]) * self.problem.spacing[0]"),
-        ("heights.max()) + self.approach", "heights.mean()) + self.approach"),
-        ("gap = gap + self.yielded_depth", "gap = gap - self.yielded_depth"),
+        ("- ((heights - heights.max())", "- ((heights - heights.mean())"),
+        ("np.maximum(interference - self", "np.maximum(interference + self"),
         ("np.flatnonzero((self.pressure > 0) & ~yielded)", "np.flatnonzero(self.pressure > 0)"),
         ("return 2 * low / (1 + low / high)", "return low / (1 + low / high)"),
     ),
