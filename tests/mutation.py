@@ -75,7 +75,7 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
     "gen/generation/plan.py": (
         ("stream.advance(before + offset * per)", "stream.advance(before + offset)"),
         ("min(stop, (number + 1) * chunk)", "min(stop, (number + 1) * chunk + 1)"),
-        ('borders, uniform[:, 0], side="right")', 'borders, uniform[:, 1], side="right")'),
+        ('borders, pairs[:, 0], side="right")', 'borders, pairs[:, 1], side="right")'),
     ),
     "gen/generation/sample.py": (
         ("scene.contact.modulus, scene.contact.poisson)", "scene.contact.modulus, 0.0)"),

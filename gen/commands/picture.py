@@ -37,7 +37,7 @@ def draw_database(file: Path, picture: Path) -> None:
             columns["hurst"] = reader.column("hurst")[done]
         scene, first = reader.scene, reader.rows.start
     typical = int(np.argsort(columns["area_percent"])[done.size // 2])
-    ratio = scene.sides[1] / scene.sides[0]
+    ratio = scene.grid.sides[1] / scene.grid.sides[0]
     heights = [min(max(0.4 * WIDTH * ratio, 1.5), 0.6 * WIDTH) + 0.9, 3.8]  # titles and labels too
     figure.set_size_inches(WIDTH, sum(heights) + 0.4)
     top, bottom = figure.subfigures(2, 1, height_ratios=heights)
@@ -71,7 +71,7 @@ def _draw_sample(axes: NDArray[Any], scene: Scene, row: int) -> None:
         f" {contact.area_percent:.3g} % of {contact.pressure.size} nodes, the median of rows done"
     )
     # A narrow map is centred in its half, so that fewer letters fit into a line above it.
-    letters = int(LETTERS * min(1.0, 0.4 + 0.6 * scene.sides[0] / scene.sides[1]))
+    letters = int(LETTERS * min(1.0, 0.4 + 0.6 * scene.grid.sides[0] / scene.grid.sides[1]))
     for axis, surface_map in zip(axes, contact_maps(contact, surface, pressure), strict=True):
         draw_map(axis, surface_map, letters=letters)
 
@@ -80,7 +80,7 @@ def _draw_areas(figure: Any, axis: Any, columns: dict[str, NDArray[Any]], scene:
     """Draw the effective contact area of every row over the load that the scene draws."""
     loads, label = columns["delta"], "far-field displacement Δ [µm]"
     if scene.quantity.startswith("pressure"):
-        cells = math.prod((*scene.shape, *scene.spacing))
+        cells = math.prod((*scene.grid.shape, *scene.grid.spacing))
         loads, label = columns["force"] / cells, "mean pressure [MPa]"
     elif scene.quantity == "force":
         loads, label = columns["force"], "normal force [µN]"

@@ -73,7 +73,7 @@ def print_plan(scene: Scene, path: Path | None = None) -> None:
     from gen.generation.run import planned_loads
     from gen.scene import row_bytes
 
-    contact, (nx, ny) = scene.contact, scene.shape
+    contact, (nx, ny) = scene.contact, scene.grid.shape
     low, mean, high = planned_loads(scene)
     echo(
         f"{scene.samples} samples on {scene.surfaces} surfaces of {nx} x {ny} nodes"

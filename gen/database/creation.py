@@ -4,9 +4,8 @@ import json
 import os
 import re
 import shutil
-import stat
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -185,7 +184,7 @@ def _merge_rows(
 
     `first` is the first row of the target.
     """
-    grid = scene.shape
+    grid = scene.grid.shape
     parts = [part for part in parts if part.rows.start < stop and start < part.rows.stop]
     status = np.array([part.read(STATUS, start, stop, grid) for part in parts])
     done = status == Status.DONE
@@ -234,14 +233,18 @@ def _assemble(
     if replaced is None and real.exists():
         raise InputError(f"{path} exists; give another name")
     try:
-        _remove_leftovers(real)
-        _require_room(path, scene, len(rows))
-        with unfinished(real, "refuse" if replaced is None else "replace", ".part") as made:
+        needed, free = len(rows) * row_bytes(scene), shutil.disk_usage(real.parent).free
+        if needed > free:  # quotas show only on writing
+            raise InputError(
+                f"{path}: {len(rows)} samples need {size(needed)}, {size(free)} are free; make"
+                " room, or ask for less"
+            )
+        with unfinished(real, "refuse" if replaced is None else "replace", SIGNATURE) as made:
             if replaced is not None:
                 _require_owner(path, real.stat(), made.stat())
             _lay_out(made, scene, rows, attributes)
             with open_file(made, True) as file:
-                widest = max(column.row_bytes(scene.shape) for column in columns_for(scene))
+                widest = max(column.row_bytes(scene.grid.shape) for column in columns_for(scene))
                 for start, stop in chunks(rows.stop, widest, rows.start):
                     _merge_rows(file, rows.start, parts, scene, start, stop)
             if replaced is not None:
@@ -273,7 +276,7 @@ def _lay_out(path: Path, scene: Scene, rows: range, attributes: Mapping[str, str
             _set(file, name, value)
         axes = {"sample": len(rows)}
         if any(column.shape_of for column in columns):
-            axes |= dict(zip("xy", scene.shape, strict=True))
+            axes |= dict(zip("xy", scene.grid.shape, strict=True))
         dimensions = []
         for name, size in axes.items():  # netCDF-4: a scale without data or disk space
             scale = file.create_dataset(name, shape=(size,), dtype=">f4")
@@ -284,7 +287,7 @@ def _lay_out(path: Path, scene: Scene, rows: range, attributes: Mapping[str, str
             properties = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
             properties.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
             properties.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
-            shape, fill = column.shape(len(rows), scene.shape), column.fill
+            shape, fill = column.shape(len(rows), scene.grid.shape), column.fill
             dataset = file.create_dataset(
                 column.path, shape=shape, dtype=column.dtype, fillvalue=fill, dcpl=properties
             )
@@ -319,25 +322,4 @@ def _require_owner(path: Path, old: os.stat_result, new: os.stat_result) -> None
         raise InputError(
             f"{path} belongs to user {old.st_uid} and group {old.st_gid}: to extend it would make"
             " it yours; let its owner do that, or copy it"
-        )
-
-
-def _remove_leftovers(real: Path) -> None:
-    """Remove the remains of killed attempts, but no user's file with a similar name."""
-    own = re.compile(re.escape(real.name) + r"\.[0-9a-f]{16}\.part")
-    for path in real.parent.iterdir():
-        if own.fullmatch(path.name) and stat.S_ISREG(path.lstat().st_mode):
-            with suppress(PermissionError), path.open("rb") as file:
-                if file.read(len(SIGNATURE)) in {SIGNATURE, b""}:
-                    path.unlink()
-
-
-def _require_room(path: Path, scene: Scene, rows: int) -> None:
-    """Refuse a file that is larger than the free disk space; quotas show only on writing."""
-    needed = rows * row_bytes(scene)
-    free = shutil.disk_usage(path.resolve().parent).free
-    if needed > free:
-        raise InputError(
-            f"{path}: {rows} samples need {size(needed)}, {size(free)} are free; make"
-            " room, or ask for less"
         )

@@ -166,7 +166,7 @@ def _check_columns(file: h5py.File, path: Path, scene: Scene, rows: int) -> None
             link = file.get(part, getclass=True, getlink=True)
             if link is not h5py.HardLink:
                 refuse(name, "is missing" if link is None else "is a link to somewhere else")
-        dataset, shape = file[name], column.shape(rows, scene.shape)
+        dataset, shape = file[name], column.shape(rows, scene.grid.shape)
         if (
             not isinstance(dataset, h5py.Dataset)
             or (dataset.shape, dataset.dtype) != (shape, np.dtype(column.dtype))
@@ -175,7 +175,7 @@ def _check_columns(file: h5py.File, path: Path, scene: Scene, rows: int) -> None
             refuse(name, f"is not of type {column.dtype} and shape {shape}")
         if dataset.external or dataset.is_virtual or dataset.chunks is not None:
             refuse(name, "is in another file, virtual, or in chunks, as in other programs' copies")
-        first, length = dataset.id.get_offset(), rows * column.row_bytes(scene.shape)
+        first, length = dataset.id.get_offset(), rows * column.row_bytes(scene.grid.shape)
         if first is None or first + length > size:
             refuse(name, f"has {rows} rows that do not fit into its {size} bytes")
         places.append((first, first + length, name))
@@ -260,6 +260,7 @@ class Reader(ExitStack):
         self._file = file
         self.scene = checked(file, self.path, wanted, force=force)
         self.rows = rows_of(read_attributes(file))
+        self._columns = columns_for(self.scene)
 
     def _places(self, first: int, last: int | None) -> tuple[int, int]:
         """Return first and last position in the columns of those rows that the file has."""
@@ -275,7 +276,7 @@ class Reader(ExitStack):
         tuple of Column
             Name, type, unit and meaning of each column.
         """
-        return columns_for(self.scene)
+        return self._columns
 
     def counts(self) -> Counts:
         """Count the pending, done and failed rows of the file.
@@ -322,12 +323,12 @@ class Reader(ExitStack):
         InputError
             If the file has no such column.
         """
-        for column in self.columns():
+        for column in self._columns:
             if column.name in {name, DRAWN_NAMES.get(name)}:
                 dataset = self._file[stored_path(self._file, column)]
                 values: NDArray[Any] = dataset[slice(*self._places(start, stop))]
                 return values
-        names = ", ".join(column.name for column in self.columns())
+        names = ", ".join(column.name for column in self._columns)
         raise InputError(f"{self.path} has no column {name!r}; it has {names}")
 
     def reasons(self, status: Status = Status.FAILED) -> dict[int, int]:
@@ -364,7 +365,7 @@ class Reader(ExitStack):
         """
         wanted = [
             column
-            for column in self.columns()
+            for column in self._columns
             if not column.shape_of and column.dtype[0] != "S" and column not in FLAGS
         ]
         ranges = {column.name: (math.nan, math.nan) for column in wanted}

@@ -53,8 +53,7 @@ class HeldFile(ExitStack):
         last = max(offset + size for offset, size in places)
         size = os.fstat(self._descriptor).st_size
         self._parts = ((0, first), (last, size + 1))  # a file that has grown has one more byte
-        self._metadata = self._read()
-        self.check()
+        self.check()  # whose first look is the one that later ones are compared with
 
     def check(self) -> None:
         """Refuse to continue if the file has been replaced, moved, deleted or overwritten."""
@@ -63,17 +62,15 @@ class HeldFile(ExitStack):
             fate = "" if same else "replaced by another file"
         except OSError:
             fate = "moved or deleted"
-        if not fate and self._read() != self._metadata:
+        seen = [os.pread(self._descriptor, stop - start, start) for start, stop in self._parts]
+        self._metadata = self._metadata or seen
+        if not fate and seen != self._metadata:
             fate = "overwritten with something else"
         if fate:
             raise InputError(
                 f"{self.path} was {fate} while it was being written; nothing more is written, and"
                 " what this run has computed is in the old file, if that is anywhere"
             )
-
-    def _read(self) -> list[bytes]:
-        """Read the bytes before and behind the rows."""
-        return [os.pread(self._descriptor, stop - start, start) for start, stop in self._parts]
 
 
 def write_rows(dataset: h5py.Dataset, start: int, values: NDArray[Any]) -> None:
@@ -100,35 +97,22 @@ class Writer(Reader):
     ) -> None:
         ExitStack.__init__(self)
         self.path, self._communicator = path, communicator
-        if communicator is not None:
-            _require_one_file(path, communicator)
         with ExitStack() as opened:
-            held = opened.enter_context(self._everywhere(lambda: HeldFile(path)))
-            file = self._everywhere(lambda: open_file(path, True, communicator))
-            opened.callback(file.close)
+            if communicator is None:
+                held = opened.enter_context(HeldFile(path))
+                file = opened.enter_context(open_file(path, True))
+            else:
+                _require_one_file(path, communicator)
+                held = opened.enter_context(_on_all(communicator, lambda: HeldFile(path)))
+                file = _on_all(communicator, lambda: open_file(path, True, communicator))
+                opened.enter_context(file)
             self._take(file, scene, force=force)
-            self._datasets = {each.name: file[stored_path(file, each)] for each in self.columns()}
+            self._datasets = {each.name: file[stored_path(file, each)] for each in self._columns}
             self._status = self._datasets[STATUS.name]
             held.remember(self._datasets.values())
             self.push(opened.pop_all())
         self.confirm = held.check
         self.callback(self._spare_another)
-
-    def _everywhere(self, opening: Callable[[], T]) -> T:
-        """Open something on all processes; what one of them refuses is refused on all."""
-        if self._communicator is None:
-            return opening()
-        opened, refusal = None, ""
-        try:
-            opened = opening()
-        except InputError as error:
-            refusal = str(error)
-        refusals = [each for each in self._communicator.allgather(refusal) if each]
-        if refusals and isinstance(opened, h5py.File):  # it would wait for the others as it closes
-            raise RuntimeError("; ".join(refusals))
-        if refusals or opened is None:
-            raise InputError(refusals[0])
-        return opened
 
     def _spare_another(self) -> None:
         """Before the file is closed, see to it that one that has replaced it stays as it is.
@@ -154,9 +138,9 @@ class Writer(Reader):
         if wrong := columns.keys() ^ self._datasets.keys():
             raise ValueError(f"columns missing or unknown: {', '.join(sorted(wrong))}")
         arrays = {}
-        for column in self.columns():
+        for column in self._columns:
             values = np.ascontiguousarray(columns[column.name], dtype=column.dtype)
-            if values.shape != column.shape(stop - start, self.scene.shape):
+            if values.shape != column.shape(stop - start, self.scene.grid.shape):
                 raise ValueError(f"column {column.name} is of shape {values.shape}")
             arrays[column.name] = values
         self.confirm()
@@ -224,6 +208,21 @@ class Writer(Reader):
                 write_rows(self._status, start, chunk)
         self._flush()
         return retried
+
+
+def _on_all(communicator: Any, opening: Callable[[], T]) -> T:
+    """Open something on all processes; what one of them refuses is refused on all."""
+    opened, refusal = None, ""
+    try:
+        opened = opening()
+    except InputError as error:
+        refusal = str(error)
+    refusals = [each for each in communicator.allgather(refusal) if each]
+    if refusals and isinstance(opened, h5py.File):  # it would wait for the others as it closes
+        raise RuntimeError("; ".join(refusals))
+    if refusals or opened is None:
+        raise InputError(refusals[0])
+    return opened
 
 
 def _require_one_file(path: Path, communicator: Any) -> None:

@@ -101,7 +101,7 @@ class About:
 def words(reader: Reader) -> str:
     """Describe surfaces, contact and loads of a dataset in a few sentences."""
     scene = reader.scene
-    (nx, ny), (along, across) = scene.shape, scene.sides
+    (nx, ny), (along, across) = scene.grid.shape, scene.grid.sides
     bodies = "elastic bodies" if scene.contact.hardness_limits is None else "bodies that yield"
     return (
         f"Contact of rough surfaces, solved by the boundary-element method: {bodies} pressed onto"
@@ -145,7 +145,7 @@ def card(reader: Reader, about: About, done: NDArray[np.bool_]) -> str:
         rows_file=ROWS,
         fields_folder=FIELDS,
         fields=fields(reader),
-        nodes=reader.scene.shape,
+        nodes=reader.scene.grid.shape,
         first=reader.rows.start + int(done.argmax()),
         columns=columns,
         names=[column.name for column in columns],

@@ -63,7 +63,7 @@ def schema_of(reader: Reader, columns: list[Column]) -> pa.Schema:
         kind = pa.from_numpy_dtype(np.dtype(column.dtype))
         words = {"unit": column.unit, "long_name": column.long_name}
         if column.shape_of:
-            nx, ny = reader.scene.shape
+            nx, ny = reader.scene.grid.shape
             kind = pa.list_(kind, nx * ny)
             words["shape"] = json.dumps([nx, ny])
         found.append(pa.field(column.name, kind, nullable=False, metadata=words))
@@ -75,7 +75,7 @@ def pieces(reader: Reader) -> list[Piece]:
     found = [Piece(ROWS, schema_of(reader, scalars(reader)), reader.rows)]
     for column in fields(reader):
         schema = schema_of(reader, [column])
-        step = max(1, FILE_BYTES // column.row_bytes(reader.scene.shape))
+        step = max(1, FILE_BYTES // column.row_bytes(reader.scene.grid.shape))
         for first in range(reader.rows.start, reader.rows.stop, step):
             rows = range(first, min(first + step, reader.rows.stop))
             found.append(Piece(f"{FIELDS}/{column.name}-{first:010d}.parquet", schema, rows))
@@ -111,7 +111,7 @@ def tables(reader: Reader, schema: pa.Schema, part: range, done: Mask) -> Iterat
 
     `done` has a truth value for each row of the database.
     """
-    shape, names = reader.scene.shape, schema.names[1:]
+    shape, names = reader.scene.grid.shape, schema.names[1:]
     row = max(column.row_bytes(shape) for column in reader.columns() if column.name in names)
     step = min(TABLE_ROWS, max(1, CHUNK_BYTES // row))
     for first in range(part.start, part.stop, step):

@@ -101,13 +101,13 @@ def _impossible(
 
     Loads in pressures over E* and slope are not compared: the slope is not stored.
     """
-    area, force, total = rows["area_percent"], rows["force"], math.prod(scene.shape)
+    area, force, total = rows["area_percent"], rows["force"], math.prod(scene.grid.shape)
     yield ~((area >= 0) & (area <= 100)), "area outside 0 to 100 %"
     yield area != 100.0 * nodes / total, "area is not the share of contact nodes"
     yield ~(force >= 0), "force is negative"
     yield (force > 0) != (nodes > 0), "force without contact, or contact without force"
     yield rows["residual"] > scene.contact.rtol, f"residual above {scene.contact.rtol}"
-    cell = math.prod(scene.spacing)
+    cell = math.prod(scene.grid.spacing)
     asked = {
         "force": ("force", plan.load),
         "pressure": ("force", plan.load * (total * cell)),

@@ -25,8 +25,9 @@ from numpy.typing import NDArray
 
 from gen.arrays import Columns, Values
 from gen.distribution import log_within, quantiles
-from gen.scene import Piece, Scene, parameter_columns
+from gen.scene import Scene
 from gen.scene.tables import Quantity
+from gen.schema import DRAWN_NAMES
 
 CHUNK = 65_536
 """Surfaces that share a stream: one stream per row would take minutes for millions of rows."""
@@ -67,22 +68,31 @@ def parameters(scene: Scene, start: int, stop: int) -> Parameters:
     m = scene.samples_per_surface
     first, last = start // m, -(-stop // m)
     draw = functools.partial(_drawn, scene.seed, first, last, CHUNK)
-    load = draw((1,), per=2 * m, before=2 * CHUNK).reshape(-1, 2)
+    pairs = draw((1,), per=2 * m, before=2 * CHUNK).reshape(-1, 2)
+    pairs = pairs[start - first * m : stop - first * m]
+    # Of two numbers one chooses the piece, the other the place in it. The last piece takes the
+    # rest: rounded shares cannot leave a gap below 1.
+    borders = np.cumsum([piece.share for piece in scene.pieces])[:-1]
+    chosen, load = np.searchsorted(borders, pairs[:, 0], side="right"), np.empty(len(pairs))
+    for number, piece in enumerate(scene.pieces):
+        load[chosen == number] = quantiles(piece.range, pairs[chosen == number, 1])
     surface = np.arange(start, stop, dtype=np.int64) // m
-    distributions, drawn = scene.drawn_parameters, {}
+    distributions, drawn = scene.surface.drawn(), {}
     for name, distribution in distributions.items():
         if distributions.keys() == {"hurst", "sigma0"}:
             uniform = draw((1,), before=CHUNK * (name == "sigma0"))[:, 0]
         else:
             uniform = draw((3, zlib.crc32(name.encode())))[:, 0]
         drawn[name] = quantiles(distribution, uniform)[surface - first]
-    taken = scene.surface.places(surface_random(scene, each) for each in range(first, last))
+    taken = {}
+    if scene.surface.PLACES:
+        taken = scene.surface.places(surface_random(scene, each) for each in range(first, last))
     return Parameters(
         surface=surface,
         drawn=drawn,
-        load=_loads(scene.pieces, load[start - first * m : stop - first * m]),
+        load=load,
         quantity=scene.quantity,
-        hardness=_hardness(scene, start, stop),
+        hardness=_hardness(scene, start, stop) if scene.contact.hardness_limits else None,
         first=start,
         places={name: values[surface - first] for name, values in taken.items()},
     )
@@ -90,7 +100,7 @@ def parameters(scene: Scene, start: int, stop: int) -> Parameters:
 
 def planned_columns(scene: Scene, plan: Parameters) -> Columns:
     """Return the columns of a scene's database that its plan decides."""
-    drawn = {column: plan.drawn[name] for name, column in parameter_columns(scene).items()}
+    drawn = {DRAWN_NAMES.get(name, name): values for name, values in plan.drawn.items()}
     columns: Columns = {"surface": plan.surface, **drawn, **plan.places}
     columns["delta" if plan.quantity == "delta" else "load"] = plan.load
     if plan.hardness is not None and scene.contact.draws_hardness:
@@ -146,15 +156,12 @@ def _drawn(
     return uniform
 
 
-def _hardness(scene: Scene, start: int, stop: int) -> Values | None:
-    """Draw the hardness of the rows start to stop - 1 [MPa]; None for elastic bodies.
-
-    A pair of limits is log-uniform here, unlike those of all other numbers.
-    """
+def _hardness(scene: Scene, start: int, stop: int) -> Values:
+    """Draw the hardness of the rows start to stop - 1 [MPa]; a pair of limits is log-uniform."""
     contact = scene.contact
     given, limits = contact.hardness or contact.hardness_ratio, contact.hardness_limits
-    if given is None or limits is None:
-        return None
+    assert given is not None
+    assert limits is not None
     if not contact.draws_hardness:
         return np.full(stop - start, limits[0])
     chunk = CHUNK * scene.samples_per_surface
@@ -162,15 +169,3 @@ def _hardness(scene: Scene, start: int, stop: int) -> Values | None:
     if isinstance(given, tuple):
         return log_within(*limits, uniform)
     return np.clip(quantiles(given, uniform) * contact.hardness_unit, *limits)
-
-
-def _loads(pieces: tuple[Piece, ...], uniform: Values) -> Values:
-    """Turn pairs of numbers in [0, 1) into loads: one chooses the piece, one the place in it."""
-    # The last piece takes the rest: rounded shares cannot leave a gap below 1.
-    borders = np.cumsum([piece.share for piece in pieces])[:-1]
-    chosen = np.searchsorted(borders, uniform[:, 0], side="right")
-    loads = np.empty(len(uniform))
-    for number, piece in enumerate(pieces):
-        here = chosen == number
-        loads[here] = quantiles(piece.range, uniform[here, 1])
-    return loads

@@ -157,7 +157,7 @@ def generate_database(
                 for line in said:
                     progress.say(line)
                 blocks = blocks_of(target.scene, pending, world.workers)
-            farm.run(work, blocks, take, world, stopping=interruption.requested)
+            farm.run(work, blocks, take, world, stopping=lambda: interruption.signal != 0)
             if job is not None and writer is not None:
                 writer.confirm()
         # Every writer has closed the file: its rows can be counted now.
@@ -210,8 +210,9 @@ def _prepared(
             f"{begun}; {workers}, {'parallel' if parallel else 'single'} writer",
             *(f"runs {each} of {source_of(each)}" for each in sorted(map(str, functions))),
             *(f"  warning: {doubt}" for doubt in scene.contact.doubts),
-            *(f"  {line}" for line in scene.surface.remarks()),
         ]
+        if scene.surface.PLACES:
+            remarks += [f"  {line}" for line in scene.surface.remarks()]
         yield Target(path, scene, parallel, force), pending, remarks
 
 
@@ -224,7 +225,7 @@ def blocks_of(scene: Scene, pending: Sequence[Block], workers: int) -> Iterator[
     time of a block; if there are few rows for each worker, to deal with all blocks in that time.
     A block ends with a surface if possible, so that few surfaces are generated twice.
     """
-    nodes, m = math.prod(scene.shape), scene.samples_per_surface
+    nodes, m = math.prod(scene.grid.shape), scene.samples_per_surface
     remaining = sum(stop - start for start, stop in pending)
     answer = ANSWER_NODES / nodes  # the master's time for a block, in solves
     answered = int(min(MASTER_SHARE * workers * answer, math.sqrt(remaining * answer)))

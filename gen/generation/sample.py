@@ -86,7 +86,9 @@ def compute_rows(
     """
     plan = parameters(scene, start, stop)
     rows: Columns = {
-        column.name: np.full(column.shape(stop - start, scene.shape), column.fill, column.dtype)
+        column.name: np.full(
+            column.shape(stop - start, scene.grid.shape), column.fill, column.dtype
+        )
         for column in columns_for(scene)
     }
     rows |= planned_columns(scene, plan)
@@ -111,7 +113,7 @@ def compute_rows(
                 done = rows["reason"][row] in DONE_REASONS
                 rows["status"][row] = Status.DONE if done else Status.FAILED
     except MemoryError:
-        raise too_little_for_solve(scene.shape) from None
+        raise too_little_for_solve(scene.grid.shape) from None
     return rows
 
 
@@ -158,7 +160,7 @@ def solve_contact(
     needs that of the sample [MPa]. The exceptions of `bem.solve` pass through.
     """
     settings = settings_of(scene, hardness)
-    return bem.solve(heights, scene.sides, delta, pressure=pressure, force=force, **settings)
+    return bem.solve(heights, scene.grid.sides, delta, pressure=pressure, force=force, **settings)
 
 
 def settings_of(scene: Scene, hardness: float | None) -> dict[str, Any]:
@@ -171,7 +173,7 @@ def settings_of(scene: Scene, hardness: float | None) -> dict[str, Any]:
     names = ("modulus", "poisson", "kernel", "far_field", "boundary", "rtol", "max_iterations")
     settings = {name: getattr(given, name) for name in names}
     # The ranks of a run share the processor already: one thread.
-    return settings | {"spacing": scene.spacing, "hardness": hardness, "threads": 1}
+    return settings | {"spacing": scene.grid.spacing, "hardness": hardness, "threads": 1}
 
 
 def load_of(scene: Scene, heights: Heights, load: float) -> dict[str, float]:
@@ -181,7 +183,7 @@ def load_of(scene: Scene, heights: Heights, load: float) -> dict[str, float]:
             return {"delta": load * float(heights.std())}
         case "pressure/(E* slope_rms)":
             modulus = plane_strain_modulus(scene.contact.modulus, scene.contact.poisson)
-            return {"pressure": load * modulus * rms_slope(heights, scene.spacing)}
+            return {"pressure": load * modulus * rms_slope(heights, scene.grid.spacing)}
     return {scene.quantity: load}
 
 
@@ -193,7 +195,7 @@ def _make_surface(
     try:
         with at_most(limit):
             heights = surface_of(scene, plan, first)
-            description = describe(heights, scene.spacing)
+            description = describe(heights, scene.grid.spacing)
     except Overtime:
         return None
     except SourceError:
@@ -217,7 +219,7 @@ def _solve(scene: Scene, heights: Heights, plan: Parameters, rows: Columns, row:
     try:
         given = settings_of(scene, plan.hardness_of(row))
         given |= load_of(scene, heights, float(plan.load[row]))
-        contact = bem.solve(heights, scene.sides, **given)
+        contact = bem.solve(heights, scene.grid.sides, **given)
         for name in EFFORT:
             rows[name][row] = getattr(contact, name)
         if not np.isfinite(contact.force):

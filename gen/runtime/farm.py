@@ -89,6 +89,8 @@ class World:
 
     def broadcast(self, value: Any) -> Any:
         """Return the master's value everywhere; MasterLeft if it has ended the command instead."""
+        if self.communicator is None:
+            return value
         value, code = self._exchange((value, None))
         if code is not None:
             raise MasterLeft(code)
@@ -99,6 +101,8 @@ class World:
 
         It is the last call of those that raised no `MasterLeft`.
         """
+        if self.communicator is None:
+            return code
         _, agreed = self._exchange((None, code))
         if agreed is None:
             raise RuntimeError(f"rank {self.rank} has left a command that rank 0 goes on with")
@@ -106,8 +110,6 @@ class World:
 
     def _exchange(self, envelope: tuple[Any, int | None]) -> tuple[Any, int | None]:
         """Return the master's envelope on every process; waiting processes sleep."""
-        if self.communicator is None:
-            return envelope
         announced = self.communicator.Ibcast(bytearray(1), root=0)
         nap = LONGEST_NAP / 1024
         while not announced.Test():

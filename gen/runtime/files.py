@@ -166,17 +166,24 @@ def atomic(path: Path, kind: Kind = "text", *, replace: bool = True) -> Iterator
 
 
 @contextmanager
-def unfinished(real: Path, present: Present = "replace", end: str = "") -> Iterator[Path]:
+def unfinished(real: Path, present: Present = "replace", signature: bytes = b"") -> Iterator[Path]:
     """Make an empty file beside a target, and give it the target's name once the block succeeds.
 
     This is the one way in which files, databases among them, come into being: what stands at the
     target, which `place_of` has found, stays whole until the new file is on the disk. A replaced
     file passes on its mode and, if the system allows it, its owner and group. A file that has come
-    meanwhile is replaced, kept, or refused by FileExistsError. `end` is the end of a temporary name
-    whose remains after a kill are looked for; without it the name is hidden.
+    meanwhile is replaced, kept, or refused by FileExistsError. The temporary file is hidden; of a
+    large one, whose content begins with `signature`, the next attempt removes what a kill has left.
+    The caller holds a lock then.
     """
     own = os.urandom(8).hex()
-    temporary = real.with_name(f"{real.name}.{own}{end}" if end else f".asperity-{own}")
+    temporary = real.with_name(f"{real.name}.{own}.part" if signature else f".asperity-{own}")
+    left = re.compile(re.escape(real.name) + r"\.[0-9a-f]{16}\.part")
+    for path in real.parent.iterdir() if signature else ():
+        if left.fullmatch(path.name) and stat.S_ISREG(path.lstat().st_mode):
+            with suppress(PermissionError), path.open("rb") as file:
+                if file.read(len(signature)) in {signature, b""}:
+                    path.unlink()
     old = real.stat() if real.exists() else None
     mode = 0o666 if old is None else 0o600
     descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, mode)
@@ -368,10 +375,13 @@ def lock_folder(folder: Path) -> Iterator[None]:
 def _held(path: Path, lock_path: Path) -> Iterator[None]:
     """Hold the lock of a path, which is that of a file."""
     descriptor = _locked(path, lock_path)
+    job = f", job {os.environ['SLURM_JOB_ID']}" if "SLURM_JOB_ID" in os.environ else ""
+    now = time.strftime("%Y-%m-%dT%H:%M:%S+00:00", time.gmtime())
+    holder = f"host {os.uname().nodename}, process {os.getpid()}{job}, since {now}\n"
     try:
         with suppress(OSError):  # a full disk: the text is missing, the lock holds
             os.ftruncate(descriptor, 0)
-            os.write(descriptor, _this_process().encode())
+            os.write(descriptor, holder.encode())
         yield
     finally:
         # Unlinked while the lock is held: nobody can lock a name that is about to vanish,
@@ -419,11 +429,3 @@ def _leads_to(path: Path, descriptor: int) -> bool:
     with suppress(OSError):
         return os.path.samestat(os.fstat(descriptor), path.lstat())
     return False
-
-
-def _this_process() -> str:
-    """Return one line with host, process, Slurm job if any, and time."""
-    job = os.environ.get("SLURM_JOB_ID")
-    now = time.strftime("%Y-%m-%dT%H:%M:%S+00:00", time.gmtime())
-    place = f"host {os.uname().nodename}, process {os.getpid()}"
-    return f"{place}{f', job {job}' if job else ''}, since {now}\n"

@@ -10,9 +10,9 @@ import shutil
 import sys
 import time
 from collections.abc import Collection, Iterable, Sequence
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from datetime import timedelta
-from typing import Any, Self
+from typing import Any
 
 from gen.runtime.errors import InputError
 
@@ -120,7 +120,7 @@ def to_type(words: str) -> str:
     return words if words.partition(" ")[0] == COMMAND else f"{_start} {words}"
 
 
-class RunProgress:
+class RunProgress(AbstractContextManager["RunProgress"]):
     """Progress on standard error: on a terminal a line that renews itself, else one now and then.
 
     A stream that is full, closed or without a reader ends no run. `noun` is the plural of a row,
@@ -134,10 +134,6 @@ class RunProgress:
         self._work, self._worked = float(total if work is None else work), 0.0
         self._began = self._last = time.monotonic()
         self._renews = sys.stderr is not None and sys.stderr.isatty()
-
-    def __enter__(self) -> Self:
-        """Return the progress, whose clock runs."""
-        return self
 
     def __exit__(self, *error: object) -> None:
         """Print a last line, but not above a refusal of the input."""

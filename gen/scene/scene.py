@@ -435,8 +435,9 @@ RESERVED = frozenset(
 
 def columns_for(scene: Scene) -> tuple[Column, ...]:
     """Return a scene's columns in the file's order: common, asked for, the user's own."""
-    parameters, store, contact = parameter_columns(scene), scene.store, scene.contact
-    asked_for = {*parameters.values(), *scene.surface.PLACES}
+    store, contact = scene.store, scene.contact
+    parameters = [DRAWN_NAMES.get(name, name) for name in scene.surface.drawn()]
+    asked_for = {*parameters, *scene.surface.PLACES}
     asked_for |= {name for name, wanted in store if wanted is True}
     asked_for |= {"load"} if scene.quantity != "delta" else set()
     asked_for |= {"hardness"} if contact.draws_hardness else set()
@@ -448,7 +449,7 @@ def columns_for(scene: Scene) -> tuple[Column, ...]:
         chosen[load] = replace(chosen[load], unit=scene.load_unit, long_name=scene.quantity)
     own = tuple(
         Column(name, "f8", "1", f"parameter of {scene.surface.generator}")
-        for name in parameters.values()
+        for name in parameters
         if name not in names
     )
     outputs = tuple(

@@ -124,7 +124,7 @@ class Contact(Table):
     @property
     def doubts(self) -> list[str]:
         """What no solid has; hardnesses in shares of E* are taken as they are."""
-        if self.hardness is None and "modulus" not in self.model_fields_set:
+        if self.hardness is None and self.modulus == 1.0:  # nothing was given
             return []
         ends = (None,) if self.hardness is None else limits(self.hardness)
         e_star = plane_strain_modulus(self.modulus, self.poisson)
