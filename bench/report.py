@@ -84,6 +84,7 @@ class Part:
     judges: bool = False  # whether exit code 1 says that a check failed, not that the report did
     seconds: float | None = None  # processor time of the short run [s]
     minutes: float = 0  # time of the full run, where the published record is of another command
+    beside: bool = False  # whether another part may be made at the same time
     needs: Sequence[str] = ()  # programs and distributions without which something is left out
     measure: str = ""  # function that returns the rows, if its command is one of `bench`
     help: str = ""  # of that command

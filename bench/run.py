@@ -1,8 +1,8 @@
 """The runner: parts made by the commands that a user would type, each with a record beside it.
 
-Parts are made one after another, so that nothing of ours disturbs their times. A part stays while
-its record names the same command, inputs, code, packages and machine, so that the same `bench run`
-goes on where it was interrupted.
+Parts that take times are made alone, so that nothing of ours disturbs them; others side by side. A
+part stays while its record names the same command, inputs, code, packages and machine, so that the
+same `bench run` goes on where it was interrupted.
 """
 
 import os
@@ -13,8 +13,10 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import groupby
 from pathlib import Path
 from typing import TextIO
 
@@ -28,6 +30,7 @@ from gen.runtime.files import check_folder, lock_folder
 from gen.runtime.installation import versions
 from gen.scene import load as load_scene
 
+LANES = min(2, os.cpu_count() or 1)  # parts that are made side by side
 ROWS = 1500  # rows of the paper preset that a short run generates; a full one generates all 15,878
 PATIENCE = 60.0  # seconds that a part has to end after a signal, before it is killed
 LONGEST = 7200.0  # seconds after which a part counts as hanging, and is ended as by a signal
@@ -59,25 +62,44 @@ def make(parts: Iterable[Part], inputs: Inputs, after: Callable[[], object]) -> 
 
     What the commands print to standard error is passed on.
     """
-    wanted = [part for part in parts if inputs.arguments(part)]
-    failed: list[str] = []
-    with Interruption(listening=True) as interruption:
-        for number, part in enumerate(wanted, 1):
-            if interruption.requested():
-                break
-            heading, kept = f"[{number}/{len(wanted)}] {part.name}", _kept(part, inputs)
-            if kept is not None:
-                remark(f"{heading}: is there")
-                code = kept.code
-            else:
-                time = told(seconds(part, inputs))
-                remark(f"{heading} ({time}): {inputs.making(part).command}")
-                code = _run(part, inputs, interruption)
-                if interruption.requested():
-                    break
+    wanted = _in_turn(parts, inputs)
+    one_page, failed = threading.Lock(), set[str]()
+
+    def ensure(part: Part) -> None:
+        if interruption.requested():
+            return
+        heading, kept = f"[{wanted.index(part) + 1}/{len(wanted)}] {part.name}", _kept(part, inputs)
+        if kept is None:
+            time = told(seconds(part, inputs))
+            remark(f"{heading} ({time}): {inputs.making(part).command}")
+            code = _run(part, inputs, interruption)
+            with one_page:
                 after()
-            failed += [part.name] * bool(code)
-    return Outcome(tuple(failed), interruption.signal)
+        else:
+            remark(f"{heading}: is there")
+            code = kept.code
+        if code:
+            failed.add(part.name)
+
+    with Interruption(listening=True) as interruption:
+        for together, those in groupby(wanted, key=lambda part: part.beside):
+            with ThreadPoolExecutor(LANES if together else 1) as lanes:
+                list(lanes.map(ensure, those))
+    named = tuple(part.name for part in wanted if part.name in failed)
+    return Outcome(() if interruption.signal else named, interruption.signal)
+
+
+def _in_turn(parts: Iterable[Part], inputs: Inputs) -> list[Part]:
+    """Return the parts in the order of the work: alone, then side by side, the longest first.
+
+    Those that read the comparison, to which some of the others add, come last.
+    """
+
+    def turn(part: Part) -> tuple[bool, bool, float]:
+        last = "comparison" in inputs.making(part).sources
+        return last, part.beside, -(seconds(part, inputs) or 0.0) if part.beside else 0.0
+
+    return sorted((part for part in parts if inputs.arguments(part)), key=turn)
 
 
 def _chosen(only: Sequence[str], inputs: Inputs) -> list[Part]:
@@ -120,7 +142,7 @@ def _run(part: Part, inputs: Inputs, interruption: Interruption) -> int:
         path.unlink(missing_ok=True)
         began = time.monotonic()
         with printed.open("w", encoding="utf-8") as file:
-            code = _call(arguments, file, said, interruption)
+            code = _call(part.name, arguments, file, said, interruption)
     except OSError as error:
         raise InputError(f"{path.parent} cannot be written to: {error.strerror or error}") from None
     if not interruption.requested():
@@ -138,7 +160,11 @@ def _run(part: Part, inputs: Inputs, interruption: Interruption) -> int:
 
 
 def _call(
-    arguments: Sequence[str], printed: TextIO, said: list[str], interruption: Interruption
+    name: str,
+    arguments: Sequence[str],
+    printed: TextIO,
+    said: list[str],
+    interruption: Interruption,
 ) -> int:
     """Run one command in a session of its own; return its exit code.
 
@@ -149,7 +175,7 @@ def _call(
         for line in process.stderr or ():
             if line.strip():
                 said.append(line.rstrip())
-                remark(f"    {said[-1]}")
+                remark(f"    {name}: {said[-1]}")
 
     with subprocess.Popen(
         [sys.executable, *arguments],
@@ -207,22 +233,26 @@ def told(time: float | None) -> str:
 
 def planned(inputs: Inputs, only: Sequence[str] = ()) -> str:
     """List all parts of a run, why each is to be made and for how long, and make nothing."""
-    parts = [part for part in _chosen(only, inputs) if inputs.arguments(part)]
+    parts = _in_turn(_chosen(only, inputs), inputs)
     check_folder(inputs.output, PAGE)
     left = {p.name: seconds(p, inputs) or 0.0 for p in parts if _kept(p, inputs) is None}
+    together = [left[part.name] for part in parts if part.beside and part.name in left]
     lines = []
     if inputs.full and not inputs.files["database"].exists():
         left["database"] = DATABASE
-        lines.append(f"{'database':20}{told(DATABASE):>9}  {'new':14}  Rows of the paper preset")
+        lines.append(f"database{told(DATABASE):>21}  alone   {'new':14}  Rows of the paper preset")
     for part in parts:
         making, to_make = inputs.making(part), part.name in left
         time = told(seconds(part, inputs)) if to_make else "-"
         lack = ", ".join(name for name in part.needs if not _is_installed(name))
         lines.append(
-            f"{part.name:20}{time:>9}  {making.stale() if to_make else 'is there':14}  {part.title}"
-            + f" (WITHOUT {lack}: not installed)" * bool(lack)
+            f"{part.name:20}{time:>9}  {'beside' if part.beside else 'alone':6}"
+            f"  {making.stale() if to_make else 'is there':14}  {part.title}"
+            + f" (WITHOUT {lack}: not installed)"
+            * bool(lack)
         )
-    known = told(sum(left.values()))
+    lanes = max([sum(together) / LANES, *together])
+    known = told(sum(left.values()) - sum(together) + lanes)
     return "\n".join([*lines, f"{len(left)} parts to make: {known} by earlier records"])
 
 

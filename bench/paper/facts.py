@@ -1,6 +1,6 @@
 """The paper's numbers that nothing else here needs, and why ours differ.
 
-Its ranges (Table 1) stand in `gen.columns`, its search spaces, optima, times and scores (Tables 2
+Its ranges (Table 1) stand in `gen.scene`, its search spaces, optima, times and scores (Tables 2
 to 4) in `learn.comparison.paper`, its costs (section 4.4) in `bench.surrogates.cost`, its
 paraboloid (section 2.4) in `bench.theory`: modules here take them from there.
 """

@@ -5,6 +5,7 @@ import os
 import re
 import signal
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -113,6 +114,35 @@ def test_a_part_that_does_not_heed_a_signal_is_killed(
     assert time.monotonic() < began + 300
     assert not (tmp_path / "deaf" / "deaf.part.json").exists()
     assert not (tmp_path / "two").exists()
+
+
+def test_parts_that_take_no_times_are_made_side_by_side(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The two meet; alone ones are made before, and those that read the comparison last."""
+    monkeypatch.setattr(running, "LANES", 2)
+    meet = tmp_path / "meet.py"
+    meet.write_text(
+        "import sys, time\n"
+        "from pathlib import Path\n"
+        "own, other = map(Path, sys.argv[1:])\n"
+        "own.touch()\n"
+        "end = time.monotonic() + 60\n"
+        "while not other.exists():\n"
+        "    assert time.monotonic() < end\n"
+        "    time.sleep(0.01)\n"
+    )
+    here, there = tmp_path / "here", tmp_path / "there"
+    parts = [
+        part("last", WRITE + "#{comparison}"),
+        replace(part("two", f"{meet} {here} {there}"), beside=True),
+        replace(part("three", f"{meet} {there} {here}"), beside=True),
+        part("one", WRITE),
+    ]
+    assert makes(tmp_path, parts) == Outcome()
+    said = [line.split()[1] for line in capsys.readouterr().err.splitlines() if line[0] == "["]
+    assert said[::3] == ["one", "last"]
+    assert set(said[1:3]) == {"two", "three"}
 
 
 def test_a_part_that_hangs_is_ended_and_failed(
