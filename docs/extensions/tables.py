@@ -475,7 +475,7 @@ TABLES = {
     ),
     "hybrid": PageTable(
         (
-            "nMSE, R2 [%], libraries' settings",
+            "nMSE, R2 [%], baselines",
             "`paper`",
             "`hybrid`",
         ),
