@@ -5,6 +5,7 @@ Each is a function for the scene's generator "python". Its numbers are drawn wit
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
+from scipy.special import log_ndtr
 
 from bench.made_maps import Kind, MadeMap, surface
 from gen.arrays import Heights
@@ -14,7 +15,7 @@ from gen.surface import generate
 NAMES = (
     *("turned", "ground", "honed", "sandblasted", "one_to_five", "one_to_ten", "sine", "egg_box"),
     *("lognormal", "pitted", "bumps", "spheres", "worn", "two_scales", "grains", "scratched"),
-    *("stepped", "patchy", "brushed", "holed"),
+    *("stepped", "patchy", "brushed", "holed", "weibull", "truncated", "liner", "pores"),
 )
 
 Shape = tuple[int, int]
@@ -182,6 +183,43 @@ def scratched(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heigh
         heights = heights - rng.uniform(0.5, 2.0) * np.exp(
             -((across / rng.uniform(0.01, 0.04)) ** 2)
         )
+    return _sized(heights, rng)
+
+
+def weibull(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
+    """Heights of a Weibull distribution, skewed to either side."""
+    drawn = (-log_ndtr(_self_affine(shape, spacing, rng))) ** (1 / rng.uniform(1.0, 3.0))
+    return _sized(rng.choice([-1.0, 1.0]) * drawn, rng)
+
+
+def truncated(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
+    """A self-affine surface whose peaks are cut off, with very little noise."""
+    heights = _self_affine(shape, spacing, rng)
+    cut = np.minimum(heights, np.quantile(heights, rng.uniform(0.6, 0.98)))
+    return _sized(cut + 0.01 * rng.normal(size=shape), rng)
+
+
+def liner(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
+    """A self-affine surface, slightly worn, with crossing scratches of two widths."""
+    (x, y), heights, angle = _axes(shape), _self_affine(shape, spacing, rng), rng.uniform(0.3, 1.2)
+    heights = np.where(heights > 0, rng.uniform(0.3, 1.0) * heights, heights)
+    for number in range(int(rng.integers(8, 40))):
+        along, wide = angle * (-1) ** number, number % 4 == 0
+        across = (x - rng.uniform()) * np.cos(along) + (y - rng.uniform()) * np.sin(along)
+        width = rng.uniform(0.03, 0.06) if wide else rng.uniform(0.008, 0.015)
+        heights = heights - rng.uniform(0.2, 2.0 if wide else 1.0) * np.exp(
+            -((across / width) ** 2)
+        )
+    return _sized(heights, rng)
+
+
+def pores(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
+    """A self-affine surface with round pores of random sizes."""
+    (x, y), heights = _axes(shape), _self_affine(shape, spacing, rng)
+    for _ in range(int(rng.integers(5, 60))):
+        at, radius = rng.uniform(size=2), rng.uniform(0.01, 0.05)
+        square = ((x - at[0]) ** 2 + (y - at[1]) ** 2) / radius**2
+        heights = heights - rng.uniform(0.5, 3.0) * np.maximum(1 - square, 0.0)
     return _sized(heights, rng)
 
 

@@ -30,7 +30,7 @@ from learn.executor import Executor
 from learn.features.sets import BLOCKS, HYBRID, STATISTICS, modulus
 from learn.features.surface import LOOSE, SurfaceFeatures
 
-VERSION = 3
+VERSION = 4
 """Raised whenever `SurfaceFeatures.hybrid` changes its values."""
 
 BLOCK_ROWS = 32
@@ -45,7 +45,7 @@ Block = tuple[int, int, tuple[float, ...]]
 def hybrid_rows(
     path: Path, executor: Executor, stopping: Callable[[], bool], blocks: int = BLOCKS
 ) -> Values:
-    """Return the columns of `HYBRID` for every row of a database, (n, 17).
+    """Return the columns of `HYBRID` for every row of a database, (n, 18).
 
     They are NaN for rows that are not finished or were not reached before the stop, for which
     `stopping` is asked between blocks of rows. The executor generates the surfaces; `blocks` is the
@@ -110,7 +110,7 @@ def _compute(shared: tuple[Scene, Path, int], block: Block) -> tuple[Values, Val
 
 
 def compute_block(scene: Scene, block: Block, blocks: int = BLOCKS) -> tuple[Values, Values]:
-    """Return inputs (k, 23 or 24) and features (k, 17) of a block's rows, NaN where undefined.
+    """Return inputs (k, 23 or 24) and features (k, 18) of a block's rows, NaN where undefined.
 
     Displacements are the plan's where the scene gives them, otherwise those of the database: its
     solver found them from pressures or forces.

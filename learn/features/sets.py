@@ -100,10 +100,15 @@ ROOTED_LOCAL = (
 )
 """Columns of `LOCAL` whose square roots surrogates see too."""
 
+SKEWNESS = "unresolved_skewness"
+"""Skewness of the heights that the blocks do not resolve, 0 where every node is a block. Those of
+self-affine surfaces are as high as deep; those of scratches, pits and worn peaks are not."""
+
 LOCAL = (
     *ROOTED_LOCAL,
     *(f"refined_interference_{power}/delta" for power in POWERS),
     "coarse_perimeter/L",
+    SKEWNESS,
 )
 """Columns of the same solve that surrogates see too."""
 
@@ -126,7 +131,7 @@ class Rows:
     length: Values | float  # scan length L, the geometric mean of both sides, or (n,) [um]
     hardness_ratio: Values | float | None = None  # over E*; infinite or None for elastic bodies
     nodes: Values | float | None = None  # along a side, the geometric mean of both axes
-    hybrid: Values | None = None  # (n, 17), columns of `HYBRID`
+    hybrid: Values | None = None  # (n, 18), columns of `HYBRID`
     notes: tuple[str, ...] = ()  # why rows are unlike a training: none, one for all rows, or n
     given: Mapping[str, Values] = field(default_factory=dict)  # (n,) each, what the scene gives
 

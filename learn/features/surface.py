@@ -11,7 +11,8 @@ Surrogates see more of the same solve, at hardly any cost (`learn.features.sets.
 in contact inside the blocks by Persson's theory, the nodes that stand above shifted displacements,
 and how far they stand out. The blocks are pressed as if each were smooth. What their means do not
 resolve is described by its rms height and, for each block, by the rms slope inside it; from this
-slope and the pressure on a block follows the share of it that is in contact.
+slope and the pressure on a block follows the share of it that is in contact. The skewness of these
+heights is for flags and intervals alone (`learn.surrogate.learnt.UNSEEN`).
 """
 
 import math
@@ -46,6 +47,8 @@ have no equilibrium from full contact on, and blocks of unequal sizes come to it
 LOOSE = 1e-3
 """Residual of the coarse solve, over Delta: a feature need not be exact, but reproducible."""
 
+ROUNDING = 1e-12
+"""Smallest rms of the heights that the blocks do not resolve, over the range of all heights."""
 
 PERSSON = math.sqrt(2.0)
 """Persson's share of the area in contact is erf(sqrt(2) p / (E* h')), with the pressure p and the
@@ -73,6 +76,14 @@ class Blocks:
     def roughness(self) -> float:
         """Rms of the heights that the means, interpolated to the nodes, do not resolve [um]."""
         return float(self._unresolved.std())
+
+    @cached_property
+    def skewness(self) -> float:
+        """Skewness of these heights; 0 where there are none [1]."""
+        if self.roughness <= ROUNDING * float(np.ptp(self.heights)):
+            return 0.0
+        rest = self._unresolved - self._unresolved.mean()
+        return float(np.mean((rest / self.roughness) ** 3))
 
     @cached_property
     def slopes(self) -> Values:
@@ -227,7 +238,8 @@ class SurfaceFeatures:
         if depth <= 0:  # not one block's mean is reached
             counted = *bearing, 0.0, 0.0, 0.0, *bearing
             shares = (0.0,) * len(FACTORS)
-            return *counted, *shares, *_shifted(interference, delta, coarse.roughness), 0.0
+            shifted = _shifted(interference, delta, coarse.roughness)
+            return *counted, *shares, *shifted, 0.0, coarse.skewness
         contact = self._pressed(coarse, depth, hardness_ratio)
         # Only nodes that stand above it by more than the residual of the coarse solve.
         stands = interference - coarse.interpolated(contact.displacement) - LOOSE * delta
@@ -240,6 +252,7 @@ class SurfaceFeatures:
             *(coarse.local_area(contact.pressure, factor) for factor in FACTORS),
             *_shifted(stands, delta, coarse.roughness),
             contact.perimeter / self.length,
+            coarse.skewness,
         )
 
     def _pressed(self, coarse: Blocks, depth: float, hardness_ratio: float | None) -> bem.Contact:

@@ -21,7 +21,7 @@ from learn.features.scene import SCENE
 from learn.split import FOLDS
 from learn.surrogate import flag
 from learn.surrogate.flag import Distance
-from learn.surrogate.interval import Calibration, Scores, fit_scale, growth, quadratic
+from learn.surrogate.interval import GROWTH, Calibration, Scores, fit_scale, quadratic
 
 Scheme = Literal["surfaces", "each", "others"]
 """What intervals hold for: further surfaces of the one database; of each of the known maps or
@@ -187,7 +187,7 @@ def calibrate(
     terms = quadratic(inputs) if by_surface else inputs
     fit = partial(fit_scale, shrinkage=SLIGHT) if by_surface else fit_scale
     if groups.scheme != "others":
-        errors = errors / growth(seen.far, seen.distance.limit)
+        errors = errors / GROWTH.at(seen.far, seen.distance.limit)
     usual = np.empty(errors.size)
     for part in np.unique(parts):
         own = parts == part

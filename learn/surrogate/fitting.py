@@ -35,7 +35,7 @@ from learn.surrogate import calibration as calibrating
 from learn.surrogate import card
 from learn.surrogate.calibration import SURFACE, Groups, Measured, Parts, Plan, groups_of, measured
 from learn.surrogate.interval import Calibration, ErrorScale
-from learn.surrogate.learnt import Learnt, clip_of
+from learn.surrogate.learnt import Learnt, clip_of, clipped
 from learn.surrogate.model import Surrogate
 
 SEARCH_ROWS = 3000
@@ -343,14 +343,15 @@ def fit_target(
     scenic = request.features == SCENE and name != POPULATION.name
     standard = scenic or (name == "gaussian-process" and request.source is None)
     scaling = scaling_of(train, np.arange(train.size), standard=standard)
-    target = scaling.scaled(train.target)
+    target, clip = scaling.scaled(train.target), clip_of(train)
+    inputs = clipped(train.inputs, clip)
     began = process_time()
-    settings = settings or choose(request, train, target, folds)
+    settings = settings or choose(request, replace(train, inputs=inputs), target, folds)
     chose = process_time()
-    fitted, said = _fitted(request, settings, train.inputs, target, train.groups)
+    fitted, said = _fitted(request, settings, inputs, target, train.groups)
     done = process_time()
     column = results(train.scene, train.features.load)[train.target_name]
-    own = NOT_CALIBRATED, clip_of(train), column.bounds
+    own = NOT_CALIBRATED, clip, column.bounds
     learnt = Learnt(column.name, column.unit, fitted, scaling, *own)
     seen, crossed = measured(train), None
     if calibration is None:
@@ -418,8 +419,9 @@ def _crossed(
             return learnt.scaling.restored(found)
     for mine, unseen in parts:
         others = np.setdiff1d(np.arange(train.size), unseen)
-        rest = train.inputs[others], target[others], train.groups[others]
+        clip = clip_of(train.at(others))
+        rest = clipped(train.inputs[others], clip), target[others], train.groups[others]
         fitted, _ = _fitted(request, settings, *rest)
-        without = replace(learnt, pipeline=fitted, clip=clip_of(train.at(others)))
+        without = replace(learnt, pipeline=fitted, clip=clip)
         found[mine] = without.raw(train.inputs[mine])
     return found

@@ -35,10 +35,10 @@ from gen.runtime.errors import InputError
 from gen.runtime.files import SURROGATE, atomic, require_file
 from gen.runtime.terminal import printable, to_type
 from learn.features.scene import SCENE
-from learn.features.sets import FORMULAS, PURE, SETS
+from learn.features.sets import FORMULAS, PURE, SETS, SKEWNESS
 from learn.models import EVERY, STEP, Scaling
 from learn.surrogate.flag import Distance
-from learn.surrogate.interval import Calibration, ErrorScale, Scores
+from learn.surrogate.interval import EARLIER, Calibration, ErrorScale, Growth, Scores
 
 if TYPE_CHECKING:
     from learn.dataset import Dataset
@@ -96,6 +96,10 @@ REVIEWED = (
 """Types, besides numbers and arrays, of which models are made."""
 
 
+UNSEEN = SKEWNESS
+"""Feature that models see as 0: in a training of self-affine surfaces it is noise, and tells only
+that another surface is none of them. Flags and intervals see it."""
+
 Clip = tuple[Values, Values]
 """Ends, each (d,), of the ranges that features are clipped to; infinite for those that are not."""
 
@@ -104,9 +108,16 @@ def clip_of(train: Dataset) -> Clip | None:
     """Return the training ranges of the moments among the features; None for sets with units."""
     if not train.features.scaled:
         return None
-    moment = np.array([name in MOMENTS for name in train.features.columns])
+    names = np.array(train.features.columns)
+    moment, unseen = np.isin(names, [*MOMENTS]), names == UNSEEN
     low, high = train.inputs.min(axis=0), train.inputs.max(axis=0)
-    return np.where(moment, low, -np.inf), np.where(moment, high, np.inf)
+    low, high = np.where(moment, low, -np.inf), np.where(moment, high, np.inf)
+    return np.where(unseen, 0.0, low), np.where(unseen, 0.0, high)
+
+
+def clipped(inputs: Values, clip: Clip | None) -> Values:
+    """Return the features, (n, d), as models see them."""
+    return inputs if clip is None else np.clip(inputs, *clip)
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,8 +137,7 @@ class Learnt:
         found = np.full(len(inputs), np.nan)
         with np.errstate(over="ignore", invalid="ignore"):  # said by `predict_rows`, row by row
             for rows in _parts(inputs):
-                seen = inputs[rows] if self.clip is None else np.clip(inputs[rows], *self.clip)
-                found[rows] = self._predict(seen)
+                found[rows] = self._predict(clipped(inputs[rows], self.clip))
             return self.scaling.restored(found)
 
     def mean_ends(self, raw: Values, level: float, inputs: Values) -> tuple[Values, Values]:
@@ -232,7 +242,7 @@ def _packed(learnt: Learnt, distance: Distance) -> dict[str, Any]:
         "bounds": learnt.bounds,
         "scores": [tuple(each) for each in intervals.scores],
         "usual": vars(intervals.usual),
-        "grows": own is not None,
+        "grows": own is not None and tuple(intervals.growth),
         "root": intervals.root,
     }
 
@@ -309,11 +319,13 @@ def _unpacked(
     """Return the model of a target, after a trial if another scikit-learn has made it."""
     import sklearn
 
+    grows = part["grows"]  # a law, True of earlier versions, or False
     intervals = Calibration(
         tuple(Scores(*each) for each in part["scores"]),
         ErrorScale(**part["usual"]),
-        distance if part["grows"] else None,
+        distance if grows else None,
         part["root"],
+        EARLIER if isinstance(grows, bool) else Growth(*grows),
     )
     own = part["column"], part["unit"], part["pipeline"], Scaling(**part["scaling"])
     learnt = Learnt(*own, intervals, part["clip"], part["bounds"])

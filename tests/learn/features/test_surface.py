@@ -8,7 +8,7 @@ import bem
 from gen.scene import Scene
 from gen.surface import generate
 from learn.features import SETS, SurfaceFeatures, chosen
-from learn.features.sets import BLOCK_COUNTS, COARSE, HYBRID, LOCAL
+from learn.features.sets import BLOCK_COUNTS, COARSE, HYBRID, LOCAL, SKEWNESS
 from learn.features.surface import Blocks
 
 
@@ -48,6 +48,20 @@ def test_a_delta_that_reaches_no_block_still_has_features():
     assert local["refined_share(+1s)"] == 1 / 66**2
     assert local["local_area(1p)"] == local["coarse_perimeter/L"] == 0.0
     assert local["refined_interference_2/delta"] == pytest.approx(1 / 66)
+
+
+def test_pits_that_blocks_do_not_resolve_skew_what_they_leave():
+    rough, pits = surface(0, nodes=129), np.zeros((129, 129))
+    pits[5::9, 5::9] = 5.0
+    flat, deep, high = (
+        SurfaceFeatures(rough + sign * pits, (128.0, 128.0)).hybrid(3.0)[HYBRID.index(SKEWNESS)]
+        for sign in (0, -1, 1)
+    )
+    assert abs(flat) < 0.1
+    assert deep < -1
+    assert high > 1
+    tiny = SurfaceFeatures(surface(0) + 1e9, (128.0, 128.0))
+    assert tiny.hybrid(3.0)[HYBRID.index(SKEWNESS)] == 0.0
 
 
 @pytest.mark.parametrize("boundary", ["periodic", "mirror"])

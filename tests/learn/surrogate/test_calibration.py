@@ -11,6 +11,7 @@ from gen.runtime.errors import InputError
 from learn import Surrogate, cli, dataset, split
 from learn.dataset import Population, Request
 from learn.executor import Executor
+from learn.features.sets import SKEWNESS
 from learn.surrogate import calibration, fitting
 from learn.surrogate.fitting import Settings, fit_target
 from learn.surrogate.model import require_level
@@ -84,6 +85,29 @@ def test_further_fits_are_as_few_as_have_surfaces_enough(solved, rows, monkeypat
     assert fit.learnt.calibration.largest_level == pytest.approx(number / (number + 1))
     every = model == "kernel-ridge"
     assert calibration.chosen_parts(rows, every=every)[0].number == number
+
+
+def test_flags_and_intervals_see_the_skewness_and_models_do_not(solved):
+    rows = read(solved, "area", features="hybrid", roots=True)
+    inputs, place = rows.inputs.copy(), rows.features.columns.index(SKEWNESS)
+    inputs[:, place] = 0.1 * np.random.default_rng(0).normal(size=rows.size)
+    given = Settings({"kernel": "rbf", "gamma": 0.01, "alpha": 1e-3}, False, "given")
+    request, folds = replace(request_of(solved), features="hybrid"), np.zeros(rows.size, np.int8)
+    plain, seeing = (
+        fit_target(request, each, None, folds, settings=given)
+        for each in (rows, replace(rows, inputs=inputs))
+    )
+    np.testing.assert_array_equal(seeing.learnt.raw(inputs), plain.learnt.raw(rows.inputs))
+    np.testing.assert_array_equal(seeing.crossed, plain.crossed)
+    odd = inputs[:1].copy()
+    odd[:, place] = 3.0
+    distance = calibration.measured(replace(rows, inputs=inputs)).distance
+    assert distance.of(odd) > distance.limit
+    raw = seeing.learnt.raw(odd)
+    (_, usual), (_, wider) = (
+        seeing.learnt.calibration.ends(raw, 0.9, each) for each in (inputs[:1], odd)
+    )
+    assert wider > usual
 
 
 def test_databases_of_the_same_surfaces_are_not_left_out_whole(rows):

@@ -55,10 +55,10 @@ def test_intervals_widen_up_to_the_limit_of_the_flag_and_have_scores_of_the_near
     distance = Distance(centres, np.ones((2, 1, 1)), 2.0)
     scores = tuple(Scores.of(size * np.ones(99), np.arange(99)) for size in (1.0, 5.0))
     low, high = Calibration(scores, PLAIN, distance).ends(np.zeros(5), 0.9, far)
-    np.testing.assert_allclose(high, [1.0, GROWTH**0.25, GROWTH, GROWTH, 5.0])
+    np.testing.assert_allclose(high, [1.0, GROWTH.most ** (1 / 16), GROWTH.most, GROWTH.most, 5.0])
     np.testing.assert_array_equal(low, -high)
     lost = Calibration(scores, PLAIN, distance).ends(np.zeros(1), 0.9, np.array([[np.nan]]))
-    assert lost[1] == GROWTH
+    assert lost[1] == GROWTH.most
 
 
 def test_usual_errors_follow_the_features():
