@@ -22,7 +22,7 @@ from bench.made_maps import surface as made_surface
 from bench.report import remark
 from bench.resolution import random_waves
 from gen.arrays import Heights
-from gen.surface import diamond_square
+from gen.surface import generate
 
 ANSWERS = ("area_percent", "delta", "force", "mean_gap", "stiffness")
 LOADS = 2  # of every surface
@@ -239,7 +239,8 @@ def _fractal(random: np.random.Generator) -> Sample:
 def _paper(random: np.random.Generator) -> Sample:
     """Draw a surface by random midpoint displacement, the paper's, and its every fourth node."""
     exponent = int(random.choice([6, 7]))
-    finest = diamond_square(2 ** (exponent + 2) + 1, random.uniform(0.3, 0.9), 0.01, random)
+    nodes = 2 ** (exponent + 2) + 1
+    finest = generate("diamond-square", nodes, random.uniform(0.3, 0.9), 0.01, random)
 
     def heights(n: int) -> Heights:
         step = (len(finest) - 1) // (n - 1)

@@ -5,9 +5,8 @@ become columns, and the heights of a surface. `gen.generators.GENERATORS` lists 
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self, TypeVar, get_args
 
 import numpy as np
@@ -187,11 +186,20 @@ class GridSurface(GeneratedSurface):
         return Grid.of(pair(self.nodes), pair(self.side), boundary, cells=cells)
 
 
-Generator = Callable[[int, float, float, Random], Heights]
+GENERATORS = ("diamond-square", "midpoint")
+"""Generators of `generate` by the names that scenes use."""
 
 
 def generate(generator: str, nodes: int, hurst: float, sigma0: float, random: Random) -> Heights:
-    """Generate a random self-affine surface.
+    """Generate a random self-affine surface by displacing midpoints, level by level.
+
+    "diamond-square", MIRCO's generator, displaces the centre of a square to the mean of its 4
+    corners + N(0, a^2); then the midpoint of an edge to the mean of its 4 neighbours, 3 at the
+    border, + N(0, a^2). The amplitude a starts at `sigma0` and is divided by 2^(hurst / 2) after
+    each of the two steps. The statistics of its surfaces are those of the paper's Table 1.
+    "midpoint" displaces centres and edges together, as the paper's text describes it: the centre of
+    a square to the mean of its 4 corners and the midpoint of an edge to the mean of its 2 corners,
+    both + N(0, s^2) with s = sigma0 2^(-hurst level); the first level is 0.
 
     Parameters
     ----------
@@ -220,7 +228,7 @@ def generate(generator: str, nodes: int, hurst: float, sigma0: float, random: Ra
 
     References
     ----------
-    Section 2.2 (sec_rmd) of the paper; the definitions stand at each generator.
+    Section 2.2 (sec_rmd) of the paper.
     """
     if generator not in GENERATORS:
         raise InputError(f"generator {generator!r}: give one of {', '.join(GENERATORS)}")
@@ -231,7 +239,7 @@ def generate(generator: str, nodes: int, hurst: float, sigma0: float, random: Ra
     if not 0.0 <= sigma0 < math.inf:
         raise InputError(f"sigma0 {sigma0}: give a standard deviation of 0 um or more")
     with np.errstate(over="ignore", invalid="ignore"):
-        heights = GENERATORS[generator](nodes, hurst, sigma0, random)
+        heights = _displaced(nodes, hurst, sigma0, random, diamonds=generator == "diamond-square")
         heights -= heights.min()
     if not math.isfinite(heights.max()):
         raise InputError(f"sigma0 {sigma0:g}: its heights are beyond what numbers hold; give less")
@@ -266,76 +274,15 @@ def without_last_nodes(heights: Heights) -> Heights:
     return np.ascontiguousarray(cells - cells.min())
 
 
-def diamond_square(nodes: int, hurst: float, sigma0: float, random: Random) -> Heights:
-    """Displace centres and then edges, level by level: MIRCO's generator, and the default.
-
-    The centre of a square is the mean of its 4 corners + N(0, a^2); then the midpoint of an edge
-    is the mean of its 4 neighbours, 3 at the border, + N(0, a^2). The amplitude a starts at
-    `sigma0` and is divided by 2^(hurst / 2) after each of the two steps. The statistics of the
-    surfaces are those of the paper's Table 1.
-
-    Parameters
-    ----------
-    nodes : int
-        Number of nodes along both axes, 2^k + 1.
-    hurst : float
-        Hurst exponent, from 0 to 1.
-    sigma0 : float
-        Standard deviation of the first displacement [um].
-    random : numpy.random.Generator
-        Source of the displacements.
-
-    Returns
-    -------
-    ndarray, shape (nodes, nodes)
-        Heights, not checked, with the corners at 0 [um].
-    """
-    return _displaced(nodes, sigma0, 2.0 ** (-hurst / 2.0), random, diamonds=True)
-
-
-def midpoint(nodes: int, hurst: float, sigma0: float, random: Random) -> Heights:
-    """Displace centres and edges together, level by level, as the paper's text describes it.
-
-    The centre of a square is the mean of its 4 corners and the midpoint of an edge the mean of its
-    2 corners, both + N(0, s^2) with s = sigma0 2^(-hurst level); the first level is 0.
-
-    Parameters
-    ----------
-    nodes : int
-        Number of nodes along both axes, 2^k + 1.
-    hurst : float
-        Hurst exponent, from 0 to 1.
-    sigma0 : float
-        Standard deviation of the first displacement [um].
-    random : numpy.random.Generator
-        Source of the displacements.
-
-    Returns
-    -------
-    ndarray, shape (nodes, nodes)
-        Heights, not checked, with the corners at 0 [um].
-
-    References
-    ----------
-    Section 2.2 (sec_rmd) of the paper.
-    """
-    return _displaced(nodes, sigma0, 2.0**-hurst, random, diamonds=False)
-
-
-GENERATORS: Mapping[str, Generator] = MappingProxyType(
-    {"diamond-square": diamond_square, "midpoint": midpoint}
-)
-"""Generators by the names that scenes use."""
-
-
 def _displaced(
-    nodes: int, amplitude: float, decay: float, random: Random, *, diamonds: bool
+    nodes: int, hurst: float, amplitude: float, random: Random, *, diamonds: bool
 ) -> Heights:
     """Displace centres and edges until there are enough nodes; with `diamonds` one after another.
 
     The midpoint of an edge is then the mean of its diamond: 2 corners, and the 1 or 2 centres
     beside it.
     """
+    decay = 2.0 ** (-hurst / 2.0) if diamonds else 2.0**-hurst
     heights = np.zeros((2, 2))
     while len(heights) < nodes:
         squares = len(heights) - 1

@@ -17,7 +17,7 @@ SPECTRUM = spectral.SelfAffineSpectrum(hurst=0.8, roll_off=500.0, cut_off=125.0)
 DELTA = np.array([6.0, 20.0])
 
 WITHOUT = {
-    *("surface.generate", "surface.diamond_square", "surface.midpoint", "statistics.Description"),
+    *("surface.generate", "statistics.Description"),
     *("scene.load", "scene.Scene", "database.Reader", "spectral.SelfAffineSpectrum", "Prediction"),
 }
 """Public functions and classes that no caller gives arrays to compute with."""

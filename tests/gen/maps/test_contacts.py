@@ -12,7 +12,7 @@ import pytest
 import bem
 from gen import cli
 from gen.maps.contacts import Wanted, further
-from gen.surface import diamond_square, generate
+from gen.surface import generate
 from tests.bem.waves import random_waves
 
 ROUGH = generate("diamond-square", 17, 0.7, 5.0, np.random.default_rng(4))
@@ -257,7 +257,7 @@ def test_the_area_in_the_continuum_stands_beside_the_count_of_nodes(tmp_path, mo
     assert cli.main([*given, "--pressure", "300", "--no-grid-error", "--csv", "one.csv"]) == 0
     assert "continuum" not in capsys.readouterr().out
     assert "resolved" not in pd.read_csv("one.csv").columns
-    fractal = diamond_square(65, 0.5, 5.0, np.random.default_rng(0))
+    fractal = generate("diamond-square", 65, 0.5, 5.0, np.random.default_rng(0))
     np.save("rmd.npy", fractal)
     arguments = ["contact", "rmd.npy", "--side", "1000", "--e-star", "1e4", "--pressure", "10,20"]
     assert cli.main([*arguments, "--csv", "two.csv"]) == 0

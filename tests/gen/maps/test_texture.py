@@ -21,7 +21,7 @@ from gen.maps.texture import (
     radial_spectrum,
 )
 from gen.spectral import SelfAffineSpectrum, generate_spectral
-from gen.surface import diamond_square
+from gen.surface import generate
 from tests.bem.waves import random_waves
 
 NAMES = [name for name, *_ in PARAMETERS if name != "Smr"]
@@ -270,7 +270,7 @@ def test_the_nodes_of_the_shortest_wave_are_counted(boundary, nodes):
 
 
 def test_fractals_have_waves_down_to_the_grid():
-    heights = diamond_square(129, 0.7, 1.0, np.random.default_rng(0))
+    heights = generate("diamond-square", 129, 0.7, 1.0, np.random.default_rng(0))
     topography = Topography("fractal", heights, (128.0, 128.0))
     assert nodes_a_wave(radial_spectrum(topography), topography.spacing) < 2.3
     flat = Topography("flat", np.zeros((32, 32)), (1.0, 1.0))
