@@ -117,18 +117,6 @@ def test_results_arrive_with_their_tasks():
     assert results == [(1, 10), (2, 20), (3, 30)]
 
 
-def test_no_task_is_begun_once_it_is_told_to_stop():
-    results = []
-    Executor().run(
-        scaled,
-        1,
-        range(9),
-        lambda _, result: results.append(result),
-        stopping=lambda: len(results) == 2,
-    )
-    assert results == [0, 1]
-
-
 def test_what_a_job_raises_is_not_swallowed():
     with pytest.raises(InputError, match="no job today"), led():
         raise InputError("no job today")
