@@ -65,7 +65,13 @@ def print_database(reader: Reader) -> None:
         for line in (another, *changes):
             echo(f"            {line}")
     if counts.done:
-        _print_ranges(reader)
+        ranges = reader.ranges()
+        rows = (
+            (column.name, column.unit, *(f"{limit:.6g}" for limit in ranges[column.name]))
+            for column in reader.columns()
+            if column.name in ranges and column.group != RUNTIME
+        )
+        print_columns(rows, ("column", "unit", "from", "to"), right=("from", "to"))
 
 
 def print_plan(scene: Scene, path: Path | None = None) -> None:
@@ -136,17 +142,6 @@ def _times(reader: Reader) -> str:
         f"solve {solve.mean():.2f} ms on average, {np.median(solve):.2f} median,"
         f" {solve.max():.2f} at most; surface and statistics {surface.mean():.2f} ms"
     )
-
-
-def _print_ranges(reader: Reader) -> None:
-    """Print the range of every column over the done rows."""
-    ranges = reader.ranges()
-    rows = (
-        (column.name, column.unit, *(f"{limit:.6g}" for limit in ranges[column.name]))
-        for column in reader.columns()
-        if column.name in ranges and column.group != RUNTIME
-    )
-    print_columns(rows, ("column", "unit", "from", "to"), right=("from", "to"))
 
 
 def print_preparation(topography: Topography, warnings: list[str]) -> None:

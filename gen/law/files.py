@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import astuple
 from datetime import UTC, datetime
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ import numpy as np
 
 from gen.law import finite_elements
 from gen.law.contact_law import Law
-from gen.law.curves import CONDUCTANCE, CONTINUUM, GAS, JOINT, STIFFNESS, Curve
+from gen.law.curves import CONDUCTANCE, CONTINUUM, GAS, JOINT, STIFFNESS
 from gen.options import LawOutputs, Units
 from gen.runtime import VERSION
 from gen.runtime.documents import Row, text_of, write_csv
@@ -81,7 +82,8 @@ def show(law: Law) -> None:
                 band = " (-)" if curves.reasons[place] and not banded[place] else ""
                 band = f" ({low:.4g} to {high:.4g})" if low < high else band
                 cells.append("-" if np.isnan(value) else f"{value:.4g}{band}")
-            rows.append([*cells, brief(curves.reasons[place])])
+            reason = curves.reasons[place]
+            rows.append([*cells, brief(reason) if reason else ""])
         titles = [curves.against, *names, "reason" if any(curves.reasons) else ""]
         print_columns(rows, titles, right=titles[:-1])
 
@@ -173,24 +175,18 @@ def draw(figure: Any, law: Law, picture: Path) -> None:
     figure.suptitle(
         f"{law.title}\n{law.bodies.text}; band: {law.band}", fontsize=11, parse_math=False
     )
-    axes = figure.subplots(2, len(names))
-    for column, name in enumerate(names):
-        for row, scale in enumerate(("linear", "log")):
-            _draw_curve(axes[row, column], curves.at, curves.curves[name], scale)
-            axes[row, column].set(xlabel="nominal pressure [MPa]", ylabel=LABELS[name])
+    axes, at = figure.subplots(2, len(names)), curves.at
+    for (row, scale), (column, name) in product(enumerate(("linear", "log")), enumerate(names)):
+        axis, curve = axes[row, column], curves.curves[name]
+        finite = np.isfinite(curve.value)
+        drawn = finite & (at > 0) & (curve.value > 0) if scale == "log" else finite
+        axis.set(xscale=scale, yscale=scale)
+        axis.plot(at[drawn], curve.value[drawn], ".-", color="tab:blue")
+        band = drawn & curve.banded & ((curve.low > 0) | (scale == "linear"))
+        if band.any():
+            axis.fill_between(at[band], curve.low[band], curve.high[band], alpha=0.25, lw=0)
+        axis.grid(alpha=0.3)
+        if scale == "linear":
+            axis.set(xlim=(0, None), ylim=(0, None))
+        axis.set(xlabel="nominal pressure [MPa]", ylabel=LABELS[name])
     save(figure, picture)
-
-
-def _draw_curve(axis: Any, at: Any, curve: Curve, scale: str) -> None:
-    """Draw one curve and its band in axes of one scale."""
-    finite = np.isfinite(curve.value)
-    drawn = finite & (at > 0) & (curve.value > 0) if scale == "log" else finite
-    axis.set(xscale=scale, yscale=scale)
-    axis.plot(at[drawn], curve.value[drawn], ".-", color="tab:blue")
-    band = drawn & curve.banded
-    band &= (curve.low > 0) | (scale == "linear")
-    if band.any():
-        axis.fill_between(at[band], curve.low[band], curve.high[band], alpha=0.25, lw=0)
-    axis.grid(alpha=0.3)
-    if scale == "linear":
-        axis.set(xlim=(0, None), ylim=(0, None))

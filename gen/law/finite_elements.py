@@ -353,28 +353,26 @@ def write_header(path: Path, law: Law) -> list[Path]:
         law = replace(law, over_delta=inside[0], over_pressure=inside[1])
     own = re.sub(r"[^0-9A-Za-z]+", "_", path.stem).strip("_")
     name = f"asperity_{own or 'law'}"  # asperity_steel_2 for steel-2.h
-    files.write(path, "\n".join(_header(law, name)) + "\n")
-    return [path]
-
-
-def _header(law: Law, name: str) -> Iterator[str]:
-    """Yield the whole header; a second law of the same name in a program is made an error."""
-    body = list(_body(law, name))
+    guard, body = f"{name.upper()}_H", list(_body(law, name))
     checksum = f"0x{zlib.crc32(chr(10).join(body).encode()):08x}u"
-    guard = f"{name.upper()}_H"
-    yield "/*"
-    # Without what could end a comment, splice lines or make a compiler warn, as names may.
+    # A second law of this name in a program is an error. What is said comes without what could end
+    # a comment, splice lines or make a compiler warn, as names may.
     odd = re.compile(r"[^ -~]|[\\?]|\*(?=/)|(?<=/)\*")
-    yield from _comment((odd.sub("_", each) for each in _header_description(law, name)), " * ", 96)
-    yield " */"
-    yield f"#ifdef {guard}"
-    yield f"#if {guard} != {checksum}"
-    yield f'#error "two laws are named {name}: give one of the headers another file name"'
-    yield "#endif"
-    yield "#else"
-    yield f"#define {guard} {checksum}"
-    yield from body
-    yield "#endif"
+    lines = [
+        "/*",
+        *_comment((odd.sub("_", each) for each in _header_description(law, name)), " * ", 96),
+        " */",
+        f"#ifdef {guard}",
+        f"#if {guard} != {checksum}",
+        f'#error "two laws are named {name}: give one of the headers another file name"',
+        "#endif",
+        "#else",
+        f"#define {guard} {checksum}",
+        *body,
+        "#endif",
+    ]
+    files.write(path, "\n".join(lines) + "\n")
+    return [path]
 
 
 def _header_description(law: Law, name: str) -> Iterator[str]:

@@ -18,7 +18,10 @@ BLOCK = 1 << 15  # nodes that enter the fit at a time, which bounds the memory
 
 def fitted_polynomial(heights: Heights, degree: int) -> Heights:
     """Fit a polynomial of a total degree to the measured nodes by least squares."""
-    along_x, along_y = (_orthonormal_polynomials(nodes, degree) for nodes in heights.shape)
+    legendre = np.polynomial.legendre.legvander  # made orthonormal on the nodes of each axis
+    along_x, along_y = (
+        np.linalg.qr(legendre(np.linspace(-1, 1, nodes), degree))[0] for nodes in heights.shape
+    )
     i, j = np.nonzero(np.add.outer(np.arange(degree + 1), np.arange(degree + 1)) <= degree)
     triangle: Values = np.empty((0, i.size + 1))
     rows = max(1, BLOCK // heights.shape[1])
@@ -31,12 +34,6 @@ def fitted_polynomial(heights: Heights, degree: int) -> Heights:
     coefficients[i, j] = np.linalg.lstsq(triangle[:, :-1], triangle[:, -1], rcond=None)[0]
     fit: Heights = along_x @ coefficients @ along_y.T
     return fit
-
-
-def _orthonormal_polynomials(nodes: int, degree: int) -> Values:
-    """Return orthonormal polynomials on equal steps, one of each degree in a column."""
-    powers = np.polynomial.legendre.legvander(np.linspace(-1, 1, nodes), degree)
-    return np.asarray(np.linalg.qr(powers)[0])
 
 
 # nodes along each side of the neighbourhood: its median ignores spikes of up to 3 x 4 nodes

@@ -17,7 +17,7 @@ from gen.arrays import Heights
 from gen.maps import filters
 from gen.maps.filters import ROWS, filled_harmonically, least_squares, without_spikes
 from gen.maps.read import WIDEST, Sides, Topography, in_words, read
-from gen.maps.settings import ORDER, SPIKE, Reading, numbers_in, said
+from gen.maps.settings import SPIKE, Reading, numbers_in, said
 from gen.runtime.errors import InputError
 from gen.statistics import rms_slope
 
@@ -42,19 +42,19 @@ def prepare(topography: Topography, settings: Reading) -> Topography:
     waves that they would fold back. Raises InputError if a setting does not suit the map.
     """
     settings.check()
-    followed = {key for key in ORDER if getattr(settings, key)} - {"level", "despike"}
+    followed = {key for key in STEPS if getattr(settings, key)} - {"level", "despike"}
     followed |= {f"level {settings.level}"} if settings.level else set()
     # a threshold of spikes counts as the one that is advised if it takes out as many
     followed |= {f"despike {SPIKE:g}"} if (settings.despike or np.inf) <= SPIKE else set()
     followed |= topography.followed
     topography = replace(topography, followed=frozenset(followed), asked=settings.asked)
-    for key in ORDER:
+    for key, step in STEPS.items():
         if key == "filter" and topography.missing:  # from here on every node is needed
             fault = f"{topography.missing} of {topography.heights.size} heights are missing (NaN)"
             remedies = ("fill", "closes holes"), ("crop", "leaves them out")
             raise InputError(f"{topography.name}: {advised(topography, fault, *remedies)}")
         if getattr(settings, key) and (key[:4] != "fill" or topography.missing):
-            topography = STEPS[key](topography, settings)
+            topography = step(topography, settings)
     if not is_tilted(topography):
         return topography
     x, y = tilt(topography)
@@ -64,7 +64,7 @@ def prepare(topography: Topography, settings: Reading) -> Topography:
     return replace(topography, warnings=(*topography.warnings, warning))
 
 
-# what each key of the preparation does, if it is given
+# what each key of the preparation does, if it is given, in the order of the steps
 STEPS: Mapping[str, Callable[[Topography, Any], Topography]] = {
     "crop": lambda given, how: cropped(given, how.crop),
     "invert": lambda given, _: changed(given, -given.heights, "turned upside down"),
@@ -312,7 +312,8 @@ def surface_warnings(topography: Topography) -> list[str]:
         fault = f"{scale}: flatter than a mirror; are the heights in metres"
         warnings.append(advised(topography, fault, ("unit m", "reads them so")))
     if topography.boundary == "periodic" and not is_tilted(topography):
-        step, rms = _border_step(heights), float(heights.std())
+        borders = heights[-1] - heights[0], heights[:, -1] - heights[:, 0]
+        step, rms = max(float(np.sqrt(np.mean(each**2))) for each in borders), heights.std()
         if step > rms:
             fault = f"opposite borders differ by {step:.4g} um (rms), more than the rms height,"
             fault += f" {rms:.4g} um: the map is not periodic"
@@ -339,13 +340,6 @@ def read_surface(
         named = opposite is not None or str(error).startswith(("--", str(path)))
         raise InputError(f"{'' if named else f'{path}: '}{error}") from None
     return surface, surface_warnings(surface)
-
-
-def _border_step(heights: Heights) -> float:
-    """Return the larger rms difference between opposite borders [um]; 0 where none was measured."""
-    differences = (heights[-1] - heights[0], heights[:, -1] - heights[:, 0])
-    squares = (np.square(each[~np.isnan(each)]) for each in differences)
-    return max(float(np.sqrt(each.mean())) if each.size else 0.0 for each in squares)
 
 
 def advised(topography: Topography, fault: str, *remedies: tuple[str, str]) -> str:

@@ -1,16 +1,15 @@
 """How a map is read and prepared: each key once, with all that is said of it.
 
 The options of commands, the tables of scenes, the words of messages and the table of the manual are
-made of the fields of `Reading`, each of which carries its `Key`. Nothing here needs pydantic, which
+made of the fields of `Reading` and of what `KEYS` says of each. Nothing here needs pydantic, which
 would delay the help of every command: the tables of scenes are made where scenes are.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields
-from functools import cache
-from typing import Annotated, Any, Literal, NamedTuple, get_type_hints
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Literal, NamedTuple
 
 from gen.runtime.errors import InputError
 from gen.runtime.numbers import shown
@@ -23,14 +22,6 @@ SPIKE = 7.0
 HIGHEST_DEGREE = 20
 READ, PREPARED = "reading", "preparation"  # tables of `[surface]` in a scene
 LEVELS = ("mean", "plane", "quadratic")
-
-# keys of the preparation in the order in which their steps are taken, which is a metrologist's;
-# that of the fields of `Reading` is the order of the options
-ORDER = (
-    *("crop", "invert", "mask", "despike", "level", "form", "fill", "fill_most", "filter"),
-    "downsample",
-)
-
 
 # keys whose values are two numbers, one of which may be left out: what both are above, and advice
 ENDS = {
@@ -74,24 +65,66 @@ class Key(NamedTuple):
         return self.words or (f"text, {self.metavar}" if self.metavar else "true or false")
 
 
+KEYS = {
+    "side": Key(
+        "Scan length in um for a file without lengths; two for an oblong patch: 1000,500.",
+        *("UM", READ),
+        words="the scan length in um, or two as [1000, 500] or '1000,500'",
+    ),
+    "unit": Key("Unit of a file that names none, as um, nm or inch.", "UNIT", READ),
+    "channel": Key("Name or index of a channel of the file.", "NAME", READ),
+    "override_scale": Key("Let --side and --unit overrule the file's own."),
+    "crop": Key(
+        "Keep only this part, in um from the first node, as 100:900,0:500.",
+        *("X0:X1,Y0:Y1", PREPARED),
+    ),
+    "invert": Key("Turn upside down: heights point into the material.", "", PREPARED),
+    "mask": Key("Heights outside these, in um, become holes, as -5:3.", "BELOW:ABOVE", PREPARED),
+    "despike": Key(
+        "Replace nodes further from the local median than this times the scatter, as 7, by it.",
+        *("THRESHOLD", PREPARED),
+        words="a number above 0, as 7",
+    ),
+    "level": Key(
+        "Subtract the mean, plane or quadratic fit over the measured nodes.",
+        *("HOW", PREPARED, LEVELS),
+    ),
+    "form": Key(
+        f"Subtract the fitted polynomial of total degree N, 1 to {HIGHEST_DEGREE}.",
+        *("N", PREPARED),
+        least=1,
+        words=f"the degree of a polynomial, a whole number from 1 to {HIGHEST_DEGREE}",
+    ),
+    "fill": Key(
+        "Close holes by Laplace's equation between the heights of their rims.", "", PREPARED
+    ),
+    "fill_most": Key("Fill even if more than half is missing.", "", PREPARED),
+    "filter": Key(
+        "Gaussian filter (ISO 16610-61): cut-offs of the S- and L-filter in um, as 2.5:80; one"
+        " may be left out.",
+        *("S:L", PREPARED),
+    ),
+    "downsample": Key(
+        "Take the means of N x N nodes as nodes.",
+        *("N", PREPARED),
+        least=2,
+        words="a whole number of 2 or more",
+    ),
+}
+"""The keys; those of the preparation in the order of their steps, which is a metrologist's."""
+
+
 @dataclass(frozen=True)
 class FileReading:
-    """How the file of a map is read where it does not say it itself; by default, as it says."""
+    """How the file of a map is read where it does not say it itself; by default, as it says.
 
-    side: Annotated[
-        str,
-        Key(
-            "Scan length in um for a file without lengths; two for an oblong patch: 1000,500.",
-            *("UM", READ),
-            words="the scan length in um, or two as [1000, 500] or '1000,500'",
-        ),
-    ] = ""
-    # of the heights, and of the lengths of the file; .npy and text are in um by default
-    unit: Annotated[
-        str, Key("Unit of a file that names none, as um, nm or inch.", "UNIT", READ)
-    ] = ""
-    # the first one with heights by default
-    channel: Annotated[str, Key("Name or index of a channel of the file.", "NAME", READ)] = ""
+    The fields are the options of commands, in their order.
+    """
+
+    KEYS: ClassVar = KEYS
+    side: str = ""
+    unit: str = ""  # of the heights, and of the lengths of the file; .npy and text are in um
+    channel: str = ""  # the first one with heights by default
     asked: Asked = field(default="option", kw_only=True)
 
 
@@ -99,67 +132,17 @@ class FileReading:
 class Reading(FileReading):
     """How a map is read, and what is done to it before it is used; by default nothing."""
 
-    override_scale: Annotated[bool, Key("Let --side and --unit overrule the file's own.")] = False
-    fill: Annotated[
-        bool,
-        Key("Close holes by Laplace's equation between the heights of their rims.", "", PREPARED),
-    ] = False
-    fill_most: Annotated[bool, Key("Fill even if more than half is missing.", "", PREPARED)] = False
-    level: Annotated[
-        str,
-        Key(
-            "Subtract the mean, plane or quadratic fit over the measured nodes.",
-            *("HOW", PREPARED, LEVELS),
-        ),
-    ] = ""
-    crop: Annotated[
-        str,
-        Key(
-            "Keep only this part, in um from the first node, as 100:900,0:500.",
-            *("X0:X1,Y0:Y1", PREPARED),
-        ),
-    ] = ""
-    invert: Annotated[
-        bool, Key("Turn upside down: heights point into the material.", "", PREPARED)
-    ] = False
-    mask: Annotated[
-        str,
-        Key("Heights outside these, in um, become holes, as -5:3.", "BELOW:ABOVE", PREPARED),
-    ] = ""
-    despike: Annotated[
-        float | None,
-        Key(
-            "Replace nodes further from the local median than this times the scatter, as 7, by it.",
-            *("THRESHOLD", PREPARED),
-            words="a number above 0, as 7",
-        ),
-    ] = None
-    form: Annotated[
-        int | None,
-        Key(
-            f"Subtract the fitted polynomial of total degree N, 1 to {HIGHEST_DEGREE}.",
-            *("N", PREPARED),
-            least=1,
-            words=f"the degree of a polynomial, a whole number from 1 to {HIGHEST_DEGREE}",
-        ),
-    ] = None
-    filter: Annotated[
-        str,
-        Key(
-            "Gaussian filter (ISO 16610-61): cut-offs of the S- and L-filter in um, as 2.5:80; one"
-            " may be left out.",
-            *("S:L", PREPARED),
-        ),
-    ] = ""
-    downsample: Annotated[
-        int | None,
-        Key(
-            "Take the means of N x N nodes as nodes.",
-            *("N", PREPARED),
-            least=2,
-            words="a whole number of 2 or more",
-        ),
-    ] = None
+    override_scale: bool = False
+    fill: bool = False
+    fill_most: bool = False
+    level: str = ""
+    crop: str = ""
+    invert: bool = False
+    mask: str = ""
+    despike: float | None = None
+    form: int | None = None
+    filter: str = ""
+    downsample: int | None = None
 
     def check(self) -> None:
         """Refuse settings that suit no map, and a level together with a form, by their names."""
@@ -203,17 +186,9 @@ class Reading(FileReading):
         return {name: getattr(self, name) for name in keys(table)}
 
 
-@cache
 def keys(table: str) -> dict[str, Key]:
     """Return the keys of a table of scenes, in the order in which they are followed."""
-    kinds = get_type_hints(Reading, include_extras=True)
-    found = {
-        each.name: kinds[each.name].__metadata__[0]
-        for each in fields(Reading)
-        if each.name != "asked"
-    }
-    names = ORDER if table == PREPARED else found
-    return {name: found[name] for name in names if found[name].table == table}
+    return {name: key for name, key in KEYS.items() if key.table == table}
 
 
 def markdown_table() -> str:

@@ -191,7 +191,13 @@ def decay_lengths(correlation: Values, spacing: tuple[float, float]) -> tuple[Va
         )
         steps = 2 * math.ceil(farthest * max(x, abs(y)))  # half a cell each
         distances = np.linspace(0.0, farthest, steps + 1)
-        values = _interpolated(correlation, distances * x, distances * y + ky)
+        at_x, at_y = distances * x, distances * y + ky
+        left = np.clip(np.floor(at_x).astype(int), 0, kx - 1)
+        lower = np.clip(np.floor(at_y).astype(int), 0, correlation.shape[1] - 2)
+        u, v = at_x - left, at_y - lower  # places in a cell, in which values are bilinear
+        near = (1 - v) * correlation[left, lower] + v * correlation[left, lower + 1]
+        far = (1 - v) * correlation[left + 1, lower] + v * correlation[left + 1, lower + 1]
+        values = (1 - u) * near + u * far
         reaches[index] = farthest
         below = np.flatnonzero(values <= DECAY)
         if below.size:
@@ -199,16 +205,6 @@ def decay_lengths(correlation: Values, spacing: tuple[float, float]) -> tuple[Va
             share = (values[last - 1] - DECAY) / (values[last - 1] - values[last])
             decays[index] = distances[last - 1] + share * (distances[last] - distances[last - 1])
     return decays, reaches
-
-
-def _interpolated(field: Values, x: Values, y: Values) -> Values:
-    """Interpolate a field bilinearly at places (count,), in nodes of its two axes."""
-    left = np.clip(np.floor(x).astype(int), 0, field.shape[0] - 2)
-    lower = np.clip(np.floor(y).astype(int), 0, field.shape[1] - 2)
-    u, v = x - left, y - lower
-    near = (1 - v) * field[left, lower] + v * field[left, lower + 1]
-    far = (1 - v) * field[left + 1, lower] + v * field[left + 1, lower + 1]
-    return np.asarray((1 - u) * near + u * far)
 
 
 # ratio of the ends of a bin of wavenumbers where it holds more than one wave along an axis

@@ -102,8 +102,8 @@ def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
     """Expand the arguments of a command that are groups of options, for Typer.
 
     An argument annotated with a NamedTuple or a dataclass is a group: its fields, with their
-    annotations and defaults, are the options. Fields of a dataclass that are no options have no
-    annotation with `help` and `metavar`.
+    annotations and defaults, are the options. What the help says of those of a dataclass stands in
+    its `KEYS`; other fields are no options.
     """
     kinds = get_type_hints(command, include_extras=True)
     groups = {
@@ -137,13 +137,14 @@ def _options(group: Any) -> list[Parameter]:
     if defaults is None:
         defaults = {each.name: each.default for each in fields(group)}
         for name in defaults:
-            said = next(iter(getattr(kinds[name], "__metadata__", ())), None)
+            said = group.KEYS.get(name)
             if said is None:
                 del kinds[name]
                 continue
             flag, metavar = f"--{name.replace('_', '-')}", said.metavar or None
-            option = typer.Option(flag, metavar=metavar, help=said.help)
-            kinds[name] = Annotated[kinds[name].__origin__, option]
+            kinds[name] = Annotated[
+                kinds[name], typer.Option(flag, metavar=metavar, help=said.help)
+            ]
     return [
         Parameter(name, Parameter.KEYWORD_ONLY, default=defaults[name], annotation=kinds[name])
         for name in defaults

@@ -1,6 +1,6 @@
 """Holes, levels, crops: what they leave as it is, what they change; and Hertz from a scan."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from bem.problem import Boundary
 from gen import cli
 from gen.generators.scans import PreparationTable, ReadingTable
 from gen.maps.filters import filled_harmonically
+from gen.maps.prepare import STEPS as TAKEN
 from gen.maps.prepare import (
     despiked,
     downsampled,
@@ -27,7 +28,7 @@ from gen.maps.prepare import (
     without_form,
 )
 from gen.maps.read import Topography
-from gen.maps.settings import Reading, keys, markdown_table, said
+from gen.maps.settings import KEYS, Reading, keys, markdown_table, said
 from gen.material import combined_modulus
 from gen.runtime.errors import InputError
 from gen.spectral import SelfAffineSpectrum, generate_spectral
@@ -361,6 +362,8 @@ def test_messages_are_in_the_words_of_who_asks(asked, words):
 
 def test_commands_scenes_and_the_manual_have_every_key(capsys):
     """Each key is declared once; what is not made of it is forgotten."""
+    assert {each.name for each in fields(Reading)} == {*KEYS, "asked"}
+    assert list(keys("preparation")) == list(TAKEN)
     assert cli.main(["describe", "--help"]) == 0
     described = capsys.readouterr().out
     scanned = {"reading": ReadingTable, "preparation": PreparationTable}
