@@ -139,6 +139,8 @@ def filled_harmonically(
     from scipy.sparse.linalg import spsolve
 
     unknown = np.flatnonzero(np.isnan(heights))
+    if not unknown.size:
+        return heights
     number = np.full(heights.size, -1)
     number[unknown] = np.arange(unknown.size)
     diagonal, right = np.zeros(unknown.size), np.zeros(unknown.size)
