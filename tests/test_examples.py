@@ -2,6 +2,7 @@
 
 import csv
 import importlib.util
+import json
 import re
 import runpy
 from pathlib import Path
@@ -50,6 +51,30 @@ def test_every_example_is_short_and_tested():
     scripts = {path.stem for path in FOLDER.glob("*.py")}
     assert scripts == set(re.findall(r'example\("(\w+)"\)', Path(__file__).read_text()))
     assert all(len((FOLDER / f"{n}.py").read_text().splitlines()) < 80 for n in scripts)
+
+
+@pytest.mark.long
+def test_the_notebook_prints_what_it_shows(tmp_path, monkeypatch, capsys):
+    """Text as it stands there, numbers within 2 %; what commands print depends on the screen."""
+    pyplot = pytest.importorskip("matplotlib.pyplot")
+    pyplot.switch_backend("agg")
+    monkeypatch.chdir(tmp_path)
+    cells = json.loads((FOLDER / "tour.ipynb").read_text("utf-8"))["cells"]
+    code = [cell for cell in cells if cell["cell_type"] == "code"]
+    assert len(code) == 10
+    names, number = {}, re.compile(r"-?\d+(?:\.\d+)?")
+    for cell in code:
+        source = "".join(cell["source"])
+        exec(source, names)
+        printed = capsys.readouterr().out
+        if ".main(" in source:
+            assert names["code"] == 0
+            continue
+        shown = "".join("".join(each.get("text", "")) for each in cell["outputs"])
+        assert number.split(printed) == number.split(shown)
+        found, stored = (list(map(float, number.findall(text))) for text in (printed, shown))
+        assert found == pytest.approx(stored, rel=0.02)
+    pyplot.close("all")
 
 
 def test_propagation_finds_the_mean_area_of_the_population(surrogate, tmp_path, capsys):

@@ -140,7 +140,7 @@ def extension(monkeypatch):
     pytest.importorskip("sphinx")
     monkeypatch.syspath_prepend(str(EXTENSIONS))
     yield __import__
-    for name in ("link_check", "results", "tables", "house"):
+    for name in ("link_check", "results", "tables", "house", "notebooks"):
         sys.modules.pop(name, None)
 
 

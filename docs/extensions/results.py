@@ -2,8 +2,8 @@
 
 A page says `{result} NAME` for a table of `tables`, or `{report} NAME` for everything that a report
 of `bench` shows: its command, machine and commit, pictures, and tables; `{rooms} PACKAGE` and
-`{walk} NAME` for what `house` draws. The lines between the fences name the files, for readers of
-the page's source.
+`{walk} NAME` for what `house` draws, and `{notebook} NAME` for an executed notebook. The lines
+between the fences name the files, for readers of the page's source.
 """
 
 import re
@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import house
+import notebooks
 import tables
 from sphinx.application import Sphinx
 
@@ -19,7 +20,7 @@ from bench.page import fragment
 
 ROOT = Path(__file__).resolve().parents[2]
 BLOCK = re.compile(
-    r"^```\{(result|report|rooms|walk)\} (\S+)\n(.*?)^```$", flags=re.DOTALL | re.MULTILINE
+    r"^```\{(result|report|rooms|walk|notebook)\} (\S+)\n(.*?)^```$", flags=re.DOTALL | re.MULTILINE
 )
 
 
@@ -42,6 +43,7 @@ KINDS: dict[str, Callable[[str, list[str], Path], str]] = {
     "report": report,
     "rooms": house.rooms,
     "walk": house.walk,
+    "notebook": notebooks.notebook,
 }
 
 
