@@ -188,8 +188,10 @@ class _Sections:
     def put(self, depth: int) -> None:
         """Count the current thread as inside some sections; at 0, wake a fork that waits for it."""
         with self.lock:
-            _put(self.inside, depth)
-            if not depth:
+            if depth:
+                self.inside[threading.get_ident()] = depth
+            else:
+                self.inside.pop(threading.get_ident(), None)
                 self.changed.notify_all()
 
     def put_dense(self, depth: int) -> None:
@@ -202,7 +204,10 @@ class _Sections:
             more = [(pool, threads) for pool in pools if (threads := pool.get_num_threads()) != 1]
             if depth and not self.dense:
                 self.threads_before = more
-            _put(self.dense, depth)
+            if depth:
+                self.dense[threading.get_ident()] = depth
+            else:
+                self.dense.pop(threading.get_ident(), None)
             _set_threads([(pool, 1) for pool, _ in more] if self.dense else self.threads_before)
             if not self.dense:
                 self.threads_before = []
@@ -227,22 +232,10 @@ if hasattr(os, "register_at_fork"):  # on every system that has fork
     )
 
 
-def _depth(depths: dict[int, int]) -> int:
-    """Return the number of sections that the current thread is inside."""
-    return depths.get(threading.get_ident(), 0)
-
-
-def _put(depths: dict[int, int], depth: int) -> None:
-    """Note the number of sections that the current thread is inside."""
-    if depth:
-        depths[threading.get_ident()] = depth
-    else:
-        depths.pop(threading.get_ident(), None)
-
-
 @contextmanager
-def _at_depth(put: Callable[[int], None], depth: int) -> Iterator[None]:
-    """Go one deeper than some depth, and back to it."""
+def _at_depth(put: Callable[[int], None], depths: dict[int, int]) -> Iterator[None]:
+    """Go one section deeper than this thread is, and back."""
+    depth = depths.get(threading.get_ident(), 0)
     try:
         put(depth + 1)
         yield
@@ -257,7 +250,7 @@ def _at_depth(put: Callable[[int], None], depth: int) -> Iterator[None]:
 @contextmanager
 def unforked() -> Iterator[None]:
     """Run compiled code that holds locks; a fork waits until it has ended."""
-    with _at_depth(_SECTIONS.put, _depth(_SECTIONS.inside)):
+    with _at_depth(_SECTIONS.put, _SECTIONS.inside):
         yield
 
 
@@ -268,7 +261,7 @@ def on_one_blas_thread() -> Iterator[None]:
     The number of BLAS threads is a setting of the whole process. BLAS that other threads call in
     the meantime runs on one thread too, and a number that they set may be lost.
     """
-    with unforked(), _at_depth(_SECTIONS.put_dense, _depth(_SECTIONS.dense)):
+    with unforked(), _at_depth(_SECTIONS.put_dense, _SECTIONS.dense):
         yield
 
 

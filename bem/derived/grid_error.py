@@ -161,7 +161,8 @@ def grid_error_of(contact: Contact) -> GridError:
     else:
         try:
             coarse = _coarse(contact, coarser(contact.problem), summit)
-            resolved, reason = _verdict(contact, coarse, order)
+            there = area_within(coarse, contact.problem.spacing)
+            resolved, reason = _verdict(contact, there, order)
         except NoSolution:
             pass
         except ArithmeticError as error:
@@ -169,9 +170,9 @@ def grid_error_of(contact: Contact) -> GridError:
     return GridError(resolved, reason, order, summit, growth, counted, contact, coarse)
 
 
-def _verdict(contact: Contact, coarse: Contact, order: float) -> tuple[bool, str]:
-    """Return whether the bars hold, and why."""
-    here, there = area_within(contact), area_within(coarse, contact.problem.spacing)
+def _verdict(contact: Contact, there: float, order: float) -> tuple[bool, str]:
+    """Return whether the bars hold, and why, from the area on the coarser grid."""
+    here = area_within(contact)
     change = there / here - 1 if here else float(there > 0)
     share, more = float(f"{100 * abs(change):.2g}"), "more" if change > 0 else "less"
     words = f"half of the nodes give {f'{share:g} % {more}' if share else 'the same'} area"
