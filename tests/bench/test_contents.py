@@ -1,4 +1,4 @@
-"""Tables of the page: few digits, and only columns that there are."""
+"""What the page shows: tables of few digits, and lines at its top that are computed from them."""
 
 import lzma
 from pathlib import Path
@@ -6,7 +6,10 @@ from pathlib import Path
 import pytest
 from page_parts import written
 
+from bench.answers import lines, peers
 from bench.contents import Table, tabulated
+from bench.record import Inputs
+from bench.report import PARTS
 from gen.runtime.errors import InputError
 
 
@@ -44,3 +47,29 @@ def test_a_compressed_table_is_read_as_the_table(tmp_path: Path) -> None:
     (tmp_path / "data.csv.xz").write_bytes(b"no xz")
     with pytest.raises(InputError, match=r"data.csv.xz cannot be read"):
         tabulated(Table(data, ""))
+
+
+RESULTS = Path(__file__).resolve().parents[2] / "bench" / "results"
+
+
+def test_all_questions_are_answered_by_what_is_published():
+    inputs = Inputs(RESULTS, None, None, full=True)
+    found = lines(PARTS, inputs)
+    assert len(found) == 11
+    assert all(line.answer.endswith(".") and len(line.answer) < 280 for line in found)
+
+
+def test_what_is_not_there_is_not_listed(tmp_path):
+    (tmp_path / "grow").mkdir()
+    (tmp_path / "grow" / "grow.csv").write_text("asked,seed\n3,1\n")  # lacks what is asked
+    assert lines(PARTS, Inputs(tmp_path, None, None, full=False)) == []
+
+
+def test_the_fastest_other_solver_is_chosen_case_by_case():
+    times = {("1", "bem"): 1, ("1", "A"): 5, ("1", "B"): 9, ("2", "A"): 8, ("2", "B"): 7}
+    times |= {("2", "paper's NNLS"): 2, ("2", "C"): ""}  # another algorithm, one that failed
+    rows = [
+        {"nodes": "9", "hurst": "1", "delta_um": delta, "solver": solver, "times_ours": str(each)}
+        for (delta, solver), each in times.items()
+    ]
+    assert "takes 5 to 7 times" in peers(rows)

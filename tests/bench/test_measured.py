@@ -1,0 +1,95 @@
+"""Tables of what other programs have measured: benchmarks run for real, errors of models."""
+
+import csv
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from bench.__main__ import main
+from bench.contents import Table
+from bench.measured import contents, models
+from gen.runtime.errors import InputError
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def measure(*arguments: str) -> subprocess.CompletedProcess[str]:
+    suite = ["-m", "pytest", "bench/suites/test_solver.py", "-q", "--benchmark-only"]
+    rounds = ["--benchmark-min-rounds=1", "--benchmark-max-time=0.01"]
+    return subprocess.run(
+        [sys.executable, *suite, *rounds, "-k", "10-smoke", *arguments],
+        cwd=ROOT,
+        env={name: value for name, value in os.environ.items() if "PYTEST" not in name},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+
+
+@pytest.mark.long
+def test_saved_benchmarks_are_a_table_and_can_be_compared(tmp_path: Path) -> None:
+    path, storage = tmp_path / "times.json", f"--benchmark-storage={tmp_path / 'saved'}"
+    done = measure("--benchmark-json", str(path), storage, "--benchmark-save=before")
+    assert done.returncode == 0, done.stdout + done.stderr
+    (table,) = contents(tmp_path)
+    assert isinstance(table, Table)
+    with table.data.open(encoding="utf-8", newline="") as file:
+        (row,) = csv.DictReader(file)
+    assert set(table.columns) <= row.keys()
+    assert (row["suite"], row["case"], row["size"]) == ("solver", "solve at contact: 10", "smoke")
+    assert 0 < float(row["median_ms"]) < 60_000
+    assert float(row["convolutions"]) > 0
+    assert 0 < float(row["residual"]) < 1e-6
+    path.unlink()
+    assert contents(tmp_path) == [table], "what is committed is enough"
+    after = measure(storage, "--benchmark-compare")
+    assert after.returncode == 0, after.stdout + after.stderr
+    assert "(0001_before)" in after.stdout
+    (tmp_path / "times.json").write_text("{}")
+    with pytest.raises(InputError, match="no JSON file of pytest-benchmark"):
+        contents(tmp_path)
+
+
+@pytest.fixture
+def comparison(tmp_path: Path) -> Path:
+    """Three models as `learn show` writes them: one tuned too, one failed."""
+    folder = tmp_path / "comparison" / "area"
+    folder.mkdir(parents=True)
+    (folder / "scores.csv").write_text(
+        "model,result,nmae,r2,failure\n"
+        "decision-tree,baseline,15,92,\n"
+        "kernel-ridge,baseline,27,80,\n"
+        "kernel-ridge,tuned,4,99,\n"
+        "svm,baseline,,,no memory\n"
+    )
+    (folder / "times.csv").write_text(
+        "model,result,fit_s,fits,predict_test_s,predict_row_s\n"
+        "decision-tree,baseline,1,3,1,0.001\n"
+        "kernel-ridge,baseline,20,3,1,0.002\n"
+        "kernel-ridge,tuned,10,3,1,0.003\n"
+    )
+    (folder / "tuning-times.csv").write_text("model,fit_seconds,paper_s\nkernel-ridge,500,2599\n")
+    return folder.parent
+
+
+def test_errors_and_times_are_those_of_the_comparison(comparison: Path) -> None:
+    tree, untuned, tuned = models(comparison)
+    assert tree["model"] == "decision-tree"
+    assert (tree["nmae"], tree["fit_s"], tree["search_s"]) == (15, 1, None)
+    assert (tuned["result"], tuned["search_s"], tuned["predict_s"]) == ("tuned", 500, 0.003)
+    fronts = [each["front"] for each in (tree, untuned, tuned)]
+    assert fronts == ["predict fit", "", "predict fit search"]
+
+
+def test_what_is_no_comparison_is_refused(
+    tmp_path: Path, comparison: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["models", str(tmp_path), "-o", str(tmp_path)]) == 2
+    assert "give a folder of learn compare or learn tune" in capfd.readouterr().err
+    (comparison / "area" / "times.csv").write_text("model,result\n")
+    with pytest.raises(InputError, match="no scores and times of area"):
+        models(comparison)
