@@ -49,6 +49,8 @@ SIDE = "a finite number above 0, or one for each axis, [x, y] [um]"
 
 Parameters = Mapping[str, float]  # parameters that were drawn for a surface, by their names
 
+Patch = tuple[tuple[int, int], tuple[float, float]]  # nodes and lengths along x and y [um]
+
 Random = np.random.Generator
 
 
@@ -59,14 +61,6 @@ class Grid(NamedTuple):
     sides: tuple[float, float]  # lengths of the patch: of all cells, or between outer nodes [um]
     spacing: tuple[float, float]  # distances of neighbouring nodes along x and y [um]
     boundary: str  # "free", "periodic" or "mirror"
-
-    @classmethod
-    def of(
-        cls, shape: tuple[int, int], sides: tuple[float, float], boundary: str, *, cells: bool
-    ) -> Self:
-        """Make the grid of a patch whose sides hold all cells or, without `cells`, one less."""
-        (nx, ny), (x, y) = shape, sides
-        return cls(shape, sides, (x / (nx - (not cells)), y / (ny - (not cells))), boundary)
 
 
 class Drawn(NamedTuple):
@@ -117,8 +111,8 @@ class GeneratedSurface(Table):
         values = {name: getattr(self, name) for name in self.PARAMETERS}
         return {name: value for name, value in values.items() if value is not None}
 
-    def grid(self, boundary: str, *, cells: bool) -> Grid:
-        """Return the solved grid of a patch, whose sides hold all cells or one less."""
+    def patch(self, boundary: str, *, cells: bool) -> Patch:
+        """Return the nodes and the sides of the solved patch, which hold all cells or one less."""
         raise NotImplementedError
 
     def heights(self, grid: Grid, surface: int, parameters: Parameters, random: Random) -> Heights:
@@ -181,9 +175,9 @@ class GridSurface(GeneratedSurface):
     nodes: Nodes = Field(default=128, description=NODES)
     side: Side = Field(default=1000.0, description=SIDE)
 
-    def grid(self, boundary: str, *, cells: bool) -> Grid:
-        """Return the grid of the given nodes and sides."""
-        return Grid.of(pair(self.nodes), pair(self.side), boundary, cells=cells)
+    def patch(self, boundary: str, *, cells: bool) -> Patch:
+        """Return the given nodes and sides."""
+        return pair(self.nodes), pair(self.side)
 
 
 GENERATORS = ("diamond-square", "midpoint")
@@ -345,10 +339,10 @@ class DisplacedSurface(GridSurface):
         " distribution [um]",
     )
 
-    def grid(self, boundary: str, *, cells: bool) -> Grid:
-        """Return a grid of 2^k nodes a side on a patch without edges, otherwise of 2^k + 1."""
+    def patch(self, boundary: str, *, cells: bool) -> Patch:
+        """Return 2^k nodes a side for a patch without edges, otherwise 2^k + 1."""
         nodes = self.nodes - (boundary != "free")
-        return Grid.of((nodes, nodes), (self.side, self.side), boundary, cells=cells)
+        return (nodes, nodes), (self.side, self.side)
 
     def heights(self, grid: Grid, surface: int, parameters: Parameters, random: Random) -> Heights:
         """Displace midpoints; see `GeneratedSurface.heights`."""

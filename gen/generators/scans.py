@@ -29,6 +29,7 @@ from gen.surface import (
     Grid,
     Nodes,
     Parameters,
+    Patch,
     Random,
     Side,
     pair,
@@ -171,11 +172,10 @@ class ScanSurface(GeneratedSurface):
         default=None, description="the maps of the second body that a run has found"
     )
 
-    def grid(self, boundary: str, *, cells: bool) -> Grid:
-        """Return the grid of a window; the maps have to be known."""
+    def patch(self, boundary: str, *, cells: bool) -> Patch:
+        """Return nodes and sides of a window; the maps have to be known."""
         (x, y), (nx, ny) = self.known().spacing, pair(self.nodes)
-        sides = x * (nx - (not cells)), y * (ny - (not cells))
-        return Grid.of((nx, ny), sides, boundary, cells=cells)
+        return (nx, ny), (x * (nx - (not cells)), y * (ny - (not cells)))
 
     def known(self) -> Found:
         """Return the maps that a run has found; unknown before a run."""

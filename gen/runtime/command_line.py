@@ -21,7 +21,7 @@ import typer
 from gen.runtime import VERSION, farm, memory
 from gen.runtime.errors import InputError
 from gen.runtime.numbers import shown
-from gen.runtime.terminal import drop, echo, put, started_as, to_type
+from gen.runtime.terminal import drop, echo, put, to_type
 
 CommandLineError: Any = typer.BadParameter.__mro__[2]
 """Base class of typer's errors about a command line; typer has moved it twice."""
@@ -194,7 +194,6 @@ def main(
         elif world.is_master or joins:
             with _ending(name) as end:
                 _require_values(arguments)
-                started_as(name)
                 command = _built(app)
                 with command.make_context(name, list(arguments)) as context:
                     returned = command.invoke(context)

@@ -12,6 +12,7 @@ import time
 from collections.abc import Collection, Iterable, Sequence
 from contextlib import AbstractContextManager, suppress
 from datetime import timedelta
+from pathlib import Path
 from typing import Any
 
 from gen.runtime.errors import InputError
@@ -26,7 +27,6 @@ LINE_SECONDS = 30.0  # time between two lines of progress in a batch log [s]
 RENEWAL = 0.1  # least time between two states of a line of progress on a terminal [s]
 CLEAR = "\r\x1b[K"  # what empties a terminal's line
 COMMAND = "asperity"  # name of the installed command, under which all programs run too
-_start = "python -m"  # the words before the name of a program on the command line
 
 
 def printable(text: str) -> str:
@@ -109,15 +109,12 @@ def brief(reasons: str) -> str:
     return f"{first}; and {others.count('; ') + 1} more" if others else first
 
 
-def started_as(name: str) -> None:
-    """Let messages name commands as the user has typed the running one: "gen", "asperity gen"."""
-    global _start  # noqa: PLW0603
-    _start = COMMAND if name.partition(" ")[0] == COMMAND else "python -m"
-
-
 def to_type(words: str) -> str:
     """Return a command, as "gen info FILE" or "asperity gen info FILE", as the user can type it."""
-    return words if words.partition(" ")[0] == COMMAND else f"{_start} {words}"
+    started = Path(sys.argv[0])
+    if words.partition(" ")[0] == COMMAND:
+        return words
+    return f"{COMMAND if COMMAND in {started.name, started.parent.name} else 'python -m'} {words}"
 
 
 class RunProgress(AbstractContextManager["RunProgress"]):
