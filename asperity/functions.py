@@ -278,7 +278,12 @@ class SceneFunction(Function):
         """Solve one contact problem."""
         contact, _ = self._solved(numbers, where)
         try:
-            return [_number(contact, name) for name in self.outputs]
+            return [
+                float(FURTHER_ANSWERS[name](contact))
+                if name in FURTHER_ANSWERS
+                else float(getattr(contact, name))
+                for name in self.outputs
+            ]
         except ArithmeticError as error:
             raise Unsolved(str(error)) from None
 
@@ -407,9 +412,3 @@ class SurrogateFunction(Function):
             )
             columns.append((more - less) / (2 * step))
         return np.stack(columns, axis=1)
-
-
-def _number(contact: bem.Contact, name: str) -> float:
-    """Return an output of a contact."""
-    further = FURTHER_ANSWERS.get(name)
-    return float(getattr(contact, name) if further is None else further(contact))
