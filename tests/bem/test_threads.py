@@ -162,7 +162,7 @@ def test_an_interrupt_on_the_way_into_a_section_leaves_no_thread_inside(monkeypa
         monkeypatch.setattr(known, "put", interrupted)
         with pytest.raises(KeyboardInterrupt), threads.unforked():
             pass
-        assert threads._depth(known.inside) == 1
+        assert list(known.inside.values()) == [1]
     assert not known.inside
 
 
