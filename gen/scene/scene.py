@@ -352,7 +352,13 @@ class Scene(Table):
         return hashlib.sha256(json.dumps(self.relevant(), sort_keys=True).encode()).hexdigest()
 
     def relevant(self) -> dict[str, Any]:
-        """Return the keys that change results, with their values."""
+        """Return the keys that change results.
+
+        Returns
+        -------
+        dict
+            Tables and keys with their values.
+        """
         content = self.model_dump(exclude=INERT, exclude_none=True)
         return {**content, "surface": self.surface.relevant(content["surface"])}
 

@@ -235,11 +235,25 @@ class Surrogate:
         return on_surface.predict(delta, e_star=e_star, hardness=one, level=level)
 
     def bodies(self, e_star: float | None, hardness: float | None) -> Bodies:
-        """Return the bodies of a prediction, which are those of the training unless given [MPa].
+        """Return the bodies of a prediction, which are those of the training unless given.
 
-        Without a hardness bodies are elastic if the training has some, otherwise they have the only
-        hardness of the training. InputError is raised if the training has no hardness, or several
-        and none is given.
+        Parameters
+        ----------
+        e_star : float or None
+            Composite modulus [MPa].
+        hardness : float or None
+            Hardness [MPa]; without one bodies are elastic if the training has some, otherwise they
+            have the only hardness of the training.
+
+        Returns
+        -------
+        Bodies
+            Modulus and hardness.
+
+        Raises
+        ------
+        InputError
+            If the training has no hardness and one is given, or several and none is given.
         """
         limits, modulus = self.hardness_limits, self.modulus if e_star is None else e_star
         if hardness is not None and limits is None:
