@@ -12,7 +12,6 @@ from gen.runtime.command_line import Trust, grouped, typed
 from gen.runtime.errors import InputError
 from gen.runtime.figure import empty_figure
 from gen.runtime.files import Output, check_outputs
-from gen.runtime.numbers import require_share
 from gen.runtime.terminal import RunProgress, echo
 
 
@@ -225,6 +224,8 @@ def law(
     from gen.maps.contacts import require_conductivities
 
     files = files.ready(output, filter(None, [*inputs, facing.against]))
+    if not 0 < band < 1:
+        raise InputError(f"--band {band:g}: give a share between 0 and 1, as 0.9")
     figure = files.picture and empty_figure(files.picture, 12.0, 7.0)
     bodies = material.bodies()
     gas = None
@@ -235,7 +236,7 @@ def law(
         delta=delta,
         pressure=pressure,
         surfaces=surfaces,
-        level=require_share("--band", band),
+        level=band,
         e_star=bodies.e_star if bodies.known or material.poisson else None,
         hardness=bodies.hardness,
         boundary=boundary,

@@ -78,7 +78,7 @@ def draft(
 
 def scene_of_windows(proposal: Proposal, inputs: list[str], command: str, output: Path) -> str:
     """Return a scene of windows of maps, with comments that say why it has its values."""
-    nodes, tiles = proposal.nodes, proposal.tiling.total
+    nodes, tiles = proposal.nodes, proposal.tiles
     few = "\n# That is few: scores of a surrogate on them mean little." * (tiles < FEW_TILES)
     steps = [look.spacing for look in proposal.used]
     spacing = f"# All maps have a node every {in_words(steps[0])} um, and keep it."
@@ -109,7 +109,7 @@ files = [
 {_files(proposal, inputs, output.absolute().parent)}
 ]
 
-# Windows {nodes * proposal.step:.4g} um wide. The maps are cut into {tiles}
+# Windows {proposal.width:.4g} um wide. The maps are cut into {tiles}
 # tile{"s" * (tiles != 1)}; a window lies in one of them, and training and tests of
 # surrogates share no tile.{few}
 nodes = {nodes}

@@ -33,29 +33,16 @@ WINDOWS = (200, 2000)  # smallest and largest number of windows
 class Proposal:
     """A scene of windows of maps, with the reasons for its values."""
 
-    looks: tuple[MapSurvey, ...]  # all files; those without a fault are used
+    looks: list[MapSurvey]  # all files
+    used: list[MapSurvey]  # those without a fault
     reading: Reading  # how files are read and prepared
     spacing: float | None  # spacing to which all maps are resampled; None if they share theirs [um]
     nodes: int  # nodes along each side of a window
+    width: float  # length of a window along x [um]
     windows: int  # number of windows
+    tiles: int  # number of tiles of the maps that are used
     loads: Loads  # loads of the scene
     bodies: Bodies  # elastic constants and hardness
-
-    @property
-    def used(self) -> list[MapSurvey]:
-        """The maps that are used."""
-        return [look for look in self.looks if not look.fault]
-
-    @property
-    def step(self) -> float:
-        """Distance of the nodes of all windows, along x if it differs [um]."""
-        return self.used[0].spacing[0] if self.spacing is None else self.spacing
-
-    @property
-    def tiling(self) -> Tiling:
-        """Tiles of the maps that are used."""
-        shapes = tuple(look.prepared for look in self.used)
-        return Tiling(shapes, (self.nodes, self.nodes))
 
 
 def propose(
@@ -96,7 +83,9 @@ def propose(
     loads = choose_loads(bodies, [each.rms_slope for each in used], nodes**2)
     beside = sum(math.prod(each.prepared) for each in used) / nodes**2
     windows = 10 * round(min(max(OVERLAP * beside, WINDOWS[0]), WINDOWS[1]) / 10)
-    return Proposal(tuple(looks), reading, spacing, nodes, windows, loads, bodies)
+    width = nodes * (used[0].spacing[0] if spacing is None else spacing)
+    tiles = Tiling(tuple(each.prepared for each in used), (nodes, nodes)).total
+    return Proposal(looks, used, reading, spacing, nodes, width, windows, tiles, loads, bodies)
 
 
 def require_used(looks: Sequence[MapSurvey]) -> list[MapSurvey]:
@@ -232,17 +221,9 @@ class Likeness:
     # rms height [um] and rms slope between nodes [1] of windows of the map, medians
     windows: tuple[float, float]
     height: float  # rms height of the generated surfaces, median [um]
+    doubt: str  # why the surfaces are not like the map, "" if they are
     loads: Loads  # loads of the scene
     bodies: Bodies  # elastic constants and hardness
-
-    @property
-    def doubt(self) -> str:
-        """Why the surfaces are not like the map, "" if they are."""
-        off = max(self.height / self.windows[0], self.windows[0] / self.height)
-        said = f"rms heights of generated surfaces are off the map's by a factor of {off:.2g}"
-        if off <= UNLIKE:
-            said = f"the map's spectrum is off the law by a factor of {self.fit.scatter:.2g}"
-        return said if max(off, self.fit.scatter) > UNLIKE else ""
 
 
 def propose_like(path: Path, reading: Reading, bodies: Bodies) -> Likeness:
@@ -276,6 +257,12 @@ def propose_like(path: Path, reading: Reading, bodies: Bodies) -> Likeness:
     windows = _medians(cut, topography.spacing)
     height, unscaled = _medians(generated, (step, step))
     slope = windows[1] / unscaled  # of the waves, where that between nodes is the map's
+    height *= slope
+    off, doubt = max(height / windows[0], windows[0] / height), ""
+    if off > UNLIKE:
+        doubt = f"rms heights of generated surfaces are off the map's by a factor of {off:.2g}"
+    elif fit.scatter > UNLIKE:
+        doubt = f"the map's spectrum is off the law by a factor of {fit.scatter:.2g}"
     return Likeness(
         look=look,
         reading=reading,
@@ -284,7 +271,8 @@ def propose_like(path: Path, reading: Reading, bodies: Bodies) -> Likeness:
         step=step,
         slope=rounded(slope, 3),
         windows=windows,
-        height=slope * height,
+        height=height,
+        doubt=doubt,
         loads=choose_loads(bodies, [look.rms_slope], NODES**2),
         bodies=bodies,
     )

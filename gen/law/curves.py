@@ -42,18 +42,37 @@ COLUMNS = {
 }
 """Quantities of a table by what they are tabulated against; the last seven only where asked for."""
 
-FALLING = {"mean_gap_um", *APERTURES}  # quantities that fall with the load
-FROM_REST = {*FALLING, GAS, JOINT}  # quantities that are not 0 at first touch
 
-INFINITE_AT_FULL_CONTACT = {
-    STIFFNESS,
-    CONDUCTANCE,
-    JOINT,
-}  # quantities that full contact makes infinite
+class Quantity(NamedTuple):
+    """How programs and pictures call a quantity, and how it changes with the load."""
 
-DERIVED = {"closure_um", *INFINITE_AT_FULL_CONTACT}
-"""Quantities that follow from the predicted ones, so that they miss by more than those: outside the
-training they are not given at all."""
+    short: str  # in the names of functions of a C header
+    label: str = ""  # in pictures
+    falls: bool = False  # with the load
+    resting: bool = False  # whether it is not 0 at first touch
+    infinite: bool = False  # at full contact
+
+
+KNOWN = {
+    "delta_um": Quantity("delta"),
+    "closure_um": Quantity("closure", "closure [µm]"),
+    "area_percent": Quantity("area", "contact area [%]"),
+    "force_uN": Quantity("force"),
+    "mean_gap_um": Quantity("mean_gap", falls=True, resting=True),
+    "pressure_MPa": Quantity("pressure"),
+    STIFFNESS: Quantity("stiffness", "stiffness [MPa/µm]", infinite=True),
+    CONDUCTANCE: Quantity("conductance", "conductance [W/(mm² K)]", infinite=True),
+    GAS: Quantity("gas_conductance", "conductance of the gas [W/(mm² K)]", resting=True),
+    JOINT: Quantity(
+        "joint_conductance",
+        "conductance of spots and gas [W/(mm² K)]",
+        resting=True,
+        infinite=True,
+    ),
+    CONTINUUM: Quantity("continuum_area", "area in the continuum [%]"),
+    APERTURES[0]: Quantity("hydraulic_aperture_x", falls=True, resting=True),
+    APERTURES[1]: Quantity("hydraulic_aperture_y", falls=True, resting=True),
+}
 
 MOST = 0.5
 """Share of surfaces outside the training above which a row tells nothing about an interface."""
@@ -241,7 +260,7 @@ def tabulated(
             continue
         whole = np.stack([part.values[name] for part in parts])
         value, nowhere = whole.mean(axis=0), np.full(at.size, np.nan)
-        if name not in INFINITE_AT_FULL_CONTACT and not np.isfinite(value).all():
+        if not KNOWN[name].infinite and not np.isfinite(value).all():
             raise InputError(f"{name} of the law has values that are not finite: no law holds here")
         low, high = (each.get(name, nowhere) for each in (parts[0].low, parts[0].high))
         if len(parts) > 1:
@@ -251,7 +270,8 @@ def tabulated(
         slope = slopes(at, value, rest.get(name, 0.0))
         unknown = withheld | ~np.isfinite(low + high)  # an interval without an end is none
         low[unknown], high[unknown] = np.nan, np.nan
-        if name in DERIVED:
+        # Those that follow from predicted ones miss by more, and are not given outside at all.
+        if name == "closure_um" or KNOWN[name].infinite:
             value, slope = (np.where(outside > MOST, np.nan, each) for each in (value, slope))
         curves[name] = Curve(value, low, high, slope)
     return Curves(against, at, curves, outside, tuple(reasons), rest)
@@ -301,7 +321,7 @@ def held(name: str, values: Values) -> Values:
     """
     if name in {GAS, JOINT}:
         return values
-    return (np.minimum if name in FALLING else np.maximum).accumulate(values)
+    return (np.minimum if KNOWN[name].falls else np.maximum).accumulate(values)
 
 
 def risen(values: Values, apart: float = APART) -> NDArray[np.bool_]:

@@ -14,7 +14,7 @@ import numpy as np
 
 from gen.law import finite_elements
 from gen.law.contact_law import Law
-from gen.law.curves import CONDUCTANCE, CONTINUUM, GAS, JOINT, STIFFNESS
+from gen.law.curves import CONTINUUM, KNOWN, STIFFNESS
 from gen.options import LawOutputs, Units
 from gen.runtime import VERSION
 from gen.runtime.documents import Row, text_of, write_csv
@@ -29,16 +29,6 @@ ENDS = ("", "_low", "_high", "_slope")  # ends of the columns' names of these pa
 FORMAT = "asperity contact law"
 GAS_KEYS = ("gas_conductivity_W_per_m_K", "gas_jump_distance_um")
 FORMAT_VERSION = 1  # raised whenever a reader of the last version would misread a file
-
-LABELS = {
-    "closure_um": "closure [µm]",
-    "area_percent": "contact area [%]",
-    CONTINUUM: "area in the continuum [%]",
-    CONDUCTANCE: "conductance [W/(mm² K)]",
-    GAS: "conductance of the gas [W/(mm² K)]",
-    JOINT: "conductance of spots and gas [W/(mm² K)]",
-    STIFFNESS: "stiffness [MPa/µm]",
-}
 
 
 def write_files(law: Law, files: LawOutputs, figure: Any) -> Iterator[Path]:
@@ -188,5 +178,5 @@ def draw(figure: Any, law: Law, picture: Path) -> None:
         axis.grid(alpha=0.3)
         if scale == "linear":
             axis.set(xlim=(0, None), ylim=(0, None))
-        axis.set(xlabel="nominal pressure [MPa]", ylabel=LABELS[name])
+        axis.set(xlabel="nominal pressure [MPa]", ylabel=KNOWN[name].label)
     save(figure, picture)

@@ -31,17 +31,7 @@ import numpy as np
 
 from gen.arrays import Values
 from gen.law.contact_law import Law
-from gen.law.curves import (
-    APERTURES,
-    CONDUCTANCE,
-    CONTINUUM,
-    FROM_REST,
-    GAS,
-    JOINT,
-    STIFFNESS,
-    risen,
-    slopes,
-)
+from gen.law.curves import KNOWN, risen, slopes
 from gen.options import Units, sides_of
 from gen.runtime import VERSION, files
 from gen.runtime.errors import InputError
@@ -278,21 +268,6 @@ def _for_calculix(pressures: Values, closures: Values) -> tuple[Values, Values]:
     return np.append(loads, loads[-1] + slope * (FAR - chosen[-1])), np.append(chosen, FAR)
 
 
-SHORT = {
-    "area_percent": "area",
-    "force_uN": "force",
-    "mean_gap_um": "mean_gap",
-    "pressure_MPa": "pressure",
-    "delta_um": "delta",
-    "closure_um": "closure",
-    STIFFNESS: "stiffness",
-    CONDUCTANCE: "conductance",
-    GAS: "gas_conductance",
-    JOINT: "joint_conductance",
-    CONTINUUM: "continuum_area",
-    APERTURES[0]: "hydraulic_aperture_x",
-    APERTURES[1]: "hydraulic_aperture_y",
-}
 ARGUMENTS = {"delta_um": ("delta", ""), "pressure_MPa": ("pressure", "_at_pressure")}
 """Name of the argument, and end of the functions' names, for each table."""
 
@@ -425,9 +400,9 @@ def _body(law: Law, name: str) -> Iterator[str]:
             banded = curves.banded or curve.banded.all()
             for end, part in parts if banded else parts[:1]:
                 values, first = getattr(curve, part), np.zeros(1)
-                if quantity in FROM_REST and quantity in rest:
+                if KNOWN[quantity].resting and quantity in rest:
                     first = getattr(rest[quantity], part)[:1]
-                columns[f"{SHORT[quantity]}{suffix}{end}"] = np.append(first[missing], values)
+                columns[f"{KNOWN[quantity].short}{suffix}{end}"] = np.append(first[missing], values)
         yield from _tables(name, argument, np.append(np.zeros(1)[missing], curves.at), columns)
     pressures, closures, _ = rising(law)
     yield from _tables(name, "closure", closures, {"pressure_at_closure": pressures})

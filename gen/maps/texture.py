@@ -299,7 +299,22 @@ def radial_spectrum(topography: Topography) -> RadialSpectrum:
     if edges.size < 2:
         empty = np.empty(0)
         return RadialSpectrum(empty, np.empty((0, 2)), empty, empty)
-    return _averaged(np.hypot(qx[:, None], qy[None, :]), density, edges, heights.shape[1])
+    wavenumbers = np.hypot(qx[:, None], qy[None, :]).ravel()
+    # All waves of a real transform but those of the first and of the middle column have opposites.
+    count = np.ones(density.shape)
+    count[:, 0] = 0.5
+    if heights.shape[1] % 2 == 0:
+        count[:, -1] = 0.5
+    places = np.searchsorted(edges, wavenumbers, side="right") - 1
+    inside = (places >= 0) & (places < edges.size - 1)
+    places, count = places[inside], count.ravel()[inside]
+    bins = edges.size - 1
+    waves = np.bincount(places, count, minlength=bins).astype(np.float64)
+    power = np.bincount(places, count * density.ravel()[inside], minlength=bins)
+    logs = np.bincount(places, count * np.log(wavenumbers[inside]), minlength=bins)
+    full, both = waves > 0, np.column_stack((edges[:-1], edges[1:]))
+    waves = waves[full]
+    return RadialSpectrum(np.exp(logs[full] / waves), both[full], power[full] / waves, waves)
 
 
 def nodes_a_wave(spectrum: RadialSpectrum, spacing: tuple[float, float]) -> float:
@@ -312,25 +327,6 @@ def nodes_a_wave(spectrum: RadialSpectrum, spacing: tuple[float, float]) -> floa
         return math.nan
     place = int(np.searchsorted(np.cumsum(slopes), ROUGHNESS * slopes.sum()))
     return float(2 * math.pi / spectrum.edges[place, 1]) / max(spacing)
-
-
-def _averaged(wavenumbers: Values, density: Values, edges: Values, columns: int) -> RadialSpectrum:
-    """Average the density of all waves between the ends of each bin."""
-    # All waves of a real transform but those of the first and of the middle column have opposites.
-    count = np.ones(density.shape)
-    count[:, 0] = 0.5
-    if columns % 2 == 0:
-        count[:, -1] = 0.5
-    places = np.searchsorted(edges, wavenumbers.ravel(), side="right") - 1
-    inside = (places >= 0) & (places < edges.size - 1)
-    places, count = places[inside], count.ravel()[inside]
-    bins = edges.size - 1
-    waves = np.bincount(places, count, minlength=bins).astype(np.float64)
-    power = np.bincount(places, count * density.ravel()[inside], minlength=bins)
-    logs = np.bincount(places, count * np.log(wavenumbers.ravel()[inside]), minlength=bins)
-    full = waves > 0
-    waves, ends = waves[full], np.column_stack((edges[:-1], edges[1:]))[full]
-    return RadialSpectrum(np.exp(logs[full] / waves), ends, power[full] / waves, waves)
 
 
 def fit_self_affine(

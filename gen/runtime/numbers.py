@@ -52,13 +52,6 @@ def magnitude(value: float) -> bool:
     return MAGNITUDES[0] < value < MAGNITUDES[1]
 
 
-def require_share(option: str, share: float) -> float:
-    """Return a share between 0 and 1, both excluded, or refuse it."""
-    if not 0 < share < 1:
-        raise InputError(f"{option} {share:g}: give a share between 0 and 1, as 0.9")
-    return share
-
-
 def _series(text: str) -> tuple[float, float, int, bool] | None:
     """Parse "start:stop:count" with or without ":log", or a number; else None."""
     parts = text.split(":")
