@@ -10,6 +10,8 @@ import time
 from collections.abc import Iterator
 from dataclasses import replace
 
+import numpy as np
+
 from gen.runtime.farm import Interruption
 from gen.runtime.terminal import RunProgress
 from learn import dataset, split
@@ -17,12 +19,22 @@ from learn.comparison import grid as grids
 from learn.comparison import results
 from learn.comparison.fits import Training, Trials
 from learn.comparison.folder import Folder
+from learn.comparison.grid import expected_work
 from learn.comparison.results import TimedFit
-from learn.comparison.search import GridSearch, halved, whole
+from learn.comparison.search import GridSearch, growth, halved, steps, whole
 from learn.dataset import Request, short_name
 from learn.executor import Executor
 from learn.features.scene import SCENE
 from learn.models import Model, check_memory, models_named, scaling_of
+
+MANY = 200
+"""Fits of a search that is told beforehand how long it takes."""
+
+DRAWN = 20
+"""Fits that tell it."""
+
+TELLING = 20.0
+"""Seconds that these take at most."""
 
 
 def compare(request: Request, executor: Executor) -> int:
@@ -55,8 +67,13 @@ def tune(request: Request, executor: Executor) -> int:
     The number of the signal that stopped the job is returned, 0 if none did; InputError is raised
     for input that cannot be used.
     """
+    models = models_named(list(request.models), request.features)
     with Interruption(listening=True) as interruption:
-        for folder, search, until in _searches(request, executor, interruption):
+        targets = [*_targets(request, models, executor, interruption, searched=True)]
+        if math.isinf(request.until):
+            for _, search, _ in _searches(request, models, targets, executor, interruption):
+                tell_time(search)
+        for folder, search, until in _searches(request, models, targets, executor, interruption):
             found = whole(search) if math.isinf(until) else halved(search, until)
             if interruption.requested():
                 break
@@ -73,15 +90,18 @@ def tune(request: Request, executor: Executor) -> int:
 
 
 def _searches(
-    request: Request, executor: Executor, interruption: Interruption
+    request: Request,
+    models: list[Model],
+    targets: list[tuple[Folder, Training]],
+    executor: Executor,
+    interruption: Interruption,
 ) -> Iterator[tuple[Folder, GridSearch, float]]:
     """Open the searches of all targets and models one by one, each with the time at which it ends.
 
     What is left of the request's time is shared evenly among the searches that are left.
     """
-    models = models_named(list(request.models), request.features)
-    left = len(models) * len(request.targets)
-    for folder, training in _targets(request, models, executor, interruption, searched=True):
+    left = len(models) * len(targets)
+    for folder, training in targets:
         agreed, columns = folder.record()["conditions"], training.columns
         features = agreed["features"]
         for model in models:
@@ -99,6 +119,34 @@ def _searches(
                     optimum=grid.number_of(grids.canonical_settings(model, known, columns)),
                 )
                 yield folder, search, until
+
+
+def tell_time(search: GridSearch) -> None:
+    """Say how long the fits of a large grid take that are left, one after the other.
+
+    A few that are drawn at random are done on few rows, within `TELLING`.
+    """
+    total, model = search.training.rows, search.model
+    left = search.tasks(range(len(search.grid.families)), total)
+    if len(left) < MANY or search.stopping():
+        return
+    rows, families = steps(total)[0], len(search.grid.families)
+    drawn = np.random.default_rng(search.training.seed).permutation(families)[:DRAWN]
+    tasks = search.tasks(drawn.tolist(), rows, 1)
+    title = f"{len(left)} fits are left; {len(tasks)} on {rows} rows tell how long they take"
+    search.run(tasks, title, until=time.time() + TELLING)
+    finished = search.trials.finished
+    trials = [(task, finished.get((task.names[0], 0, rows))) for task in tasks]
+    done = [(task, trial.seconds * len(task.names)) for task, trial in trials if trial]
+    said = f"one of these fits takes more than {TELLING:g} s"
+    if done:
+        longer = growth(model, total / rows) * rows / total
+        work = sum(map(expected_work, left)) / sum(expected_work(task) for task, _ in done)
+        hours = sum(seconds for _, seconds in done) * work * longer / 3600
+        more = "" if len(done) == len(tasks) else " or more"
+        said = f"about {hours:.1g} h{more} on one thread, to be divided by the workers"
+    with RunProgress(1) as progress:
+        progress.say(f"{model.title}: {said}; --budget bounds it")
 
 
 def _targets(
