@@ -172,11 +172,8 @@ def _wavevectors(
 def _scaled(
     density: Values, qx: Values, qy: Values, rms_height: float | None, rms_slope: float | None
 ) -> Values:
-    """Return the mean square height of each wave, (2 kx + 1, ky + 1) [um^2].
-
-    Of the column qy = 0 only the first half counts: the others are opposites of these.
-    """
-    powers = density.copy()
+    """Return the mean square height of each wave, (2 kx + 1, ky + 1) [um^2]."""
+    powers = density.copy()  # of the column qy = 0 the second half are opposites of the first
     powers[len(powers) // 2 + 1 :, 0] = 0.0
     powers[0, 0] = 0.0
     if (rms_height is None) == (rms_slope is None):
@@ -262,10 +259,7 @@ class SpectralSurface(GridSurface):
         return self
 
     def period_nodes(self, grid: Grid) -> tuple[int, int]:
-        """Return the nodes along x and y of a surface's period on a grid.
-
-        A period that is not the patch itself is rounded up to a number that suits transforms.
-        """
+        """Return the nodes of a surface's period; one beyond the patch suits transforms."""
         from scipy.fft import next_fast_len
 
         periods = self.period or (1.0 if grid.boundary == "periodic" else 2.0)

@@ -262,10 +262,7 @@ def _profiles(surface: Values, axis: int) -> Profiles:
 def _summits(
     nodes: Values, along_x: Profiles, along_y: Profiles, ratio: float
 ) -> Iterator[tuple[Values, Values]]:
-    """Yield heights and curvatures of the peaks of all profiles, then those of the asperities.
-
-    `ratio` converts curvatures along y to units of x.
-    """
+    """Yield heights and curvatures, in units of x, of all profiles' peaks, then of asperities."""
     on_x, on_y = np.flatnonzero(along_x.peaks), np.flatnonzero(along_y.peaks)
     heights = np.concatenate((nodes[on_x + along_x.stride], nodes[on_y + along_y.stride]))
     yield heights, np.concatenate((along_x.curvature[on_x], along_y.curvature[on_y] * ratio))

@@ -180,10 +180,7 @@ def _refuse_unequal(files: Mapping[Path, h5py.File], scenes: Mapping[Path, Scene
 def _merge_rows(
     target: h5py.File, first: int, parts: Sequence[Part], scene: Scene, start: int, stop: int
 ) -> None:
-    """Write the rows start..stop, each from the first part in which it is done, or else failed.
-
-    `first` is the first row of the target.
-    """
+    """Write the rows start..stop, each from the first part where it is done, or else failed."""
     grid = scene.grid.shape
     parts = [part for part in parts if part.rows.start < stop and start < part.rows.stop]
     status = np.array([part.read(STATUS, start, stop, grid) for part in parts])
@@ -259,10 +256,9 @@ def _assemble(
 
 
 def _lay_out(path: Path, scene: Scene, rows: range, attributes: Mapping[str, str | int]) -> None:
-    """Create a file for some rows of a scene: dimensions, attributes and empty columns.
+    """Create a file for some rows: dimensions, attributes, and columns that who calls fills.
 
-    HDF5 allocates the columns; who calls fills them, because HDF5 crashes if the disk runs full
-    during its own filling.
+    HDF5 would crash if the disk ran full during its own filling.
     """
     columns = columns_for(scene)
     # Version 2 of the superblock: later ones mark a file as open, and a killed writer would leave
@@ -304,11 +300,8 @@ def _lay_out(path: Path, scene: Scene, rows: range, attributes: Mapping[str, str
 
 
 def _set(node: h5py.Dataset | h5py.File, name: str, value: str | int) -> None:
-    """Add an attribute, a text with a fixed length.
-
-    HDF5 keeps texts of variable length in a heap without checksums, and may read for ever if that
-    is damaged.
-    """
+    """Add an attribute; a text has a fixed length."""
+    # HDF5 keeps texts of variable length in a heap, and may read for ever if that is damaged.
     if isinstance(value, str):
         data = value.encode()
         node.attrs.create(name, data, dtype=h5py.string_dtype("utf-8", max(1, len(data))))

@@ -52,11 +52,7 @@ def fields(reader: Reader) -> list[Column]:
 
 
 def schema_of(reader: Reader, columns: list[Column]) -> pa.Schema:
-    """Return the schema of Arrow for columns beside `sample`, the index of the row in the scene.
-
-    The metadata of every column have the keys `unit` and `long_name`, and `shape` for a field of
-    nodes, which is a list of fixed length.
-    """
+    """Return Arrow's schema of columns beside `sample`; fields of nodes are lists with a shape."""
     words = {"unit": "1", "long_name": "index of the row in the scene"}
     found = [pa.field("sample", pa.int64(), nullable=False, metadata=words)]
     for column in columns:
@@ -85,10 +81,7 @@ def pieces(reader: Reader) -> list[Piece]:
 def write(
     piece: Piece, folder: Path, reader: Reader, done: Mask, advance: Callable[[int], None]
 ) -> None:
-    """Write a file of an export with the rows that are done, unless it is there already.
-
-    `done` has a truth value for each row of the database; `advance` is called with numbers of rows.
-    """
+    """Write a file of an export with the rows that are done, unless it is there already."""
     path, first = folder / piece.name, reader.rows.start
     chosen = done[piece.rows.start - first : piece.rows.stop - first]
     origin = {**identity(reader), "rows": [piece.rows.start, piece.rows.stop]}
@@ -107,10 +100,7 @@ def write(
 
 
 def tables(reader: Reader, schema: pa.Schema, part: range, done: Mask) -> Iterator[pa.Table]:
-    """Read the done rows of a part, by their indices in the scene, a few megabytes at a time.
-
-    `done` has a truth value for each row of the database.
-    """
+    """Read the done rows of a part, by their indices in the scene, a few megabytes at a time."""
     shape, names = reader.scene.grid.shape, schema.names[1:]
     row = max(column.row_bytes(shape) for column in reader.columns() if column.name in names)
     step = min(TABLE_ROWS, max(1, CHUNK_BYTES // row))

@@ -79,10 +79,7 @@ def _chunk_faults(
 
 
 def _not_finite(rows: Columns, undefined: Mask) -> Iterator[tuple[Mask, str]]:
-    """Find values that are not finite, but for statistics that a row's reason calls undefined.
-
-    A stiffness may be infinite.
-    """
+    """Find values that are not finite where they ought to be, in view of the row's reason."""
     statistics = {column.name for column in statistics_columns()}
     missing = np.zeros_like(undefined)
     for name, values in rows.items():
@@ -97,10 +94,7 @@ def _not_finite(rows: Columns, undefined: Mask) -> Iterator[tuple[Mask, str]]:
 def _impossible(
     scene: Scene, plan: Parameters, rows: Columns, nodes: NDArray[np.int32]
 ) -> Iterator[tuple[Mask, str]]:
-    """Compare rows with the limits of every solution, with their loads, and with their hardness.
-
-    Loads in pressures over E* and slope are not compared: the slope is not stored.
-    """
+    """Compare rows with the limits of every solution, their hardness, and loads that are stored."""
     area, force, total = rows["area_percent"], rows["force"], math.prod(scene.grid.shape)
     yield ~((area >= 0) & (area <= 100)), "area outside 0 to 100 %"
     yield area != 100.0 * nodes / total, "area is not the share of contact nodes"

@@ -120,10 +120,7 @@ def opposite_random(scene: Scene, surface: int | np.int64) -> np.random.Generato
 
 
 def _stream(seed: int, *key: int) -> np.random.PCG64:
-    """Make an independent stream for a key.
-
-    The bit generator is named because NumPy may change the one that `default_rng` takes.
-    """
+    """Make an independent stream for a key, of the kind that `default_rng` takes today."""
     return np.random.PCG64(np.random.SeedSequence(seed, spawn_key=key))
 
 

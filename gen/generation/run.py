@@ -73,11 +73,7 @@ class Target(NamedTuple):
 
 
 def opened(target: Target, world: farm.World) -> AbstractContextManager[Writer | None]:
-    """Open the file of a run where rows are written: on the master, or on all processes together.
-
-    The parallel writer opens and closes the file on all processes, so that all of them enter and
-    leave this block.
-    """
+    """Open the file of a run where rows are written: on the master, or on all processes."""
     if not (target.parallel or world.is_master):  # other workers need no HDF5
         return nullcontext()
     from gen.database import Writer

@@ -82,10 +82,7 @@ Lengths = Annotated[str, PlainValidator(lengths)]
 
 
 def _table(name: str) -> type[Table]:
-    """Make a table of a scene of the keys of `gen.maps.settings.Reading`.
-
-    Texts, and keys that exclude each other, are checked where the maps are looked for.
-    """
+    """Make a table of the keys of `gen.maps.settings.Reading`, which checks them further."""
     rules: dict[str, Any] = {"side": Lengths, "despike": Positive}
     made: dict[str, Any] = {}
     for key, told in keys(name).items():

@@ -33,11 +33,7 @@ class Document(BaseModel):
 
 
 def cell(value: object) -> object:
-    """Return a value for a cell: nothing for a number that is not finite, and no formula.
-
-    Texts that look like formulas get an apostrophe, which is OWASP's advice for texts from
-    strangers.
-    """
+    """Return a value for a cell: no number that is not finite, and no formula (OWASP's advice)."""
     if isinstance(value, float) and not math.isfinite(value):
         return ""
     return f"'{value}" if isinstance(value, str) and value.startswith(FORMULAS) else value

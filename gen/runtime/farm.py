@@ -97,10 +97,7 @@ class World:
         return value
 
     def end(self, code: int) -> int:
-        """End the command on all processes, with the master's exit code, which is returned.
-
-        It is the last call of those that raised no `MasterLeft`.
-        """
+        """End the command on all processes; return the master's exit code. It is the last call."""
         if self.communicator is None:
             return code
         _, agreed = self._exchange((None, code))
@@ -291,10 +288,7 @@ class Interruption(ExitStack):
         self.close()
 
     def _watch(self, read: int) -> None:
-        """Answer signals while Python is inside compiled code, until the pipe is closed.
-
-        Signals that arrive together, as Ctrl-C does from a terminal and from mpiexec, count as one.
-        """
+        """Answer signals while Python is inside compiled code; those that come together are one."""
         said = False
         while numbers := os.read(read, 1024):
             if not set(numbers) & set(SIGNALS):

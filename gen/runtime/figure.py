@@ -12,10 +12,7 @@ SUFFIXES = (".png", ".svg", ".pdf")
 
 
 def new_figure(width: float, height: float, *, dpi: float | None = None) -> Any:
-    """Make an empty figure, in inches and with dots per inch, whose panels keep clear of each
-    other.
-
-    """
+    """Make an empty figure, in inches and with dots per inch."""
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width, height), dpi=dpi, layout="constrained")

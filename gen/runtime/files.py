@@ -392,10 +392,7 @@ def _held(path: Path, lock_path: Path) -> Iterator[None]:
 
 
 def _locked(path: Path, lock_path: Path) -> int:
-    """Return the descriptor of the locked file, which may be new or a killed process's.
-
-    A link is not followed, and a file of the user's is refused.
-    """
+    """Return the descriptor of the locked file; a link or a file of the user's is refused."""
     flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
     while True:
         with _in_words(path, f"cannot be written, as {lock_path} is there or cannot be made"):

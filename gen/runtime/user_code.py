@@ -62,11 +62,9 @@ def load_function(name: str, source: str) -> Function:
 def faults_of(
     place: str, passing: tuple[type[Exception], ...] = (ArithmeticError, MemoryError)
 ) -> Iterator[None]:
-    """Turn what a user's code raises, also what would end the program, into a SourceError of a
-    line.
+    """Turn what a user's code raises, also what would end the program, into a SourceError.
 
-    A bound on the time passes through, as do the exceptions in `passing`: a surface or a row may
-    fail by its numbers.
+    A bound on the time passes, and exceptions in `passing`: a row may fail by its numbers.
     """
     elsewhere: tuple[type[Exception], ...] = (*passing, Overtime, SourceError)
     try:

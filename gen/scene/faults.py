@@ -41,10 +41,7 @@ def shown(value: object) -> str:
 
 
 def first_fault(error: ValidationError, root: type[Table]) -> str:
-    """Describe the first fault of a scene in one line, and say how many more there are.
-
-    Locations of faults begin at the table `root`.
-    """
+    """Describe the first fault of a scene in one line, and say how many more there are."""
     faults = error.errors(include_url=False)
     # A misspelt key makes another one look missing: the misspelt one is the better news.
     fault = min(faults, key=lambda fault: fault["type"] != "extra_forbidden")
@@ -105,10 +102,7 @@ def _tables(annotation: Any, tag: str) -> Iterator[type[Table]]:
 
 
 def differences(in_file: Scene, asked_for: Scene) -> list[str]:
-    """List the keys that change results and differ between two scenes, with both values.
-
-    Each is a text as "contact.rtol: 2e-07 in the file, 1e-08 asked for".
-    """
+    """List keys that change results and differ, as "seed: 1 in the file, 2 asked for"."""
     old = dict(_leaves(in_file.relevant()))
     new = dict(_leaves(asked_for.relevant()))
     hashes = {("surface", "source"), ("store", "source")}

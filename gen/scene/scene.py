@@ -474,10 +474,7 @@ def parameter_columns(scene: Scene) -> dict[str, str]:
 
 
 def require_own_names(scene: Scene) -> None:
-    """Refuse parameters and outputs of a user's functions that have the names of other columns.
-
-    Parameters of a user's generator may have the names that other generators' parameters have.
-    """
+    """Refuse parameters and outputs of a user's functions that have the names of other columns."""
     known = {name for table in GENERATORS for name in table.PARAMETERS}
     for name in scene.surface.drawn():
         if name in RESERVED - known or name in ARGUMENTS:
