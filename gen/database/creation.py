@@ -133,7 +133,14 @@ def merge(target: Path, sources: Sequence[Path]) -> Counts:
         stack.enter_context(lock(target))
         files = {path: stack.enter_context(open_file(path)) for path in sources}
         scenes = {path: checked(file, path) for path, file in files.items()}
-        _refuse_unequal(files, scenes)
+        first, *others = files
+        for other in others:
+            fault = "; ".join(differences(scenes[first], scenes[other]))
+            one, two = (int(files[path].attrs["physics"]) for path in (first, other))
+            if not fault and one != two:
+                fault = f"results of physics {one} and of physics {two}"
+            if fault:
+                raise InputError(f"{first} and {other} hold different scenes ({fault}): not merged")
         largest = max(scenes, key=lambda path: scenes[path].samples)
         scene = scenes[largest]
         forced = max(int(file.attrs["physics_forced"]) for file in files.values())
@@ -160,21 +167,6 @@ class Part(NamedTuple):
         ]
         values[first - start : last - start] = stored
         return values
-
-
-def _refuse_unequal(files: Mapping[Path, h5py.File], scenes: Mapping[Path, Scene]) -> None:
-    """Refuse files of different scenes or physics numbers."""
-    first, *others = files
-    for other in others:
-        if different := differences(scenes[first], scenes[other]):
-            changes = "; ".join(different)
-            raise InputError(f"{first} and {other} hold different scenes ({changes}): not merged")
-        physics = [int(files[path].attrs["physics"]) for path in (first, other)]
-        if physics[0] != physics[1]:
-            raise InputError(
-                f"{first} holds results of physics {physics[0]}, {other} of physics {physics[1]}: "
-                "not merged"
-            )
 
 
 def _merge_rows(

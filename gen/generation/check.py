@@ -45,7 +45,10 @@ def faults(path: Path, recompute: int, seed: int = 0) -> Iterator[str]:
             reader.scene.surface.make_ready(path.parent, sources=True)
         if finished:
             rows = np.concatenate(finished)
-            columns = comparable(reader)
+            columns = [column for column in reader.columns() if column.deterministic]
+            if made_by_another(int(reader.attributes["physics"])):  # the surfaces are the same
+                names = {each.name for each in statistics_columns()} | {"surface", "heights"}
+                columns = [column for column in columns if column.name in names]
             chosen = np.random.default_rng(seed).permutation(rows)[:recompute]
             for row in np.sort(chosen):
                 yield from _recomputed_faults(reader, columns, int(row))
@@ -124,15 +127,6 @@ def _row_faults(wrong: Mask, start: int, fault: str) -> Iterator[str]:
     if rows.size:
         others = f" and {rows.size - 1} more rows" if rows.size > 1 else ""
         yield f"row {rows[0]}{others}: {fault}"
-
-
-def comparable(reader: Reader) -> list[Column]:
-    """Return the columns that a row has to have again; the surface's, if others solved it."""
-    columns = [column for column in reader.columns() if column.deterministic]
-    if not made_by_another(int(reader.attributes["physics"])):
-        return columns
-    surfaces = {column.name for column in statistics_columns()} | {"surface", "heights"}
-    return [column for column in columns if column.name in surfaces]
 
 
 def _recomputed_faults(reader: Reader, columns: Sequence[Column], row: int) -> Iterator[str]:

@@ -189,7 +189,10 @@ def unfinished(real: Path, present: Present = "replace", signature: bytes = b"")
     descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, mode)
     try:
         if old is not None:
-            _hand_on(old, descriptor)
+            for owner, group in ((old.st_uid, -1), (-1, old.st_gid)):
+                with suppress(PermissionError):
+                    os.fchown(descriptor, owner, group)
+            os.fchmod(descriptor, stat.S_IMODE(old.st_mode))
         yield temporary
         os.fsync(descriptor)
         if present == "replace":
@@ -241,14 +244,6 @@ def require_writable(path: Path) -> None:
         raise InputError(f"{path} is read-only; give another name, or chmod u+w it")
     with _in_words(path, "cannot be written"):
         os.close(os.open(path, os.O_WRONLY | os.O_NONBLOCK | os.O_CLOEXEC))
-
-
-def _hand_on(old: os.stat_result, descriptor: int) -> None:
-    """Give a new open file the mode of the one it replaces and, if allowed, owner and group."""
-    for owner, group in ((old.st_uid, -1), (-1, old.st_gid)):
-        with suppress(PermissionError):
-            os.fchown(descriptor, owner, group)
-    os.fchmod(descriptor, stat.S_IMODE(old.st_mode))
 
 
 def _try(path: Path, kind: Kind) -> None:

@@ -72,7 +72,9 @@ def faults_of(
     except elsewhere:
         raise
     except (Exception, SystemExit, GeneratorExit) as error:
-        raise SourceError(f"{place}: {_described(error)}") from error
+        words = " ".join(str(error).split())[:200]
+        kind = type(error).__name__
+        raise SourceError(f"{place}: {kind}{': ' if words else ''}{words}") from error
 
 
 def source_of(name: str) -> Path:
@@ -123,9 +125,3 @@ def _imported(name: str, module: str, path: Path, content: bytes) -> ModuleType:
         del sys.modules[module], _compiled[module]
         raise
     return made
-
-
-def _described(error: BaseException) -> str:
-    """Return an exception's type and message in one line."""
-    words = " ".join(str(error).split())
-    return f"{type(error).__name__}{': ' if words else ''}{words[:200]}"
