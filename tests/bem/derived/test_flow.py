@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import bem
+from bem.derived import flow
 from bem.derived.flow import flows_through
 from bem.problem import OutOfRange
 from gen.spectral import SelfAffineSpectrum, generate_spectral
@@ -120,6 +121,19 @@ def test_gaps_of_many_decades_are_solved_to_rounding(trials):
                 flow.flux[axis].mean(axis=1 - axis), flow.aperture**3, rtol=1e-12
             )
     assert 0.4 < flowing / trials < 0.8
+
+
+@pytest.mark.parametrize("periodic", [False, True])
+def test_the_field_of_flux_does_not_depend_on_the_levels_of_pockets(monkeypatch, periodic):
+    random = np.random.default_rng(3)
+    for _ in range(20):
+        gap = 10 ** random.uniform(-12, 0, (12, 12))
+        fields = []
+        for step in (flow.STEP, 0.1):
+            monkeypatch.setattr(flow, "STEP", step)
+            fields += [flow_through(gap, (1.0, 1.0), 0, periodic=periodic).flux]
+        assert abs(fields[1] - fields[0]).max() < 1e-10 * abs(fields[1]).max()
+        monkeypatch.undo()
 
 
 @pytest.mark.parametrize(("level", "nodes"), OTHERS)
