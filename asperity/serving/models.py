@@ -73,7 +73,7 @@ class SurrogateModel:
         """Predict one contact problem."""
         if config.stiffness:
             raise InputError("config.stiffness: a surrogate predicts its targets alone")
-        from learn.surrogate.model import calibrated_by
+        from learn.surrogate.interval import calibrated_by
 
         function = self._function
         numbers = dict(zip(function.names, chain.from_iterable(vectors), strict=True))

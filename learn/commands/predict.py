@@ -93,7 +93,7 @@ def predict(
     from learn.features.scene import SCENE
     from learn.surrogate import Surrogate
     from learn.surrogate.answers import Question, answers, answers_of_parameters, show
-    from learn.surrogate.model import require_level
+    from learn.surrogate.interval import require_level
 
     inputs = inputs or []
     check_outputs([Output(output, "--output")], [file, *inputs])
@@ -188,9 +188,8 @@ def law(
     from gen.maps.contacts import require_conductivities
     from learn.features.scene import SCENE
     from learn.surrogate import Surrogate
-    from learn.surrogate.interval import checked_level
+    from learn.surrogate.interval import checked_level, require_level
     from learn.surrogate.law import make, of_parameters
-    from learn.surrogate.model import require_level
 
     files = files.ready(output, inputs)
     figure = empty_figure(files.picture, 12.0, 7.0)

@@ -7,6 +7,7 @@ Numbers that span a ratio of `SPAN` or more, as loads do, are learnt as logarith
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gen.arrays import Values
 from gen.distribution import limits
@@ -14,6 +15,7 @@ from gen.generators import GENERATORS
 from gen.material import plane_strain_modulus
 from gen.runtime.errors import InputError
 from gen.scene import Scene, parameter_columns
+from gen.statistics import refuse_masked
 
 SCENE = "scene"
 """Name of the feature set."""
@@ -78,6 +80,35 @@ def given_values(scene: Scene, column: Callable[[str], Values]) -> dict[str, Val
     if scene.quantity != "delta":
         found[load_of(scene)] = column("load")
     return found
+
+
+def checked_numbers(columns: Sequence[str], given: Mapping[str, ArrayLike]) -> dict[str, Values]:
+    """Return copies of the numbers that features are of, by their names, (n,) each.
+
+    InputError is raised if a name is missing or unknown, lengths differ, or a number is masked, not
+    finite, or not above 0 where its logarithm is learnt.
+    """
+    wanted = tuple(map(plain, columns))
+    asked = ", ".join(wanted)
+    missing, unknown = {*wanted} - {*given}, {*given} - {*wanted}
+    for names, fault in ((missing, " not given"), (unknown, ": unknown")):
+        if names:
+            raise InputError(f"{', '.join(sorted(names))}{fault}: the surrogate asks for {asked}")
+    for name in wanted:
+        refuse_masked(name, given[name])
+    try:
+        copies = [np.atleast_1d(np.array(given[name], dtype=np.float64)) for name in wanted]
+        every = np.broadcast_arrays(*copies)
+    except ValueError as error:
+        raise InputError(f"{asked}: {error}") from None
+    for name, column, values in zip(wanted, columns, every, strict=True):
+        if values.ndim != 1:
+            raise InputError(f"{asked}: give numbers or arrays of one dimension")
+        bad = ~np.isfinite(values) | ((values <= 0) & (column != name))
+        if bad.any():
+            above = " above 0" if column != name else ""
+            raise InputError(f"{name} = {values[bad][0]:g}: give finite numbers{above}")
+    return dict(zip(wanted, every, strict=True))
 
 
 def columns_of(scenes: Sequence[Scene], load: str) -> tuple[str, ...]:

@@ -17,8 +17,8 @@ from learn.metrics import magnitude, scores
 from learn.models import EVERY, versions
 from learn.surrogate import flag
 from learn.surrogate.calibration import FEWEST
+from learn.surrogate.interval import calibrated_by
 from learn.surrogate.learnt import Learnt
-from learn.surrogate.model import calibrated_by
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -28,8 +28,10 @@ Ann. Stat. 49, 486). `bench coverage` and `bench scans` measure the coverage.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -38,6 +40,7 @@ from gen.runtime.errors import InputError
 
 if TYPE_CHECKING:
     from learn.surrogate.flag import Distance
+    from learn.surrogate.model import Surrogate
 
 
 class Growth(NamedTuple):
@@ -72,6 +75,9 @@ SMALLEST = 1e-3
 
 ENDS = (0.02, 0.98)
 """Quantiles of the usual errors at known places, beyond which none is extrapolated."""
+
+ROUNDING = 1e-9
+"""Difference up to which a level of intervals counts as the largest one."""
 
 CONSTANT = 1e-9
 """Deviation of a constant feature over its largest size, at most."""
@@ -203,3 +209,23 @@ class Calibration:
         """Return the share of rows whose interval holds the truth, and both ends; see `ends`."""
         low, high = self.ends(prediction, level, inputs)
         return float(np.mean((low <= truth) & (truth <= high))), low, high
+
+
+def calibrated_by(card: Mapping[str, Any]) -> str:
+    """Say by how many surfaces, maps or databases intervals are calibrated: "17 maps"."""
+    entry = card["calibration"]
+    many = f"{entry['groups']} {entry['kind']}s"
+    return f"the surfaces of {many}" if entry["scheme"] == "each" else many
+
+
+def require_level(surrogate: Surrogate, level: float) -> None:
+    """Refuse a level of intervals that has too few surfaces or maps to be calibrated."""
+    checked_level(level)
+    for name, each in surrogate.learnt.items():
+        largest = each.calibration.largest_level
+        if level > largest + ROUNDING:
+            raise InputError(
+                f"--interval {level:g}: intervals of {name} are calibrated by"
+                f" {calibrated_by(surrogate.card)}, which reach"
+                f" {math.floor(1000 * largest) / 1000:g} at most: give less, or fit to more of them"
+            )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations  # short signatures in help()
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -18,11 +17,10 @@ from gen.runtime.errors import InputError
 from gen.runtime.terminal import to_type
 from gen.statistics import refuse_masked
 from learn.features import SETS, FeatureSet, SurfaceFeatures
-from learn.features.scene import SCENE
+from learn.features.scene import SCENE, checked_numbers
 from learn.features.sets import Rows
 from learn.surrogate import flag
 from learn.surrogate.flag import Distance
-from learn.surrogate.interval import checked_level
 from learn.surrogate.learnt import Learnt, load_parts, write_parts
 
 LARGEST = 1e38
@@ -30,9 +28,6 @@ LARGEST = 1e38
 
 PROPORTIONAL = {"force", "largest_pressure", "stiffness", "interface_stiffness"}
 """Targets that are proportional to E*."""
-
-ROUNDING = 1e-9
-"""Difference up to which a level of intervals counts as the largest one."""
 
 SAME = 1e-6
 """Relative distance from the training's hardness within which a hardness counts as equal."""
@@ -295,26 +290,10 @@ class Surrogate:
             If a name is missing or unknown, lengths differ, or a number is not finite, or not above
             0 where its logarithm is learnt.
         """
-        wanted = self.features.names
-        if self.features.name != SCENE or {*given} != {*wanted}:
-            missing = ", ".join(sorted({*wanted} - {*given}))
-            unknown = ", ".join(sorted({*given} - {*wanted}))
-            said = f"{missing} not given" if missing else f"{unknown}: unknown"
-            raise InputError(f"{said}: the surrogate asks for {self._asks()}")
-        try:
-            every = np.broadcast_arrays(*(np.atleast_1d(_own(n, given[n])) for n in wanted))
-        except ValueError as error:
-            raise InputError(f"{self._asks()}: {error}") from None
-        if any(each.ndim != 1 for each in every):
-            raise InputError(f"{self._asks()}: give numbers or arrays of one dimension")
-        numbers = dict(zip(wanted, every, strict=True))
-        columns = self.features.columns
-        for name, column, values in zip(wanted, columns, every, strict=True):
-            bad = ~np.isfinite(values) | ((values <= 0) & (column != name))
-            if bad.any():
-                above = " above 0" if column != name else ""
-                raise InputError(f"{name} = {values[bad][0]:g}: give finite numbers{above}")
-        ones = np.ones(every[0].size)
+        if self.features.name != SCENE:
+            raise InputError("the surrogate asks for surfaces: numbers need --features scene")
+        numbers = checked_numbers(self.features.columns, given)
+        ones = np.ones(next(iter(numbers.values())).size)
         delta = numbers.get("delta", np.nan * ones)
         return Rows(np.empty((ones.size, 0)), delta, 1.0, given=numbers)
 
@@ -484,26 +463,6 @@ def require_surfaces(surrogate: Surrogate, what: str) -> None:
             f"{what}: the surrogate answers for {surrogate._asks()}, not for surfaces: ask"
             f" {to_type('learn predict --at')}"
         )
-
-
-def calibrated_by(card: Mapping[str, Any]) -> str:
-    """Say by how many surfaces, maps or databases intervals are calibrated: "17 maps"."""
-    entry = card["calibration"]
-    many = f"{entry['groups']} {entry['kind']}s"
-    return f"the surfaces of {many}" if entry["scheme"] == "each" else many
-
-
-def require_level(surrogate: Surrogate, level: float) -> None:
-    """Refuse a level of intervals that has too few surfaces or maps to be calibrated."""
-    checked_level(level)
-    for name, each in surrogate.learnt.items():
-        largest = each.calibration.largest_level
-        if level > largest + ROUNDING:
-            raise InputError(
-                f"--interval {level:g}: intervals of {name} are calibrated by"
-                f" {calibrated_by(surrogate.card)}, which reach"
-                f" {math.floor(1000 * largest) / 1000:g} at most: give less, or fit to more of them"
-            )
 
 
 def _own(name: str, given: ArrayLike) -> Values:

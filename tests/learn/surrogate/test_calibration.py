@@ -14,7 +14,7 @@ from learn.executor import Executor
 from learn.features.sets import SKEWNESS
 from learn.surrogate import calibration, fitting
 from learn.surrogate.fitting import Settings, fit_target
-from learn.surrogate.model import require_level
+from learn.surrogate.interval import require_level
 
 
 def of_maps(rows, number):
