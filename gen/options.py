@@ -21,11 +21,18 @@ if TYPE_CHECKING:
 
 
 OUT = "--output", "-o"
+
+
+def _file(said: str, *names: str) -> Any:
+    """Return an option that names a file to write."""
+    return Option(*names, metavar="FILE", help=said)
+
+
 Database = Annotated[Path, Argument(metavar="FILE", help="A database (HDF5).")]
 SurfaceFile = Annotated[
     Path, Argument(metavar="SURFACE", help="Heights: .npy, text, instruments'.")
 ]
-Table = Annotated[Path | None, Option("--csv", metavar="FILE", help="Also write a table.")]
+Table = Annotated[Path | None, _file("Also write a table.", "--csv")]
 Scene = Annotated[str, Argument(metavar="SCENE", help="A shipped scene, as quick, or a TOML file.")]
 NewDatabase = Annotated[Path, Option(*OUT, metavar="FILE", help="The database to write.")]
 ExportFolder = Annotated[Path, Option(*OUT, metavar="FOLDER", help="The folder to write.")]
@@ -81,13 +88,9 @@ Threads = Annotated[
     ),
 ]
 Depth = Annotated[float | None, Option(metavar="UM", min=0, help="Add Smr so far below the top.")]
-SpectrumTable = Annotated[
-    Path | None, Option("--spectrum", metavar="FILE", help="Write its spectrum.")
-]
-Picture = Annotated[Path | None, Option("--plot", metavar="FILE", help="Draw surface and contact.")]
-SurfacePicture = Annotated[
-    Path | None, Option("--plot", metavar="FILE", help="Draw it and its spectrum.")
-]
+SpectrumTable = Annotated[Path | None, _file("Write its spectrum.", "--spectrum")]
+Picture = Annotated[Path | None, _file("Draw surface and contact.", "--plot")]
+SurfacePicture = Annotated[Path | None, _file("Draw it and its spectrum.", "--plot")]
 NewPicture = Annotated[Path, Option(*OUT, metavar="PNG", help="The picture to write.")]
 Recompute = Annotated[int, Option(metavar="N", min=0, help="Rows to recompute and compare.")]
 Seed = Annotated[int, Option(min=0, help="Seed of the choice of rows.")]
@@ -252,25 +255,15 @@ LAW_ENDS = {
 class LawOutputs(NamedTuple):
     """Files to write a law to, each None if it is not asked for, and units for two of them."""
 
-    table: Annotated[Path | None, Option("--csv", metavar="FILE", help="Write the table.")] = None
-    json: Annotated[Path | None, Option(metavar="FILE", help="Write the tables as JSON.")] = None
+    table: Annotated[Path | None, _file("Write the table.", "--csv")] = None
+    json: Annotated[Path | None, _file("Write the tables as JSON.")] = None
     header: Annotated[
-        Path | None,
-        Option(metavar="FILE", help="Write a C header: monotone cubics and their tangents."),
+        Path | None, _file("Write a C header: monotone cubics and their tangents.")
     ] = None
-    calculix: Annotated[
-        Path | None, Option(metavar="FILE", help="Write CalculiX's surface interaction.")
-    ] = None
-    abaqus: Annotated[
-        Path | None, Option(metavar="FILE", help="Write Abaqus' surface interaction.")
-    ] = None
-    for_4c: Annotated[
-        Path | None,
-        Option("--4c", metavar="FILE", help="Write 4C's Python file of a contact law."),
-    ] = None
-    picture: Annotated[
-        Path | None, Option("--plot", metavar="FILE", help="Draw the law with its band.")
-    ] = None
+    calculix: Annotated[Path | None, _file("Write CalculiX's surface interaction.")] = None
+    abaqus: Annotated[Path | None, _file("Write Abaqus' surface interaction.")] = None
+    for_4c: Annotated[Path | None, _file("Write 4C's Python file of a contact law.", "--4c")] = None
+    picture: Annotated[Path | None, _file("Draw the law with its band.", "--plot")] = None
     units: Annotated[
         Units,
         Option(help="Units for CalculiX, Abaqus and 4C: mm (mm, N, s, MPa), si or um (with MPa)."),
