@@ -1,16 +1,10 @@
-"""The rows to learn from: what is read, what cannot be used, and what belongs together.
-
-Rows of one surface are never on both sides of a split, whichever databases they are in. Related are
-surfaces with the same statistics, surfaces of one number and one seed, whatever their grid and
-generator (they are made of the same random numbers), and windows of one tile of a map; where two
-databases cut a map into other tiles, all windows of that map.
-"""
+"""The rows to learn from: what is read, and what cannot be used."""
 
 import hashlib
 import math
 import os
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 from pathlib import Path
@@ -22,7 +16,7 @@ from numpy.typing import NDArray
 from gen.arrays import Indices, Values
 from gen.database import Reader
 from gen.runtime.errors import InputError
-from gen.scene import ScanSurface, Scene, columns_for, parameter_columns
+from gen.scene import Scene, columns_for, parameter_columns
 from gen.scene.faults import shown
 from gen.schema import REASONS, Column, Reason, Status, statistics_columns
 from learn.executor import Executor
@@ -30,6 +24,7 @@ from learn.features import FeatureSet, chosen
 from learn.features.scene import BY_FORCE, SCENE, given_values, load_of
 from learn.features.sets import BLOCKS, Rows, geometric_mean, limits_of, modulus
 from learn.metrics import usual_size
+from learn.split import MAP, TILE, Population, populations_of, related
 
 INPUTS: tuple[str, ...] = ("delta", *(column.name for column in statistics_columns()))
 """The 23 inputs: Delta and the 22 statistics, in the order of the paper's Table 1."""
@@ -42,12 +37,6 @@ WHOLE_TARGETS = ("contact_nodes", "contact_spots")
 
 NO_TARGETS = frozenset({*INPUTS, "load", "hardness", "residual"})
 """Columns of floating numbers that are no results: inputs, and how well a row was solved."""
-
-MAP, TILE = "map", "tile"
-"""Columns of the map and of its tile that a surface was cut out of."""
-
-DIGITS = 8
-"""Digits of a file's hash in the labels of maps, so that maps of one name differ."""
 
 SMALLEST = 10
 """Usable rows at least: two of these are for testing, and a score needs two."""
@@ -106,14 +95,6 @@ def results(scene: Scene, load: str = "delta") -> dict[str, Column]:
         )
     }
     return {name: found[name] for name in TARGETS.values() if name in found} | found
-
-
-class Population(NamedTuple):
-    """Where surfaces come from: those of one population are more alike than those of others."""
-
-    database: str
-    generator: str
-    map: str = ""  # file name and hash of the map of a window
 
 
 class Origin(NamedTuple):
@@ -347,11 +328,11 @@ def _together(parts: Sequence[tuple[Dataset, Stored]]) -> Dataset:
     sets, usable = [rows for rows, _ in parts], [part for _, part in parts]
     whole = joined(sets) if len(sets) > 1 else sets[0]
     _require_usable(whole)
-    names = [each for part in usable for each in _populations(part)]
+    names = [each for part in usable for each in populations_of(part)]
     known = {name: number for number, name in enumerate(dict.fromkeys(names))}
     return replace(
         whole,
-        groups=_related(usable),
+        groups=related(usable),
         database=np.repeat(np.arange(len(sets)), [rows.size for rows in sets]),
         population=np.array([known[name] for name in names], dtype=np.int64),
         populations=tuple(known),
@@ -413,95 +394,6 @@ def _must_agree(scene: Scene, *, scaled: bool) -> dict[str, Any]:
             "contact.modulus / (1 - contact.poisson^2)": float(f"{modulus(scene):.9g}"),
         }
     return common
-
-
-def _populations(part: Stored) -> Iterator[Population]:
-    """Yield the population of each row of a database."""
-    surface = part.scene.surface
-    own = Population(str(part.path), str(getattr(surface, "generator", "")))
-    if MAP not in part.columns or not isinstance(surface, ScanSurface):
-        yield from [own] * part.rows.size
-        return
-    maps = [
-        own._replace(map=f"{Path(each.file).name} {each.sha256[:DIGITS]}")
-        for each in surface.known().maps
-    ]
-    yield from (maps[index] for index in part.columns[MAP])
-
-
-def _related(parts: Sequence[Stored]) -> Indices:
-    """Number the groups of rows that every split keeps together, (n,), database by database.
-
-    Rows of one surface have its 22 statistics in common, bit for bit; the column `surface` does not
-    tell, where all surfaces are read from one file.
-    """
-    statistics = np.concatenate([part.inputs[:, 1:] for part in parts])
-    # No statistic is minus infinity, which stands for NaN: that differs from itself.
-    defined = np.where(np.isnan(statistics), -np.inf, statistics)
-    surfaces = np.unique(defined, axis=0, return_inverse=True)[1].ravel()
-    if len(parts) == 1 and TILE not in parts[0].columns:
-        return np.asarray(surfaces, dtype=np.int64)
-    kinds: dict[object, int] = {}
-    pairs = []
-    for part in parts:
-        kind, numbers = _alike(part, parts)
-        same = np.full(numbers.size, kinds.setdefault(kind, len(kinds)))
-        pairs.append(np.column_stack([same, numbers]))
-    labels = np.unique(np.concatenate(pairs), axis=0, return_inverse=True)[1].ravel()
-    return _linked(surfaces, labels)
-
-
-def _alike(part: Stored, parts: Sequence[Stored]) -> tuple[object, Indices]:
-    """Return the kind of a database's groups, and the group of each row, (n,).
-
-    Surfaces are of the random numbers that made them; windows of their tiles, or of their maps
-    where another database has other tiles of these.
-    """
-    surface = part.scene.surface
-    if TILE not in part.columns or not isinstance(surface, ScanSurface):
-        return ("seed", part.scene.seed), part.rows // part.scene.samples_per_surface
-    own, tiling = _hashes(part.scene), _tiling(part.scene)
-    others = [each for each in parts if each is not part and own & _hashes(each.scene)]
-    if all(_tiling(other.scene) == tiling for other in others):
-        return ("tiles", tiling), part.columns[TILE]
-    if any(each.scene.surface.against is not None for each in (part, *others)):
-        raise InputError(
-            f"{part.path}: has windows of maps of {others[0].path} in other tiles, and a second"
-            " rough body: no split of both would keep their nodes apart"
-        )
-    numbers = np.array([int(each.sha256[:15], 16) for each in surface.known().maps])
-    return "maps", numbers[part.columns[MAP]]
-
-
-def _tiling(scene: Scene) -> str:
-    """Return the table of surfaces of a scene, which decides the tiles of its maps."""
-    content = scene.surface.model_dump(exclude_none=True)
-    return str(sorted(scene.surface.relevant(content).items()))
-
-
-def _hashes(scene: Scene) -> set[str]:
-    """Return the hashes of a scene's maps."""
-    surface = scene.surface
-    if not isinstance(surface, ScanSurface):
-        return set()
-    found = [surface.known(), *filter(None, (surface.against_found,))]
-    return {each.sha256 for maps in found for each in maps.maps}
-
-
-def _linked(first: Indices, second: Indices) -> Indices:
-    """Number the groups, (n,), of rows that share one of two labels, directly or by other rows.
-
-    Groups are numbered in the order of their first rows, labels from 0 on.
-    """
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    size = int(first.max()) + 1 + int(second.max()) + 1
-    ends = first, second + int(first.max()) + 1
-    graph = coo_array((np.ones(first.size), ends), shape=(size, size))
-    component = connected_components(graph, directed=False)[1][first]
-    _, start, place = np.unique(component, return_index=True, return_inverse=True)
-    return np.asarray(np.argsort(np.argsort(start))[place.ravel()], dtype=np.int64)
 
 
 def remarks(dataset: Dataset, normalisation: str) -> list[str]:

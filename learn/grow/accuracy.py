@@ -29,10 +29,10 @@ from gen.database import Reader
 from gen.runtime.errors import InputError
 from gen.scene import ScanSurface
 from learn import dataset
-from learn.dataset import TILE, Dataset, Request
+from learn.dataset import Dataset, Request
 from learn.executor import Executor, within
 from learn.metrics import no_better
-from learn.split import FOLDS, Split, require_tiles
+from learn.split import FOLDS, TILE, Split, require_tiles
 from learn.surrogate import fitting
 from learn.surrogate.fitting import fit_target
 from learn.surrogate.learnt import Learnt

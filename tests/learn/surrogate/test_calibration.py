@@ -9,9 +9,10 @@ from learnt_rows import read
 from gen import cli as gen_cli
 from gen.runtime.errors import InputError
 from learn import Surrogate, cli, dataset, split
-from learn.dataset import Population, Request
+from learn.dataset import Request
 from learn.executor import Executor
 from learn.features.sets import SKEWNESS
+from learn.split import Population
 from learn.surrogate import calibration, fitting
 from learn.surrogate.fitting import Settings, fit_target
 from learn.surrogate.interval import require_level
