@@ -15,9 +15,13 @@ settings.load_profile("project")
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
-    """Of a test that is marked `few(n)`, leave n cases in `make test`, from first to last."""
-    cases = {}
+    """Of a test that is marked `few(n)`, leave n cases in `make test`; skip MPI where none is."""
+    from launch import mpiexec
+
+    cases, alone = {}, pytest.mark.skipif(mpiexec() is None, reason="no mpiexec: extra 'mpich'")
     for item in items:
+        if item.get_closest_marker("mpi"):
+            item.add_marker(alone)
         if item.get_closest_marker("few"):
             cases.setdefault(item.nodeid.partition("[")[0], []).append(item)
     for found in cases.values():

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import h5py
 import pytest
-from launch import launch, mpiexec
+from launch import launch
 from pages import PAGES, ROOT, anchors, codes, commands, links, steps
 from typer.main import get_command
 
@@ -268,7 +268,6 @@ def test_the_data_person(folder, monkeypatch, capfd):
 
 @pytest.mark.long
 @pytest.mark.mpi
-@pytest.mark.skipif(mpiexec() is None, reason="no mpiexec")
 def test_the_user_of_a_cluster(folder, monkeypatch):
     (scene,) = codes("toml", "docs/start/cluster.md")
     (folder / "mine.toml").write_text(scene)

@@ -92,11 +92,7 @@ def on_three_ranks(folder: Path, *words: str) -> subprocess.CompletedProcess[str
     )
 
 
-under_mpi = pytest.mark.skipif(mpiexec() is None, reason="no mpiexec: install the extra 'mpich'")
-
-
 @pytest.mark.mpi
-@under_mpi
 def test_three_ranks_make_the_same_database_as_one_module(tmp_path):
     (tmp_path / "scene.toml").write_text("samples = 12\n[surface]\nnodes = 9\n")
     ended = on_three_ranks(tmp_path, *installed("gen", "run", "scene.toml", "-o", "rows.h5"))
@@ -125,7 +121,6 @@ BROKEN = [
 
 
 @pytest.mark.mpi
-@under_mpi
 @pytest.mark.skipif(find_spec("mpi4py") is None, reason="no mpi4py")
 @pytest.mark.parametrize("broken", BROKEN)
 def test_a_bug_on_one_rank_ends_all(broken, tmp_path):

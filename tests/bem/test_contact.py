@@ -20,21 +20,14 @@ from bench.references import dense
 from bench.references.half_space import flat_punch
 from bench.references.surfaces import SURFACES, surface
 from gen.surface import generate
+from tests.bem.waves import random_walk
 
 pytestmark = pytest.mark.usefixtures("both_ways")
 
 SIDE = (240.0, 320.0)
 
 
-def rough(shape: tuple[int, int] = (25, 33), seed: int = 0) -> np.ndarray:
-    """A random walk, smoothed, with a range of heights of 10."""
-    random = np.random.default_rng(seed)
-    walk = np.cumsum(np.cumsum(random.standard_normal(shape), axis=0), axis=1)
-    walk += random.standard_normal(shape)
-    return 10 * walk / np.ptp(walk)
-
-
-HEIGHTS = rough()
+HEIGHTS = random_walk((25, 33), 0)
 
 
 def test_perimeter_goes_on_past_the_borders_of_a_periodic_patch():

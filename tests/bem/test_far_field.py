@@ -13,6 +13,7 @@ import bem
 from bem.equilibrium import critical_delta, flat_punch
 from bem.influence import Kernel
 from bench.references import dense
+from tests.bem.waves import random_walk
 
 pytestmark = pytest.mark.usefixtures("both_ways")
 
@@ -86,18 +87,10 @@ def test_compliant_solves_the_limit_of_mircos_loop(name, delta, kernel):
     np.testing.assert_array_equal(contact.pressure > 0, limit.pressure > 0)
 
 
-def rough(shape: tuple[int, int], seed: int) -> np.ndarray:
-    """A random walk with some noise, range of heights 10."""
-    random = np.random.default_rng(seed)
-    walk = np.cumsum(np.cumsum(random.standard_normal(shape), axis=0), axis=1)
-    walk += random.standard_normal(shape)
-    return 10 * walk / np.ptp(walk)
-
-
 @pytest.mark.parametrize("kernel", KERNELS)
 @pytest.mark.parametrize("excess", [1.0, 1 + 1e-12, 1.5, 1e6])
 def test_no_equilibrium_from_the_critical_delta_on(excess, kernel):
-    heights = rough((17, 17), 2)
+    heights = random_walk((17, 17), 2)
     critical = critical_delta(heights, kernel)
     with pytest.raises(bem.NoSolution) as refused:
         compliant(heights, excess * critical, kernel)
@@ -115,7 +108,7 @@ def test_flat_surfaces_have_no_equilibrium_on_a_compliant_far_field():
 @pytest.mark.parametrize("kernel", KERNELS)
 def test_the_last_node_comes_to_touch_at_the_critical_delta(kernel):
     """With all nodes in contact, nothing resists the displacement of the far field."""
-    heights = rough((17, 17), 3)
+    heights = random_walk((17, 17), 3)
     critical = critical_delta(heights, kernel)
     contacts = [compliant(heights, (1 - short) * critical, kernel) for short in (0.1, 1e-3, 1e-6)]
     nodes = [contact.contact_nodes for contact in contacts]
@@ -142,7 +135,9 @@ def test_flat_punch_is_the_dense_solution(shape, aspect):
 )
 def test_any_equilibrium_is_that_of_its_own_approach(seed, shape, kernel, noise, share):
     """The dense reference has the same force and nodes at Delta + F / K on a rigid far field."""
-    heights = np.random.default_rng(seed).standard_normal(shape) if noise else rough(shape, seed)
+    heights = (
+        np.random.default_rng(seed).standard_normal(shape) if noise else random_walk(shape, seed)
+    )
     delta = share * critical_delta(heights, kernel)
     contact = bem.solve(
         heights, 1.0, delta, spacing=1.0, kernel=kernel, far_field="compliant", rtol=1e-11

@@ -94,6 +94,12 @@ def test_a_ladder_goes_on_after_a_load_that_could_not_be_solved():
     assert [contact.delta for contact in rungs] == [0.02]
 
 
+def test_a_residual_that_is_no_number_is_refused(monkeypatch):
+    monkeypatch.setattr(import_module("bem.solving"), "_violation", lambda contact: np.nan)
+    with pytest.raises(bem.NotConverged):
+        bem.solve(ROUGH, 1000.0, 10.0, boundary="mirror", max_iterations=2)
+
+
 RTOL = 1e-9
 
 

@@ -1,4 +1,4 @@
-"""Random waves with a shortest one: the same surface on any grid."""
+"""Rough surfaces: random waves with a shortest one, the same on any grid, and random walks."""
 
 from collections.abc import Callable
 
@@ -35,4 +35,13 @@ def random_waves(longest: int, shortest: int, hurst: float, seed: int) -> Callab
         surface: Field = np.fft.ifft2(spectrum).real * spectrum.size
         return surface
 
+    return heights
+
+
+def random_walk(shape: tuple[int, int], seed: int) -> Field:
+    """Return heights of a random walk with some noise, whose range is 10."""
+    random = np.random.default_rng(seed)
+    walk = np.cumsum(np.cumsum(random.standard_normal(shape), axis=0), axis=1)
+    walk += random.standard_normal(shape)
+    heights: Field = 10 * walk / np.ptp(walk)
     return heights

@@ -4,7 +4,6 @@ from unittest import mock
 
 import numpy as np
 import pytest
-from launch import mpiexec
 
 import bem
 from gen import cli
@@ -23,7 +22,6 @@ SHORT = [kind for kind in KINDS if kind not in {"SIGKILL to a run alone", "SIGKI
 
 @pytest.mark.mpi
 @pytest.mark.campaign
-@pytest.mark.skipif(mpiexec() is None, reason="no mpiexec: install the extra 'mpich'")
 def test_disturbed_runs_lose_nothing(tmp_path):
     rounds = list(campaign(tmp_path, rounds=len(SHORT), seed=3, samples=200, kinds=SHORT))
     assert [(done.kind, done.found.fault) for done in rounds if done.found.fault] == []

@@ -4,12 +4,9 @@ from importlib.util import find_spec
 
 import command_lines
 import pytest
-from launch import mpiexec, walk
+from launch import walk
 
-pytestmark = [
-    pytest.mark.mpi,
-    pytest.mark.skipif(mpiexec() is None, reason="no mpiexec: install the extra 'mpich'"),
-]
+pytestmark = pytest.mark.mpi
 
 GOOD = [
     ["gen", "run", "good.toml", "-o", "good.h5"],

@@ -3,13 +3,10 @@
 import json
 
 import pytest
-from launch import launch, mpiexec
+from launch import launch
 
 pytest.importorskip("sklearn", reason="the extra 'learn' is not installed")
-pytestmark = [
-    pytest.mark.mpi,
-    pytest.mark.skipif(mpiexec() is None, reason="no mpiexec: install the extra 'mpich'"),
-]
+pytestmark = pytest.mark.mpi
 
 JOBS = """
 import faulthandler, json, os, sys

@@ -7,14 +7,11 @@ import time
 import h5py
 import pytest
 from databases import deterministic_bytes, has_begun, status
-from launch import TIMEOUT, begin, is_open_mpi, launch, mpiexec
+from launch import TIMEOUT, begin, is_open_mpi, launch
 
 from gen import cli
 
-pytestmark = [
-    pytest.mark.mpi,
-    pytest.mark.skipif(mpiexec() is None, reason="no mpiexec: install the extra 'mpich'"),
-]
+pytestmark = pytest.mark.mpi
 
 SCENE = "samples = {}\n[surface]\nnodes = 33\n"
 ROWS = 100_000

@@ -7,15 +7,12 @@ import h5py
 import pytest
 import user_functions
 from databases import deterministic_bytes
-from launch import launch, mpiexec, walk
+from launch import launch, walk
 
 from bench.made_maps import Faults, MadeMap, write_all
 from gen import cli
 
-pytestmark = [
-    pytest.mark.mpi,
-    pytest.mark.skipif(mpiexec() is None, reason="no mpiexec: install the extra 'mpich'"),
-]
+pytestmark = pytest.mark.mpi
 
 ROWS = 75
 YIELDING = """[surface]

@@ -10,16 +10,13 @@ import h5py
 import numpy as np
 import pytest
 from databases import deterministic_bytes, status
-from launch import launch, mpiexec
+from launch import launch
 
 from tests.faults.stage import columns_of, row_fault
 
 HAS_MPI = bool(h5py.get_config().mpi)
 
-pytestmark = [
-    pytest.mark.mpi,
-    pytest.mark.skipif(mpiexec() is None, reason="no mpiexec: install the extra 'mpich'"),
-]
+pytestmark = pytest.mark.mpi
 needs_parallel_hdf5 = pytest.mark.skipif(
     not HAS_MPI, reason="this h5py has no MPI: make test-parallel runs these"
 )

@@ -45,6 +45,23 @@ def test_first_rows_of_the_papers_database():
 
 
 @pytest.mark.parametrize("m", [1, 5])
+def test_rows_are_cut_from_streams_drawn_in_full(m):
+    paper = scene(m=m)
+    for chunk in (0, 3):
+        random = np.random.default_rng(np.random.SeedSequence(paper.seed, spawn_key=(chunk, 1)))
+        hurst = 0.5 + (0.8 - 0.5) * random.random(CHUNK)
+        sigma0 = 10.0 + 5.0 * random.random(CHUNK)
+        piece, place = np.moveaxis(random.random((CHUNK, m, 2)), -1, 0)
+        delta = np.where(piece < 0.75, 5.0 + 20.0 * place, 25.0 + 20.0 * place)
+        rows = parameters(paper, chunk * CHUNK * m, (chunk + 1) * CHUNK * m)
+        surface = chunk * CHUNK + np.arange(CHUNK)
+        np.testing.assert_array_equal(rows.surface, np.repeat(surface, m))
+        np.testing.assert_array_equal(rows.drawn["hurst"], np.repeat(hurst, m))
+        np.testing.assert_array_equal(rows.drawn["sigma0"], np.repeat(sigma0, m))
+        np.testing.assert_array_equal(rows.delta, delta.ravel())
+
+
+@pytest.mark.parametrize("m", [1, 5])
 def test_any_slice_equals_the_whole(m):
     stop = 2 * CHUNK * m + 100
     whole = parameters(scene(m=m), 0, stop)

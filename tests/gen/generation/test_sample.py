@@ -1,5 +1,7 @@
 """Rows against their own parts: plan, surface, statistics and solver called one by one."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -223,3 +225,11 @@ def test_a_contact_without_a_solution_is_a_row_with_a_reason(text, reason):
     assert set(rows["reason"]) == {reason}
     assert np.isnan(rows["area_percent"]).all()
     assert not np.isnan(rows["height_rms"]).any()
+
+
+def test_a_force_that_is_no_number_is_a_row_with_a_reason(monkeypatch):
+    solve = bem.solve
+    monkeypatch.setattr(bem, "solve", lambda *a, **k: replace(solve(*a, **k), force=np.nan))
+    rows = compute_rows(scene(), 0, 2)
+    assert set(rows["status"]) == {Status.FAILED}
+    assert set(rows["reason"]) == {Reason.NOT_FINITE}

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from comparisons import numbers_of
 from databases import deterministic_bytes
-from launch import TIMEOUT, begin, launch, mpiexec
+from launch import TIMEOUT, begin, launch
 
 from gen import cli as gen
 from learn import cli
@@ -61,7 +61,6 @@ def test_files_are_those_of_other_commands(grown, monkeypatch, capsys):
 
 
 @pytest.mark.mpi
-@pytest.mark.skipif(mpiexec() is None, reason="no mpiexec: install the extra 'mpich'")
 def test_three_ranks_grow_what_one_process_grows(grown, tmp_path):
     folder, _ = grown
     (tmp_path / "scene.toml").write_text(SCENE)

@@ -11,7 +11,7 @@ import launch
 import numpy as np
 import pytest
 from comparisons import run, table
-from launch import TIMEOUT, mpiexec, walk
+from launch import TIMEOUT, walk
 
 from learn import models as nine
 from learn.comparison import jobs, paper, results, tables
@@ -189,7 +189,6 @@ def test_a_search_that_was_stopped_goes_on_and_ends_with_the_same_tables(
 
 @pytest.mark.long
 @pytest.mark.mpi
-@pytest.mark.skipif(mpiexec() is None, reason="no mpiexec: install the extra 'mpich'")
 def test_tables_do_not_depend_on_the_number_of_ranks(work):
     models = ["--model", "kernel-ridge"]
     for verb in ("compare", "tune"):
