@@ -326,8 +326,8 @@ class SceneFunction(Function):
 class SurrogateFunction(Function):
     """A surrogate; its outputs are the predictions of its targets.
 
-    Where the scene of the training gives pressures or forces, the load is still Delta [um], unless
-    the surrogate has learnt the scene's own numbers: then it is theirs, and no surface is made.
+    The load is Delta [um], or the pressure [MPa] that the surrogate has learnt. One of the scene's
+    own numbers takes theirs, and no surface is made.
 
     Parameters
     ----------
@@ -355,11 +355,11 @@ class SurrogateFunction(Function):
                 f"{path}: its surfaces come from {self.scene.surface.function}, and no code runs"
                 " for a surrogate; give `learn predict` the surfaces themselves"
             )
-        inputs = Inputs.of(self.scene)
+        inputs, load = Inputs.of(self.scene), self.surrogate.features.load
         limits = self.surrogate.hardness_limits  # of all databases of the training
         self.inputs = replace(
             inputs,
-            load=inputs.load if inputs.load.startswith("delta") else "delta",
+            load=inputs.load if inputs.load.startswith(load) else load,
             hardness="hardness" if limits is not None and limits[0] < limits[1] else "",
         )
 
@@ -395,9 +395,9 @@ class SurrogateFunction(Function):
             found = self.surrogate.predict_rows(self.surrogate.of_numbers(given))
         else:
             asked = Question.of(self.scene, self.inputs, numbers, where)
-            found = self.surrogate.predict(
-                asked.heights, asked.scene.sides, asked.load["delta"], hardness=asked.hardness
-            )
+            on_surface = self.surrogate.for_surface(asked.heights, asked.scene.sides)
+            (given_load,) = asked.load.values()
+            found = on_surface.predict(given_load, hardness=asked.hardness)
         parts, inside = (found.values, found.low, found.high), float(found.inside[0])
         return [[*(float(part[name][0]) for part in parts), inside] for name in self.outputs]
 

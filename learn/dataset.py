@@ -22,7 +22,7 @@ from gen.schema import REASONS, Column, Reason, Status, statistics_columns
 from learn.executor import Executor
 from learn.features import FeatureSet, chosen
 from learn.features.scene import BY_FORCE, SCENE, given_values, load_of
-from learn.features.sets import BLOCKS, Rows, geometric_mean, limits_of, modulus
+from learn.features.sets import Rows, geometric_mean, limits_of, modulus
 from learn.metrics import usual_size
 from learn.split import MAP, TILE, Population, populations_of, related
 
@@ -172,6 +172,12 @@ class Stored(NamedTuple):
     targets: Sequence[Column]
     inputs: Values  # (n, 23), Delta and the 22 statistics
 
+    def by_pressure(self) -> "Stored":
+        """Return the rows with what stands for Delta at a given pressure."""
+        numbers = self.numbers.under(self.numbers.given["pressure"], modulus(self.scene))
+        inputs = np.column_stack([numbers.delta, self.inputs[:, 1:]])
+        return self._replace(inputs=inputs, numbers=numbers)
+
 
 def read(
     request: Request,
@@ -196,15 +202,18 @@ def read(
     scenes = [part.scene for part in found]
     wanted = chosen(request.features, scenes, roots=request.roots, blocks=request.blocks, load=load)
     _require_compatible(found, scaled=wanted.scaled)
+    if wanted.by == "pressure":
+        found = [part.by_pressure() for part in found]
     if wanted.needs_surface:
         from learn.features.regeneration import hybrid_rows
 
         for number, part in enumerate(found):
             workers = executor or Executor()
-            hybrid = hybrid_rows(part.path, workers, stopping, wanted.blocks or BLOCKS)
+            deltas, hybrid = hybrid_rows(part.path, workers, stopping, wanted)
             if stopping():
                 return []
-            found[number] = part._replace(numbers=replace(part.numbers, hybrid=hybrid))
+            numbers = replace(part.numbers, delta=deltas, hybrid=hybrid)
+            found[number] = part._replace(numbers=numbers)
     sets = [
         _together([_usable(part, target, wanted, request.area_max) for part in found])
         for target in range(len(request.targets))

@@ -82,6 +82,9 @@ RIDGE = 1e-6
 JITTER = 1e-6
 """Added to the diagonal of functions at each other's centres: neighbours are nearly the same."""
 
+ROUNDING = 1e-14
+"""Added to the equations' diagonal, over the sum of it."""
+
 FLOOR = 1e-3
 """Least size of a residual or a target before its logarithm is taken, over their median."""
 
@@ -160,8 +163,10 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         functions = self._functions(rows.X)
         seen, unit = rows.white(functions * rows.reach[:, None]), rows.white(rows.unit)
         matrix, right = seen.T @ seen, seen.T @ unit
-        penalty = np.eye(len(matrix))
-        penalty[: len(centres), : len(centres)] = _among(self.places_)[0] / variance
+        penalty = np.eye(len(matrix)) * (1 + ROUNDING * np.trace(matrix))
+        penalty[: len(centres), : len(centres)] += _among(self.places_)[0] / variance - np.eye(
+            len(centres)
+        )
         self.coefficients_ = solve(matrix + penalty, right, assume_a="pos")
         left_out = np.empty(len(unit))
         for part in np.unique(parts):

@@ -15,7 +15,7 @@ from gen.runtime.command_line import Trust, grouped
 from gen.runtime.errors import InputError
 from gen.runtime.files import check_folder, lock_folder
 from gen.runtime.terminal import echo, to_type
-from learn.commands.fit import SEEDS, AreaMax, Features, Normalise, TrainRows, targets_in
+from learn.commands.fit import SEEDS, AreaMax, Features, Load, Normalise, TrainRows, targets_in
 
 if TYPE_CHECKING:
     from learn.dataset import Request
@@ -48,6 +48,7 @@ class Selection(NamedTuple):
     ] = "area"
     area_max: AreaMax = None
     features: Features = "paper"
+    load: Load = ""
     normalise: Normalise = ""
     seed: Annotated[
         int, typer.Option(min=0, max=SEEDS, help="Seed of the split and of the models.")
@@ -69,7 +70,7 @@ class Selection(NamedTuple):
         from learn.features.scene import SCENE
 
         check_folder(output)
-        load = load_drawn(file) if self.features == SCENE else ""
+        load = self.load or (load_drawn(file) if self.features == SCENE else "")
         return Request(
             databases=(file,),
             output=output,

@@ -59,6 +59,16 @@ SurrogateFile = Annotated[
 ]
 
 
+Load = Annotated[
+    Literal["", "delta", "pressure", "force", "relative_delta", "relative_pressure"],
+    typer.Option(
+        metavar="NAME",
+        help="The load: delta or pressure; of scene features also force, or a relative one that the"
+        " scene draws. What it draws for these if left out, else delta.",
+    ),
+]
+
+
 class Choice(NamedTuple):
     """Model, features, targets and rows of a surrogate; see the help of the options."""
 
@@ -71,14 +81,7 @@ class Choice(NamedTuple):
         ),
     ] = ""
     features: Features = ""
-    load: Annotated[
-        Literal["", "delta", "pressure", "force", "relative_delta", "relative_pressure"],
-        typer.Option(
-            metavar="NAME",
-            help="The load of scene features: delta, pressure or force, or a relative one that the"
-            " scene draws; what it draws if left out.",
-        ),
-    ] = ""
+    load: Load = ""
     blocks: Blocks = None
     target: Annotated[
         str,
@@ -147,13 +150,11 @@ def _request(files: list[Path], output: Path, choice: Choice) -> Request:
     from learn.models import default_model, models_named
     from learn.surrogate.fitting import with_conditions
 
-    features = chosen(choice.features or "dimensionless", roots=True, blocks=choice.blocks)
+    features = chosen(
+        choice.features or "dimensionless", roots=True, blocks=choice.blocks, load=choice.load
+    )
     (model,) = models_named([choice.model or default_model(features.name)], features.name)
-    load = ""
-    if features.name == SCENE:
-        load = choice.load or load_drawn(files[0])
-    elif choice.load:
-        raise InputError(f"--load {choice.load}: needs --features {SCENE}")
+    load = choice.load or (load_drawn(files[0]) if features.name == SCENE else "")
     request = Request(
         databases=tuple(files),
         output=output,
@@ -172,8 +173,9 @@ def _request(files: list[Path], output: Path, choice: Choice) -> Request:
     )
     if choice.source is None:
         return request
-    given = {"features": choice.features, "area_max": choice.area_max, "seed": choice.seed}
-    return with_conditions(request, choice.source, given | {"normalisation": choice.normalise})
+    given = {"features": choice.features, "load": choice.load, "area_max": choice.area_max}
+    given |= {"seed": choice.seed, "normalisation": choice.normalise}
+    return with_conditions(request, choice.source, given)
 
 
 def targets_in(text: str, load: str = "") -> tuple[str, ...]:

@@ -100,22 +100,25 @@ def predict(
     surrogate = Surrogate.load(file)
     require_level(surrogate, interval)
     deltas = loads_from("delta", delta) if delta else None
+    pressures = loads_from("pressure", pressure) if pressure else None
+    pressed = surrogate.features.load == "pressure"
     rows: list[Row] = []
     if surrogate.features.name == SCENE:
         numbers: dict[str, Any] = _parameters(at, reading, material)
         numbers |= {} if deltas is None else {"delta": deltas}
-        numbers |= {"pressure": loads_from("pressure", pressure)} if pressure else {}
+        numbers |= {} if pressures is None else {"pressure": pressures}
         rows += answers_of_parameters(surrogate, inputs, numbers, interval, mean=mean)
         of = "means over surfaces" if mean else "new surfaces"
         show(rows, f"Predictions of {of} with {100 * interval:g} % intervals")
-    elif at or pressure or mean or not inputs:
+    elif at or mean or not inputs or (deltas if pressed else pressures) is not None:
         raise InputError(
-            f"{file}: predicts for surfaces: give some, and --delta; --at, --pressure and --mean"
-            " are for surrogates that learn fit --features scene makes"
+            f"{file}: predicts for surfaces: give some, and --{surrogate.features.load}; --at and"
+            " --mean are for surrogates that learn fit --features scene makes, --pressure for those"
+            " of --load pressure"
         )
     else:
         bodies = surrogate.bodies(material.modulus(), material.hardness)
-        question = Question(deltas, bodies, interval, reading)
+        question = Question(pressures if pressed else deltas, bodies, interval, reading)
         for path in inputs:
             rows += answers(surrogate, path, question)
         show(rows, f"Predictions with {100 * interval:g} % intervals, {bodies.text}", bodies.doubts)

@@ -51,6 +51,7 @@ class Conditions(Document):
     target: str
     features: str
     inputs: list[str]
+    load: str = ""
     normalisation: str
     target_scaling: str
     seed: Annotated[int, Field(ge=0, lt=2**32)]
@@ -190,6 +191,7 @@ class Folder:
             "test_rows": int(split.test.size),
             "versions": versions(),
             "area_max": request.area_max,
+            **({"load": "pressure"} if dataset.features.by == "pressure" else {}),
         }
         if (self.path / "comparison.json").exists():
             require_same(self.path, self.record()["conditions"], agreed)

@@ -27,7 +27,16 @@ from gen.runtime.terminal import RunProgress
 from gen.scene import Scene
 from gen.schema import PHYSICS, Status
 from learn.executor import Executor
-from learn.features.sets import BLOCKS, HYBRID, STATISTICS, modulus
+from learn.features.sets import (
+    BLOCKS,
+    HYBRID,
+    SETS,
+    STATISTICS,
+    FeatureSet,
+    by_pressure,
+    geometric_mean,
+    modulus,
+)
 from learn.features.surface import LOOSE, SurfaceFeatures
 
 VERSION = 4
@@ -43,25 +52,36 @@ Block = tuple[int, int, tuple[float, ...]]
 
 
 def hybrid_rows(
-    path: Path, executor: Executor, stopping: Callable[[], bool], blocks: int = BLOCKS
-) -> Values:
-    """Return the columns of `HYBRID` for every row of a database, (n, 18).
+    path: Path,
+    executor: Executor,
+    stopping: Callable[[], bool],
+    features: FeatureSet = SETS["hybrid"],
+) -> tuple[Values, Values]:
+    """Return Delta, (n,), and the columns of `HYBRID` for every row of a database, (n, 18).
 
-    They are NaN for rows that are not finished or were not reached before the stop, for which
-    `stopping` is asked between blocks of rows. The executor generates the surfaces; `blocks` is the
-    number per side of the coarse solve. InputError is raised if the file is no database, or its
-    surfaces cannot be generated again.
+    At pressures Delta is the coarse solve's. They are NaN for rows that are not finished or were
+    not reached before the stop, for which `stopping` is asked between blocks of rows. The executor
+    generates the surfaces. InputError is raised if the file is no database, or its surfaces cannot
+    be generated again.
     """
     with Reader(path) as reader:
         scene, first = reader.scene, reader.rows.start
         usable = reader.column("status") == Status.DONE
         inputs = np.stack([reader.column(name) for name in _inputs(scene)], axis=1)
+        pressed = features.by == "pressure"
+        if pressed:
+            pressure = reader.column("force") / float(np.prod(scene.sides))
+            length = geometric_mean(scene.sides)
+            inputs[:, 0] = by_pressure(pressure, length, modulus(scene))
+    blocks = features.blocks or BLOCKS
     finer = "" if blocks == BLOCKS else f"-{blocks}"
+    finer += "-by-pressure" if pressed else ""
     cache = path.with_name(f"{path.name}.pressed{finer}.npz")
     # A fingerprint of all that the features depend on besides the inputs.
     text = f"{VERSION} {blocks} {LOOSE} {','.join(HYBRID)} {PHYSICS} {scene.fingerprint()}"
+    text += " by pressure" * pressed
     key = hashlib.sha256(text.encode()).hexdigest()
-    values = kept(cache, key, inputs)
+    values = kept(cache, key, inputs, len(HYBRID) + pressed)
     usable &= np.isfinite(inputs).all(axis=1)
     left = usable & ~np.isfinite(values).all(axis=1)
     tasks = [
@@ -69,7 +89,7 @@ def hybrid_rows(
         for start, stop in _blocks(first + np.flatnonzero(left), scene.samples_per_surface)
     ]
     if not tasks:
-        return values
+        return (values[:, -1] if pressed else inputs[:, 0]), values[:, : len(HYBRID)]
     # Maps are prepared here before many processes ask for them at once.
     scene.surface.make_ready(path.parent)
     rows, last = sum(stop - start for start, stop, _ in tasks), time.monotonic()
@@ -95,31 +115,36 @@ def hybrid_rows(
                 _save(cache, key=key, inputs=inputs, values=values)
 
         try:
-            executor.run(_compute, (scene, path.parent, blocks), tasks, keep, stopping=stopping)
+            shared = scene, path.parent, blocks, pressed
+            executor.run(_compute, shared, tasks, keep, stopping=stopping)
         finally:
             if note := _save(cache, key=key, inputs=inputs, values=values):
                 progress.say(note)
-    return values
+    return (values[:, -1] if pressed else inputs[:, 0]), values[:, : len(HYBRID)]
 
 
-def _compute(shared: tuple[Scene, Path, int], block: Block) -> tuple[Values, Values]:
+def _compute(shared: tuple[Scene, Path, int, bool], block: Block) -> tuple[Values, Values]:
     """Compute a block of the rows of a scene, whose database lies in a folder."""
-    scene, folder, blocks = shared
+    scene, folder, blocks, pressed = shared
     scene.surface.make_ready(folder, verify=False)
-    return compute_block(scene, block, blocks)
+    return compute_block(scene, block, blocks, pressed=pressed)
 
 
-def compute_block(scene: Scene, block: Block, blocks: int = BLOCKS) -> tuple[Values, Values]:
+def compute_block(
+    scene: Scene, block: Block, blocks: int = BLOCKS, *, pressed: bool = False
+) -> tuple[Values, Values]:
     """Return inputs (k, 23 or 24) and features (k, 18) of a block's rows, NaN where undefined.
+
+    At pressures, for which `by_pressure` stands, the coarse solve's Delta is a further column.
 
     Displacements are the plan's where the scene gives them, otherwise those of the database: its
     solver found them from pressures or forces.
     """
     start, stop, found = block
     plan = parameters(scene, start, stop)
-    deltas = plan.delta if plan.quantity == "delta" else np.array(found)
+    deltas = plan.delta if plan.quantity == "delta" and not pressed else np.array(found)
     inputs = np.full((stop - start, len(_inputs(scene))), np.nan)
-    values = np.full((stop - start, len(HYBRID)), np.nan)
+    values = np.full((stop - start, len(HYBRID) + pressed), np.nan)
     inputs[:, 0] = deltas
     ratios = None if plan.hardness is None else np.asarray(plan.hardness) / modulus(scene)
     if scene.contact.draws_hardness:
@@ -135,7 +160,10 @@ def compute_block(scene: Scene, block: Block, blocks: int = BLOCKS) -> tuple[Val
             inputs[row, 1 : 1 + len(STATISTICS)] = surface.statistics
             if deltas[row] > 0 and not surface.description.reason:
                 ratio = None if ratios is None else float(ratios[row])
-                values[row] = surface.hybrid(float(deltas[row]), ratio, blocks)
+                delta = float(deltas[row])
+                if pressed:
+                    values[row, -1] = delta = surface.reached(delta, ratio, blocks)
+                values[row, : len(HYBRID)] = surface.hybrid(delta, ratio, blocks)
         except SourceError:
             raise
         except (ArithmeticError, InputError):
@@ -163,16 +191,16 @@ def _save(cache: Path, **arrays: Any) -> str:
     return ""
 
 
-def kept(cache: Path, key: str, inputs: Values) -> Values:
+def kept(cache: Path, key: str, inputs: Values, columns: int = len(HYBRID)) -> Values:
     """Return the features that a file has for rows whose inputs have not changed, else NaN."""
-    values = np.full((len(inputs), len(HYBRID)), np.nan)
+    values = np.full((len(inputs), columns), np.nan)
     try:  # numpy leaves a broken file open
         with np.load(BytesIO(require_file(cache).read_bytes()), allow_pickle=False) as file:
             theirs, before, known = str(file["key"]), file["inputs"], file["values"]
     except (OSError, ValueError, KeyError, BadZipFile, EOFError, MemoryError, zlib.error):
         return values
     shapes = len(before) if before.ndim else 0, inputs.shape[1]
-    fits = before.shape == shapes and known.shape == (len(before), len(HYBRID))
+    fits = before.shape == shapes and known.shape == (len(before), columns)
     if theirs == key and fits and {before.dtype, known.dtype} == {np.dtype(np.float64)}:
         rows = min(len(before), len(values))
         same = (before[:rows] == inputs[:rows]).all(axis=1)

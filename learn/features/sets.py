@@ -22,6 +22,7 @@ shares by Persson's theory alone make it 0.16 %.
 """
 
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
@@ -127,13 +128,18 @@ class Rows:
     """The numbers of n rows that features, and the scales of targets, are computed from."""
 
     statistics: Values  # (n, 22), in the order and units of `STATISTICS`
-    delta: Values  # (n,), far-field displacement [um]
+    delta: Values  # (n,), far-field displacement, or what stands for it (`by_pressure`) [um]
     length: Values | float  # scan length L, the geometric mean of both sides, or (n,) [um]
     hardness_ratio: Values | float | None = None  # over E*; infinite or None for elastic bodies
     nodes: Values | float | None = None  # along a side, the geometric mean of both axes
     hybrid: Values | None = None  # (n, 18), columns of `HYBRID`
     notes: tuple[str, ...] = ()  # why rows are unlike a training: none, one for all rows, or n
     given: Mapping[str, Values] = field(default_factory=dict)  # (n,) each, what the scene gives
+
+    def under(self, pressure: Values, e_star: float) -> "Rows":
+        """Return the rows under pressures, (n,) [MPa], which stand for Delta; see `by_pressure`."""
+        delta = by_pressure(pressure, self.length, e_star)
+        return replace(self, delta=delta, given={**self.given, "pressure": pressure})
 
     def statistic(self, name: str) -> Values:
         """Return a statistic, (n,)."""
@@ -230,6 +236,7 @@ class FeatureSet:
     scaled: bool  # True if features and targets have no units (`scale`)
     blocks: int = 0  # per side of the coarse solve, if `LOCAL` is among the features
     elastic: bool = False  # True if elastic bodies are among those that yield
+    by: str = "delta"  # the load of surfaces, or "pressure"
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -241,7 +248,10 @@ class FeatureSet:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the features, or of the numbers that a scene's are of, as `shown` gives them."""
-        return tuple(map(scenic.plain, self.columns)) if self.name == SCENE else self.columns
+        if self.name == SCENE:
+            return tuple(map(scenic.plain, self.columns))
+        delta = "delta" if self.needs_surface or self.by == "delta" else "pressure.L/E*"
+        return tuple(re.sub(r"\bdelta\b", delta, column) for column in self.columns)
 
     def shown(self, values: Values) -> Values:
         """Return features, (..., d), for users: a scene's without logarithms."""
@@ -249,8 +259,8 @@ class FeatureSet:
 
     @property
     def load(self) -> str:
-        """Name of the load, the last of a scene's features; others are at given Delta."""
-        return scenic.plain(self.columns[-1]) if self.name == SCENE else "delta"
+        """Name of the load, the last of a scene's features."""
+        return scenic.plain(self.columns[-1]) if self.name == SCENE else self.by
 
     @property
     def needs_surface(self) -> bool:
@@ -290,6 +300,7 @@ class FeatureSet:
         scales = {
             "force": modulus * rows.length * rows.delta,
             "mean_gap": rows.unit,
+            "delta": rows.unit,
             "hydraulic_aperture_x": rows.unit,
             "hydraulic_aperture_y": rows.unit,
             "largest_pressure": modulus * rows.delta / rows.length,
@@ -334,8 +345,9 @@ def chosen(
     because its other features lack the scale of the heights, and with it the pressure. Patches that
     differ in their nodes add the number of these. With `roots` it is the set that surrogates see,
     with a number of blocks per side of the coarse solve, `BLOCKS` if left out. A scene's own set
-    takes the scene's load, or one of `learn.features.scene.LOADS`. InputError is raised if no set
-    has this name, or its coarse solve not this number of blocks.
+    takes the scene's load, or one of `learn.features.scene.LOADS`; the others take Delta, or a
+    pressure. InputError is raised if no set has this name or takes this load, or its coarse solve
+    not this number of blocks.
     """
     if name not in SETS:
         raise InputError(f"--features {name!r}: give one of {', '.join(SETS)}")
@@ -349,6 +361,8 @@ def chosen(
     features, limits = SETS[name], limits_of(scenes)
     if name == SCENE:
         return replace(features, columns=scenic.columns_of(scenes, load) if scenes else ())
+    if load not in {"", "delta", "pressure"}:
+        raise InputError(f"--load {load}: --features {name} take delta or pressure")
     local = roots and features.needs_surface
     added: list[str] = []
     if local:
@@ -364,13 +378,26 @@ def chosen(
     added += [NODES] if len({geometric_mean(scene.shape) for scene in scenes}) > 1 else []
     columns = (*features.columns, *added)
     return replace(
-        features, columns=columns, blocks=(blocks or BLOCKS) if local else 0, elastic=elastic
+        features,
+        columns=columns,
+        blocks=(blocks or BLOCKS) if local else 0,
+        elastic=elastic,
+        by=load or "delta",
     )
 
 
 def geometric_mean(along: tuple[float, float]) -> float:
     """Return the mean of both axes' sides, the scan length L [um], or of their nodes."""
     return along[0] if along[0] == along[1] else math.sqrt(along[0] * along[1])
+
+
+def by_pressure(pressure: Values, length: Values | float, modulus: float) -> Values:
+    """Return p L / E*, (n,) [um], which stands for Delta in features of surfaces under a pressure.
+
+    As Delta does, it grows with heights, and does not change with L. Hybrid features have the Delta
+    of their coarse solve instead.
+    """
+    return np.asarray(pressure * length / modulus)
 
 
 def modulus(scene: Scene) -> float:

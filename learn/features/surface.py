@@ -196,6 +196,8 @@ class SurfaceFeatures:
     ) -> Rows:
         """Return the numbers that features of a set are computed from, at k displacements [um].
 
+        At pressures they are what stands for them, see `learn.features.sets.by_pressure`.
+
         `Undefined` is raised if the surface does not define all statistics, InputError if a Delta
         is not above 0.
         """
@@ -207,6 +209,8 @@ class SurfaceFeatures:
         hybrid = None
         if features.needs_surface:
             blocks = features.blocks or BLOCKS
+            if features.by == "pressure":
+                deltas = np.array([self.reached(each, hardness_ratio, blocks) for each in deltas])
             every = [self.hybrid(float(delta), hardness_ratio, blocks) for delta in deltas]
             hybrid = np.array(every).reshape(-1, len(HYBRID))
         statistics = np.repeat(self.statistics[None], deltas.size, axis=0)
@@ -224,6 +228,11 @@ class SurfaceFeatures:
         if not np.isfinite(columns).all():
             raise InputError(f"{self.name}: its features are not finite numbers")
         return columns
+
+    def reached(self, load: float, hardness_ratio: float | None, blocks: int) -> float:
+        """Return the Delta at which the coarse solve carries a pressure times L / E* [um]."""
+        contact = self._pressed(self._blocks(blocks), None, hardness_ratio, load * self.length)
+        return contact.delta - self._depth(self._blocks(blocks), 0.0)
 
     def hybrid(
         self, delta: float, hardness_ratio: float | None = None, blocks: int = BLOCKS
@@ -255,12 +264,21 @@ class SurfaceFeatures:
             coarse.skewness,
         )
 
-    def _pressed(self, coarse: Blocks, depth: float, hardness_ratio: float | None) -> bem.Contact:
-        """Solve the contact of the block means, `depth` [um] below the highest, with E* = 1 MPa."""
+    def _pressed(
+        self,
+        coarse: Blocks,
+        depth: float | None,
+        hardness_ratio: float | None,
+        force: float | None = None,
+    ) -> bem.Contact:
+        """Solve the contact of the block means with E* = 1 MPa.
+
+        They are pressed to `depth` [um] below the highest, or with a force [uN].
+        """
         means, (step_x, step_y), (nx, ny) = coarse.means, self.steps, self.heights.shape
         blocks_x, blocks_y = means.shape
         steps = step_x * nx / blocks_x, step_y * ny / blocks_y
-        if self.boundary != "free" and hardness_ratio is None:
+        if self.boundary != "free" and hardness_ratio is None and depth is not None:
             full = float(means.max()) - float(means.mean())
             depth = min(depth, NEARLY_FULL * full)
         try:
@@ -268,6 +286,7 @@ class SurfaceFeatures:
                 means,
                 self.sides,
                 depth,
+                force=force,
                 spacing=steps,
                 boundary=self.boundary,
                 hardness=hardness_ratio,

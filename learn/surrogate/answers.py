@@ -42,7 +42,7 @@ WIDTH = 160
 SHOWN = 40
 """Rows that are printed at most; a file gets all of them."""
 
-DELTA_NAMES = ("delta_um", "delta")
+LOAD_NAMES = {"delta": ("delta_um", "delta"), "pressure": ("pressure_MPa", "pressure")}
 SIDE_NAMES = ("side_x_um", "side_y_um")
 NODE_NAMES = ("nodes_x", "nodes_y")
 
@@ -50,7 +50,7 @@ NODE_NAMES = ("nodes_x", "nodes_y")
 class Question(NamedTuple):
     """What is asked of every surface."""
 
-    deltas: Values | None  # (k,), far-field displacements; None if the tables contain them [um]
+    loads: Values | None  # (k,), Deltas [um], or pressures [MPa]; None if the tables contain them
     bodies: Bodies
     level: float  # coverage of the intervals
     reading: Reading  # options that say how surfaces are read
@@ -62,7 +62,7 @@ def answers(surrogate: Surrogate, path: Path, question: Question) -> Iterator[Ro
     Lines about each surface are printed. InputError is raised for the first file that cannot be
     used.
     """
-    files = files_in(path)
+    files, load = files_in(path), surrogate.features.by
     for file in files:
         warnings: list[str] = []
         if file.suffix.lower() == ".h5" and is_database(file):
@@ -82,7 +82,8 @@ def answers(surrogate: Surrogate, path: Path, question: Question) -> Iterator[Ro
         except InputError as error:
             raise InputError(f"{file}: {error}") from None
         asked: list[Row] = [
-            {"input": str(file), "delta_um": float(each)} for each in prediction.delta
+            {"input": str(file), heading(load, unit_of(load)): float(each)}
+            for each in prediction.given.get(load, prediction.delta)
         ]
         for row in _answered(surrogate, prediction, asked):
             yield {**row, "warnings": "; ".join(warnings)}
@@ -172,30 +173,33 @@ def _rows_of_surface(
     The warnings about it come with them.
     """
     topography, warnings = read_surface(path, question.reading, surrogate.boundary)
-    if question.deltas is None:
-        raise InputError(f"{path}: give --delta, the far-field displacement in um")
+    if question.loads is None:
+        load = surrogate.features.by
+        raise InputError(f"{path}: give --{load}, in {unit_of(load)}")
     echo(f"{path}: {'; '.join(topography.steps)}", err=True)
     for line in warnings:
         echo(f"  warning: {line}", err=True)
     on_surface = surrogate.for_surface(topography.heights, topography.sides, str(path))
     try:
-        return on_surface.rows(question.deltas, question.bodies.hardness_ratio), warnings
+        return on_surface.rows(question.loads, question.bodies), warnings
     except Undefined as error:
         if alone:
             raise
         echo(f"  warning: {error}: no prediction", err=True)
     statistics, hybrid = (
-        np.full((question.deltas.size, len(names)), np.nan) for names in (STATISTICS, HYBRID)
+        np.full((question.loads.size, len(names)), np.nan) for names in (STATISTICS, HYBRID)
     )
     reason = UNDEFINED.format(on_surface.surface.description.reason)
-    rows = Rows(statistics, question.deltas, 1.0, nodes=1.0, hybrid=hybrid, notes=(reason,))
-    return rows, warnings
+    rows = Rows(statistics, question.loads, 1.0, nodes=1.0, hybrid=hybrid, notes=(reason,))
+    pressed = surrogate.features.by == "pressure"
+    return rows.under(question.loads, 1.0) if pressed else rows, warnings
 
 
 def rows_of_table(surrogate: Surrogate, path: Path, question: Question) -> Rows:
-    """Read rows of statistics, as `gen describe --csv` writes them, each at all displacements.
+    """Read rows of statistics, as `gen describe --csv` writes them, each at all loads.
 
-    The CSV's header names the 22 statistics; `delta_um` or `delta`, sides, nodes and boundary are
+    The CSV's header names the 22 statistics; `delta_um` or `delta` (`pressure_MPa` or `pressure`
+    where this has been learnt), sides, nodes and boundary are
     optional, and other columns are ignored. InputError names the row and column that is missing or
     no number.
     """
@@ -227,18 +231,19 @@ def rows_of_table(surrogate: Surrogate, path: Path, question: Question) -> Rows:
         x, y = map(float, trained[1] if np.isnan(sides[row]).any() else sides[row])
         note = flag.grid_note(surrogate.card, surrogate.features, (nx, ny), (x, y))
         notes.append(UNDEFINED.format("nan in the table") if lacks else note)
-    own = [name for name in DELTA_NAMES if name in cells[0]][:1]
-    if bool(own) == (question.deltas is not None):
-        said = "its own Delta: leave out --delta" if own else "no Delta: give --delta"
-        raise InputError(f"{path}: has {said}")
-    deltas = question.deltas
-    if deltas is None:
-        delta, rows = _numbers(path, cells, own)[:, 0], np.arange(len(cells))
+    load, loads = surrogate.features.by, question.loads
+    own = [name for name in LOAD_NAMES[load] if name in cells[0]][:1]
+    if bool(own) == (loads is not None):
+        said = f"its own {load.capitalize()}: leave out" if own else f"no {load.capitalize()}: give"
+        raise InputError(f"{path}: has {said} --{load}")
+    if loads is None:
+        asked, rows = _numbers(path, cells, own)[:, 0], np.arange(len(cells))
     else:
-        delta, rows = np.tile(deltas, len(cells)), np.repeat(np.arange(len(cells)), deltas.size)
+        asked, rows = np.tile(loads, len(cells)), np.repeat(np.arange(len(cells)), loads.size)
     length, along = (np.sqrt(each.prod(axis=1))[rows] for each in (sides, nodes))
     ratio, said_of = question.bodies.hardness_ratio, tuple(notes[row] for row in rows)
-    return Rows(statistics[rows], delta, length, ratio, along, notes=said_of)
+    found = Rows(statistics[rows], asked, length, ratio, along, notes=said_of)
+    return found if load == "delta" else found.under(asked, question.bodies.e_star)
 
 
 def _cells(path: Path, wanted: Sequence[str], advice: str) -> list[dict[str, str]]:

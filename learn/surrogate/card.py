@@ -59,7 +59,7 @@ def make(
         "boundary": boundary if boundary != "free" else "",
         "hardness_ratio": None if limits is None else list(limits),
         "elastic": features.elastic,
-        "load": features.load if features.name == SCENE else "",
+        "load": features.load if features.name == SCENE or features.load != "delta" else "",
         "databases": _databases_of(rows) if len(rows.origins) > 1 else [],
     }
     return {

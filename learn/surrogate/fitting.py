@@ -126,13 +126,13 @@ def with_conditions(request: Request, source: Path, given: Mapping[str, object])
     """Take features, scaling, rows and seed of a request from a comparison's folder.
 
     InputError is raised if the folder lacks the model, or contradicts an option that the user has
-    given, of "features", "normalisation", "area_max" and "seed".
+    given, of "features", "load", "normalisation", "area_max" and "seed".
     """
     column = TARGETS.get(request.targets[0], request.targets[0])
     folder = Folder(source / short_name(column))
-    conditions = {"features": "paper", **folder.record()["conditions"]}
+    conditions = {"features": "paper", "load": request.load, **folder.record()["conditions"]}
     _tuned(folder, request.models[0])
-    names = ("features", "normalisation", "area_max", "seed")
+    names = ("features", "load", "normalisation", "area_max", "seed")
     for name in names:
         if given.get(name) not in {None, "", conditions[name]}:
             raise InputError(

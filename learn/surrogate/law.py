@@ -18,9 +18,9 @@ do; it is wider than an interval made for given pressures, because the errors of
 correlated. For a population the curves of each surface are inverted, and the band is that of the
 results.
 
-A scene's surrogate has the law of a new surface of given parameters: its loads are those that it
-has learnt, and its band is the interval of a new surface at such a load. The other table is that of
-the same contacts, without a band.
+A surrogate that has learnt pressures has the law of each surface at these, and a scene's surrogate
+that of a new surface of given parameters at the loads that it has learnt. Bands are the intervals
+at such a load. The other table is that of the same contacts, without a band for one surface.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -39,6 +39,8 @@ from gen.runtime.errors import InputError
 from gen.runtime.terminal import RunProgress
 from gen.scene import Scene
 from learn.features import SurfaceFeatures, Undefined
+from learn.features.scene import SCENE
+from learn.features.sets import geometric_mean
 from learn.surrogate.model import OnSurface, Prediction, Surrogate, require_surfaces
 
 BEYOND = (1.15, 1.4, 2.0, 3.0)
@@ -74,8 +76,7 @@ def make(surrogate: Surrogate, order: Order) -> Law:
     InputError is raised for input that cannot be used, or a pressure that the law does not reach.
     """
     require_surfaces(surrogate, "a law")
-    if not {"area", "force"} <= set(surrogate.learnt):
-        raise InputError("a law needs a surrogate of both area and force: fit --target both")
+    kind, asked = _asked(surrogate, order)
     if order.boundary not in {None, surrogate.boundary}:
         raise InputError(
             f"--boundary {order.boundary}: the surrogate was trained on patches with a"
@@ -89,14 +90,28 @@ def make(surrogate: Surrogate, order: Order) -> Law:
     if hardness is None and (given := subjects.hardness_ratio()) is not None:
         hardness = given * (order.e_star or surrogate.modulus)
     bodies = surrogate.bodies(order.e_star, hardness)
+    said = f"predicted by {surrogate.card['title']}", f"{100 * order.level:g} % conformal interval"
+    low, high = surrogate.card["delta"]
+    if kind == "pressure":
+        scale = bodies.e_star / geometric_mean(surrogate.card["side"])
+        at = np.geomspace(low, high, STEPS) * scale if asked is None else asked[asked > 0]
+        predicted = [
+            (
+                each,
+                OnSurface(surrogate, _features(each)).predict(
+                    at, e_star=bodies.e_star, hardness=bodies.hardness, level=order.level
+                ),
+            )
+            for each in kept
+        ]
+        tables, notes = _learnt_tables(predicted, kind, at, order, bodies)
+        return law_of(order, subjects, bodies, (*tables, [*left_out, *notes]), said)
     if deltas is None:
-        low, high = surrogate.card["delta"]
         deltas = np.unique(np.linspace(float(low), float(high), STEPS))
     stiffness = order.stiffness or order.conductivities is not None
     over_delta, over_pressure, notes = _tables(
         surrogate, kept, deltas, pressures, order.level, bodies, stiffness=stiffness
     )
-    said = f"predicted by {surrogate.card['title']}", f"{100 * order.level:g} % conformal interval"
     return law_of(order, subjects, bodies, (over_delta, over_pressure, [*left_out, *notes]), said)
 
 
@@ -106,16 +121,7 @@ def of_parameters(surrogate: Surrogate, order: Order, numbers: Mapping[str, floa
     InputError is raised if a parameter is missing or unknown, for loads other than those that were
     learnt, and if a target is missing without which there is no law.
     """
-    load, asked = surrogate.features.load, dict(zip(ARGUMENTS, order.loads(), strict=True))
-    kind: Load = "delta" if load == "delta" else "pressure"
-    needed = {"area", "force" if kind == "delta" else "delta"}
-    if load not in {"delta", "pressure", "force"} or not needed <= surrogate.learnt.keys():
-        targets = ",".join(sorted(needed))
-        raise InputError(
-            f"a law needs a surrogate with --load delta or pressure, and --target {targets}"
-        )
-    if any(each is not None for other, each in asked.items() if other != kind):
-        raise InputError(f"the surrogate has learnt what a {load} leads to: give --{kind} instead")
+    load, (kind, at) = surrogate.features.load, _asked(surrogate, order)
     scene = Scene.from_text(str(surrogate.card["scene"]))
     settings = {name: getattr(scene.contact, name) for name in ("kernel", "far_field")}
     patch = LawSurface(
@@ -125,32 +131,70 @@ def of_parameters(surrogate: Surrogate, order: Order, numbers: Mapping[str, floa
         boundary=surrogate.boundary,
         settings={"spacing": scene.spacing, **settings},
     )
-    unit, at = patch.nominal if load == "force" else 1.0, asked[kind]
+    unit = patch.nominal if load == "force" else 1.0
     if at is None:
         ends = np.linspace(surrogate.low, surrogate.high, STEPS)
         at = surrogate.features.shown(ends)[:, -1] / unit
-    rows = surrogate.of_numbers({**numbers, load: at[at > 0] * unit})
+    at = at[at > 0]
+    rows = surrogate.of_numbers({**numbers, load: at * unit})
     answer = surrogate.predict_rows(rows, level=order.level)
     hardness = numbers.get("hardness")
     if (limits := surrogate.hardness_limits) is not None and hardness is None:
         hardness = numbers.get("hardness_ratio", limits[0]) * surrogate.modulus
     bodies = Bodies(surrogate.modulus, hardness, known=True)
-    points, correction = monotone(_points_of_scene(answer, kind, at[at > 0], patch, bodies))
-    if (order.stiffness or order.conductivities is not None) and STIFFNESS not in points.values:
-        if bodies.hardness is not None:
-            raise InputError(YIELDING_STIFFNESS)
-        points = _with_stiffness(points, patch, bodies)
-    tables = _both_tables(points, kind, order.level)
+    tables, remarks = _learnt_tables([(patch, answer)], kind, at, order, bodies)
     subjects = LawSurfaces([patch], [scene], [f"{order.inputs[0]}: {patch.name}"])
-    remarks = [*_corrected(tables[kind], [correction]), f"only the table over {kind} has a band"]
     said = f"predicted by {surrogate.card['title']}", f"{100 * order.level:g} % of new surfaces"
-    return law_of(order, subjects, bodies, (tables["delta"], tables["pressure"], remarks), said)
+    return law_of(order, subjects, bodies, (*tables, remarks), said)
 
 
-def _points_of_scene(
+def _asked(surrogate: Surrogate, order: Order) -> tuple[Load, Values | None]:
+    """Return the kind of the loads that a surrogate has learnt, and those of it that are asked for.
+
+    InputError is raised for the other kind if this kind is not Delta of a surface, which can be
+    inverted, and if a target is missing without which there is no law.
+    """
+    load, asked = surrogate.features.load, dict(zip(ARGUMENTS, order.loads(), strict=True))
+    kind: Load = "delta" if load == "delta" else "pressure"
+    needed = {"area", "force" if kind == "delta" else "delta"}
+    if load not in {"delta", "pressure", "force"} or not needed <= surrogate.learnt.keys():
+        targets = ",".join(sorted(needed))
+        raise InputError(
+            f"a law needs a surrogate with --load delta or pressure, and --target {targets}"
+        )
+    inverted = kind == "delta" and surrogate.features.name != SCENE
+    if any(each is not None for other, each in asked.items() if other != kind) and not inverted:
+        raise InputError(f"the surrogate has learnt what a {load} leads to: give --{kind} instead")
+    return kind, asked[kind]
+
+
+def _learnt_tables(
+    predicted: Sequence[tuple[LawSurface, Prediction]],
+    kind: Load,
+    at: Values,
+    order: Order,
+    bodies: Bodies,
+) -> tuple[tuple[Curves, Curves], list[str]]:
+    """Tabulate predictions at learnt loads, (k,), against Delta and pressure, with remarks."""
+    parts, corrections = [], []
+    for patch, answer in predicted:
+        points, correction = monotone(_points_at(answer, kind, at, patch, bodies))
+        if (order.stiffness or order.conductivities is not None) and STIFFNESS not in points.values:
+            if bodies.hardness is not None:
+                raise InputError(YIELDING_STIFFNESS)
+            points = _with_stiffness(points, patch, bodies)
+        parts.append(points)
+        corrections.append(correction)
+    tables = _both_tables(parts, kind, order.level)
+    alone = [f"only the table over {kind} has a band"] if len(parts) == 1 else []
+    remarks = [*_corrected(tables[kind], corrections), *alone]
+    return (tables["delta"], tables["pressure"]), remarks
+
+
+def _points_at(
     answer: Prediction, kind: Load, at: Values, patch: LawSurface, bodies: Bodies
 ) -> Points:
-    """Return the points of a law at ascending loads, (k,), from the answers of a scene's surrogate.
+    """Return the points of a law at ascending loads, (k,), from the answers at these.
 
     A Delta of answers rises with the closure: what the patch gives way is that of the pressure.
     """
@@ -174,21 +218,35 @@ def _points_of_scene(
     return Points(values, low, high, answer.reasons)
 
 
-def _both_tables(points: Points, kind: Load, level: float) -> dict[Load, Curves]:
-    """Tabulate points against their load, and without a band against the other quantity."""
-    gaps, rest, made = points.values.get("mean_gap_um"), {"mean_gap_um": 0.0}, {}
-    if gaps is not None:  # at first touch, but for what a free patch gives way
-        rest = {"mean_gap_um": float(gaps[0] + points.values["delta_um"][0])}
+def _both_tables(parts: Sequence[Points], kind: Load, level: float) -> dict[Load, Curves]:
+    """Tabulate points against their load, and of the same contacts against the other quantity."""
+    rest, made = {"mean_gap_um": 0.0}, {}
+    if "mean_gap_um" in parts[0].values:  # at first touch, but for what a free patch gives way
+        first = [p.values["mean_gap_um"][0] + p.values["delta_um"][0] for p in parts]
+        rest = {"mean_gap_um": float(np.mean(first))}
     for load, argument in ARGUMENTS.items():
-        own = points
+        own = list(parts)
         if load != kind:
-            rising = risen(points.values[argument])
-            own = replace(points, low={}, high={}).chosen(rising)
-        over = own.values[argument]
+            own = [
+                replace(each, low={}, high={}).chosen(risen(each.values[argument])) for each in own
+            ]
         if load == "delta" or load != kind:
-            own, over = own.from_rest(rest), np.append(0.0, over)
-        made[load] = tabulated(argument, over, [own], level, rest)
+            own = [each.from_rest(rest) for each in own]
+        over = own[0].values[argument]
+        if load != kind and len(own) > 1:
+            over = np.linspace(0.0, min(each.values[argument][-1] for each in own), STEPS)
+            own = [_read_at(each, argument, over) for each in own]
+        made[load] = tabulated(argument, over, own, level, rest)
     return made
+
+
+def _read_at(points: Points, argument: str, over: Values) -> Points:
+    """Read the points of one surface at other arguments, (m,)."""
+    place = np.searchsorted(points.values[argument], over).clip(0, len(points.reasons) - 1)
+    return points.changed(
+        lambda _, each: _read(points.values[argument], each, over),
+        *np.array(points.reasons, dtype=object)[place],
+    )
 
 
 def _defined(surfaces: Sequence[LawSurface]) -> tuple[Sequence[LawSurface], list[str]]:

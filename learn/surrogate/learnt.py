@@ -391,7 +391,7 @@ def _anew(path: Path, card: Mapping[str, Any]) -> str:
     words += ["--target", ",".join(card["targets"]), "--seed", f"{card['seed']}"]
     if card.get("blocks"):
         words += ["--blocks", f"{card['blocks']}"]
-    if card["features"] == SCENE:
+    if card.get("load"):
         words += ["--load", card["load"]]
     if card.get("area_max") is not None:
         words += ["--area-max", f"{card['area_max']:g}"]

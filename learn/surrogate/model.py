@@ -18,7 +18,7 @@ from gen.runtime.terminal import to_type
 from gen.statistics import refuse_masked
 from learn.features import SETS, FeatureSet, SurfaceFeatures
 from learn.features.scene import SCENE, checked_numbers
-from learn.features.sets import Rows
+from learn.features.sets import Rows, by_pressure
 from learn.surrogate import flag
 from learn.surrogate.flag import Distance
 from learn.surrogate.learnt import Learnt, load_parts, write_parts
@@ -49,8 +49,8 @@ class Prediction:
     reasons : tuple of str
         For each row, the features outside the training; "" if there is none.
     given : dict of str to ndarray, shape (n,)
-        Parameters and load of each row, for a surrogate of a scene's own features. There `delta` is
-        NaN unless it is the load.
+        The pressure of each row, or a scene's parameters and load, for a surrogate that has learnt
+        these. There `delta` is NaN unless it is the load.
     """
 
     delta: Values
@@ -117,6 +117,7 @@ class Surrogate:
             SETS[card["features"]],
             columns=tuple(name for name, _ in card["columns"]),
             blocks=int(card.get("blocks", 0)),
+            by=str(card.get("load") or "delta"),
             elastic=bool(card.get("elastic")),
         )
         vars(self).update(
@@ -201,7 +202,8 @@ class Surrogate:
         mean : bool
             True for intervals of the mean over all surfaces of the parameters, not of a new one.
         **given : ArrayLike
-            Parameters and load of a surrogate of a scene's own features, in the scene's units.
+            Parameters and load of a surrogate of a scene's own features, in the scene's units; or
+            `pressure`, of one of surfaces that was fitted with --load pressure [MPa].
 
         Returns
         -------
@@ -220,14 +222,15 @@ class Surrogate:
             named = {"delta": delta, "hardness": hardness} | given
             rows = self.of_numbers({k: v for k, v in named.items() if v is not None})
             return self.predict_rows(rows, level=level, mean=mean)
-        if surface is None or side is None or delta is None or given or mean:
+        loads = given.pop("pressure", None) if self.features.by == "pressure" else delta
+        if surface is None or side is None or loads is None or given or mean:
             raise InputError(
-                "the surrogate asks for a surface, its side and Delta: parameters of a scene and"
-                " means over its surfaces need one that is fitted with --features scene"
+                f"the surrogate asks for a surface, its side and {self.features.by}: parameters of"
+                " a scene and means over its surfaces need one fitted with --features scene"
             )
         on_surface = self.for_surface(surface, side)
         one = None if hardness is None else float(np.asarray(hardness))
-        return on_surface.predict(delta, e_star=e_star, hardness=one, level=level)
+        return on_surface.predict(loads, e_star=e_star, hardness=one, level=level)
 
     def bodies(self, e_star: float | None, hardness: float | None) -> Bodies:
         """Return the bodies of a prediction, which are those of the training unless given.
@@ -418,7 +421,8 @@ class Surrogate:
         ratio = 1.0 if e_star is None else e_star / self.modulus
         inputs = self._inputs(rows)
         said = list(self._reasons(rows, inputs) if reasons else ("",) * len(rows.delta))
-        prediction = Prediction(rows.delta.copy(), {}, given=dict(rows.given))
+        delta = rows.delta.copy() if "pressure" not in rows.given else np.nan * rows.delta
+        prediction = Prediction(delta, {}, given=dict(rows.given))
         known = ~np.isnan(inputs).any(axis=1)
         for name, learnt in self.learnt.items():
             scale = self.features.scale(learnt.column, rows, self.modulus)
@@ -486,37 +490,45 @@ class OnSurface:
     surrogate: Surrogate
     surface: SurfaceFeatures
 
-    def rows(self, delta: ArrayLike, hardness_ratio: float | None = None) -> Rows:
-        """Compute what features need at one or more displacements.
+    def rows(self, delta: ArrayLike, bodies: Bodies | None = None) -> Rows:
+        """Compute what features need at one or more loads.
 
         Parameters
         ----------
         delta : ArrayLike
-            One displacement above 0, or n of them [um].
-        hardness_ratio : float, optional
-            Hardness over E*; None for elastic bodies.
+            One displacement above 0, or n of them [um]; pressures [MPa] if these were learnt.
+        bodies : Bodies, optional
+            Bodies from `Surrogate.bodies`; those of the training if left out.
 
         Returns
         -------
         Rows
-            The surface's statistics, and the columns of the coarse solve, at n displacements.
+            The surface's statistics, and the columns of the coarse solve, at n loads.
 
         Raises
         ------
         InputError
-            If a displacement is not above 0, or a statistic that the features need is undefined.
+            If a load is not above 0, or a statistic that the features need is undefined.
         """
         surface, surrogate = self.surface, self.surrogate
-        deltas = np.atleast_1d(_own("Delta", delta)).reshape(-1)
-        rows = surface.rows(surrogate.features, deltas, hardness_ratio)
+        bodies = bodies or surrogate.bodies(None, None)
+        deltas, ratio = (
+            np.atleast_1d(_own(surrogate.features.by, delta)).reshape(-1),
+            bodies.hardness_ratio,
+        )
+        given, pressed = deltas, surrogate.features.by == "pressure"
+        if pressed:
+            deltas = by_pressure(given, surface.length, bodies.e_star)
+        rows = surface.rows(surrogate.features, deltas, ratio)
         shape = (surface.heights.shape[0], surface.heights.shape[1])
         note = flag.grid_note(surrogate.card, surrogate.features, shape, surface.sides)
         limit = np.inf
-        if surrogate.boundary != "free" and hardness_ratio is None:
+        if surrogate.boundary != "free" and ratio is None and not pressed:
             limit = float((surface.heights.max() - surface.heights).mean())
         full = f"no equilibrium: the contact is full at delta = {limit:.6g} um"
         beyond = np.where(deltas >= limit, full, "")
-        return replace(rows, notes=tuple(flag.joined(own, note) for own in beyond))
+        notes = tuple(flag.joined(own, note) for own in beyond)
+        return replace(rows, notes=notes, given={"pressure": given} if pressed else {})
 
     def predict(
         self,
@@ -527,12 +539,12 @@ class OnSurface:
         level: float | None = 0.9,
         reasons: bool = True,
     ) -> Prediction:
-        """Predict contacts at one or more displacements above 0.
+        """Predict contacts at one or more loads above 0.
 
         Parameters
         ----------
         delta : ArrayLike
-            One displacement, or n of them [um].
+            One displacement, or n of them; see `rows`.
         e_star, hardness, level : float, optional
             See `Surrogate.predict`, which also tells what is raised.
         reasons : bool
@@ -541,7 +553,7 @@ class OnSurface:
         Returns
         -------
         Prediction
-            Predictions of all targets, one row for each displacement.
+            Predictions of all targets, one row for each load.
         """
-        rows = self.rows(delta, self.surrogate.bodies(e_star, hardness).hardness_ratio)
+        rows = self.rows(delta, self.surrogate.bodies(e_star, hardness))
         return self.surrogate.predict_rows(rows, e_star=e_star, level=level, reasons=reasons)

@@ -2,6 +2,7 @@
 
 import io
 import zipfile
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,12 +14,16 @@ from gen.generation.sample import surface_of
 from gen.runtime.errors import InputError
 from learn.executor import Executor
 from learn.features import regeneration
-from learn.features.regeneration import hybrid_rows
-from learn.features.sets import BLOCK_COUNTS, HYBRID
+from learn.features.sets import BLOCK_COUNTS, BLOCKS, HYBRID, SETS
 
 
 def never():
     return False
+
+
+def hybrid_rows(database, executor, stopping, blocks=BLOCKS):
+    features = replace(SETS["hybrid"], blocks=blocks)
+    return regeneration.hybrid_rows(database, executor, stopping, features)[1]
 
 
 @pytest.mark.parametrize("blocks", BLOCK_COUNTS)
@@ -45,9 +50,9 @@ def test_what_was_computed_is_kept_and_only_what_changed_is_computed_again(
     asked = []
     compute = regeneration.compute_block
 
-    def counting(scene, block, blocks):
+    def counting(scene, block, blocks, pressed):
         asked.append(block)
-        return compute(scene, block, blocks)
+        return compute(scene, block, blocks, pressed=pressed)
 
     monkeypatch.setattr(regeneration, "compute_block", counting)
     np.testing.assert_array_equal(hybrid_rows(database, Executor(), never), first)

@@ -7,11 +7,13 @@ import pytest
 from learnt_rows import database_of, fitted, read
 
 import bem
+from asperity.functions import SurrogateFunction
 from gen.law import Order
 from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
 from gen.surface import generate
 from learn import Surrogate, split
+from learn import cli as learn_cli
 from learn.comparison.paper import OPTIMA
 from learn.features.sets import ROOTED_LOCAL
 from learn.models import MODELS
@@ -24,6 +26,52 @@ from learn.surrogate.learnt import Learnt
 @pytest.fixture(scope="module")
 def ridge(solved):
     return fitted(solved)
+
+
+@pytest.mark.parametrize("features", ["paper", "dimensionless", "hybrid"])
+def test_surfaces_by_pressure_are_learnt_predicted_and_served(
+    solved, heights, features, tmp_path, capsys
+):
+    """A database by Delta has a pressure in each row; the hybrid's coarse solve is exact here."""
+    kept, csv = tmp_path / "p.surrogate", tmp_path / "p.csv"
+    asked = ["--features", features, "--load", "pressure", "-o", str(kept)]
+    assert learn_cli.main(["fit", str(solved), *asked]) == 0
+    surrogate, wanted = Surrogate.load(kept), bem.solve(heights, 1000.0, 20.0)
+    pressure = wanted.force / 1000.0**2
+    found = surrogate.predict(heights, 1000.0, pressure=[pressure, 2 * pressure])
+    exact = 0.02 if features == "hybrid" else 0.4
+    assert found.area[0] == pytest.approx(wanted.area_percent, rel=exact)
+    assert found.values["delta"][0] == pytest.approx(20.0, rel=exact)
+    assert np.isnan(found.delta).all()
+    stiffer = surrogate.predict(heights, 1000.0, pressure=10 * pressure, e_star=10.0)
+    assert stiffer.area == pytest.approx(found.area[:1])
+    surface = tmp_path / "s.npy"
+    np.save(surface, heights)
+    line = [str(kept), str(surface), "--side", "1000", "--pressure", f"{pressure},{2 * pressure}"]
+    assert learn_cli.main(["predict", *line, "-o", str(csv)]) == 0
+    rows = np.genfromtxt(csv, names=True, delimiter=",", dtype=None, encoding=None)
+    assert rows["area_percent"] == pytest.approx(found.area)
+    assert rows["pressure_MPa"] == pytest.approx([pressure, 2 * pressure])
+    np.save(tmp_path / "t.npy", heights.T)
+    for more in ([], [str(tmp_path / "t.npy")]):
+        assert learn_cli.main(["law", *line[:2], *more, *line[2:], "--csv", str(csv)]) == 0
+        rows = np.genfromtxt(csv, names=True, delimiter=",", dtype=None, encoding=None)
+        over = rows[rows["against"] == "pressure_MPa"]
+        assert over["area_percent"][-1] == pytest.approx(found.area[1], rel=0.2 if more else 1e-6)
+    served = SurrogateFunction(kept)
+    numbers = {"hurst": 0.7, "sigma0": 12.0, "pressure": pressure}
+    assert served(**{name: numbers[name] for name in served.names})[0] > 0
+    assert learn_cli.main(["predict", *line[:4], "--delta", "20"]) == 2
+    assert "give some, and --pressure" in capsys.readouterr().err
+
+
+def test_models_are_compared_by_pressure_and_their_winner_fitted(solved, tmp_path):
+    asked = [str(solved), "--model", "decision-tree", "-o"]
+    assert learn_cli.main(["compare", *asked, str(tmp_path / "c"), "--load", "pressure"]) == 0
+    by_pressure = ["--load", "pressure", "--target", "area", "--from", str(tmp_path / "c")]
+    assert learn_cli.main(["tune", *asked, str(tmp_path / "c"), "--load", "pressure"]) == 0
+    assert learn_cli.main(["fit", *asked, str(tmp_path / "s.surrogate"), *by_pressure]) == 0
+    assert Surrogate.load(tmp_path / "s.surrogate").features.load == "pressure"
 
 
 @pytest.fixture(scope="module")
