@@ -211,10 +211,10 @@ def checked(
         _check_columns(file, path, scene, len(rows_of(attributes)))
     if wanted is None:
         return scene
-    if different := differences(scene, wanted):
+    if attributes["scene_hash"] != wanted.fingerprint():
+        different = "; ".join(differences(scene, wanted))
         raise InputError(
-            f"{path} holds another scene ({'; '.join(different)}); "
-            "give another name, or the file's own scene"
+            f"{path} holds another scene ({different}); give another name, or the file's own scene"
         )
     physics = int(attributes["physics"])
     if physics != PHYSICS and not force:
