@@ -83,7 +83,7 @@ def opened(target: Target, world: farm.World) -> AbstractContextManager[Writer |
 
 
 def in_parallel(choice: Choice, path: Path, world: farm.World) -> bool:
-    """Decide whether workers write; `auto` means the parallel writer wherever it is safe."""
+    """Decide whether several processes write; `auto` means all of them wherever it is safe."""
     from gen import database
 
     if choice == "parallel" and (world.size == 1 or not database.parallel_hdf5()):
@@ -91,9 +91,9 @@ def in_parallel(choice: Choice, path: Path, world: farm.World) -> bool:
             "--writer parallel: needs an h5py with MPI, see docs/how-to/parallel-hdf5.md, and"
             " processes: mpiexec -n 9 python -m mpi4py -m gen run ..."
         )
-    if choice == "single" or world.size == 1:
-        return False
-    return choice == "parallel" or (database.parallel_hdf5() and database.coherent(path))
+    if choice == "auto":
+        return database.parallel_hdf5() and database.coherent(path)
+    return choice == "parallel"
 
 
 def generate_database(
