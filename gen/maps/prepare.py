@@ -53,7 +53,8 @@ def prepare(topography: Topography, settings: Reading) -> Topography:
             fault = f"{topography.missing} of {topography.heights.size} heights are missing (NaN)"
             remedies = ("fill", "closes holes"), ("crop", "leaves them out")
             raise InputError(f"{topography.name}: {advised(topography, fault, *remedies)}")
-        if getattr(settings, key) and (key[:4] != "fill" or topography.missing):
+        nothing = key in {"fill", "fill_most"} and not topography.missing  # to fill
+        if getattr(settings, key) and not nothing:
             topography = step(topography, settings)
     if not is_tilted(topography):
         return topography
