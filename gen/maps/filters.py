@@ -6,7 +6,6 @@ import math
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gen.arrays import Heights, Values
 
@@ -41,17 +40,6 @@ WINDOW = 5
 ROWS = 64  # rows of nodes whose neighbourhoods are gathered at a time, which bounds the memory
 # scatter of the smoothest surfaces, as a share of the span of the heights: less is rounding
 ROUNDING = 1e-9
-
-
-def without_spikes(heights: Heights, threshold: float) -> tuple[Heights, NDArray[np.bool_]]:
-    """Replace nodes that are far from their local median by this median; also return their mask.
-
-    Far is further than `threshold` times the scatter of these distances over the map.
-    """
-    medians, scatter = local_medians(heights)
-    with np.errstate(over="ignore"):  # a bound beyond all numbers leaves no spike
-        spikes = np.abs(heights - medians) > threshold * scatter
-    return np.where(spikes, medians, heights), spikes
 
 
 def local_medians(heights: Heights) -> tuple[Heights, float]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from gen.arrays import Heights
 from gen.maps import filters
-from gen.maps.filters import ROWS, filled_harmonically, least_squares, without_spikes
+from gen.maps.filters import ROWS, filled_harmonically, least_squares, local_medians
 from gen.maps.read import WIDEST, Sides, Topography, in_words, read
 from gen.maps.settings import SPIKE, Reading, numbers_in, said
 from gen.runtime.errors import InputError
@@ -131,10 +131,13 @@ def masked(topography: Topography, kept: tuple[float | None, float | None]) -> T
 
 def despiked(topography: Topography, threshold: float) -> Topography:
     """Replace spikes by their local median; warn if there are too many to be spikes."""
-    heights, spikes = without_spikes(topography.heights, threshold)
+    heights = topography.heights
+    medians, scatter = local_medians(heights)
+    with np.errstate(over="ignore"):  # a bound beyond all numbers leaves no spike
+        spikes = np.abs(heights - medians) > threshold * scatter
     taken = _share(spikes)
     step = f"despiked: {taken} further than {threshold:g} times the scatter from their local median"
-    clean = changed(topography, heights, step)
+    clean = changed(topography, np.where(spikes, medians, heights), step)
     if spikes.mean() <= MANY_SPIKES:
         return clean
     named = said("despike", topography.asked)
