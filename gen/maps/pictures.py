@@ -116,7 +116,14 @@ def draw_map(axis: Any, surface_map: Map, letters: int = LETTERS) -> None:
     """Draw a field to scale unless it is very oblong, under titles of lines of some letters."""
     nx, ny = surface_map.field.shape
     (width, length), field = surface_map.sides, surface_map.field
-    low, high = _scale(np.ma.compressed(field)) if surface_map.quantity else (0.0, COLOURS - 1.0)
+    low, high, values = 0.0, 1.0, np.ma.compressed(field)
+    if not surface_map.quantity:
+        high = COLOURS - 1.0
+    elif values.size:  # a few outliers lie beyond the scale on either side
+        low, high = float(values.min()), float(values.max())
+        first, last = map(float, np.percentile(values, [100 - UPPER_PERCENTILE, UPPER_PERCENTILE]))
+        beyond = low < 1.5 * first - 0.5 * last, high > 1.5 * last - 0.5 * first
+        low, high = first if beyond[0] else low, last if beyond[1] else high
     oblong = max(width, length) > OBLONG * min(width, length)
     image = axis.imshow(
         field.T,
@@ -140,16 +147,6 @@ def draw_map(axis: Any, surface_map: Map, letters: int = LETTERS) -> None:
     lines = [*textwrap.wrap(surface_map.title, letters), *["not to scale"] * oblong]
     axis.set_title("\n".join(lines), loc="left", fontsize=10, parse_math=False)
     axis.set(xlabel="x [µm]", ylabel="y [µm]")
-
-
-def _scale(values: Values) -> tuple[float, float]:
-    """Return the limits of a colour scale, beyond which a few outliers are on either side."""
-    if not values.size:
-        return 0.0, 1.0
-    low, high = float(values.min()), float(values.max())
-    first, last = map(float, np.percentile(values, [100 - UPPER_PERCENTILE, UPPER_PERCENTILE]))
-    limits = 1.5 * first - 0.5 * last, 1.5 * last - 0.5 * first
-    return first if low < limits[0] else low, last if high > limits[1] else high
 
 
 def draw_surface(

@@ -251,9 +251,23 @@ def resampled(topography: Topography, spacing: Sides) -> Topography:
     further apart, the splines are averaged over the new cells: values at the new nodes would fold
     short waves back into long ones.
     """
+    from scipy.interpolate import make_interp_spline
+
     heights = topography.heights
-    for axis in (0, 1):
-        heights = _along(topography, heights, axis, spacing[axis])
+    for axis, (old, new) in enumerate(zip(topography.spacing, spacing, strict=True)):
+        if is_same(old, new):
+            continue
+        nodes = heights.shape[axis]
+        if nodes < 4:
+            raise InputError(f"{topography.name}: {nodes} nodes along an axis, resampling needs 4")
+        last, number = (nodes - 1) * old, int((nodes - 1) * old / new * (1 + 1e-12)) + 1
+        places = np.minimum(new * np.arange(number), last)
+        spline: Any = make_interp_spline(old * np.arange(nodes), heights, k=3, axis=axis)
+        if new < old:
+            heights = np.ascontiguousarray(spline(places))
+        else:
+            means = np.diff(spline.antiderivative()(places), axis=axis) / new
+            heights = np.ascontiguousarray(means)
     nx, ny = heights.shape
     if min(nx, ny) < 2:
         raise InputError(
@@ -262,26 +276,6 @@ def resampled(topography: Topography, spacing: Sides) -> Topography:
         )
     step = f"resampled to {nx} x {ny} nodes every {in_words(spacing)} um by cubic splines"
     return changed(topography, heights, step * (heights is not topography.heights), spacing)
-
-
-def _along(topography: Topography, heights: Heights, axis: int, new: float) -> Heights:
-    """Resample heights along one axis to a spacing [um]."""
-    from scipy.interpolate import make_interp_spline
-
-    old, nodes = topography.spacing[axis], heights.shape[axis]
-    if is_same(old, new):
-        return heights
-    if nodes < 4:
-        raise InputError(f"{topography.name}: {nodes} nodes along an axis, resampling needs 4")
-    length = (nodes - 1) * old / new * (1 + 1e-12)
-    spline: Any = make_interp_spline(old * np.arange(nodes), heights, k=3, axis=axis)
-    if new < old:
-        places = new * np.arange(int(length) + 1)
-        values = spline(np.minimum(places, (nodes - 1) * old))
-    else:
-        edges = np.minimum(new * np.arange(int(length) + 1), (nodes - 1) * old)
-        values = np.diff(spline.antiderivative()(edges), axis=axis) / new
-    return np.ascontiguousarray(values)
 
 
 # rms slope above which half-space theory, made for small slopes, is in doubt; the paper's rough
