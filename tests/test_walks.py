@@ -35,7 +35,7 @@ MOST = {
     "scene": Counts(29, 198, 18),  # a scene to the rows of a database
     "fit": Counts(35, 208, 19),  # a database to a surrogate
     "predict": Counts(25, 125, 13),  # a surrogate and a map to a prediction
-    "law": Counts(36, 235, 20),  # a map to its contact law
+    "law": Counts(36, 234, 20),  # a map to its contact law
 }
 """Most of each that a walk may pass."""
 
