@@ -1,6 +1,6 @@
 """Draft a scene for measured maps: survey them, choose, print, write it.
 
-`gen.draft.survey` looks at maps, `gen.draft.proposal` chooses windows or a law, and loads.
+`gen.draft.proposal` looks at maps, and chooses windows or a law, and loads.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from gen.draft.proposal import (
     AROUND,
     EXPONENTS,
     FEWEST_NODES,
+    FORM,
     KAPPA,
     LOADS_PER_SURFACE,
     NODES,
@@ -20,11 +21,12 @@ from gen.draft.proposal import (
     Likeness,
     Loads,
     Proposal,
+    print_looks,
     propose,
     propose_like,
+    remarks,
     rounded,
 )
-from gen.draft.survey import FORM, print_looks, remarks
 from gen.generators.scans import MOST_PATTERNS
 from gen.maps.library import map_files
 from gen.maps.read import in_words

@@ -16,8 +16,16 @@ from gen import cli
 from gen.database import Reader
 from gen.draft import quoted, scene_like
 from gen.draft import write as write_scene
-from gen.draft.proposal import SIZES, common_spacing, propose_like, window_nodes
-from gen.draft.survey import common_threshold, find_spikes, measure, survey
+from gen.draft.proposal import (
+    SIZES,
+    common_spacing,
+    common_threshold,
+    find_spikes,
+    measure,
+    propose_like,
+    survey,
+    window_nodes,
+)
 from gen.maps.prepare import despiked
 from gen.maps.read import Topography
 from gen.maps.settings import Reading
