@@ -37,16 +37,11 @@ from gen.maps.contacts import contact_warnings, solve_loads
 from gen.maps.settings import Reading
 from gen.material import Bodies
 from gen.runtime.errors import InputError
-from gen.runtime.numbers import MAGNITUDES, magnitude, shown, values_from
+from gen.runtime.numbers import loads_from
 from gen.runtime.terminal import RunProgress, shortened
 
 ARGUMENTS: dict[Load, str] = {"delta": "delta_um", "pressure": "pressure_MPa"}
 """Quantity of the arguments of a table by the kind of load."""
-
-ADVICE: dict[Load, str] = {
-    "delta": "give numbers from {:g} to {:g} um, as 2, 1,2,5 or 5:45:9".format(*MAGNITUDES),
-    "pressure": f"give pressures from 0 to {MAGNITUDES[1]:g} MPa, not all 0, as 0:100:20",
-}
 
 FEW = 10  # nodes in contact below which a law shows the grid rather than the surface
 
@@ -87,18 +82,6 @@ class Order:
         deltas = np.unique(loads_from("delta", self.delta)) if self.delta else None
         pressures = np.unique(loads_from("pressure", self.pressure)) if self.pressure else None
         return deltas, pressures
-
-
-def loads_from(load: Load, text: str) -> Values:
-    """Parse displacements above 0 [um], or nominal pressures of 0 or more, not all 0 [MPa].
-
-    They are written as "2", "1,2,5" or "5:45:9". Raise InputError for others.
-    """
-    values = np.array(values_from(text, f"--{load}", ADVICE[load]))
-    allowed = all(magnitude(value) or (value == 0 and load == "pressure") for value in values)
-    if not allowed or not values.any():
-        raise InputError(f"--{load} {shown(text)}: {ADVICE[load]}")
-    return values
 
 
 @dataclass(frozen=True, eq=False)

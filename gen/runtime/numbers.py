@@ -42,6 +42,25 @@ def values_from(text: str, option: str, advice: str) -> list[float]:
     return values
 
 
+LOADS = {
+    "delta": "give numbers from {:g} to {:g} um, as 2, 1,2,5 or 5:45:9".format(*MAGNITUDES),
+    "pressure": f"give pressures from 0 to {MAGNITUDES[1]:g} MPa, not all 0, as 0:100:20",
+}
+"""Advice for the loads of a law and of predictions."""
+
+
+def loads_from(load: str, text: str) -> list[float]:
+    """Parse displacements above 0 [um], or nominal pressures of 0 or more, not all 0 [MPa].
+
+    They are written as "2", "1,2,5" or "5:45:9". Raise InputError for others.
+    """
+    values = values_from(text, f"--{load}", LOADS[load])
+    allowed = all(magnitude(value) or (value == 0 and load == "pressure") for value in values)
+    if not allowed or not any(values):
+        raise InputError(f"--{load} {shown(text)}: {LOADS[load]}")
+    return values
+
+
 def shown(text: str, most: int = 60) -> str:
     """Quote a text of the user's, shortened if it is too long to be typed by hand."""
     return repr(text) if len(text) <= most else f"{text[:most]!r}... ({len(text)} characters)"

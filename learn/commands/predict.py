@@ -12,7 +12,7 @@ from gen.runtime.command_line import Trust, grouped, typed
 from gen.runtime.errors import InputError
 from gen.runtime.figure import empty_figure
 from gen.runtime.files import Output, check_outputs, kind_of
-from gen.runtime.numbers import shown
+from gen.runtime.numbers import loads_from, shown
 from gen.runtime.terminal import echo
 
 File = Annotated[Path, typer.Argument(metavar="FILE", help="A surrogate made by learn fit.")]
@@ -88,7 +88,8 @@ def predict(
     A surrogate made with --features scene takes the scene's parameters and its load instead of
     surfaces: --at and --delta or --pressure, or tables with a column for each.
     """
-    from gen.law.contact_law import loads_from
+    import numpy as np
+
     from gen.runtime.documents import Row, write_csv
     from learn.features.scene import SCENE
     from learn.surrogate import Surrogate
@@ -99,8 +100,8 @@ def predict(
     check_outputs([Output(output, "--output")], [file, *inputs])
     surrogate = Surrogate.load(file)
     require_level(surrogate, interval)
-    deltas = loads_from("delta", delta) if delta else None
-    pressures = loads_from("pressure", pressure) if pressure else None
+    deltas = np.array(loads_from("delta", delta)) if delta else None
+    pressures = np.array(loads_from("pressure", pressure)) if pressure else None
     pressed = surrogate.features.load == "pressure"
     rows: list[Row] = []
     if surrogate.features.name == SCENE:
