@@ -107,14 +107,7 @@ def by_solver(order: Order) -> Law:
     deltas, pressures = order.loads()
     if deltas is None and pressures is None:
         raise InputError("give --delta or --pressure, the loads of the law")
-    subjects = read_subjects(
-        order.inputs,
-        order.surfaces,
-        order.reading,
-        order.boundary or "mirror",
-        only_boundary=False,
-        opposite=order.opposite,
-    )
+    subjects = read_subjects(order)
     e_star = order.e_star or subjects.modulus() or 1.0
     hardness, ratio = order.hardness, None
     if hardness is None and (ratio := subjects.hardness_ratio()) is not None:

@@ -4,18 +4,20 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from bem.problem import Boundary
 from gen.law.curves import APERTURES, GAS, JOINT, Gas
 from gen.maps.bodies import Opposite
 from gen.maps.prepare import read_surface
 from gen.maps.read import Sides, Topography, files_in
-from gen.maps.settings import Reading
 from gen.material import plane_strain_modulus
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import echo
 from gen.scene import Scene, preset_names
+
+if TYPE_CHECKING:
+    from gen.law.contact_law import Order
 
 Load = Literal["delta", "pressure"]  # quantities that a law can be solved at
 
@@ -108,21 +110,14 @@ class LawSurfaces:
         return ratios.pop() if len(self.scenes) == len(self.origins) else None
 
 
-def read_subjects(
-    inputs: Sequence[str],
-    surfaces: int,
-    reading: Reading,
-    boundary: Boundary,
-    *,
-    only_boundary: bool = True,
-    opposite: Opposite | None = None,
-) -> LawSurfaces:
-    """Read or generate all surfaces; say on standard error what is done to each file.
+def read_subjects(order: "Order", only: Boundary | None = None) -> LawSurfaces:
+    """Read or generate all surfaces of a law; say on standard error what is done to each file.
 
-    Scenes and databases give their first `surfaces` surfaces. Those of another boundary are refused
-    with `only_boundary`, or else take this one. Surfaces from files are pressed against the second
-    rough body, or against each of a folder of them; scenes name their own.
+    Scenes and databases give their first surfaces, with the boundary of the law, or are refused if
+    it is not theirs and the `only` one. Surfaces from files are pressed against the second rough
+    body, or against each of a folder of them; scenes name their own.
     """
+    boundary, opposite = only or order.boundary or "mirror", order.opposite
     subjects: list[LawSurface] = []
     scenes: list[Scene] = []
     origins: list[str] = []
@@ -132,7 +127,7 @@ def read_subjects(
     if opposite is not None:  # a body, or a folder of them
         bodies = [replace(opposite, path=file) for file in files_in(opposite.path)]
         facing = f" against {opposite.path}"
-    for text in inputs:
+    for text in order.inputs:
         if (scene := scene_of(text)) is not None:
             if opposite is not None:
                 raise InputError(
@@ -140,7 +135,7 @@ def read_subjects(
                     " itself: surface.against"
                 )
             if (own := scene.contact).boundary != boundary:
-                if only_boundary:
+                if only:
                     raise InputError(
                         f"{text}: has a {own.boundary} boundary, the law a {boundary} one: a law"
                         " has patches of one boundary, that of its surrogate if there is one"
@@ -149,15 +144,15 @@ def read_subjects(
                 changed = {"contact": own.model_copy(update=change)}
                 scene = scene.model_copy(update=changed)
             scenes.append(scene)
-            subjects += _population(scene, text, surfaces)
+            subjects += _population(scene, text, order.surfaces)
             against = scene.surface.against
             named = ", ".join(against) if isinstance(against, tuple) else "another of them"
             rough = "" if against is None else f" against {named}"
-            origins.append(f"{text}: its first {surfaces} surfaces{rough}")
+            origins.append(f"{text}: its first {order.surfaces} surfaces{rough}")
             continue
         origins.append(f"{text}{facing}")
         for file, body in product(files_in(Path(text)), bodies):
-            each, warnings = read_surface(file, reading, boundary, body)
+            each, warnings = read_surface(file, order.reading, boundary, body)
             if each.heights.max() == each.heights.min():
                 raise InputError(f"{file}: is flat: all of it touches at once, there is no law")
             echo(f"{each.name}: {'; '.join(each.steps)}", err=True)

@@ -83,7 +83,7 @@ def make(surrogate: Surrogate, order: Order) -> Law:
             f" {surrogate.boundary} one: leave that out, or fit one to a database of this boundary"
         )
     deltas, pressures = order.loads()
-    subjects = read_subjects(order.inputs, order.surfaces, order.reading, surrogate.boundary)
+    subjects = read_subjects(order, only=surrogate.boundary)
     kept, left_out = _defined(subjects.surfaces)
     subjects = replace(subjects, surfaces=kept)
     hardness = order.hardness
