@@ -282,9 +282,11 @@ def test_a_window_takes_as_many_numbers_as_it_says():
 
 
 def test_the_eight_symmetries_are_those_of_the_square():
-    patch = np.arange(9.0).reshape(3, 3) ** 2
-    windows = (Window(0, 0, (0, 0), symmetry) for symmetry in range(8))
-    made = {cut(patch, window, (3, 3)).tobytes() for window in windows}
+    """Of the map's own heights there, above their lowest."""
+    heights = np.arange(30.0).reshape(5, 6) ** 2
+    patch = heights[1:4, 2:5] - heights[1, 2]
+    windows = (Window(0, 0, (1, 2), symmetry) for symmetry in range(8))
+    made = {cut(heights, window, (3, 3)).tobytes() for window in windows}
     known = {np.rot90(side, k).tobytes() for k in range(4) for side in (patch, patch.T)}
     assert made == known
     assert len(made) == 8
