@@ -34,8 +34,8 @@ def scores(comparison: str) -> dict[tuple[str, str], Row]:
 
 
 def cells(row: Row, *names: str) -> str:
-    """Return values of a row with two decimals, as cells of Markdown."""
-    return " | ".join(f"{float(row[name]):.2f}" for name in names)
+    """Return values of a row with two decimals, as cells of Markdown; none as a dash."""
+    return " | ".join(f"{float(row[name]):.2f}" if row[name] else "-" for name in names)
 
 
 def pair(row: Row, first: str, second: str) -> str:
