@@ -33,8 +33,8 @@ class Counts(NamedTuple):
 MOST = {
     "heights": Counts(8, 50, 8),  # heights to the pressure on a free patch
     "scene": Counts(29, 198, 18),  # a scene to the rows of a database
-    "fit": Counts(35, 208, 19),  # a database to a surrogate
-    "predict": Counts(25, 125, 13),  # a surrogate and a map to a prediction
+    "fit": Counts(29, 169, 15),  # a database to a surrogate
+    "predict": Counts(24, 113, 12),  # a surrogate and a map to a prediction
     "law": Counts(36, 234, 20),  # a map to its contact law
 }
 """Most of each that a walk may pass."""

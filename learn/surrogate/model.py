@@ -237,21 +237,19 @@ class Surrogate:
 
         Parameters
         ----------
-        e_star : float or None
-            Composite modulus [MPa].
-        hardness : float or None
-            Hardness [MPa]; without one bodies are elastic if the training has some, otherwise they
-            have the only hardness of the training.
+        e_star, hardness : float or None
+            E* and hardness [MPa]. Without a hardness bodies are elastic if the training has some,
+            otherwise they have the only hardness of the training.
 
         Returns
         -------
         Bodies
-            Modulus and hardness.
+            E* and hardness.
 
         Raises
         ------
         InputError
-            If the training has no hardness and one is given, or several and none is given.
+            If the training has no hardness, or several and none is given.
         """
         limits, modulus = self.hardness_limits, self.modulus if e_star is None else e_star
         if hardness is not None and limits is None:
