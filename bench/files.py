@@ -2,7 +2,6 @@
 
 import csv
 import lzma
-import math
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from io import StringIO
@@ -73,36 +72,23 @@ def rendered(name: str, values: Mapping[str, Any]) -> str:
     return environment.get_template(name).render(values)
 
 
-def write_table(
-    path: Path, header: Iterable[str], rows: Iterable[Sequence[object]], digits: int = 0
-) -> Path:
-    """Write a table (CSV); its folder is made where there is none, None is written as nothing.
-
-    Numbers have all their digits, or as many significant ones as given: then NaN is nothing too.
-    """
-
-    def text(value: object) -> object:
-        if not digits or not isinstance(value, float):
-            return value
-        return "" if math.isnan(value) else f"{value:.{digits}g}"
-
-    lines = StringIO(newline="")
-    writer = csv.writer(lines)
-    writer.writerow(header)
-    writer.writerows([text(value) for value in row] for row in rows)
-    make_folder(path.parent)
-    write(path, lines.getvalue())
-    return path
-
-
 def write_rows(path: Path, rows: Iterable[Mapping[str, Any]]) -> Path:
-    """Write rows under the names of their columns, numbers with `ENOUGH` significant digits."""
+    """Write rows under the names of their columns (CSV), numbers with `ENOUGH` significant digits.
+
+    The folder is made where there is none; None is written as nothing.
+    """
     rows = list(rows)
 
     def rounded(value: Any) -> Any:
         return float(f"{value:.{ENOUGH}g}") if isinstance(value, float) else value
 
-    return write_table(path, rows[0], (list(map(rounded, row.values())) for row in rows))
+    lines = StringIO(newline="")
+    writer = csv.writer(lines)
+    writer.writerow(rows[0])
+    writer.writerows(map(rounded, row.values()) for row in rows)
+    make_folder(path.parent)
+    write(path, lines.getvalue())
+    return path
 
 
 def read_table(path: Path) -> tuple[list[str], list[dict[str, str]]]:
