@@ -208,43 +208,27 @@ class InfluenceMatrix:
         """
         n = len(nodes)
         matrix = np.empty((n, n), self.dtype)
-        if self._mirrored:
-            here, there = self._indices(nodes, nodes)
         for first in range(0, n, ROWS):
             rows = slice(first, first + ROWS)
-            if self._mirrored:
-                offsets = np.subtract.outer(here[rows], there[first:])
-            else:
-                offsets = self._offsets(nodes[rows], nodes[first:])
+            offsets = self._offsets(nodes[rows], nodes[first:])
             np.take(self._coefficients, offsets, out=matrix[rows, first:], mode="clip")
             if give:
                 matrix[rows, first:] -= self.dtype.type(give)
         return matrix.T
 
-    def _indices(self, nodes: Nodes, loaded: Nodes) -> tuple[Nodes, Nodes]:
-        """Return (a,) and (b,) numbers whose differences are indices into the mirrored table."""
-        rows, columns = self._shape
-        beyond = columns - 1  # columns of the table, less those of the grid
-        centre = (rows - 1) * (columns + beyond) + beyond
-        here = nodes // columns
-        here *= beyond
-        here += nodes
-        there = loaded // columns
-        there *= beyond
-        there += loaded
-        there -= centre
-        return here, there
-
     def _offsets(self, nodes: Nodes, loaded: Nodes) -> Nodes:
         """Return the (a, b) indices into the table for the offsets of (a,) from (b,) nodes."""
+        rows, columns = self._shape
         if self._mirrored:
-            indices: Nodes = np.subtract.outer(*self._indices(nodes, loaded))
-            return indices
-        columns = self._shape[1]
-        here, there = np.divmod(nodes, columns), np.divmod(loaded, columns)
-        offsets: Nodes = np.abs(np.subtract.outer(here[0], there[0]))
+            beyond = columns - 1  # columns of the table, less those of the grid
+            centre = (rows - 1) * (columns + beyond) + beyond
+            here, there = (some // columns * beyond + some for some in (nodes, loaded))
+            mirrored: Nodes = np.subtract.outer(here, there - centre)
+            return mirrored
+        along, across = zip(np.divmod(nodes, columns), np.divmod(loaded, columns), strict=True)
+        offsets: Nodes = np.abs(np.subtract.outer(*along))
         offsets *= columns
-        offsets += np.abs(np.subtract.outer(here[1], there[1]))
+        offsets += np.abs(np.subtract.outer(*across))
         return offsets
 
 

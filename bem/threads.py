@@ -208,7 +208,13 @@ class _Sections:
                 self.dense[threading.get_ident()] = depth
             else:
                 self.dense.pop(threading.get_ident(), None)
-            _set_threads([(pool, 1) for pool, _ in more] if self.dense else self.threads_before)
+            wanted = [(pool, 1) for pool, _ in more] if self.dense else self.threads_before
+            for pool, threads in wanted:
+                # OpenBLAS obeys a single thread of Python until that thread ends or lets go.
+                let_go = getattr(pool, "clear_controlling_thread", lambda force: None)
+                let_go(force=True)
+                pool.set_num_threads(threads)
+                let_go(force=True)
             if not self.dense:
                 self.threads_before = []
 
@@ -263,16 +269,6 @@ def on_one_blas_thread() -> Iterator[None]:
     """
     with unforked(), _at_depth(_SECTIONS.put_dense, _SECTIONS.dense):
         yield
-
-
-def _set_threads(wanted: list[BlasThreads]) -> None:
-    """Set the numbers of BLAS threads from any thread of Python."""
-    for pool, threads in wanted:
-        # OpenBLAS obeys a single thread of Python until that thread ends or lets go.
-        let_go = getattr(pool, "clear_controlling_thread", lambda force: None)
-        let_go(force=True)
-        pool.set_num_threads(threads)
-        let_go(force=True)
 
 
 @lru_cache(maxsize=1)

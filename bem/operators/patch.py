@@ -273,7 +273,23 @@ class Patch:
         """Return the lower triangle of the (n, n) matrix of (n,) nodes, in Fortran's order."""
         if self.boundary == "free":
             return InfluenceMatrix(*self._cells, dtype).among(nodes, self.give)
-        return _edgeless_entries(self.shape, self.boundary, self._cells[2], dtype, nodes)
+        (nx, ny), mirrored, count = self.shape, self.boundary == "mirror", len(nodes)
+        periods = (2 * nx, 2 * ny) if mirrored else (nx, ny)
+        table, width = _edgeless_coefficients(periods, self._cells[2], dtype), 2 * periods[1]
+        rows, columns = np.divmod(nodes, ny)
+        here = rows * width + columns + (periods[0] * width + periods[1])
+        images = [(rows, columns)]
+        if mirrored:
+            images = [
+                (along, across) for along in (rows, -1 - rows) for across in (columns, -1 - columns)
+            ]
+        matrix = np.zeros((count, count), dtype)
+        for first in range(0, count, ROWS):
+            some = slice(first, first + ROWS)
+            for along, across in images:
+                offsets = np.subtract.outer(here[some], (along * width + across)[first:])
+                matrix[some, first:] += table.take(offsets, mode="clip")
+        return matrix.T
 
 
 def displacement_filter(
@@ -474,29 +490,6 @@ def _block_sums(field: Real, factors: Real | None = None) -> Real:
     for node in range(2, BLOCK):
         sums += rows[:, node::BLOCK]
     return sums
-
-
-def _edgeless_entries(
-    shape: tuple[int, int], boundary: Boundary, aspect: float, dtype: str, nodes: Nodes
-) -> Real:
-    """Return the lower triangle of the (n, n) matrix between nodes of a patch without edges."""
-    mirrored, count = boundary == "mirror", len(nodes)
-    periods = (2 * shape[0], 2 * shape[1]) if mirrored else shape
-    table, width = _edgeless_coefficients(periods, aspect, dtype), 2 * periods[1]
-    rows, columns = np.divmod(nodes, shape[1])
-    here = rows * width + columns + (periods[0] * width + periods[1])
-    images = [(rows, columns)]
-    if mirrored:
-        images = [
-            (along, across) for along in (rows, -1 - rows) for across in (columns, -1 - columns)
-        ]
-    matrix = np.zeros((count, count), dtype)
-    for first in range(0, count, ROWS):
-        some = slice(first, first + ROWS)
-        for along, across in images:
-            offsets = np.subtract.outer(here[some], (along * width + across)[first:])
-            matrix[some, first:] += table.take(offsets, mode="clip")
-    return matrix.T
 
 
 @lru_cache(maxsize=4)
