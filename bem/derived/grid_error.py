@@ -160,7 +160,7 @@ def grid_error_of(contact: Contact) -> GridError:
         reason = f"{heights.shape[0]} x {heights.shape[1]} nodes are too few to tell"
     else:
         try:
-            coarse = _coarse(contact, coarser(contact.problem), summit)
+            coarse = contact.again(*_posed(contact, coarser(contact.problem), summit))
             there = area_within(coarse, contact.problem.spacing)
             resolved, reason = _verdict(contact, there, order)
         except NoSolution:
@@ -215,8 +215,8 @@ def _steepening(contact: Contact) -> float:
     return 1 + STEEPENING * contact.area_percent / 100 * edgeless
 
 
-def _coarse(contact: Contact, half: Problem, summit: float) -> Contact:
-    """Solve on the coarser grid, from the pressure of the finer one.
+def _posed(contact: Contact, half: Problem, summit: float) -> tuple[Problem, Field]:
+    """Return the coarser problem under the contact's load, and a pressure to start from.
 
     Raises NoSolution also where a given Delta would close it if the summit were that much higher.
     """
@@ -225,10 +225,10 @@ def _coarse(contact: Contact, half: Problem, summit: float) -> Contact:
     )
     near = np.ascontiguousarray(contact.pressure[np.ix_(*places)])
     if contact.problem.delta is None:
-        return contact.again(replace(half, delta=None, force=contact.force), near)
+        return replace(half, delta=None, force=contact.force), near
     delta = contact.delta - float(contact.problem.heights.max() - half.heights.max())
     check_solvable(replace(half, delta=delta + summit))
-    return contact.again(replace(half, delta=delta), near)
+    return replace(half, delta=delta), near
 
 
 def area_within(contact: Contact, spacing: tuple[float, float] | None = None) -> float:
