@@ -18,11 +18,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import splu
 
-from bem.arrays import Field, Nodes, Values
+from bem.arrays import Field, Mask, Nodes, Values
 from bem.derived.spots import regions
 from bem.problem import OutOfRange
 
@@ -74,7 +73,7 @@ class _Faces:
 
     first: Nodes  # cell on one side; the number of cells stands for both reservoirs
     second: Nodes  # cell on the other side, further along either axis
-    along: NDArray[np.bool_]  # whether it is crossed along x
+    crossed: int  # how many, the first ones, are crossed along x
     root: Values  # square root of the conductance [reduced]
     drop: Field  # pressure that is lost on the way, beside that of the cells, (f, k) [dP]
 
@@ -133,17 +132,21 @@ def _flows(gap: Field, spacing: tuple[float, float], *, periodic: bool) -> list[
         low, high = WIDEST
         raise OutOfRange(f"widest gap = {largest:g} um: its flow needs {low:g} to {high:g} um")
     reduced = np.where(gap > CLOSED * largest, gap / largest, 0.0)
-    basis, lift, flowing = _pockets(reduced, periodic=periodic)
+    nodes = np.arange(gap.size).reshape(gap.shape)
+    if not periodic:  # reservoirs, which are as wide as need be
+        nodes = np.pad(nodes, ((1, 1), (0, 0)), constant_values=gap.size)
+        reduced = np.pad(reduced, ((1, 1), (0, 0)), constant_values=np.inf)
+    basis, lone, lift, flowing = _pockets(reduced, nodes, periodic=periodic)
     if not flowing.any():
         return nothing
-    faces = _faces(reduced, spacing, flowing, periodic=periodic)
-    lost = _solved(faces, basis, lift)
+    faces = _faces(reduced, nodes, spacing, flowing, periodic=periodic)
+    lost = _solved(faces, basis, lone, lift)
     flows, sides = [], (nx * dx, ny * dy)
     for length, width, drop in zip(sides, sides[::-1], lost.T, strict=False):
         conducted = float(drop @ drop) * largest**3 * length / width
         through = faces.root * drop * (largest**3 * length / 2)
         flux = np.zeros((2, gap.size + 1))
-        for component, chosen in enumerate((faces.along, ~faces.along)):
+        for component, chosen in enumerate((slice(0, faces.crossed), slice(faces.crossed, None))):
             for cells in (faces.first[chosen], faces.second[chosen]):
                 flux[component] += np.bincount(cells, through[chosen], gap.size + 1)
         flux /= np.array([[dy], [dx]])
@@ -152,25 +155,23 @@ def _flows(gap: Field, spacing: tuple[float, float], *, periodic: bool) -> list[
     return flows
 
 
-def _pockets(gap: Field, *, periodic: bool) -> tuple[csr_matrix, Field, NDArray[np.bool_]]:
+def _pockets(gap: Field, nodes: Nodes, *, periodic: bool) -> tuple[csr_matrix, int, Field, Mask]:
     """Find the pockets of all levels.
 
     Returns
     -------
     basis : csr_matrix, shape (cells + 1, unknowns)
         1 where an unknown is part of a cell's pressure; none is part of the last, the reservoirs'.
+    lone : int
+        How many unknowns, the last ones, are of one cell each, all of one colour of a chessboard.
     lift : ndarray, shape (cells + 1, k)
         Pressure to begin with, the same all over each pocket that nothing crosses [dP].
     flowing : ndarray of bool, shape (cells + 1,)
         Cells that opposite sides are connected by, and the reservoirs if there are any.
     """
-    cells, drives = gap.size, 1 + periodic
-    nodes = np.arange(cells).reshape(gap.shape)
-    if not periodic:
-        gap = np.pad(gap, ((1, 1), (0, 0)), constant_values=np.inf)
-        nodes = np.pad(nodes, ((1, 1), (0, 0)), constant_values=cells)
+    cells, drives = gap.size if periodic else int(nodes[0, 0]), 1 + periodic
     rising = np.argsort(gap, axis=None)
-    lift, crosses = np.zeros((drives, *gap.shape)), np.zeros((drives, *gap.shape), dtype=bool)
+    lift = np.zeros((drives, *gap.shape))
     widest, rows, columns = nodes, [nodes.reshape(-1)], [nodes.reshape(-1)]
     threshold, least = STEP, float(gap[gap > 0].min())
     while True:
@@ -184,9 +185,9 @@ def _pockets(gap: Field, *, periodic: bool) -> tuple[csr_matrix, Field, NDArray[
         roots = np.zeros(len(crossing), dtype=np.intp)
         roots[labels.reshape(-1)[rising]] = nodes.reshape(-1)[rising]  # the widest of each is last
         now = np.where(inside, roots[labels], nodes)
-        joined = (now != widest).reshape(-1)
-        rows.append(nodes.reshape(-1)[joined])
-        columns.append(now.reshape(-1)[joined])
+        joined = now != widest
+        rows.append(nodes[joined])
+        columns.append(now[joined])
         widest = now
         if last:
             break
@@ -197,24 +198,30 @@ def _pockets(gap: Field, *, periodic: bool) -> tuple[csr_matrix, Field, NDArray[
     lifted[nodes] = np.moveaxis(lift, 0, -1)
     lifted[cells], row, column = 0.0, np.concatenate(rows), np.concatenate(columns)
     wanted = flowing[row] & (whole[column] != column)  # one of each region is where it counts from
-    unknowns, column = np.unique(column[wanted], return_inverse=True)
-    shape = cells + 1, unknowns.size
-    return csr_matrix((np.ones(column.size), (row[wanted], column)), shape), lifted, flowing
+    row, column = row[wanted], column[wanted]
+    order = np.argsort(row, kind="stable")
+    members = np.bincount(column, minlength=cells)
+    x, y = np.divmod(np.arange(cells), gap.shape[1])
+    red = (members == 1) & ((x + y) % 2 == 1) & ((x > 0) & (y > 0) | (not periodic))
+    unknowns = np.concatenate([np.flatnonzero((members > 0) & ~red), np.flatnonzero(red)])
+    number = np.empty(cells, dtype=np.intp)
+    number[unknowns] = np.arange(unknowns.size)
+    starts = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=cells + 1))])
+    entries = np.ones(row.size), number[column[order]], starts
+    basis = csr_matrix(entries, (cells + 1, unknowns.size))
+    return basis, int(np.count_nonzero(red)), lifted, flowing
 
 
 def _faces(
-    gap: Field, spacing: tuple[float, float], flowing: NDArray[np.bool_], *, periodic: bool
+    gaps: Field, cells: Nodes, spacing: tuple[float, float], flowing: Mask, *, periodic: bool
 ) -> _Faces:
     """Return the faces between cells where something flows."""
-    nodes, line = np.arange(gap.size).reshape(gap.shape), gap.shape[1]
-    cells, gaps = nodes, gap
+    line = gaps.shape[1]
     if periodic:
-        cells, gaps = np.concatenate([cells, cells[:1]]), np.concatenate([gaps, gaps[:1]])
-        nodes = np.concatenate([nodes, nodes[:, :1]], axis=1)
-        gap = np.concatenate([gap, gap[:, :1]], axis=1)
-    else:  # reservoirs, which are as wide as need be
-        cells = np.pad(cells, ((1, 1), (0, 0)), constant_values=gap.size)
-        gaps = np.pad(gaps, ((1, 1), (0, 0)), constant_values=np.inf)
+        nodes, gap = (np.concatenate([field, field[:, :1]], axis=1) for field in (cells, gaps))
+        cells, gaps = (np.concatenate([field, field[:1]]) for field in (cells, gaps))
+    else:
+        nodes, gap = cells[1:-1], gaps[1:-1]
     ratio = spacing[1] / spacing[0]
     first = np.concatenate([cells[:-1].reshape(-1), nodes[:, :-1].reshape(-1)])
     second = np.concatenate([cells[1:].reshape(-1), nodes[:, 1:].reshape(-1)])
@@ -230,27 +237,31 @@ def _faces(
     low, high = np.minimum(one, other), np.maximum(one, other)
     kept = (low > 0) & flowing[first] & flowing[second]
     along, low, high = along[kept], low[kept], high[kept]
-    root = np.sqrt(2 * np.where(along, ratio, 1 / ratio) / (1 + (low / high) ** 3)) * low**1.5
-    return _Faces(first[kept], second[kept], along, root, driven[kept].astype(np.float64))
+    share = low / high
+    root = low * np.sqrt(2 * low * np.where(along, ratio, 1 / ratio) / (1 + share * share * share))
+    return _Faces(first[kept], second[kept], int(along.sum()), root, driven[kept].astype(float))
 
 
-def _solved(faces: _Faces, basis: csr_matrix, lift: Field) -> Field:
+def _solved(faces: _Faces, basis: csr_matrix, lone: int, lift: Field) -> Field:
     """Solve for the pressures; return drops at faces by the roots of their conductances, (f, k).
 
     The sum of their squares is the flow, and the least that pressures can make it.
     """
     count, root = faces.root.size, faces.root
-    pairs = np.tile(np.arange(count), 2), np.concatenate([faces.second, faces.first])
-    rises = csr_matrix((np.concatenate([root, -root]), pairs), (count, basis.shape[0])) @ basis
     drop: Field = root[:, None] * (faces.drop - (lift[faces.second] - lift[faces.first]))
     if not basis.shape[1]:
         return drop
+    ends, weights = np.stack([faces.second, faces.first], axis=1), np.stack([root, -root], axis=1)
+    pairs = weights.reshape(-1), ends.reshape(-1), np.arange(0, 2 * count + 1, 2)
+    rises = csr_matrix(pairs, (count, basis.shape[0])) @ basis
     rises.eliminate_zeros()
     squares = np.bincount(rises.indices, rises.data**2, basis.shape[1])
     rises.data /= np.sqrt(squares)[rises.indices]
-    columns = rises.T.tocsr()
+    columns, kept = rises.T.tocsr(), basis.shape[1] - lone
+    products = columns @ rises[:, :kept]
+    across = products[kept:]  # the lone ones are eliminated: their own products are 1
     factor = splu(
-        (columns @ rises).tocsc(),
+        (products[:kept] - across.T.tocsr() @ across).tocsc(),
         permc_spec="MMD_AT_PLUS_A",
         diag_pivot_thresh=0.0,
         relax=1,
@@ -259,7 +270,9 @@ def _solved(faces: _Faces, basis: csr_matrix, lift: Field) -> Field:
     )
     for _ in range(SOLUTIONS):
         before = (drop**2).sum(axis=0)
-        drop = drop - rises @ factor.solve(columns @ drop)
+        rest, low = np.split(columns @ drop, [kept])
+        pressures = factor.solve(rest - across.T @ low)
+        drop = drop - rises @ np.concatenate([pressures, low - across @ pressures])
     if not np.all(abs(before - (drop**2).sum(axis=0)) <= RTOL * before):
         raise ArithmeticError(f"flow through the gap: not solved to {RTOL:g}")
     return drop

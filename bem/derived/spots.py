@@ -120,9 +120,10 @@ def regions(mask: Mask, *, periodic: bool) -> tuple[Labels, Crosses, Labels]:
     if periodic:
         joined, around, patches = _joined(number, _links(labels))
         return joined[labels], around, patches[:, labels]
-    crosses: Crosses = np.zeros((number + 1, 2), dtype=bool)
-    crosses[np.intersect1d(labels[0], labels[-1]), 0] = True
-    crosses[np.intersect1d(labels[:, 0], labels[:, -1]), 1] = True
+    sides = np.zeros((2, number + 1, 2), dtype=bool)
+    for end in (0, -1):
+        sides[end, labels[end], 0] = sides[end, labels[:, end], 1] = True
+    crosses: Crosses = sides[0] & sides[1]
     crosses[0] = False
     return labels, crosses, np.zeros((2, *mask.shape), dtype=np.int32)
 
