@@ -22,7 +22,7 @@ from gen.runtime.errors import InputError
 from gen.runtime.files import require_file
 from gen.runtime.terminal import brief, echo, print_table, to_type
 from learn.features import Undefined
-from learn.features.scene import unit_of
+from learn.features.scene import LOADS, unit_of
 from learn.features.sets import HYBRID, STATISTICS, Rows
 from learn.surrogate import flag
 from learn.surrogate.model import Prediction, Surrogate, require_surfaces
@@ -70,7 +70,14 @@ def answers(surrogate: Surrogate, path: Path, question: Question) -> Iterator[Ro
                 f"{file}: is a database; {to_type('learn fit')} makes a surrogate of it, which"
                 " predicts for surfaces"
             )
-        if is_table(file):
+        names: set[str] = set()
+        if file.suffix.lower() in {".csv", ".txt"}:  # tables of statistics, or heights
+            try:
+                with require_file(file).open(encoding="utf-8-sig", errors="replace") as opened:
+                    names = {name.strip() for name in opened.readline().split(",")}
+            except OSError as error:
+                raise InputError(f"{file} cannot be read: {error.strerror}") from None
+        if names & {*STATISTICS}:
             rows = rows_of_table(surrogate, file, question)
         else:
             alone = len(files) == 1
@@ -82,7 +89,7 @@ def answers(surrogate: Surrogate, path: Path, question: Question) -> Iterator[Ro
         except InputError as error:
             raise InputError(f"{file}: {error}") from None
         asked: list[Row] = [
-            {"input": str(file), heading(load, unit_of(load)): float(each)}
+            {"input": str(file), heading(load, LOADS[load]): float(each)}
             for each in prediction.given.get(load, prediction.delta)
         ]
         for row in _answered(surrogate, prediction, asked):
@@ -149,17 +156,6 @@ def _answered(surrogate: Surrogate, prediction: Prediction, asked: Sequence[Row]
         yield {**row, "flag": "outside" if reason else "inside", "reason": reason}
 
 
-def is_table(path: Path) -> bool:
-    """Return True if a file has rows of statistics, by the names in its first line."""
-    if path.suffix.lower() not in {".csv", ".txt"}:
-        return False
-    try:
-        with require_file(path).open(encoding="utf-8-sig", errors="replace") as file:
-            return not {name.strip() for name in file.readline().split(",")}.isdisjoint(STATISTICS)
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror}") from None
-
-
 def heading(column: str, unit: str) -> str:
     """Return the name of a target's column with its unit: area_percent, force_uN, mean_gap_um."""
     return column if unit in {"%", "1"} else f"{column}_{unit}"
@@ -175,7 +171,7 @@ def _rows_of_surface(
     topography, warnings = read_surface(path, question.reading, surrogate.boundary)
     if question.loads is None:
         load = surrogate.features.by
-        raise InputError(f"{path}: give --{load}, in {unit_of(load)}")
+        raise InputError(f"{path}: give --{load}, in {LOADS[load]}")
     echo(f"{path}: {'; '.join(topography.steps)}", err=True)
     for line in warnings:
         echo(f"  warning: {line}", err=True)

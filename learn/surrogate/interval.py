@@ -181,12 +181,6 @@ class Calibration:
     root: bool = False  # True for errors of the square root of the target
     growth: Growth = GROWTH
 
-    @property
-    def largest_level(self) -> float:
-        """Largest level whose intervals are finite everywhere."""
-        fewest = min(each.groups for each in self.scores)
-        return fewest / (fewest + 1)
-
     def ends(self, prediction: Values, level: float, inputs: Values) -> tuple[Values, Values]:
         """Return both ends of the interval at each prediction, each (n,), at the features, (n, d).
 
@@ -223,7 +217,8 @@ def require_level(surrogate: Surrogate, level: float) -> None:
     """Refuse a level of intervals that has too few surfaces or maps to be calibrated."""
     checked_level(level)
     for name, each in surrogate.learnt.items():
-        largest = each.calibration.largest_level
+        fewest = min(scores.groups for scores in each.calibration.scores)
+        largest = fewest / (fewest + 1)  # whose intervals are finite everywhere
         if level > largest + ROUNDING:
             raise InputError(
                 f"--interval {level:g}: intervals of {name} are calibrated by"
