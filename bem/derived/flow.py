@@ -203,7 +203,9 @@ def _pockets(gap: Field, nodes: Nodes, *, periodic: bool) -> tuple[csr_matrix, i
     members = np.bincount(column, minlength=cells)
     x, y = np.divmod(np.arange(cells), gap.shape[1])
     red = (members == 1) & ((x + y) % 2 == 1) & ((x > 0) & (y > 0) | (not periodic))
-    unknowns = np.concatenate([np.flatnonzero((members > 0) & ~red), np.flatnonzero(red)])
+    inward = np.minimum(np.minimum(x, x[-1] - x), np.minimum(y, y[-1] - y)).astype(np.int16)
+    others = np.flatnonzero((members > 0) & ~red)  # from the rim inward the factor fills up less
+    unknowns = np.append(others[np.argsort(inward[others], kind="stable")], np.flatnonzero(red))
     number = np.empty(cells, dtype=np.intp)
     number[unknowns] = np.arange(unknowns.size)
     starts = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=cells + 1))])
