@@ -42,7 +42,7 @@ def run(program, *arguments):
     """Run a command line; return its exit code and standard error."""
     err = io.StringIO()
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(err):
-        code = import_module(MAINS[program]).main(arguments, program)
+        code = import_module(MAINS[program]).main(arguments, name=program)
     return code, err.getvalue()
 
 

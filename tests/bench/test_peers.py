@@ -140,7 +140,8 @@ def test_command_compares_periodic_patches_and_bodies_that_yield(tmp_path: Path)
     assert float(ours[4]["area_percent"]) > 95
     arguments = ["--nodes", "17", "--deltas", "25", "--rounds", "1", "--hardness", "0.02"]
     assert main(["peers", "-o", str(tmp_path), *arguments]) == 0
-    elastic, yielding = read_table(tmp_path / "hardness.csv")[1][:2]
+    found = read_table(tmp_path / "hardness.csv")[1]  # of other solvers too, where there are any
+    elastic, yielding = (row for row in found if row["solver"] == "bem")
     assert (elastic["hardness"], elastic["yielded_nodes"]) == ("", "0")
     assert int(yielding["yielded_nodes"]) > 0
     assert float(yielding["load_error"]) <= 1e-6
