@@ -25,7 +25,7 @@ def rooms(package: str, _: list[str], __: Path) -> str:
         said = ast.get_docstring(ast.parse(room.read_text("utf-8"))) or ""
         about = " ".join(said.partition("\n\n")[0].split())
         count = sum(len(path.read_text("utf-8").splitlines()) for path in files)
-        where = folder.relative_to(ROOT).as_posix()
+        where = folder.name
         lines.append(f"| `{where}/` | {len(files)} | {count:,} | {about} |")
     return "\n".join(lines)
 
