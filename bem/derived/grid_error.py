@@ -188,7 +188,7 @@ def _verdict(contact: Contact, there: float, order: float) -> tuple[bool, str]:
 
 
 def _spare(contact: Contact) -> float:
-    """Return the share of the area beyond what bears the load at the hardness: none is below it."""
+    """Return the share of the area above load / hardness, below which no area can lie [1]."""
     hardness, area = contact.problem.hardness, area_within(contact)
     return 1.0 if hardness is None or area == 0 else 1 - contact.force / hardness / area
 

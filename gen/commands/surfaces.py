@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import nullcontext
-
 import typer
 
 from gen import options
@@ -12,7 +10,7 @@ from gen.runtime.command_line import Trust, grouped, typed
 from gen.runtime.errors import InputError
 from gen.runtime.figure import empty_figure
 from gen.runtime.files import Output, check_outputs
-from gen.runtime.terminal import RunProgress, echo
+from gen.runtime.terminal import echo
 
 
 @grouped
@@ -130,31 +128,11 @@ def contact(
     figure = empty_figure(picture, 11, 8.2)
     bodies = material.bodies()
     topography, doubts = read_surface(surface, reading, boundary, facing.body(reading))
-    found, faults, seconds = [], [], 0.0
-    with (
-        on_threads(threads or default_threads(cores())),
-        RunProgress(len(values), "loads") if len(values) > 1 else nullcontext() as progress,
-    ):
-        # Nothing is printed before the first contact is solved, since its load may be refused.
-        for solution in contacts.solve_loads(
-            topography,
-            load,
-            values,
-            modulus=bodies.e_star,
-            hardness=bodies.hardness,
-            kernel=kernel,
-            far_field=far_field,
-            rtol=rtol,
-            max_iterations=max_iterations,
-        ):
-            seconds = solution.seconds
-            if solution.contact is None:
-                faults.append(f"not solved, left out: {solution.fault}")
-            else:
-                found.append(solution.contact)
-                contacts.further(solution.contact, wanted)  # computed here, kept by the contact
-            if progress is not None:
-                progress.advance(1, solution.contact is None)
+    settings = {"modulus": bodies.e_star, "hardness": bodies.hardness, "kernel": kernel}
+    settings |= {"far_field": far_field, "rtol": rtol, "max_iterations": max_iterations}
+    solutions = contacts.solve_loads(topography, load, values, **settings)
+    with on_threads(threads or default_threads(cores())):
+        found, faults, seconds = contacts.follow(solutions, len(values), wanted)
     solved = [(each.delta, each.largest_pressure, each.contact_nodes) for each in found]
     problem, several = found[0].problem, len(found) > 1
     warnings = [*bodies.doubts, *doubts]

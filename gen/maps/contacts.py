@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -19,6 +20,7 @@ from gen.runtime import memory
 from gen.runtime.errors import InputError
 from gen.runtime.files import write
 from gen.runtime.numbers import values_from
+from gen.runtime.terminal import RunProgress
 
 if TYPE_CHECKING:
     from bem import Contact
@@ -260,6 +262,29 @@ def solve_loads(
     except MemoryError:
         short = memory.too_little_for_solve(topography.heights.shape)
         raise InputError(f"{topography.name}: {short}") from None
+
+
+def follow(
+    solutions: Iterable[Solution], many: int, wanted: Wanted
+) -> tuple[list[Contact], list[str], float]:
+    """Solve under many loads and show the progress, with all that is wanted of each contact.
+
+    Returns the contacts, a line for each load that was not solved, and the time of the last solve
+    [s].
+    """
+    found, faults, seconds = [], [], 0.0
+    with RunProgress(many, "loads") if many > 1 else nullcontext() as progress:
+        # Nothing is printed before the first contact is solved, since its load may be refused.
+        for solution in solutions:
+            seconds = solution.seconds
+            if solution.contact is None:
+                faults.append(f"not solved, left out: {solution.fault}")
+            else:
+                found.append(solution.contact)
+                further(solution.contact, wanted)  # computed here, kept by the contact
+            if progress is not None:
+                progress.advance(1, solution.contact is None)
+    return found, faults, seconds
 
 
 def contact_warnings(

@@ -64,15 +64,8 @@ def hybrid_rows(
     generates the surfaces. InputError is raised if the file is no database, or its surfaces cannot
     be generated again.
     """
-    with Reader(path) as reader:
-        scene, first = reader.scene, reader.rows.start
-        usable = reader.column("status") == Status.DONE
-        inputs = np.stack([reader.column(name) for name in _inputs(scene)], axis=1)
-        pressed = features.by == "pressure"
-        if pressed:
-            pressure = reader.column("force") / float(np.prod(scene.sides))
-            length = geometric_mean(scene.sides)
-            inputs[:, 0] = by_pressure(pressure, length, modulus(scene))
+    pressed = features.by == "pressure"
+    scene, first, usable, inputs = _read(path, pressed=pressed)
     blocks = features.blocks or BLOCKS
     finer = "" if blocks == BLOCKS else f"-{blocks}"
     finer += "-by-pressure" if pressed else ""
@@ -121,6 +114,21 @@ def hybrid_rows(
             if note := _save(cache, key=key, inputs=inputs, values=values):
                 progress.say(note)
     return (values[:, -1] if pressed else inputs[:, 0]), values[:, : len(HYBRID)]
+
+
+def _read(path: Path, *, pressed: bool) -> tuple[Scene, int, Any, Values]:
+    """Return a database's scene, first row, and done rows, (n,), with their inputs, (n, 23 or 24).
+
+    At pressures p L / E* takes the place of Delta.
+    """
+    with Reader(path) as reader:
+        scene, done = reader.scene, reader.column("status") == Status.DONE
+        inputs = np.stack([reader.column(name) for name in _inputs(scene)], axis=1)
+        if pressed:
+            pressure = reader.column("force") / float(np.prod(scene.sides))
+            length = geometric_mean(scene.sides)
+            inputs[:, 0] = by_pressure(pressure, length, modulus(scene))
+        return scene, reader.rows.start, done, inputs
 
 
 def _compute(shared: tuple[Scene, Path, int, bool], block: Block) -> tuple[Values, Values]:
