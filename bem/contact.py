@@ -54,7 +54,7 @@ class Contact:
         Applications of the influence matrix. Those on a coarser grid count by its share of the
         nodes.
     again : callable
-        What solves another problem, from a pressure near its own.
+        What solves another problem, from a pressure near its own if there is one.
     """
 
     problem: Problem = field(repr=False)
@@ -67,7 +67,7 @@ class Contact:
     residual: float
     iterations: int
     convolutions: int
-    again: Callable[[Problem, Field], Contact] = field(repr=False)
+    again: Callable[[Problem, Field | None], Contact] = field(repr=False)
     _kept: dict[str | int, Any] = field(default_factory=dict, repr=False)
 
     @computed_once

@@ -175,7 +175,8 @@ def _verdict(contact: Contact, there: float, order: float) -> tuple[bool, str]:
     here = area_within(contact)
     change = there / here - 1 if here else float(there > 0)
     share, more = float(f"{100 * abs(change):.2g}"), "more" if change > 0 else "less"
-    words = f"half of the nodes give {f'{share:g} % {more}' if share else 'the same'} area"
+    # Below this share it is rounding.
+    words = f"half of the nodes give {f'{share:g} % {more}' if share > 1e-9 else 'the same'} area"
     spare = _spare(contact)
     if spare <= NEARLY_YIELDED:
         borne = f"{100 * (1 - spare):.3g} %"
@@ -215,15 +216,17 @@ def _steepening(contact: Contact) -> float:
     return 1 + STEEPENING * contact.area_percent / 100 * edgeless
 
 
-def _posed(contact: Contact, half: Problem, summit: float) -> tuple[Problem, Field]:
+def _posed(contact: Contact, half: Problem, summit: float) -> tuple[Problem, Field | None]:
     """Return the coarser problem under the contact's load, and a pressure to start from.
 
+    A full contact without edges needs no start: the coarser one is known where it is full too.
     Raises NoSolution also where a given Delta would close it if the summit were that much higher.
     """
     places = (
         np.rint(_places(nodes, half.boundary)).astype(np.intp) for nodes in contact.pressure.shape
     )
-    near = np.ascontiguousarray(contact.pressure[np.ix_(*places)])
+    full = half.boundary != "free" and contact.contact_nodes == contact.pressure.size
+    near = None if full else np.ascontiguousarray(contact.pressure[np.ix_(*places)])
     if contact.problem.delta is None:
         return replace(half, delta=None, force=contact.force), near
     delta = contact.delta - float(contact.problem.heights.max() - half.heights.max())

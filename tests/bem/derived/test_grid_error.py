@@ -138,6 +138,9 @@ def test_no_contact_full_contact_and_few_nodes_have_answers():
     full = bem.solve(heights, 1.0, pressure=100.0, boundary="periodic").grid_error()
     assert full.area_percent == 0
     assert full.resolved
+    with np.errstate(all="raise"):
+        huge = bem.solve(heights, 1.0, pressure=1e30, boundary="mirror").grid_error()
+    assert huge.area_percent == 0
     plate = bem.solve(np.zeros((33, 33)), 1.0, force=1.0).grid_error()
     assert plate.area_percent < 1, "the cells of the coarser grid reach further"
     few = bem.solve(heights[:5], 1.0, 0.5, spacing=1.0).grid_error()
