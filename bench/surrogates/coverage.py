@@ -68,7 +68,7 @@ FOREIGN = {
         for name in kinds.NAMES
     },
 }
-"""Kinds of surfaces that train no surrogate; the last four had no part in the choice of rules."""
+"""Kinds of surfaces that train no surrogate; the last four were made when the features stood."""
 
 KIND = "kinds"
 """Name of the cases of these kinds."""
