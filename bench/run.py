@@ -13,7 +13,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import groupby
@@ -33,6 +33,7 @@ from gen.scene import load as load_scene
 LANES = min(2, os.cpu_count() or 1)  # parts that are made side by side
 ROWS = 1500  # rows of the paper preset that a short run generates; a full one generates all 15,878
 PATIENCE = 60.0  # seconds that a part has to end after a signal, before it is killed
+AWAKE = 0.5  # seconds after which the main thread, which alone handles signals, wakes at the latest
 LONGEST = 7200.0  # seconds after which a part counts as hanging, and is ended as by a signal
 DATABASE = 300  # seconds that all rows of the paper preset take, about
 
@@ -84,7 +85,11 @@ def make(parts: Iterable[Part], inputs: Inputs, after: Callable[[], object]) -> 
     with Interruption(listening=True) as interruption:
         for together, those in groupby(wanted, key=lambda part: part.beside):
             with ThreadPoolExecutor(LANES if together else 1) as lanes:
-                list(lanes.map(ensure, those))
+                jobs = [lanes.submit(ensure, part) for part in those]
+                while wait(jobs, timeout=AWAKE).not_done:
+                    pass
+                for job in jobs:
+                    job.result()
     named = tuple(part.name for part in wanted if part.name in failed)
     return Outcome(() if interruption.signal else named, interruption.signal)
 
