@@ -5,13 +5,14 @@
 
 import io
 import os
+import re
 import shlex
 import signal
 import sys
 import time
-from collections.abc import Callable, Collection, Iterator, Sequence
-from contextlib import contextmanager, suppress
-from dataclasses import dataclass, fields, is_dataclass
+from collections.abc import Callable, Collection, Sequence
+from contextlib import suppress
+from dataclasses import fields, is_dataclass
 from functools import cache, partial, wraps
 from inspect import Parameter, Signature, signature
 from typing import Annotated, Any, get_type_hints
@@ -20,13 +21,14 @@ import typer
 
 from gen.runtime import VERSION, farm, memory
 from gen.runtime.errors import InputError
-from gen.runtime.numbers import shown
 from gen.runtime.terminal import drop, echo, put, to_type
 
 CommandLineError: Any = typer.BadParameter.__mro__[2]
 """Base class of typer's errors about a command line; typer has moved it twice."""
 
 LONGEST = 1200  # most characters of a message; the middle of longer ones is left out
+
+EMPTY = re.compile("|--[^=]*=")  # an argument without a value, as of a shell variable that is unset
 
 EXTRAS = {
     "aiohttp": "serve",
@@ -45,18 +47,8 @@ EXTRAS = {
 """Extra that installs a package, for packages that only some commands need."""
 
 
-def _print_version(wanted: bool) -> None:
-    """Print the version and end the command, if `--version` was given."""
-    if wanted:
-        echo(f"asperity {VERSION}")
-        raise typer.Exit
-
-
-Version = Annotated[
-    bool,
-    typer.Option("--version", is_eager=True, callback=_print_version, help="Print the version."),
-]
-"""The option `--version` of every program."""
+Version = Annotated[bool, typer.Option("--version", help="Print the version.")]
+"""The option `--version` of every program, which `main` answers."""
 
 
 def take_version(*, version: Version = False) -> None:
@@ -186,107 +178,90 @@ def main(
     """
     world = farm.World()
     try:
-        world = farm.this_world()
-        joins = arguments[:1] and arguments[0] in together and "--help" not in arguments
-        end = _End()
-        if alone and world.size > 1:
-            end = _End(2, f"{name}: started as {world.size} processes; start it as one")
-        elif world.is_master or joins:
-            with _ending(name) as end:
-                _require_values(arguments)
-                command = _built(app)
-                with command.make_context(name, list(arguments)) as context:
-                    returned = command.invoke(context)
-                put("", sys.stdout)  # so that errors of what is left of the output are raised here
-                end.code = returned if isinstance(returned, int) else 0
-        if world.is_master and end.message:
-            _complain(end.message)
+        code, message = 0, ""
         try:
-            return world.end(end.code)
+            world = farm.this_world()
+            joins = arguments[:1] and arguments[0] in together and "--help" not in arguments
+            if alone and world.size > 1:
+                code, message = 2, f"{name}: started as {world.size} processes; start it as one"
+            elif empty := [n for n, each in enumerate(arguments) if EMPTY.fullmatch(each)]:
+                after = f" after {arguments[empty[0] - 1]!r}" if empty[0] else ""
+                said = f"{arguments[empty[0]]!r}{after} is empty: give a value, or leave it out"
+                code, message = 2, f"{name}: {said}"
+            elif world.is_master or joins:
+                with _built(app).make_context(name, list(arguments)) as context:
+                    version = context.params.get("version")
+                    returned = (_print_version if version else context.command.invoke)(context)
+                code = returned if isinstance(returned, int) else 0
+                put("", sys.stdout)  # so that errors of what is left of the output are raised here
+        except (Exception, SystemExit, KeyboardInterrupt) as error:
+            code, message = _end_after(error, name)
+        if world.is_master and message:
+            _complain(message)
+        try:
+            return world.end(code)
         except RuntimeError:  # the command has failed on this worker alone: all end
-            if not end.message:
+            if not message:
                 raise
-            _complain(f"{end.message} (rank {world.rank})")
+            _complain(f"{message} (rank {world.rank})")
             time.sleep(farm.FORWARDING)
-            world.communicator.Abort(end.code)
-            sys.exit(end.code)
+            world.communicator.Abort(code)
+            sys.exit(code)
     except farm.MasterLeft as left:
         return left.code
-    except InputError as error:  # this process could not join the others
-        _complain(f"{name}: {error}")
-        return 2
     except Exception:
         world.abort()
 
 
-@dataclass
-class _End:
-    """How a command ends on this process: with which exit code, and a message to the user or ""."""
+def _end_after(error: BaseException, name: str) -> tuple[int, str]:
+    """Return the exit code and the message to the user, or "", of an error; raise a bug again."""
+    said = str(error)
+    match error:
+        case typer.Exit() | SystemExit():  # --help, or a library; the other ranks have to end too
+            code = error.exit_code if isinstance(error, typer.Exit) else error.code
+            return code if isinstance(code, int) else 1, ""
+        case KeyboardInterrupt() | typer.Abort():
+            return 130, f"{name}: interrupted"
+        case BrokenPipeError():  # the reader of our output, for example `head`, has ended
+            drop(sys.stdout)
+            return 141, ""
+        case CommandLineError():
+            context = getattr(error, "ctx", None)
+            path = to_type(context.command_path if context else name)
+            said = f"{error.format_message()} (see {path} --help)"
+        case OSError():  # a name too long, a full device, a folder without rights
+            named = isinstance(error.filename, str | bytes)
+            place = f"{os.fsdecode(error.filename)}: " if named else ""
+            said = f"{place}{error.strerror or error}"
+        case ModuleNotFoundError():
+            package = (error.name or "").partition(".")[0]
+            if package not in EXTRAS:  # a module of our own
+                raise error
+            from gen.runtime.installation import command_for
 
-    code: int = 0
-    message: str = ""
+            said = f"needs {package}, which is not installed: {command_for(EXTRAS[package])}"
+        case MemoryError():
+            allowed = memory.size(memory.allowed())
+            said = (
+                f"this needs more memory than there is: {said or 'no more is given'};"
+                f" {allowed} are allowed here, shared with all else"
+            )
+        case InputError():
+            pass
+        case _:
+            raise error
+    return 2, f"{name}: {said}"
 
 
-@contextmanager
-def _ending(name: str) -> Iterator[_End]:
-    """Turn what a command raises into its end, but for bugs and the end of the master."""
-    end = _End()
-    try:
-        yield end
-    except typer.Exit as left:  # --help
-        end.code = left.exit_code
-    except farm.MasterLeft:
-        raise
-    except SystemExit as left:  # from a library; the other ranks have to end too
-        end.code = left.code if isinstance(left.code, int) else 1
-    except (KeyboardInterrupt, typer.Abort):
-        end.code, end.message = 130, f"{name}: interrupted"
-    except BrokenPipeError:  # the reader of our output, for example `head`, has ended
-        drop(sys.stdout)
-        end.code = 141
-    except (CommandLineError, InputError, ModuleNotFoundError, OSError) as error:
-        end.code, end.message = 2, _in_words(name, error)
-    except MemoryError as error:
-        fault = f"{str(error) or 'no more is given'}; {memory.size(memory.allowed())} are allowed"
-        said = f"{name}: this needs more memory than there is: {fault} here, shared with all else"
-        end.code, end.message = 2, said
-
-
-def _require_values(arguments: Sequence[str]) -> None:
-    """Refuse an empty argument, as of a shell variable that is not set: it chooses nothing."""
-    for before, argument in zip(["", *arguments], arguments, strict=False):
-        option, equals, value = argument.partition("=")
-        if not argument or (option.startswith("--") and equals and not value):
-            place = f"after {shown(before)} " if before and not argument else ""
-            raise InputError(f"{shown(argument)} {place}is empty: give a value, or leave it out")
+def _print_version(context: typer.Context) -> None:
+    """Print the version, as the option `--version` asks for it instead of a command."""
+    echo(f"asperity {VERSION}")
 
 
 @cache
 def _built(app: typer.Typer) -> Any:
     """Return the parser of an app; building it takes longer than refusing a command line."""
     return typer.main.get_command(app)
-
-
-def _in_words(name: str, error: Exception) -> str:
-    """Return the message for an error; raise it again if a module of our own is missing."""
-    if isinstance(error, CommandLineError):
-        context = getattr(error, "ctx", None)
-        path = context.command_path if context else name
-        return f"{name}: {error.format_message()} (see {to_type(path)} --help)"
-    if isinstance(error, OSError):  # a name too long, a full device, a folder without rights
-        place = (
-            f"{os.fsdecode(error.filename)}: " if isinstance(error.filename, str | bytes) else ""
-        )
-        return f"{name}: {place}{error.strerror or error}"
-    if isinstance(error, ModuleNotFoundError):
-        package = (error.name or "").partition(".")[0]
-        if package not in EXTRAS:
-            raise error
-        from gen.runtime.installation import command_for
-
-        extra = EXTRAS[package]
-        return f"{name}: needs {package}, which is not installed: {command_for(extra)}"
-    return f"{name}: {error}"
 
 
 def _complain(message: str) -> None:

@@ -58,10 +58,12 @@ _own_work: ContextVar[Callable[[Any], Any]] = ContextVar("_own_work")
 """The function that this process applies to tasks while it is in `run`."""
 
 
-class MasterLeft(SystemExit):
+class MasterLeft(BaseException):
     """The master has ended the command; raised on workers that wait for it, to end them too."""
 
-    code: int  # exit code of the master
+    def __init__(self, code: int) -> None:
+        super().__init__(code)
+        self.code = code  # the master's exit code
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,7 @@
 """Parse the numbers that users type, and refuse the same ones everywhere."""
 
 import math
+import re
 
 from gen.runtime.errors import InputError
 
@@ -11,11 +12,8 @@ MAGNITUDES = (1e-60, 1e60)
 """Range of useful lengths [um] and moduli [MPa]; their squares, products and ratios stay finite."""
 
 
-def integer(text: str) -> int | None:
-    """Parse a whole number of at most `DIGITS` decimal digits; return None for any other text."""
-    digits = text.strip()
-    good = digits.isascii() and digits.isdecimal() and len(digits) <= DIGITS
-    return int(digits) if good else None
+SERIES = re.compile(rf"([^:]+):([^:]+):\s*([0-9]{{1,{DIGITS}}})\s*(:\s*log\s*)?")
+"""Start, stop and count of a series, and perhaps the mark of an even ratio."""
 
 
 def values_from(text: str, option: str, advice: str) -> list[float]:
@@ -27,18 +25,23 @@ def values_from(text: str, option: str, advice: str) -> list[float]:
     """
     values: list[float] = []
     for part in text.split(","):
-        series = _series(part)
-        if series is None:
+        series = SERIES.fullmatch(part)
+        start, stop, count, log = series.groups() if series else (part, part, "1", None)
+        try:
+            ends = [float(start), float(stop)]
+        except ValueError:
+            raise InputError(f"{option} {shown(text)}: {advice}") from None
+        finite = all(map(math.isfinite, ends)) and (not log or min(ends) > 0)
+        if series and not (finite and int(count) > 1):
             raise InputError(f"{option} {shown(text)}: {advice}")
-        start, stop, count, log = series
-        if len(values) + count > MOST:
+        if len(values) + int(count) > MOST:
             raise InputError(f"{option} {shown(text)}: give {MOST:,} values at most")
-        if count == 1:
-            values.append(start)
+        if not series:
+            values.append(ends[0])
             continue
         import numpy as np  # here, so that --help does not wait for it
 
-        values += (np.geomspace if log else np.linspace)(start, stop, count).tolist()
+        values += (np.geomspace if log else np.linspace)(ends[0], ends[1], int(count)).tolist()
     return values
 
 
@@ -69,21 +72,3 @@ def shown(text: str, most: int = 60) -> str:
 def magnitude(value: float) -> bool:
     """Tell whether a length, load or modulus is positive and within `MAGNITUDES`."""
     return MAGNITUDES[0] < value < MAGNITUDES[1]
-
-
-def _series(text: str) -> tuple[float, float, int, bool] | None:
-    """Parse "start:stop:count" with or without ":log", or a number; else None."""
-    parts = text.split(":")
-    log = len(parts) == 4 and parts[3].strip() == "log"
-    if log:
-        parts.pop()
-    count = integer(parts[2]) if len(parts) == 3 else 1
-    try:
-        ends = [float(part) for part in parts[:2]]
-    except ValueError:
-        return None
-    if len(parts) == 1:
-        return None if log else (ends[0], ends[0], 1, False)
-    if len(parts) != 3 or count is None or count < 2 or not all(map(math.isfinite, ends)):
-        return None
-    return None if log and not min(ends) > 0 else (ends[0], ends[1], count, log)
