@@ -48,24 +48,41 @@ def plain_numbers():
         yield
 
 
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    """An empty folder, in which the test works."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def refused(capsys):
+    """Run a command line that is refused by code 2, and return the one line that it says."""
+
+    def line(program, *arguments):
+        capsys.readouterr()
+        assert program.main([str(argument) for argument in arguments]) == 2
+        said = capsys.readouterr()
+        assert said.out == ""
+        assert said.err.count("\n") == 1, said.err
+        return said.err
+
+    return line
+
+
 @pytest.fixture(scope="session")
 def populations(tmp_path_factory):
     """A folder with a scene and a database for each of `POPULATIONS`, whose function is trusted."""
-    import textwrap
-
+    from databases import database_of
     from small_populations import MAPS, POPULATIONS
 
     from bench.made_maps import write_all
-    from gen import cli
     from gen.runtime.user_code import TRUSTED
 
     trust = TRUSTED.set(True)
     folder = tmp_path_factory.mktemp("populations")
     write_all(folder / "maps", MAPS)
     for name, scene in POPULATIONS.items():
-        (folder / f"{name}.toml").write_text(textwrap.dedent(scene))
-        assert (
-            cli.main(["run", str(folder / f"{name}.toml"), "-o", str(folder / f"{name}.h5")]) == 0
-        )
+        database_of(folder, scene, name)
     yield folder
     TRUSTED.reset(trust)

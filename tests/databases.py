@@ -7,7 +7,7 @@ import h5py
 import numpy as np
 from launch import python
 
-from gen import database, schema
+from gen import cli, database, schema
 from gen.database import Writer, create
 from gen.scene import DisplacedSurface, Scene, columns_for
 from gen.schema import Reason, Status
@@ -90,6 +90,14 @@ def filled(path, scene, *runs):
     with Writer(path, scene) as writer:
         for start, stop, status in runs:
             writer.write_block(start, stop, block(scene, start, stop, status))
+    return path
+
+
+def database_of(folder: Path, text: str, name: str = "rows", *options: str) -> Path:
+    """Run a scene, by its text, in a folder; return the path of the database."""
+    (folder / f"{name}.toml").write_text(textwrap.dedent(text), encoding="utf-8")
+    path = folder / f"{name}.h5"
+    assert cli.main(["run", str(folder / f"{name}.toml"), "-o", str(path), *options]) == 0
     return path
 
 

@@ -3,7 +3,6 @@
 from pathlib import Path
 from typing import Any
 
-from gen import cli
 from learn import dataset
 from learn.dataset import Dataset, Request
 from learn.executor import Executor
@@ -14,14 +13,6 @@ def read(path: Path, target: str = "area", **options: Any) -> Dataset:
     """Read a database with further options of a request."""
     (rows,) = dataset.read(Request((path,), targets=(target,), **options))
     return rows
-
-
-def database_of(folder: Path, text: str, name: str = "rows", *options: str) -> Path:
-    """Run a scene, by its text, in a folder; return the path of the database."""
-    (folder / f"{name}.toml").write_text(text)
-    path = folder / f"{name}.h5"
-    assert cli.main(["run", str(folder / f"{name}.toml"), "-o", str(path), *options]) == 0
-    return path
 
 
 def fitted(

@@ -4,7 +4,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -34,24 +34,6 @@ MISSES = 4
 """Rounds for each disturbance that is asked for, at most: some come when the run is over."""
 
 
-@dataclass(frozen=True)
-class Round:
-    """One disturbed run: its kind ("" if only finished), what came of it, finished rows."""
-
-    kind: str
-    found: Found
-    before: int
-    after: int
-
-    def line(self) -> str:
-        """The round in one line."""
-        verdict = self.found.fault or ("ok" if self.found.hit or not self.kind else "came too late")
-        return (
-            f"{self.kind or 'nothing':24} {self.found.detail:32} {self.before:5} ->"
-            f" {self.after:5} rows, end after {self.found.seconds:4.1f} s: {verdict}"
-        )
-
-
 def campaign(
     folder: Path,
     rounds: int = ROUNDS,
@@ -60,7 +42,7 @@ def campaign(
     samples: int = SAMPLES,
     kinds: Sequence[str] = tuple(KINDS),
     minutes: float = float("inf"),
-) -> Iterator[Round]:
+) -> Iterator[Found]:
     """Disturb runs until `rounds` have hit, each kind in turn and in random order.
 
     Finished databases are compared and begun anew, the last one at the end as a round of kind "".
@@ -81,12 +63,12 @@ def campaign(
             stage.path.unlink()
         done = _round(stage, kind, KINDS[kind])
         tried += 1
-        hits += done.found.hit
+        hits += done.hit
         yield done
     yield _round(stage, "", _completed)
 
 
-def _round(stage: Stage, kind: str, act: Callable[[Stage], Found]) -> Round:
+def _round(stage: Stage, kind: str, act: Callable[[Stage], Found]) -> Found:
     """Disturb the database, and judge the rows that it has then."""
     before = columns_of(stage.path)
     try:
@@ -97,8 +79,8 @@ def _round(stage: Stage, kind: str, act: Callable[[Stage], Found]) -> Round:
     fault = found.fault or row_fault(before, now, stage.reference)
     if not fault and not kind:
         fault = difference(now, stage.reference)
-    judged = Found(found.detail, fault, found.hit, found.seconds)
-    return Round(kind, judged, int(finished(before).sum()), int(finished(now).sum()))
+    rows = [int(finished(columns).sum()) for columns in (before, now)]
+    return replace(found, kind=kind, fault=fault, before=rows[0], after=rows[1])
 
 
 def _completed(stage: Stage) -> Found:
@@ -109,38 +91,19 @@ def _completed(stage: Stage) -> Found:
     return Found("the rest", fault, hit=False, seconds=ended.seconds)
 
 
-def by_kind(rounds: Sequence[Round]) -> list[dict[str, Any]]:
+def by_kind(rounds: Sequence[Found]) -> list[dict[str, Any]]:
     """Rows of a table: faults of each kind, and what came of them."""
     most = max((done.after for done in rounds), default=0)
-    rows = []
-    for kind in KINDS:
+    rows: list[dict[str, Any]] = []
+    for kind in filter({done.kind for done in rounds}.__contains__, KINDS):
         mine = [done for done in rounds if done.kind == kind]
-        hits = [done for done in mine if done.found.hit]
-        wrong = sum(bool(done.found.fault) for done in mine)
-        if mine:
-            partly = [done for done in hits if 0 < done.before < most or 0 < done.after < most]
-            rows.append(
-                {
-                    "kind": kind,
-                    "injected": len(hits),
-                    "partly_done": len(partly),
-                    "longest_end_s": max(done.found.seconds for done in mine),
-                    "wrong": wrong,
-                    "verdict": "failed" if wrong else "passed",
-                }
-            )
+        hits = [done for done in mine if done.hit]
+        wrong = sum(bool(done.fault) for done in mine)
+        row = {"kind": kind, "injected": len(hits)}
+        row["partly_done"] = sum(0 < done.before < most or 0 < done.after < most for done in hits)
+        row["longest_end_s"] = max(done.seconds for done in mine)
+        rows.append({**row, "wrong": wrong, "verdict": "failed" if wrong else "passed"})
     return rows
-
-
-def summary(rounds: Sequence[Round]) -> str:
-    """The verdict in words."""
-    injected = sum(done.found.hit for done in rounds)
-    kinds = len({done.kind for done in rounds if done.found.hit})
-    wrong = sum(bool(done.found.fault) for done in rounds)
-    return (
-        f"{injected} faults of {kinds} kinds injected; {wrong} times a row was lost, done twice or"
-        f" wrong, an answer was wrong, or a run took more than {BOUND:g} s to end"
-    )
 
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None)
@@ -148,9 +111,7 @@ app = typer.Typer(add_completion=False, rich_markup_mode=None)
 
 @app.command()
 def faults(
-    rounds: Annotated[
-        int | None, typer.Option(min=1, help="Faults to inject, 77 unless given.")
-    ] = None,
+    rounds: Annotated[int, typer.Option(min=1, help="Faults to inject.")] = ROUNDS,
     seed: Annotated[int, typer.Option(min=0, help="Seed of kinds, victims and moments.")] = 0,
     minutes: Annotated[float, typer.Option(min=0.0, help="No round begins later.")] = 30.0,
     only: Annotated[
@@ -165,29 +126,24 @@ def faults(
     Signals to a run alone, to worker, master and mpiexec; full disks, replaced files, failing
     samples. Exit code 0 if as many faults as asked for were injected and nothing was wrong, else 1.
     """
-    wanted, done = rounds or ROUNDS, []
+    done: list[Found] = []
+    kinds = only or tuple(KINDS)
     with tempfile.TemporaryDirectory() as folder:
-        for interrupted in campaign(
-            Path(folder), wanted, seed=seed, kinds=only or tuple(KINDS), minutes=minutes
-        ):
-            done.append(interrupted)
-            typer.echo(f"{len(done):3} {interrupted.line()}")
-    typer.echo(summary(done))
+        for found in campaign(Path(folder), rounds, seed=seed, kinds=kinds, minutes=minutes):
+            done.append(found)
+            typer.echo(f"{len(done):3} {found.line()}")
+    injected, wrong = sum(found.hit for found in done), sum(bool(found.fault) for found in done)
+    typer.echo(
+        f"{injected} of {rounds} faults injected; {wrong} times a row was lost, done twice or"
+        f" wrong, an answer was wrong, or a run took more than {BOUND:g} s to end"
+    )
     if output is not None:
         write_rows(output / "faults.csv", by_kind(done))
-    missed = wanted - sum(interrupted.found.hit for interrupted in done)
-    if missed > 0:
-        typer.echo(f"{missed} of {wanted} faults could not be injected")
-    return 1 if missed > 0 or any(interrupted.found.fault for interrupted in done) else 0
-
-
-def main(arguments: Sequence[str]) -> int:
-    """Run one command line; return its exit code."""
-    return command_line.main(app, arguments, "faults", alone=True)
+    return 1 if injected < rounds or wrong else 0
 
 
 if __name__ == "__main__":
     command_line.start(default_sigint=False)
-    code = main(sys.argv[1:])
+    code = command_line.main(app, sys.argv[1:], "faults", alone=True)
     farm.leave()
     sys.exit(code)

@@ -24,13 +24,8 @@ from tests.faults.stage import (
     row_fault,
 )
 
-VICTIMS = {
-    "alone": "launcher",
-    "mpiexec": "launcher",
-    "master": "0",
-    "worker": "1",
-    "everybody": "everybody",
-}
+VICTIMS = {"alone": "launcher", "mpiexec": "launcher", "master": "0", "worker": "1"}
+VICTIMS |= {"everybody": "everybody"}
 """The victims of signals, and who they are in a `Run`."""
 
 HELD = (0.5, 2.5)
@@ -64,19 +59,14 @@ def signalled(number: signal.Signals, victims: tuple[str, ...], stage: Stage) ->
     fault = code_fault(ended, columns_of(stage.path))
     # After its last row a run is on its way out, and a signal ends it as it ends any process.
     if hit and at_work and not fault and len(stage.pending()):
-        fault = answer_fault(victim, number, ended.code)
+        # A worker leaves these signals to the master; else the run stops in order, or is just done.
+        right = {0} if victim == "worker" else {0, 128 + number}
+        if number == signal.SIGKILL:
+            wrong = ended.code in {1, 2}  # it has ended by itself
+        else:  # helpers of a launcher die of what everybody gets, and take the job with them
+            wrong = victim != "everybody" and ended.code not in right
+        fault = f"exit code {ended.code} after {number.name}" if wrong else ""
     return Found(f"{number.name} to {victim}", fault, hit, ended.seconds)
-
-
-def answer_fault(victim: str, number: signal.Signals, code: int) -> str:
-    """What is wrong with the exit code of a run that was at work when the signal came."""
-    if number == signal.SIGKILL:
-        return f"it ended by itself with exit code {code}" if code in {1, 2} else ""
-    if victim == "everybody":  # the launcher's own helpers die of it, and take the job with them
-        return ""
-    # A worker leaves these signals to the master; else the run stops in order, or is just done.
-    right = {0} if victim == "worker" else {0, 128 + number}
-    return "" if code in right else f"exit code {code} after {number.name}"
 
 
 def worker_held_up(stage: Stage) -> Found:
@@ -134,7 +124,9 @@ def file_replaced(stage: Stage) -> Found:
 def samples_fail(stage: Stage) -> Found:
     """Samples fail; they say why, and are computed again when that is asked for."""
     ailment = str(stage.random.choice(list(FAILURES)))
-    rows, before = _rows(stage), columns_of(stage.path)
+    pending, before = stage.pending(), columns_of(stage.path)
+    number = min(int(stage.random.integers(1, AILING, endpoint=True)), len(pending))
+    rows = [int(row) for row in np.sort(stage.random.choice(pending, number, replace=False))]
     with stage.run(stage.ranks(), ailments=dict.fromkeys(rows, ailment)) as run:
         ended = run.wait()
     now = columns_of(stage.path)
@@ -149,13 +141,6 @@ def samples_fail(stage: Stage) -> Found:
         fault = f"exit code {again.code} of --retry-failed"
     fault = fault or difference(columns_of(stage.path), stage.reference)
     return Found(f"{ailment}, rows {rows}", fault, seconds=ended.seconds)
-
-
-def _rows(stage: Stage) -> list[int]:
-    """Some of the pending rows, at random."""
-    pending = stage.pending()
-    number = min(int(stage.random.integers(1, AILING, endpoint=True)), len(pending))
-    return [int(row) for row in np.sort(stage.random.choice(pending, number, replace=False))]
 
 
 KINDS: dict[str, Callable[[Stage], Found]] = {

@@ -8,48 +8,30 @@ import json
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 from unittest import mock
 
 import bem
 import gen.__main__
 from gen.arrays import Heights
 
-Solve = Callable[[], bem.Contact]
-
 _healthy = bem.solve
-
-
-def raises(solve: Solve) -> NoReturn:
-    """Stumble over the numbers."""
-    raise FloatingPointError("injected")
-
-
-def returns_nan(solve: Solve) -> bem.Contact:
-    """Solve, and lose the result on the way."""
-    return replace(solve(), force=float("nan"))
-
-
-def does_not_converge(solve: Solve) -> NoReturn:
-    """Give up a contact."""
-    raise bem.NotConverged(solve())
-
-
-AILMENTS: dict[str, Callable[[Solve], bem.Contact]] = {
-    ailment.__name__: ailment for ailment in (raises, returns_nan, does_not_converge)
-}
 
 
 def ailing(ailments: Mapping[float, str]) -> Callable[..., bem.Contact]:
     """The solver of a program in which the samples with these displacements ail."""
 
-    def solves(heights: Heights, side: Any, delta: float, **more: Any) -> bem.Contact:
-        solve = partial(_healthy, heights, side, delta, **more)
-        return AILMENTS[ailments[delta]](solve) if delta in ailments else solve()
+    def solve(heights: Heights, side: Any, delta: float, **more: Any) -> bem.Contact:
+        ailment = ailments.get(delta)
+        if ailment == "raises":
+            raise FloatingPointError("injected")
+        contact = _healthy(heights, side, delta, **more)
+        if ailment == "does_not_converge":
+            raise bem.NotConverged(contact)
+        return replace(contact, force=float("nan")) if ailment == "returns_nan" else contact
 
-    return solves
+    return solve
 
 
 def main() -> int:

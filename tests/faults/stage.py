@@ -68,9 +68,7 @@ class Run:
     def __exit__(self, *error: object) -> None:
         """End every process that this run has started and that is still there."""
         if self.alive():
-            for process in self.processes():
-                with suppress(ProcessLookupError):
-                    os.kill(process, signal.SIGKILL)
+            self.send("everybody", signal.SIGKILL)
         self._process.wait(BOUND)
         self._log.close()
 
@@ -103,21 +101,17 @@ class Run:
     def limit_files(self, size: int) -> bool:
         """Let no file grow or be written beyond a size [bytes], as if the disk were full there."""
         hard = resource.RLIM_INFINITY
-        for process in self.processes():
+        for process in self._targets("everybody"):
             with suppress(ProcessLookupError):
                 resource.prlimit(process, resource.RLIMIT_FSIZE, (size, hard))
         return self.alive()
 
-    def processes(self) -> list[int]:
-        """The launcher and all that it has started."""
-        return [self._process.pid, *_descendants(self._process.pid)]
-
     def _targets(self, victim: str) -> list[int]:
-        if victim == "launcher":
-            return [self._process.pid]
-        if victim == "everybody":
-            return self.processes()
-        return [process for process in self.processes() if _rank(process) == victim]
+        """The launcher, or it and all that it has started, or those of a rank."""
+        started = [self._process.pid, *_descendants(self._process.pid)]
+        if victim in {"launcher", "everybody"}:
+            return started if victim == "everybody" else started[:1]
+        return [process for process in started if _rank(process) == victim]
 
 
 def await_lock(path: Path) -> None:
@@ -153,16 +147,11 @@ def _rank(process: int) -> str:
 
 def _descendants(ancestor: int) -> Iterator[int]:
     """All processes that a process has started, directly or through others."""
-    parents: dict[int, list[int]] = {}
-    for entry in Path("/proc").glob("[0-9]*"):
-        with suppress(OSError):
-            fields = (entry / "stat").read_text().rpartition(")")[2].split()
-            parents.setdefault(int(fields[1]), []).append(int(entry.name))
-    waiting = [ancestor]
-    while waiting:
-        children = parents.get(waiting.pop(), [])
-        yield from children
-        waiting += children
+    with suppress(OSError):
+        for started in Path(f"/proc/{ancestor}/task").glob("*/children"):
+            for child in map(int, started.read_text().split()):
+                yield child
+                yield from _descendants(child)
 
 
 SCENE = "samples = {samples}\nsamples_per_surface = 2\n[surface]\nnodes = 17\n"
@@ -180,12 +169,26 @@ Columns = dict[str, NDArray[Any]]
 
 @dataclass(frozen=True)
 class Found:
-    """What was done, what was wrong, whether it hit a run, and the seconds to its end."""
+    """What was done, what was wrong, whether it hit a run, and the seconds to its end.
+
+    The campaign adds the kind ("" if a run was only finished), and finished rows before and after.
+    """
 
     detail: str
     fault: str = ""
     hit: bool = True
     seconds: float = 0.0
+    kind: str = ""
+    before: int = 0
+    after: int = 0
+
+    def line(self) -> str:
+        """The round in one line."""
+        verdict = self.fault or ("ok" if self.hit or not self.kind else "came too late")
+        return (
+            f"{self.kind or 'nothing':24} {self.detail:32} {self.before:5} -> {self.after:5} rows,"
+            f" end after {self.seconds:4.1f} s: {verdict}"
+        )
 
 
 class Stage:

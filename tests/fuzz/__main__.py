@@ -20,7 +20,7 @@ from gen.runtime import command_line, farm
 from gen.runtime.errors import InputError
 from gen.scene import Scene
 from tests.fuzz import child, corpus
-from tests.fuzz.corpus import KINDS, Kind, damaged
+from tests.fuzz.corpus import KINDS, damaged
 
 
 @dataclass(frozen=True)
@@ -39,12 +39,21 @@ class Case:
         what = re.sub(r"'[^']*'|\d+", "_", self.fault)
         return f"{' '.join(self.command[:2])}: {what}"
 
+    def kept(self, worked: Path, folder: Path) -> str:
+        """Keep the folder in which it worked, with all that it needs to fail again; tell of it."""
+        shutil.copytree(worked, folder, symlinks=True)
+        command = shlex.join(["python", "-m", *self.command])
+        (folder / "command.txt").write_text(f"{command}\n", encoding="utf-8")
+        said = f"{self.fault}\n{self.ended.errors}{self.ended.output}"
+        (folder / "said.txt").write_text(said, encoding="utf-8")
+        return f"case {self.number}: {command}: {self.fault}: {folder}"
+
 
 def cases(
     folder: Path,
-    *,
     seed: int = 0,
     kinds: Sequence[str] = tuple(KINDS),
+    *,
     seconds: float = float("inf"),
     first: int = 0,
     last: int | None = None,
@@ -78,7 +87,13 @@ def _tried(sound: Path, folder: Path, number: int, seed: int, kinds: Sequence[st
     command = kind.commands[int(random.integers(len(kind.commands)))]
     if name == "scene" and not _is_small(content):
         command = kind.commands[0]
-    _lay_out(sound, folder, kind, victim)
+    shutil.rmtree(folder, ignore_errors=True)
+    for name in {*kind.beside, str(victim)}:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        if (sound / name).is_dir():
+            shutil.copytree(sound / name, folder / name, dirs_exist_ok=True)
+        else:
+            shutil.copyfile(sound / name, folder / name)
     (folder / victim).write_bytes(content)
     words = tuple(str(victim) if word == "VICTIM" else word for word in command)
     ended = child.run(words, folder)
@@ -92,49 +107,6 @@ def _is_small(content: bytes) -> bool:
     except (InputError, UnicodeDecodeError):
         return True
     return scene.samples <= 500 and scene.shape[0] <= 65
-
-
-def _lay_out(sound: Path, folder: Path, kind: Kind, victim: Path) -> None:
-    """Copy what a command needs."""
-    shutil.rmtree(folder, ignore_errors=True)
-    folder.mkdir()
-    for name in {*kind.beside, str(victim)}:
-        source = sound / name
-        if source.is_dir():
-            shutil.copytree(source, folder / name, dirs_exist_ok=True)
-        else:
-            (folder / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(source, folder / name)
-
-
-class Findings:
-    """Findings by their signatures; of each, one folder with all that it needs to fail again."""
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        self.cases = 0
-        self.signatures: Counter[str] = Counter()
-
-    def add(self, case: Case, worked: Path) -> str:
-        """Count a case; keep the folder in which it worked, and tell, if it is a new finding."""
-        self.cases += 1
-        if not case.fault:
-            return ""
-        self.signatures[case.signature] += 1
-        if self.signatures[case.signature] > 1:
-            return ""
-        kept = self._folder / f"{len(self.signatures):03}-{case.kind}"
-        shutil.copytree(worked, kept, symlinks=True)
-        command = shlex.join(["python", "-m", *case.command])
-        (kept / "command.txt").write_text(command + "\n", encoding="utf-8")
-        said = case.ended.errors + case.ended.output
-        (kept / "said.txt").write_text(f"{case.fault}\n{said}", encoding="utf-8")
-        return f"case {case.number}: {command}: {case.fault}: {kept}"
-
-    def summary(self, seconds: float) -> str:
-        """Return the outcome in one line."""
-        found, kinds = sum(self.signatures.values()), len(self.signatures)
-        return f"{self.cases} cases in {seconds:.0f} s; {found} findings of {kinds} kinds"
 
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None)
@@ -151,9 +123,7 @@ def fuzz(
     first: Annotated[int, typer.Option(min=0, help="Number of the first case.")] = 0,
     only: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="KIND", help="scene, database, surrogate, surface, comparison or page, alone."
-        ),
+        typer.Option(metavar="KIND", help=f"{', '.join(KINDS)}, alone."),
     ] = None,
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="DIR", help="Where findings are written.")
@@ -167,30 +137,25 @@ def fuzz(
     """
     if output.exists():
         raise InputError(f"{output} exists: give a new folder")
-    found, began = Findings(output), time.monotonic()
-    last = None if number is None else first + number
+    kinds, last = only or tuple(KINDS), None if number is None else first + number
+    found: Counter[str] = Counter()
+    done, began = 0, time.monotonic()
     with tempfile.TemporaryDirectory() as folder:
-        for case in cases(
-            Path(folder),
-            seed=seed,
-            kinds=only or tuple(KINDS),
-            seconds=60.0 * minutes,
-            first=first,
-            last=last,
-        ):
-            if line := found.add(case, Path(folder) / "case"):
-                typer.echo(line, err=True)
-    typer.echo(found.summary(time.monotonic() - began))
-    return 1 if found.signatures else 0
-
-
-def main(arguments: Sequence[str]) -> int:
-    """Run one command line; return its exit code."""
-    return command_line.main(app, arguments, "fuzz", alone=True)
+        seconds = 60.0 * minutes
+        for case in cases(Path(folder), seed, kinds, seconds=seconds, first=first, last=last):
+            done += 1
+            if case.fault:
+                found[case.signature] += 1
+                if found[case.signature] == 1:
+                    line = case.kept(Path(folder) / "case", output / f"{len(found):03}-{case.kind}")
+                    typer.echo(line, err=True)
+    taken = time.monotonic() - began
+    typer.echo(f"{done} cases in {taken:.0f} s; {found.total()} findings of {len(found)} kinds")
+    return 1 if found else 0
 
 
 if __name__ == "__main__":
     command_line.start(default_sigint=False)
-    code = main(sys.argv[1:])
+    code = command_line.main(app, sys.argv[1:], "fuzz", alone=True)
     farm.leave()
     sys.exit(code)

@@ -74,7 +74,10 @@ def run(
             process.kill()
             process.join()
         assert process.exitcode is not None
-        return Ended(process.exitcode, _content(output), _content(errors), hung)
+        for file in (output, errors):
+            file.seek(0)
+        said, told = (file.read().decode(errors="replace") for file in (output, errors))
+        return Ended(process.exitcode, said, told, hung)
 
 
 def fault(command: Sequence[str], ended: Ended) -> str:
@@ -120,8 +123,3 @@ def _become(
 
 def _limit(kind: int, most: int) -> None:
     resource.setrlimit(kind, (most, resource.getrlimit(kind)[1]))
-
-
-def _content(file: IO[bytes]) -> str:
-    file.seek(0)
-    return file.read().decode("utf-8", errors="replace")

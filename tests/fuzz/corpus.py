@@ -134,7 +134,7 @@ def make(folder: Path, kinds: tuple[str, ...] = tuple(KINDS)) -> None:
     heights = np.random.default_rng(3).normal(size=(9, 9))
     np.save(folder / "surface.npy", heights)
     np.savetxt(folder / "surface.txt", heights, fmt="%.4f")
-    needed = [name for kind in kinds for name in KINDS[kind].victims + KINDS[kind].beside]
+    needed = (name for kind in kinds for name in KINDS[kind].victims + KINDS[kind].beside)
     wanted = {"rows.h5", *(name.partition("/")[0] for name in needed)}
     for command in MADE:
         if command[command.index("-o") + 1] in wanted:
@@ -165,21 +165,20 @@ NUMBER = re.compile(rb"-?\d+(\.\d+)?([eE][-+]?\d+)?")
 
 def flipped(data: bytes, random: Random) -> bytes:
     """Flip one bit."""
-    place, bit = _place(data, random), int(random.integers(8))
-    return data[:place] + bytes([data[place] ^ (1 << bit)]) + data[place + 1 :]
+    place = int(random.integers(len(data)))
+    return data[:place] + bytes([data[place] ^ 1 << int(random.integers(8))]) + data[place + 1 :]
 
 
 def overwritten(data: bytes, random: Random) -> bytes:
     """Write a number at which a type ends over one, two, four or eight bytes."""
-    length = int(random.choice((1, 2, 4, 8)))
+    length, place = int(random.choice((1, 2, 4, 8))), int(random.integers(len(data)))
     value = INTERESTING[int(random.integers(len(INTERESTING)))] % (1 << 8 * length)
-    place = _place(data, random)
     return data[:place] + value.to_bytes(length, "little") + data[place + length :]
 
 
 def linked(data: bytes, random: Random) -> bytes:
     """Copy eight bytes over eight others: in HDF5, an address over another, or a length."""
-    source, target = 8 * (_place(data, random) // 8), 8 * (_place(data, random) // 8)
+    source, target = (8 * int(place) for place in random.integers(-(-len(data) // 8), size=2))
     return data[:target] + data[source : source + 8] + data[target + 8 :]
 
 
@@ -195,12 +194,12 @@ def renamed(data: bytes, random: Random) -> bytes:
 
 def cut(data: bytes, random: Random) -> bytes:
     """Lose the end."""
-    return data[: _place(data, random)]
+    return data[: int(random.integers(len(data)))]
 
 
 def shifted(data: bytes, random: Random) -> bytes:
     """Lose a piece in the midst, have it twice, or have zeros in its place."""
-    start = _place(data, random)
+    start = int(random.integers(len(data)))
     stop = min(len(data), start + int(random.integers(1, 65)))
     middle = (b"", 2 * data[start:stop], bytes(stop - start))[int(random.integers(3))]
     return data[:start] + middle + data[stop:]
@@ -225,7 +224,8 @@ def relined(data: bytes, random: Random) -> bytes:
         2 * [lines[place]],
         [name + sign + b" " + _text(random)],
     )
-    return b"\n".join([*lines[:place], *changed[int(random.integers(3))], *lines[place + 1 :]])
+    lines[place : place + 1] = changed[int(random.integers(3))]
+    return b"\n".join(lines)
 
 
 def restructured(data: bytes, random: Random) -> bytes:
@@ -268,10 +268,6 @@ def damaged(data: bytes, name: str, random: Random) -> bytes:
         if data:
             data = mutators[int(random.integers(len(mutators)))](data, random)
     return data
-
-
-def _place(data: bytes, random: Random) -> int:
-    return int(random.integers(len(data)))
 
 
 def _text(random: Random) -> bytes:

@@ -4,10 +4,9 @@ import json
 import signal
 
 import numpy as np
-import pytest
 
 from tests.fuzz import child
-from tests.fuzz.__main__ import Case, Findings, cases
+from tests.fuzz.__main__ import Case, cases
 from tests.fuzz.child import Ended, fault, run
 from tests.fuzz.corpus import BY_ENDING, damaged
 
@@ -30,55 +29,50 @@ def test_the_same_seed_and_number_do_the_same_damage():
         assert first == again != other
 
 
+REFUSAL = "gen: scene.toml: not TOML\n"
+TRACE = "Traceback (most recent call last):\n  File\nKeyError: 'a'\n"
+ENDINGS = [
+    (Ended(0, "", ""), ""),
+    (Ended(2, "", f"warning: steep\n{REFUSAL}"), ""),
+    (Ended(1, "", ""), "exit code 1"),
+    (Ended(2, "", ""), "0 lines of refusal in place of one"),
+    (Ended(2, "", f"{REFUSAL}more\n"), "lines below the refusal"),
+    (Ended(-signal.SIGSEGV, "", ""), "signal 11"),
+    (Ended(-signal.SIGKILL, "", "", hung=True), "hang"),
+    (Ended(1, "", TRACE), "traceback: KeyError: 'a'"),
+    (Ended(0, "", "a/b.py:7: RuntimeWarning: overflow"), "a library's warning"),
+]
+
+
 def test_endings_are_judged():
-    refusal = "gen: scene.toml: not TOML\n"
-    assert fault(RUN, Ended(0, "", "")) == ""
-    assert fault(RUN, Ended(2, "", refusal)) == ""
-    assert fault(RUN, Ended(2, "", "warning: steep\n" + refusal)) == ""
+    assert [fault(RUN, ended) for ended, _ in ENDINGS] == [said for _, said in ENDINGS]
     assert fault(("gen", "check", "x.h5"), Ended(1, "x.h5: row 3", "")) == ""
-    assert fault(RUN, Ended(1, "", "")) == "exit code 1"
-    assert fault(RUN, Ended(2, "", "")) == "0 lines of refusal in place of one"
-    assert fault(RUN, Ended(2, "", refusal + "more\n")) == "lines below the refusal"
-    assert fault(RUN, Ended(-signal.SIGSEGV, "", "")) == "signal 11"
-    assert fault(RUN, Ended(-signal.SIGKILL, "", "", hung=True)) == "hang"
-    trace = "Traceback (most recent call last):\n  File\nKeyError: 'a'\n"
-    assert fault(RUN, Ended(1, "", trace)) == "traceback: KeyError: 'a'"
-    assert fault(RUN, Ended(0, "", "a/b.py:7: RuntimeWarning: overflow")) == "a library's warning"
 
 
-@pytest.fixture
-def program(monkeypatch):
-    """A program of ours that does what a function says."""
-
-    def stand_in(act):
-        monkeypatch.setattr("gen.cli.main", lambda arguments: act())
-
-    return stand_in
-
-
-def test_a_child_is_bounded_and_leaves_this_process_alone(tmp_path, program):
+def test_a_child_is_bounded_and_leaves_this_process_alone(tmp_path, monkeypatch):
     def hang():
         while True:
             pass
 
-    program(hang)
-    ended = run(RUN, tmp_path, bound=0.2)
+    def run_as(act, **bounds):
+        monkeypatch.setattr("gen.cli.main", lambda arguments: act())
+        return run(RUN, tmp_path, **bounds)
+
+    ended = run_as(hang, bound=0.2)
     assert (ended.hung, fault(RUN, ended)) == (True, "hang")
-    program(lambda: len(bytes(child.MEMORY + 2**30)))
-    assert "MemoryError" in run(RUN, tmp_path).errors
-    program(lambda: 2)
-    assert run(RUN, tmp_path).code == 2
+    assert "MemoryError" in run_as(lambda: len(bytes(child.MEMORY + 2**30))).errors
+    assert run_as(lambda: 2).code == 2
 
 
 def test_a_finding_is_kept_once_with_its_command(tmp_path):
-    worked = tmp_path / "case"
+    worked, kept = tmp_path / "case", tmp_path / "kept"
     worked.mkdir()
     (worked / "scene.toml").write_text("damaged")
-    found = Findings(tmp_path / "kept")
-    for number, text in enumerate(("", "traceback: KeyError: 3", "traceback: KeyError: 4")):
-        said = found.add(Case(number, "scene", RUN, Ended(1, "", "words"), text), worked)
-        assert bool(said) == (number == 1)
-    (kept,) = (tmp_path / "kept").iterdir()
+    one, other = (
+        Case(number, "scene", RUN, Ended(1, "", "words"), f"traceback: KeyError: {number}")
+        for number in (3, 4)
+    )
+    assert one.signature == other.signature == "gen run: traceback: KeyError: _"
+    assert one.kept(worked, kept).startswith("case 3: python -m gen run scene.toml: traceback")
     assert (kept / "command.txt").read_text() == "python -m gen run scene.toml\n"
     assert (kept / "scene.toml").read_text() == "damaged"
-    assert found.summary(3.0).startswith("3 cases in 3 s; 2 findings of 1 kinds")

@@ -8,7 +8,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from learnt_rows import database_of
+from databases import database_of
 from small_populations import KIND_SCENES, KINDS, POPULATIONS
 
 from gen import cli

@@ -3,7 +3,8 @@
 import h5py
 import numpy as np
 import pytest
-from learnt_rows import database_of, read
+from databases import database_of
+from learnt_rows import read
 
 from gen.database import Reader
 from gen.runtime.errors import InputError

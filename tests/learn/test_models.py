@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from comparisons import run
-from learnt_rows import database_of, fitted, read
+from databases import database_of
+from learnt_rows import fitted, read
 from small_populations import KIND_SCENES, KINDS
 
 from gen.runtime.errors import InputError

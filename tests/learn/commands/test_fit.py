@@ -7,7 +7,7 @@ import h5py
 import numpy as np
 import pytest
 from comparisons import run, table
-from learnt_rows import database_of
+from databases import database_of
 
 from gen.surface import generate
 from learn import Surrogate

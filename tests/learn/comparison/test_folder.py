@@ -11,7 +11,7 @@ from pathlib import Path
 import h5py
 import pytest
 from comparisons import run
-from learnt_rows import database_of
+from databases import database_of
 
 from learn import cli
 from learn.comparison import folder as folders

@@ -6,7 +6,7 @@ import shutil
 import numpy as np
 import pytest
 from comparisons import run, table
-from learnt_rows import database_of
+from databases import database_of
 
 from gen.runtime.errors import InputError
 from learn import dataset, split

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from comparisons import table
-from learnt_rows import database_of
+from databases import database_of
 from strict import json_of
 
 from gen.law.curves import Points

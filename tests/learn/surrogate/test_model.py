@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from learnt_rows import database_of, fitted, read
+from databases import database_of
+from learnt_rows import fitted, read
 
 import bem
 from asperity.functions import SurrogateFunction
