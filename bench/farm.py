@@ -245,12 +245,12 @@ def write(target: Target, blocks: Sequence[Block], template: Columns, world: far
         def work(block: Block) -> Any:
             rows = {name: values[: block[1] - block[0]] for name, values in template.items()}
             if writer is not None and target.parallel:
-                writer.write_finished(block[0], rows)
+                writer.write_block(*block, rows)
             return rows["status"] if target.parallel else rows
 
         def take(block: Block, result: Any) -> None:
             if writer is not None and not target.parallel:
-                writer.write_finished(block[0], result)
+                writer.write_block(*block, result)
 
         world.broadcast(None)
         began = time.perf_counter()

@@ -14,7 +14,7 @@ A `Writer` is one process, or all processes of an MPI run together, if h5py is b
 write the same file, and either continues the work of the other.
 """
 
-from gen.database.creation import Opened, create, extend, merge, open_or_create
+from gen.database.creation import Opened, create, merge, open_or_create
 from gen.database.reader import Counts, Reader, is_database
 from gen.database.writer import Writer, coherent, parallel_hdf5
 from gen.runtime.files import lock
@@ -26,7 +26,6 @@ __all__ = [
     "Writer",
     "coherent",
     "create",
-    "extend",
     "is_database",
     "lock",
     "merge",

@@ -1,7 +1,6 @@
 """Make databases: create, extend and merge them, and give new files their names when whole."""
 
 import json
-import os
 import re
 import shutil
 from collections.abc import Mapping, Sequence
@@ -78,46 +77,29 @@ def open_or_create(
 
     A file with more rows than requested keeps them. With `force` it may have another physics
     number. Nothing is overwritten: an InputError names another scene, layout or physics number.
+
+    Contiguous datasets cannot grow, so an extended file's rows are copied into a new one, which
+    then takes name, owner, group and mode of the old one. A kill at any moment leaves one of the
+    two files, whole. Rows between those of a part and the requested ones are added as pending.
     """
     wanted = range(scene.samples) if rows is None else rows
     if not path.exists():
         create(path, scene, wanted)
         return Opened("created", len(wanted))
-    with open_file(path) as file:
-        checked(file, path, scene, force=force)
-        there = rows_of(read_attributes(file))
-        other_physics = int(file.attrs["physics"]) != PHYSICS
-    if other_physics:
-        with HeldFile(path), open_file(path, True) as file:
-            file.attrs.modify("physics_forced", PHYSICS)
-    if _hull(there, wanted) == there:
-        return Opened("resumed", len(there))
-    return Opened("extended", len(extend(path, scene, wanted, force=force)))
-
-
-def extend(path: Path, scene: Scene, rows: range | None = None, *, force: bool = False) -> range:
-    """Give a database more rows of the same scene; the caller holds `lock(path)`.
-
-    Contiguous datasets cannot grow, so the rows are copied into a new file, which then takes name,
-    owner, group and mode of the old one. A kill at any moment leaves one of the two files, whole.
-    Rows between those of a part and the requested ones are added as pending.
-    """
-    with HeldFile(path) as held, open_file(path) as old:
+    with HeldFile(path) as held, open_file(path, writing=force) as old:
         present = checked(old, path, scene, force=force)
         attributes = read_attributes(old)
-        old_rows = rows_of(attributes)
-        rows = _hull(old_rows, range(scene.samples) if rows is None else rows)
-        if rows == old_rows:
-            raise InputError(f"{path} has {len(old_rows)} samples; to extend it ask for more")
+        there = rows_of(attributes)
+        if attributes["physics"] != PHYSICS:
+            old.attrs.modify("physics_forced", PHYSICS)
+            attributes["physics_forced"] = PHYSICS
+        rows = range(min(there.start, wanted.start), max(there.stop, wanted.stop))
+        if rows == there:
+            return Opened("resumed", len(there))
         wider = scene if scene.samples > present.samples else present
-        part = Part(path, old, old_rows)
+        part = Part(path, old, there)
         _assemble(path, wider, rows, attributes | _identity(wider), [part], replaced=held)
-    return rows
-
-
-def _hull(one: range, other: range) -> range:
-    """Return the smallest range that contains two ranges."""
-    return range(min(one.start, other.start), max(one.stop, other.stop))
+    return Opened("extended", len(rows))
 
 
 def merge(target: Path, sources: Sequence[Path]) -> Counts:
@@ -229,8 +211,12 @@ def _assemble(
                 " room, or ask for less"
             )
         with unfinished(real, "refuse" if replaced is None else "replace", SIGNATURE) as made:
-            if replaced is not None:
-                _require_owner(path, real.stat(), made.stat())
+            old, new = (each.stat() for each in (real if replaced else made, made))
+            if (new.st_uid, new.st_gid) != (old.st_uid, old.st_gid):
+                raise InputError(
+                    f"{path} belongs to user {old.st_uid} and group {old.st_gid}: to extend it"
+                    " would make it yours; let its owner do that, or copy it"
+                )
             _lay_out(made, scene, rows, attributes)
             with open_file(made, True) as file:
                 widest = max(column.row_bytes(scene.grid.shape) for column in columns_for(scene))
@@ -299,12 +285,3 @@ def _set(node: h5py.Dataset | h5py.File, name: str, value: str | int) -> None:
         node.attrs.create(name, data, dtype=h5py.string_dtype("utf-8", max(1, len(data))))
     else:
         node.attrs[name] = value
-
-
-def _require_owner(path: Path, old: os.stat_result, new: os.stat_result) -> None:
-    """Refuse to replace a file whose owner and group this user cannot pass on."""
-    if (new.st_uid, new.st_gid) != (old.st_uid, old.st_gid):
-        raise InputError(
-            f"{path} belongs to user {old.st_uid} and group {old.st_gid}: to extend it would make"
-            " it yours; let its owner do that, or copy it"
-        )

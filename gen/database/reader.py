@@ -286,11 +286,10 @@ class Reader(ExitStack):
         Counts
             Numbers of pending, done and failed rows.
         """
-        done = failed = 0
+        total = np.zeros(256, dtype=np.int64)
         for start, stop in chunks(len(self.rows), 1):
-            chunk = self._file[STATUS.path][start:stop]
-            done += int(np.count_nonzero(chunk == Status.DONE))
-            failed += int(np.count_nonzero(chunk == Status.FAILED))
+            total += np.bincount(self._file[STATUS.path][start:stop], minlength=total.size)
+        done, failed = int(total[Status.DONE]), int(total[Status.FAILED])
         return Counts(len(self.rows) - done - failed, done, failed)
 
     @property
@@ -347,9 +346,8 @@ class Reader(ExitStack):
         total = np.zeros(256, dtype=np.int64)
         for start, stop in chunks(len(self.rows), 1):
             chosen = self._file[STATUS.path][start:stop] == status
-            if chosen.any():
-                codes = self._file[REASON.path][start:stop][chosen]
-                total += np.bincount(codes, minlength=total.size)
+            codes = self._file[REASON.path][start:stop][chosen]
+            total += np.bincount(codes, minlength=total.size)
         if status == Status.DONE:
             total[Reason.NONE] = 0
         return {int(code): int(total[code]) for code in np.flatnonzero(total)}

@@ -5,7 +5,7 @@ import os
 import re
 import socket
 import tempfile
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, TypeVar
@@ -37,7 +37,7 @@ class HeldFile(ExitStack):
     def __init__(self, path: Path) -> None:
         super().__init__()
         self.path = path
-        self._parts: tuple[tuple[int, int], ...] = ()
+        self.parts: tuple[tuple[int, int], ...] = ()  # bytes that no writer changes
         self._metadata: list[bytes] = []
         try:
             require_writable(path)
@@ -46,15 +46,6 @@ class HeldFile(ExitStack):
             raise InputError(f"{path} does not exist; check the name") from None
         self.callback(os.close, self._descriptor)
 
-    def remember(self, columns: Iterable[h5py.Dataset]) -> None:
-        """Record the bytes before and behind the columns, where writers change nothing."""
-        places = [(column.id.get_offset(), column.id.get_storage_size()) for column in columns]
-        first = min(offset for offset, _ in places)
-        last = max(offset + size for offset, size in places)
-        size = os.fstat(self._descriptor).st_size
-        self._parts = ((0, first), (last, size + 1))  # a file that has grown has one more byte
-        self.check()  # whose first look is the one that later ones are compared with
-
     def check(self) -> None:
         """Refuse to continue if the file has been replaced, moved, deleted or overwritten."""
         try:
@@ -62,7 +53,7 @@ class HeldFile(ExitStack):
             fate = "" if same else "replaced by another file"
         except OSError:
             fate = "moved or deleted"
-        seen = [os.pread(self._descriptor, stop - start, start) for start, stop in self._parts]
+        seen = [os.pread(self._descriptor, stop - start, start) for start, stop in self.parts]
         self._metadata = self._metadata or seen
         if not fate and seen != self._metadata:
             fate = "overwritten with something else"
@@ -108,9 +99,16 @@ class Writer(Reader):
             self._take(file, scene, force=force)
             self._datasets = {each.name: file[stored_path(file, each)] for each in self._columns}
             self._status = self._datasets[STATUS.name]
-            held.remember(self._datasets.values())
+            ids = [each.id for each in self._datasets.values()]
+            ends = [
+                (each.get_offset(), each.get_offset() + each.get_storage_size()) for each in ids
+            ]
+            # A file that has grown has one more byte behind its columns.
+            behind = max(end for _, end in ends), path.stat().st_size + 1
+            held.parts = (0, min(ends)[0]), behind
+            self.confirm = held.check
+            self.confirm()  # the first look, which later ones are compared with
             self.push(opened.pop_all())
-        self.confirm = held.check
         self.callback(self._spare_another)
 
     def _spare_another(self) -> None:
@@ -126,7 +124,7 @@ class Writer(Reader):
                     os.dup2(nothing.fileno(), self._file.id.get_vfd_handle())
 
     def write_block(self, start: int, stop: int, columns: Mapping[str, ArrayLike]) -> None:
-        """Write finished rows, all columns by name: first all others, then the status.
+        """Write the finished rows of a block, all columns by name; the status of rows comes last.
 
         A ValueError says that columns or rows are not the file's. An InputError says that the disk
         is full or fails, with the number of safe rows, or that the file has been replaced.
@@ -143,13 +141,15 @@ class Writer(Reader):
             arrays[column.name] = values
         self.confirm()
         status = arrays.pop(STATUS.name)
+        edges = np.flatnonzero(np.diff(status != Status.PENDING, prepend=False, append=False))
         try:
-            place = start - self.rows.start
-            for name, values in arrays.items():
-                write_rows(self._datasets[name], place, values)
-            self._flush()
-            write_rows(self._status, place, status)
-            self._flush()
+            for first, last in edges.reshape(-1, 2).tolist():
+                place = start + first - self.rows.start
+                for name, values in arrays.items():
+                    write_rows(self._datasets[name], place, values[first:last])
+                self._flush()
+                write_rows(self._status, place, status[first:last])
+                self._flush()
         except (OSError, RuntimeError, ValueError) as error:
             trouble = disk_trouble(error)
             if trouble is None:
@@ -158,14 +158,6 @@ class Writer(Reader):
                 f"{self.path}: {trouble}; {self.counts().done} rows are done and safe: "
                 "make room and run the same command again"
             ) from None
-
-    def write_finished(self, first: int, columns: Mapping[str, NDArray[Any]]) -> None:
-        """Write every longest run of finished rows of a block that begins with the row `first`."""
-        finished = columns["status"] != Status.PENDING
-        edges = np.flatnonzero(np.diff(finished, prepend=False, append=False)).tolist()
-        for start, stop in zip(edges[::2], edges[1::2], strict=True):
-            part = {name: values[start:stop] for name, values in columns.items()}
-            self.write_block(first + start, first + stop, part)
 
     def _flush(self) -> None:
         """Pass all data to the kernel, which keeps them if this process is killed."""

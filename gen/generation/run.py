@@ -135,13 +135,13 @@ def generate_database(
                 made = compute_rows(target.scene, *block, rank=world.rank, limit=limit)
                 if not target.parallel or writer is None:
                     return made
-                writer.write_finished(block[0], made)
+                writer.write_block(*block, made)
                 return {"status": made["status"]}
 
             def take(block: Block, made: Columns) -> None:
                 nonlocal overdue
                 if not target.parallel and writer is not None:
-                    writer.write_finished(block[0], made)
+                    writer.write_block(*block, made)
                 late = int(np.count_nonzero(made["status"] == Status.PENDING))
                 failed = int(np.count_nonzero(made["status"] == Status.FAILED))
                 overdue += late

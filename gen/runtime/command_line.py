@@ -181,17 +181,19 @@ def main(
         code, message = 0, ""
         try:
             world = farm.this_world()
-            joins = arguments[:1] and arguments[0] in together and "--help" not in arguments
+            first = arguments[0] if arguments else ""
+            joins = first in together and "--help" not in arguments
             if alone and world.size > 1:
                 code, message = 2, f"{name}: started as {world.size} processes; start it as one"
             elif empty := [n for n, each in enumerate(arguments) if EMPTY.fullmatch(each)]:
                 after = f" after {arguments[empty[0] - 1]!r}" if empty[0] else ""
                 said = f"{arguments[empty[0]]!r}{after} is empty: give a value, or leave it out"
                 code, message = 2, f"{name}: {said}"
+            elif first == "--version" and world.is_master:
+                echo(f"asperity {VERSION}")
             elif world.is_master or joins:
                 with _built(app).make_context(name, list(arguments)) as context:
-                    version = context.params.get("version")
-                    returned = (_print_version if version else context.command.invoke)(context)
+                    returned = context.command.invoke(context)
                 code = returned if isinstance(returned, int) else 0
                 put("", sys.stdout)  # so that errors of what is left of the output are raised here
         except (Exception, SystemExit, KeyboardInterrupt) as error:
@@ -200,13 +202,11 @@ def main(
             _complain(message)
         try:
             return world.end(code)
-        except RuntimeError:  # the command has failed on this worker alone: all end
-            if not message:
-                raise
-            _complain(f"{message} (rank {world.rank})")
+        except RuntimeError as left:  # the command has failed on this worker alone: all end
+            _complain(f"{message or left} (rank {world.rank})")
             time.sleep(farm.FORWARDING)
-            world.communicator.Abort(code)
-            sys.exit(code)
+            world.communicator.Abort(code or 1)
+            sys.exit(code or 1)
     except farm.MasterLeft as left:
         return left.code
     except Exception:
@@ -251,11 +251,6 @@ def _end_after(error: BaseException, name: str) -> tuple[int, str]:
         case _:
             raise error
     return 2, f"{name}: {said}"
-
-
-def _print_version(context: typer.Context) -> None:
-    """Print the version, as the option `--version` asks for it instead of a command."""
-    echo(f"asperity {VERSION}")
 
 
 @cache

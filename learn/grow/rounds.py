@@ -150,7 +150,7 @@ def generate(
 
             def take(block: Block, columns: Columns) -> None:
                 nonlocal made
-                writer.write_finished(block[0], columns)
+                writer.write_block(*block, columns)
                 made += block[1] - block[0]
                 pace.row = (time.monotonic() - began) / made
                 failed = int(np.count_nonzero(columns["status"] == Status.FAILED))

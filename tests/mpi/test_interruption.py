@@ -141,7 +141,7 @@ world = MPI.COMM_WORLD
 full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "disk")
 missing = ModuleNotFoundError("No module named 'matplotlib'", name="matplotlib")
 FAULTS = {
-    "a disk full while rows come in": (0, Writer, "write_finished", full),
+    "a disk full while rows come in": (0, Writer, "write_block", full),
     "a package that is missing": (0, run, "blocks_of", missing),
     "an error of the system at the start": (0, run, "Target", full),
     "a refusal after the start": (0, run, "opened", InputError("no file")),
@@ -171,7 +171,7 @@ from gen.scene import load
 from mpi4py import MPI
 world, master = MPI.COMM_WORLD, MPI.COMM_WORLD.rank == 0
 run.BLOCK_ROWS, run.ANSWER_NODES = 1, 0
-write = database.Writer.write_finished
+write = database.Writer.write_block
 def happen(path):  # on each rank that writes, perhaps at the same moment
     if path.name == "replaced.h5":
         os.replace(shutil.copy("other.h5", f"new-{world.rank}"), path)
@@ -186,7 +186,7 @@ def write_then_happen(*arguments):
     count.append(1)
     if len(count) == 3:
         happen(current[-1])
-database.Writer.write_finished = write_then_happen
+database.Writer.write_block = write_then_happen
 for fate in sys.argv[1:]:
     current.append(Path(fate + ".h5"))
     count.clear()

@@ -13,7 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from gen import cli, database
-from gen.database import Reader, Writer, create, extend, lock, open_or_create
+from gen.database import Reader, Writer, create, lock, open_or_create
 from gen.database.writer import HeldFile
 from gen.runtime.errors import InputError
 from gen.scene import Scene
@@ -185,7 +185,7 @@ def test_an_extension_does_not_replace_what_has_come_meanwhile(held, folder, mon
 
     monkeypatch.setattr("gen.database.creation._merge_rows", replace_meanwhile)
     with pytest.raises(InputError, match="replaced by another file"):
-        extend(held, LARGER)
+        open_or_create(held, LARGER)
     assert held.read_bytes() == (folder / "other.h5").read_bytes()
     assert {each.name for each in folder.glob("some*")} == {"some.h5"}
 
@@ -252,7 +252,7 @@ def test_a_file_in_the_making_is_closed_to_whom_the_old_one_is(held, monkeypatch
         modes.extend(stat.S_IMODE(each.stat().st_mode) for each in held.parent.glob("*.part"))
 
     monkeypatch.setattr("gen.database.creation._merge_rows", note_modes)
-    extend(held, LARGER)
+    open_or_create(held, LARGER)
     assert set(modes) == {0o600}
 
 
