@@ -31,7 +31,7 @@ ONE_HOME = {
     "pyfftw": {"bem/operators/filters.py"},
     "threadpoolctl": {"bem/threads.py"},
     "tomllib": {"gen/scene/scene.py", "bench/files.py"},
-    "SurfaceTopography": {"gen/maps/read.py", "bench/made_maps.py"},
+    "SurfaceTopography": {"gen/maps/instruments.py", "bench/made_maps.py"},
     "matplotlib": {"gen/runtime/figure.py", "bench"},
     "sklearn": {"learn", "bench"},
     "xgboost": {"learn/models.py"},

@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from gen.arrays import Heights, Values
-from gen.maps.filters import fitted_polynomial, local_medians
+from gen.maps.filters import MOST_HOLES, fitted_polynomial, is_same, resampled
 from gen.maps.library import Tiling, digest
-from gen.maps.prepare import FLAT, MANY_SPIKES, MOST_HOLES, STEEP, is_same, prepare, resampled, tilt
+from gen.maps.prepare import FLAT, MANY_SPIKES, STEEP, local_medians, prepare, tilt
 from gen.maps.read import Sides, Topography, in_words, read
 from gen.maps.settings import SPIKE, Reading
 from gen.maps.texture import SelfAffineFit, areal_parameters, fit_self_affine, radial_spectrum

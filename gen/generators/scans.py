@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeA
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, PlainValidator, Strict, ValidationInfo, create_model
+from pydantic import AfterValidator, Field, PlainValidator, Strict, ValidationInfo, create_model
 from pydantic_core import PydanticCustomError
 
 from gen.arrays import Heights
 from gen.distribution import Positive, Table
-from gen.maps.settings import Reading, keys
+from gen.maps.settings import Key, Reading, keys
 from gen.runtime.errors import InputError, SourceError
 from gen.surface import (
     ANOTHER,
@@ -82,15 +82,18 @@ Lengths = Annotated[str, PlainValidator(lengths)]
 
 
 def _table(name: str) -> type[Table]:
-    """Make a table of the keys of `gen.maps.settings.Reading`, which checks them further."""
-    rules: dict[str, Any] = {"side": Lengths, "despike": Positive}
+    """Make a table of the keys of `gen.maps.settings.Reading`."""
+    rules: dict[str, Any] = {"side": Lengths, "despike": float, "form": int, "downsample": int}
     made: dict[str, Any] = {}
     for key, told in keys(name).items():
+
+        def suiting(value: Any, told: Key = told) -> Any:
+            if not told.suits(value):
+                raise PydanticCustomError("key", "not allowed")
+            return value
+
         rule = rules.get(key, Text if told.metavar else bool)
-        if told.choices:
-            rule = Literal[told.choices]
-        elif told.least is not None:
-            rule = Annotated[int, Field(ge=told.least)]
+        rule = Annotated[rule, AfterValidator(suiting)]
         made[key] = (rule | None, Field(default=None, description=told.allowed))
     return create_model(f"{name.capitalize()}Table", __base__=Table, **made)
 
@@ -263,12 +266,7 @@ class ScanSurface(GeneratedSurface):
         spacing = None if self.spacing is None else pair(self.spacing)
         given = {**self.reading.model_dump(), **self.preparation.model_dump()}
         given = {name: value for name, value in given.items() if value is not None}
-        reading = Reading(**given, asked="key")
-        try:
-            reading.check()
-        except InputError as error:
-            raise InputError(f"surface.preparation: {error}") from None
-        return Wanted(pair(self.nodes), spacing, reading)
+        return Wanted(pair(self.nodes), spacing, Reading(**given, asked="key"))
 
     def remarks(self) -> list[str]:
         """Return lines about the maps for the user of a run: numbers, place and warnings."""

@@ -110,8 +110,7 @@ def composite(
         )
     )
     result = replace(grid, name=name, heights=heights, sides=(x, y))
-    repeats = first.repeats and second.repeats
-    result = replace(result, followed=first.followed & second.followed, repeats=repeats)
+    result = replace(result, followed=first.followed & second.followed)
     turn = f"turned over (its {placement.turned} runs backwards)"
     turn = "not turned over" if placement.turned == "none" else turn
     said = [f"pressed against body 2 ({second.name}), {turn}"]

@@ -1,17 +1,25 @@
-"""Filters of heights: polynomials, spikes, the Gaussian filter of ISO 16610-61, and holes."""
+"""Larger steps of the preparation: form, waves by ISO 16610-61, holes, another spacing."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Literal
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from gen.arrays import Heights, Values
+from gen.maps.read import Sides, Topography, in_words
+from gen.maps.settings import said
+from gen.runtime.errors import InputError
 
 if TYPE_CHECKING:
     from bem.problem import Boundary
 
+ROUNDING = 1e-9  # relative difference of lengths that are taken for the same
+MANY_HOLES = 0.1  # share of missing heights above which filling them deserves a warning
+# share of missing heights above which filling them is refused unless the user insists
+MOST_HOLES = 0.5
 BLOCK = 1 << 15  # nodes that enter the fit at a time, which bounds the memory
 
 
@@ -35,49 +43,20 @@ def fitted_polynomial(heights: Heights, degree: int) -> Heights:
     return fit
 
 
-# nodes along each side of the neighbourhood: its median ignores spikes of up to 3 x 4 nodes
-WINDOW = 5
-ROWS = 64  # rows of nodes whose neighbourhoods are gathered at a time, which bounds the memory
-# scatter of the smoothest surfaces, as a share of the span of the heights: less is rounding
-ROUNDING = 1e-9
-
-
-def local_medians(heights: Heights) -> tuple[Heights, float]:
-    """Return the median of the measured nodes around each node, on their slope, and the scatter.
-
-    Beside a hole, a spike or the border, a slope would shift the median. So the plane through
-    the node whose slopes are the medians of those in its neighbourhood is taken out before. The
-    scatter of the distances from the medians is their median absolute deviation times 1.4826, the
-    standard deviation if they are normal, and at least that of rounding [um].
-    """
-    padded = np.pad(heights, WINDOW // 2, constant_values=np.nan)
-    windows = np.lib.stride_tricks.sliding_window_view(padded, (WINDOW, WINDOW))
-    steps = np.arange(WINDOW) - WINDOW // 2
-    medians = np.empty(heights.shape)
-    for first in range(0, len(heights), ROWS):
-        block = windows[first : first + ROWS].reshape(-1, WINDOW, WINDOW)
-        along_x, along_y = (
-            np.nan_to_num(_medians(np.diff(block, axis=axis)), copy=False)[:, None, None]
-            for axis in (1, 2)
+def without_form(topography: Topography, degree: int) -> Topography:
+    """Subtract the least-squares polynomial of a total degree from the measured nodes."""
+    heights, terms = topography.heights, (degree + 1) * (degree + 2) // 2
+    (nx, ny), measured = heights.shape, heights.size - topography.missing
+    if degree >= min(nx, ny) or measured <= terms:
+        named = said(f"form {degree}", topography.asked)
+        raise InputError(
+            f"{topography.name}: {named} has {terms} coefficients, too many for {measured} heights"
+            f" on {nx} x {ny} nodes"
         )
-        level = block - along_x * steps[:, None] - along_y * steps
-        medians[first : first + ROWS] = _medians(level).reshape(-1, heights.shape[1])
-    distances = heights - medians
-    measured = distances[~np.isnan(distances)]
-    scatter = 1.4826 * float(np.median(np.abs(measured - np.median(measured))))
-    return medians, max(scatter, ROUNDING * float(np.nanmax(heights) - np.nanmin(heights)))
-
-
-def _medians(values: Values) -> Values:
-    """Return the median of the numbers of each entry of the first axis, NaN if it has none."""
-    each = values.reshape(len(values), -1)
-    ordered = np.sort(each, axis=1)  # NaN come last
-    count = np.count_nonzero(~np.isnan(each), axis=1)
-    entries = np.arange(len(each))
-    lower, upper = (
-        ordered[entries, np.maximum(place, 0)] for place in ((count - 1) // 2, count // 2)
-    )
-    return np.asarray(np.where(count % 2 == 1, lower, lower / 2 + upper / 2))
+    fit = fitted_polynomial(heights, degree)
+    span = f"{np.ptp(fit[~np.isnan(heights)]):.4g} um"
+    step = f"form taken out: a polynomial of degree {degree}, which spans {span}"
+    return topography.changed(heights - fit, step)
 
 
 # constant of the standard's weighting function, for which half of a wave of the cut-off passes
@@ -114,6 +93,27 @@ def long_waves(
         smooth = gaussian_filter1d(smooth, axis=axis, mode="constant", **weights)
         smooth = smooth / np.expand_dims(inside, 1 - axis)
     return smooth
+
+
+def filtered(topography: Topography, short: float | None, long: float | None) -> Topography:
+    """Take out waves shorter than the S-filter's cut-off and longer than the L-filter's [um]."""
+    heights, spacing, boundary = topography.heights, topography.spacing, topography.boundary
+    finest, side = FINEST * max(spacing), min(topography.sides)
+    cutoffs = {"S-filter": short, "L-filter": long}
+    given = {name: cutoff for name, cutoff in cutoffs.items() if cutoff is not None}
+    for name, cutoff in given.items():
+        if not finest * (1 - ROUNDING) <= cutoff <= side * (1 + ROUNDING):
+            raise InputError(
+                f"{topography.name}: {said('filter', topography.asked)}: the {name}'s cut-off,"
+                f" {cutoff:g} um, is outside {finest:.6g} to {side:.6g} um, four spacings to the"
+                " shorter side"
+            )
+        waves = long_waves(heights, spacing, cutoff, boundary)
+        heights = waves if name == "S-filter" else heights - waves
+    beyond = {"periodic": ", on past the borders", "mirror": ", mirrored at the borders"}
+    names = ", ".join(f"{name} {cutoff:g} um" for name, cutoff in given.items())
+    step = f"filtered after ISO 16610-61 (Gaussian): {names}{beyond.get(boundary, '')}"
+    return topography.changed(heights, step)
 
 
 def filled_harmonically(
@@ -153,18 +153,63 @@ def filled_harmonically(
     return filled
 
 
-def least_squares(heights: Heights, degree: int) -> tuple[Heights, Values]:
-    """Fit a plane or a quadratic to the measured nodes; return the fit and its coefficients [um].
+def filled(topography: Topography, *, insisted: bool) -> Topography:
+    """Fill holes; warn of many, and refuse more than heights unless the user insists."""
+    missing, size = topography.missing, topography.heights.size
+    share = f"{100 * missing / size:.3g} %"
+    if missing > MOST_HOLES * size and not insisted:
+        fill, insist = (said(key, topography.asked) for key in ("fill", "fill_most"))
+        raise InputError(
+            f"{topography.name}: {missing} of {size} heights are missing ({share}): {fill} would"
+            f" make up more than was measured; crop, measure again, or insist by {insist}"
+        )
+    periodic = topography.boundary == "periodic"
+    heights = filled_harmonically(topography.heights, topography.spacing, periodic=periodic)
+    whole = topography.changed(heights, f"filled {missing} nodes ({share}) harmonically")
+    if missing <= MANY_HOLES * size:
+        return whole
+    warning = f"{share} of the heights were missing and are filled: filled parts are too smooth"
+    return replace(whole, warnings=(*whole.warnings, warning))
 
-    Coordinates of the coefficients go from -1 to 1 along both axes.
+
+# relative difference of two spacings that are the same but for an instrument's rounding
+SAME = 1e-3
+
+
+def is_same(one: float, other: float) -> bool:
+    """Tell whether two spacings differ by no more than an instrument's rounding [um]."""
+    return abs(one - other) <= SAME * max(one, other)
+
+
+def resampled(topography: Topography, spacing: Sides) -> Topography:
+    """Give a map another spacing [um], axis by axis, unless it has it but for rounding.
+
+    Cubic splines through the nodes are evaluated where the new nodes are closer. Where they are
+    further apart, the splines are averaged over the new cells: values at the new nodes would fold
+    short waves back into long ones.
     """
-    x, y = np.meshgrid(*(np.linspace(-1, 1, nodes) for nodes in heights.shape), indexing="ij")
-    columns = [np.ones_like(x), x, y, *([x * x, x * y, y * y] if degree == 2 else [])]
-    measured = ~np.isnan(heights)
-    matrix = np.stack([column[measured] for column in columns], axis=1)
-    offset = float(np.mean(heights[measured]))
-    coefficients = np.linalg.lstsq(matrix, heights[measured] - offset, rcond=None)[0]
-    fit = np.full_like(heights, offset)
-    for coefficient, column in zip(coefficients, columns, strict=True):
-        fit = fit + coefficient * column
-    return fit, np.asarray(coefficients)
+    from scipy.interpolate import make_interp_spline
+
+    heights = topography.heights
+    for axis, (old, new) in enumerate(zip(topography.spacing, spacing, strict=True)):
+        if is_same(old, new):
+            continue
+        nodes = heights.shape[axis]
+        if nodes < 4:
+            raise InputError(f"{topography.name}: {nodes} nodes along an axis, resampling needs 4")
+        last, number = (nodes - 1) * old, int((nodes - 1) * old / new * (1 + 1e-12)) + 1
+        places = np.minimum(new * np.arange(number), last)
+        spline: Any = make_interp_spline(old * np.arange(nodes), heights, k=3, axis=axis)
+        if new < old:
+            heights = np.ascontiguousarray(spline(places))
+        else:
+            means = np.diff(spline.antiderivative()(places), axis=axis) / new
+            heights = np.ascontiguousarray(means)
+    nx, ny = heights.shape
+    if min(nx, ny) < 2:
+        raise InputError(
+            f"{topography.name}: a spacing of {in_words(spacing)} um leaves {nx} x {ny} nodes,"
+            " give one that leaves 2 x 2 or more"
+        )
+    step = f"resampled to {nx} x {ny} nodes every {in_words(spacing)} um by cubic splines"
+    return topography.changed(heights, step * (heights is not topography.heights), spacing)

@@ -30,7 +30,8 @@ from typing import Any
 import numpy as np
 
 from gen.arrays import Heights, Values
-from gen.maps.prepare import is_same, prepare, resampled
+from gen.maps.filters import is_same, resampled
+from gen.maps.prepare import prepare
 from gen.maps.read import Sides, files_in, in_words, read
 from gen.maps.settings import Reading
 from gen.runtime.errors import InputError

@@ -13,11 +13,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gen.arrays import Heights
-from gen.maps import filters
-from gen.maps.filters import ROWS, filled_harmonically, least_squares, local_medians
-from gen.maps.read import WIDEST, Sides, Topography, in_words, read
-from gen.maps.settings import SPIKE, Reading, numbers_in, said
+from gen.arrays import Heights, Values
+from gen.maps.filters import filled, filtered, without_form
+from gen.maps.read import WIDEST, Topography, read
+from gen.maps.settings import KEYS, SPIKE, Reading, numbers_in, said
 from gen.runtime.errors import InputError
 from gen.statistics import rms_slope
 
@@ -25,12 +24,9 @@ if TYPE_CHECKING:
     from bem.problem import Boundary
     from gen.maps.bodies import Opposite
 
-ROUNDING = 1e-9  # relative difference of lengths that are taken for the same
+ROUNDING = 1e-9  # relative difference of numbers that are taken for the same
 # share of nodes above which those taken out as spikes are probably part of the surface
 MANY_SPIKES = 0.01
-MANY_HOLES = 0.1  # share of missing heights above which filling them deserves a warning
-# share of missing heights above which filling them is refused unless the user insists
-MOST_HOLES = 0.5
 
 
 def prepare(topography: Topography, settings: Reading) -> Topography:
@@ -41,7 +37,12 @@ def prepare(topography: Topography, settings: Reading) -> Topography:
     all nodes, and no slope at the borders. Means come last, when the S-filter has taken out the
     waves that they would fold back. Raises InputError if a setting does not suit the map.
     """
-    settings.check()
+    if settings.level and settings.form is not None:
+        words = (f"level {settings.level}", f"form {settings.form}")
+        level, form = (said(each, settings.asked) for each in words)
+        raise InputError(
+            f"{level} and {form} given: give one; forms of degree 1 and 2 are levels too"
+        )
     followed = {key for key in STEPS if getattr(settings, key)} - {"level", "despike"}
     followed |= {f"level {settings.level}"} if settings.level else set()
     # a threshold of spikes counts as the one that is advised if it takes out as many
@@ -49,13 +50,17 @@ def prepare(topography: Topography, settings: Reading) -> Topography:
     followed |= topography.followed
     topography = replace(topography, followed=frozenset(followed), asked=settings.asked)
     for key, step in STEPS.items():
-        if key == "filter" and topography.missing:  # from here on every node is needed
+        value, whole = getattr(settings, key), not np.isnan(topography.heights).any()
+        if key == "filter" and not whole:  # from here on every node is needed
             fault = f"{topography.missing} of {topography.heights.size} heights are missing (NaN)"
             remedies = ("fill", "closes holes"), ("crop", "leaves them out")
             raise InputError(f"{topography.name}: {advised(topography, fault, *remedies)}")
-        nothing = key in {"fill", "fill_most"} and not topography.missing  # to fill
-        if getattr(settings, key) and not nothing:
-            topography = step(topography, settings)
+        if value is None or value is False or value == "" or (whole and key.startswith("fill")):
+            continue
+        if not KEYS[key].suits(value):
+            named = said(f"{key} {value!r}", settings.asked)
+            raise InputError(f"{named}: give {KEYS[key].allowed}")
+        topography = step(topography, settings)
     if not is_tilted(topography):
         return topography
     x, y = tilt(topography)
@@ -68,7 +73,7 @@ def prepare(topography: Topography, settings: Reading) -> Topography:
 # what each key of the preparation does, if it is given, in the order of the steps
 STEPS: Mapping[str, Callable[[Topography, Any], Topography]] = {
     "crop": lambda given, how: cropped(given, how.crop),
-    "invert": lambda given, _: changed(given, -given.heights, "turned upside down"),
+    "invert": lambda given, _: given.changed(-given.heights, "turned upside down"),
     "mask": lambda given, how: masked(given, how.ends("mask")),
     "despike": lambda given, how: despiked(given, how.despike),
     "level": lambda given, how: levelled(given, how.level),
@@ -78,19 +83,6 @@ STEPS: Mapping[str, Callable[[Topography, Any], Topography]] = {
     "filter": lambda given, how: filtered(given, *how.ends("filter")),
     "downsample": lambda given, how: downsampled(given, how.downsample),
 }
-
-
-def changed(
-    topography: Topography, heights: Heights, step: str, spacing: Sides | None = None
-) -> Topography:
-    """Return the topography with new heights, perhaps of a new spacing [um], and a step more."""
-    if spacing is not None:
-        x, y = (
-            (nodes - (topography.boundary == "free")) * apart
-            for nodes, apart in zip(heights.shape, spacing, strict=True)
-        )
-        topography = replace(topography, sides=(x, y))
-    return replace(topography, heights=heights, steps=(*topography.steps, *filter(None, [step])))
 
 
 def cropped(topography: Topography, text: str) -> Topography:
@@ -110,7 +102,7 @@ def cropped(topography: Topography, text: str) -> Topography:
     if np.isnan(heights).all():
         raise InputError(f"{named}: all heights are missing there")
     step = f"cropped to {heights.shape[0]} x {heights.shape[1]} nodes, {text} um"
-    return changed(replace(topography, repeats=False), heights, step, spacing)
+    return topography.changed(heights, step, spacing)
 
 
 def masked(topography: Topography, kept: tuple[float | None, float | None]) -> Topography:
@@ -126,7 +118,50 @@ def masked(topography: Topography, kept: tuple[float | None, float | None]) -> T
             f" {np.nanmax(heights):.6g} um"
         )
     step = f"masked {_share(outside)} outside {below:g} to {above:g} um"
-    return changed(topography, left, step)
+    return topography.changed(left, step)
+
+
+# nodes along each side of the neighbourhood: its median ignores spikes of up to 3 x 4 nodes
+WINDOW = 5
+ROWS = 64  # rows of nodes whose neighbourhoods are gathered at a time, which bounds the memory
+
+
+def local_medians(heights: Heights) -> tuple[Heights, float]:
+    """Return the median of the measured nodes around each node, on their slope, and the scatter.
+
+    Beside a hole, a spike or the border, a slope would shift the median. So the plane through
+    the node whose slopes are the medians of those in its neighbourhood is taken out before. The
+    scatter of the distances from the medians is their median absolute deviation times 1.4826, the
+    standard deviation if they are normal, and at least that of rounding [um].
+    """
+    padded = np.pad(heights, WINDOW // 2, constant_values=np.nan)
+    windows = np.lib.stride_tricks.sliding_window_view(padded, (WINDOW, WINDOW))
+    steps = np.arange(WINDOW) - WINDOW // 2
+    medians = np.empty(heights.shape)
+    for first in range(0, len(heights), ROWS):
+        block = windows[first : first + ROWS].reshape(-1, WINDOW, WINDOW)
+        along_x, along_y = (
+            np.nan_to_num(_medians(np.diff(block, axis=axis)), copy=False)[:, None, None]
+            for axis in (1, 2)
+        )
+        level = block - along_x * steps[:, None] - along_y * steps
+        medians[first : first + ROWS] = _medians(level).reshape(-1, heights.shape[1])
+    distances = heights - medians
+    measured = distances[~np.isnan(distances)]
+    scatter = 1.4826 * float(np.median(np.abs(measured - np.median(measured))))
+    return medians, max(scatter, ROUNDING * float(np.nanmax(heights) - np.nanmin(heights)))
+
+
+def _medians(values: Values) -> Values:
+    """Return the median of the numbers of each entry of the first axis, NaN if it has none."""
+    each = values.reshape(len(values), -1)
+    ordered = np.sort(each, axis=1)  # NaN come last
+    count = np.count_nonzero(~np.isnan(each), axis=1)
+    entries = np.arange(len(each))
+    lower, upper = (
+        ordered[entries, np.maximum(place, 0)] for place in ((count - 1) // 2, count // 2)
+    )
+    return np.asarray(np.where(count % 2 == 1, lower, lower / 2 + upper / 2))
 
 
 def despiked(topography: Topography, threshold: float) -> Topography:
@@ -137,7 +172,7 @@ def despiked(topography: Topography, threshold: float) -> Topography:
         spikes = np.abs(heights - medians) > threshold * scatter
     taken = _share(spikes)
     step = f"despiked: {taken} further than {threshold:g} times the scatter from their local median"
-    clean = changed(topography, np.where(spikes, medians, heights), step)
+    clean = topography.changed(np.where(spikes, medians, heights), step)
     if spikes.mean() <= MANY_SPIKES:
         return clean
     named = said("despike", topography.asked)
@@ -145,20 +180,21 @@ def despiked(topography: Topography, threshold: float) -> Topography:
     return replace(clean, warnings=(*clean.warnings, warning))
 
 
-def without_form(topography: Topography, degree: int) -> Topography:
-    """Subtract the least-squares polynomial of a total degree from the measured nodes."""
-    heights, terms = topography.heights, (degree + 1) * (degree + 2) // 2
-    (nx, ny), measured = heights.shape, heights.size - topography.missing
-    if degree >= min(nx, ny) or measured <= terms:
-        named = said(f"form {degree}", topography.asked)
-        raise InputError(
-            f"{topography.name}: {named} has {terms} coefficients, too many for {measured} heights"
-            f" on {nx} x {ny} nodes"
-        )
-    fit = filters.fitted_polynomial(heights, degree)
-    span = f"{np.ptp(fit[~np.isnan(heights)]):.4g} um"
-    step = f"form taken out: a polynomial of degree {degree}, which spans {span}"
-    return changed(topography, heights - fit, step)
+def least_squares(heights: Heights, degree: int) -> tuple[Heights, Values]:
+    """Fit a plane or a quadratic to the measured nodes; return the fit and its coefficients [um].
+
+    Coordinates of the coefficients go from -1 to 1 along both axes.
+    """
+    x, y = np.meshgrid(*(np.linspace(-1, 1, nodes) for nodes in heights.shape), indexing="ij")
+    columns = [np.ones_like(x), x, y, *([x * x, x * y, y * y] if degree == 2 else [])]
+    measured = ~np.isnan(heights)
+    matrix = np.stack([column[measured] for column in columns], axis=1)
+    offset = float(np.mean(heights[measured]))
+    coefficients = np.linalg.lstsq(matrix, heights[measured] - offset, rcond=None)[0]
+    fit = np.full_like(heights, offset)
+    for coefficient, column in zip(coefficients, columns, strict=True):
+        fit = fit + coefficient * column
+    return fit, np.asarray(coefficients)
 
 
 def levelled(topography: Topography, level: str) -> Topography:
@@ -166,51 +202,11 @@ def levelled(topography: Topography, level: str) -> Topography:
     heights = topography.heights
     if level == "mean":
         mean = float(np.nanmean(heights))
-        return changed(topography, heights - mean, f"levelled by the mean, {mean:.6g} um")
+        return topography.changed(heights - mean, f"levelled by the mean, {mean:.6g} um")
     x, y = tilt(topography)
     fit, _ = least_squares(heights, 1 if level == "plane" else 2)
     step = f"levelled by a {level} (tilt was {x:.4g} along x, {y:.4g} along y)"
-    return changed(topography, heights - fit, step)
-
-
-def filled(topography: Topography, *, insisted: bool) -> Topography:
-    """Fill holes; warn of many, and refuse more than heights unless the user insists."""
-    missing, size = topography.missing, topography.heights.size
-    share = f"{100 * missing / size:.3g} %"
-    if missing > MOST_HOLES * size and not insisted:
-        fill, insist = (said(key, topography.asked) for key in ("fill", "fill_most"))
-        raise InputError(
-            f"{topography.name}: {missing} of {size} heights are missing ({share}): {fill} would"
-            f" make up more than was measured; crop, measure again, or insist by {insist}"
-        )
-    periodic = topography.boundary == "periodic"
-    heights = filled_harmonically(topography.heights, topography.spacing, periodic=periodic)
-    whole = changed(topography, heights, f"filled {missing} nodes ({share}) harmonically")
-    if missing <= MANY_HOLES * size:
-        return whole
-    warning = f"{share} of the heights were missing and are filled: filled parts are too smooth"
-    return replace(whole, warnings=(*whole.warnings, warning))
-
-
-def filtered(topography: Topography, short: float | None, long: float | None) -> Topography:
-    """Take out waves shorter than the S-filter's cut-off and longer than the L-filter's [um]."""
-    heights, spacing, boundary = topography.heights, topography.spacing, topography.boundary
-    finest, side = filters.FINEST * max(spacing), min(topography.sides)
-    cutoffs = {"S-filter": short, "L-filter": long}
-    given = {name: cutoff for name, cutoff in cutoffs.items() if cutoff is not None}
-    for name, cutoff in given.items():
-        if not finest * (1 - ROUNDING) <= cutoff <= side * (1 + ROUNDING):
-            raise InputError(
-                f"{topography.name}: {said('filter', topography.asked)}: the {name}'s cut-off,"
-                f" {cutoff:g} um, is outside {finest:.6g} to {side:.6g} um, four spacings to the"
-                " shorter side"
-            )
-        waves = filters.long_waves(heights, spacing, cutoff, boundary)
-        heights = waves if name == "S-filter" else heights - waves
-    beyond = {"periodic": ", on past the borders", "mirror": ", mirrored at the borders"}
-    names = ", ".join(f"{name} {cutoff:g} um" for name, cutoff in given.items())
-    step = f"filtered after ISO 16610-61 (Gaussian): {names}{beyond.get(boundary, '')}"
-    return changed(topography, heights, step)
+    return topography.changed(heights - fit, step)
 
 
 def downsampled(topography: Topography, nodes: int) -> Topography:
@@ -226,56 +222,13 @@ def downsampled(topography: Topography, nodes: int) -> Topography:
     rest = f", the last {left[0]} and {left[1]} lines left out" if any(left) else ""
     dx, dy = topography.spacing
     step = f"downsampled to {nx} x {ny} means of {nodes} x {nodes} nodes{rest}"
-    return changed(topography, means, step, (nodes * dx, nodes * dy))
+    return topography.changed(means, step, (nodes * dx, nodes * dy))
 
 
 def _share(chosen: NDArray[np.bool_]) -> str:
     """Say how many nodes are chosen, and which share of all nodes they are."""
     count = int(np.count_nonzero(chosen))
     return f"{count} node{'' if count == 1 else 's'} ({100 * count / chosen.size:.3g} %)"
-
-
-# relative difference of two spacings that are the same but for an instrument's rounding
-SAME = 1e-3
-
-
-def is_same(one: float, other: float) -> bool:
-    """Tell whether two spacings differ by no more than an instrument's rounding [um]."""
-    return abs(one - other) <= SAME * max(one, other)
-
-
-def resampled(topography: Topography, spacing: Sides) -> Topography:
-    """Give a map another spacing [um], axis by axis, unless it has it but for rounding.
-
-    Cubic splines through the nodes are evaluated where the new nodes are closer. Where they are
-    further apart, the splines are averaged over the new cells: values at the new nodes would fold
-    short waves back into long ones.
-    """
-    from scipy.interpolate import make_interp_spline
-
-    heights = topography.heights
-    for axis, (old, new) in enumerate(zip(topography.spacing, spacing, strict=True)):
-        if is_same(old, new):
-            continue
-        nodes = heights.shape[axis]
-        if nodes < 4:
-            raise InputError(f"{topography.name}: {nodes} nodes along an axis, resampling needs 4")
-        last, number = (nodes - 1) * old, int((nodes - 1) * old / new * (1 + 1e-12)) + 1
-        places = np.minimum(new * np.arange(number), last)
-        spline: Any = make_interp_spline(old * np.arange(nodes), heights, k=3, axis=axis)
-        if new < old:
-            heights = np.ascontiguousarray(spline(places))
-        else:
-            means = np.diff(spline.antiderivative()(places), axis=axis) / new
-            heights = np.ascontiguousarray(means)
-    nx, ny = heights.shape
-    if min(nx, ny) < 2:
-        raise InputError(
-            f"{topography.name}: a spacing of {in_words(spacing)} um leaves {nx} x {ny} nodes,"
-            " give one that leaves 2 x 2 or more"
-        )
-    step = f"resampled to {nx} x {ny} nodes every {in_words(spacing)} um by cubic splines"
-    return changed(topography, heights, step * (heights is not topography.heights), spacing)
 
 
 # rms slope above which half-space theory, made for small slopes, is in doubt; the paper's rough
@@ -293,10 +246,11 @@ FEWEST_TILTED = 8
 def surface_warnings(topography: Topography) -> list[str]:
     """List reasons to distrust contacts of a surface: spikes, slopes, wrong units, borders."""
     warnings, heights = list(topography.warnings), topography.heights
-    if (spike := _spike(heights)) is not None:
-        row, column, above = spike
+    row, column = map(int, np.unravel_index(int(np.argmax(heights)), heights.shape))
+    above, usual = _above_neighbours(heights)
+    if above[row, column] > SPIKE * usual:
         fault = f"the highest node ({row}, {column}) is a spike from whose tip Delta counts,"
-        fault += f" {above:.4g} um above its neighbours"
+        fault += f" {above[row, column]:.4g} um above its neighbours"
         remedies = (f"despike {SPIKE:g}", "removes spikes"), ("crop", "leaves this part out")
         warnings.append(advised(topography, fault, *remedies))
     slope, apart = rms_slope(heights, topography.spacing), max(topography.spacing)
@@ -316,12 +270,22 @@ def surface_warnings(topography: Topography) -> list[str]:
             fault = f"opposite borders differ by {step:.4g} um (rms), more than the rms height,"
             fault += f" {rms:.4g} um: the map is not periodic"
             warnings.append(advised(topography, fault, ("boundary mirror", "takes it as it is")))
-    if topography.boundary != "periodic" and topography.repeats:
-        fault = "the file says that its map is periodic, and it is taken as a"
-        fault += f" {topography.boundary} patch"
-        follows = "boundary periodic", "of gen describe, contact and law follows the file"
-        warnings.append(advised(topography, fault, follows))
     return warnings
+
+
+def _above_neighbours(heights: Heights) -> tuple[Heights, float]:
+    """Return how far nodes are above the median of their neighbours, and usually are [um]."""
+    # The odd reflection continues slopes beyond the border.
+    padded = np.pad(heights, 1, mode="reflect", reflect_type="odd")
+    windows = np.lib.stride_tricks.sliding_window_view(padded, (3, 3))
+    above = np.empty(heights.shape)
+    for first in range(0, len(heights), ROWS):
+        block = windows[first : first + ROWS].reshape(-1, heights.shape[1], 9)
+        neighbours = np.delete(block, 4, axis=-1)
+        above[first : first + ROWS] = block[..., 4] - np.median(neighbours, axis=-1)
+    above -= np.median(above)
+    usual = 1.4826 * float(np.median(np.abs(above)))
+    return above, max(usual, ROUNDING * float(np.ptp(heights)))
 
 
 def read_surface(
@@ -374,21 +338,3 @@ def tilt(topography: Topography) -> tuple[float, float]:
         )
     )
     return x, y
-
-
-def _spike(heights: Heights) -> tuple[int, int, float] | None:
-    """Return node and height above its neighbours [um] of the highest node if it is a spike."""
-    # The odd reflection continues slopes beyond the border.
-    padded = np.pad(heights, 1, mode="reflect", reflect_type="odd")
-    windows = np.lib.stride_tricks.sliding_window_view(padded, (3, 3))
-    above = np.empty(heights.shape)
-    for first in range(0, len(heights), ROWS):
-        block = windows[first : first + ROWS].reshape(-1, heights.shape[1], 9)
-        neighbours = np.delete(block, 4, axis=-1)
-        above[first : first + ROWS] = block[..., 4] - np.median(neighbours, axis=-1)
-    above -= np.median(above)
-    usual = 1.4826 * float(np.median(np.abs(above)))
-    row, column = np.unravel_index(int(np.argmax(heights)), heights.shape)
-    step = float(above[row, column])
-    noise = 1e-9 * float(np.ptp(heights))
-    return (int(row), int(column), step) if step > SPIKE * max(usual, noise) else None

@@ -2,11 +2,12 @@
 
 `arranged` turns heights, heights between coordinates, and lists of points into a map, whatever file
 they come from. Lists of points on a grid become a map with holes at the nodes that no point lies
-on; other lists are refused.
+on; other lists are refused. Units of length have their home here too.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,6 +19,28 @@ from numpy.typing import NDArray
 from gen.arrays import Heights, Values
 from gen.maps.settings import Reading, said
 from gen.runtime.errors import InputError
+
+METRIC = {"m": 1e6, "cm": 1e4, "mm": 1e3, "um": 1.0, "µm": 1.0, "μm": 1.0, "nm": 1e-3, "pm": 1e-6}
+UNITS = METRIC | {"A": 1e-4, "Å": 1e-4, "inch": 25.4e3}  # length of each unit [um]
+# units by other names in the singular; those in metres are read by their prefix
+WORDS = {"micron": "um", "angstrom": "A", "ångström": "A", "in": "inch", '"': "inch"}
+
+
+def factor_of(unit: str, name: str, advice: str = "give") -> float:
+    """Return the length of a unit [um]; with an unknown unit, give this advice."""
+    if unit_of(unit) not in UNITS:
+        raise InputError(f"{name} {unit!r}: {advice} one of {', '.join(UNITS)}")
+    return UNITS[unit_of(unit)]
+
+
+def unit_of(name: str) -> str:
+    """Return the key of `UNITS` for a unit by one of its names; other names as they are."""
+    word = name.lower().removesuffix("s").removesuffix("e")
+    metres = re.fullmatch("(p|n|m|c|)(?:ico|ano|illi|enti|)(micro|)met(?:er|r)", word)
+    if metres:
+        return ("u" if metres[2] else metres[1]) + "m"
+    known = word in UNITS and len(word) > 1  # M and a are no units of length
+    return name if name in UNITS else WORDS.get(word, word if known else name)
 
 
 @dataclass(frozen=True, eq=False)

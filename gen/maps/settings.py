@@ -8,6 +8,7 @@ would delay the help of every command: the tables of scenes are made where scene
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Literal, NamedTuple
 
@@ -21,7 +22,6 @@ SPIKE = 7.0
 # largest total degree of a form: higher ones follow the waviness, which is for an L-filter
 HIGHEST_DEGREE = 20
 READ, PREPARED = "reading", "preparation"  # tables of `[surface]` in a scene
-LEVELS = ("mean", "plane", "quadratic")
 
 # keys whose values are two numbers, one of which may be left out: what both are above, and advice
 ENDS = {
@@ -53,23 +53,19 @@ class Key(NamedTuple):
     help: str  # of the option, and in the manual
     metavar: str = ""  # value of the option in its help; "" for a flag
     table: str = ""  # of `[surface]` in a scene that has the key; "" for one that no scene has
-    choices: tuple[str, ...] = ()  # allowed words; () for any text
-    least: int | None = None  # least whole number
-    words: str = ""  # what is allowed, where the rest does not say it
+    words: str = ""  # what is allowed, where the metavar does not say it
+    suits: Callable[[Any], bool] = lambda value: True  # whether a value of the right type is
 
     @property
     def allowed(self) -> str:
         """What may be given, in words."""
-        if self.choices:
-            return ", ".join(map(repr, self.choices))
         return self.words or (f"text, {self.metavar}" if self.metavar else "true or false")
 
 
 KEYS = {
     "side": Key(
         "Scan length in um for a file without lengths; two for an oblong patch: 1000,500.",
-        *("UM", READ),
-        words="the scan length in um, or two as [1000, 500] or '1000,500'",
+        *("UM", READ, "the scan length in um, or two as [1000, 500] or '1000,500'"),
     ),
     "unit": Key("Unit of a file that names none, as um, nm or inch.", "UNIT", READ),
     "channel": Key("Name or index of a channel of the file.", "NAME", READ),
@@ -82,18 +78,19 @@ KEYS = {
     "mask": Key("Heights outside these, in um, become holes, as -5:3.", "BELOW:ABOVE", PREPARED),
     "despike": Key(
         "Replace nodes further from the local median than this times the scatter, as 7, by it.",
-        *("THRESHOLD", PREPARED),
-        words="a number above 0, as 7",
+        *("THRESHOLD", PREPARED, "a number above 0, as 7"),
+        suits=lambda threshold: 0 < threshold < math.inf,
     ),
     "level": Key(
         "Subtract the mean, plane or quadratic fit over the measured nodes.",
-        *("HOW", PREPARED, LEVELS),
+        *("HOW", PREPARED, "one of 'mean', 'plane', 'quadratic'"),
+        suits=("mean", "plane", "quadratic").__contains__,
     ),
     "form": Key(
         f"Subtract the fitted polynomial of total degree N, 1 to {HIGHEST_DEGREE}.",
         *("N", PREPARED),
-        least=1,
         words=f"the degree of a polynomial, a whole number from 1 to {HIGHEST_DEGREE}",
+        suits=lambda degree: 1 <= degree <= HIGHEST_DEGREE,
     ),
     "fill": Key(
         "Close holes by Laplace's equation between the heights of their rims.", "", PREPARED
@@ -106,9 +103,8 @@ KEYS = {
     ),
     "downsample": Key(
         "Take the means of N x N nodes as nodes.",
-        *("N", PREPARED),
-        least=2,
-        words="a whole number of 2 or more",
+        *("N", PREPARED, "a whole number of 2 or more"),
+        suits=lambda nodes: nodes >= 2,
     ),
 }
 """The keys; those of the preparation in the order of their steps, which is a metrologist's."""
@@ -143,28 +139,6 @@ class Reading(FileReading):
     form: int | None = None
     filter: str = ""
     downsample: int | None = None
-
-    def check(self) -> None:
-        """Refuse settings that suit no map, and a level together with a form, by their names."""
-        for name in filter(self.__getattribute__, ENDS):
-            self.ends(name)
-        for name, is_wrong in {
-            "despike": self.despike is not None and not 0 < self.despike < math.inf,
-            "level": bool(self.level) and self.level not in LEVELS,
-            "form": self.form is not None and not 1 <= self.form <= HIGHEST_DEGREE,
-            "downsample": self.downsample is not None and self.downsample < 2,
-        }.items():
-            if is_wrong:
-                given = said(f"{name} {getattr(self, name)!r}", self.asked)
-                allowed = keys(PREPARED)[name].allowed
-                raise InputError(f"{given}: give {'one of ' * (name == 'level')}{allowed}")
-        if self.level and self.form is not None:
-            level, form = (
-                said(f"{name} {getattr(self, name)}", self.asked) for name in ("level", "form")
-            )
-            raise InputError(
-                f"{level} and {form} given: give one; forms of degree 1 and 2 are levels too"
-            )
 
     def ends(self, key: str) -> tuple[float | None, float | None]:
         """Return both ends of `mask`, or both cut-offs of `filter` [um]; None where one is open."""

@@ -11,12 +11,14 @@ import codecs
 import math
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
 
-from gen.maps.scan import Scan
+from gen.maps.scan import UNITS, Channel, Scan, choose_channel, factor_of, unit_of
+from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
 
 # labels of a header, in lower case, for each quantity that we read from it
@@ -60,8 +62,8 @@ BARE = re.compile(r"\s*(File Format\s*=|WSxM file)", re.IGNORECASE)
 SAYS_LENGTHS = re.compile(r"\b(mm|um|µm|μm|nm|microns?|micromet\w+|nanomet\w+|\d\s*m)\b|Å")
 
 
-def decoded(content: bytes) -> str | None:
-    """Decode text in UTF-8 or UTF-16; of other encodings, foreign letters are lost."""
+def _decoded(content: bytes) -> str | None:
+    """Decode text in UTF-8 or UTF-16, of other encodings without foreign letters; else None."""
     encoding = "utf-8-sig"
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         encoding = "utf-16"
@@ -74,13 +76,15 @@ def decoded(content: bytes) -> str | None:
     return None if CONTROL_CHARACTERS.search(text) else text
 
 
-def matrices(content: str, path: Path) -> list[Scan]:
-    """Read the numbers of a text file: one matrix, or one for each header that names a channel."""
+def matrices(content: bytes, path: Path) -> list[Scan]:
+    """Read the numbers of a text: a matrix, or one for each header of a channel; [] of no text."""
+    if (text := _decoded(content)) is None:
+        return []
     read: list[Scan] = []
     rows: list[list[float]] = []
     entries: dict[str, str] = {}
     remarks: list[str] = []
-    for number, comment, fields in _lines(content, path):
+    for number, comment, fields in _lines(text, path):
         match = ENTRY.fullmatch(comment)
         meaning = MEANINGS.get(match["label"].lower(), "") if match else ""
         stated = {meaning: match["value"].strip()} if match and meaning else {}
@@ -97,6 +101,35 @@ def matrices(content: str, path: Path) -> list[Scan]:
     if rows or not read:  # a header at the end of a file has no numbers
         read.append(_matrix(path, rows, entries, remarks))
     return read
+
+
+def chosen(path: Path, found: list[Scan], reading: Reading) -> Scan:
+    """Return the matrix of the channel asked for, or the first with heights, x along axis 0."""
+    overruled = reading.override_scale and bool(reading.unit)  # its unit need not be a length
+    channels = [
+        Channel(
+            place,
+            each.channel or f"matrix {place}",
+            not each.unit or overruled or unit_of(each.unit) in UNITS,
+            each.unit or "",
+        )
+        for place, each in enumerate(found)
+    ]
+    taken, origin = 0, ""
+    if reading.channel or len(found) > 1 or not channels[0].heights:
+        taken, origin = choose_channel(path, channels, reading)
+    scan = found[taken]
+    heights, widths, x_unit, y_unit = scan.heights, scan.widths, scan.length_unit or "", scan.y_unit
+    differ = bool(y_unit) and unit_of(y_unit) != unit_of(x_unit)
+    if widths is not None:
+        if differ:
+            ratio = factor_of(y_unit, f"{path}: unit") / factor_of(x_unit, f"{path}: unit")
+            widths = widths[0], widths[1] * ratio
+        heights = np.ascontiguousarray(heights.T)
+        origin += " under a header, x along its lines"
+    elif differ:
+        raise InputError(f"{path}: has x in {x_unit} and y in {y_unit}; give both in one unit")
+    return replace(scan, heights=heights, widths=widths, origin=origin)
 
 
 def _columns(line: str, place: str = "") -> dict[str, str]:

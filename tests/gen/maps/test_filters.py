@@ -7,12 +7,10 @@ from hypothesis import strategies as st
 
 from gen.maps.filters import (
     ALPHA,
-    WINDOW,
     fitted_polynomial,
-    local_medians,
     long_waves,
 )
-from gen.maps.prepare import despiked
+from gen.maps.prepare import WINDOW, despiked, local_medians
 from gen.maps.read import Topography
 
 SHAPES = [(30, 41), (41, 30), (21, 21), (100, 22)]

@@ -13,19 +13,21 @@ from hypothesis import strategies as st
 from bem.problem import Boundary
 from gen import cli
 from gen.generators.scans import PreparationTable, ReadingTable
-from gen.maps.filters import filled_harmonically
+from gen.maps.filters import (
+    filled_harmonically,
+    filtered,
+    is_same,
+    resampled,
+    without_form,
+)
 from gen.maps.prepare import STEPS as TAKEN
 from gen.maps.prepare import (
     despiked,
     downsampled,
-    filtered,
-    is_same,
     masked,
     prepare,
-    resampled,
     surface_warnings,
     tilt,
-    without_form,
 )
 from gen.maps.read import Topography
 from gen.maps.settings import KEYS, Reading, keys, markdown_table, said
@@ -345,7 +347,7 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
 @pytest.mark.parametrize(("settings", "word"), REFUSED)
 def test_settings_out_of_their_ranges_are_refused(settings, word):
     with pytest.raises(InputError) as refusal:
-        Reading(**settings).check()
+        prepare(topography(X), Reading(**settings))
     assert str(refusal.value).startswith(word)
     assert "\n" not in str(refusal.value)
     assert len(str(refusal.value)) < 300
@@ -356,7 +358,7 @@ def test_messages_are_in_the_words_of_who_asks(asked, words):
     assert said("fill_most", asked) == words
     assert said("despike 7", asked) == ("--" * (asked == "option")) + "despike 7"
     with pytest.raises(InputError) as refusal:
-        Reading(level="up", asked=asked).check()
+        prepare(topography(X), Reading(level="up", asked=asked))
     assert str(refusal.value).startswith(said("level 'up': give one of", asked))
 
 
