@@ -49,6 +49,9 @@ peaks become ties, and skewness and kurtosis are wrong by more than about one pa
 UNDEFINED = "no asperity or one, peaks of equal height or curvature, or flat profiles"
 """Why statistics are NaN on a surface that is not flat."""
 
+DOT = "i,i->"
+"""Sum of products by einsum: BLAS's last bits would depend on the number of a rank's threads."""
+
 NEARLY_EQUAL = 1e-3
 """Ratio of spread to mean below which the rounding of the mean would show in the third moment."""
 
@@ -250,12 +253,13 @@ def _profiles(surface: Values, axis: int) -> Profiles:
         curvature[columns - 2 :: columns] = 0.0
         curvature[columns - 1 :: columns] = 0.0
     inside = profiles * (length - 2)
+    slopes, curvatures = (float(np.einsum(DOT, each, each)) for each in (difference, curvature))
     return Profiles(
         stride=stride,
         curvature=curvature,
         peaks=(difference[:-stride] > 0.0) & (difference[stride:] < 0.0),
-        slope_square=_sum_of_products(difference, difference) / (profiles * (length - 1)),
-        curvature_square=_sum_of_products(curvature, curvature) / inside if inside else math.nan,
+        slope_square=slopes / (profiles * (length - 1)),
+        curvature_square=curvatures / inside if inside else math.nan,
     )
 
 
@@ -282,8 +286,8 @@ def _moments(values: Values, origin: float, noise: float) -> Moments:
     if rms <= noise:
         return Moments(number, mean, rms, math.nan, math.nan)
     squares = deviations * deviations
-    third = _sum_of_products(squares, deviations) / number
-    fourth = _sum_of_products(squares, squares) / number
+    third = float(np.einsum(DOT, squares, deviations)) / number
+    fourth = float(np.einsum(DOT, squares, squares)) / number
     return Moments(number, mean, rms, third / (variance * rms), fourth / (variance * variance))
 
 
@@ -294,15 +298,10 @@ def _spread(values: Values, origin: float) -> tuple[float, Values, float]:
     """
     mean = float(values.sum()) / values.size
     deviations = values - mean
-    variance = _sum_of_products(deviations, deviations) / values.size
+    variance = float(np.einsum(DOT, deviations, deviations)) / values.size
     rest = 0.0
     if math.sqrt(variance) < NEARLY_EQUAL * abs(mean):
         rest = float(deviations.sum()) / values.size
         deviations -= rest
-        variance = _sum_of_products(deviations, deviations) / values.size
+        variance = float(np.einsum(DOT, deviations, deviations)) / values.size
     return (mean - origin) + rest, deviations, variance
-
-
-def _sum_of_products(first: Values, second: Values) -> float:
-    """Sum products by einsum: BLAS's last bits would depend on the number of a rank's threads."""
-    return float(np.einsum("i,i->", first, second))

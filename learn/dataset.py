@@ -22,7 +22,7 @@ from gen.schema import REASONS, Column, Reason, Status, statistics_columns
 from learn.executor import Executor
 from learn.features import FeatureSet, chosen
 from learn.features.scene import BY_FORCE, SCENE, given_values, load_of
-from learn.features.sets import Rows, geometric_mean, limits_of, modulus
+from learn.features.sets import Rows, limits_of, modulus
 from learn.metrics import usual_size
 from learn.split import MAP, TILE, Population, populations_of, related
 
@@ -202,7 +202,7 @@ def read(
     scenes = [part.scene for part in found]
     wanted = chosen(request.features, scenes, roots=request.roots, blocks=request.blocks, load=load)
     _require_compatible(found, scaled=wanted.scaled)
-    if wanted.by == "pressure":
+    if wanted.load == "pressure" and wanted.name != SCENE:
         found = [part.by_pressure() for part in found]
     if wanted.needs_surface:
         from learn.features.regeneration import hybrid_rows
@@ -246,7 +246,7 @@ def _read_stored(path: Path, targets: Sequence[str], load: str) -> Stored:
         ratio: Values | float | None = None
         if (limits := limits_of([scene])) is not None:
             ratio = reader.column("hardness") / modulus(scene) if drawn else limits[0]
-        size = geometric_mean(scene.sides), ratio, geometric_mean(scene.shape)
+        size = math.sqrt(math.prod(scene.sides)), ratio, math.sqrt(math.prod(scene.shape))
         given = given_values(scene, reader.column)
         return Stored(
             path,

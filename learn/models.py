@@ -10,20 +10,21 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, version
 from inspect import signature
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gen.arrays import Indices, Values
+from gen.arrays import Indices
 from gen.runtime.errors import InputError
+from gen.runtime.installation import versions as installed
 from gen.runtime.memory import MIB, allowed, free
 from learn.features.scene import SCENE
+from learn.features.sets import Scaling
 from learn.metrics import usual_size
 
 if TYPE_CHECKING:
@@ -147,12 +148,8 @@ def default_model(features: str) -> str:
 
 def versions() -> dict[str, str]:
     """Return the versions of the libraries that decide the numbers, "" for a missing one."""
-    found = dict.fromkeys(LIBRARIES, "")
-    for name, other in zip(LIBRARIES, (*LIBRARIES[:-1], "xgboost"), strict=True):
-        for each in (other, name):
-            with suppress(PackageNotFoundError):
-                found[name] = version(each)
-    return found
+    found = installed((*LIBRARIES, "xgboost"))  # which is the package of xgboost-cpu elsewhere
+    return {name: found.get(name, found.get(name.removesuffix("-cpu"), "")) for name in LIBRARIES}
 
 
 REMARK_LENGTH = 300
@@ -228,34 +225,6 @@ def remarks() -> Iterator[list[str]]:
         if text not in said and not issubclass(each.category, FutureWarning | DeprecationWarning):
             said.append(text)
 
-
-@dataclass(frozen=True)
-class Scaling:
-    """A map of the target: models are trained on (target - mean) / deviation, or on its root's.
-
-    Where the features are free of units, and for Gaussian processes of surrogates, mean and
-    deviation are those of the training rows. Elsewhere they are 0 and 1: the paper trains on areas
-    as they are. Targets of another size are brought to an area's by a power of two, since splits of
-    trees, tubes of support vectors and steps of perceptrons have absolute thresholds.
-    """
-
-    mean: float = 0.0
-    deviation: float = 1.0
-    root: bool = False  # True if it is the square root that is learnt
-
-    def scaled(self, target: Values) -> Values:
-        """Return the values that a model is trained on, (n,)."""
-        values = np.sqrt(target) if self.root else target
-        return (values - self.mean) / self.deviation
-
-    def restored(self, predicted: Values) -> Values:
-        """Return targets, (n,), from a model's predictions on the scale of the training."""
-        values = self.mean + self.deviation * np.asarray(predicted, dtype=np.float64)
-        return np.maximum(values, 0.0) ** 2 if self.root else values
-
-
-UNSCALED = Scaling()
-"""The identity."""
 
 USUAL = (1e-3, 1e3)
 """Range of the medians of targets that are not scaled: areas in percent lie in it."""

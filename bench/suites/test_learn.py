@@ -138,7 +138,7 @@ def test_features(benchmark: Any, name: str, size: str) -> None:
     wanted, deltas = chosen(name), np.array([DELTA])
 
     def features() -> NDArray[np.float64]:
-        return SurfaceFeatures(heights, (SIDE, SIDE)).features(wanted, deltas)
+        return wanted.of(SurfaceFeatures(heights, (SIDE, SIDE)).rows(wanted, deltas))
 
     found = benchmark(features)
     assert found.shape == (1, len(wanted.columns))
@@ -148,7 +148,7 @@ def test_features(benchmark: Any, name: str, size: str) -> None:
         bearing = found[0, places]
         assert bearing == pytest.approx([np.mean(above > 0), above.mean() / DELTA], rel=1e-12)
     lengths = 1.0 if wanted.scaled else 2.0
-    doubled = SurfaceFeatures(2 * heights, (2 * SIDE, 2 * SIDE)).features(wanted, 2 * deltas)
+    doubled = wanted.of(SurfaceFeatures(2 * heights, (2 * SIDE, 2 * SIDE)).rows(wanted, 2 * deltas))
     assert doubled[0, 0] == pytest.approx(lengths * found[0, 0], rel=1e-12)
 
 

@@ -144,13 +144,13 @@ def measure_surrogate(fitted: Fitted, features: str, contacts: Contacts) -> Surr
     sides, wanted = (SIDE, SIDE), chosen(features, roots=True)
 
     def unknown(heights: Heights, delta: float) -> object:
-        return SurfaceFeatures(heights, sides).features(wanted, np.array([delta]))
+        return wanted.of(SurfaceFeatures(heights, sides).rows(wanted, np.array([delta])))
 
     surface = mean_seconds(partial(unknown, *each) for each in contacts)
     # What does not depend on Delta is computed once: these have it.
     known = [SurfaceFeatures(heights, sides) for heights, _ in contacts]
     deltas = np.linspace(*DELTAS, LOADS)
-    rows = np.concatenate([each.features(wanted, deltas) for each in known])
+    rows = np.concatenate([wanted.of(each.rows(wanted, deltas)) for each in known])
     many = np.resize(rows, (BATCH, rows.shape[1]))
     return SurrogateTimes(
         surface=surface,

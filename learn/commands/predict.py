@@ -192,7 +192,7 @@ def law(
     from gen.maps.contacts import require_conductivities
     from learn.features.scene import SCENE
     from learn.surrogate import Surrogate
-    from learn.surrogate.interval import checked_level, require_level
+    from learn.surrogate.interval import require_level
     from learn.surrogate.law import make, of_parameters
 
     files = files.ready(output, inputs)
@@ -212,6 +212,8 @@ def law(
             f"{first}: nothing else given: give a surrogate and then surfaces, or surfaces and"
             " --solver"
         )
+    if not 0 < interval < 1:
+        raise InputError(f"--interval {interval:g}: give a coverage between 0 and 1, as 0.9")
     if solver and boundary is None:
         scene = next(filter(None, map(scene_of, inputs)), None)
         boundary = None if scene is None else scene.contact.boundary
@@ -220,7 +222,7 @@ def law(
         delta=delta,
         pressure=pressure,
         surfaces=surfaces,
-        level=checked_level(interval),
+        level=interval,
         e_star=material.modulus(),
         hardness=material.hardness,
         boundary=boundary,

@@ -27,14 +27,13 @@ from gen.runtime.errors import InputError
 from learn import kernel_ridge
 from learn.comparison.folder import Count, Seconds, require_same
 from learn.comparison.grid import Task, shared_fit
+from learn.features.sets import UNSCALED, Scaling
 from learn.models import (
     EVERY,
     POPULATION,
     REMARK_LENGTH,
     STEP,
-    UNSCALED,
     Model,
-    Scaling,
     check_memory,
     pipeline,
     remarks,

@@ -29,6 +29,7 @@ from gen.runtime.documents import Document, cell
 from gen.runtime.errors import InputError
 from learn.comparison import grid as grids
 from learn.dataset import Dataset, Request
+from learn.features.scene import SCENE
 from learn.models import EVERY, versions
 from learn.split import FOLDS, Split
 
@@ -178,6 +179,7 @@ class Folder:
 
         The conditions of results: two of them can be compared if these are equal.
         """
+        pressed = dataset.features.load == "pressure" and dataset.features.name != SCENE
         agreed = {
             "database_sha256": dataset.sha256,
             "target": dataset.target_name,
@@ -191,7 +193,7 @@ class Folder:
             "test_rows": int(split.test.size),
             "versions": versions(),
             "area_max": request.area_max,
-            **({"load": "pressure"} if dataset.features.by == "pressure" else {}),
+            **({"load": "pressure"} if pressed else {}),
         }
         if (self.path / "comparison.json").exists():
             require_same(self.path, self.record()["conditions"], agreed)

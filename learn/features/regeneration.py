@@ -7,6 +7,7 @@ rows that are new or have changed are computed, and an interrupted run continues
 """
 
 import hashlib
+import math
 import time
 import zlib
 from collections.abc import Callable, Iterator
@@ -34,7 +35,6 @@ from learn.features.sets import (
     STATISTICS,
     FeatureSet,
     by_pressure,
-    geometric_mean,
     modulus,
 )
 from learn.features.surface import LOOSE, SurfaceFeatures
@@ -64,7 +64,7 @@ def hybrid_rows(
     generates the surfaces. InputError is raised if the file is no database, or its surfaces cannot
     be generated again.
     """
-    pressed = features.by == "pressure"
+    pressed = features.load == "pressure"
     scene, first, usable, inputs = _read(path, pressed=pressed)
     blocks = features.blocks or BLOCKS
     finer = "" if blocks == BLOCKS else f"-{blocks}"
@@ -109,7 +109,7 @@ def hybrid_rows(
 
         try:
             shared = scene, path.parent, blocks, pressed
-            executor.run(_compute, shared, tasks, keep, stopping=stopping)
+            executor.run(compute_block, shared, tasks, keep, stopping=stopping)
         finally:
             if note := _save(cache, key=key, inputs=inputs, values=values):
                 progress.say(note)
@@ -126,28 +126,21 @@ def _read(path: Path, *, pressed: bool) -> tuple[Scene, int, Any, Values]:
         inputs = np.stack([reader.column(name) for name in _inputs(scene)], axis=1)
         if pressed:
             pressure = reader.column("force") / float(np.prod(scene.sides))
-            length = geometric_mean(scene.sides)
+            length = math.sqrt(math.prod(scene.sides))
             inputs[:, 0] = by_pressure(pressure, length, modulus(scene))
         return scene, reader.rows.start, done, inputs
 
 
-def _compute(shared: tuple[Scene, Path, int, bool], block: Block) -> tuple[Values, Values]:
-    """Compute a block of the rows of a scene, whose database lies in a folder."""
-    scene, folder, blocks, pressed = shared
-    scene.surface.make_ready(folder, verify=False)
-    return compute_block(scene, block, blocks, pressed=pressed)
-
-
-def compute_block(
-    scene: Scene, block: Block, blocks: int = BLOCKS, *, pressed: bool = False
-) -> tuple[Values, Values]:
+def compute_block(shared: tuple[Scene, Path, int, bool], block: Block) -> tuple[Values, Values]:
     """Return inputs (k, 23 or 24) and features (k, 18) of a block's rows, NaN where undefined.
 
     At pressures, for which `by_pressure` stands, the coarse solve's Delta is a further column.
 
-    Displacements are the plan's where the scene gives them, otherwise those of the database: its
-    solver found them from pressures or forces.
+    Displacements are the plan's where the scene gives them, otherwise those of the database, which
+    lies in a folder: its solver found them from pressures or forces.
     """
+    scene, folder, blocks, pressed = shared
+    scene.surface.make_ready(folder, verify=False)
     start, stop, found = block
     plan = parameters(scene, start, stop)
     deltas = plan.delta if plan.quantity == "delta" and not pressed else np.array(found)
@@ -162,10 +155,11 @@ def compute_block(
         try:
             if row == 0 or plan.surface[row] != plan.surface[row - 1]:
                 surface = None
-                surface = of_scene(scene, surface_of(scene, plan, row), f"row {start + row}")
+                own = scene.sides, scene.spacing, f"row {start + row}", scene.contact.boundary
+                surface = SurfaceFeatures(surface_of(scene, plan, row), *own)
             if surface is None:  # failed rows of the database: they have no inputs either
                 continue
-            inputs[row, 1 : 1 + len(STATISTICS)] = surface.statistics
+            inputs[row, 1 : 1 + len(STATISTICS)] = list(surface.description.values.values())
             if deltas[row] > 0 and not surface.description.reason:
                 ratio = None if ratios is None else float(ratios[row])
                 delta = float(deltas[row])
@@ -182,11 +176,6 @@ def compute_block(
 def _inputs(scene: Scene) -> tuple[str, ...]:
     """Return the columns of a database that decide the features of its rows."""
     return ("delta", *STATISTICS, *(("hardness",) if scene.contact.draws_hardness else ()))
-
-
-def of_scene(scene: Scene, heights: Values, name: str) -> SurfaceFeatures:
-    """Return a surface with the side, spacing and boundary of a scene."""
-    return SurfaceFeatures(heights, scene.sides, scene.spacing, name, scene.contact.boundary)
 
 
 def _save(cache: Path, **arrays: Any) -> str:

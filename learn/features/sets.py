@@ -42,6 +42,7 @@ STATISTICS: tuple[str, ...] = tuple(column.name for column in statistics_columns
 
 _UNITS = {"delta": "um"} | {column.name: column.unit for column in statistics_columns()}
 HEIGHTS = tuple(name for name in STATISTICS if _UNITS[name] == "um")
+OF_HEIGHTS = [STATISTICS.index(name) for name in HEIGHTS]
 CURVATURES = tuple(name for name in STATISTICS if _UNITS[name] == "um-1")
 BANDWIDTHS = ("bandwidth_x", "bandwidth_y")
 PURE = tuple(name for name in STATISTICS if name not in {*HEIGHTS, *CURVATURES, *BANDWIDTHS})
@@ -141,18 +142,15 @@ class Rows:
         delta = by_pressure(pressure, self.length, e_star)
         return replace(self, delta=delta, given={**self.given, "pressure": pressure})
 
-    def statistic(self, name: str) -> Values:
-        """Return a statistic, (n,)."""
-        return np.asarray(self.statistics[:, STATISTICS.index(name)])
-
-    def coarse(self, name: str) -> Values:
-        """Return a column of the coarse solve, (n,)."""
+    @property
+    def coarse(self) -> Values:
+        """The columns of the coarse solve, (n, 18)."""
         if self.hybrid is None:
             raise InputError(
                 "hybrid features need the surface, not its statistics alone: give its heights, or"
                 " fit with --features dimensionless"
             )
-        return np.asarray(self.hybrid[:, HYBRID.index(name)])
+        return self.hybrid
 
     @cached_property
     def unit(self) -> Values:
@@ -161,7 +159,9 @@ class Rows:
         The sum is taken of numbers near 1, after division by a power of two, so that no square
         overflows or underflows.
         """
-        heights = np.column_stack([self.delta, *map(self.statistic, HEIGHTS)])
+        heights = np.column_stack(
+            [self.delta, *(self.statistics[:, place] for place in OF_HEIGHTS)]
+        )
         with np.errstate(invalid="ignore"):
             _, exponent = np.frexp(np.max(np.abs(heights), axis=1))
             scaled = np.ldexp(heights, -exponent[:, None])
@@ -198,29 +198,37 @@ Formula = Callable[[Rows], Values]
 
 
 def _each(
-    pattern: str, names: Sequence[str], formula: Callable[[str, Rows], Values]
+    pattern: str,
+    names: Sequence[str],
+    formula: Callable[[int, Rows], Values],
+    among: Sequence[str] = STATISTICS,
 ) -> dict[str, Formula]:
-    """Give one formula to features that are made of some statistics or columns alike."""
-    return {pattern.format(name): partial(formula, name) for name in names}
+    """Give one formula to features of the columns of some names, whose places it takes."""
+    return {pattern.format(name): partial(formula, among.index(name)) for name in names}
 
 
 FORMULAS: Mapping[str, Formula] = {
     "delta": lambda rows: rows.delta,
-    **_each("{}", STATISTICS, lambda name, rows: rows.statistic(name)),
+    **_each("{}", STATISTICS, lambda place, rows: rows.statistics[:, place]),
     "delta/h": lambda rows: rows.delta / rows.unit,
-    **_each("{}/h", HEIGHTS, lambda name, rows: rows.statistic(name) / rows.unit),
+    **_each("{}/h", HEIGHTS, lambda place, rows: rows.statistics[:, place] / rows.unit),
     **_each(
         "log({}.L2/h)",
         CURVATURES,
-        lambda name, rows: np.log(rows.statistic(name) * rows.length * rows.length / rows.unit),
+        lambda place, r: np.log(r.statistics[:, place] * r.length * r.length / r.unit),
     ),
-    **_each("log({})", BANDWIDTHS, lambda name, rows: np.log(rows.statistic(name))),
-    **_each("{}", HYBRID, lambda name, rows: rows.coarse(name)),
-    **_each("sqrt({})", (*ROOTED, *ROOTED_LOCAL), lambda name, rows: np.sqrt(rows.coarse(name))),
+    **_each("log({})", BANDWIDTHS, lambda place, rows: np.log(rows.statistics[:, place])),
+    **_each("{}", HYBRID, lambda place, rows: rows.coarse[:, place], HYBRID),
+    **_each(
+        "sqrt({})",
+        (*ROOTED, *ROOTED_LOCAL),
+        lambda place, rows: np.sqrt(rows.coarse[:, place]),
+        HYBRID,
+    ),
     ROOT: lambda rows: np.sqrt(rows.delta / rows.unit),
     HARDNESS: lambda rows: rows.ratio,
     SCALED_HARDNESS: lambda rows: np.log(rows.ratio * rows.length / rows.unit),
-    PLASTIC: lambda rows: np.sqrt(rows.coarse(FORCE) * rows.delta / (rows.length * rows.ratio)),
+    PLASTIC: lambda r: np.sqrt(r.coarse[:, HYBRID.index(FORCE)] * r.delta / (r.length * r.ratio)),
     NODES: lambda rows: np.log2(rows.grid),
 }
 """Every feature by its name, (n,)."""
@@ -234,9 +242,10 @@ class FeatureSet:
     columns: tuple[str, ...]  # names of the features, in order
     normalisation: str  # the default of `learn.models.pipeline`
     scaled: bool  # True if features and targets have no units (`scale`)
+    needs_surface: bool = False  # True if the features need the heights of the surface
     blocks: int = 0  # per side of the coarse solve, if `LOCAL` is among the features
     elastic: bool = False  # True if elastic bodies are among those that yield
-    by: str = "delta"  # the load of surfaces, or "pressure"
+    load: str = "delta"  # the load of surfaces, or "pressure"; the last of a scene's features
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -247,35 +256,16 @@ class FeatureSet:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the features, or of the numbers that a scene's are of, as `shown` gives them."""
+        """Names of the features, or of the numbers that a scene's are of."""
         if self.name == SCENE:
             return tuple(map(scenic.plain, self.columns))
-        delta = "delta" if self.needs_surface or self.by == "delta" else "pressure.L/E*"
+        delta = "delta" if self.needs_surface or self.load == "delta" else "pressure.L/E*"
         return tuple(re.sub(r"\bdelta\b", delta, column) for column in self.columns)
-
-    def shown(self, values: Values) -> Values:
-        """Return features, (..., d), for users: a scene's without logarithms."""
-        return scenic.shown(self.columns, values) if self.name == SCENE else values
-
-    @property
-    def load(self) -> str:
-        """Name of the load, the last of a scene's features."""
-        return scenic.plain(self.columns[-1]) if self.name == SCENE else self.by
-
-    @property
-    def needs_surface(self) -> bool:
-        """True if the features need the heights of the surface."""
-        return COARSE[0] in self.columns
 
     @property
     def rooted(self) -> bool:
         """True if square roots of some columns are among the features."""
         return bool({ROOT, f"sqrt({ROOTED[0]})"} & set(self.columns))
-
-    @property
-    def needs_nodes(self) -> bool:
-        """True if the number of nodes is one of the features."""
-        return NODES in self.columns
 
     def of(self, rows: Rows) -> Values:
         """Return the features of n rows, (n, d), NaN or infinite where they are undefined."""
@@ -311,6 +301,34 @@ class FeatureSet:
         return np.asarray(scales.get(target, ones), dtype=np.float64)
 
 
+@dataclass(frozen=True)
+class Scaling:
+    """A map of the target: models are trained on (target - mean) / deviation, or on its root's.
+
+    Where the features are free of units, and for Gaussian processes of surrogates, mean and
+    deviation are those of the training rows. Elsewhere they are 0 and 1: the paper trains on areas
+    as they are. Targets of another size are brought to an area's by a power of two, since splits of
+    trees, tubes of support vectors and steps of perceptrons have absolute thresholds.
+    """
+
+    mean: float = 0.0
+    deviation: float = 1.0
+    root: bool = False  # True if it is the square root that is learnt
+
+    def scaled(self, target: Values) -> Values:
+        """Return the values that a model is trained on, (n,)."""
+        values = np.sqrt(target) if self.root else target
+        return (values - self.mean) / self.deviation
+
+    def restored(self, predicted: Values) -> Values:
+        """Return targets, (n,), from a model's predictions on the scale of the training."""
+        values = self.mean + self.deviation * np.asarray(predicted, dtype=np.float64)
+        return np.maximum(values, 0.0) ** 2 if self.root else values
+
+
+UNSCALED = Scaling()
+"""The identity."""
+
 _WITHOUT_UNITS = (
     *(f"{name}/h" for name in ("delta", *HEIGHTS)),
     *(f"log({name}.L2/h)" for name in CURVATURES),
@@ -323,7 +341,9 @@ SETS: Mapping[str, FeatureSet] = {
     for each in (
         FeatureSet("paper", ("delta", *STATISTICS), "l2", scaled=False),
         FeatureSet("dimensionless", _WITHOUT_UNITS, "standard", scaled=True),
-        FeatureSet("hybrid", (*_WITHOUT_UNITS, *COARSE), "standard", scaled=True),
+        FeatureSet(
+            "hybrid", (*_WITHOUT_UNITS, *COARSE), "standard", scaled=True, needs_surface=True
+        ),
         FeatureSet(SCENE, (), "standard", scaled=False),
     )
 }
@@ -360,7 +380,10 @@ def chosen(
         raise InputError(f"--blocks {blocks}: give {known}, the blocks along a side")
     features, limits = SETS[name], limits_of(scenes)
     if name == SCENE:
-        return replace(features, columns=scenic.columns_of(scenes, load) if scenes else ())
+        columns = scenic.columns_of(scenes, load) if scenes else ()
+        return replace(
+            features, columns=columns, load=scenic.plain(columns[-1]) if columns else load
+        )
     if load not in {"", "delta", "pressure"}:
         raise InputError(f"--load {load}: --features {name} take delta or pressure")
     local = roots and features.needs_surface
@@ -375,20 +398,15 @@ def chosen(
         elastic = any(scene.contact.hardness_limits is None for scene in scenes)
         added.append(SCALED_HARDNESS if features.scaled else HARDNESS)
         added += [PLASTIC] if elastic and features.needs_surface else []
-    added += [NODES] if len({geometric_mean(scene.shape) for scene in scenes}) > 1 else []
+    added += [NODES] if len({math.prod(scene.shape) for scene in scenes}) > 1 else []
     columns = (*features.columns, *added)
     return replace(
         features,
         columns=columns,
         blocks=(blocks or BLOCKS) if local else 0,
         elastic=elastic,
-        by=load or "delta",
+        load=load or "delta",
     )
-
-
-def geometric_mean(along: tuple[float, float]) -> float:
-    """Return the mean of both axes' sides, the scan length L [um], or of their nodes."""
-    return along[0] if along[0] == along[1] else math.sqrt(along[0] * along[1])
 
 
 def by_pressure(pressure: Values, length: Values | float, modulus: float) -> Values:

@@ -35,7 +35,6 @@ from learn.features.sets import (
     SHIFTS,
     FeatureSet,
     Rows,
-    geometric_mean,
 )
 
 Sides = tuple[float, float]
@@ -126,28 +125,22 @@ class Blocks:
     @cached_property
     def _along(self) -> list[tuple[NDArray[np.int64], NDArray[np.int64]]]:
         """First node and size of each block, along x and along y."""
-        return [_blocks(nodes, self.most) for nodes in self.heights.shape]
+        numbers = [min(nodes, self.most) for nodes in self.heights.shape]
+        edges = [
+            np.arange(n + 1) * nodes // n
+            for n, nodes in zip(numbers, self.heights.shape, strict=True)
+        ]
+        return [(each[:-1], np.diff(each)) for each in edges]
 
     @cached_property
-    def _weights(self) -> tuple[Values, Values]:
-        """Weights of linear interpolation from blocks to nodes, along x and along y."""
-        nx, ny = self.heights.shape
-        return _interpolation(nx, self.most), _interpolation(ny, self.most)
-
-
-def _blocks(nodes: int, most: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the first node and the size of each block along an axis."""
-    blocks = min(nodes, most)
-    edges = np.arange(blocks + 1) * nodes // blocks
-    return edges[:-1], np.diff(edges)
-
-
-def _interpolation(nodes: int, most: int) -> Values:
-    """Return the weights of linear interpolation from blocks to nodes, (nodes, blocks)."""
-    first, sizes = _blocks(nodes, most)
-    centres = first + (sizes - 1) / 2
-    unit = np.eye(centres.size)
-    return np.stack([np.interp(np.arange(nodes), centres, each) for each in unit], axis=1)
+    def _weights(self) -> list[Values]:
+        """Weights of this interpolation, (nx, bx) and (ny, by)."""
+        weights = []
+        for first, sizes in self._along:
+            nodes, centres = np.arange(sizes.sum()), first + (sizes - 1) / 2
+            unit = [np.interp(nodes, centres, each) for each in np.eye(centres.size)]
+            weights.append(np.stack(unit, axis=1))
+        return weights
 
 
 def _squares(heights: Values, step: float) -> Values:
@@ -179,17 +172,12 @@ class SurfaceFeatures:
     @property
     def length(self) -> float:
         """Scan length L, the geometric mean of both sides [um]."""
-        return geometric_mean(self.sides)
+        return math.sqrt(math.prod(self.sides))
 
     @cached_property
     def description(self) -> Description:
         """The 22 statistics by name, and why some of them are undefined."""
         return describe(self.heights, self.steps)
-
-    @cached_property
-    def statistics(self) -> Values:
-        """The 22 statistics, in the order of Table 1, NaN where the surface defines none."""
-        return np.array(list(self.description.values.values()))
 
     def rows(
         self, features: FeatureSet, deltas: Values, hardness_ratio: float | None = None
@@ -204,30 +192,19 @@ class SurfaceFeatures:
         wrong = deltas[~((deltas > 0) & (deltas < np.inf))]
         if wrong.size:
             raise InputError(f"{self.name}: Delta {wrong[0]:g} um: give finite numbers above 0")
-        if reason := self.description.reason:
-            raise Undefined(f"{self.name}: statistics undefined: {reason}")
+        described = self.description
+        if described.reason:
+            raise Undefined(f"{self.name}: statistics undefined: {described.reason}")
         hybrid = None
         if features.needs_surface:
             blocks = features.blocks or BLOCKS
-            if features.by == "pressure":
+            if features.load == "pressure":
                 deltas = np.array([self.reached(each, hardness_ratio, blocks) for each in deltas])
             every = [self.hybrid(float(delta), hardness_ratio, blocks) for delta in deltas]
             hybrid = np.array(every).reshape(-1, len(HYBRID))
-        statistics = np.repeat(self.statistics[None], deltas.size, axis=0)
+        statistics = np.tile(list(described.values.values()), (deltas.size, 1))
         nodes = math.sqrt(self.heights.size)
         return Rows(statistics, deltas, self.length, hardness_ratio, nodes, hybrid)
-
-    def features(
-        self, features: FeatureSet, deltas: Values, hardness_ratio: float | None = None
-    ) -> Values:
-        """Return the features of a set at displacements above 0 [um], (k, d); see `rows`.
-
-        InputError is raised if numbers overflow.
-        """
-        columns = features.of(self.rows(features, deltas, hardness_ratio))
-        if not np.isfinite(columns).all():
-            raise InputError(f"{self.name}: its features are not finite numbers")
-        return columns
 
     def reached(self, load: float, hardness_ratio: float | None, blocks: int) -> float:
         """Return the Delta at which the coarse solve carries a pressure times L / E* [um]."""

@@ -2,7 +2,6 @@
 
 import csv
 import re
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -12,7 +11,6 @@ from numpy.typing import ArrayLike
 from rich.table import Table
 
 from gen.arrays import Values
-from gen.database import is_database
 from gen.maps.prepare import read_surface
 from gen.maps.read import files_in, sides_from
 from gen.maps.settings import Reading
@@ -21,11 +19,11 @@ from gen.runtime.documents import Row
 from gen.runtime.errors import InputError
 from gen.runtime.files import require_file
 from gen.runtime.terminal import brief, echo, print_table, to_type
-from learn.features import Undefined
+from learn.features import SurfaceFeatures, Undefined
 from learn.features.scene import LOADS, unit_of
-from learn.features.sets import HYBRID, STATISTICS, Rows
+from learn.features.sets import STATISTICS, Rows
 from learn.surrogate import flag
-from learn.surrogate.model import Prediction, Surrogate, require_surfaces
+from learn.surrogate.model import OnSurface, Prediction, Surrogate
 
 REASONS = 12
 """Reasons that are printed at most."""
@@ -62,38 +60,52 @@ def answers(surrogate: Surrogate, path: Path, question: Question) -> Iterator[Ro
     Lines about each surface are printed. InputError is raised for the first file that cannot be
     used.
     """
-    files, load = files_in(path), surrogate.features.by
+    files, load, loads = files_in(path), surrogate.features.load, question.loads
     for file in files:
         warnings: list[str] = []
-        if file.suffix.lower() == ".h5" and is_database(file):
-            raise InputError(
-                f"{file}: is a database; {to_type('learn fit')} makes a surrogate of it, which"
-                " predicts for surfaces"
-            )
-        names: set[str] = set()
-        if file.suffix.lower() in {".csv", ".txt"}:  # tables of statistics, or heights
-            try:
-                with require_file(file).open(encoding="utf-8-sig", errors="replace") as opened:
-                    names = {name.strip() for name in opened.readline().split(",")}
-            except OSError as error:
-                raise InputError(f"{file} cannot be read: {error.strerror}") from None
-        if names & {*STATISTICS}:
-            rows = rows_of_table(surrogate, file, question)
-        else:
-            alone = len(files) == 1
-            rows, warnings = _rows_of_surface(surrogate, file, question, alone=alone)
+        names = _header(file) if file.suffix.lower() in {".csv", ".txt"} else []
         try:
-            prediction = surrogate.predict_rows(
+            if {*names} & {*STATISTICS}:
+                rows = rows_of_table(surrogate, file, question)
+            else:
+                found, warnings = read_surface(file, question.reading, surrogate.boundary)
+                echo(f"{file}: {'; '.join(found.steps)}", err=True)
+                for line in warnings:
+                    echo(f"  warning: {line}", err=True)
+                own = found.heights, found.sides, found.spacing, str(file), found.boundary
+                if loads is None:
+                    raise InputError(f"{file}: give --{load}, in {LOADS[load]}")  # noqa: TRY301
+                rows = OnSurface(surrogate, SurfaceFeatures(*own)).rows(loads, question.bodies)
+            answer = surrogate.predict_rows(
                 rows, e_star=question.bodies.e_star, level=question.level
             )
+        except Undefined as error:
+            if len(files) == 1 or loads is None:
+                raise
+            echo(f"  warning: {error}: no prediction", err=True)
+            reason = str(error).removeprefix(f"{file}: ")
+            unknown = dict.fromkeys(surrogate.learnt, np.full(loads.size, np.nan))
+            given = {"pressure": loads} if load == "pressure" else {}
+            reasons = (reason,) * loads.size
+            answer = Prediction(loads, unknown, unknown, unknown, reasons, given)
         except InputError as error:
-            raise InputError(f"{file}: {error}") from None
+            named = str(error).startswith(("--", str(file)))
+            raise InputError(f"{'' if named else f'{file}: '}{error}") from None
         asked: list[Row] = [
             {"input": str(file), heading(load, LOADS[load]): float(each)}
-            for each in prediction.given.get(load, prediction.delta)
+            for each in answer.given.get(load, answer.delta)
         ]
-        for row in _answered(surrogate, prediction, asked):
+        for row in _answered(surrogate, answer, asked):
             yield {**row, "warnings": "; ".join(warnings)}
+
+
+def _header(path: Path) -> list[str]:
+    """Read the names of a table's columns, or the first numbers of a map."""
+    try:
+        with require_file(path).open(encoding="utf-8-sig", errors="replace") as opened:
+            return [name.strip() for name in opened.readline().split(",")]
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}") from None
 
 
 def answers_of_parameters(
@@ -118,7 +130,10 @@ def answers_of_parameters(
         given, count, further = dict(fixed), 1, [dict[str, str]()]
         if table is not None:
             if table.suffix.lower() not in {".csv", ".txt"}:
-                require_surfaces(surrogate, str(table))
+                raise InputError(
+                    f"{table}: the surrogate answers for {', '.join(surrogate.features.names)}, not"
+                    f" for surfaces: ask {to_type('learn predict --at')}"
+                )
             cells = _cells(table, names, f"the surrogate asks for {', '.join(names)}")
             if twice := sorted(fixed.keys() & cells[0].keys()):
                 raise InputError(f"{table}: has its own {', '.join(twice)}: leave out the option")
@@ -161,36 +176,6 @@ def heading(column: str, unit: str) -> str:
     return column if unit in {"%", "1"} else f"{column}_{unit}"
 
 
-def _rows_of_surface(
-    surrogate: Surrogate, path: Path, question: Question, *, alone: bool
-) -> tuple[Rows, list[str]]:
-    """Return the rows of a surface, which are NaN if it is not alone and statistics are undefined.
-
-    The warnings about it come with them.
-    """
-    topography, warnings = read_surface(path, question.reading, surrogate.boundary)
-    if question.loads is None:
-        load = surrogate.features.by
-        raise InputError(f"{path}: give --{load}, in {LOADS[load]}")
-    echo(f"{path}: {'; '.join(topography.steps)}", err=True)
-    for line in warnings:
-        echo(f"  warning: {line}", err=True)
-    on_surface = surrogate.for_surface(topography.heights, topography.sides, str(path))
-    try:
-        return on_surface.rows(question.loads, question.bodies), warnings
-    except Undefined as error:
-        if alone:
-            raise
-        echo(f"  warning: {error}: no prediction", err=True)
-    statistics, hybrid = (
-        np.full((question.loads.size, len(names)), np.nan) for names in (STATISTICS, HYBRID)
-    )
-    reason = UNDEFINED.format(on_surface.surface.description.reason)
-    rows = Rows(statistics, question.loads, 1.0, nodes=1.0, hybrid=hybrid, notes=(reason,))
-    pressed = surrogate.features.by == "pressure"
-    return rows.under(question.loads, 1.0) if pressed else rows, warnings
-
-
 def rows_of_table(surrogate: Surrogate, path: Path, question: Question) -> Rows:
     """Read rows of statistics, as `gen describe --csv` writes them, each at all loads.
 
@@ -225,9 +210,9 @@ def rows_of_table(surrogate: Surrogate, path: Path, question: Question) -> Rows:
     for row, lacks in enumerate(undefined):
         nx, ny = map(int, nodes[row] if nodes[row].all() else trained[0])
         x, y = map(float, trained[1] if np.isnan(sides[row]).any() else sides[row])
-        note = flag.grid_note(surrogate.card, surrogate.features, (nx, ny), (x, y))
+        note = flag.grid_note(surrogate, (nx, ny), (x, y))
         notes.append(UNDEFINED.format("nan in the table") if lacks else note)
-    load, loads = surrogate.features.by, question.loads
+    load, loads = surrogate.features.load, question.loads
     own = [name for name in LOAD_NAMES[load] if name in cells[0]][:1]
     if bool(own) == (loads is not None):
         said = f"its own {load.capitalize()}: leave out" if own else f"no {load.capitalize()}: give"
@@ -290,8 +275,15 @@ def show(rows: Sequence[Row], title: str, doubts: Sequence[str] = ()) -> None:
     for name in names:
         table.add_column(name, justify="left" if name in {"input", "flag", "reason"} else "right")
     for row in rows[:SHOWN]:
-        style = "dim" if row["flag"] == "outside" else ""
-        table.add_row(*(_cell(row, name) for name in names), style=style)
+        flagged, cells = row["flag"] == "outside", list[str]()
+        for name in names:
+            value = row[name]
+            text = f"{value:.4g}" if isinstance(value, float) else str(value)
+            if f"{name}_low" in row:  # `-` for an interval that is withheld
+                low, high = row[f"{name}_low"], row[f"{name}_high"]
+                text += " (-)" if flagged else f" ({low:.4g} to {high:.4g})"
+            cells.append(brief(text) if name == "reason" else text)
+        table.add_row(*cells, style="dim" if flagged else "")
     print_table(table, WIDTH)
     for doubt in doubts:
         echo(f"warning: {doubt}")
@@ -303,27 +295,8 @@ def show(rows: Sequence[Row], title: str, doubts: Sequence[str] = ()) -> None:
             f"{len(outside)} of {len(rows)} rows lie outside what the surrogate was trained on: no"
             " interval holds there, and none is given (-)"
         )
-    numbers: Counter[str] = Counter()
-    first: dict[str, str] = {}
+    kinds: dict[str, list[str]] = {}
     for reason in (each for row in outside for each in str(row["reason"]).split("; ")):
-        kind = VALUE.sub(" outside", reason)
-        numbers[kind] += 1
-        first.setdefault(kind, reason)
-    for kind, number in numbers.most_common(REASONS):
-        echo(f"  {number} of {len(rows)}: {first[kind]}")
-    if len(numbers) > REASONS:
-        echo(f"  and {len(numbers) - REASONS} more: -o writes all of them")
-
-
-def _cell(row: Row, name: str) -> str:
-    """Return a cell as printed: a value with its interval, or `-` for one that is withheld."""
-    value = row[name]
-    if name == "reason":
-        return brief(str(value))
-    if not isinstance(value, float):
-        return str(value)
-    if f"{name}_low" not in row:
-        return f"{value:.4g}"
-    if row["flag"] == "outside":
-        return f"{value:.4g} (-)"
-    return f"{value:.4g} ({row[f'{name}_low']:.4g} to {row[f'{name}_high']:.4g})"
+        kinds.setdefault(VALUE.sub(" outside", reason), []).append(reason)
+    for alike in sorted(kinds.values(), key=len, reverse=True)[:REASONS]:
+        echo(f"  {len(alike)} of {len(rows)}: {alike[0]}")

@@ -53,6 +53,18 @@ def make(
     scene, limits = rows.scene, limits_of([origin.scene for origin in rows.origins])
     boundary = scene.contact.boundary
     features, (model,) = rows.features, request.models
+    databases = [
+        {
+            "database": origin.database,
+            "sha256": origin.sha256,
+            "rows": origin.rows,
+            "generator": str(getattr(origin.scene.surface, "generator", "")),
+            "nodes": list(origin.scene.shape),
+            "side": list(origin.scene.sides),
+            "scene": origin.scene.text(),
+        }
+        for origin in rows.origins
+    ]
     sometimes = {
         "roots": features.rooted,
         "blocks": features.blocks,
@@ -60,7 +72,7 @@ def make(
         "hardness_ratio": None if limits is None else list(limits),
         "elastic": features.elastic,
         "load": features.load if features.name == SCENE or features.load != "delta" else "",
-        "databases": _databases_of(rows) if len(rows.origins) > 1 else [],
+        "databases": databases if len(databases) > 1 else [],
     }
     return {
         "title": f"{EVERY[model].title} for {', '.join(request.targets)}",
@@ -89,22 +101,6 @@ def make(
         "licence": LICENCE,
         "made": datetime.now(UTC).isoformat(timespec="seconds"),
     }
-
-
-def _databases_of(rows: Dataset) -> list[dict[str, Any]]:
-    """Return an entry of the card for each database: rows, generator and grid."""
-    return [
-        {
-            "database": origin.database,
-            "sha256": origin.sha256,
-            "rows": origin.rows,
-            "generator": str(getattr(origin.scene.surface, "generator", "")),
-            "nodes": list(origin.scene.shape),
-            "side": list(origin.scene.sides),
-            "scene": origin.scene.text(),
-        }
-        for origin in rows.origins
-    ]
 
 
 def judge(learnt: Learnt, rows: Dataset, test: Indices) -> dict[str, Any]:
@@ -164,7 +160,7 @@ def show(card: Mapping[str, Any], low: Values, high: Values) -> None:
 
     try:
         texts = list(lines(card))
-        tables = [_scores(card), _intervals(card), _ranges(card, low, high)]
+        tables = [_scores(card), _ranges(card, low, high)]
         if "databases" in card:
             tables.insert(0, _databases(card))
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
@@ -267,10 +263,12 @@ def _scores(card: Mapping[str, Any]) -> "Table":
     for name, target in card["targets"].items():
         scores, (low, high) = target["scores"], target["range"]
         nmse = f"{scores['nmse']:.3f}" if target["column"] == "area_percent" else "-"
-        others = (f"{scores[score]:.3f}" for score in ("nmae", "nmaxe", "r2"))
+        others = [f"{scores[score]:.3f}" for score in ("nmae", "nmaxe", "r2")]
+        others += [f"{100 * each['coverage']:.1f}" for each in target["intervals"]]
         rows.append((name, target["unit"], f"{low:.4g}", f"{high:.4g}", nmse, *others))
-    title = "Scores on the test rows [%]"
-    return _table(title, "Target|Unit", "from|to|nMSE|nMAE|nMaxE|R2", rows)
+    title = "Scores on the test rows [%], and shares of these inside their intervals [%]"
+    inside = "|".join(f"in {level:.0%}" for level in LEVELS)
+    return _table(title, "Target|Unit", f"from|to|nMSE|nMAE|nMaxE|R2|{inside}", rows)
 
 
 def _databases(card: Mapping[str, Any]) -> "Table":
@@ -290,21 +288,6 @@ def _databases(card: Mapping[str, Any]) -> "Table":
         rows.append(row)
     title = "Databases, and scores on their test rows"
     return _table(title, "Database|Generator|Nodes", "|".join(headings), rows)
-
-
-def _intervals(card: Mapping[str, Any]) -> "Table":
-    rows = [
-        (
-            name,
-            f"{100 * each['level']:.0f} %",
-            f"{100 * each['coverage']:.1f} %",
-            f"{each['mean_width']:.4g} {target['unit']}",
-        )
-        for name, target in card["targets"].items()
-        for each in target["intervals"]
-    ]
-    title = "Conformal intervals on the test rows"
-    return _table(title, "Target", "wanted|covered|mean width", rows)
 
 
 def _ranges(card: Mapping[str, Any], low: Values, high: Values) -> "Table":

@@ -35,7 +35,7 @@ from learn.surrogate import calibration as calibrating
 from learn.surrogate import card
 from learn.surrogate.calibration import SURFACE, Groups, Measured, Parts, Plan, groups_of, measured
 from learn.surrogate.interval import Calibration, ErrorScale
-from learn.surrogate.learnt import Learnt, clip_of, clipped
+from learn.surrogate.learnt import Learnt, clip_of
 from learn.surrogate.model import Surrogate
 
 SEARCH_ROWS = 3000
@@ -344,7 +344,7 @@ def fit_target(
     standard = scenic or (name == "gaussian-process" and request.source is None)
     scaling = scaling_of(train, np.arange(train.size), standard=standard)
     target, clip = scaling.scaled(train.target), clip_of(train)
-    inputs = clipped(train.inputs, clip)
+    inputs = np.clip(train.inputs, *clip)
     began = process_time()
     settings = settings or choose(request, replace(train, inputs=inputs), target, folds)
     chose = process_time()
@@ -420,7 +420,7 @@ def _crossed(
     for mine, unseen in parts:
         others = np.setdiff1d(np.arange(train.size), unseen)
         clip = clip_of(train.at(others))
-        rest = clipped(train.inputs[others], clip), target[others], train.groups[others]
+        rest = np.clip(train.inputs[others], *clip), target[others], train.groups[others]
         fitted, _ = _fitted(request, settings, *rest)
         without = replace(learnt, pipeline=fitted, clip=clip)
         found[mine] = without.raw(train.inputs[mine])

@@ -14,16 +14,21 @@ covariance is drawn towards the mean of all, as a database may have fewer rows t
 Friedman (1989), J. Am. Stat. Assoc. 84, 165, regularised discriminant analysis).
 """
 
-from collections.abc import Mapping, Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from bem.problem import node_spacing
 from gen.arrays import Indices, Values
-from learn.features import FeatureSet
+from learn.features.scene import SCENE, shown
+from learn.features.sets import NODES, Rows
 from learn.surrogate.interval import CONSTANT, Scores
+
+if TYPE_CHECKING:
+    from learn.surrogate.model import Surrogate
 
 SHARE = 0.9
 """Share of the rows of a new map or database that lie within the limit, or more."""
@@ -34,6 +39,9 @@ INSIDE = 0.97
 RIDGE = 1e-4
 """Added to the variances of features of deviation 1: features that repeat others, such as roots,
 leave directions without any."""
+
+SAME = 1e-6
+"""Relative distance from the training's hardness within which a hardness counts as equal."""
 
 RIDGE_OF_MAPS = 0.01
 """The same where many maps or databases are one cloud: few directions tell them from another."""
@@ -124,54 +132,46 @@ def _unlimited(inputs: Values, labels: Indices | None = None, ridge: float = RID
     return Distance(np.array(means), np.array(whitenings), np.inf)
 
 
-def joined(*reasons: str) -> str:
-    """Write reasons, of which some may be empty, one after the other."""
-    return "; ".join(filter(None, reasons))
-
-
-def reasons_of(
-    inputs: Values,
-    notes: Sequence[str],
-    features: FeatureSet,
-    ranges: tuple[Values, Values],
-    distance: Distance,
-) -> tuple[str, ...]:
+def reasons_of(surrogate: Surrogate, rows: Rows, inputs: Values) -> list[str]:
     """Return why each row, with features (n, d), is outside the training; "" if it is inside.
 
-    Notes, one for each row, stand first. The ranges are ends, each (d,), of the training's
-    features.
+    The rows' own notes stand first, then the hardness, the distance and the features.
     """
-    (low, high), (far, _) = ranges, distance.measured(inputs)
-    outside = (inputs < low) | (inputs > high)
-    inputs, low, high = (features.shown(each) for each in (inputs, low, high))
-    found = list(notes)
-    for row in np.flatnonzero(outside.any(axis=1) | (far > distance.limit)).tolist():
-        beyond = [
-            f"{features.names[place]} {inputs[row, place]:.4g} outside {low[place]:.4g} to"
-            f" {high[place]:.4g}"
+    features, number, notes = surrogate.features, len(inputs), rows.notes or ("",)
+    found = [[note] for note in notes * (number // len(notes))]
+    if surrogate.hardness_limits is not None and rows.hardness_ratio is not None:
+        low, high = surrogate.hardness_limits
+        high = np.inf if features.elastic else high  # elastic bodies are very hard ones
+        for row, ratio in enumerate(np.broadcast_to(rows.hardness_ratio, number).tolist()):
+            if not low * (1 - SAME) <= ratio <= high * (1 + SAME):
+                found[row].append(f"hardness/E* {ratio:.4g} outside {low:.4g} to {high:.4g}")
+    far, limit = surrogate.distance.measured(inputs)[0], surrogate.distance.limit
+    outside = (inputs < surrogate.low) | (inputs > surrogate.high)
+    told, names = [inputs, surrogate.low, surrogate.high], features.names
+    if features.name == SCENE:  # without logarithms
+        told = [shown(features.columns, each) for each in told]
+    values, least, most = told
+    for row in np.flatnonzero(outside.any(axis=1) | (far > limit)).tolist():
+        if far[row] > limit:
+            text = f"distance from the training {far[row]:.4g} outside 0 to {limit:.4g}"
+            found[row].append(text)
+        found[row] += [
+            f"{names[place]} {values[row, place]:.4g} outside {least[place]:.4g} to"
+            f" {most[place]:.4g}"
             for place in np.flatnonzero(outside[row])
         ]
-        if far[row] > distance.limit:
-            text = f"distance from the training {far[row]:.4g} outside 0 to {distance.limit:.4g}"
-            beyond.insert(0, text)
-        found[row] = joined(notes[row], *beyond)
-    return tuple(found)
+    return ["; ".join(filter(None, each)) for each in found]
 
 
-def grid_note(
-    card: Mapping[str, Any],
-    features: FeatureSet,
-    shape: tuple[int, int],
-    sides: tuple[float, float],
-) -> str:
-    """Return how a grid differs from the training's, by the card; "" if it does not.
+def grid_note(surrogate: Surrogate, shape: tuple[int, ...], sides: tuple[float, float]) -> str:
+    """Return how a grid differs from the training's; "" if it does not.
 
     It has nodes along both axes and sides [um]. Features with units bind the surrogate to its side
     and spacing.
     """
-    said = []
+    said, card, features = [], surrogate.card, surrogate.features
     grids = list(dict.fromkeys(tuple(each["nodes"]) for each in card.get("databases", [card])))
-    if shape not in grids and not features.needs_nodes:
+    if shape not in grids and NODES not in features.columns:
         trained = ", ".join(f"{nodes[0]:g} x {nodes[1]:g}" for nodes in grids)
         said.append(f"{shape[0]} x {shape[1]} nodes, trained on {trained}")
     own = card["side"]
@@ -180,14 +180,14 @@ def grid_note(
         said.append(f"{sides[0]:.6g} x {sides[1]:.6g} um, trained on {trained}")
     elif not features.scaled and not np.isclose(sides[0], own[0], rtol=1e-3):
         said.append(f"side {sides[0]:.6g} um, trained on {own[0]:.6g} um")
-    if features.scaled or features.needs_nodes:  # whose nodes are in their range or not
-        return joined(*said)
+    if features.scaled or NODES in features.columns:  # whose nodes are in their range or not
+        return "; ".join(said)
     for nodes, side, usual in zip(shape, sides, card["spacing"], strict=True):
-        spacing = node_spacing(max(nodes, 2), side, card.get("boundary", "free"))
+        spacing = node_spacing(max(nodes, 2), side, surrogate.boundary)
         if not np.isclose(spacing, usual, rtol=0.02):
             said.append(f"spacing {spacing:.4g} um, trained on {usual:.4g} um")
             break
-    return joined(*said)
+    return "; ".join(said)
 
 
 def between(limits: tuple[float, float]) -> str:

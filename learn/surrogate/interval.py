@@ -77,9 +77,6 @@ SMALLEST = 1e-3
 ENDS = (0.02, 0.98)
 """Quantiles of the usual errors at known places, beyond which none is extrapolated."""
 
-ROUNDING = 1e-9
-"""Difference up to which a level of intervals counts as the largest one."""
-
 CONSTANT = 1e-9
 """Deviation of a constant feature over its largest size, at most."""
 
@@ -97,27 +94,17 @@ class Scores(NamedTuple):
         order = np.argsort(errors, kind="stable")
         return cls(errors[order], 1.0 / sizes[place][order])
 
-    @property
-    def groups(self) -> float:
-        """Number of surfaces, maps or databases."""
-        return float(self.weights.sum())
-
     def quantile(self, level: float) -> float:
         """Return the score that a row of a new surface does not exceed with a probability.
 
         It is the quantile of all scores of K surfaces, each of which weighs 1 / (K + 1) over its
         rows, and of an infinite one of weight 1 / (K + 1) (Lee, Barber, Willett (2023), section 3).
         """
-        reached = np.cumsum(self.weights) / (self.groups + 1)
-        place = int(np.searchsorted(reached, checked_level(level) - 1e-9))
+        if not 0 < level < 1:
+            raise InputError(f"--interval {level:g}: give a coverage between 0 and 1, as 0.9")
+        reached = np.cumsum(self.weights) / (self.weights.sum() + 1)
+        place = int(np.searchsorted(reached, level - 1e-9))
         return float(self.errors[place]) if place < self.errors.size else np.inf
-
-
-def checked_level(level: float) -> float:
-    """Return a coverage, after InputError unless it is between 0 and 1."""
-    if not 0 < level < 1:
-        raise InputError(f"--interval {level:g}: give a coverage between 0 and 1, as 0.9")
-    return level
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,13 +202,14 @@ def calibrated_by(card: Mapping[str, Any]) -> str:
 
 def require_level(surrogate: Surrogate, level: float) -> None:
     """Refuse a level of intervals that has too few surfaces or maps to be calibrated."""
-    checked_level(level)
     for name, each in surrogate.learnt.items():
-        fewest = min(scores.groups for scores in each.calibration.scores)
-        largest = fewest / (fewest + 1)  # whose intervals are finite everywhere
-        if level > largest + ROUNDING:
-            raise InputError(
-                f"--interval {level:g}: intervals of {name} are calibrated by"
-                f" {calibrated_by(surrogate.card)}, which reach"
-                f" {math.floor(1000 * largest) / 1000:g} at most: give less, or fit to more of them"
-            )
+        intervals = each.calibration.scores
+        if all(np.isfinite(scores.quantile(level)) for scores in intervals):
+            continue
+        fewest = min(float(scores.weights.sum()) for scores in intervals)
+        largest = math.floor(1000 * fewest / (fewest + 1)) / 1000
+        raise InputError(
+            f"--interval {level:g}: intervals of {name} are calibrated by"
+            f" {calibrated_by(surrogate.card)}, which reach {largest:g} at most: give less, or fit"
+            " to more of them"
+        )

@@ -10,9 +10,8 @@ correlated. For a population the curves of each surface are inverted, and the ba
 results.
 """
 
-from collections.abc import Callable
-
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 
 from gen.arrays import Values
 from gen.law.curves import STIFFNESS, Points
@@ -32,25 +31,19 @@ def at_pressures(points: Points, pressures: Values) -> Points:
     """
     deltas = points.values["delta_um"]
     at = _inverse(deltas, points.values["pressure_MPa"], pressures, first=True)
-    values = {
-        "delta_um": at,
-        "area_percent": _cubic(deltas, points.values["area_percent"])(at),
-        "mean_gap_um": _cubic(deltas, points.values["mean_gap_um"])(at),
-        "closure_um": _cubic(deltas, points.values["closure_um"])(at),
+    known = ("area_percent", "mean_gap_um", "closure_um", STIFFNESS)
+    values = {"delta_um": at} | {
+        name: _read(deltas, points.values[name], at) for name in known if name in points.values
     }
-    if STIFFNESS in points.values:
-        values[STIFFNESS] = _read(deltas, points.values[STIFFNESS], at)
     reasons = _reasons(points, at)
     if not points.low:
         return Points(values, reasons=reasons)
     least, most = _ends_of_delta(points, pressures, at)
     low, high = {"delta_um": least}, {"delta_um": most}
-    for name, (one, other) in {"area_percent": (least, most), "mean_gap_um": (most, least)}.items():
+    for name in points.low.keys() & {*known}:
+        one, other = (most, least) if name == "mean_gap_um" else (least, most)
         low[name] = _read(deltas, points.low[name], one)
         high[name] = _read(deltas, points.high[name], other)
-    if STIFFNESS in points.low:
-        low[STIFFNESS] = _read(deltas, points.low[STIFFNESS], least)
-        high[STIFFNESS] = _read(deltas, points.high[STIFFNESS], most)
     unknown = np.isnan(least) | np.isnan(most)
     said = []
     ends = zip(_reasons(points, least), _reasons(points, most), unknown, strict=True)
@@ -90,7 +83,7 @@ def _inverse(deltas: Values, reach: Values, pressures: Values, *, first: bool) -
     """
     shares = np.arange(FINE) / FINE
     fine = np.append((deltas[:-1, None] + np.diff(deltas)[:, None] * shares).ravel(), deltas[-1])
-    curve = np.maximum.accumulate(_cubic(deltas, reach)(fine))
+    curve = np.maximum.accumulate(PchipInterpolator(deltas, reach)(fine))
     rises = np.diff(curve) > 0
     kept = np.concatenate([[True], rises] if first else [rises, [True]])
     end = curve[-1]
@@ -102,17 +95,9 @@ def _inverse(deltas: Values, reach: Values, pressures: Values, *, first: bool) -
 def _read(deltas: Values, values: Values, at: Values) -> Values:
     """Interpolate between points, (m,); NaN at NaN, and next to an interval without an end."""
     if np.isfinite(values).all():
-        return _cubic(deltas, values)(at)
+        return PchipInterpolator(deltas, values)(at)
     with np.errstate(invalid="ignore"):
         return np.interp(at, deltas, values)
-
-
-def _cubic(arguments: Values, values: Values) -> Callable[[Values], Values]:
-    """Return the monotone cubic through the points."""
-    from scipy.interpolate import PchipInterpolator
-
-    interpolation: Callable[[Values], Values] = PchipInterpolator(arguments, values)
-    return interpolation
 
 
 def _reasons(points: Points, at: Values) -> tuple[str, ...]:

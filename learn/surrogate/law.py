@@ -16,8 +16,11 @@ Bands are the intervals at such a load. The other table is that of the same cont
 for one surface.
 """
 
+import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -32,10 +35,9 @@ from gen.runtime.errors import InputError
 from gen.runtime.terminal import RunProgress
 from gen.scene import Scene
 from learn.features import SurfaceFeatures, Undefined
-from learn.features.scene import SCENE
-from learn.features.sets import geometric_mean
+from learn.features.scene import SCENE, shown
 from learn.surrogate.inversion import at_pressures, read_at
-from learn.surrogate.model import OnSurface, Prediction, Surrogate, require_surfaces
+from learn.surrogate.model import OnSurface, Prediction, Surrogate
 
 BEYOND = (1.15, 1.4, 2.0, 3.0)
 """Further Deltas to predict, over the last one: some surfaces reach a pressure late."""
@@ -44,9 +46,6 @@ ESTIMATED_GAP = (
     "warning: the mean gap of bodies that yield is a coarse estimate: fit one with --target"
     " area,force,mean_gap"
 )
-
-STIFFNESSES = {"stiffness", "interface_stiffness"}
-"""Targets that give the stiffness of the interface."""
 
 YIELDING_STIFFNESS = (
     "the conductance of bodies that yield follows from their stiffness of unloading, which is no"
@@ -63,7 +62,6 @@ def make(surrogate: Surrogate, order: Order) -> Law:
     The surrogate's E*, hardness and range of Delta stand in for those that are not given.
     InputError is raised for input that cannot be used, or a pressure that the law does not reach.
     """
-    require_surfaces(surrogate, "a law")
     kind, asked = _asked(surrogate, order)
     if order.boundary not in {None, surrogate.boundary}:
         raise InputError(
@@ -81,7 +79,7 @@ def make(surrogate: Surrogate, order: Order) -> Law:
     said = f"predicted by {surrogate.card['title']}", f"{100 * order.level:g} % conformal interval"
     low, high = surrogate.card["delta"]
     if kind == "pressure":
-        scale = bodies.e_star / geometric_mean(surrogate.card["side"])
+        scale = bodies.e_star / math.sqrt(math.prod(surrogate.card["side"]))
         at = np.geomspace(low, high, STEPS) * scale if asked is None else asked[asked > 0]
         predicted = [
             (
@@ -96,10 +94,7 @@ def make(surrogate: Surrogate, order: Order) -> Law:
         return law_of(order, subjects, bodies, (*tables, [*left_out, *notes]), said)
     if deltas is None:
         deltas = np.unique(np.linspace(float(low), float(high), STEPS))
-    stiffness = order.stiffness or order.conductivities is not None
-    over_delta, over_pressure, notes = _tables(
-        surrogate, kept, deltas, pressures, order.level, bodies, stiffness=stiffness
-    )
+    over_delta, over_pressure, notes = _tables(surrogate, kept, deltas, pressures, order, bodies)
     return law_of(order, subjects, bodies, (over_delta, over_pressure, [*left_out, *notes]), said)
 
 
@@ -122,7 +117,7 @@ def of_parameters(surrogate: Surrogate, order: Order, numbers: Mapping[str, floa
     unit = patch.nominal if load == "force" else 1.0
     if at is None:
         ends = np.linspace(surrogate.low, surrogate.high, STEPS)
-        at = surrogate.features.shown(ends)[:, -1] / unit
+        at = shown(surrogate.features.columns, ends)[:, -1] / unit
     at = at[at > 0]
     rows = surrogate.of_numbers({**numbers, load: at * unit})
     answer = surrogate.predict_rows(rows, level=order.level)
@@ -167,11 +162,7 @@ def _learnt_tables(
     parts, corrections = [], []
     for patch, answer in predicted:
         points, correction = monotone(_points_at(answer, kind, at, patch, bodies))
-        if (order.stiffness or order.conductivities is not None) and STIFFNESS not in points.values:
-            if bodies.hardness is not None:
-                raise InputError(YIELDING_STIFFNESS)
-            points = _with_stiffness(points, patch, bodies)
-        parts.append(points)
+        parts.append(_with_stiffness(points, patch, order, bodies))
         corrections.append(correction)
     tables = _both_tables(parts, kind, order.level)
     alone = [f"only the table over {kind} has a band"] if len(parts) == 1 else []
@@ -180,11 +171,17 @@ def _learnt_tables(
 
 
 def _points_at(
-    answer: Prediction, kind: Load, at: Values, patch: LawSurface, bodies: Bodies
+    answer: Prediction,
+    kind: Load,
+    at: Values,
+    patch: LawSurface,
+    bodies: Bodies,
+    surface: SurfaceFeatures | None = None,
 ) -> Points:
     """Return the points of a law at ascending loads, (k,), from the answers at these.
 
-    A Delta of answers rises with the closure: what the patch gives way is that of the pressure.
+    A Delta of answers rises with the closure: what the patch gives way is that of the pressure. A
+    mean gap that was not learnt follows from the force at the Deltas on a surface.
     """
     behind, parts = patch.patch_compliance(bodies.e_star), []
     for ends in (answer.values, answer.low, answer.high):
@@ -194,10 +191,15 @@ def _points_at(
             closure = np.maximum.accumulate(closure)
         found = {"area_percent": ends["area"], "pressure_MPa": pressure, "closure_um": closure}
         found |= {"delta_um": at if kind == "delta" else closure + behind * at}
-        found |= {"force_uN": pressure * patch.nominal}
-        found |= {"mean_gap_um": ends["mean_gap"]} if "mean_gap" in ends else {}
-        if STIFFNESSES & ends.keys():
-            found[STIFFNESS] = _learnt_stiffness(ends, patch, bodies)
+        found |= {"force_uN": ends["force"] if kind == "delta" else pressure * patch.nominal}
+        if "mean_gap" in ends:
+            found["mean_gap_um"] = ends["mean_gap"]
+        elif surface is not None:  # it rises with the force
+            found["mean_gap_um"] = _mean_gap(surface, at, ends["force"] / bodies.e_star, bodies)
+        if "interface_stiffness" in ends:
+            found[STIFFNESS] = ends["interface_stiffness"] / patch.nominal
+        elif "stiffness" in ends:
+            found[STIFFNESS] = _of_interface(ends["stiffness"] / patch.nominal, behind)
         parts.append(found)
     values, low, high = parts
     without = {"delta_um", "closure_um"} if kind == "delta" else {"pressure_MPa", "force_uN"}
@@ -252,47 +254,46 @@ def _tables(
     surfaces: Sequence[LawSurface],
     deltas: Values,
     pressures: Values | None,
-    level: float,
+    order: Order,
     bodies: Bodies,
-    *,
-    stiffness: bool = False,
 ) -> tuple[Curves, Curves, list[str]]:
     """Predict all surfaces; tabulate against Delta and against pressure, with lines of warnings.
 
     Deltas, (k,) [um], and pressures, (m,) [MPa], ascend; without pressures they are those at the
-    Deltas. If the stiffness is asked for and was not learnt, it is the slope of the force of
-    elastic bodies. InputError is raised for a pressure that the law does not reach, and for the
-    stiffness of bodies that yield if the surrogate has not learnt it.
+    Deltas. InputError is raised for a pressure that the law does not reach.
     """
-    learnt = STIFFNESSES & surrogate.learnt.keys()
-    if stiffness and bodies.hardness is not None and not learnt:
-        raise InputError(YIELDING_STIFFNESS)
     parts, whole, corrections = [], [], []
     with RunProgress(len(surfaces), "surfaces") as progress:
         for surface in surfaces:
             on_surface = OnSurface(surrogate, _features(surface))
-            raw = predicted_points(on_surface, surface, deltas, level, bodies)
-            raw = raw.from_rest(surface.at_rest())
-            smooth, correction = monotone(raw)
-            extended = _extended(smooth, on_surface, surface, level, bodies)
-            if stiffness and not learnt:
-                smooth, extended = (_with_stiffness(p, surface, bodies) for p in (smooth, extended))
-            parts.append(smooth)
-            whole.append(extended)
+            predicted = partial(_predicted_points, on_surface, surface, order.level, bodies)
+            smooth, correction = monotone(predicted(deltas).from_rest(surface.at_rest()))
+            extended = smooth
+            with suppress(InputError):  # larger displacements, where they can be predicted
+                extended = continued(smooth, predicted(deltas[-1] * np.array(BEYOND)))
+            parts.append(_with_stiffness(smooth, surface, order, bodies))
+            whole.append(_with_stiffness(extended, surface, order, bodies))
             corrections.append(correction)
             progress.advance(1, 0)
     rest = {"mean_gap_um": float(np.mean([surface.gap_at_rest for surface in surfaces]))}
-    over_delta = tabulated("delta_um", np.append(0.0, deltas), parts, level, rest)
-    notes = [*_unknown(over_delta), *_corrected(over_delta, corrections)]
+    over_delta = tabulated("delta_um", np.append(0.0, deltas), parts, order.level, rest)
+    notes = _corrected(over_delta, corrections)
+    if beyond := sum(share > 0 for share in over_delta.outside):
+        many = f"{beyond} of {over_delta.at.size - 1} displacements"
+        line = f"warning: {many} are outside the training ranges for one surface or more"
+        if over_delta.flagged.any():
+            line += "; outside, neither closure nor stiffness is given (-)"
+        notes.insert(0, line)
     if bodies.hardness is not None and "mean_gap" not in surrogate.learnt:
         notes.append(ESTIMATED_GAP)
     chosen, late = _pressures(over_delta, whole, pressures)
     inverted = [at_pressures(each, chosen) for each in whole]
-    return over_delta, tabulated("pressure_MPa", chosen, inverted, level, rest), [*notes, *late]
+    over_pressure = tabulated("pressure_MPa", chosen, inverted, order.level, rest)
+    return over_delta, over_pressure, [*notes, *late]
 
 
-def predicted_points(
-    on_surface: OnSurface, subject: LawSurface, deltas: Values, level: float, bodies: Bodies
+def _predicted_points(
+    on_surface: OnSurface, subject: LawSurface, level: float, bodies: Bodies, deltas: Values
 ) -> Points:
     """Predict the law of one surface at ascending displacements above 0, (k,) [um].
 
@@ -307,33 +308,12 @@ def predicted_points(
                 f"{subject.name}: the surrogate has no finite {name} at Delta ="
                 f" {deltas[place]:.4g} um: no law can be made of it"
             )
-    parts: list[dict[str, Values]] = []
-    for ends in (answer.values, answer.low, answer.high):
-        gap = ends.get("mean_gap")
-        if gap is None:  # which rises with the force
-            gap = _mean_gap(on_surface, deltas, ends["force"] / e_star, bodies)
-        learnt = STIFFNESSES & ends.keys()
-        found = {STIFFNESS: _learnt_stiffness(ends, subject, bodies)} if learnt else {}
-        parts.append(
-            {
-                **found,
-                "area_percent": ends["area"],
-                "force_uN": ends["force"],
-                "mean_gap_um": gap,
-                "pressure_MPa": ends["force"] / subject.nominal,
-            }
-        )
-    values, low, high = parts
-    behind = subject.patch_compliance(e_star)
-    closure = np.maximum(deltas - behind * values["pressure_MPa"], 0.0)
-    return Points({"delta_um": deltas, **values, "closure_um": closure}, low, high, answer.reasons)
+    return _points_at(answer, "delta", deltas, subject, bodies, on_surface.surface)
 
 
-def _mean_gap(on_surface: OnSurface, deltas: Values, force: Values, bodies: Bodies) -> Values:
+def _mean_gap(surface: SurfaceFeatures, deltas: Values, force: Values, bodies: Bodies) -> Values:
     """Return the mean gap from forces over E*, (k,) [um]."""
-    surface = on_surface.surface
-    heights = surface.heights
-    rest = float(heights.max()) - float(heights.mean())
+    rest = float(surface.heights.max()) - float(surface.heights.mean())
     coarse = [surface.coarse_means(float(delta), bodies.hardness_ratio) for delta in deltas]
     compliance, yielded = np.array(coarse).reshape(-1, 2).T
     free = surface.boundary == "free"
@@ -347,51 +327,25 @@ def _features(subject: LawSurface) -> SurfaceFeatures:
     return SurfaceFeatures(heights, sides, spacing, subject.name, subject.boundary)
 
 
-def _learnt_stiffness(ends: dict[str, Values], subject: LawSurface, bodies: Bodies) -> Values:
-    """Return the stiffness of the interface per nominal area from what was learnt [MPa / um]."""
-    if "interface_stiffness" in ends:
-        return ends["interface_stiffness"] / subject.nominal
-    return _of_interface(ends["stiffness"] / subject.nominal, subject, bodies)
+def _with_stiffness(points: Points, subject: LawSurface, order: Order, bodies: Bodies) -> Points:
+    """Add the stiffness of the interface, if it is asked for and was not learnt.
 
-
-def _with_stiffness(points: Points, subject: LawSurface, bodies: Bodies) -> Points:
-    """Add the stiffness of the interface, the slope of the pressure of elastic bodies.
-
-    The compliance of the half-space behind a free patch is taken out of it.
+    It is the slope of the pressure of elastic bodies. InputError is raised for bodies that yield.
     """
+    asked = order.stiffness or order.conductivities is not None
+    if not asked or STIFFNESS in points.values:
+        return points
+    if bodies.hardness is not None:
+        raise InputError(YIELDING_STIFFNESS)
     rising = slopes(points.values["delta_um"], points.values["pressure_MPa"], 0.0)
-    found = _of_interface(rising, subject, bodies)
+    found = _of_interface(rising, subject.patch_compliance(bodies.e_star))
     return replace(points, values={**points.values, STIFFNESS: found})
 
 
-def _of_interface(stiffness: Values, subject: LawSurface, bodies: Bodies) -> Values:
-    """Take the patch's compliance out of stiffnesses per nominal area, (k,) [MPa / um]."""
-    behind = subject.patch_compliance(bodies.e_star)
+def _of_interface(stiffness: Values, behind: float) -> Values:
+    """Take what the patch gives way [um / MPa] out of stiffnesses, (k,) [MPa / um]."""
     patch = 1 / behind if behind else np.inf
     return np.array([without_patch(each, patch) for each in stiffness])
-
-
-def _extended(
-    points: Points, on_surface: OnSurface, surface: LawSurface, level: float, bodies: Bodies
-) -> Points:
-    """Extend the law to larger displacements, where they can be predicted."""
-    further = points.values["delta_um"][-1] * np.array(BEYOND)
-    try:
-        return continued(points, predicted_points(on_surface, surface, further, level, bodies))
-    except InputError:
-        return points
-
-
-def _unknown(over_delta: Curves) -> list[str]:
-    """Warn of displacements outside the training."""
-    beyond = sum(share > 0 for share in over_delta.outside)
-    if not beyond:
-        return []
-    many = f"{beyond} of {over_delta.at.size - 1} displacements"
-    line = f"warning: {many} are outside the training ranges for one surface or more"
-    if over_delta.flagged.any():
-        line += "; outside, neither closure nor stiffness is given (-)"
-    return [line]
 
 
 def _corrected(over_delta: Curves, corrections: Sequence[Points]) -> list[str]:

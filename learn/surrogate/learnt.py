@@ -34,9 +34,8 @@ from gen.arrays import Indices, Values
 from gen.runtime.errors import InputError
 from gen.runtime.files import SURROGATE, atomic, require_file
 from gen.runtime.terminal import printable, to_type
-from learn.features.scene import SCENE
-from learn.features.sets import FORMULAS, PURE, SETS, SKEWNESS
-from learn.models import EVERY, STEP, Scaling
+from learn.features.sets import PURE, SETS, SKEWNESS, Scaling
+from learn.models import STEP
 from learn.surrogate.flag import Distance
 from learn.surrogate.interval import EARLIER, Calibration, ErrorScale, Growth, Scores
 
@@ -103,21 +102,17 @@ that another surface is none of them. Flags and intervals see it."""
 Clip = tuple[Values, Values]
 """Ends, each (d,), of the ranges that features are clipped to; infinite for those that are not."""
 
+EVERYWHERE: Clip = (np.array(-np.inf), np.array(np.inf))
+"""The ranges of files that name none."""
 
-def clip_of(train: Dataset) -> Clip | None:
-    """Return the training ranges of the moments among the features; None for sets with units."""
-    if not train.features.scaled:
-        return None
+
+def clip_of(train: Dataset) -> Clip:
+    """Return the training ranges of the moments among the features, of sets without units."""
     names = np.array(train.features.columns)
-    moment, unseen = np.isin(names, [*MOMENTS]), names == UNSEEN
-    low, high = train.inputs.min(axis=0), train.inputs.max(axis=0)
-    low, high = np.where(moment, low, -np.inf), np.where(moment, high, np.inf)
-    return np.where(unseen, 0.0, low), np.where(unseen, 0.0, high)
-
-
-def clipped(inputs: Values, clip: Clip | None) -> Values:
-    """Return the features, (n, d), as models see them."""
-    return inputs if clip is None else np.clip(inputs, *clip)
+    moment = np.isin(names, [*MOMENTS]) & train.features.scaled
+    low = np.where(moment, train.inputs.min(axis=0), -np.inf)
+    high = np.where(moment, train.inputs.max(axis=0), np.inf)
+    return np.where(names == UNSEEN, 0.0, low), np.where(names == UNSEEN, 0.0, high)
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,15 +124,30 @@ class Learnt:
     pipeline: Any  # of scikit-learn: scaling and estimator of the scaled target over its scale
     scaling: Scaling  # of the target over its scale
     calibration: Calibration  # intervals of the target over its scale
-    clip: Clip | None = None  # ranges that the inputs do not leave; None for sets with units
+    clip: Clip  # ranges that the inputs do not leave
     bounds: tuple[float, float] = (-np.inf, np.inf)  # least and largest value of the column
 
     def raw(self, inputs: Values) -> Values:
         """Predict the target over its scale, (n,), at the features, (n, d); NaN where one is."""
+        (_, scaling), (_, model) = self.pipeline.steps
         found = np.full(len(inputs), np.nan)
         with np.errstate(over="ignore", invalid="ignore"):  # said by `predict_rows`, row by row
             for rows in _parts(inputs):
-                found[rows] = self._predict(clipped(inputs[rows], self.clip))
+                seen = np.clip(inputs[rows], *self.clip)
+                seen = seen if scaling == "passthrough" else scaling.transform(seen)
+                if getattr(model, "L_", model) is None:  # scikit-learn 1.7 asks for it for the mean
+                    predicted = model.kernel_(seen, model.X_train_) @ model.alpha_
+                elif getattr(model, "kernel", "") == "rbf" and hasattr(model, "X_fit_"):
+                    # Kernel ridge, without scikit-learn's checks of its training rows.
+                    centres = np.asarray(model.X_fit_, dtype=np.float64)
+                    squares = np.einsum("ij,ij->i", centres, centres) - 2.0 * (seen @ centres.T)
+                    squares += np.einsum("ij,ij->i", seen, seen)[:, None]
+                    np.maximum(squares, 0.0, out=squares)
+                    squares *= -(1.0 / centres.shape[1] if model.gamma is None else model.gamma)
+                    predicted = np.exp(squares, out=squares) @ model.dual_coef_
+                else:
+                    predicted = model.predict(seen)
+                found[rows] = np.reshape(predicted, -1)
             return self.scaling.restored(found)
 
     def mean_ends(self, raw: Values, level: float, inputs: Values) -> tuple[Values, Values]:
@@ -153,21 +163,6 @@ class Learnt:
             errors[rows] = model.error(self.pipeline[:-1].transform(inputs[rows]))
         half = model.quantile(level) * errors * self.scaling.deviation
         return raw - half, raw + half
-
-    def _predict(self, inputs: Values) -> Values:
-        """Predict some rows; kernel ridge without scikit-learn's checks of its training rows."""
-        (_, scaling), (_, model) = self.pipeline.steps
-        scaled = inputs if scaling == "passthrough" else scaling.transform(inputs)
-        if getattr(model, "L_", model) is None:  # scikit-learn 1.7 asks for it also for the mean
-            return np.asarray(model.kernel_(scaled, model.X_train_) @ model.alpha_).reshape(-1)
-        if getattr(model, "kernel", "") != "rbf" or not hasattr(model, "X_fit_"):
-            return np.asarray(model.predict(scaled), dtype=np.float64).reshape(-1)
-        centres = np.asarray(model.X_fit_, dtype=np.float64)
-        distances = np.einsum("ij,ij->i", centres, centres) - 2.0 * (scaled @ centres.T)
-        distances += np.einsum("ij,ij->i", scaled, scaled)[:, None]
-        np.maximum(distances, 0.0, out=distances)
-        distances *= -(1.0 / centres.shape[1] if model.gamma is None else float(model.gamma))
-        return np.asarray(np.exp(distances, out=distances) @ model.dual_coef_).reshape(-1)
 
 
 def _parts(inputs: Values) -> Iterator[Indices]:
@@ -287,22 +282,25 @@ def _with_trees(estimator: Any, trees: dict[str, Values]) -> None:
 
 
 def load_parts(path: Path) -> tuple[dict[str, Any], dict[str, Learnt], Values, Values, Distance]:
-    """Read the fields of a `Surrogate`.
+    """Read the fields of a `Surrogate`, after a trial if another scikit-learn has made it.
 
     InputError is raised if the file is no surrogate, of another format, damaged, or names types
     that no surrogate has; or if the libraries installed here cannot use its models.
     """
+    import sklearn
+
     card, low, high, archive = read(path)
     try:
-        io = _skops()
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")  # models of another version of their library
-            models = io.loads(archive, trusted=list(REVIEWED))
+            models = _skops().loads(archive, trusted=list(REVIEWED))
             distance = Distance(**models["distance"])
             learnt = {
-                name: _unpacked(models["targets"][name], distance, card, low)
-                for name in card["targets"]
+                name: _unpacked(models["targets"][name], distance) for name in card["targets"]
             }
+            if sklearn.__version__ != card["versions"].get("scikit-learn"):
+                for each in learnt.values():
+                    each.calibration.ends(each.raw(low[None]), 0.5, low[None])
     except Exception as error:  # what a library says of content that it does not know
         fault = printable(" ".join(str(error).split())[:100])
         made = ", ".join(f"{name} {number}" for name, number in card["versions"].items() if number)
@@ -313,12 +311,8 @@ def load_parts(path: Path) -> tuple[dict[str, Any], dict[str, Learnt], Values, V
     return card, learnt, low, high, distance
 
 
-def _unpacked(
-    part: dict[str, Any], distance: Distance, card: Mapping[str, Any], low: Values
-) -> Learnt:
-    """Return the model of a target, after a trial if another scikit-learn has made it."""
-    import sklearn
-
+def _unpacked(part: dict[str, Any], distance: Distance) -> Learnt:
+    """Return the model of a target."""
     grows = part["grows"]  # a law, True of earlier versions, or False
     intervals = Calibration(
         tuple(Scores(*each) for each in part["scores"]),
@@ -328,17 +322,9 @@ def _unpacked(
         EARLIER if isinstance(grows, bool) else Growth(*grows),
     )
     own = part["column"], part["unit"], part["pipeline"], Scaling(**part["scaling"])
-    learnt = Learnt(*own, intervals, part["clip"], part["bounds"])
-    estimator = learnt.pipeline.named_steps[STEP]
+    learnt = Learnt(*own, intervals, part["clip"] or EVERYWHERE, part["bounds"])
     if part["trees"] is not None:
-        _with_trees(estimator, part["trees"])
-    if not isinstance(EVERY[card["model"]].estimator(0), type(estimator)):
-        raise TypeError(f"its model is no {card['model']}")
-    names = {name for name, _ in card["columns"]}
-    if card["features"] != SCENE and (card["features"] not in SETS or not names <= {*FORMULAS}):
-        raise TypeError("its features are unknown")
-    if sklearn.__version__ != card["versions"].get("scikit-learn"):
-        learnt.calibration.ends(learnt.raw(low[None]), 0.5, low[None])
+        _with_trees(learnt.pipeline.named_steps[STEP], part["trees"])
     return learnt
 
 
@@ -387,20 +373,21 @@ def read(path: Path) -> tuple[dict[str, Any], Values, Values, bytes]:
 def _anew(path: Path, card: Mapping[str, Any]) -> str:
     """Say by which command a surrogate is fitted anew, as far as its card tells."""
     databases = [each["database"] for each in card.get("databases", [card])]
-    words = [*databases, "--model", card["model"], "--features", card["features"]]
-    words += ["--target", ",".join(card["targets"]), "--seed", f"{card['seed']}"]
-    if card.get("blocks"):
-        words += ["--blocks", f"{card['blocks']}"]
-    if card.get("load"):
-        words += ["--load", card["load"]]
-    if card.get("area_max") is not None:
-        words += ["--area-max", f"{card['area_max']:g}"]
-    if card["normalisation"] != SETS[card["features"]].normalisation:
-        words += ["--normalise", card["normalisation"]]
-    if database := card.get("calibration", {}).get("database"):
-        words += ["--calibrate-on", database]
+    own = card["normalisation"] != SETS[card["features"]].normalisation
+    options = {
+        "--model": card["model"],
+        "--features": card["features"],
+        "--target": ",".join(card["targets"]),
+        "--seed": str(card["seed"]),
+        "--blocks": card.get("blocks"),
+        "--load": card.get("load"),
+        "--area-max": None if card.get("area_max") is None else f"{card['area_max']:g}",
+        "--normalise": card["normalisation"] if own else None,
+        "--calibrate-on": card.get("calibration", {}).get("database"),
+    }
     first = next(iter(card["targets"].values()))
     if origin := re.search(r"(?:tuned in|, by) (.*)", first["settings_from"]):
-        words += ["--from", str(Path(origin[1]).parent)]
-    command = " ".join(shlex.quote(str(word)) for word in [*words, "-o", path])
+        options["--from"] = Path(origin[1]).parent
+    given = [word for name, value in options.items() if value for word in (name, value)]
+    command = " ".join(shlex.quote(str(word)) for word in [*databases, *given, "-o", path])
     return f"fit it anew: {to_type(printable(f'learn fit {command}'))}"

@@ -14,10 +14,9 @@ from bem.problem import Boundary
 from gen.arrays import Values
 from gen.material import Bodies
 from gen.runtime.errors import InputError
-from gen.runtime.terminal import to_type
 from gen.statistics import refuse_masked
 from learn.features import SETS, FeatureSet, SurfaceFeatures
-from learn.features.scene import SCENE, checked_numbers
+from learn.features.scene import SCENE, checked_numbers, plain
 from learn.features.sets import Rows, by_pressure
 from learn.surrogate import flag
 from learn.surrogate.flag import Distance
@@ -28,9 +27,6 @@ LARGEST = 1e38
 
 PROPORTIONAL = {"force", "largest_pressure", "stiffness", "interface_stiffness"}
 """Targets that are proportional to E*."""
-
-SAME = 1e-6
-"""Relative distance from the training's hardness within which a hardness counts as equal."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,11 +109,13 @@ class Surrogate:
     def __post_init__(self) -> None:
         """Read of the card what predictions need."""
         card, limits = self.card, self.card.get("hardness_ratio")
+        columns = tuple(name for name, _ in card["columns"])
+        of_scene = card["features"] == SCENE
         features = replace(
             SETS[card["features"]],
-            columns=tuple(name for name, _ in card["columns"]),
+            columns=columns,
             blocks=int(card.get("blocks", 0)),
-            by=str(card.get("load") or "delta"),
+            load=plain(columns[-1]) if of_scene else str(card.get("load") or "delta"),
             elastic=bool(card.get("elastic")),
         )
         vars(self).update(
@@ -216,17 +214,19 @@ class Surrogate:
             If heights, lengths, displacements, `e_star` or `hardness` are impossible, or the
             training asks for a hardness, a parameter or a load that is not given.
         """
+        load = self.features.load
         if self.features.name == SCENE:
             if surface is not None or side is not None or e_star is not None:
-                raise InputError(f"the surrogate asks for {self._asks()}, not for a surface or E*")
+                asks = ", ".join(self.features.names)
+                raise InputError(f"the surrogate asks for {asks}, not for a surface or E*")
             named = {"delta": delta, "hardness": hardness} | given
             rows = self.of_numbers({k: v for k, v in named.items() if v is not None})
             return self.predict_rows(rows, level=level, mean=mean)
-        loads = given.pop("pressure", None) if self.features.by == "pressure" else delta
+        loads = given.pop("pressure", None) if load == "pressure" else delta
         if surface is None or side is None or loads is None or given or mean:
             raise InputError(
-                f"the surrogate asks for a surface, its side and {self.features.by}: parameters of"
-                " a scene and means over its surfaces need one fitted with --features scene"
+                f"the surrogate asks for a surface, its side and {load}: parameters of a scene and"
+                " means over its surfaces need one fitted with --features scene"
             )
         on_surface = self.for_surface(surface, side)
         one = None if hardness is None else float(np.asarray(hardness))
@@ -267,10 +267,6 @@ class Surrogate:
                 )
             hardness = limits[0] * modulus
         return Bodies(modulus, hardness, known=e_star is not None)
-
-    def _asks(self) -> str:
-        """Name the numbers that a scene's surrogate asks for."""
-        return ", ".join(self.features.names)
 
     def of_numbers(self, given: Mapping[str, ArrayLike]) -> Rows:
         """Turn parameters and loads into rows for `predict_rows`.
@@ -316,7 +312,8 @@ class Surrogate:
             The surrogate with the features of this surface.
         """
         if self.features.name == SCENE:
-            raise InputError(f"{name}: the surrogate asks for {self._asks()}, not for a surface")
+            asks = ", ".join(self.features.names)
+            raise InputError(f"{name}: the surrogate asks for {asks}, not for a surface")
         heights = _own(name, surface)
         if np.shape(side) not in {(), (2,)}:
             raise InputError(f"{name}: side {side!r}: give one length or one for each axis")
@@ -334,7 +331,6 @@ class Surrogate:
         statistics: Values,
         delta: Values,
         length: Values | float,
-        notes: tuple[str, ...] = (),
         hardness_ratio: float | None = None,
         nodes: Values | None = None,
     ) -> Rows:
@@ -346,8 +342,6 @@ class Surrogate:
             Statistics in the order and units of Table 1, and far-field displacement [um].
         length : ndarray, shape (n,), or float
             Scan length L, the geometric mean of both sides [um].
-        notes : tuple of str
-            Notes on grids that differ from the training's: one for all rows, or n.
         hardness_ratio : float, optional
             Hardness over E*; None for elastic bodies.
         nodes : ndarray, shape (n,), optional
@@ -361,30 +355,12 @@ class Surrogate:
         Raises
         ------
         InputError
-            If the surrogate needs the heights of the surface, or the nodes, or a row is not finite
-            or masked in places.
+            If a statistic is NaN, or an array is masked in places.
         """
         statistics, delta = _own("statistics", statistics), _own("Delta", delta)
-        length = _own("lengths", length)
-        rows = Rows(statistics, delta, length, hardness_ratio, nodes, notes=notes)
-        if np.isnan(self._inputs(rows)).any():
+        if np.isnan(statistics).any():
             raise InputError("statistics must be finite: some are NaN")
-        return rows
-
-    def _inputs(self, rows: Rows) -> Values:
-        """Return the features of rows, (n, d), NaN where statistics are; see `of_statistics`."""
-        inputs = self.features.of(rows)
-        if self.features.name == SCENE:  # checked by `of_numbers`
-            return inputs
-        wrong = ~(np.abs(inputs) <= LARGEST).all(axis=1) & ~np.isnan(rows.statistics).any(axis=1)
-        bad = np.flatnonzero(wrong | ~(rows.delta > 0))
-        if bad.size:
-            raise InputError(
-                f"row {bad[0] + 1} of {len(rows.delta)}: statistics and Delta must be finite,"
-                " densities, curvatures and Delta above 0, and no feature beyond"
-                f" {LARGEST:.0e}"
-            )
-        return inputs
+        return Rows(statistics, delta, _own("lengths", length), hardness_ratio, nodes)
 
     def predict_rows(
         self,
@@ -402,7 +378,7 @@ class Surrogate:
         rows : Rows
             Rows from `of_statistics` or `OnSurface.rows`.
         e_star, level : float, optional
-            See `predict`; InputError is raised if E* is not above 0.
+            See `predict`.
         reasons : bool
             False to skip the check of training ranges. A prediction that is not finite always has a
             reason.
@@ -413,58 +389,54 @@ class Surrogate:
         -------
         Prediction
             Predictions of all targets, one for each row.
+
+        Raises
+        ------
+        InputError
+            If E* or a Delta is not above 0, features are beyond numbers, or they need the heights
+            of the surface, or its nodes, which the rows lack.
         """
         if e_star is not None and not 0 < e_star < np.inf:
             raise InputError(f"E* {e_star:g}: give a modulus above 0 MPa")
-        ratio = 1.0 if e_star is None else e_star / self.modulus
-        inputs = self._inputs(rows)
-        said = list(self._reasons(rows, inputs) if reasons else ("",) * len(rows.delta))
-        delta = rows.delta.copy() if "pressure" not in rows.given else np.nan * rows.delta
-        prediction = Prediction(delta, {}, given=dict(rows.given))
+        features, number = self.features, len(rows.delta)
+        inputs = features.of(rows)
         known = ~np.isnan(inputs).any(axis=1)
+        if features.name != SCENE:  # whose numbers `of_numbers` has checked
+            wrong = ~(np.abs(inputs) <= LARGEST).all(axis=1) & ~np.isnan(rows.statistics).any(
+                axis=1
+            )
+            bad = np.flatnonzero(wrong | ~(rows.delta > 0))
+            if bad.size:
+                raise InputError(
+                    f"row {bad[0] + 1} of {number}: statistics and Delta must be finite, densities,"
+                    f" curvatures and Delta above 0, and no feature beyond {LARGEST:.0e}"
+                )
+        said = [""] * number
+        if reasons:
+            said = flag.reasons_of(self, rows, inputs)
+        delta = rows.delta.copy() if "pressure" not in rows.given else np.nan * rows.delta
+        found = Prediction(delta, {}, given=dict(rows.given))
         for name, learnt in self.learnt.items():
-            scale = self.features.scale(learnt.column, rows, self.modulus)
-            if learnt.column in PROPORTIONAL:
-                scale = scale * ratio
+            scale = features.scale(learnt.column, rows, self.modulus)
+            if e_star is not None and learnt.column in PROPORTIONAL:
+                scale = scale * (e_star / self.modulus)
             raw = learnt.raw(inputs)
-            with np.errstate(over="ignore", invalid="ignore"):
+            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
                 raw[~np.isfinite(raw * scale)] = np.nan
+                answer = np.clip(raw * scale, *learnt.bounds)
+                # About what is answered, so that bounds leave no interval without width.
+                centre = np.where(answer == raw * scale, raw, answer / scale)
             for row in np.flatnonzero(np.isnan(raw) & known):
-                said[row] = flag.joined(f"the surrogate has no finite {name}", said[row])
-            answer = np.clip(raw * scale, *learnt.bounds)
-            prediction.values[name] = answer
+                said[row] = "; ".join(
+                    filter(None, [f"the surrogate has no finite {name}", said[row]])
+                )
+            found.values[name] = answer
             if level is not None:
-                with np.errstate(invalid="ignore", divide="ignore"):  # about what is answered, so
-                    # that bounds leave no interval without width
-                    centre = np.where(answer == raw * scale, raw, answer / scale)
                 ends = learnt.mean_ends if mean else learnt.calibration.ends
                 low, high = ends(centre, level, inputs)
-                prediction.low[name] = np.clip(low * scale, *learnt.bounds)
-                prediction.high[name] = np.clip(high * scale, *learnt.bounds)
-        return replace(prediction, reasons=tuple(said))
-
-    def _reasons(self, rows: Rows, inputs: Values) -> tuple[str, ...]:
-        """Return for each row why it is outside the training; "" if it is inside."""
-        number, given = len(rows.delta), rows.notes or ("",)
-        notes = list(given * (number // len(given)))
-        if self.hardness_limits is not None and rows.hardness_ratio is not None:
-            low, high = self.hardness_limits
-            high = np.inf if self.features.elastic else high  # elastic bodies are very hard ones
-            ratios = np.broadcast_to(rows.hardness_ratio, number)
-            inside = (low * (1 - SAME) <= ratios) & (ratios <= high * (1 + SAME))
-            for row in np.flatnonzero(~inside):
-                said = f"hardness/E* {ratios[row]:.4g} outside {low:.4g} to {high:.4g}"
-                notes[row] = flag.joined(notes[row], said)
-        return flag.reasons_of(inputs, notes, self.features, (self.low, self.high), self.distance)
-
-
-def require_surfaces(surrogate: Surrogate, what: str) -> None:
-    """Refuse a scene's surrogate, which answers for parameters, where surfaces are answered for."""
-    if surrogate.features.name == SCENE:
-        raise InputError(
-            f"{what}: the surrogate answers for {surrogate._asks()}, not for surfaces: ask"
-            f" {to_type('learn predict --at')}"
-        )
+                found.low[name] = np.clip(low * scale, *learnt.bounds)
+                found.high[name] = np.clip(high * scale, *learnt.bounds)
+        return replace(found, reasons=tuple(said))
 
 
 def _own(name: str, given: ArrayLike) -> Values:
@@ -508,25 +480,22 @@ class OnSurface:
         InputError
             If a load is not above 0, or a statistic that the features need is undefined.
         """
-        surface, surrogate = self.surface, self.surrogate
+        surface, surrogate, load = self.surface, self.surrogate, self.surrogate.features.load
+        refuse_masked(load, delta)
+        given = deltas = np.array(delta, dtype=np.float64).reshape(-1)
         bodies = bodies or surrogate.bodies(None, None)
-        deltas, ratio = (
-            np.atleast_1d(_own(surrogate.features.by, delta)).reshape(-1),
-            bodies.hardness_ratio,
-        )
-        given, pressed = deltas, surrogate.features.by == "pressure"
-        if pressed:
+        ratio = bodies.hardness_ratio
+        if load == "pressure":
             deltas = by_pressure(given, surface.length, bodies.e_star)
         rows = surface.rows(surrogate.features, deltas, ratio)
-        shape = (surface.heights.shape[0], surface.heights.shape[1])
-        note = flag.grid_note(surrogate.card, surrogate.features, shape, surface.sides)
-        limit = np.inf
-        if surrogate.boundary != "free" and ratio is None and not pressed:
+        note = flag.grid_note(surrogate, surface.heights.shape, surface.sides)
+        notes: tuple[str, ...] = (note,)
+        if surrogate.boundary != "free" and ratio is None and load == "delta":
             limit = float((surface.heights.max() - surface.heights).mean())
-        full = f"no equilibrium: the contact is full at delta = {limit:.6g} um"
-        beyond = np.where(deltas >= limit, full, "")
-        notes = tuple(flag.joined(own, note) for own in beyond)
-        return replace(rows, notes=notes, given={"pressure": given} if pressed else {})
+            full = f"no equilibrium: the contact is full at delta = {limit:.6g} um"
+            beyond = np.where(deltas >= limit, full, "")
+            notes = tuple("; ".join(filter(None, [own, note])) for own in beyond)
+        return replace(rows, notes=notes, given={"pressure": given} if load == "pressure" else {})
 
     def predict(
         self,

@@ -39,7 +39,7 @@ WRONG = [
     (["fit", "empty.h5", "-o", "x"], "empty.h5 is empty"),
     (["predict", "paper.surrogate", "table.csv"], "has no Delta: give --delta"),
     (["predict", "paper.surrogate", "table.csv", "--delta", "5", "--e-star", "-1"], "--e-star"),
-    ([*PREDICT[:2], "database.h5", "--delta", "5"], "database.h5: is a database; python -m learn"),
+    ([*PREDICT[:2], "database.h5", "--delta", "5"], "database.h5: SurfaceTopography cannot read"),
     (["fit", "unfinished.h5", "-o", "x"], "5 usable rows, 10 at least are needed"),
     (["fit", "database.h5", "-o", "x", "--target", "area,area"], "each once"),
     ([*LAW, "--header", "hybrid.surrogate"], "not replaced"),

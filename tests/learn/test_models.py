@@ -19,11 +19,11 @@ from gen.runtime.errors import InputError
 from gen.runtime.memory import free
 from learn import Surrogate, cli, models
 from learn.comparison.paper import OPTIMA
+from learn.features.sets import UNSCALED
 from learn.models import (
     AT_BOUND,
     MODELS,
     UNFINISHED,
-    UNSCALED,
     models_named,
     pipeline,
     remarks,

@@ -13,7 +13,7 @@ from gen.generation.plan import parameters
 from gen.generation.sample import surface_of
 from gen.runtime.errors import InputError
 from learn.executor import Executor
-from learn.features import regeneration
+from learn.features import SurfaceFeatures, regeneration
 from learn.features.sets import BLOCK_COUNTS, BLOCKS, HYBRID, SETS
 
 
@@ -37,8 +37,9 @@ def test_rows_have_what_surrogates_see_of_their_surfaces(population, blocks):
         scene, deltas = reader.scene, reader.column("delta")
     plan, ratio = parameters(scene, 0, scene.samples), 0.1 if scene.contact.hardness else None
     row = rows.rows[17]
-    own = regeneration.of_scene(scene, surface_of(scene, plan, row), "it")
-    again = own.features(rows.features, deltas[row : row + 1], ratio)
+    heights, boundary = surface_of(scene, plan, row), scene.contact.boundary
+    own = SurfaceFeatures(heights, scene.sides, scene.spacing, boundary=boundary)
+    again = rows.features.of(own.rows(rows.features, deltas[row : row + 1], ratio))
     np.testing.assert_array_equal(rows.inputs[17], again[0])
 
 
@@ -50,9 +51,9 @@ def test_what_was_computed_is_kept_and_only_what_changed_is_computed_again(
     asked = []
     compute = regeneration.compute_block
 
-    def counting(scene, block, blocks, pressed):
+    def counting(shared, block):
         asked.append(block)
-        return compute(scene, block, blocks, pressed=pressed)
+        return compute(shared, block)
 
     monkeypatch.setattr(regeneration, "compute_block", counting)
     np.testing.assert_array_equal(hybrid_rows(database, Executor(), never), first)

@@ -38,9 +38,9 @@ def test_what_surrogates_see_has_no_units_either(name, blocks):
     assert wanted.rooted
     assert wanted.blocks == (blocks or 0)
     z, deltas = surface(4, 129), np.array([0.5, 6.0, 30.0])
-    first = SurfaceFeatures(z, (1000.0, 1000.0)).features(wanted, deltas)
+    first = wanted.of(SurfaceFeatures(z, (1000.0, 1000.0)).rows(wanted, deltas))
     assert first.shape == (3, len(wanted.columns))
-    again = SurfaceFeatures(z / 1024, (8.0, 8.0)).features(wanted, deltas / 1024)
+    again = wanted.of(SurfaceFeatures(z / 1024, (8.0, 8.0)).rows(wanted, deltas / 1024))
     np.testing.assert_allclose(again, first, rtol=1e-12, atol=1e-13)
     roots = [name for name in wanted.columns if name.startswith("sqrt(")]
     for root in roots:
@@ -53,7 +53,8 @@ def test_force_over_its_scale_has_no_unit():
     found = []
     for up, side, e_star in ((1.0, 1000.0, 1.0), (1e-3, 4.0, 210e3)):
         contact = bem.solve(z * up, side, 8.0 * up, modulus=e_star)
-        statistics = SurfaceFeatures(z * up, (side, side)).statistics[None]
+        described = SurfaceFeatures(z * up, (side, side)).description
+        statistics = np.array([list(described.values.values())])
         delta = np.array([8.0 * up])
         for target, value in (
             ("force", contact.force),
@@ -106,14 +107,16 @@ def test_no_elastic_pressure_reaches_the_ceiling_of_the_hardness(seed, hurst, no
 def test_elastic_bodies_have_the_feature_of_very_hard_ones(name):
     wanted = chosen(name, [scene(VARIED), scene("")])
     on_surface = SurfaceFeatures(surface(4), (1000.0, 1000.0))
-    elastic = on_surface.features(wanted, DELTA)
+    elastic = wanted.of(on_surface.rows(wanted, DELTA))
     np.testing.assert_allclose(
-        on_surface.features(wanted, DELTA, 1e9), elastic, rtol=1e-9, atol=1e-4
+        wanted.of(on_surface.rows(wanted, DELTA, 1e9)), elastic, rtol=1e-9, atol=1e-4
     )
-    soft = on_surface.features(wanted, DELTA, 0.01)
+    soft = wanted.of(on_surface.rows(wanted, DELTA, 0.01))
     place = wanted.columns.index(SCALED_HARDNESS)
     assert (soft[:, place] < elastic[:, place]).all()
-    alone = on_surface.features(chosen(name, [scene(VARIED)]), DELTA, 0.01)
+    alone = chosen(name, [scene(VARIED)]).of(
+        on_surface.rows(chosen(name, [scene(VARIED)]), DELTA, 0.01)
+    )
     np.testing.assert_array_equal(soft[:, : place + 1], alone)
     if wanted.needs_surface:
         assert wanted.columns[-1] == PLASTIC

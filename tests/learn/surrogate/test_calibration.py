@@ -83,7 +83,7 @@ def test_further_fits_are_as_few_as_have_surfaces_enough(solved, rows, monkeypat
     request, folds = request_of(solved, model), np.zeros(rows.size, dtype=np.int8)
     fit = fit_target(request, rows, None, folds, settings=Settings({}, False, "given"))
     assert np.isfinite(fit.crossed).sum() == number
-    assert [each.groups for each in fit.learnt.calibration.scores] == pytest.approx([number])
+    assert [each.weights.sum() for each in fit.learnt.calibration.scores] == pytest.approx([number])
     every = model == "kernel-ridge"
     assert calibration.chosen_parts(rows, every=every)[0].number == number
 

@@ -1,6 +1,7 @@
 """Rows that no feature's range flags, and that are unusual all the same."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from learn.features import SETS
+from learn.features.sets import Rows
 from learn.surrogate.flag import (
     INSIDE,
     from_maps,
@@ -89,9 +91,13 @@ def test_rows_of_another_kind_are_far_away():
     odd = np.array([[1.5, -1.5, 0.0]])
     assert (np.abs(odd) < np.abs(inputs).max(axis=0) + 1e-12).all(), "in the range of each feature"
     named = replace(SETS["paper"], columns=("a", "b", "c"))
-    ranges = np.full(3, -9.0), np.full(3, 9.0)
+    known = SimpleNamespace(
+        features=named, distance=found, low=np.full(3, -9.0), high=np.full(3, 9.0)
+    )
+    known.hardness_limits = None
     both = np.concatenate([odd, np.zeros((1, 3)), np.full((1, 3), 10.0)])
-    first, inside, beyond = reasons_of(both, ["a note", "", ""], named, ranges, found)
+    rows = Rows(np.empty((3, 0)), np.ones(3), 1.0, notes=("a note", "", ""))
+    first, inside, beyond = reasons_of(known, rows, both)
     assert first.startswith("a note; distance from the training")
     assert inside == ""
     assert beyond.endswith("; a 10 outside -9 to 9; b 10 outside -9 to 9; c 10 outside -9 to 9")

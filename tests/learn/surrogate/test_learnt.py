@@ -20,6 +20,7 @@ from skops import io
 
 from gen.runtime.errors import InputError
 from learn import Surrogate, cli
+from learn.features.sets import Rows
 from learn.models import MODELS, pipeline
 from learn.surrogate.flag import reasons_of
 from learn.surrogate.interval import EARLIER, GROWTH
@@ -212,7 +213,7 @@ def other_version(models):
     [
         (without("targets", "area"), "area"),
         (without("targets", "area", "scaling"), "scaling"),
-        (other_type, "its model is no kernel-ridge"),
+        (other_type, "SVR"),
         (other_version, "dual_coef_"),
     ],
 )
@@ -318,8 +319,8 @@ def test_a_moment_beyond_the_training_is_that_at_the_end_of_its_range(surrogate,
     beyond[place] = surrogate.high[place] + times * span
     further[place] = surrogate.low[place] - times * span
     inputs = np.array([end, beyond, further, middle])
-    found, ranges = surrogate.learnt["area"].raw(inputs), (surrogate.low, surrogate.high)
+    found, rows = surrogate.learnt["area"].raw(inputs), Rows(np.empty((4, 0)), np.ones(4), 1.0)
     assert found[0] == found[1]
     assert found[2] != found[3], "the other end is another place"
-    reasons = reasons_of(inputs, [""] * 4, surrogate.features, ranges, surrogate.distance)
+    reasons = reasons_of(surrogate, rows, inputs)
     assert [name in reason for reason in reasons] == [False, True, True, False]
