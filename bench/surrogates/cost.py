@@ -21,7 +21,7 @@ from bench.databases import OTHER_SEED
 from bench.files import Row
 from bench.report import Report, remark
 from bench.surrogates.fitting import Fitted, Parts, fit, parted, read, request_for
-from gen.arrays import Heights
+from gen.arrays import Heights, Values
 from gen.generation.plan import parameters
 from gen.generation.sample import compute_rows, solve_contact, surface_of
 from gen.runtime.errors import InputError
@@ -143,18 +143,21 @@ def measure_surrogate(fitted: Fitted, features: str, contacts: Contacts) -> Surr
     """Time the answers of a surrogate with a feature set, on surfaces that it has not seen."""
     sides, wanted = (SIDE, SIDE), chosen(features, roots=True)
 
-    def unknown(heights: Heights, delta: float) -> object:
-        return wanted.of(SurfaceFeatures(heights, sides).rows(wanted, np.array([delta])))
+    def features_of(surface: SurfaceFeatures, deltas: Values) -> Values:
+        return wanted.of(surface.rows(wanted, deltas))
+
+    def unknown(heights: Heights, delta: float) -> Values:
+        return features_of(SurfaceFeatures(heights, sides), np.array([delta]))
 
     surface = mean_seconds(partial(unknown, *each) for each in contacts)
     # What does not depend on Delta is computed once: these have it.
     known = [SurfaceFeatures(heights, sides) for heights, _ in contacts]
     deltas = np.linspace(*DELTAS, LOADS)
-    rows = np.concatenate([wanted.of(each.rows(wanted, deltas)) for each in known])
+    rows = np.concatenate([features_of(each, deltas) for each in known])
     many = np.resize(rows, (BATCH, rows.shape[1]))
     return SurrogateTimes(
         surface=surface,
-        load=mean_seconds(partial(each.features, wanted, deltas) for each in known) / LOADS,
+        load=mean_seconds(partial(features_of, each, deltas) for each in known) / LOADS,
         single=median_seconds(partial(fitted.learnt.raw, rows[:1])),
         batched=median_seconds(partial(fitted.learnt.raw, many)) / BATCH,
     )
