@@ -29,7 +29,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from gen.arrays import Values
+from gen.arrays import Indices, Values
 from gen.law.contact_law import Law
 from gen.law.curves import KNOWN, risen, slopes
 from gen.options import Units, sides_of
@@ -44,6 +44,19 @@ POINTS = 20  # points that CalculiX has room for; all but the last one are point
 FAR = np.linspace(10, POINTS + 0.5, POINTS + 2)
 """Overclosures of the 20th to the 41st point, of which the last has the number of points in it
 [unit of length]."""
+
+FINE = 64
+"""Parts of an interval of the law, at whose ends straight lines are set beside its cubic."""
+
+LINES = (
+    "The table is straight between its points: there its pressure is up to {off:.2g} % off the"
+    " monotone cubic through the law. {fewer}"
+)
+FEWER = {
+    "abaqus": "More pressures bring it nearer.",
+    "calculix": "A table that spans fewer decades of pressure comes nearer.",
+}
+"""How far straight lines are from the law, and what brings them nearer."""
 
 CLOSER = 1e-6  # relative rise of the closure below which a point is left out
 
@@ -166,24 +179,27 @@ def rising(law: Law, side: str = "") -> tuple[Values, Values, Values | None]:
 def _lines(path: Path, law: Law, program: Program, units: UnitSystem, side: str) -> Iterator[str]:
     """Yield the whole file."""
     pressures, closures, conductances = rising(law, side)
+    points = loads, _ = pressures * units.pressure, closures * units.length
+    at, curve, _ = _cubic(*points)
+    if program == "calculix":
+        points = _for_calculix(*points)
     yield from _comment(_description(law, program, units, pressures, side), "** ")
+    off = 100 * _off(at, curve, points[1], points[0]).max()
+    yield from _comment([LINES.format(off=off, fewer=FEWER[program])], "** ")
     name = re.sub(r"[^0-9A-Za-z]+", "_", path.stem).strip("_").upper()[:LONGEST_NAME]
     name = name if name[:1].isalpha() else f"LAW_{name}".rstrip("_")  # a letter first
     yield f"*SURFACE INTERACTION, NAME={name}"
     yield "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TABULAR"
-    loads, overclosures = pressures * units.pressure, closures * units.length
-    points = loads, overclosures
-    if program == "calculix":
-        points = _for_calculix(loads, overclosures)
     for load, overclosure in zip(*points, strict=True):
         yield f"{load:.10g}, {overclosure:.10g}"  # 20 characters at most, which both programs read
     if conductances is None:
         return
     yield "*GAP CONDUCTANCE" if program == "calculix" else "*GAP CONDUCTANCE, PRESSURE"
     temperature = f", {TEMPERATURE:.10g}" if program == "calculix" else ""
-    last = pressures.size - 1
-    room = POINTS if program == "calculix" else pressures.size
-    for place in np.unique(np.rint(np.linspace(0, last, min(last + 1, room))).astype(int)):
+    places = np.arange(pressures.size)
+    if program == "calculix" and places.size > POINTS:
+        places = _nearest(pressures, conductances, places[[0, 1, -1]], POINTS)
+    for place in places:
         conductance = conductances[place] * units.conductance
         yield f"{conductance:.10g}, {loads[place]:.10g}{temperature}"
 
@@ -239,33 +255,56 @@ def _description(
         yield (
             f"CalculiX (2.20 and its source of August 2026) reads {POINTS} points and holds the"
             f" pressure behind them. So the first {POINTS - 1} lines of the table are points of the"
-            " law and of the monotone cubic through it, and all others continue its last slope;"
+            " monotone cubic through the law, and all others continue its last slope;"
             f" the overclosure of the last line, {FAR[-1]:g}, is where CalculiX finds the number"
             " of points."
         )
 
 
 def _for_calculix(pressures: Values, closures: Values) -> tuple[Values, Values]:
-    """Return evenly chosen points of the monotone cubic through a law, then those at `FAR`."""
-    from scipy.interpolate import PchipInterpolator
-
+    """Return points of the cubic through a law, its own if they fit; then those at `FAR`."""
     if closures[-1] >= FAR[0]:
         raise InputError(f"the law closes by {closures[-1]:.4g}: CalculiX takes up to {FAR[0]:g}")
-    own, room = closures.size - 1, POINTS - 1
-    if own >= room:
-        places = np.rint(np.linspace(0, own, room))
-    else:
-        parts = np.full(own, (room - 1) // own)
-        parts[: (room - 1) % own] += 1  # intervals differ by one part at most
-        begins = np.concatenate(
-            [place + np.arange(many) / many for place, many in enumerate(parts)]
-        )
-        places = np.append(begins, own)
-    chosen = np.interp(places, np.arange(own + 1), closures)
-    curved = np.asarray(PchipInterpolator(closures, pressures)(chosen))
-    loads = np.where(chosen < closures[1], np.interp(chosen, closures, pressures), curved)
+    at, curve, bends = _cubic(pressures, closures)
+    if closures.size < POINTS:
+        chosen = at[_nearest(at, curve, FINE * np.arange(closures.size), POINTS - 1)]
+    else:  # from the first load on, lines that are about equally far off
+        steps = np.sqrt(np.maximum(bends[FINE:], 1e-6 * bends.max())) * np.gradient(at[FINE:])
+        length = np.append(0.0, np.cumsum((steps[1:] + steps[:-1]) / 2))
+        wanted = np.linspace(0, length[-1], POINTS - 2)
+        chosen = np.append(0.0, np.interp(wanted, length, at[FINE:]))
+    loads = np.interp(chosen, at, curve)
     slope = (loads[-1] - loads[-2]) / (chosen[-1] - chosen[-2])
     return np.append(loads, loads[-1] + slope * (FAR - chosen[-1])), np.append(chosen, FAR)
+
+
+def _cubic(pressures: Values, closures: Values) -> tuple[Values, Values, Values]:
+    """Return closures, pressures, and relative curvatures of a law at `FINE` points an interval.
+
+    Up to the first load, where nothing was computed, the law is a straight line.
+    """
+    from scipy.interpolate import PchipInterpolator
+
+    last = closures.size - 1
+    at = np.interp(np.arange(FINE * last + 1) / FINE, np.arange(last + 1), closures)
+    cubic = PchipInterpolator(closures, pressures)
+    curve = np.where(at < closures[1], np.interp(at, closures, pressures), cubic(at))
+    return at, curve, np.abs(cubic(at, 2)) / np.where(curve > 0, curve, np.inf)
+
+
+def _nearest(at: Values, curve: Values, places: Indices, room: int) -> Indices:
+    """Add points of a curve, each where the straight lines are furthest off, until no more fit."""
+    while places.size < min(room, at.size):
+        off = _off(at, curve, at[places], curve[places])
+        off[places] = -1.0
+        places = np.sort(np.append(places, off.argmax()))
+    return places
+
+
+def _off(at: Values, curve: Values, points: Values, values: Values) -> Values:
+    """Return by which share of its value the straight lines between points are off a curve."""
+    lines = np.interp(at, points, values)
+    return np.asarray(np.abs(lines - curve) / np.where(curve > 0, curve, np.inf))
 
 
 ARGUMENTS = {"delta_um": ("delta", ""), "pressure_MPa": ("pressure", "_at_pressure")}

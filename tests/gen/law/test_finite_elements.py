@@ -2,6 +2,7 @@
 
 import ast
 import importlib
+import re
 import shutil
 import subprocess
 from dataclasses import replace
@@ -10,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.interpolate import PchipInterpolator
 from strict import json_of, rows_of
 
 from bench.calculix import QUANTITIES, pressed
@@ -352,8 +354,31 @@ def test_calculix_gets_nineteen_points_of_any_law(points):
     assert made[:, 0].tolist() == [0, 0]
     np.testing.assert_allclose(made[:, 18], [pressures[-1], closures[-1]])
     np.testing.assert_array_equal(made[1, 19:], FAR)
-    same = np.isclose(made[1, :19, None], closures, rtol=1e-12, atol=0)
-    assert same.any(axis=0 if points <= 19 else 1).all()
+    if points <= 19:
+        same = np.isclose(made[1, :19, None], closures, rtol=1e-12, atol=0)
+        assert same.any(axis=0).all()
+
+
+@pytest.mark.parametrize("points", [7, 21, 40])
+def test_files_say_how_far_their_straight_lines_are_from_the_law(tmp_path, points):
+    """Nineteen lines over four decades: once every second load of twenty was simply left out."""
+    np.save(tmp_path / "s.npy", np.random.default_rng(1).normal(size=(16, 16)))
+    ask = [f"{tmp_path}/s.npy", "--side", "16", "--e-star", "1"]
+    loads = ["--pressure", f"1e-4:1:{points}:log", "-o", f"{tmp_path}/law"]
+    assert cli.main(["law", *ask, *loads]) == 0
+    table = pd.read_csv(tmp_path / "law.csv")
+    table = table[(table.against == "pressure_MPa") & (table.pressure_MPa > 0)]
+    closures, pressures = (np.append(0, table[name]) for name in ("closure_um", "pressure_MPa"))
+    at = np.linspace(closures[1], closures[-1], 30_001)
+    cubic = PchipInterpolator(closures, pressures)(at)
+    off = {}
+    for program in ("calculix", "abaqus"):
+        path = tmp_path / f"law-{program}.inp"
+        loads, overclosures = read(path)[TABLE].T
+        off[program] = 100 * np.abs(np.interp(at, 1e3 * overclosures, loads) / cubic - 1).max()
+        told = float(re.search(r"up to ([\d.e+-]+) % off", said(path))[1])
+        assert told == pytest.approx(off[program], rel=0.06), program
+    assert off["calculix"] < (6 if points > 19 else off["abaqus"])
 
 
 def test_a_closure_beyond_the_points_far_away_is_refused():
