@@ -278,17 +278,16 @@ def _summits(
 
 def _moments(values: Values, origin: float, noise: float) -> Moments:
     """Compute the moments of values (count,); no skewness or kurtosis if their rms is noise."""
-    number = values.size
-    if not number:
+    if not values.size:
         return Moments(0, math.nan, math.nan, math.nan, math.nan)
     mean, deviations, variance = _spread(values, origin)
     rms = math.sqrt(variance)
     if rms <= noise:
-        return Moments(number, mean, rms, math.nan, math.nan)
+        return Moments(values.size, mean, rms, math.nan, math.nan)
     squares = deviations * deviations
-    third = float(np.einsum(DOT, squares, deviations)) / number
-    fourth = float(np.einsum(DOT, squares, squares)) / number
-    return Moments(number, mean, rms, third / (variance * rms), fourth / (variance * variance))
+    third = float(np.einsum(DOT, squares, deviations)) / values.size
+    fourth = float(np.einsum(DOT, squares, squares)) / values.size
+    return Moments(values.size, mean, rms, third / (variance * rms), fourth / (variance * variance))
 
 
 def _spread(values: Values, origin: float) -> tuple[float, Values, float]:

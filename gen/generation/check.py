@@ -11,7 +11,6 @@ from gen.arrays import Columns
 from gen.database import Reader
 from gen.generation.plan import Parameters, parameters, planned_columns
 from gen.generation.sample import compute_rows
-from gen.scene import Scene
 from gen.schema import (
     DONE_REASONS,
     INFINITE_AT_FULL_CONTACT,
@@ -74,37 +73,31 @@ def _chunk_faults(
         for column in reader.columns()
         if column.dtype[0] == "f" and column.deterministic and not column.shape_of
     }
-    undefined = reason == Reason.NO_STATISTICS
-    nodes = reader.column("contact_nodes", start, stop)
-    of_done = (*_not_finite(rows, undefined), *_impossible(scene, plan, rows, nodes))
-    for wrong, fault in (*faults, *((done & wrong, fault) for wrong, fault in of_done)):
+    faults += [(done & wrong, fault) for wrong, fault in _impossible(reader, plan, rows, reason)]
+    for wrong, fault in faults:
         yield from _row_faults(wrong, start, fault)
 
 
-def _not_finite(rows: Columns, undefined: Mask) -> Iterator[tuple[Mask, str]]:
-    """Find values that are not finite where they ought to be, in view of the row's reason."""
-    statistics = {column.name for column in statistics_columns()}
-    missing = np.zeros_like(undefined)
-    for name, values in rows.items():
-        excused = undefined & np.isnan(values) if name in statistics else np.zeros_like(undefined)
-        missing |= excused
-        if name in INFINITE_AT_FULL_CONTACT:
-            excused |= values == np.inf
-        yield ~np.isfinite(values) & ~excused, f"{name} is not finite"
-    yield undefined & ~missing, "statistics are said to be undefined, but are not"
-
-
 def _impossible(
-    scene: Scene, plan: Parameters, rows: Columns, nodes: NDArray[np.int32]
+    reader: Reader, plan: Parameters, rows: Columns, reason: NDArray[np.uint8]
 ) -> Iterator[tuple[Mask, str]]:
-    """Compare rows with the limits of every solution, their hardness, and loads that are stored."""
-    area, force, total = rows["area_percent"], rows["force"], math.prod(scene.grid.shape)
+    """Compare rows with the bounds of their columns, the solver's promise, and loads and nodes."""
+    scene, undefined = reader.scene, reason == Reason.NO_STATISTICS
+    statistics = {column.name for column in statistics_columns()}
+    for name, values in rows.items():
+        excused = (values == np.inf) & (name in INFINITE_AT_FULL_CONTACT)
+        excused |= undefined & np.isnan(values) & (name in statistics)
+        yield ~np.isfinite(values) & ~excused, f"{name} is not finite"
+    missing = np.isnan([rows[name] for name in sorted(statistics)]).any(axis=0)
+    yield undefined & ~missing, "statistics are said to be undefined, but are not"
+    total, cell = math.prod(scene.grid.shape), math.prod(scene.grid.spacing)
+    area, force = rows["area_percent"], rows["force"]
+    nodes = reader.column("contact_nodes", plan.first, plan.first + len(force))
     yield ~((area >= 0) & (area <= 100)), "area outside 0 to 100 %"
-    yield area != 100.0 * nodes / total, "area is not the share of contact nodes"
     yield ~(force >= 0), "force is negative"
+    yield area != 100.0 * nodes / total, "area is not the share of contact nodes"
     yield (force > 0) != (nodes > 0), "force without contact, or contact without force"
     yield rows["residual"] > scene.contact.rtol, f"residual above {scene.contact.rtol}"
-    cell = math.prod(scene.grid.spacing)
     asked = {
         "force": ("force", plan.load),
         "pressure": ("force", plan.load * (total * cell)),
@@ -115,9 +108,9 @@ def _impossible(
         unequal = ~np.isclose(rows[name], wanted, rtol=ROUNDING, atol=0.0)
         yield unequal, f"{name} is not that of the load"
     if plan.hardness is not None:
-        yielded, bearable = rows["yielded_percent"], plan.hardness * cell * nodes
-        share = (yielded >= 0) & (yielded <= area)
-        yield ~share, "more nodes have yielded than are in contact"
+        yielded = rows["yielded_percent"]
+        yield ~((yielded >= 0) & (yielded <= area)), "more nodes have yielded than are in contact"
+        bearable = plan.hardness * cell * nodes
         yield force > bearable * (1 + ROUNDING), "force above what the hardness bears"
 
 

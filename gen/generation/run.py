@@ -15,7 +15,7 @@ import numpy as np
 
 from gen.arrays import Columns
 from gen.generation import plan
-from gen.generation.sample import completed, compute_rows, rehearse
+from gen.generation.sample import completed, compute_rows
 from gen.runtime import farm
 from gen.runtime.errors import InputError
 from gen.runtime.farm import Interruption
@@ -181,7 +181,7 @@ def _prepared(
     from gen import database
 
     parallel = (choice == "parallel" or world.size > 1) and in_parallel(choice, path, world)
-    asked_for = completed(load(name), path.parent)
+    asked_for = completed(load(name), path.parent, rehearsed=not path.exists())
     first, last = rows or (0, asked_for.samples)
     if not 0 <= first < last <= asked_for.samples:
         raise InputError(
@@ -189,8 +189,6 @@ def _prepared(
             f" {asked_for.samples}, as 0:{asked_for.samples}"
         )
     with database.lock(path):
-        if not path.exists():
-            rehearse(asked_for)
         opened = database.open_or_create(path, asked_for, range(first, last), force=force)
         with database.Writer(path, asked_for, force=force) as writer:
             scene = writer.scene

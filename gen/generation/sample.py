@@ -9,7 +9,6 @@ import math
 import socket
 import time
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from numbers import Real
 from pathlib import Path
 from typing import Any
@@ -244,10 +243,11 @@ def _solve(scene: Scene, heights: Heights, plan: Parameters, rows: Columns, row:
         return Reason.ARITHMETIC
 
 
-def first_contact(scene: Scene, rows: int) -> tuple[int, bem.Contact] | None:
-    """Solve the first of a scene's first rows that has a solution; None if none of them has."""
-    plan = parameters(scene, 0, rows)
-    for row in range(rows):
+def first_contact(scene: Scene) -> tuple[int, bem.Contact] | None:
+    """Solve the first row that has a solution, of `TRIED_ROWS`, perhaps beyond the samples."""
+    # Not of the samples alone: a larger database has the same outputs.
+    plan = parameters(scene, 0, TRIED_ROWS)
+    for row in range(TRIED_ROWS):
         try:
             heights = surface_of(scene, plan, row)
             load = load_of(scene, heights, float(plan.load[row]))
@@ -273,9 +273,9 @@ def outputs_of(store: Store, contact: bem.Contact, row: int) -> dict[str, float]
         )
         raise SourceError(f"{place}returned {returned}; the database has {wanted}")
     for name, (value, unit) in found.items():
+        least, most = store.bounds(name)
         if unit not in {None, expected[name]}:
             raise SourceError(f"{place}{name} is in {unit!r}; the database has {expected[name]!r}")
-        least, most = store.bounds(name)
         if value < least or value > most:
             raise SourceError(
                 f"{place}{name} is {value:g}; its bounds in the scene are {least:g} and {most:g}"
@@ -314,36 +314,45 @@ def _output(name: object, returned: Any, place: str) -> Output:
         return math.inf, unit
 
 
-def completed(scene: Scene, home: Path | None = None) -> Scene:
+def completed(scene: Scene, home: Path | None = None, *, rehearsed: bool = False) -> Scene:
     """Complete a scene by what its database records, and load the user's functions.
 
     The outputs that a scene does not list are those of its first row that has a solution, which is
-    solved here. The result depends on the scene and the functions' sources only.
+    solved here; with `rehearsed` that row is solved anyway, so that a function that fails does so
+    before a file is made. The result depends on the scene and the functions' sources only.
     """
     require_own_names(scene)
-    scene = scene.resolved(home)
+    scene, function = scene.resolved(home), scene.store.function
     if isinstance(scene.surface, PythonSurface):
         load_function(scene.surface.function, str(scene.surface.source))
-    if scene.store.function is None:
+        if rehearsed and function is None:
+            first_contact(scene)
+    if function is None:
         return scene
-    source = scene.store.source or source_hash(scene.store.function)
-    load_function(scene.store.function, source)
+    source = scene.store.source or source_hash(function)
+    load_function(function, source)
     scene = _storing(scene, source=source)
     scene.surface.make_ready(home)
-    if scene.store.outputs is None:
-        scene = _storing(scene, outputs=_first_outputs(scene))
-        require_own_names(scene)
-    return scene
-
-
-def rehearse(scene: Scene) -> None:
-    """Call the user's functions once, so that one that fails does so before a file is made."""
-    if scene.store.function is None and not isinstance(scene.surface, PythonSurface):
-        return
-    found = first_contact(scene, TRIED_ROWS)
-    if found and scene.store.function is not None:
-        with suppress(ArithmeticError):
+    if scene.store.outputs is not None and not rehearsed:
+        return scene
+    found = first_contact(scene)
+    fault = f"none of the first {TRIED_ROWS} rows has a solution"
+    try:
+        if found and scene.store.outputs is not None:
             outputs_of(scene.store, found[1], found[0])
+        elif found:
+            outputs = called(scene.store, found[1], found[0])
+            units = {name: unit or "1" for name, (_, unit) in outputs.items()}
+            scene = _storing(scene, outputs=units)
+    except ArithmeticError as error:
+        fault = f"row {found[0]}: {type(error).__name__}" if found else fault
+    if scene.store.outputs is None:
+        raise InputError(
+            f"{function}, {fault}, so its outputs are unknown; give store.outputs ="
+            " { name = 'unit' }"
+        )
+    require_own_names(scene)
+    return scene
 
 
 def _storing(scene: Scene, **keys: object) -> Scene:
@@ -351,20 +360,3 @@ def _storing(scene: Scene, **keys: object) -> Scene:
     content = json.loads(scene.text())
     content["store"] |= keys
     return Scene.from_text(json.dumps(content), f"{scene.store.function}")
-
-
-def _first_outputs(scene: Scene) -> dict[str, str]:
-    """Return the outputs of the first row that has a solution, with their units."""
-    # Rows beyond the samples are tried too: a larger database has the same outputs.
-    found = first_contact(scene, TRIED_ROWS)
-    fault = f"none of the first {TRIED_ROWS} rows has a solution"
-    try:
-        if found is not None:
-            outputs = called(scene.store, found[1], found[0])
-            return {name: unit or "1" for name, (_, unit) in outputs.items()}
-    except ArithmeticError as error:
-        fault = f"row {found[0]}: {type(error).__name__}" if found else fault
-    raise InputError(
-        f"{scene.store.function}, {fault}, so its outputs are unknown; give store.outputs ="
-        " { name = 'unit' }"
-    )

@@ -99,7 +99,10 @@ def check_outputs(outputs: Iterable[Output], inputs: Iterable[Path | str] = ()) 
     content.
     """
     wanted = [(output.path, output.option, output.kind) for output in outputs if output.path]
-    read = list(_files_of(inputs))
+    read: list[Path] = []
+    for given in map(Path, inputs):
+        inside = list(given.iterdir()) if given.is_dir() else None
+        read += [given] if inside is None else [file for file in inside if not _is_table(file)]
     for number, (path, option, kind) in enumerate(wanted):
         if any(_is_same(path, file) for file in read):
             raise InputError(f"{option} {path}: is an input: not replaced")
@@ -107,7 +110,7 @@ def check_outputs(outputs: Iterable[Output], inputs: Iterable[Path | str] = ()) 
             if _is_same(path, other):
                 raise InputError(f"{option} {path}: is what {name} writes too; give another name")
         try:
-            _try(path, kind)
+            _require_room(path, _place(path, kind).parent)
         except InputError as error:
             raise InputError(f"{option} {error}") from None
 
@@ -119,11 +122,9 @@ def check_folder(folder: Path, *names: str) -> None:
     pictures (.png) and texts, cannot be replaced.
     """
     real = _folder(folder)
-    existing = next(each for each in (real, *real.parents) if each.exists())
-    with _in_words(folder, "cannot be written to"):
-        _try_in(existing)
+    _require_room(folder, next(each for each in (real, *real.parents) if each.exists()))
     for name in names if real.is_dir() else ():
-        _try(folder / name, "picture" if name.endswith(".png") else "text")
+        _place(folder / name, "picture" if name.endswith(".png") else "text")
 
 
 def make_folder(folder: Path) -> None:
@@ -246,18 +247,10 @@ def require_writable(path: Path) -> None:
         os.close(os.open(path, os.O_WRONLY | os.O_NONBLOCK | os.O_CLOEXEC))
 
 
-def _try(path: Path, kind: Kind) -> None:
-    """Refuse a file that cannot be written, without changing an existing one."""
-    real = _place(path, kind)
-    with _in_words(path, "cannot be written"):
-        _try_in(real.parent)
-
-
-def _try_in(folder: Path) -> None:
-    """Make a file in a folder that is gone at once."""
-    from tempfile import TemporaryFile  # here, so that --help does not wait for it
-
-    TemporaryFile(dir=folder).close()
+def _require_room(path: Path, folder: Path) -> None:
+    """Refuse a path in a folder where no file can be made; a full disk shows only on writing."""
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise InputError(f"{path} cannot be written: no file can be made in {folder}")
 
 
 def _place(path: Path, kind: Kind) -> Path:
@@ -294,16 +287,6 @@ def kind_of(path: Path) -> str:
     if start.translate(None, TEXT):
         return "binary"
     return "text" if start else ""
-
-
-def _files_of(inputs: Iterable[Path | str]) -> Iterator[Path]:
-    """Yield the files among the inputs, and the files in folders among them."""
-    for path in map(Path, inputs):
-        with suppress(OSError):
-            if path.is_dir():
-                yield from (file for file in path.iterdir() if not _is_table(file))
-            else:
-                yield path
 
 
 def _is_table(file: Path) -> bool:
@@ -368,33 +351,14 @@ def lock_folder(folder: Path) -> Iterator[None]:
 
 @contextmanager
 def _held(path: Path, lock_path: Path) -> Iterator[None]:
-    """Hold the lock of a path, which is that of a file."""
-    descriptor = _locked(path, lock_path)
-    job = f", job {os.environ['SLURM_JOB_ID']}" if "SLURM_JOB_ID" in os.environ else ""
-    now = time.strftime("%Y-%m-%dT%H:%M:%S+00:00", time.gmtime())
-    holder = f"host {os.uname().nodename}, process {os.getpid()}{job}, since {now}\n"
-    try:
-        with suppress(OSError):  # a full disk: the text is missing, the lock holds
-            os.ftruncate(descriptor, 0)
-            os.write(descriptor, holder.encode())
-        yield
-    finally:
-        # Unlinked while the lock is held: nobody can lock a name that is about to vanish,
-        # because `_locked` checks that the name still leads to what it has locked.
-        if _leads_to(lock_path, descriptor):
-            lock_path.unlink(missing_ok=True)
-        os.close(descriptor)
-
-
-def _locked(path: Path, lock_path: Path) -> int:
-    """Return the descriptor of the locked file; a link or a file of the user's is refused."""
+    """Hold the lock of a path, which is that of a file; a link or a user's own file is refused."""
     flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
-    while True:
+    fault, held = "", False
+    while not held:
         with _in_words(path, f"cannot be written, as {lock_path} is there or cannot be made"):
             descriptor = os.open(lock_path, flags, 0o666)
         regular = stat.S_ISREG(os.fstat(descriptor).st_mode)
         holder = os.pread(descriptor, LONGEST_HOLDER + 1, 0) if regular else b"no lock"
-        fault = ""
         if holder and not OURS.fullmatch(holder):
             fault = f"cannot be written: {lock_path} is there and no lock of ours; move it away"
         try:
@@ -409,11 +373,27 @@ def _locked(path: Path, lock_path: Path) -> int:
                     " HDF5_USE_FILE_LOCKING=FALSE and let only one run write it"
                 )
         # The holder before us may have unlinked the file between our open and our lock.
-        if not fault and _leads_to(lock_path, descriptor):
-            return descriptor
-        os.close(descriptor)
+        held = not fault and _leads_to(lock_path, descriptor)
+        if not held:
+            os.close(descriptor)
         if fault:
             raise InputError(f"{path} {fault}")
+    job = f", job {os.environ['SLURM_JOB_ID']}" if "SLURM_JOB_ID" in os.environ else ""
+    now = time.strftime("%Y-%m-%dT%H:%M:%S+00:00", time.gmtime())
+    with suppress(OSError):  # a full disk: the text is missing, the lock holds
+        os.ftruncate(descriptor, 0)
+        os.write(
+            descriptor,
+            f"host {os.uname().nodename}, process {os.getpid()}{job}, since {now}\n".encode(),
+        )
+    try:
+        yield
+    finally:
+        # Unlinked while the lock is held: nobody can lock a name that is about to vanish,
+        # because everybody checks that the name still leads to what they have locked.
+        if _leads_to(lock_path, descriptor):
+            lock_path.unlink(missing_ok=True)
+        os.close(descriptor)
 
 
 def _leads_to(path: Path, descriptor: int) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, get_args
 
 from pydantic import ValidationError
 
@@ -51,54 +51,41 @@ def first_fault(error: ValidationError, root: type[Table]) -> str:
     tag = str(location[1]) if location[:1] == ("surface",) and len(location) > 1 else ""
     parts = (location[0], *location[2:]) if tag in TAGS else location
     key, value = dotted(parts), shown(given)
-    known = dict(_known_keys(root, tag if tag in TAGS else next(iter(TAGS))))
+    known = _known_keys(root, tag if tag in TAGS else next(iter(TAGS)))
     if kind == "extra_forbidden":
-        text = _unknown(location, key, value, known)
+        # Of keys with the same last name the one in the same table is meant.
+        nearest = sorted(known, key=lambda name: name.startswith(f"{location[0]}."))
+        names = {name.rpartition(".")[2]: name for name in nearest}
+        (closest,) = difflib.get_close_matches(str(location[-1]), names, n=1, cutoff=0.0)
+        text = f"unknown key {key} = {value}; the closest known key is {names[closest]}"
     elif kind == "conflict":
         text = f"{key}: {fault['msg']}".removeprefix(": ")
     elif not key:
         text = f"a scene is a table of keys, not {value}"
     else:
-        names = tuple(part for part in parts if isinstance(part, str))
-        while dotted(names) not in known:  # inside a value that is not a table of keys
-            names = names[:-1]
+        path = [part for part in parts if isinstance(part, str)]
+        while dotted((*path,)) not in known:  # inside a value that is not a table of keys
+            path.pop()
         said = "is missing" if kind == "missing" else f"= {value}"
-        text = f"{key} {said}; allowed: {known[dotted(names)]}"
+        text = f"{key} {said}; allowed: {known[dotted((*path,))]}"
     if kind == "value_error":
         text += f" ({fault['ctx']['error']})"
     return text if len(faults) == 1 else f"{text} (and {len(faults) - 1} more)"
 
 
-def _unknown(location: Location, key: str, value: str, known: dict[str, str]) -> str:
-    """Describe a key that no table has, or only the table of another generator."""
-    owners = [name for name, table in TAGS.items() if location[-1] in table.model_fields]
-    if len(location) == 3 and location[1] in TAGS and owners:
-        there = " or ".join(f"'{name}'" for name in owners)
-        return f"unknown key {key} = {value} of this generator; it is one of {there}"
-    # Of keys with the same last name the one in the same table is meant.
-    nearest = sorted(known, key=lambda name: name.startswith(f"{location[0]}."))
-    names = {known_key.rpartition(".")[2]: known_key for known_key in nearest}
-    closest = names[difflib.get_close_matches(str(location[-1]), names, n=1, cutoff=0.0)[0]]
-    return f"unknown key {key} = {value}; the closest known key is {closest}"
-
-
-def _known_keys(table: type[Table], tag: str, prefix: str = "") -> Iterator[tuple[str, str]]:
-    """Yield every key of a scene, dotted and without indices, with its allowed values in words."""
+def _known_keys(table: type[Table], tag: str, prefix: str = "") -> dict[str, str]:
+    """Return every key of a scene, dotted and without indices, with its allowed values in words."""
     *others, last = (f"'{name}'" for name in TAGS)
+    foreign = {*TAGS.values(), *TABLES.values()} - {TAGS[tag]}
+    known = {}
     for name, field in table.model_fields.items():
         words = f"{', '.join(others)} or {last}" if name == "generator" else field.description
-        yield prefix + name, words or ""
-        for kind in _tables(field.annotation, tag):
-            yield from _known_keys(kind, tag, f"{prefix}{name}.")
-
-
-def _tables(annotation: Any, tag: str) -> Iterator[type[Table]]:
-    """Yield the tables of keys that a value may be; of surfaces only those with a tag."""
-    kinds = [annotation, *(kind for arg in get_args(annotation) for kind in (arg, *get_args(arg)))]
-    others = {*TAGS.values(), *TABLES.values()} - {TAGS[tag]}
-    for kind in kinds:
-        if isinstance(kind, type) and issubclass(kind, Table) and kind not in others:
-            yield kind
+        known[prefix + name] = words or ""
+        inner = get_args(field.annotation)
+        for kind in (field.annotation, *inner, *(each for arg in inner for each in get_args(arg))):
+            if isinstance(kind, type) and issubclass(kind, Table) and kind not in foreign:
+                known |= _known_keys(kind, tag, f"{prefix}{name}.")
+    return known
 
 
 def differences(in_file: Scene, asked_for: Scene) -> list[str]:

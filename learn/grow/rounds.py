@@ -17,7 +17,7 @@ from gen import database
 from gen.arrays import Columns
 from gen.database import Reader, Writer
 from gen.generation.run import blocks_of
-from gen.generation.sample import completed, compute_rows, rehearse
+from gen.generation.sample import completed, compute_rows
 from gen.runtime import farm
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import RunProgress, to_type
@@ -136,8 +136,6 @@ def generate(
     call goes on with. InputError is raised if the file is of another scene, or cannot be written.
     """
     wider = scene.model_copy(update={"samples": rows})
-    if not path.exists():
-        rehearse(wider)
     before = stock(path).rows
     database.open_or_create(path, wider)
     scene.surface.make_ready(path.parent)
@@ -327,7 +325,7 @@ def grow(
     a first surrogate.
     """
     path = order.request.databases[0]
-    whole = completed(scene, path.parent)
+    whole = completed(scene, path.parent, rehearsed=True)
     known = results(whole)
     for target in order.request.targets:
         if TARGETS.get(target, target) not in known:
