@@ -276,11 +276,7 @@ def log_within(low: float, high: float, uniform: Values) -> Values:
 
 @functools.lru_cache(maxsize=16)
 def _normal_knots(mean: float, deviation: float, low: float, high: float) -> Values:
-    """Compute quantiles of a truncated normal distribution at equal steps of probability.
-
-    The normal distribution and its inverse are not rounded alike on all processors: the quantiles
-    are rounded to `SIGNIFICANT` digits, beyond which they may differ.
-    """
+    """Compute quantiles at equal steps of probability, rounded to what all processors agree on."""
     from scipy.special import ndtr, ndtri
 
     # In the lower tail probabilities keep their digits: a range above the mean is turned over.

@@ -142,12 +142,7 @@ def generate_spectral(
 def _wavevectors(
     shape: tuple[int, int], sides: tuple[float, float], spectrum: SelfAffineSpectrum
 ) -> tuple[Values, Values]:
-    """List the wavevectors (2 kx + 1, 1) and (1, ky + 1) up to the cut-off [1/um].
-
-    Components along x are in the order 0, 1, ..., kx, -kx, ..., -1. Waves of exactly two nodes a
-    wavelength are left out: the grid does not hold their phase. Grids on which the shortest waves
-    cannot be told from longer ones are refused.
-    """
+    """List the wavevectors (2 kx + 1, 1), from 0 to kx and -kx to -1, and (1, ky + 1) [1/um]."""
     if min(shape) < 2:
         raise InputError(f"nodes {shape[0]} x {shape[1]}: give at least 2 along both axes")
     for length in sides:
@@ -160,6 +155,7 @@ def _wavevectors(
             " two nodes a wavelength along both axes, or a finer grid"
         )
     shortest = spectrum.cut_off * spectrum.stretch, spectrum.cut_off
+    # Waves of exactly two nodes a wavelength are left out: the grid does not hold their phase.
     kx, ky = (
         min(math.floor(length / wavelength * (1 + ROUNDING)), (nodes - 1) // 2)
         for nodes, length, wavelength in zip(shape, sides, shortest, strict=True)

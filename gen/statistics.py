@@ -211,10 +211,9 @@ def refuse_masked(name: str, given: Any) -> None:
 
 
 def _normalised(heights: Values) -> tuple[Values, float, float]:
-    """Scale heights by a power of two, exactly, so that no power of them overflows or underflows.
+    """Scale heights by a power of two, exactly, to a range between 0.5 and 1, keeping their offset.
 
-    Return the nodes, whose range is between 0.5 and 1 and which keep their offset, the unit [um],
-    and the spacing of floating-point numbers at the largest height [unit].
+    Return them, the unit [um], and the spacing of numbers at the largest height [unit].
     """
     if heights.ndim != 2 or min(heights.shape) < 2:
         raise InputError(f"heights of shape {heights.shape}: give 2-D heights, 2 x 2 nodes or more")
@@ -236,15 +235,12 @@ def _normalised(heights: Values) -> tuple[Values, float, float]:
 
 
 def _profiles(surface: Values, axis: int) -> Profiles:
-    """Compute the differences and peaks of all profiles along one axis.
-
-    The lowest height is not subtracted: that would round heights far above it, and neighbours
-    would tie. Differences that reach over the end of a profile in the flat array are set to zero.
-    """
+    """Compute the differences and peaks of all profiles along one axis."""
     nodes, columns = surface.ravel(), surface.shape[1]
     stride = columns if axis == 0 else 1
     length = surface.shape[axis]
     profiles = surface.size // length
+    # Not of heights above the lowest: those far above it would be rounded, and neighbours tie.
     difference = nodes[stride:] - nodes[:-stride]
     if axis == 1:
         difference[columns - 1 :: columns] = 0.0
@@ -291,14 +287,11 @@ def _moments(values: Values, origin: float, noise: float) -> Moments:
 
 
 def _spread(values: Values, origin: float) -> tuple[float, Values, float]:
-    """Compute the mean over an origin, the deviations (count,) and the variance of values (count,).
-
-    Where the rounding of the mean is too large beside the deviations, a third pass takes it out.
-    """
+    """Compute the mean over an origin, the deviations and the variance of values (count,)."""
     mean = float(values.sum()) / values.size
     deviations = values - mean
     variance = float(np.einsum(DOT, deviations, deviations)) / values.size
-    rest = 0.0
+    rest = 0.0  # of the mean, whose rounding may be too large beside the deviations
     if math.sqrt(variance) < NEARLY_EQUAL * abs(mean):
         rest = float(deviations.sum()) / values.size
         deviations -= rest

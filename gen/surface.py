@@ -268,11 +268,7 @@ def without_last_nodes(heights: Heights) -> Heights:
 def _displaced(
     nodes: int, hurst: float, amplitude: float, random: Random, *, diamonds: bool
 ) -> Heights:
-    """Displace centres and edges until there are enough nodes; with `diamonds` one after another.
-
-    The midpoint of an edge is then the mean of its diamond: 2 corners, and the 1 or 2 centres
-    beside it.
-    """
+    """Displace centres and edges; with `diamonds` edges to the mean of their diamonds."""
     decay = 2.0 ** (-hurst / 2.0) if diamonds else 2.0**-hurst
     heights = np.zeros((2, 2))
     while len(heights) < nodes:

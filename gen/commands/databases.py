@@ -1,6 +1,7 @@
 """`gen run`, `estimate`, `info`, `plot`, `columns`, `check`, `merge`, `export`: databases."""
 
 import re
+import resource
 import signal
 from pathlib import Path
 
@@ -80,12 +81,23 @@ def run(
 def estimate(scene: options.SceneName, ranks: options.Ranks = 1, trust: Trust = False) -> None:
     """Measure a few samples and predict time, memory and disk space of a run."""
     from gen.commands import printer
-    from gen.generation.run import estimate as measured
+    from gen.generation.run import measured_time
     from gen.generation.sample import completed
+    from gen.runtime.memory import size
     from gen.scene import load
 
     loaded = completed(load(scene))
-    printer.print_estimate(loaded, measured(loaded, ranks))
+    mean, measured = measured_time(loaded)
+    printer.print_plan(loaded)
+    workers = max(ranks - 1, 1)
+    hours, rest = divmod(round(loaded.samples * mean / workers), 3600)
+    echo(
+        f"  time      {hours}:{rest // 60:02}:{rest % 60:02} h on {workers} workers:"
+        f" {1e3 * mean:.2f} ms a sample, mean of {measured} measured here"
+    )
+    # Linux counts the largest resident set in KiB. A master holds less than a worker.
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 * ranks
+    echo(f"  memory    {size(memory)} on all ranks")
 
 
 def info(file: options.Database) -> None:

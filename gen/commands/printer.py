@@ -25,7 +25,6 @@ if TYPE_CHECKING:  # each command imports no more than it needs
 
     from bem import Contact
     from gen.database import Reader
-    from gen.generation.run import Estimate
     from gen.maps.contacts import Wanted
     from gen.maps.read import Topography
     from gen.maps.texture import SelfAffineFit
@@ -99,17 +98,6 @@ def print_plan(scene: Scene, path: Path | None = None) -> None:
     if path is not None:
         state = "exists" if path.exists() else "does not exist yet"
         echo(f"  output    {path} {state}; nothing was written")
-
-
-def print_estimate(scene: Scene, estimate: Estimate) -> None:
-    """Print the time and the memory that a run of a completed scene is going to need."""
-    print_plan(scene)
-    hours, rest = divmod(round(estimate.seconds), 3600)
-    echo(
-        f"  time      {hours}:{rest // 60:02}:{rest % 60:02} h on {estimate.workers} workers:"
-        f" {estimate.milliseconds:.2f} ms a sample, mean of {estimate.measured} measured here"
-    )
-    echo(f"  memory    {size(estimate.memory_bytes)} on all ranks")
 
 
 def _scene_lines(scene: dict[str, Any]) -> list[str]:

@@ -105,9 +105,8 @@ def open_or_create(
 def merge(target: Path, sources: Sequence[Path]) -> Counts:
     """Merge databases of one scene whose rows were computed in different places.
 
-    The new file holds all rows of the scene. A row is done if it is done in any source, otherwise
-    failed if it failed in any; rows that are done twice have to agree. The largest number of
-    samples counts; attributes are those of the first source that has it.
+    A row is done if it is done in any source, otherwise failed if it failed in any; rows that are
+    done twice have to agree. Attributes are those of the first source with the most samples.
     """
     if not sources:
         raise InputError(f"{target}: nothing to merge; give at least one database")
@@ -194,12 +193,7 @@ def _assemble(
     *,
     replaced: HeldFile | None = None,
 ) -> None:
-    """Make a file of some rows beside a database, and rename it to the database when it is whole.
-
-    Its name, `X.h5.0123456789abcdef.part`, is drawn at random. The next attempt, which holds the
-    same lock, removes the remains of a killed one. `replaced` is the file of this name that may be
-    replaced; without it there must be none. Rows that no part has are pending.
-    """
+    """Make a file of some rows, pending but for those of parts; rename it when it is whole."""
     real = place_of(path)
     if replaced is None and real.exists():
         raise InputError(f"{path} exists; give another name")
@@ -234,10 +228,7 @@ def _assemble(
 
 
 def _lay_out(path: Path, scene: Scene, rows: range, attributes: Mapping[str, str | int]) -> None:
-    """Create a file for some rows: dimensions, attributes, and columns that who calls fills.
-
-    HDF5 would crash if the disk ran full during its own filling.
-    """
+    """Create a file for some rows: dimensions, attributes, and columns that who calls fills."""
     columns = columns_for(scene)
     # Version 2 of the superblock: later ones mark a file as open, and a killed writer would leave
     # the mark. Creation order is tracked so that readers list columns in the schema's order.
@@ -260,7 +251,7 @@ def _lay_out(path: Path, scene: Scene, rows: range, attributes: Mapping[str, str
         for column in columns:
             properties = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
             properties.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
-            properties.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
+            properties.set_fill_time(h5py.h5d.FILL_TIME_NEVER)  # it would crash on a full disk
             shape, fill = column.shape(len(rows), scene.grid.shape), column.fill
             dataset = file.create_dataset(
                 column.path, shape=shape, dtype=column.dtype, fillvalue=fill, dcpl=properties

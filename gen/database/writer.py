@@ -45,6 +45,8 @@ class HeldFile(ExitStack):
         except FileNotFoundError:
             raise InputError(f"{path} does not exist; check the name") from None
         self.callback(os.close, self._descriptor)
+        status = os.fstat(self._descriptor)
+        self.place = status.st_ino, status.st_size
 
     def check(self) -> None:
         """Refuse to continue if the file has been replaced, moved, deleted or overwritten."""
@@ -65,10 +67,7 @@ class HeldFile(ExitStack):
 
 
 def write_rows(dataset: h5py.Dataset, start: int, values: NDArray[Any]) -> None:
-    """Do what `dataset[start:stop] = values` does, without h5py's 0.1 ms for the slice.
-
-    A block has forty columns, and one process may write for hundreds.
-    """
+    """Do what `dataset[start:stop] = values` does, without h5py's 0.1 ms for the slice."""
     rows = dataset.id.get_space()
     rows.select_hyperslab((start,) + (0,) * (values.ndim - 1), values.shape)
     dataset.id.write(h5py.h5s.create_simple(values.shape), rows, values)
@@ -92,8 +91,14 @@ class Writer(Reader):
                 held = opened.enter_context(HeldFile(path))
                 file = opened.enter_context(open_file(path, True))
             else:
-                _require_one_file(path, communicator)
                 held = opened.enter_context(_on_all(communicator, lambda: HeldFile(path)))
+                places = communicator.allgather((held.place, socket.gethostname()))
+                for rank, (place, host) in enumerate(places):
+                    if place != places[0][0]:
+                        raise InputError(
+                            f"{path}: on {host}, rank {rank} has not the file that rank 0 has made:"
+                            " give a path that all machines share, or --writer single"
+                        )
                 file = _on_all(communicator, lambda: open_file(path, True, communicator))
                 opened.enter_context(file)
             self._take(file, scene, force=force)
@@ -112,14 +117,11 @@ class Writer(Reader):
         self.callback(self._spare_another)
 
     def _spare_another(self) -> None:
-        """Before a file closes that another has replaced, send HDF5's last bytes elsewhere.
-
-        Closing together with other processes is a collective call, which nothing redirects.
-        """
+        """Before a file closes that another has replaced, send HDF5's last bytes elsewhere."""
         try:
             self.confirm()
         except InputError:
-            if self._communicator is None:
+            if self._communicator is None:  # closing together is collective
                 with tempfile.TemporaryFile() as nothing:
                     os.dup2(nothing.fileno(), self._file.id.get_vfd_handle())
 
@@ -209,23 +211,6 @@ def _on_all(communicator: Any, opening: Callable[[], T]) -> T:
     if refusals or opened is None:
         raise InputError(refusals[0])
     return opened
-
-
-def _require_one_file(path: Path, communicator: Any) -> None:
-    """Refuse a path that leads to different files on different machines, or to none."""
-    try:
-        status = path.stat()
-        seen = (status.st_ino, status.st_size) if os.access(path, os.R_OK | os.W_OK) else None
-    except OSError:
-        seen = None
-    everywhere = communicator.allgather((seen, socket.gethostname()))
-    for rank, (there, host) in enumerate(everywhere):
-        if there is None or there != everywhere[0][0]:
-            raise InputError(
-                f"{path}: rank {rank} on {host} cannot write the file that rank 0 on "
-                f"{everywhere[0][1]} has made; give a path that all machines share, or "
-                "--writer single"
-            )
 
 
 def parallel_hdf5() -> bool:

@@ -26,10 +26,8 @@ class Exported(NamedTuple):
 def export(reader: Reader, folder: Path, about: About) -> Exported:
     """Write the done rows of a database as Parquet, with a card and Croissant's description.
 
-    The folder is new, empty, or an export of the same database: an interrupted export goes on with
-    the same call, and one of a database that has grown renews the files that have changed. Raise
-    InputError if the database has no done rows, the folder holds something else, or the disk is
-    full.
+    The folder is new, empty, or an export of this database, which is continued or renewed. Raise
+    InputError if it holds something else, there are no done rows, or the disk is full.
     """
     with lock_folder(folder):
         parquet_files.require_own_folder(folder, reader)

@@ -53,24 +53,16 @@ PARQUET = "application/x-parquet"  # media type of Parquet files, as Croissant's
 
 @dataclass(frozen=True)
 class About:
-    """Bibliographic data of a dataset; an empty text where nothing was given.
-
-    The licence is an SPDX identifier as "CC-BY-4.0" or an address; the DOI has no resolver before
-    it.
-    """
+    """Bibliographic data of a dataset; an empty text where nothing was given."""
 
     title: str
     creator: str = ""
-    licence: str = ""
-    doi: str = ""
+    licence: str = ""  # an SPDX identifier as "CC-BY-4.0", or an address
+    doi: str = ""  # without the address of its resolver
 
     @classmethod
     def of(cls, reader: Reader, title: str, creator: str, licence: str, doi: str) -> Self:
-        """Return the options of a command, and where one is empty the attribute of the database.
-
-        Letters of the database that cannot be printed become question marks. Raise InputError if an
-        identifier is none, or an option has more than one line.
-        """
+        """Return the options of a command, and where one is empty the attribute of the database."""
         scene, bare = reader.scene, RESOLVER.sub("", doi.strip(), count=1)
         if doi and not DOI.fullmatch(bare):
             raise InputError(f"--doi {doi}: give an identifier as 10.5281/zenodo.1234567")
@@ -215,24 +207,21 @@ def describe(reader: Reader, about: About, folder: Path, pieces: Iterable[Piece]
 
 def _record_set(name: str, schema: pa.Schema, **source: str) -> mlc.RecordSet:
     """Describe the rows of a file, or of several files of the same columns."""
-    key = f"{name}/sample"
-    columns = [_described_column(name, column, source) for column in schema]
-    return mlc.RecordSet(id=name, name=name, key=[key], fields=columns)
-
-
-def _described_column(record_set: str, column: pa.Field, source: dict[str, str]) -> mlc.Field:
-    """Describe a column: its meaning with the unit, its type, and its place."""
-    words = {key.decode(): value.decode() for key, value in column.metadata.items()}
-    unit = "" if words["unit"] in {"1", ""} else f" [{words['unit']}]"
-    shape = tuple(json.loads(words["shape"])) if "shape" in words else ()
-    inner = column.type.value_type if shape else column.type
-    kind = mlc.DataType.INTEGER if pa.types.is_integer(inner) else mlc.DataType.FLOAT
-    array = {"is_array": True, "array_shape": ",".join(map(str, shape))} if shape else {}
-    return mlc.Field(
-        id=f"{record_set}/{column.name}",
-        name=column.name,
-        description=f"{words['long_name']}{unit}",
-        data_types=[kind],
-        source=mlc.Source(**source, extract=mlc.Extract(column=column.name)),
-        **array,
-    )
+    columns = []
+    for column in schema:
+        words = {key.decode(): value.decode() for key, value in column.metadata.items()}
+        unit = "" if words["unit"] in {"1", ""} else f" [{words['unit']}]"
+        shape = json.loads(words.get("shape", "[]"))
+        inner = column.type.value_type if shape else column.type
+        kind = mlc.DataType.INTEGER if pa.types.is_integer(inner) else mlc.DataType.FLOAT
+        array = {"is_array": True, "array_shape": ",".join(map(str, shape))} if shape else {}
+        described = mlc.Field(
+            id=f"{name}/{column.name}",
+            name=column.name,
+            description=f"{words['long_name']}{unit}",
+            data_types=[kind],
+            source=mlc.Source(**source, extract=mlc.Extract(column=column.name)),
+            **array,
+        )
+        columns.append(described)
+    return mlc.RecordSet(id=name, name=name, key=[f"{name}/sample"], fields=columns)

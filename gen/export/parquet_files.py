@@ -1,7 +1,8 @@
 """Columns of a database as files of Parquet, written whole or not at all, in chunks of rows."""
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -82,40 +83,33 @@ def write(
     piece: Piece, folder: Path, reader: Reader, done: Mask, advance: Callable[[int], None]
 ) -> None:
     """Write a file of an export with the rows that are done, unless it is there already."""
-    path, first = folder / piece.name, reader.rows.start
-    chosen = done[piece.rows.start - first : piece.rows.stop - first]
-    origin = {**identity(reader), "rows": [piece.rows.start, piece.rows.stop]}
-    origin["done"] = int(chosen.sum())
+    path, before, names = folder / piece.name, reader.rows.start, piece.schema.names[1:]
+    part = piece.rows
+    number = int(done[part.start - before : part.stop - before].sum())
+    origin = identity(reader) | {"rows": [part.start, part.stop], "done": number}
     if origin_of(path) == origin:
-        advance(len(piece.rows))
+        advance(len(part))
         return
     schema = piece.schema.with_metadata({KEY: json.dumps(origin)})
+    columns = [column for column in reader.columns() if column.name in names]
+    widest = max(column.row_bytes(reader.scene.grid.shape) for column in columns)
+    step = min(TABLE_ROWS, max(1, CHUNK_BYTES // widest))
     with (
         atomic(path, "parquet") as file,
         parquet.ParquetWriter(file, schema, compression="zstd") as writer,
     ):
-        for table in tables(reader, schema, piece.rows, done):
-            writer.write_table(table)
-            advance(table.num_rows)
-
-
-def tables(reader: Reader, schema: pa.Schema, part: range, done: Mask) -> Iterator[pa.Table]:
-    """Read the done rows of a part, by their indices in the scene, a few megabytes at a time."""
-    shape, names = reader.scene.grid.shape, schema.names[1:]
-    row = max(column.row_bytes(shape) for column in reader.columns() if column.name in names)
-    step = min(TABLE_ROWS, max(1, CHUNK_BYTES // row))
-    for first in range(part.start, part.stop, step):
-        last = min(first + step, part.stop)
-        wanted = done[first - reader.rows.start : last - reader.rows.start]
-        arrays = [pa.array(first + np.flatnonzero(wanted), type=pa.int64())]
-        for field in list(schema)[1:]:
-            values = reader.column(field.name, first, last)[wanted]
-            if values.ndim == 1:
-                arrays.append(pa.array(values, type=field.type))
-            else:
+        for first in range(part.start, part.stop, step):  # a few megabytes at a time
+            last = min(first + step, part.stop)
+            wanted = done[first - before : last - before]
+            arrays = [pa.array(first + np.flatnonzero(wanted), type=pa.int64())]
+            for field in list(schema)[1:]:
+                values = reader.column(field.name, first, last)[wanted]
                 flat = pa.array(np.ascontiguousarray(values).reshape(-1))
-                arrays.append(pa.FixedSizeListArray.from_arrays(flat, field.type.list_size))
-        yield pa.Table.from_arrays(arrays, schema=schema)
+                listed = pa.types.is_fixed_size_list(field.type)
+                size = field.type.list_size if listed else 0
+                arrays.append(pa.FixedSizeListArray.from_arrays(flat, size) if listed else flat)
+            writer.write_table(pa.Table.from_arrays(arrays, schema=schema))
+            advance(len(arrays[0]))
 
 
 def identity(reader: Reader) -> dict[str, object]:
@@ -124,28 +118,19 @@ def identity(reader: Reader) -> dict[str, object]:
     return {name: attributes[name] for name in ("scene_hash", "created", "physics")}
 
 
-def origin_of(path: Path) -> dict[str, object] | None:
-    """Return the origin that a Parquet file states; None if it is no whole file of an export."""
-    try:
-        if not path.is_file() or kind_of(path) != "parquet":
-            return None
-        metadata = parquet.read_schema(path).metadata or {}
-        origin = json.loads(metadata[KEY])
-    except (OSError, KeyError, ValueError, pa.ArrowException):
-        return None
-    return origin if isinstance(origin, dict) else None
+def origin_of(path: Path) -> dict[str, object]:
+    """Return the origin that a Parquet file states, empty if it is no whole file of an export."""
+    with suppress(OSError, KeyError, ValueError, pa.ArrowException):
+        if path.is_file() and kind_of(path) == "parquet":
+            return dict(json.loads((parquet.read_schema(path).metadata or {})[KEY]))
+    return {}
 
 
 def require_own_folder(folder: Path, reader: Reader) -> None:
     """Refuse a folder with other files than those of an export of this database."""
-    if not folder.is_dir():
-        return
-    names = {path.name for path in folder.iterdir() if not path.name.startswith(".asperity")}
-    if not names:
-        return
-    origin = origin_of(folder / ROWS)
-    if origin is None:
-        raise InputError(f"{folder} is not empty and no export: give a new folder")
-    own = identity(reader)
-    if {name: origin.get(name) for name in own} != own:
-        raise InputError(f"{folder} holds the export of another database: give a new folder")
+    if any(not path.name.startswith(".asperity") for path in folder.iterdir()):
+        origin = origin_of(folder / ROWS)
+        if not origin:
+            raise InputError(f"{folder} is not empty and no export: give a new folder")
+        if origin | identity(reader) != origin:
+            raise InputError(f"{folder} holds the export of another database: give a new folder")

@@ -123,16 +123,14 @@ def _row_faults(wrong: Mask, start: int, fault: str) -> Iterator[str]:
 
 
 def _recomputed_faults(reader: Reader, columns: Sequence[Column], row: int) -> Iterator[str]:
-    """Compute a row again, with the other rows of its surface, and compare the bits.
-
-    Rows with undefined statistics were failed rows once; those of older files stay sound.
-    """
+    """Compute a row again, with the other rows of its surface, and compare the bits."""
     m = reader.scene.samples_per_surface
     first = row // m * m
     again = compute_rows(reader.scene, first, min(first + m, reader.scene.samples))
     for column in columns:
         stored = reader.column(column.name, row, row + 1)
         fresh = again[column.name][row - first : row - first + 1]
+        # Rows with undefined statistics were failed rows once.
         if column is STATUS and again["reason"][row - first] == Reason.NO_STATISTICS:
             continue
         if stored.tobytes() != fresh.tobytes():

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import math
-import resource
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
@@ -54,8 +52,7 @@ Block = tuple[int, int]  # first row of a task, and one past the last
 Choice = Literal["auto", "single", "parallel"]  # writers that a user can ask for
 
 
-@dataclass(frozen=True)
-class RunResult:
+class RunResult(NamedTuple):
     """State in which a run left its database, the same on every process."""
 
     counts: Counts
@@ -240,25 +237,14 @@ def blocks_of(scene: Scene, pending: Sequence[Block], workers: int) -> Iterator[
             position = border
 
 
-@dataclass(frozen=True)
-class Estimate:
-    """Cost of a run, extrapolated from measured samples."""
-
-    measured: int  # rows that were computed
-    milliseconds: float  # mean time of a sample on one worker
-    workers: int
-    seconds: float  # time of the run
-    memory_bytes: int  # of all processes
-
-
 def planned_loads(scene: Scene) -> tuple[float, float, float]:
     """Return smallest, mean and largest load of the first `COUNTED_ROWS` planned rows."""
     loads = plan.parameters(scene, 0, min(scene.samples, COUNTED_ROWS)).load
     return float(loads.min()), float(loads.mean()), float(loads.max())
 
 
-def estimate(scene: Scene, ranks: int) -> Estimate:
-    """Measure a few samples on this machine and extrapolate to a run with `ranks` processes."""
+def measured_time(scene: Scene) -> tuple[float, int]:
+    """Measure the mean time of a few samples on this machine [s], and return their number too."""
     m = scene.samples_per_surface
     surfaces = np.unique(np.linspace(0, scene.surfaces - 1, MEASURED_SURFACES).astype(int)).tolist()
     compute_rows(scene, 0, 1)  # plans are made once a run, not once a sample
@@ -267,8 +253,4 @@ def estimate(scene: Scene, ranks: int) -> Estimate:
         stop = min(surface * m + min(m, MEASURED_LOADS), scene.samples)
         compute_rows(scene, surface * m, stop)
         measured += stop - surface * m
-    mean = (time.perf_counter() - began) / measured
-    workers = max(ranks - 1, 1)
-    # Linux counts the largest resident set in KiB. A master holds less than a worker.
-    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 * max(ranks, 1)
-    return Estimate(measured, 1e3 * mean, workers, scene.samples * mean / workers, memory)
+    return (time.perf_counter() - began) / measured, measured

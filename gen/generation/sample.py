@@ -117,10 +117,9 @@ def compute_rows(
 
 
 def surface_of(scene: Scene, plan: Parameters, row: int) -> Heights:
-    """Make the surface of one row of a plan: heights of the scene's shape [um].
+    """Make the surface of one row of a plan, of two rough bodies the sum of both heights [um].
 
-    Of two rough bodies it is the composite surface, the sum of both heights. The second one is
-    drawn as it faces the first, so neither is turned over.
+    The second body is drawn as it faces the first, so neither is turned over.
     """
     number, drawn, table = int(plan.surface[row]), plan.parameters_of(row), scene.surface
     try:
@@ -153,10 +152,9 @@ def solve_contact(
     pressure: float | None = None,
     force: float | None = None,
 ) -> bem.Contact:
-    """Solve the contact of a surface at one load, with the scene's settings.
+    """Solve the contact of a surface at one load [um, MPa or uN], with the scene's settings.
 
-    The load is `delta` [um], `pressure` [MPa] or `force` [uN]. A scene that draws its hardness
-    needs that of the sample [MPa]. The exceptions of `bem.solve` pass through.
+    A scene that draws its hardness needs that of the sample [MPa]. `bem.solve` may raise.
     """
     settings = settings_of(scene, hardness)
     return bem.solve(heights, scene.grid.sides, delta, pressure=pressure, force=force, **settings)
@@ -260,10 +258,7 @@ def first_contact(scene: Scene) -> tuple[int, bem.Contact] | None:
 
 
 def outputs_of(store: Store, contact: bem.Contact, row: int) -> dict[str, float]:
-    """Call the user's function for a contact, and return the outputs that its database has.
-
-    A SourceError says that it is gone, has changed, fails, or returns anything else.
-    """
+    """Call the user's function for a contact; a SourceError says what its outputs had to be."""
     expected = store.outputs or {}
     found = called(store, contact, row)
     place = f"{store.function}, row {row}: "

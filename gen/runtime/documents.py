@@ -24,10 +24,7 @@ FORMULAS = ("=", "+", "-", "@", "\t", "\r", "\n")
 
 
 class Document(BaseModel):
-    """The required keys of a document; values are neither converted nor NaN, further keys allowed.
-
-    Subclasses declare the keys with their types and bounds.
-    """
+    """The required keys of a document, declared with types and bounds; others are allowed."""
 
     model_config = ConfigDict(extra="allow", strict=True, allow_inf_nan=False)
 
@@ -55,10 +52,7 @@ def text_of(content: dict[str, Any]) -> str:
 
 
 def read(path: Path, kind: type[Document]) -> dict[str, Any] | None:
-    """Read a JSON document of a kind; return None if the file does not exist.
-
-    Raise InputError as `read_bytes` and `checked` do.
-    """
+    """Read a JSON document of a kind; None if there is no file. Errors as of `checked`."""
     try:
         content = read_bytes(path)
     except FileNotFoundError:

@@ -19,10 +19,7 @@ def new_figure(width: float, height: float, *, dpi: float | None = None) -> Any:
 
 
 def empty_figure(picture: Path | None, width: float, height: float) -> Any:
-    """Make the figure of a picture before anything is computed for it; None if there is none.
-
-    Width and height are in inches. Raise InputError if the suffix is of no picture.
-    """
+    """Make the figure [inches] of a picture, None without one, before anything is computed."""
     if picture is None:
         return None
     require_picture_name(picture)
@@ -43,10 +40,7 @@ def log_axis(axis: Any) -> None:
 
 
 def parity_axes(axis: Any, truth: Any) -> None:
-    """Give an empty panel of predictions over truth its axes and the line on which both agree.
-
-    Both axes are logarithmic where the true values are above 0 and span a decade.
-    """
+    """Give an empty panel its axes, logarithmic over decades above 0, and the line of agreement."""
     low, high = float(truth.min()), float(truth.max())
     decades = low > 0 and high > 10 * low
     margin = 0.05 * (high - low) or 1.0

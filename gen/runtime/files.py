@@ -142,11 +142,7 @@ def _folder(folder: Path) -> Path:
 
 
 def write(path: Path, content: str | bytes, kind: Kind = "text") -> None:
-    """Write a file whole or not at all; a file of another kind is not replaced.
-
-    Letters that UTF-8 cannot hold, as in some names of files, become question marks. Raise
-    InputError if the file cannot be written; an existing file is unchanged then.
-    """
+    """Write a file as `atomic` does; letters that UTF-8 cannot hold become question marks."""
     with atomic(path, kind) as file:
         file.write(content.encode(errors="replace") if isinstance(content, str) else content)
 

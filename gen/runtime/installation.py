@@ -33,12 +33,8 @@ def versions(packages: Iterable[str]) -> dict[str, str]:
 
 
 def git_commit() -> str:
-    """Return the commit of the checkout that this code runs from or was built from, "" without one.
-
-    It is read from git's files, since starting a process from an MPI rank is unsafe on some
-    interconnects.
-    """
-    git = REPOSITORY / ".git"
+    """Return the commit that this code runs from or was built from, "" without one."""
+    git = REPOSITORY / ".git"  # read, as starting a process from an MPI rank is unsafe
     try:
         if not git.exists():
             return Path(__file__).with_name(STAMP).read_text(encoding="utf-8").strip()

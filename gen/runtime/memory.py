@@ -17,11 +17,7 @@ CONTACT_BYTES = 32  # memory of a solution per node [bytes]: heights, pressure, 
 
 
 def allowed() -> int:
-    """Return the memory that this process may take [bytes].
-
-    That is the machine's memory or the lowest limit of container, batch job and shell (`ulimit
-    -v`).
-    """
+    """Return the memory that machine, container, batch job and shell allow here [bytes]."""
     limits = [os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")]
     for name in ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"):
         with suppress(OSError, ValueError):

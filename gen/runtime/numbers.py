@@ -53,10 +53,7 @@ LOADS = {
 
 
 def loads_from(load: str, text: str) -> list[float]:
-    """Parse displacements above 0 [um], or nominal pressures of 0 or more, not all 0 [MPa].
-
-    They are written as "2", "1,2,5" or "5:45:9". Raise InputError for others.
-    """
+    """Parse displacements above 0 [um], or nominal pressures of 0 or more, not all 0 [MPa]."""
     values = values_from(text, f"--{load}", LOADS[load])
     allowed = all(magnitude(value) or (value == 0 and load == "pressure") for value in values)
     if not allowed or not any(values):

@@ -30,11 +30,7 @@ _compiled: dict[str, ModuleType] = {}  # modules that were compiled here, by the
 
 
 def source_hash(name: str) -> str:
-    """Compute the SHA-256 of the source of the module that has a function, without running it.
-
-    The name is "module:function"; the module stands in the current folder or where Python finds
-    modules. Raise SourceError if there is no such module, or it has no source.
-    """
+    """Compute the SHA-256 of the source of a function's module, which `source_of` finds."""
     with faults_of(name):
         return hashlib.sha256(source_of(name).read_bytes()).hexdigest()
 
@@ -62,10 +58,7 @@ def load_function(name: str, source: str) -> Function:
 def faults_of(
     place: str, passing: tuple[type[Exception], ...] = (ArithmeticError, MemoryError)
 ) -> Iterator[None]:
-    """Turn what a user's code raises, also what would end the program, into a SourceError.
-
-    A bound on the time passes, and exceptions in `passing`: a row may fail by its numbers.
-    """
+    """Turn what a user's code raises, but for `passing` and a bound on time, into a SourceError."""
     elsewhere: tuple[type[Exception], ...] = (*passing, Overtime, SourceError)
     try:
         yield

@@ -65,18 +65,14 @@ class Scene(Table):
     @model_validator(mode="before")
     @classmethod
     def _complete(cls, content: Any) -> Any:
-        """Complete a scene by what follows from its other keys.
-
-        Without a generator it has the paper's, without loads the paper's displacements. Windows
-        have no edges: a window is a piece of a larger surface, which has none there. The spacing of
-        a patch without edges is that of its cells.
-        """
+        """Complete a scene by what follows from its other keys."""
         if not isinstance(content, dict):
             return content
         content, generator = dict(content), GENERATORS[0].NAMES[0]
         if isinstance(surface := content.get("surface"), dict):
             content["surface"] = surface = {"generator": generator, **surface}
             generator = surface["generator"]
+        # A window is a piece of a larger surface: it has no edges.
         windows = generator in ScanSurface.NAMES or isinstance(surface, ScanSurface)
         if isinstance(contact := content.get("contact", {}), dict):
             contact = {"boundary": "mirror", **contact} if windows else contact
@@ -88,10 +84,7 @@ class Scene(Table):
 
     @model_validator(mode="after")
     def _require_what_goes_together(self) -> Self:
-        """Refuse loads that the contact cannot have, and surfaces that cannot be made.
-
-        Surfaces of maps are known once a run has found them.
-        """
+        """Refuse loads that the contact cannot have, and surfaces that cannot be made."""
         if self.delta is None and self.load is None:
             raise PydanticCustomError(
                 "conflict",
@@ -109,7 +102,7 @@ class Scene(Table):
                 " 'compliant'",
             )
         if isinstance(self.surface, ScanSurface) and self.surface.found is None:
-            return self
+            return self  # a run has to find the maps first
         if fault := self.surface.fault_on(self.grid):
             raise PydanticCustomError("conflict", f"surface: {fault}")
         hardness = self.contact.hardness_limits
@@ -130,10 +123,7 @@ class Scene(Table):
 
     @model_serializer(mode="wrap")
     def _without_absent_keys(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Leave out the table of loads that the scene does not have, and free boundaries.
-
-        The boundary of windows is not free by default, so that theirs is written.
-        """
+        """Leave out absent keys, and free boundaries unless another one is the default."""
         content: dict[str, Any] = handler(self)
         if self.contact.boundary == "free" and not self.surface.WINDOWS:
             content.get("contact", {}).pop("boundary", None)
