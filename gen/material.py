@@ -1,7 +1,7 @@
 """The material of the bodies: plane-strain modulus E* of one or of two, and hardness."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 from gen.runtime.errors import InputError
 from gen.runtime.numbers import magnitude
@@ -30,6 +30,32 @@ class Bodies(NamedTuple):
     # Young's modulus [MPa] and Poisson's ratio of the only elastic body, if that was given
     only: tuple[float, float] | None = None
 
+    @classmethod
+    def of(
+        cls,
+        young: Sequence[float] | None,
+        poisson: Sequence[float] | None,
+        e_star: float | None,
+        hardness: float | None,
+    ) -> Self:
+        """Return the bodies of the options, with an E* of 1 MPa without any.
+
+        Raise InputError as `combined_modulus` does, or if a hardness comes without a modulus.
+        """
+        known = bool(young) or e_star is not None
+        if hardness is not None and not magnitude(hardness):
+            raise InputError(
+                f"--hardness {hardness:g}: the hardness must be above 0 MPa, and finite"
+            )
+        if hardness is not None and not known:
+            raise InputError(
+                f"--hardness {hardness:g}: give the modulus too (--young or --e-star), which is 1"
+                " MPa without these options"
+            )
+        combined = combined_modulus(young, poisson, e_star)
+        only = (young[0], poisson[0] if poisson else 0.0) if young and len(young) == 1 else None
+        return cls(1.0 if combined is None else combined, hardness, known, only)
+
     @property
     def hardness_ratio(self) -> float | None:
         """Hardness over E*; None for elastic bodies."""
@@ -38,8 +64,9 @@ class Bodies(NamedTuple):
     @property
     def doubts(self) -> list[str]:
         """A warning of numbers that no solid has, with the likely slip of a unit; empty if none."""
-        ratio, (low, high) = self.hardness_ratio, HARDNESSES
-        if ratio is not None and not low <= ratio <= high:
+        low, high = HARDNESSES
+        ratio = low if self.hardness is None else self.hardness / self.e_star
+        if not low <= ratio <= high:
             slips = [words for factor, words in SLIPS if low <= ratio * factor <= high]
             slip = [*slips, "are the units right"][0] if self.known else "is the modulus left out"
             said = f"hardness over E* is {ratio:.3g}, solids have {low:g} to {high:g}: {slip}?"
@@ -69,18 +96,21 @@ def plane_strain_modulus(young: float, poisson: float) -> float:
 
 
 def combined_modulus(
-    young: Sequence[float], poisson: Sequence[float], e_star: float | None = None
-) -> float:
+    young: Sequence[float] | None, poisson: Sequence[float] | None, e_star: float | None = None
+) -> float | None:
     """Compute E* of a contact [MPa], 1/E* = 1/E1* + 1/E2*, or 1/E1* if one body is rigid.
 
-    Without numbers it is 1 MPa; `e_star` stands in place of moduli and ratios.
+    Without numbers it is None; `e_star` stands in place of moduli and ratios.
     """
+    young, poisson = young or (), poisson or ()
     if e_star is not None:
         if young or poisson:
             raise InputError("--e-star stands in place of --young and --poisson: give one of them")
         if not magnitude(e_star):
             raise InputError(f"--e-star {e_star:g}: the modulus must be above 0 MPa, and finite")
         return e_star
+    if not (young or poisson):
+        return None
     moduli = list(young) or [1.0]
     ratios = list(poisson) or [0.0] * len(moduli)
     if len(moduli) > 2 or len(ratios) != len(moduli):

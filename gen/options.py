@@ -13,11 +13,10 @@ from gen.maps.settings import Reading
 from gen.runtime import command_line
 from gen.runtime.errors import InputError
 from gen.runtime.files import Output, check_outputs
-from gen.runtime.numbers import magnitude, shown
+from gen.runtime.numbers import shown
 
 if TYPE_CHECKING:
     from gen.maps.bodies import Opposite
-    from gen.material import Bodies
 
 
 OUT = "--output", "-o"
@@ -137,33 +136,6 @@ class Material(NamedTuple):
         float | None, Option(metavar="MPA", help="Hardness of the softer body, which yields there.")
     ] = None
 
-    def modulus(self) -> float | None:
-        """Return E* [MPa], or None if none was given."""
-        from gen.material import combined_modulus
-
-        given = self.young or self.poisson or self.e_star is not None
-        combined = combined_modulus(self.young or [], self.poisson or [], self.e_star)
-        return combined if given else None
-
-    def bodies(self) -> "Bodies":
-        """Return the bodies, with an E* of 1 MPa if none was given; refuse a hardness then."""
-        from gen.material import Bodies, combined_modulus
-
-        young, poisson, hardness = self.young or [], self.poisson or [], self.hardness
-        known = bool(young) or self.e_star is not None
-        combined = combined_modulus(young, poisson, self.e_star)
-        if hardness is not None and not magnitude(hardness):
-            raise InputError(
-                f"--hardness {hardness:g}: the hardness must be above 0 MPa, and finite"
-            )
-        if hardness is not None and not known:
-            raise InputError(
-                f"--hardness {hardness:g}: give the modulus too (--young or --e-star), which is 1"
-                " MPa without these options"
-            )
-        only = (young[0], poisson[0] if poisson else 0.0) if len(young) == 1 else None
-        return Bodies(combined, hardness, known, only)
-
 
 class Against(NamedTuple):
     """A second rough body that surfaces are pressed against.
@@ -236,10 +208,8 @@ def _one_body(surface: SurfaceFile, *, reading: Reading) -> None:
 Units = Literal["mm", "si", "um"]
 
 
-def sides_of(path: Path) -> list[Path]:
-    """Return the names of the files of a band's soft and stiff side, beside the law's own file."""
-    return [path.parent / f"{path.stem}-{side}{path.suffix}" for side in ("soft", "stiff")]
-
+BAND_SIDES = "soft", "stiff"
+"""Sides of a law's band that have files of their own beside the law's, as law-abaqus-soft.inp."""
 
 LAW_ENDS = {
     "table": ".csv",
@@ -297,7 +267,8 @@ class LawOutputs(NamedTuple):
         for name in LAW_ENDS:
             path = getattr(self, name)
             option = {"table": "--csv", "for_4c": "--4c"}.get(name, f"--{name}")
-            sides = sides_of(path) if path and name in {"calculix", "abaqus"} else []
-            found += [Output(each, option) for each in (path, *sides)]
+            sides = BAND_SIDES if path and name in {"calculix", "abaqus"} else ()
+            beside = [path.with_stem(f"{path.stem}-{side}") for side in sides]
+            found += [Output(each, option) for each in (path, *beside)]
         check_outputs(found, inputs)
         return self

@@ -6,6 +6,7 @@ import typer
 
 from gen import options
 from gen.maps.settings import FileReading, Reading
+from gen.material import Bodies
 from gen.runtime.command_line import Trust, grouped, typed
 from gen.runtime.errors import InputError
 from gen.runtime.figure import empty_figure
@@ -126,7 +127,7 @@ def contact(
     outputs.append(Output(flattened, "--flattened", "heights"))
     check_outputs(outputs, filter(None, [surface, facing.against]))
     figure = empty_figure(picture, 11, 8.2)
-    bodies = material.bodies()
+    bodies = Bodies.of(*material)
     topography, doubts = read_surface(surface, reading, boundary, facing.body(reading))
     settings = {"modulus": bodies.e_star, "hardness": bodies.hardness, "kernel": kernel}
     settings |= {"far_field": far_field, "rtol": rtol, "max_iterations": max_iterations}
@@ -134,11 +135,8 @@ def contact(
     with on_threads(threads or default_threads(cores())):
         found, faults, seconds = contacts.follow(solutions, len(values), wanted)
     solved = [(each.delta, each.largest_pressure, each.contact_nodes) for each in found]
-    problem, several = found[0].problem, len(found) > 1
     warnings = [*bodies.doubts, *doubts]
-    warnings += contacts.contact_warnings(
-        topography, problem, solved, material=bodies.known, law=several
-    )
+    warnings += contacts.contact_warnings(topography, bodies, load, solved)
     warnings += faults
     printer.print_preparation(topography, warnings)
     printer.print_contacts(found, seconds, wanted)
@@ -205,7 +203,7 @@ def law(
     if not 0 < band < 1:
         raise InputError(f"--band {band:g}: give a share between 0 and 1, as 0.9")
     figure = files.picture and empty_figure(files.picture, 12.0, 7.0)
-    bodies = material.bodies()
+    bodies = Bodies.of(*material)
     gas = None
     if gas_conductivity is not None or jump_distance is not None:
         gas = Gas.of_options(gas_conductivity, jump_distance)
@@ -250,4 +248,4 @@ def scene(
     from gen.draft import draft
 
     how = Reading(**vars(reading))
-    draft(inputs or [], like, output, how, material.bodies(), typed(context, "gen"))
+    draft(inputs or [], like, output, how, Bodies.of(*material), typed(context, "gen"))

@@ -6,7 +6,7 @@ its mirror images unless it is told otherwise: what a free patch gives way as a 
 mesh of a finite-element model, not to its interface.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -215,27 +215,40 @@ def _solved(
 ) -> Solved:
     """Solve every surface; return the loads solved on all, the points, and warnings."""
     loads = _possible(load, loads, surfaces, bodies, lost, derived=derived)
-    found = []
+    names = [*NAMES, *(name for name, (is_asked, _) in FURTHER.items() if is_asked(order))]
+    points, faults_of, warned, notes = list[Points](), [], list[str](), list[str]()
     many = len(surfaces) > 1
     with RunProgress(len(surfaces), f"surfaces at given {load}") if many else nullcontext() as told:
-        for number, surface in enumerate(surfaces):
-            found.append(_of_surface(order, surface, bodies, load, loads, judged=number == 0))
+        for surface in surfaces:
+            judged = order.grid_error and not points
+            found = list(_contacts(order, surface, bodies, load, loads, judged=judged))
+            rows, bars, faults, doubts, pressed = zip(*found, strict=True)
+            values = dict(zip(names, np.array(rows).T, strict=True))
+            low, high = (
+                {CONTINUUM: np.clip(values[CONTINUUM] + sign * np.array(bars), 0, 100)}
+                if judged  # the band is the error of the grid
+                else {}
+                for sign in (-1, 1)
+            )
+            points.append(Points(values, low, high, ("",) * loads.size))
+            faults_of.append(faults)
+            notes += list(filter(None, doubts))[:1]
+            solved = [each for each in pressed if each]
+            warned += list(contact_warnings(surface, bodies, load, solved))[:1]
             if told is not None:
                 told.advance(1, 0)
-    points, faults_of, warnings, notes = zip(*found, strict=True)
     kept, before = np.ones(loads.size, dtype=bool), len(lost)
     for place, faults in enumerate(zip(*faults_of, strict=True)):
         failed = [f"{each.name}: {why}" for each, why in zip(surfaces, faults, strict=True) if why]
         if failed:
             kept[place] = False
-            on = f" on {len(failed)} of {len(found)} surfaces" if many else ""
+            on = f" on {len(failed)} of {len(points)} surfaces" if many else ""
             lost.append(f"warning: not solved{on}, left out: {failed[0]}")
     if not kept.any():
         raise InputError(f"no load was solved on every surface; {lost[before]}")
-    warned = [each for each in warnings if each]
-    of = f"{len(warned)} of {len(found)} surfaces, the first: " if many else ""
-    lines = [f"warning: {of}{line}" for line in (warned[0] if warned else [])]
-    return loads[kept], [each.chosen(kept) for each in points], [*lines, *filter(None, notes)]
+    of = f"{len(warned)} of {len(points)} surfaces, the first: " if many else ""
+    lines = [f"warning: {of}{line}" for line in warned[:1]]
+    return loads[kept], [each.chosen(kept) for each in points], [*lines, *notes]
 
 
 def _possible(
@@ -296,48 +309,36 @@ FURTHER: Mapping[str, tuple[Callable[[Order], object], Callable[..., float]]] = 
 from a contact, the nominal area [um2] and the order."""
 
 
-def _of_surface(
+def _contacts(
     order: Order, surface: LawSurface, bodies: Bodies, load: Load, loads: Values, *, judged: bool
-) -> tuple[Points, list[str], list[str], str]:
-    """Solve the law of one surface at ascending loads; NaN where the solver did not converge.
+) -> Iterator[tuple[list[float], float, str, str, tuple[float, float, int] | None]]:
+    """Solve the law of one surface at ascending loads, and yield for each load what is known.
 
-    Return the points, why the solver has none at each load, warnings, and a note.
+    That are the quantities, NaN where the solver did not converge, the error of the area by the
+    grid, NaN where it is not known, why there is no contact, why the error is not known, and what
+    `contact_warnings` takes.
     """
     settings = {"modulus": bodies.e_star, **surface.settings}
     if bodies.hardness is not None:
         settings["hardness"] = bodies.hardness
     compliance, nominal = surface.patch_compliance(bodies.e_star), surface.nominal
-    further = {name: of for name, (is_asked, of) in FURTHER.items() if is_asked(order)}
-    names = [*NAMES, *further]
-    rows, bars = np.full((loads.size, len(names)), np.nan), np.full(loads.size, np.nan)
-    faults, note = [], ""
-    solved: list[tuple[float, float, int]] = []
-    for place, (contact, _, fault) in enumerate(
-        solve_loads(surface, load, loads.tolist(), **settings)
-    ):
-        faults.append(fault)
+    further = [of for is_asked, of in FURTHER.values() if is_asked(order)]
+    for contact, _, fault in solve_loads(surface, load, loads.tolist(), **settings):
         if contact is None:
+            yield [np.nan] * (len(NAMES) + len(further)), np.nan, fault, "", None
             continue
         pressure = contact.force / nominal
         gap = max(contact.mean_gap, 0.0)  # below 0 by rounding alone
         closure = max(contact.delta - compliance * pressure, 0.0)
         row = [contact.delta, contact.area_percent, contact.force, gap, pressure, closure]
         try:
-            rows[place] = [*row, *(of(contact, nominal, order) for of in further.values())]
+            row += [of(contact, nominal, order) for of in further]
         except ArithmeticError as error:
             raise InputError(f"{surface.name}: {error}") from None
-        if order.grid_error and judged:
-            grid = contact.grid_error()
-            bars[place] = grid.area_percent if grid.resolved else np.nan
-            if not (note or grid.resolved):
-                note = f"{surface.name}: the area is that of the grid: {grid.reason}"
-        solved.append((contact.delta, contact.largest_pressure, contact.contact_nodes))
-        problem = contact.problem
-    values = dict(zip(names, rows.T, strict=True))
-    low: dict[str, Values] = {}
-    high: dict[str, Values] = {}
-    if order.grid_error and judged:
-        low[CONTINUUM] = np.clip(values[CONTINUUM] - bars, 0, 100)
-        high[CONTINUUM] = np.clip(values[CONTINUUM] + bars, 0, 100)
-    warnings = list(contact_warnings(surface, problem, solved, material=bodies.known, law=True))
-    return Points(values, low, high, ("",) * loads.size), faults, warnings, note
+        bar, doubt = np.nan, ""
+        if judged and (grid := contact.grid_error()).resolved:
+            bar = grid.area_percent
+        elif judged:
+            doubt = f"{surface.name}: the area is that of the grid: {grid.reason}"
+        pressed = contact.delta, contact.largest_pressure, contact.contact_nodes
+        yield row, bar, "", doubt, pressed

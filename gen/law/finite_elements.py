@@ -32,7 +32,7 @@ import numpy as np
 from gen.arrays import Indices, Values
 from gen.law.contact_law import Law
 from gen.law.curves import KNOWN, risen, slopes
-from gen.options import Units, sides_of
+from gen.options import BAND_SIDES, Units
 from gen.runtime import VERSION, files
 from gen.runtime.errors import InputError
 from gen.runtime.installation import git_commit
@@ -125,7 +125,7 @@ def write(path: Path, law: Law, program: Program, units: Units) -> list[Path]:
     """Write the surface interaction of a law, and those of both sides of a band of its closure."""
     made = [(path, "")]
     if law.over_pressure.curves["closure_um"].banded.any():
-        made += zip(sides_of(path), ("soft", "stiff"), strict=True)
+        made += [(path.with_stem(f"{path.stem}-{side}"), side) for side in BAND_SIDES]
     texts = ["\n".join(_lines(each, law, program, UNITS[units], side)) for each, side in made]
     for (each, _), text in zip(made, texts, strict=True):
         files.write(each, text + "\n")

@@ -24,7 +24,6 @@ from gen.runtime.terminal import RunProgress
 
 if TYPE_CHECKING:
     from bem import Contact
-    from bem.problem import Problem
 
 
 @dataclass(frozen=True)
@@ -289,34 +288,31 @@ def follow(
 
 def contact_warnings(
     topography: Topography,
-    problem: Problem,
+    bodies: Bodies,
+    load: str,
     solved: Sequence[tuple[float, float, int]],
-    *,
-    material: bool,
-    law: bool,
 ) -> Iterator[str]:
     """Yield reasons to distrust contacts of a surface: full contact, and pressures that yield.
 
-    `solved` has Delta [um], the largest pressure [MPa] and the number of nodes of each contact; a
-    law's reader is told from which Delta on pressures are too high.
+    `solved` has Delta [um], the largest pressure [MPa] and the number of nodes of each contact
+    under the kind of load.
     """
     largest = max(pressure for _, pressure, _ in solved)
-    limit = problem.modulus / YIELDING
+    limit = bodies.e_star / YIELDING
     # without a material, a force or a pressure scales with an E* that nobody gave
-    unscaled = problem.delta is None and not material
-    check = "check the load and the unit of the heights"
-    check = Bodies(problem.modulus).stated if unscaled else check
+    unscaled = load != "delta" and not bodies.known
+    check = bodies.stated if unscaled else "check the load and the unit of the heights"
     full = [delta for delta, _, nodes in solved if nodes == topography.heights.size]
     beyond = [delta for delta, pressure, _ in solved if pressure > limit]
     if full:
         span = f"{np.ptp(topography.heights):.4g}"
         start = f"from Delta = {min(full):.4g} um on every node touches"
         yield f"{start}, the heights span {span} um: {check}"
-    elif largest > problem.modulus and unscaled:
+    elif largest > bodies.e_star and unscaled:
         yield f"the largest pressure is {largest:.4g} MPa: {check}"
-    if beyond and material and problem.hardness is None:
-        start = f"from Delta = {min(beyond):.4g} um on, " if law else ""
-        units = ", and check E*: moduli count in MPa (210e3)" * (largest > problem.modulus)
+    if beyond and bodies.known and bodies.hardness is None:
+        start = f"from Delta = {min(beyond):.4g} um on, " if len(solved) > 1 else ""
+        units = ", and check E*: moduli count in MPa (210e3)" * (largest > bodies.e_star)
         yield (
             f"{start}the largest pressure ({largest:.4g} MPa) is above E*/{YIELDING:g} ="
             f" {limit:.4g} MPa: real metals and polymers would have yielded, and their contact area"

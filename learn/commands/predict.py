@@ -8,6 +8,7 @@ import typer
 
 from gen import options
 from gen.maps.settings import Reading
+from gen.material import combined_modulus
 from gen.runtime.command_line import Trust, grouped, typed
 from gen.runtime.errors import InputError
 from gen.runtime.figure import empty_figure
@@ -118,7 +119,7 @@ def predict(
             " of --load pressure"
         )
     else:
-        bodies = surrogate.bodies(material.modulus(), material.hardness)
+        bodies = surrogate.bodies(combined_modulus(*material[:3]), material.hardness)
         question = Question(pressures if pressed else deltas, bodies, interval, reading)
         for path in inputs:
             rows += answers(surrogate, path, question)
@@ -130,7 +131,7 @@ def predict(
 
 def _parameters(text: str, reading: Reading, material: options.Material) -> dict[str, float]:
     """Parse --at, as "hurst=0.7,rms_height=1.2", add a hardness, and refuse options of surfaces."""
-    if material.modulus() is not None:
+    if combined_modulus(*material[:3]) is not None:
         raise InputError("the surrogate's modulus is that of its scene: leave out the option")
     if reading != Reading():
         raise InputError("the surrogate reads no surfaces: leave out the options that prepare them")
@@ -223,7 +224,7 @@ def law(
         pressure=pressure,
         surfaces=surfaces,
         level=interval,
-        e_star=material.modulus(),
+        e_star=combined_modulus(*material[:3]),
         hardness=material.hardness,
         boundary=boundary,
         conductivities=require_conductivities(conductivity) if conductivity else None,

@@ -2,14 +2,13 @@
 
 import pytest
 
-from gen.material import SLIPS, combined_modulus
-from gen.options import Material
+from gen.material import SLIPS, Bodies, combined_modulus
 from gen.runtime.errors import InputError
 from gen.scene.tables import Contact
 
 
 def test_moduli_combine():
-    assert combined_modulus([], []) == 1
+    assert combined_modulus([], []) is None
     assert combined_modulus([210e3], [0.3]) == pytest.approx(210e3 / 0.91)
     both = 1 / (0.91 / 210e3 + 0.75 / 3e3)
     assert combined_modulus([210e3, 3e3], [0.3, 0.5]) == pytest.approx(both)
@@ -38,8 +37,8 @@ PLAUSIBLE = [(210e3, 2000.0), (70e3, 300.0), (3e3, 250.0), (1e6, 1e5), (12e3, 9.
 
 @pytest.mark.parametrize(("young", "hardness"), PLAUSIBLE)
 def test_solids_are_not_doubted_and_slips_of_their_units_are(young, hardness):
-    assert not Material([young], [], None, hardness).bodies().doubts
-    assert not Material([young], [], None, None).bodies().doubts
+    assert not Bodies.of([young], [], None, hardness).doubts
+    assert not Bodies.of([young], [], None, None).doubts
     for factors, slip in (
         ((1e-3, 1), "is the modulus in GPa?"),
         ((1e6, 1), "is the modulus in Pa?"),
@@ -47,7 +46,7 @@ def test_solids_are_not_doubted_and_slips_of_their_units_are(young, hardness):
         ((1, 1e6), "is the hardness in Pa?"),
     ):
         slipped = young * factors[0], hardness * factors[1]
-        doubts = Material([slipped[0]], [], None, slipped[1]).bodies().doubts
+        doubts = Bodies.of([slipped[0]], [], None, slipped[1]).doubts
         ratio = slipped[1] / slipped[0]
         if 1e-4 <= ratio <= 0.2:  # soft or hard enough to pass for another solid
             assert not doubts
