@@ -268,7 +268,7 @@ class LawOutputs(NamedTuple):
             path = getattr(self, name)
             option = {"table": "--csv", "for_4c": "--4c"}.get(name, f"--{name}")
             sides = BAND_SIDES if path and name in {"calculix", "abaqus"} else ()
-            beside = [path.with_stem(f"{path.stem}-{side}") for side in sides]
+            beside = [path.parent / f"{path.stem}-{side}{path.suffix}" for side in sides]
             found += [Output(each, option) for each in (path, *beside)]
         check_outputs(found, inputs)
         return self
