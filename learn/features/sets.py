@@ -124,6 +124,10 @@ touch and span decades, and the roots tell small values apart."""
 Limits = tuple[float, float]
 
 
+Grid = tuple[tuple[int, ...], tuple[float, ...]]
+"""Nodes along both axes, and sides [um]."""
+
+
 @dataclass(frozen=True, eq=False)
 class Rows:
     """The numbers of n rows that features, and the scales of targets, are computed from."""
@@ -134,8 +138,9 @@ class Rows:
     hardness_ratio: Values | float | None = None  # over E*; infinite or None for elastic bodies
     nodes: Values | float | None = None  # along a side, the geometric mean of both axes
     hybrid: Values | None = None  # (n, 18), columns of `HYBRID`
-    notes: tuple[str, ...] = ()  # why rows are unlike a training: none, one for all rows, or n
+    notes: tuple[str, ...] = ()  # why rows have no answer: none, one for all rows, or n
     given: Mapping[str, Values] = field(default_factory=dict)  # (n,) each, what the scene gives
+    grids: tuple[Grid, ...] = ()  # one for all rows, or n; none if unknown
 
     def under(self, pressure: Values, e_star: float) -> "Rows":
         """Return the rows under pressures, (n,) [MPa], which stand for Delta; see `by_pressure`."""

@@ -35,6 +35,7 @@ from learn.features.sets import (
     SHIFTS,
     FeatureSet,
     Rows,
+    by_pressure,
 )
 
 Sides = tuple[float, float]
@@ -180,31 +181,41 @@ class SurfaceFeatures:
         return describe(self.heights, self.steps)
 
     def rows(
-        self, features: FeatureSet, deltas: Values, hardness_ratio: float | None = None
+        self,
+        features: FeatureSet,
+        loads: Values,
+        hardness_ratio: float | None = None,
+        e_star: float = 1.0,
     ) -> Rows:
-        """Return the numbers that features of a set are computed from, at k displacements [um].
+        """Return the numbers that features of a set are computed from, at k loads.
 
-        At pressures they are what stands for them, see `learn.features.sets.by_pressure`.
-
-        `Undefined` is raised if the surface does not define all statistics, InputError if a Delta
-        is not above 0.
+        Loads are displacements [um], or pressures [MPa] on bodies of an E* [MPa] if the set is for
+        these. `Undefined` is raised if the surface does not define all statistics, InputError if a
+        load is not above 0.
         """
+        pressed, nodes = features.load == "pressure", math.sqrt(self.heights.size)
+        deltas = by_pressure(loads, self.length, e_star) if pressed else loads
         wrong = deltas[~((deltas > 0) & (deltas < np.inf))]
         if wrong.size:
             raise InputError(f"{self.name}: Delta {wrong[0]:g} um: give finite numbers above 0")
-        described = self.description
+        described, notes = self.description, tuple[str, ...]()
         if described.reason:
             raise Undefined(f"{self.name}: statistics undefined: {described.reason}")
+        if self.boundary != "free" and hardness_ratio is None and not pressed:
+            limit = float((self.heights.max() - self.heights).mean())
+            full = f"no equilibrium: the contact is full at delta = {limit:.6g} um"
+            notes = tuple(full * bool(each >= limit) for each in deltas)
         hybrid = None
         if features.needs_surface:
             blocks = features.blocks or BLOCKS
-            if features.load == "pressure":
+            if pressed:
                 deltas = np.array([self.reached(each, hardness_ratio, blocks) for each in deltas])
             every = [self.hybrid(float(delta), hardness_ratio, blocks) for delta in deltas]
             hybrid = np.array(every).reshape(-1, len(HYBRID))
         statistics = np.tile(list(described.values.values()), (deltas.size, 1))
-        nodes = math.sqrt(self.heights.size)
-        return Rows(statistics, deltas, self.length, hardness_ratio, nodes, hybrid)
+        own = self.length, hardness_ratio, nodes, hybrid, notes
+        grid = self.heights.shape, self.sides
+        return Rows(statistics, deltas, *own, {"pressure": loads} if pressed else {}, (grid,))
 
     def reached(self, load: float, hardness_ratio: float | None, blocks: int) -> float:
         """Return the Delta at which the coarse solve carries a pressure times L / E* [um]."""

@@ -22,8 +22,7 @@ from gen.runtime.terminal import brief, echo, print_table, to_type
 from learn.features import SurfaceFeatures, Undefined
 from learn.features.scene import LOADS, unit_of
 from learn.features.sets import STATISTICS, Rows
-from learn.surrogate import flag
-from learn.surrogate.model import OnSurface, Prediction, Surrogate
+from learn.surrogate.model import Prediction, Surrogate
 
 REASONS = 12
 """Reasons that are printed at most."""
@@ -75,7 +74,8 @@ def answers(surrogate: Surrogate, path: Path, question: Question) -> Iterator[Ro
                 own = found.heights, found.sides, found.spacing, str(file), found.boundary
                 if loads is None:
                     raise InputError(f"{file}: give --{load}, in {LOADS[load]}")  # noqa: TRY301
-                rows = OnSurface(surrogate, SurfaceFeatures(*own)).rows(loads, question.bodies)
+                bodies = question.bodies.hardness_ratio, question.bodies.e_star
+                rows = SurfaceFeatures(*own).rows(surrogate.features, loads, *bodies)
             answer = surrogate.predict_rows(
                 rows, e_star=question.bodies.e_star, level=question.level
             )
@@ -205,13 +205,11 @@ def rows_of_table(surrogate: Surrogate, path: Path, question: Question) -> Rows:
     if all(undefined):
         raise InputError(f"{path}: every row lacks statistics: nothing can be predicted")
     nodes = _numbers(path, cells, NODE_NAMES, 0.0)
-    trained = surrogate.card["nodes"], surrogate.card["side"]
-    notes = []
-    for row, lacks in enumerate(undefined):
-        nx, ny = map(int, nodes[row] if nodes[row].all() else trained[0])
-        x, y = map(float, trained[1] if np.isnan(sides[row]).any() else sides[row])
-        note = flag.grid_note(surrogate, (nx, ny), (x, y))
-        notes.append(UNDEFINED.format("nan in the table") if lacks else note)
+    usual, unknown = surrogate.card, np.isnan(sides).any(axis=1, keepdims=True)
+    shapes = np.where(nodes.all(axis=1, keepdims=True), nodes, usual["nodes"]).astype(int)
+    patches = np.where(unknown, usual["side"], sides)
+    grids = [(tuple(a), tuple(b)) for a, b in zip(shapes.tolist(), patches.tolist(), strict=True)]
+    notes = [UNDEFINED.format("nan in the table") * lacks for lacks in undefined]
     load, loads = surrogate.features.load, question.loads
     own = [name for name in LOAD_NAMES[load] if name in cells[0]][:1]
     if bool(own) == (loads is not None):
@@ -222,8 +220,15 @@ def rows_of_table(surrogate: Surrogate, path: Path, question: Question) -> Rows:
     else:
         asked, rows = np.tile(loads, len(cells)), np.repeat(np.arange(len(cells)), loads.size)
     length, along = (np.sqrt(each.prod(axis=1))[rows] for each in (sides, nodes))
-    ratio, said_of = question.bodies.hardness_ratio, tuple(notes[row] for row in rows)
-    found = Rows(statistics[rows], asked, length, ratio, along, notes=said_of)
+    found = Rows(
+        statistics[rows],
+        asked,
+        length,
+        question.bodies.hardness_ratio,
+        along,
+        notes=tuple(notes[row] for row in rows),
+        grids=tuple(grids[row] for row in rows),
+    )
     return found if load == "delta" else found.under(asked, question.bodies.e_star)
 
 

@@ -135,10 +135,13 @@ def _unlimited(inputs: Values, labels: Indices | None = None, ridge: float = RID
 def reasons_of(surrogate: Surrogate, rows: Rows, inputs: Values) -> list[str]:
     """Return why each row, with features (n, d), is outside the training; "" if it is inside.
 
-    The rows' own notes stand first, then the hardness, the distance and the features.
+    The rows' own notes stand first, then the grid, the hardness, the distance and the features.
     """
-    features, number, notes = surrogate.features, len(inputs), rows.notes or ("",)
-    found = [[note] for note in notes * (number // len(notes))]
+    features, number, found = surrogate.features, len(inputs), [list[str]() for _ in inputs]
+    grids = {grid: grid_note(surrogate, *grid) for grid in set(rows.grids)}
+    for notes in (rows.notes, [grids[grid] for grid in rows.grids]):
+        for said, note in zip(found, [*notes] * number if len(notes) == 1 else notes, strict=False):
+            said.append(note)
     if surrogate.hardness_limits is not None and rows.hardness_ratio is not None:
         low, high = surrogate.hardness_limits
         high = np.inf if features.elastic else high  # elastic bodies are very hard ones
@@ -163,7 +166,7 @@ def reasons_of(surrogate: Surrogate, rows: Rows, inputs: Values) -> list[str]:
     return ["; ".join(filter(None, each)) for each in found]
 
 
-def grid_note(surrogate: Surrogate, shape: tuple[int, ...], sides: tuple[float, float]) -> str:
+def grid_note(surrogate: Surrogate, shape: tuple[int, ...], sides: tuple[float, ...]) -> str:
     """Return how a grid differs from the training's; "" if it does not.
 
     It has nodes along both axes and sides [um]. Features with units bind the surrogate to its side

@@ -290,17 +290,29 @@ def load_parts(path: Path) -> tuple[dict[str, Any], dict[str, Learnt], Values, V
     import sklearn
 
     card, low, high, archive = read(path)
+    learnt: dict[str, Learnt] = {}
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")  # models of another version of their library
             models = _skops().loads(archive, trusted=list(REVIEWED))
             distance = Distance(**models["distance"])
-            learnt = {
-                name: _unpacked(models["targets"][name], distance) for name in card["targets"]
-            }
-            if sklearn.__version__ != card["versions"].get("scikit-learn"):
-                for each in learnt.values():
-                    each.calibration.ends(each.raw(low[None]), 0.5, low[None])
+            for name in card["targets"]:
+                part = models["targets"][name]
+                grows = part["grows"]  # a law, True of earlier versions, or False
+                intervals = Calibration(
+                    tuple(Scores(*each) for each in part["scores"]),
+                    ErrorScale(**part["usual"]),
+                    distance if grows else None,
+                    part["root"],
+                    EARLIER if isinstance(grows, bool) else Growth(*grows),
+                )
+                own = part["pipeline"], Scaling(**part["scaling"]), intervals
+                ranges = part["clip"] or EVERYWHERE, part["bounds"]
+                learnt[name] = Learnt(part["column"], part["unit"], *own, *ranges)
+                if part["trees"] is not None:
+                    _with_trees(part["pipeline"].named_steps[STEP], part["trees"])
+                if sklearn.__version__ != card["versions"].get("scikit-learn"):
+                    intervals.ends(learnt[name].raw(low[None]), 0.5, low[None])
     except Exception as error:  # what a library says of content that it does not know
         fault = printable(" ".join(str(error).split())[:100])
         made = ", ".join(f"{name} {number}" for name, number in card["versions"].items() if number)
@@ -309,23 +321,6 @@ def load_parts(path: Path) -> tuple[dict[str, Any], dict[str, Learnt], Values, V
             f" {printable(made)}: {_anew(path, card)}"
         ) from None
     return card, learnt, low, high, distance
-
-
-def _unpacked(part: dict[str, Any], distance: Distance) -> Learnt:
-    """Return the model of a target."""
-    grows = part["grows"]  # a law, True of earlier versions, or False
-    intervals = Calibration(
-        tuple(Scores(*each) for each in part["scores"]),
-        ErrorScale(**part["usual"]),
-        distance if grows else None,
-        part["root"],
-        EARLIER if isinstance(grows, bool) else Growth(*grows),
-    )
-    own = part["column"], part["unit"], part["pipeline"], Scaling(**part["scaling"])
-    learnt = Learnt(*own, intervals, part["clip"] or EVERYWHERE, part["bounds"])
-    if part["trees"] is not None:
-        _with_trees(learnt.pipeline.named_steps[STEP], part["trees"])
-    return learnt
 
 
 def read(path: Path) -> tuple[dict[str, Any], Values, Values, bytes]:

@@ -17,7 +17,7 @@ from gen.runtime.errors import InputError
 from gen.statistics import refuse_masked
 from learn.features import SETS, FeatureSet, SurfaceFeatures
 from learn.features.scene import SCENE, checked_numbers, plain
-from learn.features.sets import Rows, by_pressure
+from learn.features.sets import Rows
 from learn.surrogate import flag
 from learn.surrogate.flag import Distance
 from learn.surrogate.learnt import Learnt, load_parts, write_parts
@@ -480,22 +480,9 @@ class OnSurface:
         InputError
             If a load is not above 0, or a statistic that the features need is undefined.
         """
-        surface, surrogate, load = self.surface, self.surrogate, self.surrogate.features.load
-        refuse_masked(load, delta)
-        given = deltas = np.array(delta, dtype=np.float64).reshape(-1)
-        bodies = bodies or surrogate.bodies(None, None)
-        ratio = bodies.hardness_ratio
-        if load == "pressure":
-            deltas = by_pressure(given, surface.length, bodies.e_star)
-        rows = surface.rows(surrogate.features, deltas, ratio)
-        note = flag.grid_note(surrogate, surface.heights.shape, surface.sides)
-        notes: tuple[str, ...] = (note,)
-        if surrogate.boundary != "free" and ratio is None and load == "delta":
-            limit = float((surface.heights.max() - surface.heights).mean())
-            full = f"no equilibrium: the contact is full at delta = {limit:.6g} um"
-            beyond = np.where(deltas >= limit, full, "")
-            notes = tuple("; ".join(filter(None, [own, note])) for own in beyond)
-        return replace(rows, notes=notes, given={"pressure": given} if load == "pressure" else {})
+        features, bodies = self.surrogate.features, bodies or self.surrogate.bodies(None, None)
+        loads = _own(features.load, delta).reshape(-1)
+        return self.surface.rows(features, loads, bodies.hardness_ratio, bodies.e_star)
 
     def predict(
         self,
