@@ -114,6 +114,7 @@ def contact(
     from gen.commands import printer
     from gen.maps import contacts
     from gen.maps.prepare import read_surface
+    from gen.runtime import memory
     from gen.runtime.documents import write_csv
 
     load, values = contacts.chosen_load({"delta": delta, "force": force, "pressure": pressure})
@@ -129,6 +130,7 @@ def contact(
     figure = empty_figure(picture, 11, 8.2)
     bodies = Bodies.of(*material)
     topography, doubts = read_surface(surface, reading, boundary, facing.body(reading))
+    memory.require_for_contacts(len(values), topography.heights.shape)
     settings = {"modulus": bodies.e_star, "hardness": bodies.hardness, "kernel": kernel}
     settings |= {"far_field": far_field, "rtol": rtol, "max_iterations": max_iterations}
     solutions = contacts.solve_loads(topography, load, values, **settings)

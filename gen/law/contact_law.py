@@ -6,6 +6,7 @@ its mirror images unless it is told otherwise: what a free patch gives way as a 
 mesh of a finite-element model, not to its interface.
 """
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
@@ -321,7 +322,8 @@ def _contacts(
     settings = {"modulus": bodies.e_star, **surface.settings}
     if bodies.hardness is not None:
         settings["hardness"] = bodies.hardness
-    compliance, nominal = surface.patch_compliance(bodies.e_star), surface.nominal
+    compliance = surface.patch_compliance(bodies.e_star)
+    nominal = math.prod(surface.spacing) * surface.heights.size
     further = [of for is_asked, of in FURTHER.values() if is_asked(order)]
     for contact, _, fault in solve_loads(surface, load, loads.tolist(), **settings):
         if contact is None:

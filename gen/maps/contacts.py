@@ -234,7 +234,6 @@ def solve_loads(
     import bem
     from bem.problem import pose
 
-    memory.require_for_contacts(len(values), topography.heights.shape)
     heights, sides = topography.heights, topography.sides
     settings["boundary"] = topography.boundary
     loads: dict[str, Any] = {f"{load}s": values}
