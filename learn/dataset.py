@@ -6,7 +6,6 @@ import os
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -40,9 +39,6 @@ NO_TARGETS = frozenset({*INPUTS, "load", "hardness", "residual"})
 
 SMALLEST = 10
 """Usable rows at least: two of these are for testing, and a score needs two."""
-
-MOST_ROWS = 2**40
-"""More rows than a scene can have."""
 
 DOMINANT = 1e6
 """Ratio of one number to others beyond which a model sees nothing else: of an input, where rows
@@ -124,6 +120,7 @@ class Dataset:
     described: Values  # (n, 23), Delta and the 22 statistics, NaN if undefined and not needed [um]
     scale: Values  # (n,), divisor of the target
     origins: tuple[Origin, ...]
+    name: str  # the databases' paths
     by_tile: bool = False  # whether the groups are tiles of maps
     populations: tuple[Population, ...] = ()
 
@@ -133,21 +130,11 @@ class Dataset:
         return self.target.size
 
     @property
-    def name(self) -> str:
-        """The databases' paths."""
-        return ", ".join(origin.database for origin in self.origins)
-
-    @property
     def sha256(self) -> str:
         """Fingerprint of the columns that decide the results, of all databases."""
         digests = [origin.sha256 for origin in self.origins]
         together = hashlib.sha256("".join(digests).encode()).hexdigest()
         return digests[0] if len(digests) == 1 else together
-
-    @property
-    def scene(self) -> Scene:
-        """The scene of the first database."""
-        return self.origins[0].scene
 
     def at(self, positions: Indices) -> "Dataset":
         """Return the rows at some positions, (k,), in their order; groups are numbered anew."""
@@ -172,12 +159,6 @@ class Stored(NamedTuple):
     targets: Sequence[Column]
     inputs: Values  # (n, 23), Delta and the 22 statistics
 
-    def by_pressure(self) -> "Stored":
-        """Return the rows with what stands for Delta at a given pressure."""
-        numbers = self.numbers.under(self.numbers.given["pressure"], modulus(self.scene))
-        inputs = np.column_stack([numbers.delta, self.inputs[:, 1:]])
-        return self._replace(inputs=inputs, numbers=numbers)
-
 
 def read(
     request: Request,
@@ -198,39 +179,32 @@ def read(
     load = request.load or (
         load_drawn(request.databases[0]) if request.features == SCENE else "delta"
     )
-    found = [_read_stored(path, request.targets, load) for path in request.databases]
+    scenic = request.features == SCENE or load != "delta"
+    found = [_read_stored(path, request.targets, load, scenic) for path in request.databases]
     scenes = [part.scene for part in found]
     wanted = chosen(request.features, scenes, roots=request.roots, blocks=request.blocks, load=load)
-    _require_compatible(found, scaled=wanted.scaled)
+    if len(found) > 1:
+        _require_compatible(found, scaled=wanted.scaled)
     if wanted.load == "pressure" and wanted.name != SCENE:
-        found = [part.by_pressure() for part in found]
+        for place, part in enumerate(found):
+            numbers = part.numbers.under(part.numbers.given["pressure"], modulus(part.scene))
+            inputs = np.column_stack([numbers.delta, part.inputs[:, 1:]])
+            found[place] = part._replace(inputs=inputs, numbers=numbers)
     if wanted.needs_surface:
         from learn.features.regeneration import hybrid_rows
 
-        for number, part in enumerate(found):
-            workers = executor or Executor()
+        workers = executor or Executor()
+        for place, part in enumerate(found):
             deltas, hybrid = hybrid_rows(part.path, workers, stopping, wanted)
             if stopping():
                 return []
             numbers = replace(part.numbers, delta=deltas, hybrid=hybrid)
-            found[number] = part._replace(numbers=numbers)
-    sets = [
-        _together([_usable(part, target, wanted, request.area_max) for part in found])
-        for target in range(len(request.targets))
-    ]
-    if common:
-        keys = [each.database * MOST_ROWS + each.rows for each in sets]
-        shared = reduce(np.intersect1d, keys)
-        sets = [
-            each.at(np.flatnonzero(np.isin(own, shared)))
-            for each, own in zip(sets, keys, strict=True)
-        ]
-        for each in sets:
-            _require_usable(each)
-    return sets
+            found[place] = part._replace(numbers=numbers)
+    targets = range(len(request.targets))
+    return [_usable(found, each, wanted, request.area_max, common=common) for each in targets]
 
 
-def _read_stored(path: Path, targets: Sequence[str], load: str) -> Stored:
+def _read_stored(path: Path, targets: Sequence[str], load: str, scenic: bool) -> Stored:
     """Read what learning needs of a database for a load; targets are short names or columns."""
     with Reader(path) as reader:
         scene, known = reader.scene, results(reader.scene, load)
@@ -247,7 +221,7 @@ def _read_stored(path: Path, targets: Sequence[str], load: str) -> Stored:
         if (limits := limits_of([scene])) is not None:
             ratio = reader.column("hardness") / modulus(scene) if drawn else limits[0]
         size = math.sqrt(math.prod(scene.sides)), ratio, math.sqrt(math.prod(scene.shape))
-        given = given_values(scene, reader.column)
+        given = given_values(scene, reader.column) if scenic else {}
         return Stored(
             path,
             scene,
@@ -267,59 +241,69 @@ def load_drawn(path: Path) -> str:
 
 
 def _usable(
-    part: Stored, target: int, wanted: FeatureSet, area_max: float | None
-) -> tuple[Dataset, Stored]:
-    """Keep the rows that can be used for one target; groups and populations are not known yet."""
-    column, numbers = part.targets[target], part.numbers
-    values = np.asarray(part.columns[column.name], dtype=np.float64)
-    area, inputs = part.columns["area_percent"], part.inputs
-    with np.errstate(over="ignore", invalid="ignore"):
-        made = wanted.of(numbers)
-    reasons, lacking = _reasons_against(part, inputs, values)
-    if area_max is not None:
-        reasons[(reasons == "") & (area > area_max)] = f"area above {area_max:g} %"
-    odd = (reasons == "") & ~np.isfinite(made).all(axis=1)
-    reasons[odd] = f"{wanted.name} features not finite"
-    needs = "features need statistics that the surface does not define"
-    reasons[odd & lacking] = f"{wanted.name} {needs}"
-    kept = np.flatnonzero(reasons == "")
-    scale = wanted.scale(column.name, numbers, modulus(part.scene))[kept]
-    drawn = [part.columns[name] for name in ("hardness",) if name in part.columns]
-    digest = hashlib.sha256()
-    for each in (part.columns["status"], inputs, values, area, *drawn):
-        digest.update(np.ascontiguousarray(each).tobytes())
-    unknown = np.zeros(kept.size, dtype=np.int64)
-    rows = Dataset(
-        inputs=made[kept],
-        target=values[kept] / scale,
-        rows=part.rows[kept],
-        groups=unknown,
-        database=unknown,
-        population=unknown,
+    parts: Sequence[Stored],
+    number: int,
+    wanted: FeatureSet,
+    area_max: float | None,
+    *,
+    common: bool,
+) -> Dataset:
+    """Join the rows that can be used for a target by its number, or for all, and group them."""
+    column, dropped, origins, usable, arrays = parts[0].targets[number], Counter[str](), [], [], []
+    for part in parts:
+        with np.errstate(over="ignore", invalid="ignore"):
+            made = wanted.of(part.numbers)
+        values = [np.asarray(part.columns[each.name], np.float64) for each in part.targets]
+        decide = np.sum(values, axis=0) if common else values[number]  # finite where all are
+        reasons = _reasons_against(part, made, decide, wanted.name, area_max)
+        dropped.update(reasons[reasons != ""].tolist())
+        kept = np.flatnonzero(reasons == "")
+        scale = wanted.scale(column.name, part.numbers, modulus(part.scene))[kept]
+        target, inputs = values[number], part.inputs
+        arrays.append((made[kept], target[kept] / scale, part.rows[kept], inputs[kept], scale))
+        drawn = [part.columns[name] for name in ("hardness",) if name in part.columns]
+        digest = hashlib.sha256()
+        for each in (part.columns["status"], inputs, target, part.columns["area_percent"], *drawn):
+            digest.update(np.ascontiguousarray(each).tobytes())
+        known = digest.hexdigest(), part.scene, kept.size, part.versions
+        origins.append(Origin(str(part.path), *known))
+        columns = {name: each[kept] for name, each in part.columns.items()}
+        usable.append(part._replace(rows=part.rows[kept], columns=columns, inputs=inputs[kept]))
+    made, target, rows, described, scale = map(np.concatenate, zip(*arrays, strict=True))
+    _require_usable(column.name, target * scale, origins, dropped)
+    names = [each for part in usable for each in populations_of(part)]
+    numbers = {name: place for place, name in enumerate(dict.fromkeys(names))}
+    return Dataset(
+        inputs=made,
+        target=target,
+        rows=rows,
+        groups=related(usable),
+        database=np.repeat(np.arange(len(parts)), [part.rows.size for part in usable]),
+        population=np.array([numbers[name] for name in names], dtype=np.int64),
         features=wanted,
         target_name=column.name,
         unit=column.unit if (scale == 1).all() else "1",
-        dropped={why: count for why, count in sorted(Counter(reasons).items()) if why},
-        described=inputs[kept],
+        dropped=dict(sorted(dropped.items())),
+        described=described,
         scale=scale,
-        origins=(Origin(str(part.path), digest.hexdigest(), part.scene, kept.size, part.versions),),
-        by_tile=TILE in part.columns,
+        origins=tuple(origins),
+        name=", ".join(origin.database for origin in origins),
+        by_tile=all(TILE in part.columns for part in parts),
+        populations=tuple(numbers),
     )
-    columns = {name: each[kept] for name, each in part.columns.items()}
-    return rows, part._replace(rows=part.rows[kept], columns=columns, inputs=inputs[kept])
 
 
 def _reasons_against(
-    part: Stored, inputs: Values, target: Values
-) -> tuple[NDArray[np.object_], NDArray[np.bool_]]:
-    """Return why each row cannot be used with any features, "" if it can, and which lack some.
+    part: Stored, made: Values, target: Values, name: str, area_max: float | None
+) -> NDArray[np.object_]:
+    """Return why each row cannot be used for a target with features of a name, "" if it can.
 
     Rows whose surfaces do not define all statistics are done, and of use to some features.
     """
-    status, reason = part.columns["status"], part.columns["reason"]
+    status, reason, area = (part.columns[each] for each in ("status", "reason", "area_percent"))
     lacking = np.asarray((status == Status.DONE) & (reason == Reason.NO_STATISTICS))
     reasons = np.full(status.size, "", dtype=object)
-    inputs = np.where(lacking[:, None] & np.isnan(inputs), 0.0, inputs)
+    inputs = np.where(lacking[:, None] & np.isnan(part.inputs), 0.0, part.inputs)
     with np.errstate(over="ignore", invalid="ignore"):
         square = np.einsum("ij,ij->i", inputs, inputs)
     reasons[~np.isfinite(target)] = "target not finite"
@@ -329,43 +313,30 @@ def _reasons_against(
     for code in np.unique(reason[status == Status.FAILED]):
         text = REASONS.get(int(code), f"reason {code}") or "no reason given"
         reasons[(status == Status.FAILED) & (reason == code)] = f"failed: {text}"
-    return reasons, lacking
+    if area_max is not None:
+        reasons[(reasons == "") & (area > area_max)] = f"area above {area_max:g} %"
+    odd = (reasons == "") & ~np.isfinite(made).all(axis=1)
+    reasons[odd] = f"{name} features not finite"
+    reasons[odd & lacking] = f"{name} features need statistics that the surface does not define"
+    return reasons
 
 
-def _together(parts: Sequence[tuple[Dataset, Stored]]) -> Dataset:
-    """Join the usable rows of databases, and find the groups that every split keeps together."""
-    sets, usable = [rows for rows, _ in parts], [part for _, part in parts]
-    whole = joined(sets) if len(sets) > 1 else sets[0]
-    _require_usable(whole)
-    names = [each for part in usable for each in populations_of(part)]
-    known = {name: number for number, name in enumerate(dict.fromkeys(names))}
-    return replace(
-        whole,
-        groups=related(usable),
-        database=np.repeat(np.arange(len(sets)), [rows.size for rows in sets]),
-        population=np.array([known[name] for name in names], dtype=np.int64),
-        populations=tuple(known),
-        by_tile=all(rows.by_tile for rows in sets),
-    )
-
-
-def joined(sets: Sequence[Dataset]) -> Dataset:
-    """Return the rows of several datasets with the same inputs and target as one, in their order.
-
-    Groups and populations keep their numbers.
-    """
-    first = sets[0]
-    arrays: dict[str, Any] = {
-        name: np.concatenate([getattr(rows, name) for rows in sets])
-        for name, value in vars(first).items()
-        if isinstance(value, np.ndarray)
-    }
-    dropped: Counter[str] = Counter()
-    for rows in sets:
-        dropped.update(rows.dropped)
-    origins = tuple(origin for rows in sets for origin in rows.origins)
-    unit = first.unit if all(rows.unit == first.unit for rows in sets) else "1"
-    return replace(first, **arrays, dropped=dict(dropped), origins=origins, unit=unit)
+def _require_usable(
+    target: str, values: Values, origins: Sequence[Origin], dropped: Mapping[str, int]
+) -> None:
+    """Refuse rows that are too few, of a database without any, or of a constant target."""
+    name = ", ".join(origin.database for origin in origins)
+    if values.size < SMALLEST:
+        left_out = "; ".join(f"{number} {text}" for text, number in sorted(dropped.items()))
+        raise InputError(
+            f"{name}: {values.size} usable rows, {SMALLEST} at least are needed"
+            + (f" (left out: {left_out})" if left_out else "")
+        )
+    for origin in origins:
+        if not origin.rows:
+            raise InputError(f"{origin.database}: has no usable rows: leave it out")
+    if np.allclose(values, values[0], rtol=1e-14, atol=0):
+        raise InputError(f"{name}: {target} is {values[0]:g} in all {values.size} usable rows")
 
 
 def _require_compatible(parts: Sequence[Stored], *, scaled: bool) -> None:
@@ -434,22 +405,3 @@ def remarks(dataset: Dataset, normalisation: str) -> list[str]:
             " inputs: rows of unit length say nothing else; try --normalise standard"
         )
     return lines
-
-
-def _require_usable(rows: Dataset) -> None:
-    """Refuse rows that are too few, of a database without any, or of a constant target."""
-    name = rows.name
-    if rows.size < SMALLEST:
-        left_out = "; ".join(f"{number} {text}" for text, number in sorted(rows.dropped.items()))
-        raise InputError(
-            f"{name}: {rows.size} usable rows, {SMALLEST} at least are needed"
-            + (f" (left out: {left_out})" if left_out else "")
-        )
-    for origin in rows.origins:
-        if not origin.rows:
-            raise InputError(f"{origin.database}: has no usable rows: leave it out")
-    values = rows.target * rows.scale
-    if np.allclose(values, values[0], rtol=1e-14, atol=0):
-        raise InputError(
-            f"{name}: {rows.target_name} is {values[0]:g} in all {rows.size} usable rows"
-        )

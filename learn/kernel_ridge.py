@@ -39,15 +39,40 @@ class SafeKernelRidge(KernelRidge):  # type: ignore[misc]
     def fit(self, X: Any, y: Any, sample_weight: Any = None) -> "SafeKernelRidge":
         """Fit the model to inputs, (n, d), and one target, (n,).
 
-        ValueError is raised for sample weights or several alphas: the project has no use for them.
+        (K + alpha I) a = y is solved by Cholesky, with a larger alpha where that is singular.
+        ValueError is raised for sample weights or several alphas, for which the project has no use,
+        and if the kernel matrix is not finite.
         """
         if sample_weight is not None or np.ndim(self.alpha):
             raise ValueError("give one alpha and no sample weights")
-        inputs, target = np.asarray(X, dtype=float), np.asarray(y, dtype=float)
-        self.X_fit_ = inputs
-        self.n_features_in_ = inputs.shape[1]
+        inputs, target, alpha = np.asarray(X, float), np.asarray(y, float), float(self.alpha)
+        self.X_fit_, self.n_features_in_ = inputs, inputs.shape[1]
         kernel = flushed(np.asarray(self._get_kernel(inputs)))
-        self.dual_coef_, self.alpha_used_ = dual_coefficients(kernel, target, float(self.alpha))
+        diagonal = kernel.diagonal().copy()
+        rounding = EPSILON * max(float(diagonal.max()), np.finfo(float).tiny) * len(kernel)
+        shift, estimate = alpha, 0.0
+        while True:
+            factor = np.array(kernel.T, order="F")  # symmetric; the transpose is Fortran's order
+            np.fill_diagonal(factor, diagonal + shift)
+            norm = float(matrix_norm(factor, 1, check_finite=False))
+            if not np.isfinite(norm):
+                raise ValueError("the kernel matrix is not finite: the inputs are too large")
+            factor, failed = dpotrf(factor, overwrite_a=1, clean=0)
+            reciprocal = 0.0 if failed else float(dpocon(factor, anorm=norm)[0])
+            if reciprocal > EPSILON:
+                break
+            # A failed factorisation gives no estimate: take the norm over alpha or the rounding.
+            estimate = estimate or (1 / reciprocal if reciprocal else norm / max(alpha, rounding))
+            shift = max(SHIFT * rounding, 10 * shift)
+        if shift > alpha:
+            warnings.warn(
+                f"kernel ridge with alpha = {alpha:g} is singular to working precision (condition"
+                f" about {max(estimate, 1 / EPSILON):.0e}): solved with alpha = {shift:.1e}",
+                IllConditioned,
+                stacklevel=2,
+            )
+        solution, _ = dpotrs(factor, target)
+        self.dual_coef_, self.alpha_used_ = np.asarray(solution).reshape(target.shape), shift
         return self
 
 
@@ -55,40 +80,6 @@ def flushed(kernel: Values) -> Values:
     """Set negligible values of a kernel matrix, (n, n), to zero, in place, and return it."""
     kernel[np.abs(kernel) < NEGLIGIBLE * np.abs(kernel.diagonal()).max()] = 0.0
     return kernel
-
-
-def dual_coefficients(kernel: Values, target: Values, alpha: float) -> tuple[Values, float]:
-    """Solve (K + alpha I) a = y by Cholesky, with a larger alpha where that is singular.
-
-    K is a symmetric kernel matrix, (n, n), which is not changed, and y a target, (n,). Returned are
-    the dual coefficients a, (n,), and the alpha that was used; `IllConditioned` is warned of where
-    it is larger. ValueError is raised if K is not finite.
-    """
-    diagonal = kernel.diagonal().copy()
-    rounding = EPSILON * max(float(diagonal.max()), np.finfo(float).tiny) * len(kernel)
-    shift, estimate = alpha, 0.0
-    while True:
-        factor = np.array(kernel.T, order="F")  # symmetric; the transpose is Fortran's order
-        np.fill_diagonal(factor, diagonal + shift)
-        norm = float(matrix_norm(factor, 1, check_finite=False))
-        if not np.isfinite(norm):
-            raise ValueError("the kernel matrix is not finite: the inputs are too large")
-        factor, failed = dpotrf(factor, overwrite_a=1, clean=0)
-        reciprocal = 0.0 if failed else float(dpocon(factor, anorm=norm)[0])
-        if reciprocal > EPSILON:
-            break
-        # A failed factorisation gives no estimate: take the norm over alpha or the rounding.
-        estimate = estimate or (1 / reciprocal if reciprocal else norm / max(alpha, rounding))
-        shift = max(SHIFT * rounding, 10 * shift)
-    if shift > alpha:
-        warnings.warn(
-            f"kernel ridge with alpha = {alpha:g} is singular to working precision (condition"
-            f" about {max(estimate, 1 / EPSILON):.0e}): solved with alpha = {shift:.1e}",
-            IllConditioned,
-            stacklevel=3,
-        )
-    solution, _ = dpotrs(factor, target)
-    return np.asarray(solution).reshape(target.shape), shift
 
 
 def predictions(
@@ -103,9 +94,10 @@ def predictions(
     if settings.get("kernel", "linear") == "linear" and train.shape[1] < train.shape[0]:
         return _linear(train, target, test, alphas)
     model = SafeKernelRidge(**settings)
-    kernel = flushed(np.asarray(model._get_kernel(train)))
-    coefficients = [dual_coefficients(kernel, target, alpha)[0] for alpha in alphas]
-    del kernel
+    kernel = np.asarray(model._get_kernel(train))
+    given = [SafeKernelRidge(alpha, kernel="precomputed") for alpha in alphas]
+    coefficients = [each.fit(kernel, target).dual_coef_ for each in given]
+    del kernel, given
     between = np.asarray(model._get_kernel(test, train))
     return [between @ dual for dual in coefficients]
 

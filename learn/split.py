@@ -65,6 +65,7 @@ def draw(
     train_rows: int | None = None,
     *,
     others: Sequence[Dataset] = (),
+    tiles: int = 2,
 ) -> Split:
     """Split a dataset 80:20, and the training rows into folds, for all targets of the same rows.
 
@@ -72,18 +73,31 @@ def draw(
     in a part. The draw is then repeated, `DRAWS` times at most. With groups of one row, the test
     set has exactly a fifth of the rows, rounded down: 3,175 of 15,878. With `train_rows`, training
     rows are the first of the draw. InputError is raised if there are too few rows, surfaces or
-    tiles, or a target is constant in every draw of a part.
+    `tiles` of maps, or a target is constant in every draw of a part.
     """
-    groups, by_surface = dataset.groups, True
-    if np.ptp(groups) == 0:
-        require_tiles(dataset, 2)
-        groups, by_surface = np.arange(dataset.size), False
-    random = np.random.default_rng(seed)
-    faults = []
+    if train_rows is not None and train_rows < 2:
+        raise InputError(f"--train-rows {train_rows}: give 2 rows at least")
+    if dataset.by_tile:
+        require_tiles(dataset, tiles)
+    by_surface = bool(np.ptp(dataset.groups) > 0)
+    groups = dataset.groups if by_surface else np.arange(dataset.size)
+    values, place = np.unique(groups, return_inverse=True)
+    random, faults = np.random.default_rng(seed), []
     for _ in range(DRAWS):
-        train, test = _drawn(random, groups, dataset.size)
-        train = train if train_rows is None else train[:train_rows]
-        fault = _fault([dataset, *others], train, test, train_rows)
+        shuffled = np.argsort(np.argsort(random.permutation(values.size))[place], kind="stable")
+        # The test rows are whole surfaces, up to a fifth of the rows, and one surface at least.
+        ends = np.flatnonzero(np.diff(groups[shuffled], append=-1)) + 1
+        last = np.searchsorted(ends, int(TEST_SHARE * dataset.size), side="right") - 1
+        cut = int(ends[max(int(last), 0)])
+        train, test = shuffled[cut:][:train_rows], shuffled[:cut]
+        fault = [
+            f"{each.name}: {each.target_name} does not vary over the {part.size} {name} rows drawn"
+            f" from {np.unique(each.groups).size} {'tiles' if each.by_tile else 'surfaces'}:"
+            " more are needed"
+            for each in (dataset, *others)
+            for name, part in (("training", train), ("test", test))
+            if part.size < 2 or np.ptp(each.target[part]) == 0
+        ]
         if not fault:
             # Folds of about the same size that share no group, of rows sorted by group.
             starts = np.flatnonzero(np.diff(groups[train], prepend=-1))
@@ -91,21 +105,8 @@ def draw(
             places = FOLDS * (starts + sizes / 2) / train.size
             folds = np.minimum(places, FOLDS - 1).astype(np.int8).repeat(sizes)
             return Split(train, test, folds, seed, by_surface)
-        faults.append(fault)
+        faults += fault
     raise InputError(faults[0])
-
-
-def _drawn(random: np.random.Generator, groups: Indices, rows: int) -> tuple[Indices, Indices]:
-    """Draw the positions of training and test rows, each by whole groups in random order."""
-    order = random.permutation(np.unique(groups))
-    place = np.empty(order.size, dtype=np.int64)
-    place[order] = np.arange(order.size)
-    shuffled = np.argsort(place[groups], kind="stable")
-    # The test rows are whole surfaces, up to a fifth of the rows, and one surface at least.
-    ends = np.flatnonzero(np.diff(groups[shuffled], append=-1)) + 1
-    last = np.searchsorted(ends, int(TEST_SHARE * rows), side="right") - 1
-    cut = int(ends[max(int(last), 0)])
-    return shuffled[cut:], shuffled[:cut]
 
 
 def require_tiles(dataset: Dataset, wanted: int = TILES) -> None:
@@ -117,21 +118,6 @@ def require_tiles(dataset: Dataset, wanted: int = TILES) -> None:
             f" {wanted} at least are needed, as no tile may train and test: give larger maps, or"
             " more of them"
         )
-
-
-def _fault(sets: Sequence[Dataset], train: Indices, test: Indices, train_rows: int | None) -> str:
-    """Say which part has too few rows, or a target that is constant; "" if none."""
-    if train_rows is not None and train_rows < 2:
-        return f"--train-rows {train_rows}: give 2 rows at least"
-    for dataset in sets:
-        for name, rows in (("training", train), ("test", test)):
-            if rows.size < 2 or np.ptp(dataset.target[rows]) == 0:
-                return (
-                    f"{dataset.name}: {dataset.target_name} does not vary over the"
-                    f" {rows.size} {name} rows drawn from {np.unique(dataset.groups).size}"
-                    f" {'tiles' if dataset.by_tile else 'surfaces'}: more are needed"
-                )
-    return ""
 
 
 def check_folds(dataset: Dataset, split: Split) -> None:

@@ -81,6 +81,7 @@ def ordinary(features: str = "paper") -> Dataset:
         dropped={},
         described=described,
         origins=(Origin("the cases' rows", "", SCENE, ROWS),),
+        name="the cases' rows",
         scale=scale,
         features=wanted,
     )

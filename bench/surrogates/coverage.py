@@ -17,14 +17,14 @@ from bench.databases import generated
 from bench.files import Row
 from bench.report import Report, remark
 from bench.surrogates import kinds
-from bench.surrogates.fitting import Fitted, Parts, fit, parted, request_for
+from bench.surrogates.fitting import Fitted, Parts, fit, request_for
 from gen.arrays import Indices, Values
 from gen.database import Reader
 from gen.runtime.errors import InputError
 from gen.runtime.user_code import TRUSTED
 from gen.scene import preset_names
-from learn import dataset
-from learn.dataset import Dataset, Request, joined
+from learn import dataset, split
+from learn.dataset import Dataset, Request
 from learn.split import FOLDS
 
 HURST_BORDER = 0.7  # surfaces below it train, surfaces above it test
@@ -241,14 +241,15 @@ def _judged(case: Case, rows: Dataset, most: int, seed: int) -> list[Row]:
 
 def _parts(case: Case, rows: Dataset, most: int, seed: int) -> Parts:
     """Split the rows of a case, up to a largest number, and add the rows that train in any case."""
-    chosen = np.random.default_rng(seed).permutation(case.train)[:most]
-    parts = parted(rows.at(np.sort(chosen)), seed)
-    if not case.added.size:
-        return parts
-    train = joined([parts.train, rows.at(case.added)])
-    folds = np.append(parts.folds, np.arange(case.added.size) % FOLDS).astype(np.int8)
-    order = np.random.default_rng(seed).permutation(train.size)  # a search looks at the first rows
-    return Parts(train.at(order), parts.test, folds[order])
+    chosen = np.sort(np.random.default_rng(seed).permutation(case.train)[:most])
+    drawn = split.draw(rows.at(chosen), seed)
+    train, folds, test = chosen[drawn.train], drawn.folds, rows.at(chosen[drawn.test])
+    if case.added.size:
+        train = np.append(train, case.added)
+        folds = np.append(folds, np.arange(case.added.size) % FOLDS).astype(np.int8)
+        order = np.random.default_rng(seed).permutation(train.size)  # a search sees the first rows
+        train, folds = train[order], folds[order]
+    return Parts(rows.at(train), test, folds)
 
 
 def _scores(fitted: Fitted, judged: Dataset, always: NDArray[np.bool_]) -> Row:

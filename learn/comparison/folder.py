@@ -205,7 +205,7 @@ class Folder:
                 "conditions": agreed,
                 "database": dataset.name,
                 "database_versions": json.loads(dataset.origins[0].versions),
-                "scene": json.loads(dataset.scene.text()),
+                "scene": json.loads(dataset.origins[0].scene.text()),
                 "usable_rows": dataset.size,
                 "dropped_rows": dataset.dropped,
                 "surfaces": int(np.unique(dataset.groups).size),

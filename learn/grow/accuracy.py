@@ -155,7 +155,7 @@ def split_holdout(rows: Dataset) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     that test, as windows of two tiles do that are equal to the last bit. Surfaces that repeat an
     earlier one follow that one.
     """
-    scene = rows.scene
+    scene = rows.origins[0].scene
     if rows.by_tile:
         assert isinstance(scene.surface, ScanSurface)
         with Reader(Path(rows.name)) as reader:

@@ -50,7 +50,7 @@ def make(
     `train` are positions among the usable rows; `sizes` are the numbers of rows that "train",
     "calibration" and "test" have; `judged` are the entries of the targets.
     """
-    scene, limits = rows.scene, limits_of([origin.scene for origin in rows.origins])
+    scene, limits = rows.origins[0].scene, limits_of([origin.scene for origin in rows.origins])
     boundary = scene.contact.boundary
     features, (model,) = rows.features, request.models
     databases = [

@@ -215,8 +215,8 @@ def fit(
         others = others and calibrating.of_another(sets, others)
     if not sets or others == []:
         return None
-    split.require_tiles(sets[0])
-    parts = split.draw(sets[0], request.seed, request.train_rows, others=sets[1:])
+    own = request.seed, request.train_rows
+    parts = split.draw(sets[0], *own, others=sets[1:], tiles=split.TILES)
     fitted = fit_parts(request, sets, parts, say, others)
     require_better(fitted, str(request.databases[0]))
     return fitted
@@ -350,7 +350,7 @@ def fit_target(
     chose = process_time()
     fitted, said = _fitted(request, settings, inputs, target, train.groups)
     done = process_time()
-    column = results(train.scene, train.features.load)[train.target_name]
+    column = results(train.origins[0].scene, train.features.load)[train.target_name]
     own = NOT_CALIBRATED, clip, column.bounds
     learnt = Learnt(column.name, column.unit, fitted, scaling, *own)
     seen, crossed = measured(train), None

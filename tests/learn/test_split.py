@@ -34,6 +34,7 @@ def rows_of(sizes, seed=0):
         described=inputs,
         scale=np.ones(size),
         origins=(Origin("x.h5", "", load("paper"), size),),
+        name="x.h5",
     )
 
 
