@@ -20,6 +20,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import partial
 from multiprocessing.connection import Connection, Pipe
 from typing import Any, TypeVar
@@ -38,17 +39,21 @@ ALONE = farm.World()
 """The world of a process that works without MPI."""
 
 
+@dataclass(eq=False)
 class Executor:
-    """The workers of a job, as the code on its master sees them: `workers` processes that compute.
+    """The workers of a job, as the code on its master sees them.
 
     The world is this process alone if left out. The workers among its processes have to be in
     `led`.
     """
 
-    def __init__(self, world: farm.World = ALONE) -> None:
-        self.workers = world.workers
-        self._world = world
-        self._held: object = None
+    world: farm.World = ALONE
+    _held: object = None
+
+    @property
+    def workers(self) -> int:
+        """Number of processes that compute."""
+        return self.world.workers
 
     def run(
         self,
@@ -67,9 +72,9 @@ class Executor:
         InputError that `work` raises on any process, or `on_result` here, is raised here.
         """
         fresh = shared is not self._held
-        self._world.broadcast((work, fresh, shared if fresh else None))
+        self.world.broadcast((work, fresh, shared if fresh else None))
         self._held = shared
-        farm.run(partial(work, shared), iter(tasks), on_result, self._world, stopping=stopping)
+        farm.run(partial(work, shared), iter(tasks), on_result, self.world, stopping=stopping)
 
     def call(self, work: Callable[[Shared, Task], Result], shared: Shared, task: Task) -> Result:
         """Do one task while all other workers wait, and return its result; see `run`."""

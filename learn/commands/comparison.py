@@ -15,7 +15,7 @@ from gen.runtime.command_line import Trust, grouped
 from gen.runtime.errors import InputError
 from gen.runtime.files import check_folder, lock_folder
 from gen.runtime.terminal import echo, to_type
-from learn.commands.fit import SEEDS, AreaMax, Features, Load, Normalise, TrainRows, targets_in
+from learn.commands.fit import SEEDS, AreaMax, Features, Load, Normalise, TrainRows, request_of
 
 if TYPE_CHECKING:
     from learn.dataset import Request
@@ -64,27 +64,12 @@ class Selection(NamedTuple):
 
         InputError is raised if the folder cannot be written, or an option has no meaning.
         """
-        from learn.dataset import Request, load_drawn
         from learn.executor import seconds
-        from learn.features import chosen
-        from learn.features.scene import SCENE
 
         check_folder(output)
-        load = self.load or (load_drawn(file) if self.features == SCENE else "")
-        return Request(
-            databases=(file,),
-            output=output,
-            targets=targets_in(self.target, load),
-            models=tuple(self.model or ()),
-            area_max=self.area_max,
-            normalisation=self.normalise or chosen(self.features).normalisation,
-            features=self.features,
-            load=load,
-            seed=self.seed,
-            train_rows=self.train_rows,
-            again=self.again,
-            until=began + seconds(budget) if budget else inf,
-        )
+        own = {"models": tuple(self.model or ()), "again": self.again}
+        until = began + seconds(budget) if budget else inf
+        return request_of(self, [file], output, self.features, until=until, **own)
 
 
 @grouped

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import typer
 
@@ -125,13 +127,21 @@ def fit(files: Databases, output: SurrogateFile, *, choice: Choice, trust: Trust
     """
     from gen.runtime.farm import Interruption
     from learn.executor import led
+    from learn.models import default_model, models_named
     from learn.surrogate import fitting
 
     with led() as executor:
         wanted = Output(output, "--output", "surrogate")
         given = (*files, choice.source, choice.calibrate_on)
         check_outputs([wanted], [each for each in given if each is not None])
-        request = _request(files, output, choice)
+        # The settings of a comparison were tuned without what surrogates see besides.
+        own = {"roots": choice.source is None, "calibrate_on": choice.calibrate_on}
+        request = request_of(choice, files, output, choice.features or "dimensionless", **own)
+        name = choice.model or default_model(request.features)
+        (model,) = models_named([name], request.features)
+        request = replace(request, models=(model.name,))
+        if choice.source is not None:
+            request = fitting.with_conditions(request, choice)
         with Interruption(listening=True) as interruption:
             surrogate = fitting.fit(request, executor, note, interruption.requested)
         if surrogate is None:
@@ -142,51 +152,39 @@ def fit(files: Databases, output: SurrogateFile, *, choice: Choice, trust: Trust
     return 0
 
 
-def _request(files: list[Path], output: Path, choice: Choice) -> Request:
-    """Return the request; a comparison folder adds the rows and the seed of its winner."""
+def request_of(
+    options: Any, files: Sequence[Path], output: Path, features: str, **own: Any
+) -> Request:
+    """Return the request of a command's options, a named tuple, and of what is its own.
+
+    Both targets are area and force; at some loads area and Delta. InputError is raised if an option
+    has no meaning.
+    """
     from learn.dataset import Request, load_drawn
     from learn.features import chosen
-    from learn.features.scene import SCENE
-    from learn.models import default_model, models_named
-    from learn.surrogate.fitting import with_conditions
+    from learn.features.scene import BY_FORCE, SCENE
 
-    features = chosen(
-        choice.features or "dimensionless", roots=True, blocks=choice.blocks, load=choice.load
-    )
-    (model,) = models_named([choice.model or default_model(features.name)], features.name)
-    load = choice.load or (load_drawn(files[0]) if features.name == SCENE else "")
-    request = Request(
-        databases=tuple(files),
-        output=output,
-        targets=targets_in(choice.target, load),
-        models=(model.name,),
-        area_max=choice.area_max,
-        normalisation=choice.normalise or features.normalisation,
-        features=features.name,
-        seed=choice.seed or 0,
-        train_rows=choice.train_rows,
-        calibrate_on=choice.calibrate_on,
-        # The settings of a comparison were tuned without what surrogates see besides.
-        roots=choice.source is None,
-        blocks=choice.blocks,
-        load=load,
-    )
-    if choice.source is None:
-        return request
-    given = {"features": choice.features, "load": choice.load, "area_max": choice.area_max}
-    given |= {"seed": choice.seed, "normalisation": choice.normalise}
-    return with_conditions(request, choice.source, given)
-
-
-def targets_in(text: str, load: str = "") -> tuple[str, ...]:
-    """Parse targets, "both" or "area,force,mean_gap"; at some loads both are area and Delta."""
-    from learn.features.scene import BY_FORCE
-
+    given, text = options._asdict(), options.target
+    blocks, load = given.get("blocks"), given.get("load", "")
+    wanted = chosen(features, roots=True, blocks=blocks, load=load)
+    load = load or (load_drawn(files[0]) if features == SCENE else "")
     both = "area", "delta" if load in BY_FORCE else "force"
     targets = both if text == "both" else tuple(text.split(","))
     if len(set(targets)) < len(targets) or not all(targets):
         raise InputError(f"--target {text!r}: give each once, as area,force")
-    return targets
+    return Request(
+        databases=tuple(files),
+        output=output,
+        targets=targets,
+        area_max=given.get("area_max"),
+        normalisation=given.get("normalise") or wanted.normalisation,
+        features=features,
+        seed=options.seed or 0,
+        train_rows=given.get("train_rows"),
+        blocks=blocks,
+        load=load,
+        **own,
+    )
 
 
 note = partial(echo, err=True)

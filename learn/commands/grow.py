@@ -11,7 +11,7 @@ from gen.runtime.command_line import Trust, grouped
 from gen.runtime.errors import InputError
 from gen.runtime.files import Output, check_outputs
 from gen.runtime.terminal import echo
-from learn.commands.fit import SEEDS, Blocks, note, targets_in
+from learn.commands.fit import SEEDS, Blocks, note, request_of
 
 if TYPE_CHECKING:
     from learn.executor import Executor
@@ -126,8 +126,6 @@ def _require_own(database: Path, surrogate: Path, drawing: Path) -> None:
 
 def _order(output: Path, goal: Goal) -> Order:
     """Check the options, and return the growth that they describe."""
-    from learn.dataset import Request
-    from learn.features import chosen
     from learn.features.scene import SCENE
     from learn.grow.rounds import Order
     from learn.models import models_named
@@ -139,18 +137,8 @@ def _order(output: Path, goal: Goal) -> Order:
     models_named([goal.model])
     if goal.features == SCENE:
         raise InputError(f"--features {SCENE}: learn grow takes features of surfaces")
-    features = chosen(goal.features, roots=True, blocks=goal.blocks)
-    request = Request(
-        databases=(_beside(output, ".h5"),),
-        output=output,
-        targets=targets_in(goal.target),
-        models=(goal.model,),
-        normalisation=features.normalisation,
-        features=features.name,
-        seed=goal.seed,
-        roots=True,
-        blocks=goal.blocks,
-    )
+    own = {"models": (goal.model,), "roots": True}
+    request = request_of(goal, [_beside(output, ".h5")], output, goal.features, **own)
     return Order(request, goal.nmae, goal.rows)
 
 

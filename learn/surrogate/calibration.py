@@ -7,8 +7,7 @@ from no maps. What a new map is like, only whole maps tell that a model has not 
 are enough, each is left out as a whole.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import Any, Literal, NamedTuple
 
@@ -68,17 +67,14 @@ class Groups(NamedTuple):
     def left_out(self, rows: Dataset) -> Indices:
         """Number the parts of the rows that are left out together, (n,).
 
-        Whole groups where intervals shall hold for others, else a fifth of the surfaces or tiles.
+        Whole groups where intervals shall hold for others, else a fifth of the surfaces or tiles,
+        at random; each part gets about as many.
         """
+        labels, parts = surfaces_of(rows), FOLDS
         if self.scheme == "others":
-            return _dealt(self.labels, min(self.number, MOST_FITS))
-        return _dealt(surfaces_of(rows), FOLDS)
-
-
-def _dealt(labels: Indices, parts: int) -> Indices:
-    """Deal labels into parts at random; each part gets about as many labels."""
-    values, place = np.unique(labels, return_inverse=True)
-    return np.asarray(np.random.default_rng(0).permutation(values.size)[place] % parts)
+            labels, parts = self.labels, min(self.number, MOST_FITS)
+        values, place = np.unique(labels, return_inverse=True)
+        return np.asarray(np.random.default_rng(0).permutation(values.size)[place] % parts)
 
 
 def surfaces_of(rows: Dataset) -> Indices:
@@ -203,39 +199,36 @@ def calibrate(
     return Calibration(tuple(scores), scale, seen.distance, root)
 
 
-@dataclass(frozen=True, eq=False)
-class Plan:
-    """Which rows train, and which calibrate."""
+class Plan(NamedTuple):
+    """Which rows calibrate, and what a card and the user are told of it."""
 
-    train: Indices  # positions of the rows that train
     size: int  # number of rows that calibrate
-    groups: Groups  # of these
-    others: list[Dataset] | None = None  # rows of another database that calibrate, by target
+    entry: dict[str, Any]  # "calibration" of the card
+    remark: str  # maps or databases by which the training rows calibrate; "" if there is one
+    distance: Distance  # from the training, with the limit of its groups or of its rows
 
-    def entry(self) -> dict[str, Any]:
-        """Return the card's entry "calibration"."""
-        origin = None if self.others is None else self.others[0].origins[-1]
-        database, sha256 = ("", "") if origin is None else (origin.database, origin.sha256)
-        groups = self.groups
-        entry = {"scheme": groups.scheme, "kind": groups.kind, "groups": groups.number}
-        return {"calibration": entry | {"database": database, "sha256": sha256}}
 
-    def distance(self, rows: Dataset) -> Distance:
-        """Return distances from the training, with the limit of its groups or of its rows."""
-        train = rows.at(self.train)
-        whole = self.groups.scheme == "others" and rows.features.name != SCENE
-        if whole and self.others is not None:
-            return flag.from_maps(train.inputs, self.groups.labels, self.others[0].inputs)
-        return measured(train).distance
+def planned(train: Dataset, others: Sequence[Dataset] | None, *, every: bool) -> Plan:
+    """Say which rows calibrate the intervals of training rows: their own, or another database's.
 
-    def remark(self) -> str:
-        """Name the maps or databases by which the training rows calibrate; "" if there is one."""
-        groups = self.groups
-        if groups.scheme == "surfaces" or self.others is not None:
-            return ""
-        whole = groups.scheme == "others"
+    `others` are these rows for each target; for `every` see `chosen_parts`.
+    """
+    if others is None:
+        groups, parts = chosen_parts(train, every=every)
+        size, database, sha256 = sum(mine.size for mine, _ in parts), "", ""
+    else:
+        groups, size = groups_of(others[0]), others[0].size
+        database, sha256 = others[0].origins[-1][:2]
+    entry = {"scheme": groups.scheme, "kind": groups.kind, "groups": groups.number}
+    whole, remark = groups.scheme == "others", ""
+    if groups.scheme != "surfaces" and others is None:
         how = "each predicted without it" if whole else "by surfaces that the model has not seen"
-        return f"intervals by {groups.number} {groups.kind}s, {how}"
+        remark = f"intervals by {groups.number} {groups.kind}s, {how}"
+    if whole and others is not None and train.features.name != SCENE:
+        distance = flag.from_maps(train.inputs, groups.labels, others[0].inputs)
+    else:
+        distance = measured(train).distance
+    return Plan(size, entry | {"database": database, "sha256": sha256}, remark, distance)
 
 
 def of_another(sets: list[Dataset], together: list[Dataset]) -> list[Dataset]:

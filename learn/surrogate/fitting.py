@@ -1,6 +1,6 @@
 """Fit surrogates: read, split into three sets, choose settings, fit, calibrate, judge."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from operator import attrgetter
@@ -33,7 +33,7 @@ from learn.models import (
 from learn.split import Folds
 from learn.surrogate import calibration as calibrating
 from learn.surrogate import card
-from learn.surrogate.calibration import SURFACE, Groups, Measured, Parts, Plan, groups_of, measured
+from learn.surrogate.calibration import SURFACE, Groups, Measured, Parts, groups_of, measured
 from learn.surrogate.interval import Calibration, ErrorScale
 from learn.surrogate.learnt import Learnt, clip_of
 from learn.surrogate.model import Surrogate
@@ -95,20 +95,31 @@ class Settings(NamedTuple):
 def choose(request: Request, train: Dataset, target: Values, folds: Folds) -> Settings:
     """Choose the settings of a fit to training rows and their scaled target, (n,).
 
-    A comparison's folder gives its winner. The first of the folds, (n,), validates in searches.
+    A comparison's folder gives its winner. A search takes the candidate with the smallest error on
+    the first of the folds, (n,), of those that were fitted to the other ones.
     """
     (name,) = request.models
     if request.source is not None:
         return _tuned(Folder(request.source / short_name(train.target_name)), name)
     if name == "gaussian-process":
         return _most_likely(request, train.inputs, target)
-    if request.features == "paper" and request.normalisation == "l2":
-        return Settings(dict(OPTIMA[name]), True, "the paper's optimum")
-    if name in CANDIDATES:
-        return _searched(request, train.inputs, target, folds)
-    if name in BUILT_IN:
+    published = request.features == "paper" and request.normalisation == "l2"
+    if name in BUILT_IN and not published:
         return Settings(dict(BUILT_IN[name]), False, "built in")
-    return Settings(dict(OPTIMA[name]), True, "the paper's optimum")
+    if name not in CANDIDATES or published:
+        return Settings(dict(OPTIMA[name]), True, "the paper's optimum")
+    outside = folds == folds.min()  # 0, unless a few large groups fill the first folds together
+    inside, inputs = np.flatnonzero(~outside)[:SEARCH_ROWS], train.inputs
+    best: tuple[float, dict[str, Any]] = (np.inf, {})
+    for settings in CANDIDATES[name]:
+        made = Settings(settings, False, "")  # singular with a tiny alpha: the error will tell
+        model, _ = _fitted(request, made, inputs[inside], target[inside])
+        error = float(np.mean((model.predict(inputs[outside]) - target[outside]) ** 2))
+        if error < best[0]:
+            best = error, settings
+    if not best[1]:
+        raise InputError(f"{name}: no candidate of the built-in search could be fitted")
+    return Settings(best[1], False, f"best of {len(CANDIDATES[name])} on a validation fold")
 
 
 def _tuned(folder: Folder, model: str) -> Settings:
@@ -122,12 +133,14 @@ def _tuned(folder: Folder, model: str) -> Settings:
     return Settings(winner.settings, winner.of_grid, origin)
 
 
-def with_conditions(request: Request, source: Path, given: Mapping[str, object]) -> Request:
+def with_conditions(request: Request, choice: Any) -> Request:
     """Take features, scaling, rows and seed of a request from a comparison's folder.
 
     InputError is raised if the folder lacks the model, or contradicts an option that the user has
-    given, of "features", "load", "normalisation", "area_max" and "seed".
+    chosen.
     """
+    source: Path = choice.source
+    given = {**choice._asdict(), "normalisation": choice.normalise}
     column = TARGETS.get(request.targets[0], request.targets[0])
     folder = Folder(source / short_name(column))
     conditions = {"features": "paper", "load": request.load, **folder.record()["conditions"]}
@@ -140,25 +153,6 @@ def with_conditions(request: Request, source: Path, given: Mapping[str, object])
                 f" {given[name]!r}: leave that out, or give another folder"
             )
     return replace(request, source=source, **{name: conditions[name] for name in names})
-
-
-def _searched(request: Request, inputs: Values, target: Values, folds: Folds) -> Settings:
-    """Return the candidate with the smallest error on the first fold, fitted to the other ones."""
-    (name,) = request.models
-    validating = folds.min()  # 0, unless a few large groups fill the first folds together
-    inside = np.flatnonzero(folds != validating)[:SEARCH_ROWS]
-    outside = folds == validating
-    best: tuple[float, dict[str, Any]] = (np.inf, {})
-    for settings in CANDIDATES[name]:
-        made = Settings(settings, False, "")  # singular with a tiny alpha: the error will tell
-        model, _ = _fitted(request, made, inputs[inside], target[inside])
-        predicted = model.predict(inputs[outside])
-        error = float(np.mean((predicted - target[outside]) ** 2))
-        if error < best[0]:
-            best = error, settings
-    if not best[1]:
-        raise InputError(f"{name}: no candidate of the built-in search could be fitted")
-    return Settings(best[1], False, f"best of {len(CANDIDATES[name])} on a validation fold")
 
 
 def _most_likely(request: Request, inputs: Values, target: Values) -> Settings:
@@ -245,12 +239,7 @@ def fit_parts(
     there are too few rows to train on, or too little memory.
     """
     train, name = parts.train, sets[0].name
-    if others is None:
-        every = request.models[0] in CLOSED
-        groups, each = calibrating.chosen_parts(sets[0].at(train), every=every)
-        plan = Plan(train, sum(mine.size for mine, _ in each), groups)
-    else:
-        plan = Plan(train, others[0].size, groups_of(others[0]), others)
+    plan = calibrating.planned(sets[0].at(train), others, every=request.models[0] in CLOSED)
     check_memory(request.models[0], train.size)
     for rows in sets:
         if np.ptp(rows.target[train]) == 0:
@@ -264,14 +253,16 @@ def fit_parts(
         f"{name}: {train.size} rows train, {plan.size} calibrate, {parts.test.size} test;"
         f" {request.features} features"
     )
-    if plan.remark():
-        say(f"  {plan.remark()}")
+    if plan.remark:
+        say(f"  {plan.remark}")
     learnt: dict[str, Learnt] = {}
     judged: dict[str, dict[str, Any]] = {}
     for number, (target, rows) in enumerate(zip(request.targets, sets, strict=True)):
         calibration = None if others is None else others[number]
         fitted = fit_target(request, rows.at(train), calibration, parts.folds)
-        learnt[target], judged[target] = fitted.learnt, _judged(fitted, rows, plan, parts.test, say)
+        left_out = rows.at(train) if plan.remark else None
+        judged[target] = _judged(fitted, rows, parts.test, left_out, say)
+        learnt[target] = fitted.learnt
     inputs, features = sets[0].inputs[train], sets[0].features
     low, high = inputs.min(axis=0), inputs.max(axis=0)
     if features.name == SCENE:
@@ -280,11 +271,11 @@ def fit_parts(
         )
     sizes = {"train": train.size, "calibration": plan.size, "test": parts.test.size}
     return Surrogate(
-        card=card.make(request, sets[0], train, sizes, judged) | plan.entry(),
+        card=card.make(request, sets[0], train, sizes, judged) | {"calibration": plan.entry},
         learnt=learnt,
         low=low,
         high=high,
-        distance=plan.distance(sets[0]),
+        distance=plan.distance,
     )
 
 
@@ -301,9 +292,16 @@ class Fit:
 
 
 def _judged(
-    fitted: Fit, rows: Dataset, plan: Plan, test: Indices, say: Callable[[str], None]
+    fitted: Fit,
+    rows: Dataset,
+    test: Indices,
+    left_out: Dataset | None,
+    say: Callable[[str], None],
 ) -> dict[str, Any]:
-    """Judge the fit of a target on the test rows, tell the user, and return the card's entry."""
+    """Judge the fit of a target on the test rows, tell the user, and return the card's entry.
+
+    Training rows that were left out in turn, if given, are judged too.
+    """
     judged, settings = card.judge(fitted.learnt, rows, test), fitted.settings
     scores = judged["scores"]
     judged |= {
@@ -314,8 +312,8 @@ def _judged(
     }
     score = f"R2 {scores['r2']:.3f} %, nMAE {scores['nmae']:.2f} %"
     say(f"{rows.target_name}: {settings.origin}; {score}, fit {fitted.fitting:.3g} s")
-    if fitted.crossed is not None and plan.remark():
-        scores = card.scores_of(fitted.learnt, rows.at(plan.train), fitted.crossed)
+    if fitted.crossed is not None and left_out is not None:
+        scores = card.scores_of(fitted.learnt, left_out, fitted.crossed)
         judged["left_out"] = scores
         say(f"  left out in turn: R2 {scores['r2']:.3f} %, nMAE {scores['nmae']:.2f} %")
     for remark in judged["remarks"]:

@@ -137,7 +137,8 @@ def fit_scale(
     """Fit usual errors by ridge regression of the logarithm of errors, (n,); groups weigh alike."""
     _, place, sizes = np.unique(groups, return_inverse=True, return_counts=True)
     weights = 1.0 / (sizes[place] * sizes.size)
-    logarithms = _floored_logarithm(errors)
+    least = max(SMALLEST * float(np.median(errors)), np.finfo(float).tiny)
+    logarithms = np.log(np.maximum(errors, least))
     centre, mean = weights @ inputs, float(weights @ logarithms)
     offset = inputs - centre
     deviation = np.sqrt(weights @ offset**2)
@@ -150,12 +151,6 @@ def fit_scale(
     slopes[varying] = found / deviation[varying]
     low, high = np.quantile(mean + unit @ found, ENDS)
     return ErrorScale(slopes, mean - float(centre @ slopes), float(low), float(high))
-
-
-def _floored_logarithm(errors: Values) -> Values:
-    """Return the logarithms of absolute errors, each of them `SMALLEST` at least."""
-    least = max(SMALLEST * float(np.median(errors)), np.finfo(float).tiny)
-    return np.asarray(np.log(np.maximum(errors, least)))
 
 
 @dataclass(frozen=True, eq=False)
