@@ -121,6 +121,7 @@ class Dataset:
     scale: Values  # (n,), divisor of the target
     origins: tuple[Origin, ...]
     name: str  # the databases' paths
+    sha256: str = ""  # fingerprint of the columns that decide the results, of all databases
     by_tile: bool = False  # whether the groups are tiles of maps
     populations: tuple[Population, ...] = ()
 
@@ -128,13 +129,6 @@ class Dataset:
     def size(self) -> int:
         """Number of usable rows."""
         return self.target.size
-
-    @property
-    def sha256(self) -> str:
-        """Fingerprint of the columns that decide the results, of all databases."""
-        digests = [origin.sha256 for origin in self.origins]
-        together = hashlib.sha256("".join(digests).encode()).hexdigest()
-        return digests[0] if len(digests) == 1 else together
 
     def at(self, positions: Indices) -> "Dataset":
         """Return the rows at some positions, (k,), in their order; groups are numbered anew."""
@@ -251,10 +245,10 @@ def _usable(
     """Join the rows that can be used for a target by its number, or for all, and group them."""
     column, dropped, origins, usable, arrays = parts[0].targets[number], Counter[str](), [], [], []
     for part in parts:
+        values = [np.asarray(part.columns[each.name], np.float64) for each in part.targets]
         with np.errstate(over="ignore", invalid="ignore"):
             made = wanted.of(part.numbers)
-        values = [np.asarray(part.columns[each.name], np.float64) for each in part.targets]
-        decide = np.sum(values, axis=0) if common else values[number]  # finite where all are
+            decide = np.sum(values, axis=0) if common else values[number]  # finite where all are
         reasons = _reasons_against(part, made, decide, wanted.name, area_max)
         dropped.update(reasons[reasons != ""].tolist())
         kept = np.flatnonzero(reasons == "")
@@ -271,6 +265,8 @@ def _usable(
         usable.append(part._replace(rows=part.rows[kept], columns=columns, inputs=inputs[kept]))
     made, target, rows, described, scale = map(np.concatenate, zip(*arrays, strict=True))
     _require_usable(column.name, target * scale, origins, dropped)
+    digests = [origin.sha256 for origin in origins]
+    together = hashlib.sha256("".join(digests).encode()).hexdigest()
     names = [each for part in usable for each in populations_of(part)]
     numbers = {name: place for place, name in enumerate(dict.fromkeys(names))}
     return Dataset(
@@ -288,6 +284,7 @@ def _usable(
         scale=scale,
         origins=tuple(origins),
         name=", ".join(origin.database for origin in origins),
+        sha256=digests[0] if len(digests) == 1 else together,
         by_tile=all(TILE in part.columns for part in parts),
         populations=tuple(numbers),
     )

@@ -6,23 +6,21 @@ The workers run none of it; they serve tasks until the job has ended. On one pro
 does the tasks itself.
 
 Libraries cannot be asked to end a fit: compiled code runs to its end. A process that computes
-therefore starts a second one as soon as a task has a time limit, keeps it for further tasks, and
-kills it if one takes longer (`within`). It needs no MPI. It ends with the process that started it,
-whatever ends that one.
+therefore starts a second one, by loky, as soon as a task has a time limit, keeps it for further
+tasks, and kills it if one takes longer (`within`). It needs no MPI.
 """
 
-import atexit
 import math
 import os
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
-from multiprocessing.connection import Connection, Pipe
+from importlib import import_module
 from typing import Any, TypeVar
 
 import typer
@@ -60,26 +58,36 @@ class Executor:
         work: Callable[[Shared, Task], Result],
         shared: Shared,
         tasks: Iterable[Task],
-        on_result: Callable[[Task, Result], None],
+        on_result: Callable[[Task, Any], None],
         *,
         stopping: Callable[[], bool] = lambda: False,
+        until: float = math.inf,
+        longest: float = math.inf,
     ) -> None:
         """Do tasks on the workers and pass on each result, with its task, as it comes.
 
         `work` is a function, at the top of a module, of the shared data and of one task; the
         workers keep data that were the last to be shared. Tasks are drawn as workers become free,
-        until `stopping`, which is asked before each, returns True; tasks under way are finished.
-        InputError that `work` raises on any process, or `on_result` here, is raised here.
+        until `stopping`, which is asked before each, returns True; tasks under way are finished, or
+        have the result None at a time (`within`). InputError that `work` raises on any process, or
+        `on_result` here, is raised here.
         """
         fresh = shared is not self._held
-        self.world.broadcast((work, fresh, shared if fresh else None))
+        self.world.broadcast((work, until, longest, fresh, shared if fresh else None))
         self._held = shared
-        farm.run(partial(work, shared), iter(tasks), on_result, self.world, stopping=stopping)
+        do = partial(within, work, shared, until=until, longest=longest)
+        farm.run(do, iter(tasks), on_result, self.world, stopping=stopping)
 
-    def call(self, work: Callable[[Shared, Task], Result], shared: Shared, task: Task) -> Result:
+    def call(
+        self,
+        work: Callable[[Shared, Task], Result],
+        shared: Shared,
+        task: Task,
+        until: float = math.inf,
+    ) -> Any:
         """Do one task while all other workers wait, and return its result; see `run`."""
-        results: list[Result] = []
-        self.run(work, shared, [task], lambda _, result: results.append(result))
+        results: list[Any] = []
+        self.run(work, shared, [task], lambda _, result: results.append(result), until=until)
         return results[0]
 
 
@@ -98,9 +106,10 @@ def led() -> Iterator[Executor]:
     shared: Any = None  # the workers keep it from round to round
     with Interruption(listening=False):
         while (announced := world.broadcast(None)) is not None:
-            work, fresh, sent = announced
+            work, until, longest, fresh, sent = announced
             shared = sent if fresh else shared
-            farm.run(partial(work, shared), iter(()), lambda *_: None, world)
+            do = partial(within, work, shared, until=until, longest=longest)
+            farm.run(do, iter(()), lambda *_: None, world)
     raise typer.Exit
 
 
@@ -135,106 +144,50 @@ def within(
 ) -> Result | None:
     """Do a task, a function of shared data and of the task at the top of a module, until a time.
 
-    Shared data are sent to the process only if they are not those of the task before. The work is
-    stopped at `until`, a time of `time.time`, or after `longest`, which does not count the start of
-    the process [s]; the result is None then. With an infinite `until` it is done here. InputError
-    is raised if `work` raises it, or its process ends by itself.
+    The work is stopped at `until`, a time of `time.time`, or after `longest`, which does not count
+    the start of the process [s]; the result is None then. With an infinite `until` it is done here.
+    InputError is raised if `work` raises it, or its process ends by itself.
     """
     if math.isinf(until):
         return work(shared, task)
     if until <= time.time():
         return None
-    if not _helpers:
-        _helpers.append(_Helper(work.__module__))
-    result: Result | None = _helpers[-1].call(work, shared, task, until, longest)
-    return result
+    from joblib.externals.loky import get_reusable_executor
+
+    own = {"initializer": _begin, "initargs": (os.getpid(),)}
+    process = get_reusable_executor(1, timeout=None, **own)
+    try:
+        process.submit(_load, work.__module__).result(until - time.time())
+        ended: Future[Result] = process.submit(work, shared, task)
+        return ended.result(min(until - time.time(), longest))
+    except TimeoutError:
+        process.shutdown(kill_workers=True)
+        return None
+    except BrokenProcessPool:
+        raise InputError(
+            "the process of a fit has ended by itself: perhaps too little memory is free: give"
+            " fewer workers, or --train-rows"
+        ) from None
 
 
-class _Helper:
-    """The second process, as the first one sees it."""
+def _begin(parent: int) -> None:
+    """Begin the second process, which the terminal's signals and streams do not reach.
 
-    def __init__(self, module: str) -> None:
-        self._connection, theirs = Pipe()
-        number = theirs.fileno()
-        code = f"import {module}\nfrom {__name__} import serve\nserve({number})"
-        self._process = subprocess.Popen(
-            [sys.executable, "-c", code],
-            pass_fds=[number],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            start_new_session=True,  # Ctrl-C is for the first process, which lets the task end
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
-        )
-        theirs.close()
-        self._held: object = None
-        self._ready = False
+    Ctrl-C is for the first process, which lets the task end; once that one is gone this one ends
+    too, in the midst of a fit.
+    """
 
-    def call(
-        self, work: Callable[..., Any], shared: object, task: object, until: float, longest: float
-    ) -> Any:
-        """Send a task once the process has started; return its result, None if time is over."""
-        if not self._ready:
-            if not self._connection.poll(max(until - time.time(), 0.0)):
-                return None
-            self._ready = bool(self._connection.recv())
-        until, fresh = min(until, time.time() + longest), shared is not self._held
-        self._held, result, fault = shared, None, None
-        try:
-            self._connection.send((work, fresh, shared if fresh else None, task))
-            if not self._connection.poll(max(until - time.time(), 0.0)):
-                self.end()
-                return None
-            result, fault = self._connection.recv()
-        except (EOFError, OSError):
-            self.end()
-            fault = InputError(
-                f"the process of a fit has ended by itself (code {self._process.returncode}):"
-                " perhaps too little memory is free: give fewer workers, or --train-rows"
-            )
-        if fault is not None:
-            raise fault
-        return result
+    def end() -> None:
+        while os.getppid() == parent:
+            time.sleep(1.0)
+        os._exit(1)
 
-    def end(self) -> None:
-        """Kill the process, in the midst of a task too; another one does the next task."""
-        _helpers.remove(self)
-        self._process.kill()
-        self._process.wait()
-        self._connection.close()
+    os.setsid()
+    for stream in (0, 1):
+        os.dup2(os.open(os.devnull, os.O_RDWR), stream)
+    threading.Thread(target=end, daemon=True).start()
 
 
-_helpers: list[_Helper] = []
-"""The second process, if there is one."""
-
-
-@atexit.register
-def _end_helpers() -> None:
-    for helper in [*_helpers]:
-        helper.end()
-
-
-def serve(descriptor: int) -> None:
-    """Do the tasks that arrive on a connection's descriptor until the first process closes it."""
-    threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
-    connection: Connection[Any, Any] = Connection(descriptor)
-    held: object = None
-    connection.send("ready")
-    while True:
-        try:
-            work, fresh, shared, task = connection.recv()
-        except EOFError:
-            return
-        held = shared if fresh else held
-        answer: tuple[Any, InputError | None]
-        try:
-            answer = work(held, task), None
-        except InputError as error:
-            answer = None, error
-        connection.send(answer)
-
-
-def _end_with(parent: int) -> None:
-    """End this process, in the midst of a fit too, once the one that started it is gone."""
-    while os.getppid() == parent:
-        time.sleep(1.0)
-    os._exit(1)
+def _load(module: str) -> None:
+    """Import a module before the time of its work counts."""
+    import_module(module)

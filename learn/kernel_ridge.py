@@ -47,8 +47,9 @@ class SafeKernelRidge(KernelRidge):  # type: ignore[misc]
             raise ValueError("give one alpha and no sample weights")
         inputs, target, alpha = np.asarray(X, float), np.asarray(y, float), float(self.alpha)
         self.X_fit_, self.n_features_in_ = inputs, inputs.shape[1]
-        kernel = flushed(np.asarray(self._get_kernel(inputs)))
+        kernel = np.asarray(self._get_kernel(inputs))
         diagonal = kernel.diagonal().copy()
+        kernel[np.abs(kernel) < NEGLIGIBLE * np.abs(diagonal).max()] = 0.0
         rounding = EPSILON * max(float(diagonal.max()), np.finfo(float).tiny) * len(kernel)
         shift, estimate = alpha, 0.0
         while True:
@@ -74,12 +75,6 @@ class SafeKernelRidge(KernelRidge):  # type: ignore[misc]
         solution, _ = dpotrs(factor, target)
         self.dual_coef_, self.alpha_used_ = np.asarray(solution).reshape(target.shape), shift
         return self
-
-
-def flushed(kernel: Values) -> Values:
-    """Set negligible values of a kernel matrix, (n, n), to zero, in place, and return it."""
-    kernel[np.abs(kernel) < NEGLIGIBLE * np.abs(kernel.diagonal()).max()] = 0.0
-    return kernel
 
 
 def predictions(
@@ -131,7 +126,8 @@ def left_out_errors(model: Any, parts: Sequence[Indices]) -> list[Values]:
     21.
     """
     if isinstance(model, KernelRidge):
-        kernel = flushed(np.asarray(model._get_kernel(model.X_fit_), dtype=float))
+        kernel = np.asarray(model._get_kernel(model.X_fit_), dtype=float)
+        kernel[np.abs(kernel) < NEGLIGIBLE * np.abs(kernel.diagonal()).max()] = 0.0
         alpha, coefficients = getattr(model, "alpha_used_", model.alpha), model.dual_coef_
     else:
         kernel = np.asarray(model.kernel_(model.X_train_))

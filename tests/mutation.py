@@ -100,7 +100,7 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
     "gen/material.py": (("return young / (1 - poisson**2)", "return young / (1 + poisson**2)"),),
     "gen/runtime/terminal.py": (('character if character.isprintable() else "?"', "character"),),
     "learn/split.py": (
-        ("return shuffled[cut:], shuffled[:cut]", "return shuffled[cut - 1 :], shuffled[:cut]"),
+        ("train, test = shuffled[cut:]", "train, test = shuffled[cut - 1 :]"),
         ("np.random.default_rng(seed)", "np.random.default_rng(0)"),
     ),
     "learn/metrics.py": (

@@ -36,6 +36,7 @@ ONE_HOME = {
     "sklearn": {"learn", "bench"},
     "xgboost": {"learn/models.py"},
     "skops": {"learn/surrogate/learnt.py"},
+    "joblib": {"learn/executor.py"},
 }
 ALONE = {"bench.references", "gen.runtime"}
 """Rooms that import nothing else of their package."""

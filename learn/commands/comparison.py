@@ -59,18 +59,6 @@ class Selection(NamedTuple):
     ] = False
     trust: Trust = False
 
-    def request(self, file: Path, output: Path, began: float = 0.0, budget: str = "") -> Request:
-        """Return the request of a comparison that began at a time, after a look at its folder.
-
-        InputError is raised if the folder cannot be written, or an option has no meaning.
-        """
-        from learn.executor import seconds
-
-        check_folder(output)
-        own = {"models": tuple(self.model or ()), "again": self.again}
-        until = began + seconds(budget) if budget else inf
-        return request_of(self, [file], output, self.features, until=until, **own)
-
 
 @grouped
 def compare(file: Database, output: Output, *, selection: Selection) -> int:
@@ -82,7 +70,7 @@ def compare(file: Database, output: Output, *, selection: Selection) -> int:
     """
     from learn.comparison import jobs
 
-    return _led(jobs.compare, lambda: selection.request(file, output))
+    return _led(jobs.compare, selection, file, output)
 
 
 @grouped
@@ -112,7 +100,7 @@ def tune(
     began = time.time()
     from learn.comparison import jobs
 
-    return _led(jobs.tune, lambda: selection.request(file, output, began, budget), tuned=True)
+    return _led(jobs.tune, selection, file, output, budget, began)
 
 
 def show(
@@ -133,30 +121,37 @@ def show(
 
 
 def _led(
-    work: Callable[[Request, Executor], int], ask: Callable[[], Request], *, tuned: bool = False
+    work: Callable[[Request, Executor], int],
+    selection: Selection,
+    file: Path,
+    output: Path,
+    budget: str = "",
+    began: float = 0.0,
 ) -> int:
     """Do the work of a request on all processes, and print the tables; return the exit code.
 
     InputError is raised if a constant does as well as a tuned model. Of baselines the tables say
     so: they are what the libraries' settings give, whatever that is.
     """
-    from learn.comparison import tables
+    from learn.comparison import jobs, tables
     from learn.comparison.folder import targets
-    from learn.executor import led
+    from learn.executor import led, seconds
     from learn.models import MODELS
 
     with led() as executor:
-        request = ask()
-        with lock_folder(request.output):
+        check_folder(output)
+        until = began + seconds(budget) if budget else inf
+        request = request_of(selection, [file], output, selection.features, until=until)
+        with lock_folder(output):
             if number := work(request, executor):
                 name = signal.Signals(number).name
                 echo(f"stopped by {name}; the same command goes on with what is left")
                 return 128 + number
-            _write_and_print(request.output, pictures=False)
-            echo(f"pictures: {to_type(f'learn show {request.output}')}")
-            for part in targets(request.output):
+            _write_and_print(output, pictures=False)
+            echo(f"pictures: {to_type(f'learn show {output}')}")
+            for part in targets(output) if work is jobs.tune else ():
                 for model, kind, said in tables.no_better_than_constant(part):
-                    if tuned and kind == "tuned" and model in (request.models or MODELS):
+                    if kind == "tuned" and model in (request.models or MODELS):
                         raise InputError(f"{part.path}: {said}; the tables are still written")
     return 0
 
@@ -184,7 +179,8 @@ def importance(file: Database, output: Output, *, selection: Selection) -> None:
     optimum: DIR/TARGET/importance.csv, selection.csv and importance.png.
     """
     one = selection._replace(model=(selection.model or ["kernel-ridge"])[-1:])
-    request = one.request(file, output)
+    check_folder(output)
+    request = request_of(one, [file], output, one.features)
     from learn.comparison.importance import write_report
 
     with lock_folder(output):

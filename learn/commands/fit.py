@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
@@ -136,10 +135,10 @@ def fit(files: Databases, output: SurrogateFile, *, choice: Choice, trust: Trust
         check_outputs([wanted], [each for each in given if each is not None])
         # The settings of a comparison were tuned without what surrogates see besides.
         own = {"roots": choice.source is None, "calibrate_on": choice.calibrate_on}
-        request = request_of(choice, files, output, choice.features or "dimensionless", **own)
-        name = choice.model or default_model(request.features)
-        (model,) = models_named([name], request.features)
-        request = replace(request, models=(model.name,))
+        features = choice.features or "dimensionless"
+        asked = choice._replace(model=choice.model or default_model(features))
+        request = request_of(asked, files, output, features, **own)
+        models_named(list(request.models), features)
         if choice.source is not None:
             request = fitting.with_conditions(request, choice)
         with Interruption(listening=True) as interruption:
@@ -176,11 +175,13 @@ def request_of(
         databases=tuple(files),
         output=output,
         targets=targets,
+        models=tuple([given["model"]] if isinstance(given["model"], str) else given["model"] or ()),
         area_max=given.get("area_max"),
         normalisation=given.get("normalise") or wanted.normalisation,
         features=features,
         seed=options.seed or 0,
         train_rows=given.get("train_rows"),
+        again=given.get("again", False),
         blocks=blocks,
         load=load,
         **own,

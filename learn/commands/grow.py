@@ -137,8 +137,7 @@ def _order(output: Path, goal: Goal) -> Order:
     models_named([goal.model])
     if goal.features == SCENE:
         raise InputError(f"--features {SCENE}: learn grow takes features of surfaces")
-    own = {"models": (goal.model,), "roots": True}
-    request = request_of(goal, [_beside(output, ".h5")], output, goal.features, **own)
+    request = request_of(goal, [_beside(output, ".h5")], output, goal.features, roots=True)
     return Order(request, goal.nmae, goal.rows)
 
 

@@ -10,9 +10,9 @@ No fit is done twice, whatever interrupts a search: each model and target has on
 
 import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Annotated, Any, Self
@@ -103,7 +103,7 @@ class Trial(documents.Document):
         return self.candidate, self.fold, self.rows
 
 
-class Trials:
+class Trials(AbstractContextManager["Trials"]):
     """The finished trials of one model and target, in a file that is held open.
 
     All have data, split, versions and seeds in common, the conditions. InputError is raised if the
@@ -125,10 +125,6 @@ class Trials:
         self._file.seek(len(whole))
         if not whole:
             self._file.write(json.dumps(conditions, sort_keys=True).encode() + b"\n")
-
-    def __enter__(self) -> Self:
-        """Return the open trials."""
-        return self
 
     def __exit__(self, *_: object) -> None:
         """Close the file."""
@@ -163,52 +159,45 @@ def fit(training: Training, task: Task) -> list[Trial]:
     if this machine lacks the memory.
     """
     training = training.seen_by(task.model)
-    inside = np.flatnonzero(training.folds != task.fold)[: task.rows]
-    outside = training.folds == task.fold
+    outside, model, candidates = training.folds == task.fold, EVERY[task.model], task.candidates
+    inside = np.flatnonzero(~outside)[: task.rows]
     data = training.inputs[inside], training.target[inside], training.inputs[outside]
     check_memory(task.model, inside.size)
+    name = "" if task.baseline else shared_fit(model)
+    common = {k: v for k, v in candidates[0].items() if k != name}
+    how: dict[str, Any] = {"normalisation": training.normalisation, "seed": training.seed}
+    found: list[Values | str]
     with remarks() as said:
         began = perf_counter()
-        found = _predictions(training, task, data, training.beside(inside))
+        try:
+            unfitted = pipeline(model, common, tuned=not task.baseline, **how)
+            if name and name in candidates[0]:
+                values = [candidate[name] for candidate in candidates]
+                found = [*shared_predictions(model, unfitted, data, name, values)]
+            else:
+                fitted = unfitted.fit(*data[:2], **training.beside(inside))
+                found = [fitted.predict(data[2])]
+        except Exception as error:  # whatever a library raises: the candidates have no score
+            found = [reason(error)] * len(candidates)
         scores = [_score(training.target[outside], each) for each in found]
-        seconds = (perf_counter() - began) / len(task.candidates)
+        seconds = (perf_counter() - began) / len(candidates)
+    if isinstance(found[0], str) and len(candidates) > 1:
+        # A shared fit may fail late, after candidates that are fine: fit them one by one.
+        alone = (replace(task, candidates=(candidate,)) for candidate in candidates)
+        return [trial for each in alone for trial in fit(training, each)]
+    remark = "; ".join(said)
     return [
         Trial(
-            candidate=name,
+            candidate=candidate,
             fold=task.fold,
             rows=task.rows,
             r2=None if isinstance(score, str) else score,
             failure=score if isinstance(score, str) else "",
-            remark="; ".join(said),
+            remark=remark,
             seconds=seconds,
         )
-        for name, score in zip(task.names, scores, strict=True)
+        for candidate, score in zip(task.names, scores, strict=True)
     ]
-
-
-def _predictions(
-    training: Training,
-    task: Task,
-    data: tuple[Values, Values, Values],
-    beside: dict[str, Indices],
-) -> list[Values | str]:
-    """Return the predictions of each candidate, or the reason why there are none."""
-    model, candidates = EVERY[task.model], task.candidates
-    name = "" if task.baseline else shared_fit(model)
-    common = {k: v for k, v in candidates[0].items() if k != name}
-    build = partial(pipeline, normalisation=training.normalisation, seed=training.seed)
-    try:
-        unfitted = build(model, common, tuned=not task.baseline)
-        if name and name in candidates[0]:
-            values = [candidate[name] for candidate in candidates]
-            return [*shared_predictions(model, unfitted, data, name, values)]
-        return [unfitted.fit(data[0], data[1], **beside).predict(data[2])]
-    except Exception as error:  # whatever a library raises: the candidate has no score
-        if len(candidates) == 1:
-            return [reason(error)]
-    # A shared fit may fail late, after candidates that are fine: fit them one by one.
-    alone = (replace(task, candidates=(candidate,)) for candidate in candidates)
-    return [_predictions(training, each, data, beside)[0] for each in alone]
 
 
 def reason(error: Exception) -> str:
@@ -224,9 +213,7 @@ def _score(truth: Values, predicted: Values | str) -> float | str:
         return "prediction not finite"
     with np.errstate(over="ignore"):  # squares of diverged predictions
         score = float(r2_score(truth, predicted))
-    if not math.isfinite(score):
-        return "score not finite"
-    return score if score >= LEAST_SCORE else "prediction diverged"
+    return score if LEAST_SCORE <= score < math.inf else "prediction diverged"
 
 
 def shared_predictions(
@@ -250,53 +237,30 @@ def shared_predictions(
         settings = {key: value for key, value in estimator.get_params().items() if key != name}
         return kernel_ridge.predictions(train, target, test, settings, values)
     estimator.set_params(**{name: max(values)}).fit(train, target)
-    numbers = sorted(set(values))
-    predictions = _PREFIXES[model.name](estimator, test, numbers)
-    wanted = dict(zip(numbers, predictions, strict=True))
-    return [wanted[value] for value in values]
+    return _of_first_trees(model.name, estimator, test, values)
 
 
-def _forest(estimator: Any, test: Values, numbers: Sequence[int]) -> Iterator[Values]:
-    """Yield running means over the trees, added up in the forest's own order."""
-    rows = np.asarray(test, dtype=np.float32)
-    total, wanted = np.zeros(len(rows)), set(numbers)
-    for number, tree in enumerate(estimator.estimators_, start=1):
-        total += tree.predict(rows, check_input=False)
-        if number in wanted:
-            yield total / number
-
-
-def _ada_boost(estimator: Any, test: Values, numbers: Sequence[int]) -> Iterator[Values]:
-    """Yield weighted medians over the first trees, as `AdaBoostRegressor.predict` takes them.
-
-    Its own `staged_predict` computes every tree's predictions again for every stage. Boosting may
-    end early: larger numbers are then the same model.
-    """
-    of_trees = np.array([tree.predict(test) for tree in estimator.estimators_]).T
+def _of_first_trees(
+    model: str, estimator: Any, test: Values, numbers: Sequence[int]
+) -> list[Values]:
+    """Predict with each number of the first trees of an ensemble, (m,) each."""
+    if model == "xgboost":
+        return [estimator.predict(test, iteration_range=(0, number)) for number in numbers]
+    if model == "gradient-boost":
+        stages = [predicted.copy() for predicted in estimator.staged_predict(test)]
+        return [stages[number - 1] for number in numbers]
+    single = np.asarray(test, dtype=np.float32)
+    of_trees = [tree.predict(single, check_input=False) for tree in estimator.estimators_]
+    if model == "random-forest":  # running means, added up in the forest's own order
+        sums = np.cumsum(of_trees, axis=0)
+        return [sums[number - 1] / number for number in numbers]
+    # Weighted medians, as `AdaBoostRegressor.predict` takes them; its own `staged_predict` computes
+    # every tree again for every stage. Where boosting ended early larger numbers are one model.
+    found, rows = [], np.arange(len(test))
     for number in numbers:
-        first = of_trees[:, :number]
+        first = np.transpose(of_trees[:number])
         order = np.argsort(first, axis=1)
         share = np.cumsum(estimator.estimator_weights_[order], axis=1)
         middle = (share >= 0.5 * share[:, -1:]).argmax(axis=1)
-        rows = np.arange(len(first))
-        yield first[rows, order[rows, middle]]
-
-
-def _gradient_boost(estimator: Any, test: Values, numbers: Sequence[int]) -> Iterator[Values]:
-    wanted = set(numbers)
-    for number, predicted in enumerate(estimator.staged_predict(test), start=1):
-        if number in wanted:
-            yield predicted.copy()
-
-
-def _xgboost(estimator: Any, test: Values, numbers: Sequence[int]) -> Iterator[Values]:
-    for number in numbers:
-        yield estimator.predict(test, iteration_range=(0, number))
-
-
-_PREFIXES = {
-    "random-forest": _forest,
-    "adaboost": _ada_boost,
-    "gradient-boost": _gradient_boost,
-    "xgboost": _xgboost,
-}
+        found.append(first[rows, order[rows, middle]])
+    return found

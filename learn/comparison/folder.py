@@ -114,10 +114,8 @@ class Search(Document):
     remarks: dict[str, Count]
 
 
-class NoSearch(Document):
-    """The empty object that a baseline has in place of a search."""
-
-    model_config = ConfigDict(extra="forbid")
+Nothing = Annotated[dict[str, object], Field(max_length=0)]
+"""The empty object that a baseline has in place of a search."""
 
 
 class Result(Document):
@@ -130,7 +128,7 @@ class Result(Document):
     train: Scored | None = None
     failure: str
     remarks: list[str]
-    search: Search | NoSearch = Field(default_factory=NoSearch)
+    search: Search | Nothing = Field(default_factory=dict)
     times: Times | None = None
 
     @model_validator(mode="after")
@@ -198,7 +196,16 @@ class Folder:
         if (self.path / "comparison.json").exists():
             require_same(self.path, self.record()["conditions"], agreed)
             return
-        self.write_table("rows.csv", ("row", "part", "fold", "group"), _rows(dataset, split))
+        # Rows that were split one by one are groups of their own.
+        groups = dataset.groups if split.by_surface else np.arange(dataset.size)
+        parts = [("train", split.train, split.folds.tolist())]
+        parts.append(("test", split.test, [""] * split.test.size))
+        lines = (
+            (int(dataset.rows[position]), part, fold, int(groups[position]))
+            for part, positions, folds in parts
+            for position, fold in zip(positions, folds, strict=True)
+        )
+        self.write_table("rows.csv", ("row", "part", "fold", "group"), lines)
         self.write_json(
             "comparison.json",
             {
@@ -298,8 +305,7 @@ class Folder:
         """Write a table of the folder (CSV) with a header, and return its path."""
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(header)
-        writer.writerows(map(cell, row) for row in rows)
+        writer.writerows([header, *(map(cell, row) for row in rows)])
         return self._write(name, text.getvalue())
 
     def _write(self, name: str, text: str) -> Path:
@@ -315,12 +321,3 @@ def targets(path: Path) -> list[Folder]:
     if not folders:
         raise InputError(f"{path} holds no comparison: run learn compare or learn tune first")
     return folders
-
-
-def _rows(dataset: Dataset, split: Split) -> Iterable[tuple[object, ...]]:
-    """Yield the lines of rows.csv. Rows that were split one by one are groups of their own."""
-    groups = dataset.groups if split.by_surface else np.arange(dataset.size)
-    for position, fold in zip(split.train, split.folds, strict=True):
-        yield int(dataset.rows[position]), "train", int(fold), int(groups[position])
-    for position in split.test:
-        yield int(dataset.rows[position]), "test", "", int(groups[position])

@@ -11,16 +11,16 @@ features without units, whose targets have mean 0 and deviation 1 over the train
 the tables name the grid that was searched.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise, product
-from math import inf, log2, sqrt
+from math import log2, sqrt
 from typing import Any
 
 from learn.comparison.paper import OPTIMA, SPACES, Space
 from learn.features import SETS, chosen
 from learn.features.scene import SCENE
-from learn.models import MODELS, POPULATION, Model
+from learn.models import POPULATION, Model
 
 Settings = dict[str, Any]
 """Values by setting."""
@@ -141,26 +141,49 @@ def reach(name: str, values: list[Any]) -> list[Any]:
 
 @dataclass(frozen=True)
 class Grid:
-    """A grid of candidates, and those of them that differ."""
+    """A grid of candidates of a model, and those of them that differ."""
 
+    model: Model
     space: Space  # values by setting
-    candidates: tuple[Settings, ...]  # all points, in the order of scikit-learn's ParameterGrid
+    inputs: int  # number of the data's
+    candidates: tuple[Settings, ...]  # in the order of scikit-learn's ParameterGrid, then others
     canonical: tuple[int, ...]  # number of the canonical settings of each candidate
     differing: tuple[Settings, ...]  # canonical settings, in the order of their first candidate
     families: tuple[tuple[int, ...], ...]  # numbers of those that one fit serves
 
-    def served_by(self, family: int) -> tuple[Settings, ...]:
-        """Return the canonical settings that one fit of a family serves."""
-        return tuple(self.differing[number] for number in sorted(self.families[family]))
-
     def number_of(self, settings: Settings) -> int | None:
-        """Return the number of canonical settings, None if the grid lacks them."""
-        names = [key(each) for each in self.differing]
-        return names.index(key(settings)) if key(settings) in names else None
+        """Return the number of the canonical settings of others, None if the grid lacks them."""
+        reduced = canonical_settings(self.model, settings, self.inputs)
+        return self.differing.index(reduced) if reduced in self.differing else None
 
     def first(self, number: int) -> Settings:
         """Return the first candidate with these canonical settings."""
         return self.candidates[self.canonical.index(number)]
+
+    def beyond(self, settings: Settings) -> Settings:
+        """Return the next value of each setting with which a candidate lies at an end of it all."""
+        found = {}
+        for name in settings.keys() & canonical_settings(self.model, settings, self.inputs).keys():
+            chain = reach(name, self.space[name])
+            place = chain.index(settings[name])
+            for value in (*chain[max(place - 1, 0) : place], *chain[place + 1 : place + 2]):
+                if not any(candidate[name] == value for candidate in self.candidates):
+                    found[name] = value
+        return dict(sorted(found.items()))
+
+    def extended(self, winner: Settings) -> "Grid":
+        """Return a grid with further candidates where a winner lies at an end, else this one.
+
+        They have the winner's settings but for the one that goes on, and all values that one fit
+        serves.
+        """
+        shared, further = shared_fit(self.model), []
+        for name, value in self.beyond(winner).items():
+            next_one = {**winner, name: value}
+            served = self.space[shared] if shared in winner and shared != name else []
+            further += [{**next_one, shared: each} for each in served] or [next_one]
+        every = [*self.candidates, *further]
+        return _grid(self.model, self.space, every, self.inputs) if further else self
 
 
 @dataclass(frozen=True)
@@ -172,13 +195,11 @@ class Task:
     fold: int  # left out of the training, and predicted
     rows: int  # for training at most
     baseline: bool = False  # True for the baseline, without the settings that candidates share
-    until: float = inf  # time of `time.time` at which the fit is stopped [s]
-    longest: float = inf  # time after which it is [s]
 
     @property
     def names(self) -> list[str]:
         """The name of each candidate in its trials."""
-        return [baseline_key(c) if self.baseline else key(c) for c in self.candidates]
+        return [key(each, baseline=self.baseline) for each in self.candidates]
 
 
 def grid(model: Model, space: Space, inputs: int) -> Grid:
@@ -195,48 +216,20 @@ def grid(model: Model, space: Space, inputs: int) -> Grid:
 
 def _grid(model: Model, space: Space, candidates: list[Settings], inputs: int) -> Grid:
     """Find which candidates differ, and which of these one fit serves."""
+    differing: dict[str, Settings] = {}
     numbers: dict[str, int] = {}
-    differing: list[Settings] = []
+    families: dict[str, list[int]] = {}
     canonical = []
-    shared: dict[str, list[int]] = {}
     for candidate in candidates:
         settings = canonical_settings(model, candidate, inputs)
         name = key(settings)
-        if name not in numbers:
-            numbers[name] = len(differing)
-            family = {k: v for k, v in settings.items() if k != shared_fit(model)}
-            shared.setdefault(key(family), []).append(len(differing))
-            differing.append(settings)
+        if name not in differing:
+            differing[name], numbers[name] = settings, len(numbers)
+            family = key({k: v for k, v in settings.items() if k != shared_fit(model)})
+            families.setdefault(family, []).append(numbers[name])
         canonical.append(numbers[name])
-    families = tuple(tuple(family) for family in shared.values())
-    return Grid(space, tuple(candidates), tuple(canonical), tuple(differing), families)
-
-
-def beyond(grid: Grid, model: Model, settings: Settings, inputs: int) -> Settings:
-    """Return the next value of each setting with which a candidate lies at an end of the grid."""
-    found = {}
-    for name in settings.keys() & canonical_settings(model, settings, inputs).keys():
-        chain = reach(name, grid.space[name])
-        place = chain.index(settings[name])
-        for value in (*chain[max(place - 1, 0) : place], *chain[place + 1 : place + 2]):
-            if not any(candidate[name] == value for candidate in grid.candidates):
-                found[name] = value
-    return dict(sorted(found.items()))
-
-
-def extended(grid: Grid, model: Model, winner: Settings, inputs: int) -> Grid:
-    """Return a grid with further candidates where a winner lies at an end of it, else the grid.
-
-    They have the winner's settings but for the one that goes on, and all values that one fit
-    serves.
-    """
-    shared, further = shared_fit(model), []
-    for name, value in beyond(grid, model, winner, inputs).items():
-        served = grid.space[shared] if shared in winner and shared != name else []
-        further += [{**winner, name: value, shared: each} for each in served] or [
-            {**winner, name: value}
-        ]
-    return _grid(model, grid.space, [*grid.candidates, *further], inputs) if further else grid
+    own = tuple(candidates), tuple(canonical), tuple(differing.values())
+    return Grid(model, space, inputs, *own, tuple(map(tuple, families.values())))
 
 
 def shared_fit(model: Model) -> str:
@@ -246,40 +239,25 @@ def shared_fit(model: Model) -> str:
 
 def canonical_settings(model: Model, candidate: Mapping[str, Any], inputs: int) -> Settings:
     """Reduce a candidate to the settings that make a difference, for data of some inputs."""
-    reduce = RULES.get(model.name)
-    return reduce(dict(candidate), inputs) if reduce else dict(candidate)
-
-
-def key(settings: Mapping[str, Any]) -> str:
-    """Write settings as one line of text, the same for the same settings."""
-    return ", ".join(f"{name}={settings[name]!r}" for name in sorted(settings))
-
-
-def baseline_key(settings: Mapping[str, Any]) -> str:
-    """Write the settings of the baseline as one line of text, which no candidate of a grid has."""
-    return f"baseline: {key(settings)}" if settings else "baseline"
-
-
-def _trees(settings: Settings, inputs: int) -> Settings:
-    """Reduce the settings of decision trees and forests."""
-    settings = _counted_inputs(settings, inputs)
+    name, kernel = model.name, candidate.get("kernel")
+    tree = name in {"decision-tree", "random-forest"}
+    ignored = {
+        "criterion": name == "gradient-boost",  # has no effect any more
+        "cache_size": name == "svm",  # memory, not mathematics
+        "degree": name == "svm" and kernel != "poly",
+        "gamma": kernel == "linear",
+        "learning_rate": name == "mlp" and candidate.get("solver") != "sgd",
+    }
+    settings = {each: value for each, value in candidate.items() if not ignored.get(each)}
+    if name == "mlp":  # the name says the length of the training
+        settings = {**model.tuned, **settings}
     leaf, split = settings.get("min_samples_leaf", 1), settings.get("min_samples_split", 2)
-    if isinstance(leaf, int) and isinstance(split, int):
+    if tree and isinstance(leaf, int) and isinstance(split, int):
         # A node that is split needs the samples of two leaves: scikit-learn raises the limit.
         settings["min_samples_split"] = max(split, 2 * leaf)
-    if settings.get("criterion") == "friedman_mse":  # the same for a single target
+    if tree and settings.get("criterion") == "friedman_mse":  # the same for a single target
         settings["criterion"] = "squared_error"
-    return settings
-
-
-def _gradient_boost(settings: Settings, inputs: int) -> Settings:
-    settings.pop("criterion", None)  # has no effect any more
-    return _counted_inputs(settings, inputs)
-
-
-def _counted_inputs(settings: Settings, inputs: int) -> Settings:
-    """Give `max_features` as the number of inputs that scikit-learn makes of it."""
-    if "max_features" in settings:
+    if "max_features" in settings:  # the number of inputs that scikit-learn makes of it
         wanted = settings["max_features"]
         named = {None: inputs, "sqrt": int(sqrt(inputs)), "log2": int(log2(inputs))}
         share = int(wanted * inputs) if isinstance(wanted, float) else wanted
@@ -287,39 +265,10 @@ def _counted_inputs(settings: Settings, inputs: int) -> Settings:
     return settings
 
 
-def _support_vectors(settings: Settings, inputs: int) -> Settings:
-    settings.pop("cache_size", None)  # memory, not mathematics
-    kernel = settings.get("kernel", "rbf")
-    if kernel != "poly":
-        settings.pop("degree", None)
-    if kernel == "linear":
-        settings.pop("gamma", None)
-    return settings
-
-
-def _kernel_ridge(settings: Settings, inputs: int) -> Settings:
-    if settings.get("kernel", "linear") == "linear":
-        settings.pop("gamma", None)
-    return settings
-
-
-def _perceptron(settings: Settings, inputs: int) -> Settings:
-    """Reduce the settings of perceptrons, and name the length of the training."""
-    settings = {**MODELS["mlp"].tuned, **settings}
-    if settings.get("solver", "adam") != "sgd":
-        settings.pop("learning_rate", None)
-    return settings
-
-
-RULES: dict[str, Callable[[Settings, int], Settings]] = {
-    "decision-tree": _trees,
-    "random-forest": _trees,
-    "gradient-boost": _gradient_boost,
-    "svm": _support_vectors,
-    "kernel-ridge": _kernel_ridge,
-    "mlp": _perceptron,
-}
-"""Reductions by model; AdaBoost, XGBoost and the Gaussian process ignore no setting."""
+def key(settings: Mapping[str, Any], *, baseline: bool = False) -> str:
+    """Write settings as one line of text; no candidate of a grid has that of the baseline."""
+    text = ", ".join(f"{name}={settings[name]!r}" for name in sorted(settings))
+    return ": ".join(filter(None, ["baseline", text])) if baseline else text
 
 
 def expected_work(task: Task) -> float:

@@ -1,16 +1,13 @@
 """The jobs: fit the models' baselines, and tune the models over their grids.
 
 A job runs on the master. It reads as if there were one process: the executor (`learn.executor`)
-does its fits on the workers. What is left of a job's time is shared evenly among the searches that
-are left.
+does its fits on the workers.
 """
 
 import math
 import time
 from collections.abc import Iterator
 from dataclasses import replace
-
-import numpy as np
 
 from gen.runtime.farm import Interruption
 from gen.runtime.terminal import RunProgress
@@ -19,22 +16,12 @@ from learn.comparison import grid as grids
 from learn.comparison import results
 from learn.comparison.fits import Training, Trials
 from learn.comparison.folder import Folder
-from learn.comparison.grid import expected_work
 from learn.comparison.results import TimedFit
-from learn.comparison.search import GridSearch, growth, halved, steps, whole
+from learn.comparison.search import Found, GridSearch, halved, whole
 from learn.dataset import Request, short_name
 from learn.executor import Executor
 from learn.features.scene import SCENE
 from learn.models import Model, check_memory, models_named, scaling_of
-
-MANY = 200
-"""Fits of a search that is told beforehand how long it takes."""
-
-DRAWN = 20
-"""Fits that tell it."""
-
-TELLING = 20.0
-"""Seconds that these take at most."""
 
 
 def compare(request: Request, executor: Executor) -> int:
@@ -70,83 +57,39 @@ def tune(request: Request, executor: Executor) -> int:
     models = models_named(list(request.models), request.features)
     with Interruption(listening=True) as interruption:
         targets = [*_targets(request, models, executor, interruption, searched=True)]
-        if math.isinf(request.until):
-            for _, search, _ in _searches(request, models, targets, executor, interruption):
-                tell_time(search)
-        for folder, search, until in _searches(request, models, targets, executor, interruption):
-            found = whole(search) if math.isinf(until) else halved(search, until)
+        searches = [(*target, model) for target in targets for model in models]
+        for place, (folder, training, model) in enumerate(searches):
             if interruption.requested():
                 break
-            if found.fault:
-                results.write_failure(folder, search.model, found.fault)
-            elif request.again or not results.has_winner(folder, found):
-                task = replace(results.winner_of(found), until=until)
-                result = executor.call(results.fit_in_time, search.training, task)
-                if result is None:
-                    results.write_failure(folder, search.model, results.UNFITTED)
-                else:
-                    results.write_search(folder, found, result)
+            # What is left of the time is shared evenly among the searches that are left.
+            share = max(request.until - time.time(), 0.0) / (len(searches) - place)
+            agreed, until = folder.record()["conditions"], time.time() + share
+            with Trials(folder.path / "trials" / f"{model.name}.jsonl", agreed) as trials:
+                source, space = grids.space_of(model.name, agreed["features"])
+                grid = grids.grid(model, space, training.columns)
+                search = GridSearch(
+                    *(model, grid, training, trials, executor, interruption.requested, source),
+                    baseline=grids.baseline(model.name, agreed["features"]),
+                    optimum=grid.number_of(grids.untuned(model.name, agreed["features"])[1]),
+                )
+                found = whole(search) if math.isinf(until) else halved(search, until)
+                if not interruption.requested():
+                    _finish(request, folder, found, until)
     return interruption.signal
 
 
-def _searches(
-    request: Request,
-    models: list[Model],
-    targets: list[tuple[Folder, Training]],
-    executor: Executor,
-    interruption: Interruption,
-) -> Iterator[tuple[Folder, GridSearch, float]]:
-    """Open the searches of all targets and models one by one, each with the time at which it ends.
-
-    What is left of the request's time is shared evenly among the searches that are left.
-    """
-    left = len(models) * len(targets)
-    for folder, training in targets:
-        agreed, columns = folder.record()["conditions"], training.columns
-        features = agreed["features"]
-        for model in models:
-            if interruption.requested():
-                return
-            until = time.time() + max(request.until - time.time(), 0.0) / left
-            left -= 1
-            source, space = grids.space_of(model.name, features)
-            grid = grids.grid(model, space, columns)
-            _, known = grids.untuned(model.name, features)
-            with Trials(folder.path / "trials" / f"{model.name}.jsonl", agreed) as trials:
-                search = GridSearch(
-                    *(model, grid, training, trials, executor, interruption.requested, source),
-                    baseline=grids.baseline(model.name, features),
-                    optimum=grid.number_of(grids.canonical_settings(model, known, columns)),
-                )
-                yield folder, search, until
-
-
-def tell_time(search: GridSearch) -> None:
-    """Say how long the fits of a large grid take that are left, one after the other.
-
-    A few that are drawn at random are done on few rows, within `TELLING`.
-    """
-    total, model = search.training.rows, search.model
-    left = search.tasks(range(len(search.grid.families)), total)
-    if len(left) < MANY or search.stopping():
-        return
-    rows, families = steps(total)[0], len(search.grid.families)
-    drawn = np.random.default_rng(search.training.seed).permutation(families)[:DRAWN]
-    tasks = search.tasks(drawn.tolist(), rows, 1)
-    title = f"{len(left)} fits are left; {len(tasks)} on {rows} rows tell how long they take"
-    search.run(tasks, title, until=time.time() + TELLING)
-    finished = search.trials.finished
-    trials = [(task, finished.get((task.names[0], 0, rows))) for task in tasks]
-    done = [(task, trial.seconds * len(task.names)) for task, trial in trials if trial]
-    said = f"one of these fits takes more than {TELLING:g} s"
-    if done:
-        longer = growth(model, total / rows) * rows / total
-        work = sum(map(expected_work, left)) / sum(expected_work(task) for task, _ in done)
-        hours = sum(seconds for _, seconds in done) * work * longer / 3600
-        more = "" if len(done) == len(tasks) else " or more"
-        said = f"about {hours:.1g} h{more} on one thread, to be divided by the workers"
-    with RunProgress(1) as progress:
-        progress.say(f"{model.title}: {said}; --budget bounds it")
+def _finish(request: Request, folder: Folder, found: Found, until: float) -> None:
+    """Fit the winner of a search until a time, unless its result is there, and write what came."""
+    search = found.search
+    if found.fault:
+        results.write_failure(folder, search.model, found.fault)
+    elif request.again or not results.has_winner(folder, found):
+        task = replace(results.winner_of(found), until=until)
+        result = search.executor.call(results.fit_and_time, search.training, task, until)
+        if result is None:
+            results.write_failure(folder, search.model, results.UNFITTED)
+        else:
+            results.write_search(folder, found, result)
 
 
 def _targets(

@@ -20,10 +20,9 @@ from gen.arrays import Values
 from gen.runtime.terminal import RunProgress
 from learn.comparison.fits import Training, reason
 from learn.comparison.folder import Folder
-from learn.comparison.grid import Settings, beyond
+from learn.comparison.grid import Settings
 from learn.comparison.search import Found
 from learn.comparison.tables import WHY_BASELINE
-from learn.executor import within
 from learn.metrics import scores
 from learn.models import EVERY, STEP, Model, pipeline, remarks
 from learn.split import FOLDS
@@ -59,11 +58,6 @@ Times are medians on one thread: of a "fit", of predicting the "test" set, and o
 """
 
 
-def fit_in_time(training: Training, task: TimedFit) -> FitResult | None:
-    """Fit, score and time a model; None if that was stopped at its time."""
-    return within(fit_and_time, training, task, task.until)
-
-
 def fit_and_time(training: Training, task: TimedFit) -> FitResult:
     """Fit, score and time a model."""
     training = training.seen_by(task.model)
@@ -82,7 +76,10 @@ def fit_and_time(training: Training, task: TimedFit) -> FitResult:
             fitted = fit()
             alone = perf_counter() - began
             answer = partial(fitted.predict, training.test_inputs)
-            found["fitted"] = _chosen(fitted)
+            for name, attribute in (("kernel", "kernel_"), ("iterations", "n_iter_")):
+                chosen = getattr(fitted.named_steps[STEP], attribute, None)
+                if chosen is not None and not isinstance(chosen, np.ndarray):
+                    found["fitted"][name] = str(chosen)
             train = restored(fitted.predict(training.inputs))
             found["train"] = asdict(scores(restored(training.target), train))
             guess = restored(answer())
@@ -117,14 +114,6 @@ def repeated(
         action()
         taken.append(perf_counter() - began)
     return taken
-
-
-def _chosen(fitted: Any) -> dict[str, str]:
-    """Return the kernel or the number of epochs that a fit itself has chosen."""
-    estimator = fitted.named_steps[STEP]
-    found = {"kernel": "kernel_", "iterations": "n_iter_"}
-    values = {name: getattr(estimator, attribute, None) for name, attribute in found.items()}
-    return {n: str(v) for n, v in values.items() if v is not None and not isinstance(v, np.ndarray)}
 
 
 def winner_of(found: Found) -> TimedFit:
@@ -169,7 +158,7 @@ def write_search(folder: Folder, found: Found, result: FitResult) -> None:
 
 def _report(found: Found) -> dict[str, Any]:
     """Describe a search in the result of its winner."""
-    search, scores, grid = found.search, found.scores, found.search.grid
+    search, scores, grid, means = found.search, found.scores, found.search.grid, found.scores.means
     own = [] if np.isnan(scores.baseline).any() else scores.baseline.tolist()
     of_folds = {
         "r2_folds": own if scores.baseline_wins else scores.of(scores.winner),
@@ -185,12 +174,12 @@ def _report(found: Found) -> dict[str, Any]:
         "rows": search.training.rows,
         "candidates": len(grid.candidates),
         "candidates_differing": len(grid.differing),
-        "candidates_scored": scores.scored,
+        "candidates_scored": int(np.isfinite(means).sum()),
         "fits_nominal": FOLDS * len(grid.candidates),
         "fits": scores.fits,
         "baseline_fits": int(np.count_nonzero(~np.isnan(scores.baseline))),
         "winner": "baseline" if scores.baseline_wins else place,
-        "ends": [*beyond(grid, search.model, best, search.training.columns)],
+        "ends": [*grid.beyond(best)],
         **{name: [100 * score for score in folds] for name, folds in of_folds.items()},
         "failures": scores.failures,
         "remarks": scores.remarks,

@@ -28,7 +28,7 @@ from gen.runtime.terminal import RunProgress
 from learn.comparison import grid as grids
 from learn.comparison.fits import Training, Trial, Trials, fit
 from learn.comparison.grid import LEAST_JUDGED, Grid, Settings, Task, expected_work
-from learn.executor import Executor, within
+from learn.executor import Executor
 from learn.models import Model
 from learn.split import FOLDS
 
@@ -65,7 +65,6 @@ class GridScores:
     baseline: Values  # R2 of the baseline on them, (folds,); empty if there is none
     judged: int  # number of candidates whose fits are all finished, failed ones included
     fits: int  # finished ones of the grid, those of earlier runs included
-    seconds: float  # sum of their times and of the baseline's
     failures: dict[str, int]  # number of scores that each reason has cost
     remarks: dict[str, int]  # and that each warning concerns
 
@@ -79,11 +78,6 @@ class GridScores:
         """Number of the best differing candidate, -1 if all failed."""
         means = self.means
         return -1 if np.isnan(means).all() else int(np.nanargmax(means))
-
-    @property
-    def scored(self) -> int:
-        """Number of candidates that have a score."""
-        return int(np.count_nonzero(~np.isnan(self.means)))
 
     @property
     def baseline_wins(self) -> bool:
@@ -113,36 +107,24 @@ class GridSearch:
     baseline: Settings | None = None  # is judged beside the grid; None for the grid alone
     optimum: int | None = None  # candidate that is the paper's, or built in; None if there is none
 
-    @property
-    def fits(self) -> int:
-        """Number of fits of the whole grid."""
-        return FOLDS * len(self.grid.families)
-
     def tasks(self, families: Iterable[int], rows: int, folds: int = FOLDS) -> list[Task]:
         """List the fits on some rows and folds that some families of candidates still lack."""
         tasks, finished = [], self.trials.finished
         for family in families:
-            served = [(each, grids.key(each)) for each in self.grid.served_by(family)]
+            served = [self.grid.differing[number] for number in sorted(self.grid.families[family])]
             for fold in range(folds):
-                lacking = tuple(s for s, name in served if (name, fold, rows) not in finished)
+                lacking = [s for s in served if (grids.key(s), fold, rows) not in finished]
                 if lacking:
-                    tasks.append(Task(self.model.name, lacking, fold, rows))
+                    tasks.append(Task(self.model.name, tuple(lacking), fold, rows))
         return tasks
 
-    def baseline_tasks(self, rows: int) -> list[Task]:
-        """List the fits that the baseline still lacks."""
-        return [
-            Task(self.model.name, (self.baseline or {},), fold, rows, baseline=True)
-            for fold, trial in enumerate(self.baseline_trials(rows))
-            if trial is None
-        ]
-
-    def baseline_trials(self, rows: int, folds: int = FOLDS) -> list[Trial | None]:
-        """Return the baseline's trials by fold, None where a fold lacks; none without baseline."""
-        if self.baseline is None:
-            return []
-        name = grids.baseline_key(self.baseline)
-        return [self.trials.finished.get((name, fold, rows)) for fold in range(folds)]
+    def baseline_tasks(self) -> list[Task]:
+        """List the fits to all rows that the baseline still lacks."""
+        own = () if self.baseline is None else (self.baseline,)
+        rows = self.training.rows
+        every = [Task(self.model.name, own, fold, rows, baseline=True) for fold in range(FOLDS)]
+        finished = self.trials.finished
+        return [task for task in every if own and (*task.names, task.fold, rows) not in finished]
 
     def run(
         self, tasks: list[Task], title: str, *, until: float = inf, longest: float = inf
@@ -168,50 +150,51 @@ class GridSearch:
                 progress.advance(1, int(failed), expected_work(task))
 
             self.executor.run(
-                fit_in_time,
+                fit,
                 self.training,
-                (
-                    replace(task, until=until, longest=longest)
-                    for task in tasks
-                    if str(task.names) not in too_long
-                ),
+                (task for task in tasks if str(task.names) not in too_long),
                 keep,
                 stopping=lambda: self.stopping() or time.time() > until,
+                until=until,
+                longest=longest,
             )
 
     def scores(self, rows: int, folds: int = FOLDS) -> GridScores:
         """Collect the scores on some rows and folds; who lacks a fold counts as failed."""
-        scores = np.full((len(self.grid.differing), folds), math.nan)
-        failures: Counter[str] = Counter()
-        remarks: Counter[str] = Counter()
-        there: Counter[int] = Counter()
-        seconds, fits = 0.0, set()
-        for family, numbers in enumerate(self.grid.families):
-            for number, fold in product(numbers, range(folds)):
-                name = grids.key(self.grid.differing[number])
-                trial = self.trials.finished.get((name, fold, rows))
-                if trial is None:
-                    continue
+        names = [grids.key(each) for each in self.grid.differing]
+        family = {each: own for own in self.grid.families for each in own}
+        scores = np.full((len(names), folds), math.nan)
+        done, fits, there = [], set(), np.zeros(scores.shape, dtype=np.bool_)
+        for number, fold in product(range(len(names)), range(folds)):
+            trial = self.trials.finished.get((names[number], fold, rows))
+            if trial is not None:
                 scores[number, fold] = math.nan if trial.r2 is None else trial.r2
-                seconds += trial.seconds
-                fits.add((family, fold))
-                there[number] += 1
-                failures.update(filter(None, [trial.failure]))
-                remarks.update(filter(None, [trial.remark]))
-        own = self.baseline_trials(rows, folds)
-        seconds += sum(trial.seconds for trial in own if trial)
-        reached = [math.nan if trial is None or trial.r2 is None else trial.r2 for trial in own]
-        judged = sum(each == folds for each in there.values())
-        counts = judged, len(fits), seconds, dict(failures), dict(remarks)
-        return GridScores(scores, np.array(reached), *counts)
+                there[number, fold] = True
+                done.append(trial)
+                fits.add((family[number], fold))
+        reached = []
+        if self.baseline is not None:
+            places = [
+                (grids.key(self.baseline, baseline=True), fold, rows) for fold in range(folds)
+            ]
+            own = [self.trials.finished.get(place) for place in places]
+            reached = [math.nan if trial is None or trial.r2 is None else trial.r2 for trial in own]
+        return GridScores(
+            scores,
+            np.array(reached),
+            judged=int(there.all(axis=1).sum()),
+            fits=len(fits),
+            failures=Counter(trial.failure for trial in done if trial.failure),
+            remarks=Counter(trial.remark for trial in done if trial.remark),
+        )
 
     def exhaustive(self) -> GridScores:
         """Do all fits of the grid and of the baseline, and return the scores."""
         rows, families = self.training.rows, range(len(self.grid.families))
-        tasks, own = self.tasks(families, rows), self.baseline_tasks(rows)
+        tasks, own = self.tasks(families, rows), self.baseline_tasks()
         title = (
             f"{len(self.grid.candidates)} candidates, {len(self.grid.differing)} differ,"
-            f" {self.fits} fits, {len(tasks)} to do, {len(own)} of the baseline"
+            f" {FOLDS * len(families)} fits, {len(tasks)} to do, {len(own)} of the baseline"
         )
         # The longest first: the last ones are short, so that no process waits long at the end.
         self.run(sorted([*tasks, *own], key=expected_work, reverse=True), title)
@@ -224,16 +207,20 @@ class Found:
 
     search: GridSearch
     how: str  # the steps of the search in words
-    seconds: float  # sum of the times of all fits
     scores: GridScores
+
+    @property
+    def seconds(self) -> float:
+        """Sum of the times of all fits."""
+        return sum(trial.seconds for trial in self.search.trials.finished.values())
 
     @property
     def fault(self) -> str:
         """Why the search has no winner, "" if it has one."""
         scores, grid, optimum = self.scores, self.search.grid, self.search.optimum
-        if any(trial is None for trial in self.search.baseline_trials(self.search.training.rows)):
+        if self.search.baseline_tasks():
             return f"not searched: the baseline was not finished on {FOLDS} folds within the time"
-        if not scores.scored and scores.failures:
+        if scores.winner < 0 and scores.failures:
             return "; ".join(scores.failures)
         least = min(LEAST_JUDGED, len(grid.differing))
         if scores.judged < least:
@@ -250,30 +237,27 @@ def whole(search: GridSearch) -> Found:
     """Search the whole grid, and beyond an end at which the winner lies."""
     search.exhaustive()
     wider = _beyond(search)
-    scores = wider.scores(wider.training.rows)
-    return Found(wider, grids.WHOLE, scores.seconds, scores)
+    return Found(wider, grids.WHOLE, wider.scores(wider.training.rows))
 
 
 def halved(search: GridSearch, until: float) -> Found:
     """Search a grid until a time of `time.time`, at which the winner is fitted to all rows too."""
     total, began = search.training.rows, time.time()
-    decided = began + DECISION_SHARE * (until - began)
-    last = (1 - DECISION_SHARE) * (until - began)
-    longest = max(last / growth(search.model, FOLDS / (FOLDS - 1)), ALWAYS)
-    own = search.baseline_tasks(total)
-    search.run(own, f"the baseline on {total} rows", until=decided, longest=longest)
+    last = (1 - DECISION_SHARE) * (until - began) / growth(search.model, FOLDS / (FOLDS - 1))
+    limits = {"until": began + DECISION_SHARE * (until - began), "longest": max(last, ALWAYS)}
+    search.run(search.baseline_tasks(), f"the baseline on {total} rows", **limits)
     told: list[str] = []
-    if not search.baseline_tasks(total):
+    if not search.baseline_tasks():
         families, told = _ranked(search, began, until)
         title = f"the best candidates first, on {total} rows, {FOLDS} folds"
-        search.run(search.tasks(families, total), title, until=decided, longest=longest)
-        search = _beyond(search, until=decided, longest=longest)
+        search.run(search.tasks(families, total), title, **limits)
+        search = _beyond(search, **limits)
     scores = search.scores(total)
     told.append(f"{_counted(scores.judged)} on {total} rows, {FOLDS} folds")
     is_whole = scores.judged == len(search.grid.differing)
-    how = grids.WHOLE if is_whole else f"successive halving: {', '.join(told)}"
-    spent = sum(trial.seconds for trial in search.trials.finished.values())
-    return Found(search, how, spent, scores)
+    return Found(
+        search, grids.WHOLE if is_whole else f"successive halving: {', '.join(told)}", scores
+    )
 
 
 def steps(total: int) -> list[int]:
@@ -292,11 +276,16 @@ def growth(model: Model, factor: float) -> float:
 def _ranked(search: GridSearch, began: float, until: float) -> tuple[list[int], list[str]]:
     """Climb the rungs; return all families in the order to judge them, and the rungs in words.
 
+    At first they are drawn, with odds inverse to the work of their fits: cheap ones are seen first.
     The paper's optimum is on every rung, and the first to be judged: few rows must not hide it.
     """
-    sizes, grid = steps(search.training.rows), search.grid
+    sizes, grid, name = steps(search.training.rows), search.grid, search.model.name
+    served = [tuple(grid.differing[number] for number in family) for family in grid.families]
+    work = [expected_work(Task(name, each, 0, sizes[0])) for each in served]
+    waiting = np.random.default_rng(search.training.seed).exponential(work)
     optimum = [f for f, numbers in enumerate(grid.families) if search.optimum in numbers]
-    families = order = list(dict.fromkeys([*optimum, *_drawn(search, sizes[0])]))
+    drawn = np.argsort(waiting, kind="stable").tolist()
+    families = order = list(dict.fromkeys([*optimum, *drawn]))
     told = []
     for place, rows in enumerate(sizes[:-1], start=1):
         end = began + RUNGS_SHARE * place / (len(sizes) - 1) * (until - began)
@@ -314,41 +303,23 @@ def _ranked(search: GridSearch, began: float, until: float) -> tuple[list[int], 
     return order, told
 
 
-def _drawn(search: GridSearch, rows: int) -> list[int]:
-    """Draw all families, with odds inverse to the work of their fits: cheap ones are seen first."""
-    grid, name = search.grid, search.model.name
-    families = range(len(grid.families))
-    work = [expected_work(Task(name, grid.served_by(family), 0, rows)) for family in families]
-    waiting = np.random.default_rng(search.training.seed).exponential(work)
-    return [int(family) for family in np.argsort(waiting, kind="stable")]
-
-
 def _beyond(search: GridSearch, *, until: float = inf, longest: float = inf) -> GridSearch:
     """Go on beyond the ends of a grid as long as the winner lies on one, and the time allows."""
-    rows = search.training.rows
-    while True:
-        scores = search.scores(rows)
-        if scores.winner < 0 or scores.baseline_wins or search.stopping():
-            return search
-        winner = search.grid.first(scores.winner)
-        wider = grids.extended(search.grid, search.model, winner, search.training.columns)
-        if wider is search.grid:
-            return search
-        further = replace(search, grid=wider)
-        tasks = further.tasks(range(len(wider.families)), rows)
-        new = {grids.key(each) for each in wider.differing[len(search.grid.differing) :]}
-        tasks = [task for task in tasks if new.intersection(task.names)]
+    rows, scores = search.training.rows, search.scores(search.training.rows)
+    while scores.winner >= 0 and not scores.baseline_wins and not search.stopping():
+        grid = search.grid.extended(search.grid.first(scores.winner))
+        new = range(len(search.grid.differing), len(grid.differing))
+        families = [f for f, own in enumerate(grid.families) if not {*new}.isdisjoint(own)]
+        further, judged = replace(search, grid=grid), scores.judged
+        tasks = further.tasks(families, rows)
         title = f"the winner is at an end of the grid: {len(tasks)} fits beyond it"
         further.run(tasks, title, until=until, longest=longest)
-        if further.scores(rows).judged == scores.judged:
-            return search
+        scores = further.scores(rows)
+        if scores.judged == judged:
+            break
         search = further
+    return search
 
 
 def _counted(number: int) -> str:
     return f"{number} candidate{'' if number == 1 else 's'}"
-
-
-def fit_in_time(training: Training, task: Task) -> list[Trial] | None:
-    """Do the fit of a task; None if it was stopped at its time."""
-    return within(fit, training, task, task.until, task.longest)

@@ -9,8 +9,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 from rich.table import Table
 
+from gen.arrays import Values
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import echo, print_table, to_type
 from learn.comparison import paper
@@ -96,11 +98,11 @@ def columns(target: str) -> list[str]:
 
 def read(folder: Folder) -> Tables:
     """Make the tables of a folder; InputError is raised if predictions or groups are damaged."""
-    record, results = folder.record(), [*folder.results()]
-    target = str(record["conditions"]["target"])
+    record = folder.record()
+    target, header = str(record["conditions"]["target"]), columns(record["conditions"]["target"])
     drawn, middle = "", 0.0
     scores, times, searches = [], [], []
-    for model, kind, result in results:
+    for model, kind, result in folder.results():
         search = result.get("search") or {}
         known = {"model": model, "result": kind, "failure": result.get("failure", "")}
         known |= {"winner": search.get("winner") or "", **(result.get("test") or {})}
@@ -108,54 +110,48 @@ def read(folder: Folder) -> Tables:
         if theirs := paper.TEST.get(kind, {}).get(model):
             known |= {f"paper_{name}": value for name, value in vars(theirs).items()}
         if result.get("test"):
-            ends, middle, number = _intervals(folder, kind, model)
-            known["variance_over_mean"] = middle
-            if ends:
+            truth, prediction, groups = _predictions(folder, kind, model)
+            known["variance_over_mean"] = middle = spread(truth)
+            if ends := bootstrap(truth, prediction, LEVEL, groups):
                 by = "surface" if record.get("split_by_surface", True) else "row"
-                drawn = f"{number} {'tile' if record.get('split_by_tile') else by}s"
-                known |= {**ends, "level": LEVEL, "resamples": BOOTSTRAP, "drawn": drawn}
-        scores.append({name: known.get(name, "") for name in columns(target)})
+                drawn = f"{np.unique(groups).size} {'tile' if record.get('split_by_tile') else by}s"
+                known |= {"level": LEVEL, "resamples": BOOTSTRAP, "drawn": drawn}
+                for name, (low, high) in ends.items():
+                    known |= {f"{name}_low": low, f"{name}_high": high}
+        scores.append({name: known.get(name, "") for name in header})
         if own := result.get("times"):
             values = model, kind, own["fit"], own["fits"], own["test"], own["row"]
             times.append(dict(zip(TIMES, values, strict=True)))
         if kind == "tuned" and search:
-            searches.append(_search(model, result))
+            settings = (f"{name}={value}" for name, value in sorted(result["settings"].items()))
+            folds = {column: search.get(name) or [] for column, name in DECIDED.items()}
+            searches.append(
+                {
+                    "model": model,
+                    "grid": search.get("grid", TABLE_2),
+                    "searched": search["how"],
+                    **{name: search[name] for name in EXTENT},
+                    "winner": winner_of(search),
+                    **{column: sum(own) / len(own) if own else "" for column, own in folds.items()},
+                    "settings": ", ".join(settings) or "those of the library",
+                    "fit_seconds": result["times"]["search"],
+                    "paper_s": paper.TUNING_SECONDS.get(model, ""),
+                }
+            )
     return Tables(folder, target, drawn, middle, scores, times, searches)
 
 
-def _intervals(folder: Folder, kind: str, model: str) -> tuple[Row, float, int]:
-    """Draw the intervals of a result; return their ends, the spread and the number of groups."""
+def _predictions(folder: Folder, kind: str, model: str) -> tuple[Values, Values, Values]:
+    """Read truth, prediction and group of the test rows, of which scores can be made."""
     (truth, prediction), groups = folder.prediction(kind, model), folder.test_groups()
     path = folder.path / kind / f"{model}.csv"
     if truth.size != groups.size:
         raise InputError(
             f"{path} has {truth.size} rows, rows.csv has {groups.size} test rows: move it away"
         )
-    try:
-        found = bootstrap(truth, prediction, LEVEL, groups)
-    except ValueError as error:
-        raise InputError(f"{path} cannot be read: {error}: move it away") from None
-    ends = {f"{name}_low": low for name, (low, _) in found.items()}
-    ends |= {f"{name}_high": high for name, (_, high) in found.items()}
-    return ends, spread(truth), len(set(groups.tolist()))
-
-
-def _search(model: str, result: Row) -> Row:
-    """Return a row of tuning.csv, with the times of tuning-times.csv."""
-    search = result["search"]
-    settings = ", ".join(f"{name}={value}" for name, value in sorted(result["settings"].items()))
-    folds = {column: search.get(name) or [] for column, name in DECIDED.items()}
-    return {
-        "model": model,
-        "grid": search.get("grid", TABLE_2),
-        "searched": search["how"],
-        **{name: search[name] for name in EXTENT},
-        "winner": winner_of(search),
-        **{column: sum(own) / len(own) if own else "" for column, own in folds.items()},
-        "settings": settings or "those of the library",
-        "fit_seconds": result["times"]["search"],
-        "paper_s": paper.TUNING_SECONDS.get(model, ""),
-    }
+    if truth.size < 2 or np.ptp(truth) == 0:
+        raise InputError(f"{path} cannot be read: the truth does not vary: move it away")
+    return truth, prediction, groups
 
 
 def winner_of(search: Row) -> str:
@@ -193,54 +189,45 @@ def show(tables: Tables) -> None:
         echo(nmse_note(tables.spread))
     if any(row["result"] == "tuned" for row in tables.scores):
         print_table(_search_table(tables), WIDTH)
-    for line in filter(None, [*_remarks(folder), _best(tables)]):
+    for line in _remarks(tables):
         echo(line)
 
 
-def _best(tables: Tables) -> str:
-    """Say which model has the least error, and which one `learn fit` takes where none is given."""
-    known = [row for row in tables.scores if row["nmae"] != ""]
-    if len({row["model"] for row in known}) < 2:
-        return ""
-    best = min(known, key=lambda row: float(row["nmae"]))
-    name = f"{EVERY[best['model']].title}, {label(best['model'], best['result'])}"
-    features = tables.folder.record()["conditions"].get("features", "paper")
-    usual = EVERY[default_model(features)].title
-    return f"smallest nMAE: {name}; {to_type('learn fit')} takes {usual} unless told otherwise"
-
-
-def _remarks(folder: Folder) -> Iterator[str]:
-    """Yield the lines below the tables: useless models, failures, baselines or ends that won."""
+def _remarks(tables: Tables) -> Iterator[str]:
+    """Yield the lines below the tables: useless models, failures, what is odd, and the best."""
+    folder, features = tables.folder, tables.folder.record()["conditions"]["features"]
     for *_, said in no_better_than_constant(folder):
         yield f"warning: {said}"
     for model, kind, result in folder.results():
         title, search = EVERY[model].title, result.get("search") or {}
         if result.get("failure"):
             yield f"{title}, {label(model, kind)}: {result['failure']}"
-        elif search:
-            yield from (f"{title}: {said}" for said in _of_search(folder, model, result))
         elif kind == "library":
             yield (
                 f"Its library fits amplitude and length of a Gaussian process ({LIBRARY_ROWS:,}"
                 " rows at most here); the paper's, and ours, has a fixed kernel."
             )
+        elif search and winner_of(search) == NOT_SEARCHED:
+            judged = f"{search['candidates_scored']} candidates were judged"
+            yield f"{title}: {NOT_SEARCHED}: {judged}, of {LEAST_JUDGED} at least"
+        elif search.get("winner") == "baseline":
+            yield f"{title}: {WHY_BASELINE}"
+        elif search:
+            yield from (f"{title}: {odd}" for odd in _at_ends(result, space_of(model, features)[1]))
+    known = [row for row in tables.scores if row["nmae"] != ""]
+    if len({row["model"] for row in known}) > 1:
+        best = min(known, key=lambda row: float(row["nmae"]))
+        name = f"{EVERY[best['model']].title}, {label(best['model'], best['result'])}"
+        usual = EVERY[default_model(features)].title
+        yield f"smallest nMAE: {name}; {to_type('learn fit')} takes {usual} unless told otherwise"
 
 
-def _of_search(folder: Folder, model: str, result: Row) -> Iterator[str]:
-    """Say what is odd about the winner of a search."""
-    search = result["search"]
-    if winner_of(search) == NOT_SEARCHED:
-        number = search["candidates_scored"]
-        yield f"{NOT_SEARCHED}: {number} candidates were judged, of {LEAST_JUDGED} at least"
-        return
-    if search.get("winner") == "baseline":
-        yield WHY_BASELINE
-        return
-    _, space = space_of(model, folder.record()["conditions"]["features"])
+def _at_ends(result: Row, space: paper.Space) -> Iterator[str]:
+    """Say which settings of a search's winner lie beyond the grid, or at an end of all values."""
     for name, value in result["settings"].items():
         if isinstance(value, int | float) and value not in space.get(name, [value]):
             yield f"{name} = {value} lies beyond the grid, where the search went on"
-        if name in search.get("ends", ()):
+        if name in result["search"].get("ends", ()):
             yield f"{name} = {value} at an end of what was tried: a better one may lie beyond"
 
 

@@ -240,13 +240,6 @@ def fit_parts(
     """
     train, name = parts.train, sets[0].name
     plan = calibrating.planned(sets[0].at(train), others, every=request.models[0] in CLOSED)
-    check_memory(request.models[0], train.size)
-    for rows in sets:
-        if np.ptp(rows.target[train]) == 0:
-            raise InputError(
-                f"{name}: {rows.target_name} does not vary over the {train.size} rows that are left"
-                " to train on: more are needed"
-            )
     for line in dataset.remarks(sets[0], request.normalisation):
         say(f"  {line}")
     say(

@@ -1,7 +1,6 @@
 """Compare and tune: their results, what they repeat, and how they are stopped."""
 
 import json
-import re
 import signal
 import time
 from pathlib import Path
@@ -14,7 +13,7 @@ from comparisons import run, table
 from launch import TIMEOUT, walk
 
 from learn import models as nine
-from learn.comparison import jobs, paper, results, tables
+from learn.comparison import paper, results, tables
 from learn.dataset import INPUTS
 
 
@@ -49,18 +48,6 @@ def test_compare_tune_and_show(work, capsys):
     assert len(record["conditions"]["database_sha256"]) == 64
     parts = [row["part"] for row in table("out/area/rows.csv")]
     assert (parts.count("train"), parts.count("test")) == (72, 18)
-
-
-def test_a_long_search_tells_beforehand_how_long_it_takes(work, capsys, monkeypatch):
-    monkeypatch.setattr(jobs, "MANY", 50)
-    command = ("tune", "database.h5", "-o", "out", "--model", "kernel-ridge")
-    assert run(*command) == 0
-    told, began, _ = capsys.readouterr().err.partition("160 candidates")
-    assert "55 fits are left; 11 on 72 rows tell how long they take" in told
-    assert re.search(r"Kernel Ridge: about \S+ h on one thread, to be divided by the workers", told)
-    assert began
-    assert run(*command) == 0
-    assert "tell how long" not in capsys.readouterr().err, "no fit is left"
 
 
 def test_both_targets_have_folders_and_force_has_no_nmse(work):

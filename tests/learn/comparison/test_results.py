@@ -5,7 +5,7 @@ import json
 import pytest
 from comparisons import run, table
 
-from learn import Surrogate
+from learn import Surrogate, executor
 from learn.comparison import paper, results, search
 from learn.comparison.folder import Folder
 
@@ -76,9 +76,10 @@ def test_a_budget_too_small_for_the_baseline_gives_no_result_and_says_so(work, c
 
 @pytest.mark.usefixtures("few")
 def test_a_winner_that_is_not_fitted_in_time_is_fitted_by_the_next_call(work, capsys, monkeypatch):
-    call = results.within
+    call = executor.within
     monkeypatch.setattr(
-        results, "within", lambda w, *rest: None if w is results.fit_and_time else call(w, *rest)
+        *(executor, "within"),
+        lambda w, *rest, **own: None if w is results.fit_and_time else call(w, *rest, **own),
     )
     arguments = ["tune", "database.h5", "-o", "out", *TREE, "--budget", "60s"]
     assert run(*arguments) == 0
