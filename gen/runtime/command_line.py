@@ -76,10 +76,10 @@ Trust = Annotated[
 
 
 def start(*, default_sigint: bool) -> None:
-    """Prepare this process for a command; to be called before NumPy is imported.
+    """Prepare this process for a command, before NumPy is imported.
 
-    With `default_sigint` Ctrl-C ends the process until a run listens to signals; a
-    KeyboardInterrupt on one rank alone would leave the other ranks waiting.
+    With `default_sigint` Ctrl-C ends the process until a run listens to signals: a
+    KeyboardInterrupt on one rank alone would leave the others waiting.
     """
     # More threads would compete for the cores, and sums could depend on their number.
     for library in ("OMP", "OPENBLAS", "MKL", "BLIS", "VECLIB_MAXIMUM"):
@@ -93,9 +93,8 @@ def start(*, default_sigint: bool) -> None:
 def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
     """Expand the arguments of a command that are groups of options, for Typer.
 
-    An argument annotated with a NamedTuple or a dataclass is a group: its fields, with their
-    annotations and defaults, are the options. What the help says of those of a dataclass stands in
-    its `KEYS`; other fields are no options.
+    An argument annotated with a NamedTuple or a dataclass is a group: its fields are the options,
+    those of a dataclass if its `KEYS` have words for the help.
     """
     kinds = get_type_hints(command, include_extras=True)
     groups = {

@@ -1,8 +1,4 @@
-"""Tables (CSV) for other programs, and JSON documents, which are checked before they are used.
-
-Somebody may have edited or sent a document. A missing key, a text in place of a number or a number
-that is not finite is named here, before it can do harm.
-"""
+"""Tables (CSV) for other programs, and JSON documents, which are checked before they are used."""
 
 import csv
 import io

@@ -1,13 +1,9 @@
 """One master and its workers, serially or over MPI behind one contract, and what ends their work.
 
-Work is a pure function of a task. Tasks are drawn from an iterator when a worker becomes free, and
-results reach the master one by one in the order of completion, so that the master holds a few tasks
-per worker however long the plan is. This is the home of mpi4py.
-
-A signal asks a run to stop in order, and an alarm bounds the time of a calculation. Python handles
-both between two of its own steps. If compiled code takes minutes for one step, as a fit may, a
-thread answers requests to stop: it prints that the run is stopping, and a second signal ends the
-process. An alarm waits for the end of the step.
+Work is a pure function of a task. Tasks are drawn when a worker becomes free, and results reach the
+master one by one in the order of completion. This is the home of mpi4py. Python handles signals and
+alarms between two of its own steps; while compiled code takes minutes for one step, a thread
+answers requests to stop, and an alarm waits.
 """
 
 import os
@@ -39,9 +35,7 @@ IN_FLIGHT = 2  # tasks in the hands of each worker: the second one spares it the
 LAUNCHERS = ("PMI_SIZE", "PMIX_RANK", "OMPI_COMM_WORLD_SIZE", "MPI_LOCALNRANKS")
 """Environment variables that mpiexec, mpirun and srun set for the processes that they start."""
 
-LONGEST_NAP = 0.01
-"""Longest pause between two looks for a message of the master [s]; MPI's own waiting would keep a
-core busy while the master works alone."""
+LONGEST_NAP = 0.01  # between two looks for a message [s]; MPI's own waiting would keep a core busy
 
 FORWARDING = 0.5  # time for the launcher to pass on a last line [s]; an abort would lose it
 
@@ -51,8 +45,7 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1)
 PATIENCE = 2.0  # time that Python has to handle a signal before the thread answers it [s]
 LONGEST_LIMIT = 1e8  # longest bound [s], three years; the system's timer ends at 9.2e9 s
 
-REPEATED = 1.0
-"""Interval of further alarms [s], since code that catches all exceptions may swallow the first."""
+REPEATED = 1.0  # interval of further alarms [s], as code that catches all may swallow the first
 
 _own_work: ContextVar[Callable[[Any], Any]] = ContextVar("_own_work")
 """The function that this process applies to tasks while it is in `run`."""
@@ -70,9 +63,8 @@ class MasterLeft(BaseException):
 class World:
     """The processes of this run.
 
-    The master sends envelopes to all processes: either a value (`broadcast`) or the exit code with
-    which it ends the command (`end`). A master that refuses its input therefore reaches the
-    workers wherever they wait.
+    The master sends all others values (`broadcast`), or the exit code with which it ends the
+    command (`end`): a master that refuses its input reaches the workers wherever they wait.
     """
 
     rank: int = 0  # of this process; 0 is the master
@@ -165,24 +157,12 @@ def _check_launcher() -> None:
 
 
 def leave() -> None:
-    """Finalise MPI if this process has joined it, immediately before the process ends.
-
-    `python -m mpi4py` aborts all ranks for an exit code other than 0 unless MPI is finalised, and
-    the launcher would report the abort instead of the code.
-    """
+    """Finalise MPI if joined: `python -m mpi4py` would abort for codes above 0 otherwise."""
     if "mpi4py.MPI" in sys.modules:
         from mpi4py import MPI
 
         if MPI.Is_initialized() and not MPI.Is_finalized():
             MPI.Finalize()
-
-
-def abort_all() -> NoReturn:
-    """Do what `python -m mpi4py` does for a bug, also if this process has not joined MPI."""
-    communicator = None
-    with suppress(InputError):
-        communicator = this_world().communicator
-    World(communicator=communicator).abort()
 
 
 def run(
@@ -195,12 +175,11 @@ def run(
 ) -> None:
     """Do all tasks; a collective call, each process with its own copy of the work.
 
-    `work`, from a task to its result, is never sent and may hold an open file; tasks and results
-    are pickled. Tasks are drawn on the master, when workers become free, and `on_result` is called
-    there in the order of completion. Once `stopping` returns True, the tasks in flight are finished
-    and no more are handed out. An exception of `on_result` or `tasks`, or an InputError of `work`,
-    is raised on the master after the tasks in flight; any other one of `work` is a bug and ends all
-    processes. Workers raise MasterLeft if the master has ended the command instead of calling this.
+    `work` is never sent and may hold an open file; tasks and results are pickled. `on_result` is
+    called on the master. Once `stopping` returns True, the tasks in flight are finished and no more
+    are handed out. An exception of `on_result` or `tasks`, or an InputError of `work`, is raised on
+    the master after the tasks in flight; any other one of `work` is a bug and ends all processes.
+    Workers raise MasterLeft if the master has ended the command instead of calling this.
     """
     if world.size == 1:
         for task in tasks:
@@ -259,11 +238,10 @@ def _supervise(
 
 
 class Interruption(ExitStack):
-    """A context manager that records the first signal; the second one has its usual effect.
+    """A context manager that records the first `signal`, 0 before it; the second ends the process.
 
-    The master is listening and stops the run in order; a worker ignores the signals and works until
-    the master has no more tasks. `signal` is the number of the first signal, 0 before it. Handlers
-    are installed as it is made; the previous ones are back from the first signal, or the end, on.
+    The master is `listening` and stops the run in order; a worker ignores signals until the master
+    has no more tasks. Handlers are installed as it is made, and the previous ones given back.
     """
 
     def __init__(self, *, listening: bool) -> None:
@@ -310,20 +288,12 @@ class Interruption(ExitStack):
 
 
 class Overtime(Exception):
-    """A calculation has taken longer than its bound.
-
-    Times differ between machines and between runs: such a calculation is pending, not failed.
-    """
+    """A calculation has taken longer than its bound, and is pending, not failed: times differ."""
 
 
 @contextmanager
 def at_most(seconds: float | None) -> Iterator[None]:
-    """Bound the wall-clock time [s] of a block, if there is a bound, on the main thread.
-
-    Python handles the alarm between two of its steps, so a long call of compiled code runs to its
-    end. Raise Overtime once the block has taken longer. A bound is above 0 and at most
-    `LONGEST_LIMIT`.
-    """
+    """Raise Overtime once a block on the main thread has taken so long [s], if there is a bound."""
     if seconds is None:
         yield
         return

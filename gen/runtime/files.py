@@ -1,8 +1,7 @@
 """Files that users name: read if regular, refused before any work, written whole, and locked.
 
 One rule holds for every output of every command: it is never an input, never another output, and it
-replaces only a file of its own kind. One writer, `atomic`, keeps the old file until the new one is
-on the disk. Databases, which runs continue and extend, have further rules in `gen.database`.
+replaces only a file of its own kind. docs/compatibility.md lists the promises.
 """
 
 import fcntl
@@ -54,8 +53,7 @@ LONGEST_HOLDER = 500  # most bytes of that line
 def require_file(path: Path) -> Path:
     """Refuse pipes, sockets and devices, which could block their reader for ever.
 
-    Every reader of a file that a user names calls this before opening it. Folders and missing files
-    pass, since the reader's own message says more.
+    Every reader of a user's file calls this first. Folders and missing files pass: it says more.
     """
     try:
         mode = path.stat().st_mode
@@ -69,8 +67,7 @@ def require_file(path: Path) -> Path:
 def read_bytes(path: Path, largest: int = LARGEST) -> bytes:
     """Read a whole regular file of `largest` bytes at most.
 
-    Raise FileNotFoundError if there is none, and InputError if it is larger, no regular file, or
-    cannot be read.
+    Raise FileNotFoundError if there is none, otherwise InputError if it cannot be read.
     """
     try:
         size = require_file(path).stat().st_size
@@ -95,8 +92,7 @@ def check_outputs(outputs: Iterable[Output], inputs: Iterable[Path | str] = ()) 
     """Refuse outputs before any work is done for them, without changing existing files.
 
     Of folders among the inputs all files count except tables of results. Raise InputError if a file
-    cannot be written, is an input or another output, also by another name, or holds another kind of
-    content.
+    cannot be written, is an input or another output by any name, or holds another kind of content.
     """
     wanted = [(output.path, output.option, output.kind) for output in outputs if output.path]
     read: list[Path] = []
@@ -116,11 +112,7 @@ def check_outputs(outputs: Iterable[Output], inputs: Iterable[Path | str] = ()) 
 
 
 def check_folder(folder: Path, *names: str) -> None:
-    """Refuse an output folder, which may have to be made, before any work is done for it.
-
-    Raise InputError if the path is no folder, files cannot be written there, or one of these names,
-    pictures (.png) and texts, cannot be replaced.
-    """
+    """Refuse an output folder that cannot be had, or names in it, pictures (.png) or texts."""
     real = _folder(folder)
     _require_room(folder, next(each for each in (real, *real.parents) if each.exists()))
     for name in names if real.is_dir() else ():
@@ -151,9 +143,8 @@ def write(path: Path, content: str | bytes, kind: Kind = "text") -> None:
 def atomic(path: Path, kind: Kind = "text", *, replace: bool = True) -> Iterator[IO[bytes]]:
     """Open a temporary file that is renamed to its final name once the block has succeeded.
 
-    A link stays a link, and a file of another kind is not replaced. Without `replace` a file that
-    another process has made meanwhile stays, as others may be reading it. Raise InputError if the
-    file cannot be written; an existing file is unchanged then.
+    A link stays a link. Without `replace` a file that another process has made meanwhile stays.
+    Raise InputError if the file cannot be written, or is of another kind; it is unchanged then.
     """
     real = _place(path, kind)
     with _in_words(path, "cannot be written"):
@@ -167,11 +158,10 @@ def unfinished(real: Path, present: Present = "replace", signature: bytes = b"")
     """Make an empty file beside a target, and give it the target's name once the block succeeds.
 
     This is the one way in which files, databases among them, come into being: what stands at the
-    target, which `place_of` has found, stays whole until the new file is on the disk. A replaced
-    file passes on its mode and, if the system allows it, its owner and group. A file that has come
-    meanwhile is replaced, kept, or refused by FileExistsError. The temporary file is hidden; of a
-    large one, whose content begins with `signature`, the next attempt removes what a kill has left.
-    The caller holds a lock then.
+    target, from `place_of`, stays whole until the new file is on the disk, and passes on mode,
+    owner and group. A file that has come meanwhile is replaced, kept, or refused by
+    FileExistsError. The next attempt removes what a kill has left of a file that begins with
+    `signature`, under a lock.
     """
     own = os.urandom(8).hex()
     temporary = real.with_name(f"{real.name}.{own}.part" if signature else f".asperity-{own}")
@@ -208,10 +198,7 @@ def unfinished(real: Path, present: Present = "replace", signature: bytes = b"")
 
 
 def place_of(path: Path) -> Path:
-    """Follow all links, perhaps to scratch folders, to the place of a file, which may not exist.
-
-    Raise InputError if the path cannot be a file's: a loop of links, a folder, the root.
-    """
+    """Follow all links to the place of a file, which may not exist; else InputError."""
     real = _followed(path)
     with _in_words(path, "cannot be written"):
         if not real.name or real.is_dir():
@@ -315,12 +302,9 @@ def _in_words(path: Path, trouble: str) -> Iterator[None]:
 def lock(path: Path) -> Iterator[None]:
     """Hold the lock of a database, which need not exist yet, while the block creates or writes it.
 
-    The kernel keeps the lock on the file `<path>.lock` and drops it when the process ends; the file
-    names the holder. With `HDF5_USE_FILE_LOCKING=FALSE`, the usual setting on file systems without
-    locks, missing locks are accepted and the user makes sure that only one run writes.
-
-    Raise InputError if another process writes the database, the folder cannot be written, its file
-    system has no locks, or a file of the user's has the lock's name.
+    The kernel keeps the lock on the file `<path>.lock`, which names the holder, and drops it when
+    the process ends. With `HDF5_USE_FILE_LOCKING=FALSE`, as usual on file systems without locks,
+    missing locks are accepted. Raise InputError if another process writes, or no lock can be had.
     """
     real = place_of(path)  # one lock for all links to a file
     with _held(path, real.with_name(f"{real.name}.lock")):
@@ -331,8 +315,7 @@ def lock(path: Path) -> Iterator[None]:
 def lock_folder(folder: Path) -> Iterator[None]:
     """Make a folder if there is none, and hold its lock while the block reads and writes it.
 
-    The lock is the file `.asperity.lock` in the folder, see `lock`. A folder that has been made for
-    the block and is empty behind it is removed.
+    A folder that has been made for the block and is empty behind it is removed.
     """
     made = [each for each in (folder, *folder.parents) if not each.exists()]
     make_folder(folder)

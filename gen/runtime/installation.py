@@ -1,7 +1,6 @@
 """The installation: its versions, its commit, and the command that adds a missing package.
 
-A package index may not have the name asperity, or somebody else's package under it: no command
-names it.
+No command names asperity: a package index may have somebody else's package under that name.
 """
 
 import importlib.metadata

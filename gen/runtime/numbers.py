@@ -19,9 +19,8 @@ SERIES = re.compile(rf"([^:]+):([^:]+):\s*([0-9]{{1,{DIGITS}}})\s*(:\s*log\s*)?"
 def values_from(text: str, option: str, advice: str) -> list[float]:
     """Parse the numbers of an option; `advice` says in messages which are allowed.
 
-    They are parts with commas between them: numbers, start:stop:count for evenly spaced ones, or
-    start:stop:count:log for numbers of an even ratio, both ends above 0. Raise InputError if a part
-    is none of these, or there are more than `MOST` numbers.
+    They are numbers, start:stop:count, or start:stop:count:log, with commas between them. Raise
+    InputError for anything else, or more than `MOST` numbers.
     """
     values: list[float] = []
     for part in text.split(","):

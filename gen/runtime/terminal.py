@@ -1,8 +1,7 @@
 """Everything that a command prints: lines, tables, progress, and commands as the user types them.
 
-Titles, names of files and messages of libraries come from strangers. An escape sequence in one of
-them could clear the screen, rename the window or forge a line of ours. So every text that is
-printed passes through `printable`.
+Titles, names of files and messages of libraries come from strangers, and an escape sequence in one
+could forge a line of ours: every text that is printed passes through `printable`.
 """
 
 import os
@@ -20,9 +19,7 @@ from gen.runtime.errors import InputError
 OUTPUT = "standard output"  # name of standard output in place of a file's name in errors
 LETTERS = 110  # letters of a name that fit into a line of a picture's title
 
-ENDLESS = 1000
-"""Width of a table that goes to a file or a pipe, where no line is broken [characters]."""
-
+ENDLESS = 1000  # width of a table in a file or a pipe, where no line is broken [characters]
 LINE_SECONDS = 30.0  # time between two lines of progress in a batch log [s]
 RENEWAL = 0.1  # least time between two states of a line of progress on a terminal [s]
 CLEAR = "\r\x1b[K"  # what empties a terminal's line
@@ -30,10 +27,7 @@ COMMAND = "asperity"  # name of the installed command, under which all programs 
 
 
 def printable(text: str) -> str:
-    """Replace every character that is not printable by a question mark.
-
-    These are control characters, ends of lines, and characters that turn the direction of writing.
-    """
+    """Replace characters that control, end lines or turn the direction of writing by ?."""
     return "".join(character if character.isprintable() else "?" for character in text)
 
 
@@ -76,8 +70,7 @@ def print_columns(
 def put(text: str, stream: Any) -> None:
     """Write a text without strangers' control characters on a standard stream, if there is one.
 
-    Errors of standard error are ignored: a full device or a lost reader ends no command. Those of
-    standard output are raised with its name; BrokenPipeError if its reader is gone.
+    Errors of standard error are ignored; those of standard output are raised with its name.
     """
     if stream is None:
         return
@@ -120,9 +113,8 @@ def to_type(words: str) -> str:
 class RunProgress(AbstractContextManager["RunProgress"]):
     """Progress on standard error: on a terminal a line that renews itself, else one now and then.
 
-    A stream that is full, closed or without a reader ends no run. `noun` is the plural of a row,
-    which words that tell it from others may follow. The remaining time follows from the cost of all
-    rows in any unit, by default their number.
+    `noun` is the plural of a row, which words that tell it from others may follow; `work` is the
+    cost of all rows in any unit, from which the remaining time follows, by default their number.
     """
 
     def __init__(self, total: int, noun: str = "samples", work: float | None = None) -> None:

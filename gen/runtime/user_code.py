@@ -1,9 +1,8 @@
 """Functions of the user's that scenes name: found by name, and known by their source.
 
-No function is looked for, let alone run, unless the user says `--trust`: a scene or a database may
-come from a stranger. The source whose hash a database records is the one that runs: it is compiled
-here, as Python's own import may take the compiled file of an earlier source that was changed within
-the same second.
+No function is looked for, let alone run, unless the user says `--trust`. The source whose hash a
+database records is the one that runs: it is compiled here, as Python's own import may take the
+compiled file of an earlier source that was changed within the same second.
 """
 
 import functools
@@ -37,11 +36,7 @@ def source_hash(name: str) -> str:
 
 @functools.lru_cache(maxsize=16)
 def load_function(name: str, source: str) -> Function:
-    """Import a function "module:function" of the user's from a source with this SHA-256.
-
-    Raise SourceError if functions are not trusted, there is no such function, its module cannot be
-    imported, or its source has changed.
-    """
+    """Import a user's function "module:function" of a source with this SHA-256, or say why not."""
     with faults_of(name):
         path = source_of(name)
         content = path.read_bytes()
@@ -71,10 +66,7 @@ def faults_of(
 
 
 def source_of(name: str) -> Path:
-    """Find the file of the module that has a function "module:function"; nothing is imported.
-
-    Raise SourceError if functions are not trusted, there is no such module, or it has no source.
-    """
+    """Find the file of a function's module and import nothing; SourceError without trust."""
     if not TRUSTED.get():
         raise SourceError(
             f"{name}: is code that a scene or a database names, which runs only with --trust; read"
