@@ -43,10 +43,7 @@ SIGNIFICANT = 9
 
 
 class Table(BaseModel):
-    """Rules for every table of a scene: no unknown keys, no conversions, no changes afterwards.
-
-    The description of a field completes an error message: it says which values are allowed.
-    """
+    """Rules for every table of a scene; a field's description says which values are allowed."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
@@ -256,10 +253,9 @@ def quantiles(distribution: Distribution, uniform: Values) -> Values:
 
 
 def log_within(low: float, high: float, uniform: Values) -> Values:
-    """Map numbers in [0, 1) logarithmically to [low, high].
+    """Map numbers in [0, 1) logarithmically to [low, high], alike on every processor.
 
-    Each binary digit of a number multiplies by a root of high / low. Roots and products are rounded
-    alike on every processor, which logarithms and exponentials are not: a plan must not differ.
+    Each binary digit multiplies by a root of high / low: logarithms and exponentials may differ.
     """
     values = np.full(uniform.shape, low)
     factor = math.sqrt(high) / math.sqrt(low)

@@ -69,11 +69,7 @@ class Drawn(NamedTuple):
 
 
 class GeneratedSurface(Table):
-    """A table of surfaces, which the plan and the solver rely on.
-
-    Fields that are annotated with `Drawn` are drawn for each surface and become columns of its
-    database.
-    """
+    """A table of surfaces, whose fields with a `Drawn` are drawn for each surface, and columns."""
 
     NAMES: ClassVar[tuple[str, ...]] = ()
     """Names by which scenes ask for this generator."""
@@ -115,18 +111,14 @@ class GeneratedSurface(Table):
     def heights(self, grid: Grid, surface: int, parameters: Parameters, random: Random) -> Heights:
         """Make a surface: heights above the lowest node [um], a pure function of these arguments.
 
-        `surface` is its index, `parameters` were drawn for it, and `random` is a stream of its own.
-        An InputError says that it cannot be made, for example of a map that is gone.
+        `surface` is its index, `random` a stream of its own. InputError if it cannot be made.
         """
         raise NotImplementedError
 
     def opposite_heights(
         self, grid: Grid, surface: int, parameters: Parameters, first: Random, random: Random
     ) -> Heights:
-        """Make the second rough body that a surface is pressed against, of the same parameters.
-
-        `first` is the surface's own stream of random numbers, `random` the second body's.
-        """
+        """Make the second rough body; `first` is the surface's own stream, `random` the body's."""
         return self.heights(grid, surface, parameters, random)
 
     def fault_on(self, grid: Grid) -> str:
@@ -142,18 +134,14 @@ class GeneratedSurface(Table):
         return {}
 
     def resolved(self, home: Path | None) -> Self:
-        """Complete the table by hashes of the files and sources that its surfaces depend on.
-
-        `home` is the folder of the database, for what is prepared once for all processes; None
-        takes a temporary folder. An InputError names what is missing.
-        """
+        """Complete the table by hashes of what its surfaces depend on; see `Scene.resolved`."""
         return self
 
     def make_ready(self, home: Path | None, *, sources: bool = False, verify: bool = True) -> None:
         """Open the files that surfaces are made from; a SourceError names one that is not there.
 
-        With `sources` the original files have to be there, even if `home` has what was prepared
-        of them. The master looks for damage in that (`verify`), and its workers follow it.
+        With `sources` the original files have to be there too; the master alone looks for damage in
+        what `home` has (`verify`).
         """
 
     def remarks(self) -> list[str]:

@@ -46,8 +46,6 @@ def create(path: Path, scene: Scene, rows: range | None = None) -> None:
     """Create a database of some rows, all pending; the caller holds `lock(path)`."""
     numerics = versions(("asperity", "numpy", "scipy", "pyfftw", "h5py"))
     attributes: dict[str, str | int] = {
-        "Conventions": "CF-1.11",
-        **_identity(scene),
         "schema": SCHEMA,
         "physics": PHYSICS,
         "physics_forced": 0,
@@ -58,29 +56,14 @@ def create(path: Path, scene: Scene, rows: range | None = None) -> None:
     _assemble(path, scene, range(scene.samples) if rows is None else rows, attributes)
 
 
-def _identity(scene: Scene) -> dict[str, str | int]:
-    """Return the attributes that identify a scene."""
-    persons = {"creator_name": scene.creator, "license": scene.licence}  # ACDD's names
-    return {
-        "title": scene.title or "Contact of rough surfaces",
-        **{name: text for name, text in persons.items() if text},
-        "scene": scene.text(),
-        "scene_hash": scene.fingerprint(),
-        "samples": scene.samples,
-    }
-
-
 def open_or_create(
     path: Path, scene: Scene, rows: range | None = None, *, force: bool = False
 ) -> Opened:
     """Create, resume or extend a database for a run; the caller holds `lock(path)`.
 
-    A file with more rows than requested keeps them. With `force` it may have another physics
-    number. Nothing is overwritten: an InputError names another scene, layout or physics number.
-
-    Contiguous datasets cannot grow, so an extended file's rows are copied into a new one, which
-    then takes name, owner, group and mode of the old one. A kill at any moment leaves one of the
-    two files, whole. Rows between those of a part and the requested ones are added as pending.
+    A file with more rows keeps them; rows between those of a part and the wanted ones become
+    pending. With `force` it may have another physics number. To extend it, its rows are copied into
+    a new file, as contiguous datasets cannot grow: a kill leaves one of the two, whole.
     """
     wanted = range(scene.samples) if rows is None else rows
     if not path.exists():
@@ -98,7 +81,7 @@ def open_or_create(
             return Opened("resumed", len(there))
         wider = scene if scene.samples > present.samples else present
         part = Part(path, old, there)
-        _assemble(path, wider, rows, attributes | _identity(wider), [part], replaced=held)
+        _assemble(path, wider, rows, attributes, [part], replaced=held)
     return Opened("extended", len(rows))
 
 
@@ -234,7 +217,16 @@ def _lay_out(path: Path, scene: Scene, rows: range, attributes: Mapping[str, str
     # the mark. Creation order is tracked so that readers list columns in the schema's order.
     with h5py.File(path, "w", libver=("v108", "v110"), track_order=True, locking=False) as file:
         part = rows != range(scene.samples)
-        own = {name: value for name, value in attributes.items() if name not in PART_NUMBERS}
+        persons = {"creator_name": scene.creator, "license": scene.licence}  # ACDD's names
+        own: dict[str, str | int] = {
+            "Conventions": "CF-1.11",
+            "title": scene.title or "Contact of rough surfaces",
+            **{name: text for name, text in persons.items() if text},
+            "scene": scene.text(),
+            "scene_hash": scene.fingerprint(),
+            "samples": scene.samples,
+        }
+        own = own | {n: each for n, each in attributes.items() if n not in (*own, *PART_NUMBERS)}
         own |= {"schema": PART if part else SCHEMA}
         own |= dict(zip(PART_NUMBERS, (rows.start, len(rows)), strict=True)) if part else {}
         for name, value in own.items():

@@ -89,8 +89,7 @@ def stored_path(file: h5py.File, column: Column) -> str:
 def open_file(path: Path, writing: bool = False, communicator: Any = None) -> h5py.File:
     """Open an HDF5 file unchecked; all processes of a communicator open it together.
 
-    HDF5's buffer for small writes is off, so that data reach the kernel in the order of the calls,
-    and a failed write leaves nothing that would make closing fail as well.
+    HDF5's buffer for small writes is off: a failed write leaves nothing that would fail at the end.
     """
     if require_file(path).is_file() and not path.stat().st_size:  # HDF5 would make it its own
         raise InputError(f"{path} is empty, not a database; give another name or remove it")
@@ -187,11 +186,7 @@ def _check_columns(file: h5py.File, path: Path, scene: Scene, rows: int) -> None
 def checked(
     file: h5py.File, path: Path, wanted: Scene | None = None, *, force: bool = False
 ) -> Scene:
-    """Check that an open file is a database of this layout, and return its scene.
-
-    With a wanted scene, check too that rows of it can be written into the file: other results are
-    refused, and without `force` another physics number.
-    """
+    """Check that an open file is a database of this layout, into which a wanted scene may write."""
     with _damage(path):
         if not all(name in file.attrs for name in ("schema", "physics", "scene", "samples")):
             raise InputError(f"{path} is HDF5 but not a database of Asperity; give another name")

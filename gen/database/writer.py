@@ -77,8 +77,7 @@ class Writer(Reader):
     """A database open for writing rows; a context manager; the caller holds `lock(path)`.
 
     With a communicator all its processes open and close the file together, and what one of them
-    refuses is refused on all. In between, every process writes rows of its own: no call changes
-    metadata. Without one this process writes alone.
+    refuses is refused on all; in between each writes rows of its own, and no metadata changes.
     """
 
     def __init__(
@@ -128,8 +127,8 @@ class Writer(Reader):
     def write_block(self, start: int, stop: int, columns: Mapping[str, ArrayLike]) -> None:
         """Write the finished rows of a block, all columns by name; the status of rows comes last.
 
-        A ValueError says that columns or rows are not the file's. An InputError says that the disk
-        is full or fails, with the number of safe rows, or that the file has been replaced.
+        A ValueError says that columns or rows are not the file's, an InputError that the disk is
+        full or fails, or that the file has been replaced.
         """
         if not self.rows.start <= start < stop <= self.rows.stop:
             raise ValueError(f"rows {start} to {stop} of {self.rows.start} to {self.rows.stop}")

@@ -108,15 +108,13 @@ def planned_columns(scene: Scene, plan: Parameters) -> Columns:
     return columns
 
 
-def surface_random(scene: Scene, surface: int | np.int64) -> np.random.Generator:
-    """Make the random generator that a surface is made with; its index is below 2^32."""
-    return np.random.Generator(_stream(scene.seed, int(surface)))
+def surface_random(scene: Scene, surface: int | np.int64, *body: int) -> np.random.Generator:
+    """Make the random generator of a surface, below 2^32, or of the body that it is pressed on."""
+    return np.random.Generator(_stream(scene.seed, int(surface), *body))
 
 
-def opposite_random(scene: Scene, surface: int | np.int64) -> np.random.Generator:
-    """Make the random generator of the second rough body that a surface is pressed against."""
-    # A key of two words like that of a chunk, whose second word is never this one.
-    return np.random.Generator(_stream(scene.seed, int(surface), 4))
+OPPOSITE = 4
+"""Second word of the key of a second rough body, which the key of a chunk never has."""
 
 
 def _stream(seed: int, *key: int) -> np.random.PCG64:
@@ -136,9 +134,8 @@ def _drawn(
 ) -> Values:
     """Draw the numbers of the items start to stop - 1 in [0, 1), shape (stop - start, per).
 
-    `chunk` items share a stream, whose key is their chunk's number followed by `key`; `before`
-    numbers of each stream belong to something else. A surface's own key is one word, a chunk's two
-    or three: none shares a stream with another.
+    `chunk` items share a stream, whose key is their chunk's number followed by `key`, so that none
+    is a surface's; `before` numbers of each stream belong to something else.
     """
     uniform = np.empty((stop - start, per))
     begin = start

@@ -106,10 +106,9 @@ def generate_database(
 ) -> RunResult:
     """Create or continue a database; every process of the world has to call it.
 
-    `scene` is the name of a shipped one, or the path of a TOML file; `rows` are the first one to
-    compute and one past the last; `limit` is the time for a surface, and for each contact on it
-    [s]. On the master, an InputError names a scene or a file that cannot be used, or a full disk;
-    the workers raise `gen.runtime.farm.MasterLeft` then.
+    `scene` is a name or a path; `rows` are the first one and one past the last; `limit` is the time
+    for a surface, and for each contact [s]. The master raises InputError, and the workers
+    MasterLeft then.
     """
     with ExitStack() as stack:
         # From here on a signal is noted; it takes effect between two blocks, not in a broadcast.
@@ -210,11 +209,10 @@ def _prepared(
 def blocks_of(scene: Scene, pending: Sequence[Block], workers: int) -> Iterator[Block]:
     """Cut pending rows into blocks, the tasks of workers, which become smaller towards the end.
 
-    Guided self-scheduling (Polychronopoulos and Kuck, 1987): a block is a third of one worker's
-    share of the remaining rows, so that a slow block at the end delays the run little. It is as
-    large as the size of a row allows, and large enough for one master to answer all workers in the
-    time of a block; if there are few rows for each worker, to deal with all blocks in that time.
-    A block ends with a surface if possible, so that few surfaces are generated twice.
+    Guided self-scheduling (Polychronopoulos and Kuck, 1987): a third of one worker's share of the
+    remaining rows, as large as the size of a row allows, and large enough for one master to answer
+    all workers, or to deal with all blocks, in the time of a block. It ends with a surface if
+    possible.
     """
     nodes, m = math.prod(scene.grid.shape), scene.samples_per_surface
     remaining = sum(stop - start for start, stop in pending)

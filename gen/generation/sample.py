@@ -18,8 +18,8 @@ import numpy as np
 import bem
 from gen.arrays import Columns, Heights
 from gen.generation.plan import (
+    OPPOSITE,
     Parameters,
-    opposite_random,
     parameters,
     planned_columns,
     surface_random,
@@ -78,10 +78,9 @@ def compute_rows(
 ) -> Columns:
     """Generate, describe and solve the samples start to stop - 1, and return all their columns.
 
-    A surface is generated and described once for all its samples. A statistic that the surface
-    does not define is NaN, with the reason, and the row is done. A sample that cannot be solved
-    becomes a failed row with its reason; every other exception is a bug and passes through. A
-    surface or a contact that takes longer than `limit` [s] leaves its rows pending.
+    A statistic that the surface does not define is NaN, with a reason, and the row is done. A
+    sample that cannot be solved becomes a failed row; every other exception is a bug. A surface or
+    a contact that takes longer than `limit` [s] leaves its rows pending.
     """
     plan = parameters(scene, start, stop)
     rows: Columns = {
@@ -126,7 +125,7 @@ def surface_of(scene: Scene, plan: Parameters, row: int) -> Heights:
         heights = table.heights(scene.grid, number, drawn, surface_random(scene, number))
         if table.against is None:
             return heights
-        streams = surface_random(scene, number), opposite_random(scene, number)
+        streams = surface_random(scene, number), surface_random(scene, number, OPPOSITE)
         heights = heights + table.opposite_heights(scene.grid, number, drawn, *streams)
     except ArithmeticError as error:
         raise InputError(

@@ -1,7 +1,7 @@
 """Windows of measured maps: how files are read and prepared, and windows cut out of them.
 
-The maps of a scene are opened once by every process: prepared by the first, found by the others. A
-window's place needs the numbers of the maps' nodes only, which the scene of a database holds.
+The maps of a scene are opened once by every process. A window's place needs the numbers of the
+maps' nodes only, which the scene of a database holds.
 """
 
 from __future__ import annotations
@@ -106,10 +106,7 @@ else:
 
 
 class ScannedMap(Table):
-    """A map as a run has found it.
-
-    Its file does not count in the scene's fingerprint: a map may move.
-    """
+    """A map as a run has found it, known by its content: its file may move."""
 
     file: str = Field(description="text, the path of the file")
     sha256: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")] = Field(
@@ -288,10 +285,7 @@ class ScanSurface(GeneratedSurface):
         return lines
 
     def places(self, randoms: Iterable[Random]) -> dict[str, NDArray[np.int32]]:
-        """Return the maps and tiles of surfaces, from the stream of random numbers of each.
-
-        Tiles of a second body's own maps are paired with those of the first: the tile is that pair.
-        """
+        """Return the maps and tiles of surfaces, from the random numbers of each."""
         groups = self.tile_groups()
         windows = [self._window(random) for random in randoms]
         return {
@@ -302,8 +296,8 @@ class ScanSurface(GeneratedSurface):
     def tile_groups(self) -> int:
         """Return the number of groups of tiles, the values that the column `tile` can have.
 
-        Windows of two bodies come from one group, which has tiles of both, as evenly as they
-        divide. Rows of one group stay together in a split: its parts share no node of either body.
+        Windows of two bodies come from one group, which has tiles of both: a split along groups
+        shares no node of either body.
         """
         first = self._tiling().total
         return first if self.against is None else min(first, self.opposite()._tiling().total)

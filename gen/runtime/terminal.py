@@ -127,33 +127,27 @@ class RunProgress(AbstractContextManager["RunProgress"]):
     def __exit__(self, *error: object) -> None:
         """Print a last line, but not above a refusal of the input."""
         if self._here and not isinstance(error[1], InputError):
-            self.say(self._line())
+            self.say()
 
     def advance(self, rows: int, failed: int, work: float | None = None) -> None:
         """Count rows that have been written, failed ones, and their cost (by default, 1 each)."""
         self._here += rows
         self._failed += failed
         self._worked += rows if work is None else work
-        if time.monotonic() < self._last + (RENEWAL if self._renews else LINE_SECONDS):
-            return
-        self._last = time.monotonic()
-        if not self._renews:
-            self.say(self._line())
-            return
-        with suppress(ValueError):
-            put(f"{CLEAR}{self._line()[: shutil.get_terminal_size().columns - 1]}", sys.stderr)
+        if time.monotonic() >= self._last + (RENEWAL if self._renews else LINE_SECONDS):
+            self._last = time.monotonic()
+            self.say(renewed=self._renews)
 
-    def say(self, message: str) -> None:
-        """Print a line."""
-        with suppress(ValueError):
-            put(f"{CLEAR if self._renews else ''}{printable(message)}\n", sys.stderr)
-
-    def _line(self) -> str:
-        """Return rows, rate, failures and remaining time in words."""
+    def say(self, message: str = "", *, renewed: bool = False) -> None:
+        """Print a line, by default of rows, rate, failures and remaining time; or renew it."""
         elapsed = max(time.monotonic() - self._began, 1e-9)
         left = elapsed * (self._work / self._worked - 1) if self._worked else 0.0
-        clock = timedelta(seconds=round(max(left, 0.0)))
-        percent = 100 * self._here / self._total
-        share = f"{self._here} of {self._total} {self._noun} ({percent:.1f} %)"
-        rate = f"{self._here / elapsed:.3g} {self._noun.partition(' ')[0]}/s"
-        return f"{share}, {rate}, {self._failed} failed, {clock} left"
+        line = message or (
+            f"{self._here} of {self._total} {self._noun} ({100 * self._here / self._total:.1f} %),"
+            f" {self._here / elapsed:.3g} {self._noun.partition(' ')[0]}/s,"
+            f" {self._failed} failed, {timedelta(seconds=round(max(left, 0.0)))} left"
+        )
+        room = shutil.get_terminal_size().columns - 1 if renewed else None
+        with suppress(ValueError):
+            clear, end = CLEAR if self._renews else "", "" if renewed else "\n"
+            put(f"{clear}{printable(line)[:room]}{end}", sys.stderr)
