@@ -80,9 +80,12 @@ def main() -> int:
         command: Any = typer.main.get_command(app)
         command(prog_name="asperity")
     command_line.start(default_sigint=program is None or program.default_sigint)
-    if program:
-        code: int = import_module(program.module).main(rest, name=f"asperity {name}")
-    else:
-        code = command_line.main(app, sys.argv[1:], "asperity")
-    farm.leave()
+    try:
+        if program:
+            code: int = import_module(program.module).main(rest, name=f"asperity {name}")
+        else:
+            code = command_line.main(app, sys.argv[1:], "asperity")
+        farm.leave()
+    except Exception:
+        farm.abort_all()
     return code

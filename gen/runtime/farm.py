@@ -165,6 +165,14 @@ def leave() -> None:
             MPI.Finalize()
 
 
+def abort_all() -> NoReturn:
+    """Do what `python -m mpi4py` does for a bug, also if this process has not joined MPI."""
+    communicator = None
+    with suppress(InputError):
+        communicator = this_world().communicator
+    World(communicator=communicator).abort()
+
+
 def run(
     work: Callable[[Task], Result],
     tasks: Iterator[Task],
