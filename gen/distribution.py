@@ -35,11 +35,8 @@ LEAST_INSIDE = 1e-9  # smallest share of a normal distribution that its range ma
 REACH = 3.0  # deviations from the mean at which a normal distribution ends unless a range is given
 DIGITS = 53  # binary digits of a random number in [0, 1)
 
-KNOTS = 2**16
-"""Intervals of equal probability inside which a normal distribution's quantiles are linear."""
-
-SIGNIFICANT = 9
-"""Decimal digits of the quantiles at the ends of these intervals, on which processors agree."""
+KNOTS = 2**16  # intervals inside which a normal distribution's quantiles are linear
+SIGNIFICANT = 9  # decimal digits of the quantiles at their ends, on which processors agree
 
 
 class Table(BaseModel):

@@ -15,8 +15,7 @@ PART = 2
 """Number of the layout of parts, which add the attributes `first_row` and `rows`. It differs from
 `SCHEMA` so that versions that know whole databases only refuse parts."""
 
-PHYSICS = 11
-"""Number of the results: raised whenever a change of the code changes a deterministic column."""
+PHYSICS = 11  # number of the results, raised whenever a deterministic column changes
 
 PHYSICS_CHANGES: dict[int, str] = {
     11: "one active set on masks solves all contacts: areas differ by single nodes, forces within"
@@ -25,8 +24,7 @@ PHYSICS_CHANGES: dict[int, str] = {
 """For each physics number since the solver is one, how it changed the results, in one sentence.
 Earlier numbers, up to 4 for all scenes and up to 10 for some, are those of earlier solvers."""
 
-SHARE, AMOUNT = (0.0, 100.0), (0.0, math.inf)
-"""Bounds of percentages, and of quantities that cannot be negative."""
+SHARE, AMOUNT = (0.0, 100.0), (0.0, math.inf)  # bounds of columns
 
 RUNTIME = "runtime"  # group of the columns that differ from run to run: times, ranks, hosts
 
@@ -64,8 +62,7 @@ REASONS: dict[int, str] = {
 }
 """Texts of the reasons by their codes."""
 
-DONE_REASONS = (Reason.NONE, Reason.NO_STATISTICS)
-"""Reasons that a done row can have: its contact is solved, whatever its surface defines."""
+DONE_REASONS = (Reason.NONE, Reason.NO_STATISTICS)  # the contact is solved
 
 
 @dataclass(frozen=True)
@@ -235,8 +232,7 @@ COLUMNS: tuple[Column, ...] = (
 """Every column that a database can have but for the parameters of its surfaces, in the order of the
 file. Parameters stand behind `surface`."""
 
-INFINITE_AT_FULL_CONTACT = frozenset(("stiffness", "interface_stiffness"))
-"""Columns that full contact makes infinite."""
+INFINITE_AT_FULL_CONTACT = frozenset(("stiffness", "interface_stiffness"))  # columns
 
 
 def made_by_another(physics: int) -> str:

@@ -14,11 +14,8 @@ from gen.distribution import AboveZero, AtLeastZero, FromZeroToOne, limits
 from gen.runtime.errors import InputError
 from gen.surface import MOST_NODES, Drawn, Grid, GridSurface, Parameters, Random
 
-FARTHEST = 1e30
-"""Largest roll-off over the longest wave: beyond it has no effect, and its powers overflow."""
-
-MOST_PERIOD_NODES = 4 * MOST_NODES
-"""Largest number of nodes along an axis of a surface's period: its waves take 10 GB."""
+FARTHEST = 1e30  # largest roll-off over the longest wave, beyond which its powers overflow
+MOST_PERIOD_NODES = 4 * MOST_NODES  # of a period along an axis, whose waves take 10 GB
 
 ROUNDING = 1e-12  # share by which a wave may be beyond the cut-off because of rounding
 

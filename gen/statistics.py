@@ -35,12 +35,8 @@ from gen.schema import statistics_columns
 NAMES = tuple(column.name for column in statistics_columns())
 """Names of the statistics in the order of Table 1."""
 
-SPACINGS = (1e-15, 1e15)
-"""Smallest and largest spacing [um]: between them no power of a curvature overflows."""
-
-ROUNDING = 8.0
-"""Largest second difference that rounding can cause, in spacings of numbers at the largest
-height."""
+SPACINGS = (1e-15, 1e15)  # least and most [um], between which no power of a curvature overflows
+ROUNDING = 8.0  # largest second difference by rounding, in spacings of numbers at the top
 
 LOST = 1000.0
 """Smallest rms of heights that has a shape, in spacings of numbers at the largest height: below it
@@ -49,11 +45,8 @@ peaks become ties, and skewness and kurtosis are wrong by more than about one pa
 UNDEFINED = "no asperity or one, peaks of equal height or curvature, or flat profiles"
 """Why statistics are NaN on a surface that is not flat."""
 
-DOT = "i,i->"
-"""Sum of products by einsum: BLAS's last bits would depend on the number of a rank's threads."""
-
-NEARLY_EQUAL = 1e-3
-"""Ratio of spread to mean below which the rounding of the mean would show in the third moment."""
+DOT = "i,i->"  # sum of products by einsum: BLAS's last bits would depend on the number of threads
+NEARLY_EQUAL = 1e-3  # spread over mean below which rounding would show in the third moment
 
 
 @dataclass(frozen=True)

@@ -44,8 +44,7 @@ TEXTS = ("title", "scene", "scene_hash", "versions", "git_commit", "created")
 NUMBERS = ("samples", "schema", "physics", "physics_forced")
 LARGEST_ATTRIBUTE = 2**22  # most bytes of an attribute, more than the text of any scene has
 
-PART_NUMBERS = ("first_row", "rows")
-"""Attributes of a part: its first row in the scene's plan, and its number of rows."""
+PART_NUMBERS = ("first_row", "rows")  # attributes of a part: its first row, and its number of rows
 
 FLAGS: dict[Column, dict[int, str]] = {
     STATUS: {status: status.name.lower() for status in Status},

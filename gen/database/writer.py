@@ -22,8 +22,7 @@ from gen.schema import STATUS, Status
 
 T = TypeVar("T")
 
-FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
-"""Errors of the system for a full disk, an exhausted quota or a file that is too large."""
+FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})  # a full disk, quota, or file
 
 MOUNTS = Path("/proc/self/mountinfo")  # Linux's list of mounted file systems
 

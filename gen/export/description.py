@@ -27,11 +27,8 @@ from gen.runtime.errors import InputError
 from gen.runtime.terminal import printable
 from gen.schema import REASONS, Status
 
-DOI = re.compile(r"10\.\d{4,9}/\S+")
-"""A digital object identifier without the address of its resolver (ISO 26324)."""
-
-RESOLVER = re.compile(r"(https?://doi\.org/|doi:)", re.IGNORECASE)
-"""Beginnings that people put in front of an identifier."""
+DOI = re.compile(r"10\.\d{4,9}/\S+")  # without the address of its resolver (ISO 26324)
+RESOLVER = re.compile(r"(https?://doi\.org/|doi:)", re.IGNORECASE)  # what people put in front of it
 
 LICENCE = re.compile(r"https?://\S+|[\w.+-]+( (AND|OR|WITH) [\w.+-]+)*", re.ASCII)
 """An address, or an SPDX expression without brackets (SPDX 2.3, annex D)."""

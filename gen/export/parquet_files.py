@@ -29,8 +29,7 @@ KEY = b"asperity"  # key of a file's metadata under which its origin stands
 ROWS = "rows.parquet"  # file of all columns with one value a row
 FIELDS = "fields"  # folder of the files of columns with one field a row
 
-FILE_BYTES = 2**28
-"""Most bytes of a field's file before compression, so that an interrupted export loses little."""
+FILE_BYTES = 2**28  # most bytes of a field's file before compression: what an interruption loses
 
 
 class Piece(NamedTuple):

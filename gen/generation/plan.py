@@ -29,8 +29,7 @@ from gen.scene import Scene
 from gen.scene.tables import Quantity
 from gen.schema import DRAWN_NAMES
 
-CHUNK = 65_536
-"""Surfaces that share a stream: one stream per row would take minutes for millions of rows."""
+CHUNK = 65_536  # surfaces that share a stream: one a row would take minutes for millions of rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,8 +112,7 @@ def surface_random(scene: Scene, surface: int | np.int64, *body: int) -> np.rand
     return np.random.Generator(_stream(scene.seed, int(surface), *body))
 
 
-OPPOSITE = 4
-"""Second word of the key of a second rough body, which the key of a chunk never has."""
+OPPOSITE = 4  # second word of the key of a second rough body, which the key of a chunk never has
 
 
 def _stream(seed: int, *key: int) -> np.random.PCG64:

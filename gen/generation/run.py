@@ -25,28 +25,13 @@ from gen.schema import Status
 if TYPE_CHECKING:  # a worker that writes nothing needs no HDF5
     from gen.database import Counts, Writer
 
-BLOCK_ROWS = 64
-"""Largest number of rows of a block, for few workers: contiguous rows are written together, and a
-stop waits for them."""
-
-BLOCK_NODES = 64 * 129**2
-"""Largest number of nodes of a block, unless one row has more: a stop waits for blocks at work."""
-
-ANSWER_NODES = 129**2 / 10
-"""Number of nodes whose contact a worker solves in the time that the master takes to hand out,
-receive and write one block."""
-
-MASTER_SHARE = 1.5
-"""Smallest ratio of a block's compute time to the master's time to serve every worker once."""
-
-BLOCK_BYTES = 8 * 2**20
-"""Largest size of a block [bytes], unless one row has more: fields make blocks small."""
-
-MEASURED_SURFACES, MEASURED_LOADS = 16, 4
-"""Surfaces computed for an estimate, spread evenly over the plan, and loads on each at most."""
-
-COUNTED_ROWS = 1_000_000
-"""Largest number of planned rows whose loads are drawn: more would hardly change the summary."""
+BLOCK_ROWS = 64  # most rows of a block: they are written together, and a stop waits for them
+BLOCK_NODES = 64 * 129**2  # most nodes of a block, unless one row has more
+ANSWER_NODES = 129**2 / 10  # nodes solved while the master hands out and writes a block
+MASTER_SHARE = 1.5  # least ratio of a block's time to the master's to serve every worker once
+BLOCK_BYTES = 8 * 2**20  # most bytes of a block, unless one row has more: fields make it small
+MEASURED_SURFACES, MEASURED_LOADS = 16, 4  # of an estimate, and on each surface at most
+COUNTED_ROWS = 1_000_000  # most planned rows whose loads are summarised
 
 Block = tuple[int, int]  # first row of a task, and one past the last
 Choice = Literal["auto", "single", "parallel"]  # writers that a user can ask for

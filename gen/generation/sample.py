@@ -33,17 +33,10 @@ from gen.scene import PythonSurface, Scene, Store, columns_for, require_own_name
 from gen.schema import DONE_REASONS, Reason, Status
 from gen.statistics import describe, rms_slope
 
-TRIED_ROWS = 16
-"""Rows of which the first one with a solution shows the outputs of the user's function."""
-
-Output = tuple[float, str | None]
-"""One output of a user's function: its value, and its unit where it gives one."""
-
-EFFORT = ("iterations", "convolutions", "residual")
-"""Columns of the cost and the residual of a solve, converged or not."""
-
-ANSWERS = ("area_percent", "force", "contact_nodes")
-"""Columns of every database that are results of `bem.solve` under the same name."""
+TRIED_ROWS = 16  # rows, the first one with a solution of which shows a user's function's outputs
+Output = tuple[float, str | None]  # a value of a user's function, and its unit if given
+EFFORT = ("iterations", "convolutions", "residual")  # of a solve, converged or not
+ANSWERS = ("area_percent", "force", "contact_nodes")  # results of `bem.solve` under the same name
 
 OPTIONAL_ANSWERS = frozenset(
     (

@@ -38,8 +38,7 @@ from gen.surface import (
 if TYPE_CHECKING:  # scenes of other surfaces need nothing of maps
     from gen.maps.library import Library, Tiling, Wanted, Window
 
-_OPEN: dict[ScanSurface, Library] = {}
-"""Prepared maps of the scenes of this process."""
+_OPEN: dict[ScanSurface, Library] = {}  # prepared maps of the scenes of this process
 
 MOST_PATTERNS = 1000  # largest number of names in the list of files
 

@@ -15,8 +15,7 @@ from gen.runtime.files import read_bytes, write
 
 Row = dict[str, float | int | str]  # one line of a table: values by the names of the columns
 
-FORMULAS = ("=", "+", "-", "@", "\t", "\r", "\n")
-"""First characters of a text that a spreadsheet would compute."""
+FORMULAS = ("=", "+", "-", "@", "\t", "\r", "\n")  # beginnings that a spreadsheet would compute
 
 
 class Document(BaseModel):

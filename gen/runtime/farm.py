@@ -39,8 +39,7 @@ LONGEST_NAP = 0.01  # between two looks for a message [s]; MPI's own waiting wou
 
 FORWARDING = 0.5  # time for the launcher to pass on a last line [s]; an abort would lose it
 
-SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1)
-"""Signals of Ctrl-C, of the end of a batch job, and of Slurm's warning before that end."""
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1)  # Ctrl-C, a batch job's end, its warning
 
 PATIENCE = 2.0  # time that Python has to handle a signal before the thread answers it [s]
 LONGEST_LIMIT = 1e8  # longest bound [s], three years; the system's timer ends at 9.2e9 s

@@ -44,8 +44,7 @@ SIGNATURES = {
 }
 """Kind of the files that begin with these bytes."""
 
-OURS = re.compile(rb"host .+, process [0-9]+(, job .+)?, since .+\n?")
-"""Content of our lock files: their holder in one line."""
+OURS = re.compile(rb"host .+, process [0-9]+(, job .+)?, since .+\n?")  # a lock's content
 
 LONGEST_HOLDER = 500  # most bytes of that line
 

@@ -17,8 +17,7 @@ from gen.runtime import VERSION
 STAMP = "commit.txt"
 """File beside this module with the commit that an installed package was built from."""
 
-REPOSITORY = Path(__file__).resolve().parents[2]
-"""Folder that holds the packages: a clone if it has a pyproject.toml."""
+REPOSITORY = Path(__file__).resolve().parents[2]  # a clone if it has a pyproject.toml
 
 
 def versions(packages: Iterable[str]) -> dict[str, str]:

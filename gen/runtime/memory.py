@@ -9,9 +9,7 @@ from gen.runtime.errors import InputError
 
 MIB = 2**20
 
-SOLVE_BYTES = 400
-"""Peak memory of a solve per node [bytes]: 360 were measured on 513 to 2,049 nodes a side with
-areas of 2 to 3 %."""
+SOLVE_BYTES = 400  # peak memory of a solve per node: 360 were measured on 513 to 2,049 a side
 
 CONTACT_BYTES = 32  # memory of a solution per node [bytes]: heights, pressure, displacement, gap
 

@@ -8,8 +8,7 @@ from gen.runtime.errors import InputError
 MOST = 100_000  # most values of one option
 DIGITS = 18  # most digits of a whole number: enough for 2^59, and few enough for 64 bits
 
-MAGNITUDES = (1e-60, 1e60)
-"""Range of useful lengths [um] and moduli [MPa]; their squares, products and ratios stay finite."""
+MAGNITUDES = (1e-60, 1e60)  # of useful lengths [um] and moduli [MPa]: their squares stay finite
 
 
 SERIES = re.compile(rf"([^:]+):([^:]+):\s*([0-9]{{1,{DIGITS}}})\s*(:\s*log\s*)?")

@@ -31,8 +31,7 @@ from gen.surface import Grid
 
 INERT = {"samples", "title", "creator", "licence"}  # keys of a scene that change no row
 
-MOST_BYTES = 200_000
-"""Largest size of a scene's file: a scene takes a few hundred bytes, apart from its title."""
+MOST_BYTES = 200_000  # largest size of a scene's file, which has some hundreds but for its title
 
 
 class Scene(Table):
@@ -395,8 +394,7 @@ def load(name_or_path: str) -> Scene:
     raise InputError(printable(f"scene {name_or_path!r}: {reason}; {presets}"))
 
 
-ARGUMENTS = ("shape", "spacing", "rng")
-"""Names that parameters of a user's generator cannot have, which is called with these."""
+ARGUMENTS = ("shape", "spacing", "rng")  # of a user's generator, no names of its parameters
 
 TAKEN = "is the name of something else; give a name of your own"
 
