@@ -17,13 +17,7 @@ import numpy as np
 
 import bem
 from gen.arrays import Columns, Heights
-from gen.generation.plan import (
-    OPPOSITE,
-    Parameters,
-    parameters,
-    planned_columns,
-    surface_random,
-)
+from gen.generation.plan import OPPOSITE, Parameters, parameters, planned_columns, surface_random
 from gen.material import plane_strain_modulus
 from gen.runtime.errors import InputError, SourceError
 from gen.runtime.farm import Overtime, at_most

@@ -85,7 +85,7 @@ def test_a_changed_function_makes_another_scene(here, capsys):
         ("return {'a': 1 / 0}", "row 0: ZeroDivisionError, so its outputs are unknown; give store"),
         ("return None", "returned a NoneType, not a dictionary"),
         ("return {5: 1.0}", "the name 5 is not a text"),
-        ("return {'a': (1.0, 'u\\nm')}", "a unit is a text"),
+        ("return {'a': (1.0, 'u\\nm')}", "of 1 to 20 letters"),
         ("return {'force': 1.0}", "store.outputs.force: force is the name of something else"),
         ("contact.pressure[0, 0] = 5; return {'a': 1.0}", "ValueError: assignment destination"),
     ],
