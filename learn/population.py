@@ -12,8 +12,9 @@ more about the mean than one, but much about what the load does. The mean is a G
   the process is in proportion to the root of the scatter (to the scatter itself, or the same
   everywhere, errors or their estimates are worse).
 - The scatter of two rows of a surface is correlated, the less the farther apart they are: the
-  correlation is an exponential of the distance, but for a share of each row's own, as likely as can
-  be. Rows are whitened by it, so that errors count as generalised least squares count them.
+  correlation is an exponential of a power of the distance, but for a share of each row's own, as
+  likely as can be. Rows are whitened by it, so that errors count as generalised least squares count
+  them.
 - The mean is a plane plus a Matern function, with a length for each input. Lengths and variance
   have the largest evidence on some thousand rows.
 - All rows count, but the mean is a sum of functions about a few hundred of them (the subset of
@@ -41,7 +42,7 @@ CENTRES = 500
 """Rows at most that functions of the mean are about."""
 
 LIKELY_CENTRES, LIKELY_ROWS = 200, 3000
-"""The same, and rows of whole surfaces, for the evidence."""
+"""The same, and rows, for the evidence."""
 
 LENGTHS = (0.1, 10.0)
 """Shortest and longest length, over the deviation of an input."""
@@ -130,7 +131,7 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         size = alike.size * self._scatter(X)
         rows = Whitened(X, (ratio - self.mean_) / size, self._reach(X) / size, blocks, alike)
         centres = X[random.permutation(len(y))[: self.centres]]
-        few = np.isin(surfaces, random.permutation(np.unique(surfaces))[: _few(surfaces)])
+        few = random.permutation(len(y)) < LIKELY_ROWS
         found = _likely(rows.at(few, _blocks(surfaces[few])), centres[:LIKELY_CENTRES])
         self._solve(rows, centres, found, dealt(surfaces, random))
         return self
@@ -210,6 +211,12 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         variance = np.square(self._functions(X) @ self.spread_).sum(axis=1)
         return np.asarray(np.sqrt(variance) * self._reach(X) * self._trend(X))
 
+    def drawn_errors(self, X: Values, number: int) -> Values:
+        """Return distances of the mean from functions that the process might be, (n, number)."""
+        random = np.random.default_rng(self.random_state)
+        draws = self.spread_ @ random.standard_normal((self.spread_.shape[1], number))
+        return np.asarray((self._functions(X) @ draws).T * self._reach(X) * self._trend(X)).T
+
     def quantile(self, level: float) -> float:
         """Return the standard errors on both sides of the mean within which it lies, by level."""
         return float(norm.ppf((1 + level) / 2))
@@ -220,13 +227,17 @@ class Alike(NamedTuple):
 
     own: float  # share that is a row's own
     length: float  # distance over which the correlation falls to 1 / e
+    power: float = 1.0  # of the distance, in which its logarithm is linear
     size: float = 1.0  # of the scatter, over what was given
 
     def roots(self, X: Values, blocks: list[Indices]) -> list[Values]:
         """Return the triangular roots of the correlations of rows in blocks, (b, k, k) each."""
-        shared = [(1 - self.own) * np.exp(-_apart(X[block]) / self.length) for block in blocks]
-        own = [self.own * np.eye(block.shape[1]) for block in blocks]
-        return [np.asarray(np.linalg.cholesky(sum(each))) for each in zip(shared, own, strict=True)]
+        found = []
+        for block in blocks:
+            alike = np.exp(-((_apart(X[block]) / self.length) ** self.power))
+            whole = (1 - self.own) * alike + self.own * np.eye(block.shape[1])
+            found.append(np.asarray(np.linalg.cholesky(whole)))
+        return found
 
 
 class Whitened:
@@ -240,7 +251,7 @@ class Whitened:
         self._inverses = [np.linalg.inv(root) for root in alike.roots(X, blocks)]
 
     def at(self, rows: NDArray[np.bool_], blocks: list[Indices]) -> "Whitened":
-        """Return some rows, of whole surfaces, that are in these blocks."""
+        """Return some rows, whose surfaces are in these blocks."""
         return Whitened(self.X[rows], self.unit[rows], self.reach[rows], blocks, self.alike)
 
     def white(self, values: Values, *, back: bool = False) -> Values:
@@ -296,7 +307,9 @@ def _most_alike(X: Values, scatter: Values, blocks: list[Indices]) -> Alike:
 
     def sized(logarithms: Values) -> tuple[float, Alike]:
         """Return minus the logarithm of the likelihood, and the size that is most likely."""
-        alike = Alike(OWN + (1 - OWN) * float(expit(logarithms[0])), float(np.exp(logarithms[1])))
+        own, length, power = logarithms
+        alike = Alike(OWN + (1 - OWN) * float(expit(own)), float(np.exp(length)))
+        alike = alike._replace(power=1 + float(expit(power)))
         squares = volume = 0.0
         for block, root in zip(blocks, alike.roots(X, blocks), strict=True):
             squares += np.square(np.linalg.solve(root, scatter[block][:, :, None])).sum()
@@ -304,12 +317,12 @@ def _most_alike(X: Values, scatter: Values, blocks: list[Indices]) -> Alike:
         size = np.sqrt(max(squares / len(X), np.finfo(float).tiny))
         return len(X) * np.log(size) + volume, alike._replace(size=float(size))
 
-    given: dict[str, Any] = {"method": "Nelder-Mead", "options": {"maxiter": 60, "xatol": 0.05}}
+    given: dict[str, Any] = {"method": "Nelder-Mead", "options": {"maxiter": 100, "xatol": 0.05}}
 
     def minus(logarithms: Values) -> float:
         return sized(logarithms)[0]
 
-    return sized(minimize(minus, np.array([-2.0, 1.0]), **given).x)[1]
+    return sized(minimize(minus, np.array([-2.0, 1.0, 0.0]), **given).x)[1]
 
 
 def _blocks(surfaces: Indices) -> list[Indices]:
@@ -322,11 +335,6 @@ def _blocks(surfaces: Indices) -> list[Indices]:
             block = own[start : start + TOGETHER]
             of_size.setdefault(block.size, []).append(block)
     return [np.array(each) for each in of_size.values()]
-
-
-def _few(surfaces: Indices) -> int:
-    """Return how many surfaces have about `LIKELY_ROWS` rows."""
-    return -(-LIKELY_ROWS * np.unique(surfaces).size // surfaces.size)
 
 
 def dealt(surfaces: Indices, random: np.random.Generator) -> Indices:

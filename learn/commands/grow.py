@@ -11,11 +11,12 @@ from gen.runtime.command_line import Trust, grouped
 from gen.runtime.errors import InputError
 from gen.runtime.files import Output, check_outputs
 from gen.runtime.terminal import echo
-from learn.commands.fit import SEEDS, Blocks, note, request_of
+from learn.commands.fit import SEEDS, Blocks, Load, note, request_of
 
 if TYPE_CHECKING:
+    from gen.scene import Scene
     from learn.executor import Executor
-    from learn.grow.rounds import Order
+    from learn.grow.accuracy import Order
 
 SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A shipped scene, or a TOML file.")]
 SurrogateFile = Annotated[
@@ -52,10 +53,9 @@ class Goal(NamedTuple):
     features: Annotated[str, typer.Option(metavar="SET", help="Features, as for learn fit.")] = (
         "hybrid"
     )
+    load: Load = ""
     blocks: Blocks = None
-    model: Annotated[str, typer.Option(metavar="NAME", help="One of the nine models.")] = (
-        "kernel-ridge"
-    )
+    model: Annotated[str, typer.Option(metavar="NAME", help="Model, as for learn fit.")] = ""
     seed: Annotated[int, typer.Option(min=0, max=SEEDS, help="Seed of the model.")] = 0
 
 
@@ -72,40 +72,39 @@ def grow(scene: SceneName, output: SurrogateFile, *, goal: Goal, trust: Trust = 
     from learn.executor import led
 
     with led() as executor:
-        return _grow(_order(output, goal), scene, goal.budget, executor)
+        return _grow(output, scene, goal, executor)
 
 
-def _grow(order: Order, scene: str, budget: str, executor: Executor) -> int:
+def _grow(output: Path, name: str, goal: Goal, executor: Executor) -> int:
     """Grow on the master; return the exit code."""
     from gen.runtime.farm import Interruption
     from gen.runtime.figure import new_figure, save
     from gen.scene import load
     from learn.executor import seconds
     from learn.grow import report, rounds
-    from learn.grow.rounds import Pace
     from learn.surrogate.fitting import require_better
 
-    pace = Pace(seconds(budget) if budget else None, executor.workers)
-    output, database = order.request.output, order.request.databases[0]
-    drawing = _beside(output, ".png")
+    pace = rounds.Pace(seconds(goal.budget) if goal.budget else None, executor.workers)
+    database, drawing = (_beside(output, suffix) for suffix in (".h5", ".png"))
     check_outputs(
         [Output(output, "--output", "surrogate"), Output(drawing, "--output", "picture")],
-        [scene] if Path(scene).is_file() else [],
+        [name] if Path(name).is_file() else [],
     )
     _require_own(database, output, drawing)
     figure = new_figure(report.WIDTH, report.HEIGHT, dpi=110)
     with Interruption(listening=True) as interruption:
-        whole = load(scene)
-        for doubt in whole.contact.doubts:
+        scene = load(name)
+        order = _order(output, goal, scene)
+        for doubt in scene.contact.doubts:
             note(f"warning: {doubt}")
-        grown = rounds.grow(order, whole, executor, pace, note, interruption.requested)
-    if grown.ending == "interrupted" or grown.last is None:
+        ending, last = rounds.grow(order, scene, executor, pace, note, interruption.requested)
+    if ending == "interrupted" or last is None:
         note(f"stopped; {database} is kept, the same command goes on")
         return 128 + interruption.signal
-    report.show(grown, grown.last)
-    report.draw(figure, grown.last, grown.curve)
+    report.show(order, ending, last)
+    report.draw(figure, last)
     echo(f"wrote {output}, {database} and {save(figure, drawing)}")
-    require_better(grown.last.surrogate, str(output))
+    require_better(last.surrogate, str(output))
     return 0
 
 
@@ -124,20 +123,26 @@ def _require_own(database: Path, surrogate: Path, drawing: Path) -> None:
         note(f"{database}: is there already; its rows count, and more are added to it")
 
 
-def _order(output: Path, goal: Goal) -> Order:
+def _order(output: Path, goal: Goal, scene: Scene) -> Order:
     """Check the options, and return the growth that they describe."""
-    from learn.features.scene import SCENE
-    from learn.grow.rounds import Order
-    from learn.models import models_named
+    from learn.features.scene import SCENE, load_of
+    from learn.grow.accuracy import Order
+    from learn.models import POPULATION, default_model, models_named
 
     if not 0 < goal.nmae <= LARGEST_NMAE:
         raise InputError(
             f"--nmae {goal.nmae:g}: give an error above 0 % and up to {LARGEST_NMAE:g} %, as 2"
         )
-    models_named([goal.model])
-    if goal.features == SCENE:
-        raise InputError(f"--features {SCENE}: learn grow takes features of surfaces")
-    request = request_of(goal, [_beside(output, ".h5")], output, goal.features, roots=True)
+    of_scene = goal.features == SCENE
+    (model,) = models_named([goal.model or default_model(goal.features)], goal.features)
+    if of_scene and model.name != POPULATION.name:
+        raise InputError(
+            f"--model {goal.model}: of {SCENE} features, {POPULATION.name} alone knows the error of"
+            " its mean: leave that out"
+        )
+    load = goal.load or (load_of(scene) if of_scene else "")
+    options = goal._replace(model=model.name, load=load)
+    request = request_of(options, [_beside(output, ".h5")], output, goal.features, roots=True)
     return Order(request, goal.nmae, goal.rows)
 
 

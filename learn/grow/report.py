@@ -4,15 +4,15 @@ The screen says how it ended, errors, coverage and the learning curve; the pictu
 curve, and predictions with their intervals over the truth.
 """
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
 from gen.runtime.figure import draw_parity, log_axis, parity_axes
 from gen.runtime.terminal import echo, print_table, printable
-from learn.grow.accuracy import LEVEL, RISK, Appraisal, Curve, values
-from learn.grow.rounds import Ending, Growth, asked_for
+from learn.features.scene import SCENE
+from learn.grow.accuracy import LEVEL, RISK, Look, Order
+from learn.grow.rounds import Ending
 
 TABLE_WIDTH = 110
 """Width of the tables without a terminal [characters]."""
@@ -22,113 +22,84 @@ WIDTH, HEIGHT = 10.0, 4.6
 
 COLOUR, MARK = "tab:blue", "tab:red"
 
-WORDS: dict[Ending | None, str] = {
+WORDS: dict[Ending, str] = {
     "met": "The mark is met",
     "budget": "The budget is used up before the mark is met",
     "rows": "The allowed rows are used up before the mark is met",
     "hopeless": "The mark is out of reach of this model with these features",
-    "interrupted": "Interrupted",
 }
 """Why a growth has ended."""
 
 
-def show(grown: Growth, found: Appraisal) -> None:
+def show(order: Order, ending: Ending, found: Look) -> None:
     """Print the end of a growth with its last surrogate."""
-    card, request = found.surrogate.card, grown.order.request
-    rows = card["rows"]
-    by = rows.get("split_by", "surface")
-    about = (
-        f"{request.output}: {card['title']}, {card['features']} features; {found.rows} rows of"
-        f" {request.databases[0]}: {rows['train']} train, {rows['calibration']} calibrate,"
-        f" {rows['test']} held out by {by}, {sum(rows['left_out'].values())} left out"
-    )
-    for line in (about, *_verdict(grown, found)):
-        echo(line)
-    print_table(_errors(found), TABLE_WIDTH)
-    if grown.curve is not None:
-        floor, scale, exponent = grown.curve.fit
-        points = ", ".join(
-            f"{error:.3g} % of {size:.0f}"
-            for size, error in zip(grown.curve.rows, grown.curve.nmae, strict=True)
-        )
-        said = f"learning curve of {grown.curve.target}: nMAE {points} rows;"
-        said += f" {floor:.2g} + {scale:.3g} n^-{exponent:.2g} %"
-        echo(said)
-
-
-def _verdict(grown: Growth, found: Appraisal) -> Iterator[str]:
-    """Say how the growth has ended, and what can be done."""
-    bound = found.bound(found.worst)
-    worst = f"nMAE of {found.worst} {found.judged[found.worst].accuracy.nmae:.2f} %"
-    if found.met:
-        yield (
-            f"{WORDS['met']}: {worst}, at most {bound:.2f} %, asked: {found.mark:g} %. However"
-            f" often a growth looks, it accepts too large an error with a probability of {RISK:.0%}"
-            " at most."
-        )
-        return
-    yield f"{WORDS[grown.ending]}: {worst}, at most {bound:.2f} %, asked: {found.mark:g} %."
-    if grown.ending == "hopeless":
-        yield (
-            f"Within {grown.order.most} rows, the most that are allowed, the learning curve does"
-            " not come to it: ask for less, allow more --rows, or try other --features."
-        )
-    elif grown.advice is not None:
-        said = asked_for(found, grown.advice)
-        yield f"{said[0].upper()}{said[1:]}. The same command goes on."
-
-
-def _errors(found: Appraisal) -> object:
-    """Return a table of errors, bounds and intervals of each target."""
     from rich.table import Table
 
+    card, request = found.surrogate.card, order.request
+    rows, worst = card["rows"], found.worst
+    echo(
+        f"{request.output}: {card['title']}, {card['features']} features; {found.rows} rows of"
+        f" {request.databases[0]}: {rows['train']} train, {rows['calibration']} calibrate,"
+        f" {rows['test']} held out by {rows.get('split_by', 'surface')},"
+        f" {sum(rows['left_out'].values())} left out"
+    )
+    accuracy, bound = found.judged[worst].accuracy, found.bound(worst)
+    said = f"{WORDS[ending]}: nMAE of {worst} {accuracy.nmae:.2f} %, at most {bound:.2f} %,"
+    said += f" asked: {found.mark:g} %."
+    if found.met:
+        said += (
+            " However often a growth looks, it accepts too large an error with a probability of"
+            f" {RISK:.0%} at most."
+        )
+    echo(said)
+    if ending == "hopeless":
+        echo(
+            f"Within {order.most} rows, the most that are allowed, the learning curve does not come"
+            " to it: ask for less, allow more --rows, or try other --features."
+        )
+    elif not found.met and found.asked_for():
+        asked = found.asked_for()
+        echo(f"{asked[0].upper()}{asked[1:]}. The same command goes on.")
+    if card["features"] == SCENE:
+        echo("Errors are those of the mean over surfaces, intervals those of a new surface.")
     table = Table(box=None, pad_edge=False)
     table.add_column("target")
     for name in ("nMAE %", "its SE", "at most", "R2 %", f"in {LEVEL:.0%} interval", "mean width"):
         table.add_column(name, justify="right")
     for name, judged in found.judged.items():
-        about = found.surrogate.card["targets"][name]
-        width = float(np.mean(judged.high - judged.low))
-        table.add_row(
-            printable(name),
-            f"{judged.accuracy.nmae:.2f}",
-            f"{judged.accuracy.error:.2f}",
-            f"{found.bound(name):.2f}",
-            f"{about['scores']['r2']:.2f}",
-            f"{100 * judged.inside.mean():.1f} %",
-            f"{width:.3g} {printable(about['unit'])}",
-        )
-    return table
+        about = card["targets"][name]
+        numbers = judged.accuracy.nmae, judged.accuracy.error, found.bound(name)
+        inside, width = 100 * judged.inside.mean(), np.mean(judged.high - judged.low)
+        cells = [f"{each:.2f}" for each in (*numbers, about["scores"]["r2"])]
+        cells += [f"{inside:.1f} %", f"{width:.3g} {printable(about['unit'])}"]
+        table.add_row(printable(name), *cells)
+    print_table(table, TABLE_WIDTH)
+    if (curve := found.curve) is not None:
+        pairs = zip(curve.rows, curve.nmae, strict=True)
+        points = ", ".join(f"{error:.3g} % of {size:.0f}" for size, error in pairs)
+        echo(f"learning curve of {worst}: nMAE {points} rows; falls as n^-{curve.exponent:.2f}")
 
 
-def draw(figure: Any, found: Appraisal, curve: Curve | None) -> None:
+def draw(figure: Any, found: Look) -> None:
     """Draw the worst target, with its learning curve if there is one, into an empty figure.
 
     The figure is of `WIDTH` x `HEIGHT`.
     """
     learning, parity = figure.subplots(1, 2)
-    _draw_learning(learning, found, curve)
+    _draw_learning(learning, found)
     _draw_parity(parity, found)
 
 
-def _draw_learning(axis: Any, found: Appraisal, curve: Curve | None) -> None:
+def _draw_learning(axis: Any, found: Look) -> None:
     """Draw errors over rows, the curve, and the mark."""
-    judged = found.judged[found.worst].accuracy
-    if curve is not None:
-        spread = curve.nmae - curve.lowest, curve.highest - curve.nmae
-        axis.errorbar(curve.rows, curve.nmae, spread, fmt="o", color="0.4", ms=4, label="parts")
+    if (curve := found.curve) is not None:
+        axis.plot(curve.rows, curve.nmae, "o", color="0.4", ms=4, label="looks")
         rows = np.geomspace(curve.rows[0], 8 * curve.rows[-1], 100)
-        axis.plot(rows, values(curve.fit, rows), color=COLOUR, label="a + b n$^{-c}$")
-    bound = found.bound(found.worst) - judged.nmae
-    axis.errorbar(
-        [found.rows],
-        [judged.nmae],
-        [[0.0], [bound if np.isfinite(bound) else 0.0]],
-        fmt="s",
-        color="black",
-        capsize=4,
-        label="all rows, with their bound",
-    )
+        axis.plot(rows, curve.at(rows), color=COLOUR, label="n$^{-c}$")
+    nmae = found.judged[found.worst].accuracy.nmae
+    bound = np.nan_to_num(found.bound(found.worst) - nmae, posinf=0.0)
+    look = {"fmt": "s", "color": "black", "capsize": 4, "label": "all rows, with their bound"}
+    axis.errorbar([found.rows], [nmae], [[0.0], [bound]], **look)
     axis.axhline(found.mark, color=MARK, ls="--", label=f"asked for, {found.mark:g} %")
     axis.set(xlabel="rows of the database", ylabel="nMAE [%]")
     axis.set_title(f"Learning curve, {found.worst}")
@@ -138,7 +109,7 @@ def _draw_learning(axis: Any, found: Appraisal, curve: Curve | None) -> None:
     axis.legend(fontsize=8)
 
 
-def _draw_parity(axis: Any, found: Appraisal) -> None:
+def _draw_parity(axis: Any, found: Look) -> None:
     """Draw predictions with their intervals over the truth."""
     judged, unit = found.judged[found.worst], found.surrogate.learnt[found.worst].unit
     parity_axes(axis, judged.truth)

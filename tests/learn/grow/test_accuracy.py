@@ -17,12 +17,12 @@ from learn.grow.accuracy import (
     SMALLEST_SURFACES,
     Accuracy,
     Curve,
-    Sizes,
+    Look,
     accuracy,
     advise,
-    fitted,
     risk,
-    values,
+    size,
+    size_with,
 )
 
 
@@ -49,14 +49,13 @@ def test_the_bound_fails_about_as_often_as_it_may():
 
 @given(st.integers(1, 400))
 def test_sizes_are_whole_surfaces_that_grow_by_about_the_square_root_of_two(per_surface):
-    sizes = Sizes(per_surface)
-    rows = [sizes.rows(number) for number in range(16)]
+    rows = [size(number, per_surface) for number in range(16)]
     assert rows[0] >= max(60, SMALLEST_SURFACES * per_surface)
     for small, large in itertools.pairwise(rows):
         assert large % per_surface == 0
         assert 1.2 < large / small < 1.65
-    assert [sizes.number(each) for each in rows] == list(range(16))
-    assert sizes.number(rows[3] + 1) == 4
+    assert [size_with(each, per_surface) for each in rows] == list(range(16))
+    assert size_with(rows[3] + 1, per_surface) == 4
 
 
 def test_the_risks_of_all_looks_together_are_the_risk_that_is_stated():
@@ -75,23 +74,17 @@ def test_one_of_five_successive_numbers_is_drawn_by_the_seed_alone():
 
 
 def test_a_larger_database_holds_out_the_same_rows(solved):
-    rows = 61
     whole = read(solved)
-    test, train = module.split_holdout(whole)
-    some = whole.at(np.arange(rows))
-    test_then, train_then = module.split_holdout(some)
-    np.testing.assert_array_equal(test_then, test[:rows])
-    np.testing.assert_array_equal(train_then, train[:rows])
+    test = module.holdout(whole)
+    np.testing.assert_array_equal(module.holdout(whole.at(np.arange(61))), test[:61])
     assert test.sum() == whole.size // 5
 
 
-def test_rows_linked_to_rows_of_the_holdout_train_never_and_test_no_more(populations):
+def test_tiles_that_share_a_window_are_never_on_both_sides(populations):
     rows = read(populations / "scans.h5", "area")
-    test, _ = module.split_holdout(rows)
-    linked = replace(rows, groups=np.zeros(rows.size, dtype=np.int64))
-    test_then, train_then = module.split_holdout(linked)
-    np.testing.assert_array_equal(test_then, test)
-    assert not train_then.any()
+    assert 0 < module.holdout(rows).sum() < rows.size
+    linked = replace(rows, groups=np.repeat([0, 1], [rows.size - 1, 1]))
+    assert len(set(module.holdout(linked)[:-1])) == 1
 
 
 def test_parts_are_whole_groups_in_random_order_with_folds(solved):
@@ -118,38 +111,34 @@ def test_errors_are_measured_by_magnitudes():
 def test_rows_that_repeat_a_surface_follow_its_first_row(populations):
     rows = read(populations / "python.h5", "area")
     repeated = replace(rows, groups=np.arange(rows.size) % 20)
-    test, train = module.split_holdout(repeated)
+    test = module.holdout(repeated)
     for group in range(20):
         assert len(set(test[repeated.groups == group])) == 1
-    assert (train == ~test).all()
 
 
-@pytest.mark.parametrize("exact", [(0.0, 50.0, 0.5), (1.0, 300.0, 0.9), (0.5, 20.0, 0.3)])
-def test_the_fit_finds_the_curve_that_points_lie_on(exact):
-    rows = np.array([100.0, 200.0, 400.0, 800.0, 1600.0, 3200.0])
-    found = fitted(rows, values(np.array(exact), rows))
-    further = np.array([6400.0, 25_600.0])
-    assert values(found, further) == pytest.approx(values(np.array(exact), further), rel=0.02)
+@pytest.mark.parametrize("exponent", [0.3, 0.9])
+def test_the_curve_is_the_power_of_the_rows_that_errors_follow(exponent):
+    rows = np.array([100.0, 200.0, 400.0])
+    curve = Curve(rows, 50 * rows**-exponent)
+    assert curve.at(np.array([6400.0])) == pytest.approx(50 * 6400.0**-exponent)
 
 
-def appraised(nmae, error, mark, rows=240, *, by_tile=False):
-    """What `advise` looks at."""
-    judged = {"area": SimpleNamespace(accuracy=Accuracy(nmae, error, rows // 5))}
-    sets = [SimpleNamespace(by_tile=by_tile)]
-    number = Sizes(1).number(rows)
-    return SimpleNamespace(rows=rows, number=number, mark=mark, judged=judged, sets=sets)
-
-
-def curve_of(*fit):
-    here, nothing = np.array([60.0, 120.0, 240.0]), np.ones(3)
-    return Curve("area", here, nothing, nothing, nothing, np.array(fit, dtype=float))
+def advised(nmae, error, mark, exponent):
+    """The rows that a look at 240 asks for."""
+    number, judged = size_with(240, 1), SimpleNamespace(accuracy=Accuracy(nmae, error, 48))
+    found = Look(240, number, mark, None, {"area": judged}, None)
+    rows = np.array([120.0, 240.0])
+    curve = Curve(rows, nmae * (rows / 240) ** -exponent)
+    scene = SimpleNamespace(samples_per_surface=1)
+    return advise(
+        found, curve, 20_000, SimpleNamespace(by_tile=False, origins=[SimpleNamespace(scene=scene)])
+    )
 
 
 def test_an_exact_error_asks_for_the_rows_of_the_curve():
     """nMAE 4 % at 240 rows, halved by four times the rows: 960 rows, a size, for 2 %."""
-    assert advise(appraised(4.0, 0.0, 2.001), curve_of(0, 62.0, 0.5), Sizes(1), 20_000) == 960
+    assert advised(4.0, 0.0, 2.001, 0.5) == 960
 
 
-def test_a_floor_above_the_mark_is_hopeless():
-    found = appraised(4.0, 0.1, 2.0)
-    assert math.isinf(advise(found, curve_of(3.0, 15.5, 0.5), Sizes(1), 20_000))
+def test_a_curve_that_falls_too_little_is_hopeless():
+    assert math.isinf(advised(4.0, 0.1, 2.0, 0.1))
