@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
@@ -140,8 +140,8 @@ def _order(output: Path, goal: Goal, scene: Scene) -> Order:
             f"--model {goal.model}: of {SCENE} features, {POPULATION.name} alone knows the error of"
             " its mean: leave that out"
         )
-    load = goal.load or (load_of(scene) if of_scene else "")
-    options = goal._replace(model=model.name, load=load)
+    drawn: Any = load_of(scene) if of_scene else ""
+    options = goal._replace(model=model.name, load=goal.load or drawn)
     request = request_of(options, [_beside(output, ".h5")], output, goal.features, roots=True)
     return Order(request, goal.nmae, goal.rows)
 
