@@ -45,6 +45,11 @@ class Table(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
 
+def conflict(words: str) -> PydanticCustomError:
+    """Return the error for keys that do not go together; no allowed values are told."""
+    return PydanticCustomError("conflict", words)
+
+
 def ascending(limits: tuple[T, T]) -> tuple[T, T]:
     """Refuse a range whose lower limit is above the upper one, or whose width no number holds."""
     low, high = limits

@@ -7,10 +7,9 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
-from pydantic_core import PydanticCustomError
 
 from gen.arrays import Heights, Values
-from gen.distribution import AboveZero, AtLeastZero, FromZeroToOne, limits
+from gen.distribution import AboveZero, AtLeastZero, FromZeroToOne, conflict, limits
 from gen.runtime.errors import InputError
 from gen.surface import MOST_NODES, Drawn, Grid, GridSurface, Parameters, Random
 
@@ -207,8 +206,7 @@ class SpectralSurface(GridSurface):
     hurst: Annotated[
         FromZeroToOne, Drawn("1", "Hurst exponent of the surface", paper_range=(0.5, 0.8))
     ] = Field(
-        default=0.8,
-        description="a number from 0 to 1, [low, high] or a distribution of these",
+        default=0.8, description="a number from 0 to 1, [low, high] or a distribution of these"
     )
     roll_off: Annotated[AboveZero, Drawn("um", "longest wavelength of the power law")] = Field(
         description="a wavelength above 0, [low, high] or a distribution of these [um]"
@@ -241,13 +239,12 @@ class SpectralSurface(GridSurface):
     def _require_one_rms(self) -> Self:
         """Refuse surfaces without a height, or with two, and a cut-off beyond the roll-off."""
         if (self.rms_height is None) == (self.rms_slope is None):
-            raise PydanticCustomError("conflict", "give either rms_height or rms_slope")
+            raise conflict("give either rms_height or rms_slope")
         longest, shortest = limits(self.cut_off)[1], limits(self.roll_off)[0]
         if longest > shortest:
-            raise PydanticCustomError(
-                "conflict",
+            raise conflict(
                 f"cut_off is up to {longest:g} um and roll_off from {shortest:g} um on: the cut-off"
-                " is the shorter wavelength",
+                " is the shorter wavelength"
             )
         return self
 

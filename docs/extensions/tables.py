@@ -11,8 +11,8 @@ from statistics import mean
 from bench.answers import lines as answers
 from bench.record import Inputs
 from bench.report import PARTS
+from gen.commands.databases import COLUMNS
 from gen.maps.settings import markdown_table as preparation
-from gen.scene import markdown_table
 from learn.comparison.grid import LEAST_JUDGED, LIBRARY
 from learn.models import MODELS
 
@@ -645,5 +645,6 @@ def markdown_of(name: str) -> str:
     KeyError
         If there is no table of this name.
     """
-    own = {"columns": markdown_table, "preparation": preparation}
-    return own[name]() if name in own else TABLES[name].markdown()
+    if name == "columns":
+        return COLUMNS.read_text(encoding="utf-8").rstrip()
+    return preparation() if name == "preparation" else TABLES[name].markdown()

@@ -13,7 +13,7 @@ from gen.runtime.files import Output, check_outputs
 from gen.runtime.numbers import shown
 from gen.runtime.terminal import echo, to_type
 
-COLUMNS = Path(__file__).parents[1] / "columns.md"  # what `gen.scene.markdown_table` writes
+COLUMNS = Path(__file__).parents[1] / "columns.md"  # written down: a test compares it with all
 
 
 def run(
@@ -120,7 +120,6 @@ def plot(file: options.Database, output: options.NewPicture, trust: Trust = Fals
 
 def columns() -> None:
     """Print the columns of a database as a table in Markdown."""
-    # Written down, as the tables of the generators take longer to import; a test compares both.
     for line in COLUMNS.read_text(encoding="utf-8").splitlines():
         echo(line)
 

@@ -49,7 +49,16 @@ def print_database(reader: Reader) -> None:
         for code, number in reader.reasons(status).items():
             reason = REASONS.get(code, f"reason {code}")
             echo(f"            {number} {status.name.lower()}: {reason}")
-    echo(f"  times     {_times(reader)}")
+    if counts.done:
+        done = reader.column("status") == Status.DONE
+        solve, made = (
+            1e3 * reader.column(f"{name}_seconds")[done] for name in ("solve", "surface")
+        )
+        median, most = np.median(solve), solve.max()
+        echo(
+            f"  times     solve {solve.mean():.2f} ms on average, {median:.2f} median,"
+            f" {most:.2f} at most; surface and statistics {made.mean():.2f} ms"
+        )
     for line in _scene_lines(json.loads(reader.scene.text())):
         echo(f"  scene     {line}")
     versions = json.loads(str(attributes["versions"]))
@@ -118,18 +127,6 @@ def _scene_lines(scene: dict[str, Any]) -> list[str]:
                 known = f"{nx} x {ny} nodes, SHA-256 {found['sha256'][:12]}..., {found['file']}"
                 lines.append(f"  {MAPS[name]} {number}: {known}")
     return lines
-
-
-def _times(reader: Reader) -> str:
-    """Return the times of the done rows in words."""
-    done = reader.column("status") == Status.DONE
-    if not done.any():
-        return "no row is done"
-    solve, surface = (1e3 * reader.column(f"{name}_seconds")[done] for name in ("solve", "surface"))
-    return (
-        f"solve {solve.mean():.2f} ms on average, {np.median(solve):.2f} median,"
-        f" {solve.max():.2f} at most; surface and statistics {surface.mean():.2f} ms"
-    )
 
 
 def print_preparation(topography: Topography, warnings: list[str]) -> None:

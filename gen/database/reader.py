@@ -1,10 +1,8 @@
 """Open databases, refuse other files, and read columns, attributes, counts and ranges.
 
-Databases come from anywhere. HDF5 lets the data of a dataset lie in other files (external storage,
-external links, virtual datasets), behind filters, or on top of another dataset's data, and lets a
-header declare more rows than the file has. With such a file, a run could write into a file that
-nobody named, or a reader could need memory without bound. Columns therefore have to be hard links
-to contiguous datasets of the schema's type and shape, and their data must not overlap.
+Databases come from anywhere, and HDF5 lets data lie in other files, behind filters, or on top of
+another dataset's: a run could write into a file that nobody named, or need memory without bound.
+Columns therefore have to be hard links to contiguous datasets of the schema's type and shape.
 """
 
 import errno

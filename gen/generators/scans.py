@@ -61,14 +61,12 @@ def files(value: object, given: ValidationInfo) -> tuple[str, ...]:
 Files = Annotated[tuple[str, ...], PlainValidator(files)]
 FILES = "a file, a folder or a pattern as 'scans/*.x3p', or a list of these"
 
-LONGEST = 200  # largest length of a text
-
-Text = Annotated[str, Field(max_length=LONGEST)]
+Text = Annotated[str, Field(max_length=200)]
 
 
 def lengths(value: object) -> str:
     """Accept scan lengths as a text, a number, or a pair of numbers, and return their text."""
-    if isinstance(value, str) and len(value) <= LONGEST:
+    if isinstance(value, str) and len(value) <= 200:
         return value  # checked where the maps are looked for
     pair = isinstance(value, list | tuple) and len(value) == 2
     numbers: list[Any] = list(value) if pair else [value]  # type: ignore[call-overload]

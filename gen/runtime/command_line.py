@@ -126,20 +126,14 @@ def _options(group: Any) -> list[Parameter]:
     kinds = get_type_hints(group, include_extras=True)
     defaults = getattr(group, "_field_defaults", None)
     if defaults is None:
-        defaults = {each.name: each.default for each in fields(group)}
+        defaults = {each.name: each.default for each in fields(group) if each.name in group.KEYS}
         for name in defaults:
-            said = group.KEYS.get(name)
-            if said is None:
-                del kinds[name]
-                continue
-            flag, metavar = f"--{name.replace('_', '-')}", said.metavar or None
-            kinds[name] = Annotated[
-                kinds[name], typer.Option(flag, metavar=metavar, help=said.help)
-            ]
+            flag, said = f"--{name.replace('_', '-')}", group.KEYS[name]
+            option = typer.Option(flag, metavar=said.metavar or None, help=said.help)
+            kinds[name] = Annotated[kinds[name], option]
     return [
-        Parameter(name, Parameter.KEYWORD_ONLY, default=defaults[name], annotation=kinds[name])
-        for name in defaults
-        if name in kinds
+        Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=kinds[name])
+        for name, default in defaults.items()
     ]
 
 

@@ -17,9 +17,8 @@ from pydantic import (
     model_serializer,
     model_validator,
 )
-from pydantic_core import PydanticCustomError
 
-from gen.distribution import Distribution, Table, limits
+from gen.distribution import Distribution, Table, conflict, limits
 from gen.generators import GENERATORS, DisplacedSurface, ScanSurface, Surface
 from gen.runtime.errors import InputError
 from gen.runtime.files import read_bytes
@@ -85,25 +84,21 @@ class Scene(Table):
     def _require_what_goes_together(self) -> Self:
         """Refuse loads that the contact cannot have, and surfaces that cannot be made."""
         if self.delta is None and self.load is None:
-            raise PydanticCustomError(
-                "conflict",
+            raise conflict(
                 "surfaces of scans need loads: give [load], as quantity = 'pressure/(E* slope_rms)'"
-                " and range = { log_uniform = [0.003, 0.1] }",
+                " and range = { log_uniform = [0.003, 0.1] }"
             )
         if (self.delta is None) == (self.load is None):
-            raise PydanticCustomError(
-                "conflict", "[delta] and [load] both say what the loads are: give one of them"
-            )
+            raise conflict("[delta] and [load] both say what the loads are: give one of them")
         if self.contact.far_field == "compliant" and not self.quantity.startswith("delta"):
-            raise PydanticCustomError(
-                "conflict",
+            raise conflict(
                 f"load.quantity = '{self.quantity}' needs contact.far_field = 'rigid', not"
-                " 'compliant'",
+                " 'compliant'"
             )
         if isinstance(self.surface, ScanSurface) and self.surface.found is None:
             return self  # a run has to find the maps first
         if fault := self.surface.fault_on(self.grid):
-            raise PydanticCustomError("conflict", f"surface: {fault}")
+            raise conflict(f"surface: {fault}")
         hardness = self.contact.hardness_limits
         if hardness is None or self.quantity not in {"pressure", "force"}:
             return self
@@ -112,11 +107,10 @@ class Scene(Table):
         )
         least = min(limits(piece.range)[0] for piece in self.pieces)
         if least >= hardness[1] * patch:
-            raise PydanticCustomError(
-                "conflict",
+            raise conflict(
                 f"load: every {self.quantity} is {least:g} {self.load_unit} or more; the patch with"
                 f" a hardness of up to {hardness[1]:g} MPa carries less than"
-                f" {hardness[1] * patch:g} {self.load_unit}",
+                f" {hardness[1] * patch:g} {self.load_unit}"
             )
         return self
 
@@ -480,15 +474,3 @@ def row_bytes(scene: Scene) -> int:
     """Return the size of one row of a scene's database, all columns together [bytes]."""
     grid = scene.grid.shape
     return sum(column.row_bytes(grid) for column in columns_for(scene))
-
-
-def markdown_table() -> str:
-    """Write the table of columns of `docs/how-to/reading.md` and `gen/columns.md`, in Markdown."""
-    lines = ["| Column | Unit | Meaning | Paper's range |", "|---|---|---|---|"]
-    for column in ALL_COLUMNS:
-        span = "{:g} to {:g}".format(*column.paper_range) if column.paper_range else ""
-        shape = ", nx x ny per sample" if column.shape_of else ""
-        condition = f" (with {column.optional})" if column.optional else ""
-        meaning = f"{column.long_name}{shape}{condition}"
-        lines.append(f"| `{column.path}` | {column.unit} | {meaning} | {span} |")
-    return "\n".join(lines)

@@ -5,9 +5,17 @@ import sys
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, Field, Strict, model_validator
-from pydantic_core import PydanticCustomError
 
-from gen.distribution import AboveZero, AtLeastZero, Number, Positive, Table, is_drawn, limits
+from gen.distribution import (
+    AboveZero,
+    AtLeastZero,
+    Number,
+    Positive,
+    Table,
+    conflict,
+    is_drawn,
+    limits,
+)
 from gen.generators.function import FUNCTION_WORDS, Function, Hash, named
 from gen.material import Bodies, plane_strain_modulus
 
@@ -77,19 +85,15 @@ class Contact(Table):
             for name, allowed in cells.items():
                 if (given := getattr(self, name)) != allowed:
                     said = f"boundary = '{self.boundary}' needs {name} = '{allowed}', not '{given}'"
-                    raise PydanticCustomError("conflict", said)
+                    raise conflict(said)
         if self.hardness is not None and self.hardness_ratio is not None:
-            raise PydanticCustomError(
-                "conflict", "hardness [MPa] and hardness_ratio [E*] are both given: give one"
-            )
+            raise conflict("hardness [MPa] and hardness_ratio [E*] are both given: give one")
         if (limits := self.hardness_limits) is None:
             return self
         if self.far_field == "compliant":
-            raise PydanticCustomError(
-                "conflict", "a hardness needs far_field = 'rigid', not 'compliant'"
-            )
+            raise conflict("a hardness needs far_field = 'rigid', not 'compliant'")
         if not all(sys.float_info.min <= limit <= sys.float_info.max for limit in limits):
-            raise PydanticCustomError("conflict", "the hardness is beyond what numbers hold [MPa]")
+            raise conflict("the hardness is beyond what numbers hold [MPa]")
         return self
 
     @property
@@ -172,7 +176,7 @@ class Load(Table):
         """Read a range as one piece."""
         if isinstance(content, dict) and "range" in content:
             if "pieces" in content:
-                raise PydanticCustomError("conflict", "range and pieces are both given: give one")
+                raise conflict("range and pieces are both given: give one")
             rest = {name: value for name, value in content.items() if name != "range"}
             return rest | {"pieces": [{"share": 1.0, "range": content["range"]}]}
         return content
@@ -227,12 +231,12 @@ class Store(Table):
         """Refuse outputs of no function."""
         for name in ("outputs", "source", "least", "most"):
             if self.function is None and getattr(self, name) is not None:
-                raise PydanticCustomError("conflict", f"{name} needs function, which gives them")
+                raise conflict(f"{name} needs function, which gives them")
         for name in self.least or ():
             least, most = self.bounds(name)
             if not least < most:
                 said = f"least.{name} = {least:g} is not below most.{name} = {most:g}"
-                raise PydanticCustomError("conflict", said)
+                raise conflict(said)
         return self
 
     def bounds(self, name: str) -> tuple[float, float]:

@@ -8,12 +8,21 @@ import crafted_databases as crafted
 import h5py
 import numpy as np
 import pytest
-from databases import NO_ROOM, PHYSICS, block, filled, raise_physics, run, small
+from databases import (
+    NO_ROOM,
+    PHYSICS,
+    block,
+    filled,
+    raise_physics,
+    run,
+    small,
+    table_of_columns,
+)
 
 from gen import cli, database, schema
 from gen.database import Reader, Writer, create, merge, open_or_create
 from gen.runtime.errors import InputError
-from gen.scene import ALL_COLUMNS, Scene, Store, columns_for, markdown_table
+from gen.scene import ALL_COLUMNS, Scene, Store, columns_for
 from gen.schema import DRAWN_NAMES, PHYSICS_CHANGES, Status
 
 KILLED_WHILE_EXTENDING = """
@@ -269,7 +278,7 @@ def test_every_physics_number_says_what_it_changed():
 
 
 def test_table_has_every_column_and_table_1s_ranges():
-    lines = markdown_table().splitlines()
+    lines = table_of_columns().splitlines()
     assert len(lines) == len(ALL_COLUMNS) + 2
     assert all(line.count("|") == 5 for line in lines)
     assert "| `area_percent` | % | effective contact area | 0.01 to 16.56 |" in lines

@@ -8,7 +8,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from databases import deterministic_bytes, status
+from databases import deterministic_bytes, status, table_of_columns
 from launch import TIMEOUT, command, environment, launch
 
 from bem.operators import patch
@@ -17,7 +17,6 @@ from gen.database import writer
 from gen.generation.run import in_parallel
 from gen.runtime import farm
 from gen.runtime.errors import InputError
-from gen.scene import markdown_table
 
 SAMPLE = Path(__file__).resolve().parents[3] / "examples" / "sample.h5"
 SCENE = "samples = {}\nsamples_per_surface = 2\n{}\n[surface]\nnodes = 17\n"
@@ -190,7 +189,7 @@ def test_failed_rows_warn_and_say_why(small, capsys, monkeypatch):
 def test_a_fresh_interpreter_pins_its_threads_and_exits_with_the_code(small):
     good = launch(0, "columns", folder=small)
     assert good.returncode == 0
-    assert good.stdout.strip() == markdown_table()
+    assert good.stdout.strip() == table_of_columns()
     bad = launch(0, "info", "missing.h5", folder=small)
     assert (bad.returncode, bad.stderr.count("\n"), bad.stdout) == (2, 1, "")
     assert "Traceback" not in bad.stderr
