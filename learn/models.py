@@ -160,10 +160,7 @@ STEP = "model"
 
 
 def models_named(names: list[str] | None, features: str = "") -> list[Model]:
-    """Return the models of some names, or all of a feature set, in the order of `EVERY`.
-
-    InputError is raised for a name that the set has no model of.
-    """
+    """Return the models of some names, or all of a feature set, in the order of `EVERY`."""
     known = EVERY if features == SCENE else MODELS
     for name in names or ():
         if name == POPULATION.name and name not in known:
@@ -282,11 +279,7 @@ OTHERS = 512
 
 
 def check_memory(model: str, rows: int, *, baseline: bool = False) -> None:
-    """Refuse a fit of a model to some rows in one process that this machine cannot hold.
-
-    A baseline needs less than the largest candidate of a search. InputError tells the need and the
-    supply.
-    """
+    """Refuse a fit of a model to some rows in one process that this machine cannot hold."""
     pairs = PAIR_BYTES.get(model, 0.0) * (0.52 if baseline and model == "gaussian-process" else 1)
     flat = 0 if baseline else TREES.get(model, OTHERS) * MIB
     need = PROCESS + pairs * rows**2 + flat * max(1.0, rows / TREE_ROWS)

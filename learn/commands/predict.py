@@ -101,18 +101,15 @@ def predict(
     check_outputs([Output(output, "--output")], [file, *inputs])
     surrogate = Surrogate.load(file)
     require_level(surrogate, interval)
-    deltas = np.array(loads_from("delta", delta)) if delta else None
-    pressures = np.array(loads_from("pressure", pressure)) if pressure else None
-    pressed = surrogate.features.load == "pressure"
+    texts = {"delta": delta, "pressure": pressure}
+    given = {name: np.array(loads_from(name, text)) for name, text in texts.items() if text}
     rows: list[Row] = []
     if surrogate.features.name == SCENE:
-        numbers: dict[str, Any] = _parameters(at, reading, material)
-        numbers |= {} if deltas is None else {"delta": deltas}
-        numbers |= {} if pressures is None else {"pressure": pressures}
+        numbers: dict[str, Any] = {**_parameters(at, reading, material), **given}
         rows += answers_of_parameters(surrogate, inputs, numbers, interval, mean=mean)
         of = "means over surfaces" if mean else "new surfaces"
         show(rows, f"Predictions of {of} with {100 * interval:g} % intervals")
-    elif at or mean or not inputs or (deltas if pressed else pressures) is not None:
+    elif at or mean or not inputs or given.keys() != {surrogate.features.load}:
         raise InputError(
             f"{file}: predicts for surfaces: give some, and --{surrogate.features.load}; --at and"
             " --mean are for surrogates that learn fit --features scene makes, --pressure for those"
@@ -120,7 +117,7 @@ def predict(
         )
     else:
         bodies = surrogate.bodies(combined_modulus(*material[:3]), material.hardness)
-        question = Question(pressures if pressed else deltas, bodies, interval, reading)
+        question = Question(given[surrogate.features.load], bodies, interval, reading)
         for path in inputs:
             rows += answers(surrogate, path, question)
         show(rows, f"Predictions with {100 * interval:g} % intervals, {bodies.text}", bodies.doubts)

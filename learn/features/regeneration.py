@@ -117,10 +117,7 @@ def hybrid_rows(
 
 
 def _read(path: Path, *, pressed: bool) -> tuple[Scene, int, Any, Values]:
-    """Return a database's scene, first row, and done rows, (n,), with their inputs, (n, 23 or 24).
-
-    At pressures p L / E* takes the place of Delta.
-    """
+    """Return a scene, the first row of its database, done rows, (n,), and inputs, (n, 23 or 24)."""
     with Reader(path) as reader:
         scene, done = reader.scene, reader.column("status") == Status.DONE
         inputs = np.stack([reader.column(name) for name in _inputs(scene)], axis=1)

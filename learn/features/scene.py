@@ -112,10 +112,7 @@ def checked_numbers(columns: Sequence[str], given: Mapping[str, ArrayLike]) -> d
 
 
 def columns_of(scenes: Sequence[Scene], load: str) -> tuple[str, ...]:
-    """Return the features: what a scene draws or scenes differ in, hardness, and then the load.
-
-    InputError is raised if a scene lacks a number that another one draws, or the load.
-    """
+    """Return the features: what a scene draws or scenes differ in, hardness, and then the load."""
     names = [*dict.fromkeys(name for scene in scenes for name in scene.drawn_parameters)]
     ratios = all(scene.contact.hardness is None for scene in scenes)
     names.append("hardness_ratio" if ratios else "hardness")

@@ -225,10 +225,7 @@ class SurfaceFeatures:
     def hybrid(
         self, delta: float, hardness_ratio: float | None = None, blocks: int = BLOCKS
     ) -> tuple[float, ...]:
-        """Return the columns of `HYBRID`, which the hybrid set adds, at one Delta above 0 [um].
-
-        The coarse solve has `blocks` per side, one of `BLOCK_COUNTS`.
-        """
+        """Return the columns of `HYBRID`, which the hybrid set adds, at one Delta above 0 [um]."""
         interference = self.heights - (float(self.heights.max()) - delta)
         bearing, coarse = _above(interference, delta), self._blocks(blocks)
         depth = self._depth(coarse, delta)
@@ -259,10 +256,7 @@ class SurfaceFeatures:
         hardness_ratio: float | None,
         force: float | None = None,
     ) -> bem.Contact:
-        """Solve the contact of the block means with E* = 1 MPa.
-
-        They are pressed to `depth` [um] below the highest, or with a force [uN].
-        """
+        """Solve the contact of the block means with E* = 1 MPa."""
         means, (step_x, step_y), (nx, ny) = coarse.means, self.steps, self.heights.shape
         blocks_x, blocks_y = means.shape
         steps = step_x * nx / blocks_x, step_y * ny / blocks_y

@@ -39,7 +39,6 @@ WIDTH = 160
 SHOWN = 40
 """Rows that are printed at most; a file gets all of them."""
 
-LOAD_NAMES = {"delta": ("delta_um", "delta"), "pressure": ("pressure_MPa", "pressure")}
 SIDE_NAMES = ("side_x_um", "side_y_um")
 NODE_NAMES = ("nodes_x", "nodes_y")
 
@@ -47,18 +46,14 @@ NODE_NAMES = ("nodes_x", "nodes_y")
 class Question(NamedTuple):
     """What is asked of every surface."""
 
-    loads: Values | None  # (k,), Deltas [um], or pressures [MPa]; None if the tables contain them
+    loads: Values  # (k,), Deltas [um], or pressures [MPa]
     bodies: Bodies
     level: float  # coverage of the intervals
     reading: Reading  # options that say how surfaces are read
 
 
 def answers(surrogate: Surrogate, path: Path, question: Question) -> Iterator[Row]:
-    """Yield the rows of the predictions for a file, or for the files of a folder.
-
-    Lines about each surface are printed. InputError is raised for the first file that cannot be
-    used.
-    """
+    """Yield the rows of the predictions for a file, or for the files of a folder."""
     files, load, loads = files_in(path), surrogate.features.load, question.loads
     for file in files:
         warnings: list[str] = []
@@ -72,15 +67,13 @@ def answers(surrogate: Surrogate, path: Path, question: Question) -> Iterator[Ro
                 for line in warnings:
                     echo(f"  warning: {line}", err=True)
                 own = found.heights, found.sides, found.spacing, str(file), found.boundary
-                if loads is None:
-                    raise InputError(f"{file}: give --{load}, in {LOADS[load]}")  # noqa: TRY301
                 bodies = question.bodies.hardness_ratio, question.bodies.e_star
                 rows = SurfaceFeatures(*own).rows(surrogate.features, loads, *bodies)
             answer = surrogate.predict_rows(
                 rows, e_star=question.bodies.e_star, level=question.level
             )
         except Undefined as error:
-            if len(files) == 1 or loads is None:
+            if len(files) == 1:
                 raise
             echo(f"  warning: {error}: no prediction", err=True)
             reason = str(error).removeprefix(f"{file}: ")
@@ -179,10 +172,8 @@ def heading(column: str, unit: str) -> str:
 def rows_of_table(surrogate: Surrogate, path: Path, question: Question) -> Rows:
     """Read rows of statistics, as `gen describe --csv` writes them, each at all loads.
 
-    The CSV's header names the 22 statistics; `delta_um` or `delta` (`pressure_MPa` or `pressure`
-    where this has been learnt), sides, nodes and boundary are
-    optional, and other columns are ignored. InputError names the row and column that is missing or
-    no number.
+    The CSV's header names the 22 statistics; sides, nodes and boundary are optional, and other
+    columns are ignored. InputError names the row and column that is missing or no number.
     """
     cells = _cells(path, STATISTICS, f"{to_type('gen describe --csv')} writes all 22")
     for boundary in sorted({row.get("boundary") or "free" for row in cells}):
@@ -210,15 +201,8 @@ def rows_of_table(surrogate: Surrogate, path: Path, question: Question) -> Rows:
     patches = np.where(unknown, usual["side"], sides)
     grids = [(tuple(a), tuple(b)) for a, b in zip(shapes.tolist(), patches.tolist(), strict=True)]
     notes = [UNDEFINED.format("nan in the table") * lacks for lacks in undefined]
-    load, loads = surrogate.features.load, question.loads
-    own = [name for name in LOAD_NAMES[load] if name in cells[0]][:1]
-    if bool(own) == (loads is not None):
-        said = f"its own {load.capitalize()}: leave out" if own else f"no {load.capitalize()}: give"
-        raise InputError(f"{path}: has {said} --{load}")
-    if loads is None:
-        asked, rows = _numbers(path, cells, own)[:, 0], np.arange(len(cells))
-    else:
-        asked, rows = np.tile(loads, len(cells)), np.repeat(np.arange(len(cells)), loads.size)
+    rows = np.repeat(np.arange(len(cells)), question.loads.size)
+    asked = np.tile(question.loads, len(cells))
     length, along = (np.sqrt(each.prod(axis=1))[rows] for each in (sides, nodes))
     found = Rows(
         statistics[rows],
@@ -229,7 +213,9 @@ def rows_of_table(surrogate: Surrogate, path: Path, question: Question) -> Rows:
         notes=tuple(notes[row] for row in rows),
         grids=tuple(grids[row] for row in rows),
     )
-    return found if load == "delta" else found.under(asked, question.bodies.e_star)
+    return (
+        found if surrogate.features.load == "delta" else found.under(asked, question.bodies.e_star)
+    )
 
 
 def _cells(path: Path, wanted: Sequence[str], advice: str) -> list[dict[str, str]]:
@@ -276,7 +262,8 @@ def show(rows: Sequence[Row], title: str, doubts: Sequence[str] = ()) -> None:
     """Print the first rows of the table, and the reasons of those outside the training."""
     hidden = ("_low", "_high", "warnings")  # warnings were said with the surface
     names = [name for name in rows[0] if not name.endswith(hidden)]
-    table = Table(title=title)
+    more = f"... and {len(rows) - SHOWN} more: -o writes all of them"
+    table = Table(title=title, caption=more if len(rows) > SHOWN else None)
     for name in names:
         table.add_column(name, justify="left" if name in {"input", "flag", "reason"} else "right")
     for row in rows[:SHOWN]:
@@ -292,8 +279,6 @@ def show(rows: Sequence[Row], title: str, doubts: Sequence[str] = ()) -> None:
     print_table(table, WIDTH)
     for doubt in doubts:
         echo(f"warning: {doubt}")
-    if len(rows) > SHOWN:
-        echo(f"... and {len(rows) - SHOWN} more: -o writes all of them")
     outside = [row for row in rows if row["flag"] == "outside"]
     if outside:
         echo(
@@ -305,3 +290,5 @@ def show(rows: Sequence[Row], title: str, doubts: Sequence[str] = ()) -> None:
         kinds.setdefault(VALUE.sub(" outside", reason), []).append(reason)
     for alike in sorted(kinds.values(), key=len, reverse=True)[:REASONS]:
         echo(f"  {len(alike)} of {len(rows)}: {alike[0]}")
+    if len(kinds) > REASONS:
+        echo(f"  and {len(kinds) - REASONS} more: -o writes all of them")

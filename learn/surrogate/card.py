@@ -151,11 +151,7 @@ def _by_database(learnt: Learnt, rows: Dataset, test: Indices) -> list[dict[str,
 
 
 def show(card: Mapping[str, Any], low: Values, high: Values) -> None:
-    """Print a card with its tables, with the training ranges of the features, each end (d,).
-
-    InputError is raised if an entry of the card is missing, so that the file is not from
-    `learn fit`.
-    """
+    """Print a card with its tables, with the training ranges of the features, each end (d,)."""
     from gen.runtime.terminal import echo, print_table
 
     try:

@@ -99,11 +99,7 @@ def make(surrogate: Surrogate, order: Order) -> Law:
 
 
 def of_parameters(surrogate: Surrogate, order: Order, numbers: Mapping[str, float]) -> Law:
-    """Make the law of a new surface of some parameters, by a surrogate of a scene's own features.
-
-    InputError is raised if a parameter is missing or unknown, for loads other than those that were
-    learnt, and if a target is missing without which there is no law.
-    """
+    """Make the law of a new surface of some parameters of a scene."""
     load, (kind, at) = surrogate.features.load, _asked(surrogate, order)
     scene = Scene.from_text(str(surrogate.card["scene"]))
     settings = {name: getattr(scene.contact, name) for name in ("kernel", "far_field")}
@@ -132,11 +128,7 @@ def of_parameters(surrogate: Surrogate, order: Order, numbers: Mapping[str, floa
 
 
 def _asked(surrogate: Surrogate, order: Order) -> tuple[Load, Values | None]:
-    """Return the kind of the loads that a surrogate has learnt, and those of it that are asked for.
-
-    InputError is raised for the other kind if this kind is not Delta of a surface, which can be
-    inverted, and if a target is missing without which there is no law.
-    """
+    """Return the kind of the loads that a surrogate has learnt, and the loads asked for, (k,)."""
     load, asked = surrogate.features.load, dict(zip(ARGUMENTS, order.loads(), strict=True))
     kind: Load = "delta" if load == "delta" else "pressure"
     needed = {"area", "force" if kind == "delta" else "delta"}
@@ -231,10 +223,7 @@ def _both_tables(parts: Sequence[Points], kind: Load, level: float) -> dict[Load
 
 
 def _defined(surfaces: Sequence[LawSurface]) -> tuple[Sequence[LawSurface], list[str]]:
-    """Return the surfaces with all statistics, and a line if any were left out.
-
-    InputError is raised if no surface is left.
-    """
+    """Return the surfaces with all statistics, and a line if any were left out."""
     kept, faults = [], []
     for surface in surfaces:
         if reason := _features(surface).description.reason:
@@ -257,11 +246,7 @@ def _tables(
     order: Order,
     bodies: Bodies,
 ) -> tuple[Curves, Curves, list[str]]:
-    """Predict all surfaces; tabulate against Delta and against pressure, with lines of warnings.
-
-    Deltas, (k,) [um], and pressures, (m,) [MPa], ascend; without pressures they are those at the
-    Deltas. InputError is raised for a pressure that the law does not reach.
-    """
+    """Predict all surfaces; tabulate against Delta and against pressure, with lines of warnings."""
     parts, whole, corrections = [], [], []
     with RunProgress(len(surfaces), "surfaces") as progress:
         for surface in surfaces:
@@ -295,10 +280,7 @@ def _tables(
 def _predicted_points(
     on_surface: OnSurface, subject: LawSurface, level: float, bodies: Bodies, deltas: Values
 ) -> Points:
-    """Predict the law of one surface at ascending displacements above 0, (k,) [um].
-
-    InputError is raised if a prediction is not finite.
-    """
+    """Predict the law of one surface at ascending displacements above 0, (k,) [um]."""
     e_star, hardness = bodies.e_star, bodies.hardness
     answer = on_surface.predict(deltas, e_star=e_star, hardness=hardness, level=level)
     for name, predictions in answer.values.items():
@@ -328,10 +310,7 @@ def _features(subject: LawSurface) -> SurfaceFeatures:
 
 
 def _with_stiffness(points: Points, subject: LawSurface, order: Order, bodies: Bodies) -> Points:
-    """Add the stiffness of the interface, if it is asked for and was not learnt.
-
-    It is the slope of the pressure of elastic bodies. InputError is raised for bodies that yield.
-    """
+    """Add the stiffness of the interface, if it is asked for and was not learnt."""
     asked = order.stiffness or order.conductivities is not None
     if not asked or STIFFNESS in points.values:
         return points

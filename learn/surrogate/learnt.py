@@ -151,10 +151,7 @@ class Learnt:
             return self.scaling.restored(found)
 
     def mean_ends(self, raw: Values, level: float, inputs: Values) -> tuple[Values, Values]:
-        """Return both ends, each (n,), of the interval of the mean over all surfaces.
-
-        InputError is raised if the model does not know how uncertain the mean is.
-        """
+        """Return both ends, each (n,), of the interval of the mean over all surfaces."""
         model = self.pipeline.named_steps[STEP]
         if not hasattr(model, "coefficients_"):
             raise InputError("the mean has an interval with --model population alone: fit one")
@@ -189,11 +186,7 @@ def _skops() -> Any:
 
 
 def write_parts(path: Path, surrogate: Surrogate) -> None:
-    """Write a surrogate, whole or not at all.
-
-    InputError is raised if it cannot be written, ValueError if a model is made of types that are
-    not reviewed.
-    """
+    """Write a surrogate, whole or not at all."""
     io, distance = _skops(), surrogate.distance
     models = {
         "distance": vars(distance),
@@ -282,11 +275,7 @@ def _with_trees(estimator: Any, trees: dict[str, Values]) -> None:
 
 
 def load_parts(path: Path) -> tuple[dict[str, Any], dict[str, Learnt], Values, Values, Distance]:
-    """Read the fields of a `Surrogate`, after a trial if another scikit-learn has made it.
-
-    InputError is raised if the file is no surrogate, of another format, damaged, or names types
-    that no surrogate has; or if the libraries installed here cannot use its models.
-    """
+    """Read the fields of a `Surrogate`, after a trial if another scikit-learn has made it."""
     import sklearn
 
     card, low, high, archive = read(path)
@@ -324,10 +313,7 @@ def load_parts(path: Path) -> tuple[dict[str, Any], dict[str, Learnt], Values, V
 
 
 def read(path: Path) -> tuple[dict[str, Any], Values, Values, bytes]:
-    """Read card, training ranges, each end (d,), and archive of a surrogate's file, but no model.
-
-    InputError is raised if the file is no surrogate, of another format, or damaged.
-    """
+    """Read card, both ends of the training ranges, (d,), and archive of a surrogate's file."""
     try:
         data = require_file(path).read_bytes()
     except OSError as error:

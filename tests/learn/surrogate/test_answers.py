@@ -64,16 +64,6 @@ def test_statistics_give_what_the_surface_gives(work):
             assert one["reason"] == two["reason"]
 
 
-def test_a_table_may_have_its_own_delta(work):
-    (row,) = table("table.csv")
-    with Path("own.csv").open("w", newline="") as file:
-        writer = csv.DictWriter(file, [*row, "delta_um"])
-        writer.writeheader()
-        writer.writerows([{**row, "delta_um": delta} for delta in (6, 20)])
-    assert run("predict", "dimensionless.surrogate", "own.csv", "-o", "p.csv") == 0
-    assert [float(each["delta_um"]) for each in table("p.csv")] == [6.0, 20.0]
-
-
 def test_rows_of_a_table_that_lack_statistics_have_no_prediction(work, capsys):
     (row,) = table("table.csv")
     assert run("fit", "database.h5", "--model", "gaussian-process", "-o", "gp.surrogate") == 0
