@@ -271,7 +271,8 @@ class SpectralSurface(GridSurface):
         if shortest * (1 + ROUNDING) < finest:
             return (
                 f"cut_off is from {shortest:g} um on; this grid holds waves of {finest:.6g} um"
-                " and more: give a longer cut_off or more nodes"
+                " and more: give a longer cut_off, more nodes or a shorter"
+                " side"
             )
         periods = zip((nx, ny), spacing, (stretches[1], 1.0), strict=True)
         most = max(nodes * pitch / ratio if nodes > 2 else 0.0 for nodes, pitch, ratio in periods)

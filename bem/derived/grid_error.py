@@ -173,6 +173,8 @@ def grid_error_of(contact: Contact) -> GridError:
 def _verdict(contact: Contact, there: float, order: float) -> tuple[bool, str]:
     """Return whether the bars hold, and why, from the area on the coarser grid."""
     here = area_within(contact)
+    if here == 0 < contact.force:
+        return False, "the contact is smaller than a cell of the grid"
     change = there / here - 1 if here else float(there > 0)
     share, more = float(f"{100 * abs(change):.2g}"), "more" if change > 0 else "less"
     # Below this share it is rounding.
@@ -180,7 +182,7 @@ def _verdict(contact: Contact, there: float, order: float) -> tuple[bool, str]:
     spare = _spare(contact)
     if spare <= NEARLY_YIELDED:
         borne = f"{100 * (1 - spare):.3g} %"
-        return True, f"yielding decides it: the load at the hardness takes {borne} of this area"
+        return True, f"yielding decides it: load / hardness alone is {borne} of this area"
     if order < LEAST_ORDER:
         return False, f"waves go on down to the grid, so that the area has no limit: {words}"
     if abs(change) > LARGEST_DIFFERENCE:

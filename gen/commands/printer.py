@@ -158,7 +158,7 @@ def print_statistics(topography: Topography, found: Description, areal: Descript
         rows = ((name, f"{known.values[name]:.6g}", unit, words) for name, unit, words in names)
         print_columns(rows, (title, "value", "unit", "meaning"), right={"value"})
         if known.reason:
-            echo(f"nan: {known.reason}")
+            echo(f"Where nan stands: {known.reason}")
 
 
 def print_spectrum(fit: SelfAffineFit | str, nodes: float) -> None:

@@ -25,6 +25,7 @@ from gen.law.curves import (
     JOINT,
     NAMES,
     STIFFNESS,
+    UNITS,
     Curves,
     Gas,
     Points,
@@ -156,7 +157,7 @@ def law_of(
     few = over_pressure.at[(touching > 0) & (touching < FEW)]
     if few.size:
         to = f"up to {few[-1]:.4g} MPa fewer than {FEW} nodes touch"
-        notes.append(f"{to}: there the law is the grid's")
+        notes.append(f"{to}: there the grid decides the law, not the surface")
     return Law(
         order=order,
         over_delta=over_delta,
@@ -233,7 +234,7 @@ def _solved(
             )
             points.append(Points(values, low, high, ("",) * loads.size))
             faults_of.append(faults)
-            notes += list(filter(None, doubts))[:1]
+            notes += _of_the_grid(surface, UNITS[ARGUMENTS[load]], loads, doubts)
             solved = [each for each in pressed if each]
             warned += list(contact_warnings(surface, bodies, load, solved))[:1]
             if told is not None:
@@ -250,6 +251,16 @@ def _solved(
     of = f"{len(warned)} of {len(points)} surfaces, the first: " if many else ""
     lines = [f"warning: {of}{line}" for line in warned[:1]]
     return loads[kept], [each.chosen(kept) for each in points], [*lines, *notes]
+
+
+def _of_the_grid(surface: LawSurface, unit: str, loads: Values, doubts: Sequence[str]) -> list[str]:
+    """Say in at most one line at which loads the area is that of the grid, and why at the first."""
+    doubted = loads[[bool(each) for each in doubts]]
+    if not doubted.size:
+        return []
+    at = f"{doubted.size} of {loads.size} loads, up to {doubted[-1]:.4g} {unit}"
+    why = next(filter(None, doubts))
+    return [f"{surface.name}: the area is that of the grid at {at}; at the first, {why}"]
 
 
 def _possible(
@@ -341,6 +352,6 @@ def _contacts(
         if judged and (grid := contact.grid_error()).resolved:
             bar = grid.area_percent
         elif judged:
-            doubt = f"{surface.name}: the area is that of the grid: {grid.reason}"
+            doubt = grid.reason
         pressed = contact.delta, contact.largest_pressure, contact.contact_nodes
         yield row, bar, "", doubt, pressed

@@ -139,11 +139,10 @@ def _spots(contact: Contact) -> list[Answer]:
     return [
         Answer("spots", spots.number, "spots of contact", "nodes that touch along their sides"),
         Answer("mean_spot_um2", float(mean), "mean spot", f"um2, a node has {cell:.4g}"),
-        Answer("largest_spot_um2", float(largest), "largest spot",
-               f"um2, {share:.4g} % of the contact"),
+        Answer("largest_spot_um2", float(largest), "largest spot", "um2"),
         Answer("largest_spot_percent", share, "its share", "% of the contact area"),
-        Answer("contact_connects", sides["contact"], "contact connects sides", "along x, y"),
-        Answer("gap_connects", sides["gap"], "gap connects sides", "along x, y"),
+        Answer("contact_connects", sides["contact"], "contact connects sides", "directions"),
+        Answer("gap_connects", sides["gap"], "gap connects sides", "directions"),
     ]  # fmt: skip
 
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gen.arrays import Heights
-from gen.maps.scan import MOST_COLUMNS, UNITS, Scan, arranged, factor_of, unit_of
+from gen.maps.scan import MOST_COLUMNS, NAMED_UNITS, UNITS, Scan, arranged, factor_of, unit_of
 from gen.maps.settings import Asked, Reading, said
 from gen.runtime.errors import InputError
 from gen.runtime.files import require_file
@@ -136,7 +136,7 @@ def _agreed_unit(path: Path, scan: Scan, reading: Reading, overruled: list[str])
     factor = factor_of(given, said("unit", asked)) if given else None
     if not own:
         if not given and (scan.widths is not None or own is None):
-            named = f"{said('unit', asked)}, one of {', '.join(UNITS)}"
+            named = f"{said('unit', asked)}, one of {NAMED_UNITS}"
             raise InputError(f"{path}: names no unit; give {named}")
         return given
     if not given or factor == UNITS.get(unit_of(own)):

@@ -22,6 +22,7 @@ from gen.runtime.errors import InputError
 
 METRIC = {"m": 1e6, "cm": 1e4, "mm": 1e3, "um": 1.0, "µm": 1.0, "μm": 1.0, "nm": 1e-3, "pm": 1e-6}
 UNITS = METRIC | {"A": 1e-4, "Å": 1e-4, "inch": 25.4e3}  # length of each unit [um]
+NAMED_UNITS = ", ".join(filter(str.isascii, UNITS))
 # units by other names in the singular; those in metres are read by their prefix
 WORDS = {"micron": "um", "angstrom": "A", "ångström": "A", "in": "inch", '"': "inch"}
 
@@ -29,7 +30,7 @@ WORDS = {"micron": "um", "angstrom": "A", "ångström": "A", "in": "inch", '"': 
 def factor_of(unit: str, name: str, advice: str = "give") -> float:
     """Return the length of a unit [um]; with an unknown unit, give this advice."""
     if unit_of(unit) not in UNITS:
-        raise InputError(f"{name} {unit!r}: {advice} one of {', '.join(UNITS)}")
+        raise InputError(f"{name} {unit!r}: {advice} one of {NAMED_UNITS}")
     return UNITS[unit_of(unit)]
 
 

@@ -361,8 +361,9 @@ def fit_self_affine(
         tuple(text for text, found in missing.items() if found),
     )
     if fit.decades < LEAST_DECADES:
-        said = f"a power law would hold over {fit.decades:.3g} decades, from {roll_off:.4g} to"
-        return f"{said} {cut_off:.4g} um, and a Hurst exponent takes one or more"
+        said = f"the spectrum follows a power law over {fit.decades:.3g} decades of wavelengths"
+        ends = f"{roll_off:.4g} to {cut_off:.4g} um"
+        return f"{said}, {ends}; a Hurst exponent needs {LEAST_DECADES:g} or more"
     return fit if slope > 2.0 else "the spectrum is flatter than any Hurst exponent's, as of noise"
 
 

@@ -129,7 +129,10 @@ def predict(
 def _parameters(text: str, reading: Reading, material: options.Material) -> dict[str, float]:
     """Parse --at, as "hurst=0.7,rms_height=1.2", add a hardness, and refuse options of surfaces."""
     if combined_modulus(*material[:3]) is not None:
-        raise InputError("the surrogate's modulus is that of its scene: leave out the option")
+        raise InputError(
+            "the surrogate's E* is that of its scene, which learn card tells: leave out --young,"
+            " --poisson and --e-star, and give elastic pressures as they are at that E*"
+        )
     if reading != Reading():
         raise InputError("the surrogate reads no surfaces: leave out the options that prepare them")
     found = {} if material.hardness is None else {"hardness": material.hardness}

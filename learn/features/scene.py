@@ -93,7 +93,10 @@ def checked_numbers(columns: Sequence[str], given: Mapping[str, ArrayLike]) -> d
     missing, unknown = {*wanted} - {*given}, {*given} - {*wanted}
     for names, fault in ((missing, " not given"), (unknown, ": unknown")):
         if names:
-            raise InputError(f"{', '.join(sorted(names))}{fault}: the surrogate asks for {asked}")
+            meant = [f"; {name} is {of}" for of, name in RELATIVE.items() if name in wanted]
+            raise InputError(
+                f"{', '.join(sorted(names))}{fault}: the surrogate asks for {asked}{''.join(meant)}"
+            )
     for name in wanted:
         refuse_masked(name, given[name])
     try:

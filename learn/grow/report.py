@@ -49,7 +49,7 @@ def show(order: Order, ending: Ending, found: Look) -> None:
     if found.met:
         said += (
             " However often a growth looks, it accepts too large an error with a probability of"
-            f" {RISK:.0%} at most."
+            f" {100 * RISK:g} % at most."
         )
     echo(said)
     if ending == "hopeless":
@@ -64,7 +64,14 @@ def show(order: Order, ending: Ending, found: Look) -> None:
         echo("Errors are those of the mean over surfaces, intervals those of a new surface.")
     table = Table(box=None, pad_edge=False)
     table.add_column("target")
-    for name in ("nMAE %", "its SE", "at most", "R2 %", f"in {LEVEL:.0%} interval", "mean width"):
+    for name in (
+        "nMAE %",
+        "its SE",
+        "at most",
+        "R2 %",
+        f"in {100 * LEVEL:g} % interval",
+        "mean width",
+    ):
         table.add_column(name, justify="right")
     for name, judged in found.judged.items():
         about = card["targets"][name]

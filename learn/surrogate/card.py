@@ -263,7 +263,7 @@ def _scores(card: Mapping[str, Any]) -> "Table":
         others += [f"{100 * each['coverage']:.1f}" for each in target["intervals"]]
         rows.append((name, target["unit"], f"{low:.4g}", f"{high:.4g}", nmse, *others))
     title = "Scores on the test rows [%], and shares of these inside their intervals [%]"
-    inside = "|".join(f"in {level:.0%}" for level in LEVELS)
+    inside = "|".join(f"in {100 * level:g} %" for level in LEVELS)
     return _table(title, "Target|Unit", f"from|to|nMSE|nMAE|nMaxE|R2|{inside}", rows)
 
 
@@ -272,7 +272,7 @@ def _databases(card: Mapping[str, Any]) -> "Table":
     headings = ["rows", "tested"]
     for name, target in card["targets"].items():
         error = "mean error" if target["unit"] == "1" else f"mean error [{target['unit']}]"
-        headings += [f"{name}: nMAE [%]", error, f"in {LEVELS[1]:.0%}"]
+        headings += [f"{name}: nMAE [%]", error, f"in {100 * LEVELS[1]:g} %"]
     rows = []
     for place, entry in enumerate(card["databases"]):
         judged = [target["databases"][place] for target in card["targets"].values()]

@@ -135,7 +135,8 @@ def _asked(surrogate: Surrogate, order: Order) -> tuple[Load, Values | None]:
     if load not in {"delta", "pressure", "force"} or not needed <= surrogate.learnt.keys():
         targets = ",".join(sorted(needed))
         raise InputError(
-            f"a law needs a surrogate with --load delta or pressure, and --target {targets}"
+            f"a law needs a surrogate with --load delta or pressure, and --target {targets}; this"
+            f" one has --load {load}, and {', '.join(surrogate.learnt)}: fit it anew"
         )
     inverted = kind == "delta" and surrogate.features.name != SCENE
     if any(each is not None for other, each in asked.items() if other != kind) and not inverted:

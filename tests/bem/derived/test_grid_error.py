@@ -129,6 +129,16 @@ def test_smooth_surfaces_have_the_order_two_and_edges_the_order_one():
     assert slope_order(np.zeros((64, 64)), "free") == math.inf
 
 
+def test_a_contact_smaller_than_a_cell_is_not_resolved():
+    """No area within the border on either grid is no area without an error."""
+    heights = 100 * random_waves(1, 4, 0.8, 1)(48)
+    contact = bem.solve(heights, 100.0, pressure=4e-9, boundary="mirror")
+    assert contact.contact_nodes == 1
+    assert contact.continuum_area_percent == 0
+    assert not contact.grid_error().resolved
+    assert "smaller than a cell" in contact.grid_error().reason
+
+
 def test_no_contact_full_contact_and_few_nodes_have_answers():
     wave = np.cos(2 * np.pi * np.arange(16) / 16)
     heights = np.add.outer(wave, wave)

@@ -249,6 +249,16 @@ def test_the_area_in_the_continuum_has_the_error_of_the_grid(run, tmp_path, monk
     assert not [name for name in table("law.csv").columns if "continuum" in name]
 
 
+def test_a_law_names_the_loads_whose_area_is_that_of_the_grid(run, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    np.save("waves.npy", 100 * random_waves(1, 4, 0.8, 1)(48))
+    run("waves.npy", "--pressure", "0.001,0.002,500,2000", "--csv", "law.csv")
+    (note,) = (line for line in capsys.readouterr().out.splitlines() if "of the grid at" in line)
+    known = table("law.csv").continuum_area_percent_high.notna().tolist()
+    assert known == [False, False, True, True]
+    assert note.startswith("waves.npy: the area is that of the grid at 2 of 4 loads, up to 0.002 M")
+
+
 def test_a_gas_in_the_gap_is_a_part_of_the_conductance(surfaces, run, make):
     """It conducts before first touch, and finite elements get what spots and gas conduct."""
     k, jump = 0.026, 0.37

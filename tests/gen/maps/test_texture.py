@@ -150,7 +150,7 @@ def test_describe_prints_and_writes_them_after_the_statistics(tmp_path, monkeypa
     told = {"nodes_x", "nodes_y", "side_x_um", "side_y_um", "prepared", "warnings", "law", "units"}
     assert set(units) == set(table.columns) - told
     assert (units["Smr1"], units["height_rms"], units["roll_off"]) == ("%", "um", "um")
-    assert row.law.startswith("none: a power law would hold over 0.")
+    assert row.law.startswith("none: the spectrum follows a power law over 0.")
     spectrum = pd.read_csv("spectrum.csv")
     made = radial_spectrum(Topography("made", rough(), (95.0, 95.0)))
     np.testing.assert_allclose(spectrum.density_um4, made.density, rtol=1e-12)
