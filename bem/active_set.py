@@ -108,6 +108,8 @@ class ActiveSet(Iterate):
     def settle_few(self) -> bool:
         """Solve by dense algebra if few nodes are in contact; return whether that succeeded."""
         touching = self.touching()
+        if np.count_nonzero(touching) * (1 + SPARE) > self.patch.few:  # most will leave again
+            touching = self.pressure > 0
         nodes = np.flatnonzero(touching)
         many = min(math.ceil(SPARE * nodes.size), touching.size - nodes.size)
         few = 0 < nodes.size <= self.patch.few - many

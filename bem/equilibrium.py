@@ -27,9 +27,17 @@ from bem.threads import on_one_blas_thread
 FEW_NODES = 250
 
 # Nodes a side from which on a solve starts from a loose solve on a coarser grid, and the tolerance
-# of that one (`python -m bench growth`). On some 500 nodes it gains 12 % on average, but costs 15
-# to 40 % where 1 % of them touch.
-NESTED, NESTED_RTOL = 1000, 3e-2
+# of that one. Under the mean pressure below, over E* times the rms slope, that pays from more nodes
+# on: on 512 it costs 20 % there, and gains 15 to 30 % above (`python -m bench growth`).
+NESTED, NESTED_FAINT, NESTED_RTOL, FAINT = 500, 1000, 6e-2, 4e-3
+
+# Share of the Delta of full contact up to which a coarser grid is told by it: beyond, the coarser
+# grid may be full already.
+NESTED_BELOW = 0.9999
+
+# Share of the largest set worth factorising from which on no first step is taken: a step of a patch
+# without edges gains less, and the sets of a ladder change little.
+ENOUGH_FREE, ENOUGH = 0.5, 0.9
 
 # Mean pressure, over E* times the rms slope, up to which a start on the highest nodes of a patch
 # without edges is nearer to the solution than one from full contact; and the share of nodes that it
@@ -165,8 +173,7 @@ def equilibrium_of(problem: Problem, near: Start | None = None) -> Equilibrium |
     found = _on_few_nodes(problem, give) if problem.boundary == "free" else None
     if found is None:
         at = _under_load if problem.delta is None else _at_displacement
-        nested = near is None and min(problem.heights.shape) >= NESTED
-        found = at(problem, _on_coarser_grid(problem) if nested else near, give)
+        found = at(problem, _on_coarser_grid(problem) if near is None else near, give)
     if found.presumably_elastic and (problem.delta is None or _has_elastic(problem)):
         found = _elastic_after_all(problem, found, near)
     if compliant and problem.delta is None:
@@ -440,7 +447,8 @@ def _under_load(problem: Problem, near: Start | None, _: float) -> Equilibrium:
             return _full_contact(problem, pressure, length)
         solve.begin(pressure)
     spent = 0 if near is None else near.spent
-    enough = solve.patch.few * (0.5 if near is None or spent else 0.9)
+    first = problem.boundary == "free" and (near is None or spent > 0)
+    enough = solve.patch.few * (ENOUGH_FREE if first else ENOUGH)
     del near  # its memory is free again
     solve.approach(enough, interpolated=spent > 0)
     if not solve.settle_few():
@@ -529,6 +537,11 @@ def _full_contact(problem: Problem, pressure: Field, length: float) -> Equilibri
 def _on_coarser_grid(problem: Problem) -> Start | None:
     """Solve loosely on a grid with twice the spacing; None where that gains nothing."""
     rows, columns = problem.heights.shape
+    fewest = min(rows, columns)
+    if fewest < NESTED or (
+        fewest < NESTED_FAINT and problem.delta is None and _relative_load(problem) < FAINT
+    ):
+        return None
     compliant = problem.far_field == "compliant"
     free = problem.boundary == "free"
     if not free and (rows % 2 or columns % 2):
@@ -545,7 +558,7 @@ def _on_coarser_grid(problem: Problem) -> Start | None:
             most = critical_delta(heights, problem.kernel, problem.aspect)
         elif not free and problem.hardness is None:
             most = float((heights.max() - heights).mean())
-        if delta <= 0 or delta >= 0.97 * most:
+        if delta <= 0 or delta >= NESTED_BELOW * most:
             return None
     spacing = 2 * problem.spacing[0], 2 * problem.spacing[1]
     coarse = replace(problem, heights=heights, spacing=spacing, delta=delta, rtol=NESTED_RTOL)

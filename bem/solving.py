@@ -322,7 +322,14 @@ def ladder(
         As `solve` raises them: for the heights at once, else at the load that causes them.
         A load that is not solved from the contacts before is tried from scratch first.
     """
-    name, loads = _chosen(delta=deltas, force=forces, pressure=pressures)
+    given = {"delta": deltas, "force": forces, "pressure": pressures}
+    chosen = [(name, loads) for name, loads in given.items() if loads is not None]
+    if len(chosen) != 1:
+        said = " and ".join(f"{name}s" for name, _ in chosen) or "no loads"
+        raise ValueError(f"{said} given: give one of deltas [um], forces [uN] and pressures [MPa]")
+    name, loads = chosen[0]
+    refuse_masked(f"{name}s", loads)
+    loads = loads.copy() if isinstance(loads, np.ndarray) else loads
     side, settings = deepcopy((side, settings))  # arrays that the caller may fill anew
     if threads is not None:
         threads = checked("threads", threads)
@@ -360,17 +367,6 @@ class _Ladder(Iterator[Contact]):
             others = [rung for rung in self._last if rung[0] != load]
             self._last = [*others[-2:], (load, equilibrium)]
         return contact
-
-
-def _chosen(**given: Iterable[float] | None) -> tuple[str, Iterable[float]]:
-    """Return the name and the values of the one kind of load that was given."""
-    chosen = [(name, loads) for name, loads in given.items() if loads is not None]
-    if len(chosen) != 1:
-        said = " and ".join(f"{name}s" for name, _ in chosen) or "no loads"
-        raise ValueError(f"{said} given: give one of deltas [um], forces [uN] and pressures [MPa]")
-    name, loads = chosen[0]
-    refuse_masked(f"{name}s", loads)
-    return name, loads.copy() if isinstance(loads, np.ndarray) else loads
 
 
 def _extrapolated(last: list[Rung], load: float, spacing: float) -> Start | None:

@@ -16,7 +16,7 @@ from bem.analytic.indenters import (
     distances_to_centre,
 )
 from bem.analytic.persson import BUSH_GIBSON_THOMAS, PERSSON, PerssonInterface, area_share
-from bem.analytic.waves import DoublySinusoidal, Sine, SumOfSines, WavySurface
+from bem.analytic.waves import DoublySinusoidal, WavySurface
 
 __all__ = [
     "BUSH_GIBSON_THOMAS",
@@ -28,8 +28,6 @@ __all__ = [
     "Paraboloid",
     "PerssonInterface",
     "PowerLaw",
-    "Sine",
-    "SumOfSines",
     "WavySurface",
     "area_share",
     "distances_to_centre",

@@ -105,7 +105,6 @@ def test_distances_from_the_centre_of_a_patch():
 
 
 MASKED = np.ma.masked_array(np.linspace(0.01, 0.5, 6), mask=[0, 1, 0, 0, 1, 0])
-SINES = analytic.SumOfSines((analytic.Sine(0.1, (1.0, 2.0)), analytic.Sine(0.2, (0.5, 0.0))))
 WAVY = analytic.WavySurface(0.1, 1.0)
 WAVES = np.geomspace(1.0, 100.0, 50)
 PERSSON = analytic.PerssonInterface(WAVES, WAVES**-3.6)
@@ -121,8 +120,6 @@ PERSSON = analytic.PerssonInterface(WAVES, WAVES**-3.6)
             for load in (0.0, 0.01)
         ),
         *(partial(way, mean_pressure=p) for way in (WAVY.pressure, WAVY.gap) for p in (0, 0.1, 9)),
-        lambda x: SINES.heights(x, x),
-        lambda x: SINES.pressure(x, x, 1.0),
         lambda x: analytic.DoublySinusoidal(0.1, 1.0).heights(x, x),
         analytic.area_share,
         PERSSON.mean_gap,
