@@ -51,11 +51,6 @@ class Model:
     ignored: str = ""  # setting of the paper's grid that the library ignores today, and warns of
 
 
-def _plain(path: str) -> Callable[[int], Any]:
-    """Return what makes an estimator, by its path, with its library's settings."""
-    return partial(_made, path)
-
-
 def _made(path: str, seed: int) -> Any:
     """Make an estimator by its path, with the seed if it has one."""
     home, _, name = path.rpartition(".")
@@ -98,11 +93,13 @@ def _kernel(bounds: Any = (1e-5, 1e5)) -> Any:
 MODELS: dict[str, Model] = {
     model.name: model
     for model in (
-        Model("decision-tree", "Decision Tree", _plain("sklearn.tree.DecisionTreeRegressor")),
+        Model(
+            "decision-tree", "Decision Tree", partial(_made, "sklearn.tree.DecisionTreeRegressor")
+        ),
         Model(
             "random-forest",
             "Random Forest",
-            _plain("sklearn.ensemble.RandomForestRegressor"),
+            partial(_made, "sklearn.ensemble.RandomForestRegressor"),
             staged="n_estimators",
         ),
         Model("adaboost", "AdaBoost", _ada_boost, staged="n_estimators"),
@@ -110,22 +107,22 @@ MODELS: dict[str, Model] = {
         Model(
             "gradient-boost",
             "Gradient Boost",
-            _plain("sklearn.ensemble.GradientBoostingRegressor"),
+            partial(_made, "sklearn.ensemble.GradientBoostingRegressor"),
             staged="n_estimators",
             ignored="criterion",
         ),
-        Model("svm", "SVM Regressor", _plain("sklearn.svm.SVR")),
+        Model("svm", "SVM Regressor", partial(_made, "sklearn.svm.SVR")),
         Model(
             "gaussian-process",
             "GP Regressor",
             _gaussian_process,
             tuned={"kernel": _kernel, "optimizer": "fmin_l_bfgs_b"},
         ),
-        Model("kernel-ridge", "Kernel Ridge", _plain("learn.kernel_ridge.SafeKernelRidge")),
+        Model("kernel-ridge", "Kernel Ridge", partial(_made, "learn.kernel_ridge.SafeKernelRidge")),
         Model(
             "mlp",
             "MLP Regressor",
-            _plain("sklearn.neural_network.MLPRegressor"),
+            partial(_made, "sklearn.neural_network.MLPRegressor"),
             # L-BFGS counts evaluations too, and its default would end the training before.
             tuned={"max_iter": LONG_TRAINING, "max_fun": 2 * LONG_TRAINING},
         ),
@@ -134,7 +131,7 @@ MODELS: dict[str, Model] = {
 """All nine models by name, in the order of the paper's Table 4."""
 
 
-POPULATION = Model("population", "Population Mean", _plain("learn.population.Population"))
+POPULATION = Model("population", "Population Mean", partial(_made, "learn.population.Population"))
 """The model of a scene's own features, beside the nine, which fit these too."""
 
 EVERY = MODELS | {POPULATION.name: POPULATION}

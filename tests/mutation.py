@@ -109,7 +109,7 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
     ),
     "learn/kernel_ridge.py": (("if reciprocal > EPSILON:", "if reciprocal > 0:"),),
     "learn/surrogate/interval.py": (
-        ("np.cumsum(self.weights) / (self.groups + 1)", "np.cumsum(self.weights) / self.groups"),
+        ("/ (self.weights.sum() + 1)", "/ self.weights.sum()"),
         ("1.0 / sizes[place][order])", "1.0 / sizes[place])"),
     ),
     "learn/surrogate/learnt.py": (
@@ -119,9 +119,7 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
             "io.loads(archive, trusted=io.get_untrusted_types(data=archive))",
         ),
     ),
-    "learn/features/surface.py": (
-        ("centres = first + (sizes - 1) / 2", "centres = first + sizes / 2"),
-    ),
+    "learn/features/surface.py": (("first + (sizes - 1) / 2", "first + sizes / 2"),),
     "learn/comparison/fits.py": (
         ('content[: content.rfind(b"\\n") + 1]', "content"),
         ("            self._file.flush()\n", ""),

@@ -233,10 +233,8 @@ def _defined(surfaces: Sequence[LawSurface]) -> tuple[Sequence[LawSurface], list
             kept.append(surface)
     if not kept:
         raise faults[0]
-    if not faults:
-        return surfaces, []
     many = f"{len(faults)} of {len(surfaces)} surfaces were left out"
-    return kept, [f"warning: {many}, the first: {faults[0]}"]
+    return kept, [f"warning: {many}, the first: {faults[0]}"] if faults else []
 
 
 def _tables(

@@ -283,7 +283,8 @@ def load_parts(path: Path) -> tuple[dict[str, Any], dict[str, Learnt], Values, V
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")  # models of another version of their library
-            models = _skops().loads(archive, trusted=list(REVIEWED))
+            io = _skops()
+            models = io.loads(archive, trusted=list(REVIEWED))
             distance = Distance(**models["distance"])
             for name in card["targets"]:
                 part = models["targets"][name]
