@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gen.arrays import Heights, Values
 from gen.maps.filters import filled, filtered, without_form
@@ -116,8 +117,7 @@ def masked(topography: Topography, kept: tuple[float | None, float | None]) -> T
             f"{topography.name}: {named} leaves no height, they are {np.nanmin(heights):.6g} to"
             f" {np.nanmax(heights):.6g} um"
         )
-    share = f"{outside.sum()} nodes ({100 * outside.mean():.3g} %)"
-    step = f"masked {share} outside {below:g} to {above:g} um"
+    step = f"masked {_share(outside)} outside {below:g} to {above:g} um"
     return topography.changed(left, step)
 
 
@@ -170,7 +170,7 @@ def despiked(topography: Topography, threshold: float) -> Topography:
     medians, scatter = local_medians(heights)
     with np.errstate(over="ignore"):  # a bound beyond all numbers leaves no spike
         spikes = np.abs(heights - medians) > threshold * scatter
-    taken = f"{spikes.sum()} node{'s' * (spikes.sum() != 1)} ({100 * spikes.mean():.3g} %)"
+    taken = _share(spikes)
     step = f"despiked: {taken} further than {threshold:g} times the scatter from their local median"
     clean = topography.changed(np.where(spikes, medians, heights), step)
     if spikes.mean() <= MANY_SPIKES:
@@ -223,6 +223,12 @@ def downsampled(topography: Topography, nodes: int) -> Topography:
     dx, dy = topography.spacing
     step = f"downsampled to {nx} x {ny} means of {nodes} x {nodes} nodes{rest}"
     return topography.changed(means, step, (nodes * dx, nodes * dy))
+
+
+def _share(chosen: NDArray[np.bool_]) -> str:
+    """Say how many nodes are chosen, and which share of all nodes they are."""
+    count = int(np.count_nonzero(chosen))
+    return f"{count} node{'' if count == 1 else 's'} ({100 * count / chosen.size:.3g} %)"
 
 
 # rms slope above which half-space theory, made for small slopes, is in doubt; the paper's rough
