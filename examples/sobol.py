@@ -20,6 +20,7 @@ from gen.generation.sample import surface_numbered
 from gen.runtime.user_code import TRUSTED
 from gen.scene import Scene
 from learn import Surrogate
+from learn.features.scene import shown
 
 
 def main(arguments: list[str]) -> dict[str, np.ndarray]:
@@ -57,7 +58,7 @@ def main(arguments: list[str]) -> dict[str, np.ndarray]:
     def answers_of_scene(shares: np.ndarray) -> np.ndarray:
         """Predict the means at points of the unit cube; hardness and load lie within their ends."""
         ranges = surrogate.low + shares * (surrogate.high - surrogate.low)
-        values = dict(zip(names, surrogate.features.shown(ranges).T, strict=True))
+        values = dict(zip(names, shown(surrogate.features.columns, ranges).T, strict=True))
         values |= {name: quantiles(drawn[name], shares[:, names.index(name)]) for name in drawn}
         return surrogate.predict(**values, level=None).values[target]
 
