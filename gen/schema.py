@@ -107,9 +107,9 @@ def _statistic(name: str, unit: str, long_name: str, lowest: float, highest: flo
     return Column(name, "f8", unit, long_name, paper_range=(lowest, highest))
 
 
-# Table 1's order. Which kurtosis is Pearson's (normal: 3) and which is the excess (normal: 0)
-# is what the table's ranges show; the names say it, because the paper does not.
-_STATISTICS = (
+# The 22 statistics in the paper's order. Which kurtosis is Pearson's (normal: 3) and which is the
+# excess (normal: 0) is what the table's ranges show; the names say it, as the paper does not.
+TABLE_1 = (
     _statistic("peak_mean", "um", "mean height of profile peaks", 8.20, 47.51),
     _statistic("peak_rms", "um", "standard deviation of profile peak heights", 2.54, 15.49),
     _statistic("peak_kurtosis_pearson", "1", "Pearson kurtosis of peak heights", 1.56, 7.13),
@@ -192,7 +192,7 @@ COLUMNS: tuple[Column, ...] = (
         "hardness of the softer body",
         optional="a range of `contact.hardness`",
     ),
-    *_STATISTICS,
+    *TABLE_1,
     Column(
         "area_percent", "f8", "%", "effective contact area", paper_range=(0.01, 16.56), bounds=SHARE
     ),
@@ -243,8 +243,3 @@ def made_by_another(physics: int) -> str:
         return ""
     which = "an earlier" if physics < PHYSICS else "a later"
     return f"made by {which} solver (physics {physics}, this version computes {PHYSICS})"
-
-
-def statistics_columns() -> tuple[Column, ...]:
-    """Return the columns of the 22 statistics, in the order of the paper's Table 1."""
-    return _STATISTICS

@@ -30,9 +30,9 @@ from numpy.typing import NDArray
 
 from gen.arrays import Values
 from gen.runtime.errors import InputError
-from gen.schema import statistics_columns
+from gen.schema import TABLE_1
 
-NAMES = tuple(column.name for column in statistics_columns())
+NAMES = tuple(column.name for column in TABLE_1)
 """Names of the statistics in the order of Table 1."""
 
 SPACINGS = (1e-15, 1e15)  # least and most [um], between which no power of a curvature overflows

@@ -17,7 +17,7 @@ from gen.database import Reader
 from gen.runtime.errors import InputError
 from gen.scene import Scene, columns_for, parameter_columns
 from gen.scene.faults import shown
-from gen.schema import REASONS, Column, Reason, Status, statistics_columns
+from gen.schema import REASONS, TABLE_1, Column, Reason, Status
 from learn.executor import Executor
 from learn.features import FeatureSet, chosen
 from learn.features.scene import BY_FORCE, SCENE, given_values, load_of
@@ -25,7 +25,7 @@ from learn.features.sets import Rows, limits_of, modulus
 from learn.metrics import usual_size
 from learn.split import MAP, TILE, Population, populations_of, related
 
-INPUTS: tuple[str, ...] = ("delta", *(column.name for column in statistics_columns()))
+INPUTS: tuple[str, ...] = ("delta", *(column.name for column in TABLE_1))
 """The 23 inputs: Delta and the 22 statistics, in the order of the paper's Table 1."""
 
 TARGETS: dict[str, str] = {"area": "area_percent", "force": "force"}

@@ -31,7 +31,7 @@ from gen.database import Reader
 from gen.runtime.errors import InputError
 from gen.runtime.figure import draw_parity, parity_axes
 from gen.scene import ALL_COLUMNS, differences, load
-from gen.schema import Column, Status, statistics_columns
+from gen.schema import TABLE_1, Column, Status
 from learn.dataset import Dataset
 from learn.features import OF_SURFACES
 from learn.metrics import Scores, scores
@@ -140,7 +140,7 @@ def _histograms(rows: pd.DataFrame) -> Any:
     """Draw every parameter of Table 1 with the paper's range."""
     figure = new_figure(11, 10.5)
     axes = figure.subplots(-(-len(SHOWN) // 5), 5).ravel()
-    statistics = {column.name for column in statistics_columns()}
+    statistics = {column.name for column in TABLE_1}
     for axis, column in zip(axes, SHOWN, strict=False):
         values, (low, high) = rows[column.name], RANGES[column.name]
         spaced = np.geomspace if column.name in UNEXPLAINED else np.linspace

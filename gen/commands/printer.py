@@ -14,9 +14,9 @@ from gen.schema import (
     PHYSICS_CHANGES,
     REASONS,
     RUNTIME,
+    TABLE_1,
     Status,
     made_by_another,
-    statistics_columns,
 )
 
 if TYPE_CHECKING:  # each command imports no more than it needs
@@ -150,7 +150,7 @@ def print_statistics(topography: Topography, found: Description, areal: Descript
     if not topography.followed & {"level plane", "level quadratic", "form"}:
         said += ", tilt {:.4g} along x, {:.4g} along y".format(*tilt(topography))
     echo(said)
-    own = [(each.name, each.unit, each.long_name) for each in statistics_columns()]
+    own = [(each.name, each.unit, each.long_name) for each in TABLE_1]
     for title, known, names in (
         ("statistic", found, own),
         ("ISO 25178", areal, [each for each in PARAMETERS if each[0] in areal.values]),

@@ -32,7 +32,7 @@ def describe(
     from gen.maps import pictures, texture
     from gen.maps.prepare import read_surface
     from gen.runtime.documents import write_csv
-    from gen.schema import statistics_columns
+    from gen.schema import TABLE_1
 
     outputs = [Output(table, "--csv"), Output(spectrum, "--spectrum")]
     check_outputs(
@@ -65,7 +65,7 @@ def describe(
             "law": f"none: {fit}" if isinstance(fit, str) else "; ".join(fit.remarks),
             "nodes_a_wave": nodes,
         }
-        units = {column.name: column.unit for column in statistics_columns()}
+        units = {column.name: column.unit for column in TABLE_1}
         units |= {name: unit for name, unit, _ in texture.PARAMETERS} | texture.LAW
         units |= {"Smr_depth": "um", "nodes_a_wave": "1"}
         known = "; ".join(f"{name} {units[name]}" for name in row if name in units)

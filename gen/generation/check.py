@@ -16,11 +16,11 @@ from gen.schema import (
     INFINITE_AT_FULL_CONTACT,
     REASONS,
     STATUS,
+    TABLE_1,
     Column,
     Reason,
     Status,
     made_by_another,
-    statistics_columns,
 )
 
 Mask = NDArray[np.bool_]  # one truth value for each row of a chunk
@@ -46,7 +46,7 @@ def faults(path: Path, recompute: int, seed: int = 0) -> Iterator[str]:
             rows = np.concatenate(finished)
             columns = [column for column in reader.columns() if column.deterministic]
             if made_by_another(int(reader.attributes["physics"])):  # the surfaces are the same
-                names = {each.name for each in statistics_columns()} | {"surface", "heights"}
+                names = {each.name for each in TABLE_1} | {"surface", "heights"}
                 columns = [column for column in columns if column.name in names]
             chosen = np.random.default_rng(seed).permutation(rows)[:recompute]
             for row in np.sort(chosen):
@@ -83,7 +83,7 @@ def _impossible(
 ) -> Iterator[tuple[Mask, str]]:
     """Compare rows with the bounds of their columns, the solver's promise, and loads and nodes."""
     scene, undefined = reader.scene, reason == Reason.NO_STATISTICS
-    statistics = {column.name for column in statistics_columns()}
+    statistics = {column.name for column in TABLE_1}
     for name, values in rows.items():
         excused = (values == np.inf) & (name in INFINITE_AT_FULL_CONTACT)
         excused |= undefined & np.isnan(values) & (name in statistics)

@@ -395,19 +395,14 @@ TAKEN = "is the name of something else; give a name of your own"
 
 def _of_generators() -> Iterator[Column]:
     """Yield the columns of all generators: where surfaces were taken from, and parameters."""
-    columns = {}
-    owners: dict[str, list[str]] = {}
+    owners: dict[Column, list[str]] = {}
     for table in GENERATORS:
-        known = table.PARAMETERS
-        for name in (*table.PLACES, *known):
-            owners.setdefault(name, []).extend(f"`{each}`" for each in table.NAMES)
-        for name, words in table.PLACES.items():
-            columns[name] = Column(name, "i4", "1", words)
-        for name, (unit, words, span) in known.items():
-            own = DRAWN_NAMES.get(name, name)
-            columns[name] = Column(own, "f8", unit, words, paper_range=span)
-    for name, column in sorted(columns.items(), key=lambda each: each[1].dtype != "i4"):
-        *others, last = owners[name]
+        columns = [Column(name, "i4", "1", words) for name, words in table.PLACES.items()]
+        for name, (unit, words, span) in table.PARAMETERS.items():
+            columns.append(Column(DRAWN_NAMES.get(name, name), "f8", unit, words, paper_range=span))
+        for column in columns:
+            owners.setdefault(column, []).extend(f"`{each}`" for each in table.NAMES)
+    for column, (*others, last) in sorted(owners.items(), key=lambda each: each[0].dtype != "i4"):
         several = f"the generators {', '.join(others)} and {last}"
         yield replace(column, optional=several if others else f"the generator {last}")
 

@@ -33,14 +33,14 @@ from gen.arrays import Values
 from gen.material import plane_strain_modulus
 from gen.runtime.errors import InputError
 from gen.scene import Scene
-from gen.schema import statistics_columns
+from gen.schema import TABLE_1
 from learn.features import scene as scenic
 from learn.features.scene import SCENE
 
-STATISTICS: tuple[str, ...] = tuple(column.name for column in statistics_columns())
+STATISTICS: tuple[str, ...] = tuple(column.name for column in TABLE_1)
 """The 22 statistics, in the order of the paper's Table 1."""
 
-_UNITS = {"delta": "um"} | {column.name: column.unit for column in statistics_columns()}
+_UNITS = {"delta": "um"} | {column.name: column.unit for column in TABLE_1}
 HEIGHTS = tuple(name for name in STATISTICS if _UNITS[name] == "um")
 OF_HEIGHTS = [STATISTICS.index(name) for name in HEIGHTS]
 CURVATURES = tuple(name for name in STATISTICS if _UNITS[name] == "um-1")

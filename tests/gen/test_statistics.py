@@ -11,11 +11,11 @@ from hypothesis.extra import numpy as hnp
 from launch import python
 
 from gen.runtime.errors import InputError
-from gen.schema import statistics_columns
+from gen.schema import TABLE_1
 from gen.statistics import NAMES, UNDEFINED, describe
 from gen.surface import generate
 
-TABLE_1 = {column.name: column.paper_range for column in statistics_columns()}
+TABLE_1 = {column.name: column.paper_range for column in TABLE_1}
 """Ranges of the paper's database, in the paper's order."""
 
 BANDWIDTHS = {"bandwidth_x", "bandwidth_y"}
