@@ -30,6 +30,7 @@ from gen.scene.tables import Quantity
 from gen.schema import DRAWN_NAMES
 
 CHUNK = 65_536  # surfaces that share a stream: one a row would take minutes for millions of rows
+OPPOSITE = 4  # second word of the key of a second rough body, which a chunk's key never has
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,15 +110,8 @@ def planned_columns(scene: Scene, plan: Parameters) -> Columns:
 
 def surface_random(scene: Scene, surface: int | np.int64, *body: int) -> np.random.Generator:
     """Make the random generator of a surface, below 2^32, or of the body that it is pressed on."""
-    return np.random.Generator(_stream(scene.seed, int(surface), *body))
-
-
-OPPOSITE = 4  # second word of the key of a second rough body, which the key of a chunk never has
-
-
-def _stream(seed: int, *key: int) -> np.random.PCG64:
-    """Make an independent stream for a key, of the kind that `default_rng` takes today."""
-    return np.random.PCG64(np.random.SeedSequence(seed, spawn_key=key))
+    key = (int(surface), *body)  # PCG64 is the kind that `default_rng` takes today
+    return np.random.Generator(np.random.PCG64(np.random.SeedSequence(scene.seed, spawn_key=key)))
 
 
 def _drawn(
@@ -140,7 +134,7 @@ def _drawn(
     while begin < stop:
         number, offset = divmod(begin, chunk)
         end = min(stop, (number + 1) * chunk)
-        stream = _stream(seed, number, *key)
+        stream = np.random.PCG64(np.random.SeedSequence(seed, spawn_key=(number, *key)))
         # Each number takes one step of PCG64: leap over those that belong to other items.
         stream.advance(before + offset * per)
         np.random.Generator(stream).random(out=uniform[begin - start : end - start])

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import math
+import re
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -371,8 +372,8 @@ def load(name_or_path: str) -> Scene:
         If there is no such scene, the file cannot be read, or the scene is not valid. The message
         is one line with the file, the key, its value and the values that are allowed.
     """
-    if name_or_path in preset_names():
-        preset = files("gen") / "scenes" / f"{name_or_path}.toml"
+    preset = files("gen") / "scenes" / f"{name_or_path}.toml"
+    if re.fullmatch(r"[\w-]+", name_or_path) and preset.is_file():
         return Scene.parse(preset.read_text(encoding="utf-8"), f"scene {name_or_path}")
     try:
         text = read_bytes(Path(name_or_path), MOST_BYTES).decode("utf-8-sig")  # some editors' mark
