@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, NamedTuple
 
 import h5py
 import numpy as np
@@ -124,7 +124,8 @@ def _damage(path: Path) -> Iterator[None]:
         raise
     except (OSError, RuntimeError, KeyError, TypeError, AttributeError, ValueError) as error:
         raise InputError(
-            f"{path} is damaged ({first_line(error)}); restore it from a copy or remove it"
+            f"{path} is damaged, or gen has not written it ({first_line(error)}); restore it from a"
+            " copy or remove it"
         ) from None
 
 
@@ -149,35 +150,29 @@ def read_attributes(file: h5py.File) -> dict[str, str | int]:
 def _check_columns(file: h5py.File, path: Path, scene: Scene, rows: int) -> None:
     """Refuse a file whose columns `gen` cannot have laid out; no declared size costs time."""
     size, places = path.stat().st_size, []
-
-    def refuse(name: str, fault: str) -> NoReturn:
-        raise InputError(
-            f"{path} is damaged, or gen has not written it: column {name!r} {fault}; restore it"
-            " from a copy or remove it"
-        )
-
     for column in columns_for(scene):
         name = stored_path(file, column)
         for part in filter(None, (column.group, name)):
             link = file.get(part, getclass=True, getlink=True)
             if link is not h5py.HardLink:
-                refuse(name, "is missing" if link is None else "is a link to somewhere else")
+                fault = "is missing" if link is None else "is a link to somewhere else"
+                raise ValueError(f"column {name!r} {fault}")
         dataset, shape = file[name], column.shape(rows, scene.grid.shape)
         if (
             not isinstance(dataset, h5py.Dataset)
             or (dataset.shape, dataset.dtype) != (shape, np.dtype(column.dtype))
             or dataset.id.get_type().committed()
         ):
-            refuse(name, f"is not of type {column.dtype} and shape {shape}")
+            raise ValueError(f"column {name!r} is not of type {column.dtype} and shape {shape}")
         if dataset.external or dataset.is_virtual or dataset.chunks is not None:
-            refuse(name, "is in another file, virtual, or in chunks, as in other programs' copies")
+            raise ValueError(f"column {name!r} is in another file, virtual, or in chunks")
         first, length = dataset.id.get_offset(), rows * column.row_bytes(scene.grid.shape)
         if first is None or first + length > size:
-            refuse(name, f"has {rows} rows that do not fit into its {size} bytes")
+            raise ValueError(f"{rows} rows of column {name!r} do not fit into its {size} bytes")
         places.append((first, first + length, name))
     for (_, end, name), (first, _, other) in pairwise(sorted(places)):
         if first < end:
-            refuse(other, f"lies on top of column {name!r}")
+            raise ValueError(f"column {other!r} lies on top of column {name!r}")
 
 
 def checked(

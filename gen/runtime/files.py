@@ -112,7 +112,7 @@ def check_outputs(outputs: Iterable[Output], inputs: Iterable[Path | str] = ()) 
 
 def check_folder(folder: Path, *names: str) -> None:
     """Refuse an output folder that cannot be had, or names in it, pictures (.png) or texts."""
-    real = _folder(folder)
+    real = place_of(folder, folder=True)
     _require_room(folder, next(each for each in (real, *real.parents) if each.exists()))
     for name in names if real.is_dir() else ():
         _place(folder / name, "picture" if name.endswith(".png") else "text")
@@ -121,15 +121,7 @@ def check_folder(folder: Path, *names: str) -> None:
 def make_folder(folder: Path) -> None:
     """Make a folder, or the one that a link leads to, and those above it, unless they exist."""
     with _in_words(folder, "cannot be written to"):
-        _folder(folder).mkdir(parents=True, exist_ok=True)
-
-
-def _folder(folder: Path) -> Path:
-    """Follow all links to the place of a folder, which need not exist yet."""
-    real = _followed(folder)
-    if real.exists() and not real.is_dir():
-        raise InputError(f"{folder} is a file: give a folder")
-    return real
+        place_of(folder, folder=True).mkdir(parents=True, exist_ok=True)
 
 
 def write(path: Path, content: str | bytes, kind: Kind = "text") -> None:
@@ -196,28 +188,24 @@ def unfinished(real: Path, present: Present = "replace", signature: bytes = b"")
         temporary.unlink(missing_ok=True)
 
 
-def place_of(path: Path) -> Path:
-    """Follow all links to the place of a file, which may not exist; else InputError."""
-    real = _followed(path)
-    with _in_words(path, "cannot be written"):
-        if not real.name or real.is_dir():
-            raise InputError(f"{path}: is a folder; give a file in a folder that exists")
-        if not real.parent.is_dir():
-            missing = real.parent if path.is_symlink() else path.parent
-            raise InputError(
-                f"{path}: there is no folder {missing}; give a file in a folder that exists"
-            )
-    return real
-
-
-def _followed(path: Path) -> Path:
-    """Follow all links to the place of a file or a folder, which need not exist yet."""
+def place_of(path: Path, *, folder: bool = False) -> Path:
+    """Follow all links to the place of a file or folder, which may not exist; else InputError."""
     try:
         real = path.resolve()
         if real.is_symlink():
             raise InputError(f"{path}: its links lead nowhere")
     except (OSError, RuntimeError) as error:  # RuntimeError: a loop of links
         raise InputError(f"{path}: {getattr(error, 'strerror', None) or error}") from None
+    with _in_words(path, "cannot be written"):
+        if folder and real.exists() and not real.is_dir():
+            raise InputError(f"{path} is a file: give a folder")
+        if not folder and (not real.name or real.is_dir()):
+            raise InputError(f"{path}: is a folder; give a file in a folder that exists")
+        if not folder and not real.parent.is_dir():
+            missing = real.parent if path.is_symlink() else path.parent
+            raise InputError(
+                f"{path}: there is no folder {missing}; give a file in a folder that exists"
+            )
     return real
 
 

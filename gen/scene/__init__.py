@@ -12,7 +12,7 @@ from gen.scene.scene import (
     require_own_names,
     row_bytes,
 )
-from gen.scene.tables import Piece, Store, flags
+from gen.scene.tables import Piece, Store
 
 __all__ = [
     "ALL_COLUMNS",
@@ -24,7 +24,6 @@ __all__ = [
     "Store",
     "columns_for",
     "differences",
-    "flags",
     "load",
     "parameter_columns",
     "preset_names",

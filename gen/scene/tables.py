@@ -182,12 +182,6 @@ class Load(Table):
         return content
 
 
-def flags() -> tuple[str, ...]:
-    """Return the names of the optional columns that are asked for by true."""
-    fields = Store.model_fields.items()
-    return tuple(name for name, field in fields if field.annotation in {bool, bool | None})
-
-
 # A later flag: absent where it is off, so that it changes no scene that does not set it.
 Flag = Annotated[bool | None, AfterValidator(lambda wanted: wanted or None)]
 
