@@ -106,7 +106,7 @@ def papers_problem(row: int) -> Setup:
     scene = load("paper")
     plan = parameters(scene, row, row + 1)
     share = np.random.default_rng((row, 1)).uniform(*np.log10(PAPER_HARDNESS))
-    heights, delta = surface_of(scene, plan, 0), float(plan.delta[0])
+    heights, delta = surface_of(scene, plan, 0), float(plan.load[0])
     hardness = float(10**share)
     return Setup(heights, delta, scene.sides[0], rtol=DEFAULT_RTOL, hardness=hardness)
 

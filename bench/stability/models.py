@@ -55,7 +55,7 @@ def solved() -> tuple[Values, Values]:
     """Return Delta and the 22 statistics, (n, 23), and the areas, (n,) [%]."""
     plan = parameters(load("paper"), 0, ROWS)
     inputs, areas = [], []
-    for row, delta in enumerate(plan.delta.tolist()):
+    for row, delta in enumerate(plan.load.tolist()):
         heights = surface_of(SCENE, plan, row)
         inputs.append([delta, *describe(heights, SCENE.spacing).values.values()])
         areas.append(bem.solve(heights, SIDE, delta).area_percent)

@@ -112,7 +112,7 @@ def _seconds(call: Callable[[], object]) -> float:
 def new_contacts(count: int) -> Contacts:
     """Generate surfaces and loads of the preset that no surrogate here was trained on."""
     plan = parameters(SCENE, 0, count)
-    return [(surface_of(SCENE, plan, row), float(plan.delta[row])) for row in range(count)]
+    return [(surface_of(SCENE, plan, row), float(plan.load[row])) for row in range(count)]
 
 
 def measure_solver(contacts: Contacts) -> SolverTimes:

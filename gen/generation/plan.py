@@ -45,13 +45,6 @@ class Parameters:
     first: int = 0  # number of the first row
     places: dict[str, NDArray[np.int32]] = field(default_factory=dict)  # of the row's surface
 
-    @property
-    def delta(self) -> Values:
-        """Far-field displacements (rows,) of a scene that gives them [um]."""
-        if self.quantity != "delta":
-            raise ValueError(f"this scene gives {self.quantity}, not Delta")
-        return self.load
-
     def parameters_of(self, row: int) -> dict[str, float]:
         """Return the parameters of a row's surface, counted from the first of these rows."""
         return {name: float(values[row]) for name, values in self.drawn.items()}

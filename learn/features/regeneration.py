@@ -140,7 +140,7 @@ def compute_block(shared: tuple[Scene, Path, int, bool], block: Block) -> tuple[
     scene.surface.make_ready(folder, verify=False)
     start, stop, found = block
     plan = parameters(scene, start, stop)
-    deltas = plan.delta if plan.quantity == "delta" and not pressed else np.array(found)
+    deltas = plan.load if plan.quantity == "delta" and not pressed else np.array(found)
     inputs = np.full((stop - start, len(_inputs(scene))), np.nan)
     values = np.full((stop - start, len(HYBRID) + pressed), np.nan)
     inputs[:, 0] = deltas

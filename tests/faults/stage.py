@@ -228,7 +228,7 @@ class Stage:
         if ailments is None:
             return Run(self.folder, ranks, "run", "scene.toml", "-o", output, *options)
         known = {
-            repr(float(parameters(self.scene, row, row + 1).delta[0])): name
+            repr(float(parameters(self.scene, row, row + 1).load[0])): name
             for row, name in ailments.items()
         }
         (self.folder / "ailments.json").write_text(json.dumps(known))

@@ -80,7 +80,7 @@ def test_answers_are_judged(reference):
 @pytest.mark.parametrize(("ailment", "reason"), FAILURES.items())
 def test_samples_ail_as_they_should(ailment, reason):
     scene = Scene.parse("samples = 5\n[surface]\nnodes = 17\n", "test")
-    ailments = {float(parameters(scene, 2, 3).delta[0]): ailment}
+    ailments = {float(parameters(scene, 2, 3).load[0]): ailment}
     with mock.patch.object(bem, "solve", program.ailing(ailments)):
         rows = compute_rows(scene, 0, 5)
     np.testing.assert_array_equal(rows["reason"], [0, 0, reason, 0, 0])

@@ -46,7 +46,7 @@ def test_outputs_are_columns_like_all_others(here, capsys):
         plan = parameters(reader.scene, 0, 7)
         for row in range(7):
             heights = surface_of(reader.scene, plan, row)
-            contact = solve_contact(reader.scene, heights, float(plan.delta[row]))
+            contact = solve_contact(reader.scene, heights, float(plan.load[row]))
             expected = ndimage.label(contact.pressure > 0)[1]
             assert reader.column("spots")[row] == expected
             assert reader.column("top")[row] == heights.max()

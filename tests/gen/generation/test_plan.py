@@ -18,7 +18,7 @@ def scene(samples: int = 1000, m: int = 1, extra: str = "") -> Scene:
 
 
 def columns(rows: Parameters) -> tuple[np.ndarray, ...]:
-    return rows.surface, rows.drawn["hurst"], rows.drawn["sigma0"], rows.delta
+    return rows.surface, rows.drawn["hurst"], rows.drawn["sigma0"], rows.load
 
 
 def assert_slice(part: Parameters, whole: Parameters, start: int, stop: int) -> None:
@@ -40,7 +40,7 @@ def test_first_rows_of_the_papers_database():
         rows.drawn["sigma0"], [12.089954739115084, 10.0545284405591, 10.033495532330592], rtol=1e-15
     )
     np.testing.assert_allclose(
-        rows.delta, [19.135645934310062, 16.34904294864218, 17.09480985923459], rtol=1e-15
+        rows.load, [19.135645934310062, 16.34904294864218, 17.09480985923459], rtol=1e-15
     )
 
 
@@ -58,7 +58,7 @@ def test_rows_are_cut_from_streams_drawn_in_full(m):
         np.testing.assert_array_equal(rows.surface, np.repeat(surface, m))
         np.testing.assert_array_equal(rows.drawn["hurst"], np.repeat(hurst, m))
         np.testing.assert_array_equal(rows.drawn["sigma0"], np.repeat(sigma0, m))
-        np.testing.assert_array_equal(rows.delta, delta.ravel())
+        np.testing.assert_array_equal(rows.load, delta.ravel())
 
 
 @pytest.mark.parametrize("m", [1, 5])

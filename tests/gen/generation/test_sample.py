@@ -26,7 +26,7 @@ def test_a_row_is_what_its_parts_say():
     plan = parameters(made, 3, 9)
     for row in range(6):
         heights = surface_of(made, plan, row)
-        contact = bem.solve(heights, 1000.0, plan.delta[row])
+        contact = bem.solve(heights, 1000.0, plan.load[row])
         assert rows["area_percent"][row] == contact.area_percent
         assert rows["force"][row] == contact.force
         assert rows["mean_gap"][row] == contact.mean_gap
@@ -64,7 +64,7 @@ def test_two_rough_bodies_are_the_sum_of_two_surfaces(text, boundary):
     plans = [parameters(made, 0, 60) for made in (alone, pair)]
     for name, values in plans[0].drawn.items():
         np.testing.assert_array_equal(values, plans[1].drawn[name])
-    np.testing.assert_array_equal(plans[0].delta, plans[1].delta)
+    np.testing.assert_array_equal(plans[0].load, plans[1].load)
     firsts, seconds = [], []
     for row in range(60):
         first, composite = (
@@ -118,7 +118,7 @@ def test_what_contact_decides_is_what_the_contact_says(boundary):
     rows = compute_rows(made, 0, 4)
     plan = parameters(made, 0, 4)
     for row in range(4):
-        contact = solve_contact(made, surface_of(made, plan, row), plan.delta[row], 0.02)
+        contact = solve_contact(made, surface_of(made, plan, row), plan.load[row], 0.02)
         for name in ("stiffness", "interface_stiffness", "continuum_area_percent"):
             assert rows[name][row] == getattr(contact, name)
         spots = contact.spots

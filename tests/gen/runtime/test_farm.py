@@ -191,7 +191,7 @@ def slow(rows, monkeypatch):
     """Make some rows of the folder's scene take half a minute."""
     healthy = bem.solve
     scene = load("scene.toml")
-    late = {float(parameters(scene, row, row + 1).delta[0]) for row in rows}
+    late = {float(parameters(scene, row, row + 1).load[0]) for row in rows}
 
     def solve(heights, sides, delta, **settings):
         if delta in late:

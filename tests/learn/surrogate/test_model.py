@@ -117,7 +117,7 @@ def test_what_it_predicts_are_the_rows_of_its_test(solved):
     plan = parameters(scene, 0, 90)
     predicted = np.array(
         [
-            surrogate.predict(surface_of(scene, plan, row), 1000.0, plan.delta[row]).force[0]
+            surrogate.predict(surface_of(scene, plan, row), 1000.0, plan.load[row]).force[0]
             for row in rows.rows[test]
         ]
     )
