@@ -5,7 +5,6 @@ A user's function gives further outputs of each contact; a scene records its sou
 
 import itertools
 import json
-import math
 import socket
 import time
 from collections.abc import Callable, Mapping
@@ -275,24 +274,20 @@ def called(store: Store, contact: bem.Contact, row: int) -> dict[Any, Output]:
         if not isinstance(returned, Mapping):
             kind = type(returned).__name__
             raise SourceError(f"{place}: returned a {kind}, not a dictionary of numbers by names")
-        return {name: _output(name, returned[name], place) for name in returned}
-
-
-def _output(name: object, returned: Any, place: str) -> Output:
-    """Read a number, or a pair of a number and its unit."""
-    paired = isinstance(returned, tuple) and len(returned) == 2
-    value, unit = returned if paired else (returned, None)
-    if isinstance(value, np.ndarray | np.generic) and value.ndim == 0:
-        value = value.item()
-    if not isinstance(name, str):
-        raise SourceError(f"{place}: the name {name!r} is not a text")
-    if not isinstance(value, Real) or not isinstance(unit, str | None):
-        shown = str(returned)[:60]
-        raise SourceError(f"{place}: {name} is {shown!r}, not a number, or a number and its unit")
-    try:
-        return float(value), unit
-    except OverflowError:  # a whole number of hundreds of digits
-        return math.inf, unit
+        found = {}
+        for name in returned:
+            given = returned[name]
+            value, unit = given if isinstance(given, tuple) and len(given) == 2 else (given, None)
+            if isinstance(value, np.ndarray | np.generic) and value.ndim == 0:
+                value = value.item()
+            if not isinstance(name, str):
+                raise SourceError(f"{place}: the name {name!r} is not a text")
+            if not isinstance(value, Real) or not isinstance(unit, str | None):
+                raise SourceError(
+                    f"{place}: {name} is {str(given)[:60]!r}, not a number, or one and its unit"
+                )
+            found[name] = float(value), unit
+        return found
 
 
 def completed(scene: Scene, home: Path | None = None, *, rehearsed: bool = False) -> Scene:
