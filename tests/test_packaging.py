@@ -74,6 +74,7 @@ def described(wheel: zipfile.ZipFile) -> Message:
 DATA = {
     "asperity/py.typed",
     *("bem/py.typed", "gen/py.typed", "learn/py.typed", "gen/columns.md"),
+    *("gen/law/law.h.in", "gen/law/law_4c.py.in"),
     *("bench/page.html", "bench/two-blocks.inp"),
 }
 """Files of the wheel that are neither Python nor of a kind below."""

@@ -81,39 +81,8 @@ UNITS: dict[Units, UnitSystem] = {
     "um": UnitSystem("um, uN, s, MPa; conductance in pW/(um2 K)", 1.0, 1.0, 1e6),
 }
 
-FOR_4C = '''
-from bisect import bisect_right
-
-
-def evaluate(gap, offset):
-    """Return the contact pressure at a node, negative as 4C counts it."""
-    i, t = _place(gap, offset)
-    h, u = CLOSURES[i + 1] - CLOSURES[i], 1.0 - t
-    rise = t * t * (3.0 - 2.0 * t) * (PRESSURES[i + 1] - PRESSURES[i])
-    return -(PRESSURES[i] + rise + h * t * u * (u * SLOPES[i] - t * SLOPES[i + 1]))
-
-
-def evaluate_derivative(gap, offset):
-    """Return the derivative of `evaluate` by the gap, positive: its consistent tangent."""
-    i, t = _place(gap, offset)
-    h, u = CLOSURES[i + 1] - CLOSURES[i], 1.0 - t
-    secant = (PRESSURES[i + 1] - PRESSURES[i]) / h
-    ends = u * (1.0 - 3.0 * t) * SLOPES[i] + t * (3.0 * t - 2.0) * SLOPES[i + 1]
-    return 6.0 * t * u * secant + ends
-
-
-def _place(gap, offset):
-    """Return the piece of the cubic that holds the closure at a node, and the place in it."""
-    closure = -(gap + offset)
-    if not 0.0 <= closure <= CLOSURES[-1]:
-        raise ValueError(
-            f"gap {gap:g} and offset {offset:g}: the closure -(gap + offset) is {closure:g}, and"
-            f" this law goes from 0 to {CLOSURES[-1]:g}: make one with larger pressures"
-        )
-    i = min(bisect_right(CLOSURES, closure), len(CLOSURES) - 1) - 1
-    return i, (closure - CLOSURES[i]) / (CLOSURES[i + 1] - CLOSURES[i])
-'''
-
+FUNCTIONS = Path(__file__).parent
+"""Folder of the functions that the files in C and for 4C hold: law.h.in and law_4c.py.in."""
 
 GAS_IN_WORDS = "Gas in the gap: conductivity {:g} W/(m K), jump distance {:g} um; its part counts."
 
@@ -143,7 +112,7 @@ def write_for_4c(path: Path, law: Law, units: Units) -> list[Path]:
         "SLOPES": slopes(overclosures, loads, 0.0),
     }
     lines = list(_comment(_description(law, "4c", system, pressures, ""), "# "))
-    lines += FOR_4C.splitlines()
+    lines += ["", *(FUNCTIONS / "law_4c.py.in").read_text(encoding="ascii").splitlines()]
     for name, values in columns.items():
         lines += ["", f"{name} = (", *(f"    {value!r}," for value in values.tolist()), ")"]
     files.write(path, "\n".join(lines) + "\n")
@@ -311,50 +280,6 @@ ARGUMENTS = {"delta_um": ("delta", ""), "pressure_MPa": ("pressure", "_at_pressu
 """Name of the argument, and end of the functions' names, for each table."""
 
 PER_LINE = 5  # numbers in a line of the C header
-C_FUNCTIONS = """
-/* Place of the interval that holds an argument between the ends of a table. */
-static inline int NAME_place(const double *x, int n, double at)
-{
-    int low = 0, high = n - 1;
-    while (high - low > 1) {
-        int middle = (low + high) / 2;
-        if (x[middle] <= at) low = middle; else high = middle;
-    }
-    return low;
-}
-
-/* Cubic with the values y and the slopes s at x; beyond the ends, the value there. */
-static inline double NAME_interpolate(const double *x, const double *y, const double *s, int n,
-                                      double at)
-{
-    int i;
-    double h, t, u;
-    if (!(at > x[0])) return y[0];
-    if (at >= x[n - 1]) return y[n - 1];
-    i = NAME_place(x, n, at);
-    if (at == x[i]) return y[i];
-    h = x[i + 1] - x[i];
-    t = (at - x[i]) / h;
-    u = 1.0 - t;
-    return y[i] + t * t * (3.0 - 2.0 * t) * (y[i + 1] - y[i])
-           + h * t * u * (u * s[i] - t * s[i + 1]);
-}
-
-/* Slope of the same cubic: the consistent tangent, continuous; 0 beyond the ends. */
-static inline double NAME_slope(const double *x, const double *y, const double *s, int n, double at)
-{
-    int i;
-    double h, t, u;
-    if (n < 2 || at < x[0] || at > x[n - 1]) return 0.0;
-    i = NAME_place(x, n, at);
-    if (at == x[i]) return s[i];
-    h = x[i + 1] - x[i];
-    t = (at - x[i]) / h;
-    u = 1.0 - t;
-    return 6.0 * t * u * (y[i + 1] - y[i]) / h + u * (1.0 - 3.0 * t) * s[i]
-           + t * (3.0 * t - 2.0) * s[i + 1];
-}
-"""
 
 
 def write_header(path: Path, law: Law) -> list[Path]:
@@ -428,7 +353,8 @@ def _header_description(law: Law, name: str) -> Iterator[str]:
 def _body(law: Law, name: str) -> Iterator[str]:
     """Yield tables and functions, from first touch on, where the curves over Delta begin."""
     yield "#include <math.h>"
-    yield C_FUNCTIONS.replace("NAME", name)
+    functions = (FUNCTIONS / "law.h.in").read_text(encoding="ascii")
+    yield "\n" + functions.replace("NAME", name)
     rest = law.over_delta.curves
     for curves in (law.over_delta, law.over_pressure):
         argument, suffix = ARGUMENTS[curves.against]
