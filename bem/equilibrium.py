@@ -27,9 +27,11 @@ from bem.threads import on_one_blas_thread
 FEW_NODES = 250
 
 # Nodes a side from which on a solve starts from a loose solve on a coarser grid, and the tolerance
-# of that one. Under the mean pressure below, over E* times the rms slope, that pays from more nodes
-# on: on 512 it costs 20 % there, and gains 15 to 30 % above (`python -m bench growth`).
-NESTED, NESTED_FAINT, NESTED_RTOL, FAINT = 500, 1000, 6e-2, 4e-3
+# of that one. Under the mean pressure below, over E* times the rms slope, or at the Delta below,
+# over the mean depth of the surface, that pays from more nodes on: 1 % of some 500 nodes a side in
+# contact would take a fifth more time (`python -m bench growth`).
+NESTED, NESTED_FAINT, NESTED_RTOL = 500, 1000, 6e-2
+FAINT_PRESSURE, FAINT_DELTA = 4e-3, 0.6
 
 # Share of the Delta of full contact up to which a coarser grid is told by it: beyond, the coarser
 # grid may be full already.
@@ -538,9 +540,7 @@ def _on_coarser_grid(problem: Problem) -> Start | None:
     """Solve loosely on a grid with twice the spacing; None where that gains nothing."""
     rows, columns = problem.heights.shape
     fewest = min(rows, columns)
-    if fewest < NESTED or (
-        fewest < NESTED_FAINT and problem.delta is None and _relative_load(problem) < FAINT
-    ):
+    if fewest < NESTED or (fewest < NESTED_FAINT and _is_faint(problem)):
         return None
     compliant = problem.far_field == "compliant"
     free = problem.boundary == "free"
@@ -572,6 +572,14 @@ def _on_coarser_grid(problem: Problem) -> Start | None:
     if free and delta is None:
         reach = FURTHER * (loose.delta + float(problem.heights.max() - heights.max()))
     return Start(pressure, None, math.ceil(share * loose.effort.convolutions), reach)
+
+
+def _is_faint(problem: Problem) -> bool:
+    """Return whether a load or a displacement is likely to bring little into contact."""
+    if problem.delta is None:
+        return _relative_load(problem) < FAINT_PRESSURE
+    depth = float((problem.heights.max() - problem.heights).mean())
+    return problem.delta < FAINT_DELTA * depth
 
 
 def _between(values: Field, axis: int, nodes: int) -> Field:
