@@ -1,10 +1,13 @@
 """The model card: data, settings, scores, intervals and training ranges of a surrogate."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gen.arrays import Indices, Values
 from gen.runtime import VERSION
@@ -13,7 +16,7 @@ from gen.runtime.terminal import printable
 from learn.dataset import Dataset, Request
 from learn.features.scene import SCENE, plain, shown
 from learn.features.sets import limits_of, modulus
-from learn.metrics import magnitude, scores
+from learn.metrics import magnitude, no_better, scores
 from learn.models import EVERY, versions
 from learn.surrogate import flag
 from learn.surrogate.calibration import FEWEST
@@ -22,6 +25,8 @@ from learn.surrogate.learnt import Learnt
 
 if TYPE_CHECKING:
     from rich.table import Table
+
+    from learn.surrogate.fitting import Fit
 
 WIDTH = 120
 """Width of the tables without a terminal [characters]."""
@@ -103,24 +108,35 @@ def make(
     }
 
 
-def judge(learnt: Learnt, rows: Dataset, test: Indices) -> dict[str, Any]:
-    """Score the model of a target and its intervals on the test rows, in the target's unit."""
-    tested = rows.at(test)
+def judge(fitted: Fit, rows: Dataset, test: Indices) -> dict[str, Any]:
+    """Return the entry of a target: its model and intervals judged on the test rows, and its fit.
+
+    Scores are in percent, the rest is in the target's unit.
+    """
+    learnt, tested = fitted.learnt, rows.at(test)
     raw, scale, truth = learnt.raw(tested.inputs), tested.scale, tested.target
-    covered = []
+    covered, held = [], []
     for level in LEVELS:
-        share, *ends = learnt.calibration.coverage(raw, truth, level, tested.inputs)
-        low, high = (np.clip(end * scale, *learnt.bounds) for end in ends)
-        width = float(np.mean(high - low))
-        covered.append({"level": level, "coverage": share, "mean_width": width})
-    several = {} if len(rows.origins) == 1 else {"databases": _by_database(learnt, rows, test)}
+        low, high = learnt.calibration.ends(raw, level, tested.inputs)
+        held.append((low <= truth) & (truth <= high))
+        width = np.clip(high * scale, *learnt.bounds) - np.clip(low * scale, *learnt.bounds)
+        own = {"coverage": float(held[-1].mean()), "mean_width": float(width.mean())}
+        covered.append({"level": level, **own})
+    found = scores_of(learnt, tested, raw)
+    several = {}
+    if len(rows.origins) > 1:
+        several = {"databases": _by_database(learnt, tested, raw, held[1])}
     return {
         **several,
         "column": learnt.column,
         "unit": learnt.unit,
         "range": np.quantile(truth * scale, (0, 1)).tolist(),
-        "scores": scores_of(learnt, tested, raw),
+        "scores": found,
         "intervals": covered,
+        "settings": {name: str(each) for name, each in sorted(fitted.settings.values.items())},
+        "settings_from": fitted.settings.origin,
+        "fit_seconds": fitted.fitting,
+        "remarks": [*fitted.remarks, *filter(None, [no_better(found["r2"])])],
     }
 
 
@@ -131,22 +147,25 @@ def scores_of(learnt: Learnt, rows: Dataset, raw: Values) -> dict[str, float]:
     return {name: float(value) for name, value in vars(found).items()}
 
 
-def _by_database(learnt: Learnt, rows: Dataset, test: Indices) -> list[dict[str, Any]]:
+def _by_database(
+    learnt: Learnt, tested: Dataset, raw: Values, held: NDArray[np.bool_]
+) -> list[dict[str, Any]]:
     """Score the model on the test rows of each database; NaN where there are none.
 
     The nMAE is NaN, too, where a target is 0 in all of them; the mean error says more there.
+    `held` tells of each row whether its interval of `LEVELS[1]` holds the truth.
     """
-    found = []
-    for number in range(len(rows.origins)):
-        mine = test[rows.database[test] == number]
+    found, truth = [], tested.target * tested.scale
+    errors = np.abs(np.clip(raw * tested.scale, *learnt.bounds) - truth)
+    for number in range(len(tested.origins)):
+        mine = tested.database == number
         nmae = mae = covered = float("nan")
-        if mine.size:
-            raw, truth, scale = learnt.raw(rows.inputs[mine]), rows.target[mine], rows.scale[mine]
-            error = np.abs(np.clip(raw * scale, *learnt.bounds) - truth * scale)
-            mae, size = float(error.mean()), magnitude(truth * scale)
+        if mine.any():
+            mae, covered = float(errors[mine].mean()), float(held[mine].mean())
+            size = magnitude(truth[mine])
             nmae = 100 * mae / size if size else nmae
-            covered, *_ = learnt.calibration.coverage(raw, truth, LEVELS[1], rows.inputs[mine])
-        found.append({"rows": int(mine.size), "nmae": nmae, "mae": mae, "coverage": covered})
+        own = {"nmae": nmae, "mae": mae, "coverage": covered}
+        found.append({"rows": int(mine.sum()), **own})
     return found
 
 
@@ -240,7 +259,7 @@ def _grown(record: dict[str, Any]) -> str:
     )
 
 
-def _table(title: str, names: str, numbers: str, rows: Iterable[Sequence[object]]) -> "Table":
+def _table(title: str, names: str, numbers: str, rows: Iterable[Sequence[object]]) -> Table:
     """Make a table of columns of names and of numbers, whose headings are separated by bars."""
     from rich.table import Table
 
@@ -254,7 +273,7 @@ def _table(title: str, names: str, numbers: str, rows: Iterable[Sequence[object]
     return table
 
 
-def _scores(card: Mapping[str, Any]) -> "Table":
+def _scores(card: Mapping[str, Any]) -> Table:
     rows = []
     for name, target in card["targets"].items():
         scores, (low, high) = target["scores"], target["range"]
@@ -267,7 +286,7 @@ def _scores(card: Mapping[str, Any]) -> "Table":
     return _table(title, "Target|Unit", f"from|to|nMSE|nMAE|nMaxE|R2|{inside}", rows)
 
 
-def _databases(card: Mapping[str, Any]) -> "Table":
+def _databases(card: Mapping[str, Any]) -> Table:
     """Return the table of the databases, with scores on the test rows of each."""
     headings = ["rows", "tested"]
     for name, target in card["targets"].items():
@@ -286,7 +305,7 @@ def _databases(card: Mapping[str, Any]) -> "Table":
     return _table(title, "Database|Generator|Nodes", "|".join(headings), rows)
 
 
-def _ranges(card: Mapping[str, Any], low: Values, high: Values) -> "Table":
+def _ranges(card: Mapping[str, Any], low: Values, high: Values) -> Table:
     if card["features"] == SCENE:
         names = [name for name, _ in card["columns"]]
         low, high = shown(names, low), shown(names, high)

@@ -80,6 +80,9 @@ BUILT_IN: dict[str, dict[str, Any]] = {"mlp": NETWORK, POPULATION.name: {}}
 """Settings where nothing is searched; the mean of a population chooses its own."""
 
 
+SCORED = "R2 {r2:.3f} %, nMAE {nmae:.2f} %"
+"""The scores that a user is told."""
+
 CLOSED = ("kernel-ridge", "gaussian-process", POPULATION.name)
 """Models of which one fit tells the errors at rows that are left out."""
 
@@ -253,9 +256,15 @@ def fit_parts(
     for number, (target, rows) in enumerate(zip(request.targets, sets, strict=True)):
         calibration = None if others is None else others[number]
         fitted = fit_target(request, rows.at(train), calibration, parts.folds)
-        left_out = rows.at(train) if plan.remark else None
-        judged[target] = _judged(fitted, rows, parts.test, left_out, say)
         learnt[target] = fitted.learnt
+        judged[target] = entry = card.judge(fitted, rows, parts.test)
+        score = SCORED.format(**entry["scores"])
+        say(f"{rows.target_name}: {entry['settings_from']}; {score}, fit {fitted.fitting:.3g} s")
+        if plan.remark and fitted.crossed is not None:
+            entry["left_out"] = card.scores_of(fitted.learnt, rows.at(train), fitted.crossed)
+            say(f"  left out in turn: {SCORED.format(**entry['left_out'])}")
+        for remark in entry["remarks"]:
+            say(f"  warning: {remark}")
     inputs, features = sets[0].inputs[train], sets[0].features
     low, high = inputs.min(axis=0), inputs.max(axis=0)
     if features.name == SCENE:
@@ -282,36 +291,6 @@ class Fit:
     fitting: float  # and of the fit [s]
     remarks: tuple[str, ...]  # warnings of the fit
     crossed: Values | None = None  # (n,), over the scale, by models without a row's group
-
-
-def _judged(
-    fitted: Fit,
-    rows: Dataset,
-    test: Indices,
-    left_out: Dataset | None,
-    say: Callable[[str], None],
-) -> dict[str, Any]:
-    """Judge the fit of a target on the test rows, tell the user, and return the card's entry.
-
-    Training rows that were left out in turn, if given, are judged too.
-    """
-    judged, settings = card.judge(fitted.learnt, rows, test), fitted.settings
-    scores = judged["scores"]
-    judged |= {
-        "settings": {name: str(each) for name, each in sorted(settings.values.items())},
-        "settings_from": settings.origin,
-        "fit_seconds": fitted.fitting,
-        "remarks": [*fitted.remarks, *filter(None, [no_better(scores["r2"])])],
-    }
-    score = f"R2 {scores['r2']:.3f} %, nMAE {scores['nmae']:.2f} %"
-    say(f"{rows.target_name}: {settings.origin}; {score}, fit {fitted.fitting:.3g} s")
-    if fitted.crossed is not None and left_out is not None:
-        scores = card.scores_of(fitted.learnt, left_out, fitted.crossed)
-        judged["left_out"] = scores
-        say(f"  left out in turn: R2 {scores['r2']:.3f} %, nMAE {scores['nmae']:.2f} %")
-    for remark in judged["remarks"]:
-        say(f"  warning: {remark}")
-    return judged
 
 
 def fit_target(

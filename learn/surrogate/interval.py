@@ -180,13 +180,6 @@ class Calibration:
         root = np.sqrt(np.maximum(prediction, 0.0))
         return np.maximum(root - half, 0.0) ** 2, (root + half) ** 2
 
-    def coverage(
-        self, prediction: Values, truth: Values, level: float, inputs: Values
-    ) -> tuple[float, Values, Values]:
-        """Return the share of rows whose interval holds the truth, and both ends; see `ends`."""
-        low, high = self.ends(prediction, level, inputs)
-        return float(np.mean((low <= truth) & (truth <= high))), low, high
-
 
 def calibrated_by(card: Mapping[str, Any]) -> str:
     """Say by how many surfaces, maps or databases intervals are calibrated: "17 maps"."""
