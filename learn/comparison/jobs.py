@@ -7,7 +7,6 @@ does its fits on the workers.
 import math
 import time
 from collections.abc import Iterator
-from dataclasses import replace
 
 from gen.runtime.farm import Interruption
 from gen.runtime.terminal import RunProgress
@@ -17,7 +16,7 @@ from learn.comparison import results
 from learn.comparison.fits import Training, Trials
 from learn.comparison.folder import Folder
 from learn.comparison.results import TimedFit
-from learn.comparison.search import Found, GridSearch, halved, whole
+from learn.comparison.search import GridSearch, halved, whole
 from learn.dataset import Request, short_name
 from learn.executor import Executor
 from learn.features.scene import SCENE
@@ -74,22 +73,8 @@ def tune(request: Request, executor: Executor) -> int:
                 )
                 found = whole(search) if math.isinf(until) else halved(search, until)
                 if not interruption.requested():
-                    _finish(request, folder, found, until)
+                    results.finish(folder, found, until, again=request.again)
     return interruption.signal
-
-
-def _finish(request: Request, folder: Folder, found: Found, until: float) -> None:
-    """Fit the winner of a search until a time, unless its result is there, and write what came."""
-    search = found.search
-    if found.fault:
-        results.write_failure(folder, search.model, found.fault)
-    elif request.again or not results.has_winner(folder, found):
-        task = replace(results.winner_of(found), until=until)
-        result = search.executor.call(results.fit_and_time, search.training, task, until)
-        if result is None:
-            results.write_failure(folder, search.model, results.UNFITTED)
-        else:
-            results.write_search(folder, found, result)
 
 
 def _targets(

@@ -8,7 +8,7 @@ import json
 import math
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from statistics import median
 from time import perf_counter
@@ -24,7 +24,7 @@ from learn.comparison.grid import Settings
 from learn.comparison.search import Found
 from learn.comparison.tables import WHY_BASELINE
 from learn.metrics import scores
-from learn.models import EVERY, STEP, Model, pipeline, remarks
+from learn.models import EVERY, STEP, pipeline, remarks
 from learn.split import FOLDS
 
 FITS = (3, 7)
@@ -116,44 +116,53 @@ def repeated(
     return taken
 
 
-def winner_of(found: Found) -> TimedFit:
-    """Return the winner of a search, a candidate of the grid or the baseline, to be fitted."""
-    search, scores = found.search, found.scores
-    if scores.baseline_wins:
-        return TimedFit(search.model.name, search.baseline or {}, "tuned")
-    settings = search.grid.first(scores.winner)
-    return TimedFit(search.model.name, settings, "tuned", of_grid=True)
+def finish(folder: Folder, found: Found, until: float, *, again: bool) -> None:
+    """Fit the winner of a search until a time [s], and write and print what came of both.
+
+    The winner is a candidate of the grid or the baseline. Nothing is done, except `again`, where
+    the folder has the result of this very search and winner.
+    """
+    search, scores, name = found.search, found.scores, found.search.model.name
+    why = found.fault
+    if not why:
+        task, report = TimedFit(name, search.baseline or {}, "tuned", until=until), _report(found)
+        if not scores.baseline_wins:
+            task = replace(task, settings=search.grid.first(scores.winner), of_grid=True)
+        there = folder.result("tuned", name) or {}
+        there = {"settings": there.get("settings"), **(there.get("search") or {})}
+        same = {each: report[each] for each in ("winner", "how", "grid", "candidates_scored")}
+        same["settings"] = task.settings
+        stored = json.dumps({each: there.get(each) for each in same})
+        if not again and stored == json.dumps(same):
+            return
+        result = search.executor.call(fit_and_time, search.training, task, until)
+        why = "" if result else UNFITTED
+    with RunProgress(1) as progress:
+        if why:
+            content = {"model": name, "failure": why, "remarks": []}
+            folder.write_json(f"tuned/{name}.json", content)
+            progress.say(f"warning: {search.model.title}: {why}")
+            return
+        _write_grid(folder, found)
+        for text, number in [*scores.failures.items(), *scores.remarks.items()]:
+            progress.say(f"{search.model.title}: {number} of {scores.folds.size} scores: {text}")
+        write_fit(folder, task, search.training, result, progress.say, report, found.seconds)
+        if scores.baseline_wins:
+            progress.say(f"{search.model.title}: {WHY_BASELINE}")
 
 
-def has_winner(folder: Folder, found: Found) -> bool:
-    """Whether a folder has the result of this very search and winner."""
-    result = folder.result("tuned", found.search.model.name) or {}
-    wanted = {"settings": winner_of(found).settings, **_report(found)}
-    there = {"settings": result.get("settings"), **(result.get("search") or {})}
-    same = "settings", "winner", "how", "grid", "candidates_scored"
-    return json.dumps([there.get(n) for n in same]) == json.dumps([wanted[n] for n in same])
-
-
-def write_search(folder: Folder, found: Found, result: FitResult) -> None:
-    """Write and print the result of a search and of its winner's last fit."""
-    search, scores, grid, means = found.search, found.scores, found.search.grid, found.scores.means
+def _write_grid(folder: Folder, found: Found) -> None:
+    """Write the candidates of a search with their scores."""
+    scores, grid, means = found.scores, found.search.grid, found.scores.means
     names, folds = list(grid.candidates[0]), [f"r2_fold_{fold}" for fold in range(FOLDS)]
     folder.write_table(
-        f"tuned/{search.model.name}-grid.csv",
+        f"tuned/{found.search.model.name}-grid.csv",
         [*names, "differing_candidate", "r2_mean", *folds],
         (
             [*candidate.values(), number, float(means[number]), *scores.folds[number]]
             for candidate, number in zip(grid.candidates, grid.canonical, strict=True)
         ),
     )
-    title = search.model.title
-    with RunProgress(1) as progress:
-        for text, number in [*scores.failures.items(), *scores.remarks.items()]:
-            progress.say(f"{title}: {number} of {scores.folds.size} scores: {text}")
-        how = winner_of(found), search.training, result, progress.say
-        write_fit(folder, *how, _report(found), found.seconds)
-        if scores.baseline_wins:
-            progress.say(f"{title}: {WHY_BASELINE}")
 
 
 def _report(found: Found) -> dict[str, Any]:
@@ -184,14 +193,6 @@ def _report(found: Found) -> dict[str, Any]:
         "failures": scores.failures,
         "remarks": scores.remarks,
     }
-
-
-def write_failure(folder: Folder, model: Model, why: str) -> None:
-    """Write and print the reason why a search has no winner."""
-    content = {"model": model.name, "failure": why, "remarks": []}
-    folder.write_json(f"tuned/{model.name}.json", content)
-    with RunProgress(1) as progress:
-        progress.say(f"warning: {model.title}: {why}")
 
 
 def write_fit(
