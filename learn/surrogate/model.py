@@ -368,7 +368,6 @@ class Surrogate:
         *,
         e_star: float | None = None,
         level: float | None = 0.9,
-        reasons: bool = True,
         mean: bool = False,
     ) -> Prediction:
         """Predict rows.
@@ -379,9 +378,6 @@ class Surrogate:
             Rows from `of_statistics` or `OnSurface.rows`.
         e_star, level : float, optional
             See `predict`.
-        reasons : bool
-            False to skip the check of training ranges. A prediction that is not finite always has a
-            reason.
         mean : bool
             True for intervals of the mean over surfaces, of a surrogate of a scene's own features.
 
@@ -402,18 +398,15 @@ class Surrogate:
         inputs = features.of(rows)
         known = ~np.isnan(inputs).any(axis=1)
         if features.name != SCENE:  # whose numbers `of_numbers` has checked
-            wrong = ~(np.abs(inputs) <= LARGEST).all(axis=1) & ~np.isnan(rows.statistics).any(
-                axis=1
-            )
+            defined = ~np.isnan(rows.statistics).any(axis=1)
+            wrong = defined & ~(np.abs(inputs) <= LARGEST).all(axis=1)
             bad = np.flatnonzero(wrong | ~(rows.delta > 0))
             if bad.size:
                 raise InputError(
                     f"row {bad[0] + 1} of {number}: statistics and Delta must be finite, densities,"
                     f" curvatures and Delta above 0, and no feature beyond {LARGEST:.0e}"
                 )
-        said = [""] * number
-        if reasons:
-            said = flag.reasons_of(self, rows, inputs)
+        said = flag.reasons_of(self, rows, inputs)
         delta = rows.delta.copy() if "pressure" not in rows.given else np.nan * rows.delta
         found = Prediction(delta, {}, given=dict(rows.given))
         for name, learnt in self.learnt.items():
@@ -427,9 +420,8 @@ class Surrogate:
                 # About what is answered, so that bounds leave no interval without width.
                 centre = np.where(answer == raw * scale, raw, answer / scale)
             for row in np.flatnonzero(np.isnan(raw) & known):
-                said[row] = "; ".join(
-                    filter(None, [f"the surrogate has no finite {name}", said[row]])
-                )
+                fault = f"the surrogate has no finite {name}"
+                said[row] = f"{fault}; {said[row]}" if said[row] else fault
             found.values[name] = answer
             if level is not None:
                 ends = learnt.mean_ends if mean else learnt.calibration.ends
@@ -491,7 +483,6 @@ class OnSurface:
         e_star: float | None = None,
         hardness: float | None = None,
         level: float | None = 0.9,
-        reasons: bool = True,
     ) -> Prediction:
         """Predict contacts at one or more loads above 0.
 
@@ -501,8 +492,6 @@ class OnSurface:
             One displacement, or n of them; see `rows`.
         e_star, hardness, level : float, optional
             See `Surrogate.predict`, which also tells what is raised.
-        reasons : bool
-            See `Surrogate.predict_rows`.
 
         Returns
         -------
@@ -510,4 +499,4 @@ class OnSurface:
             Predictions of all targets, one row for each load.
         """
         rows = self.rows(delta, self.surrogate.bodies(e_star, hardness))
-        return self.surrogate.predict_rows(rows, e_star=e_star, level=level, reasons=reasons)
+        return self.surrogate.predict_rows(rows, e_star=e_star, level=level)

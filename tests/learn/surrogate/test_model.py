@@ -189,12 +189,11 @@ def test_a_prediction_that_is_not_finite_is_never_inside(ridge, heights, tmp_pat
             for name, each in ridge.learnt.items()
         }
         spoilt = replace(ridge, learnt=learnt)
-        for reasons in (True, False):
-            answer = spoilt.predict_rows(rows, reasons=reasons)
-            assert not answer.inside.any()
-            assert "the surrogate has no finite area" in answer.reasons[0]
-            assert np.isnan(answer.area).all()
-            assert np.isnan(answer.high["force"]).all()
+        answer = spoilt.predict_rows(rows)
+        assert not answer.inside.any()
+        assert "the surrogate has no finite area" in answer.reasons[0]
+        assert np.isnan(answer.area).all()
+        assert np.isnan(answer.high["force"]).all()
         with pytest.raises(
             InputError, match=r"h\.npy: the surrogate has no finite .* at Delta = 5"
         ):
