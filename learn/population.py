@@ -21,7 +21,8 @@ more about the mean than one, but much about what the load does. The mean is a G
   regressors: J. Quinonero-Candela, C. E. Rasmussen (2005), J. Mach. Learn. Res. 6, 1939). Fit and
   answers take time in proportion to the rows.
 - Parts of the surfaces are left out in turn, which takes no further fits of the lengths. Errors on
-  them calibrate intervals of new surfaces. The error of the mean is the process's own.
+  them calibrate intervals of new surfaces. The error of the mean is the process's own, times what
+  two halves of the surfaces tell of each other.
 """
 
 from math import comb
@@ -30,7 +31,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, eigh, solve, solve_triangular
-from scipy.optimize import minimize
+from scipy.optimize import minimize, minimize_scalar
 from scipy.special import expit
 from scipy.stats import norm
 from sklearn.base import BaseEstimator, RegressorMixin
@@ -76,6 +77,12 @@ LEAST = 1e-4
 
 KEPT = 0.99
 """Share of the process's variance at the rows that is kept, in far fewer numbers than all of it."""
+
+DOUBT = 0.5
+"""Deviation of the logarithm of the square of errors of means, over what the process says."""
+
+LEAST_SHARE = 1e-3
+"""Least share of an error in a direction that tells of its size."""
 
 RIDGE = 1e-6
 """Penalty of polynomials' coefficients, over the weight of all rows."""
@@ -176,11 +183,12 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
             without = solve(less, right - seen[own].T @ unit[own], assume_a="pos")
             left_out[own] = functions[own] @ without
         self.left_out_ = self._restored(rows.X, left_out)
+        larger = _larger(seen, unit, penalty, parts < PARTS // 2)
         inverse = solve_triangular(np.linalg.cholesky(matrix + penalty).T, np.eye(len(matrix)))
         weighted = functions.T @ functions
         shares, directions = eigh(inverse.T @ weighted @ inverse)
         kept = np.cumsum(shares) > (1 - KEPT) * shares.sum()
-        self.spread_ = inverse @ directions[:, kept]
+        self.spread_ = larger * inverse @ directions[:, kept]
 
     def _restored(self, X: Values, unit: Values) -> Values:
         """Return means, (n,), of distances from the power law over what the process reaches."""
@@ -289,6 +297,31 @@ class Whitened:
         slopes[:-1] += _by_lengths(by_among * among_slope, about, about)
         slopes[-1] = (np.sum(moments * among) - count) / 2
         return float(minus), -slopes
+
+
+def _larger(seen: Values, unit: Values, penalty: Values, half: NDArray[np.bool_]) -> float:
+    """Return how much larger errors of the mean are than the process says, 1 at least.
+
+    Each half of the surfaces tells what the mean of the other one is worth: by the scores of
+    directions in which the means may err, whose variance is 1 and the `shares` of these errors.
+    """
+    shares, squares = [], []
+    for own in (half, ~half):
+        inverse = np.linalg.inv(np.linalg.cholesky(seen[~own].T @ seen[~own] + penalty))
+        mean = inverse.T @ (inverse @ (seen[~own].T @ unit[~own]))
+        share, directions = eigh(inverse @ (seen[own].T @ seen[own]) @ inverse.T)
+        scores = directions.T @ (inverse @ (seen[own].T @ (unit[own] - seen[own] @ mean)))
+        kept = share > LEAST_SHARE
+        shares.append(share[kept])
+        squares.append(scores[kept] ** 2 / share[kept])
+
+    def minus(logarithm: float) -> float:
+        """Return minus the logarithm of the probability of a factor's square."""
+        variance = 1 + np.exp(logarithm) * np.concatenate(shares)
+        likely = np.log(variance) + np.concatenate(squares) / variance
+        return float(likely.sum() + (logarithm / DOUBT) ** 2) / 2
+
+    return float(np.exp(minimize_scalar(minus, bounds=(0.0, 4.0), method="bounded").x / 2))
 
 
 def _likely(rows: Whitened, centres: Values) -> Values:

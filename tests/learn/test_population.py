@@ -11,7 +11,7 @@ from gen.runtime.errors import InputError
 from learn import Surrogate
 from learn import cli as learn_cli
 from learn.comparison.folder import Folder
-from learn.population import Alike, Population, Whitened
+from learn.population import Alike, Population, Whitened, _larger
 
 
 def test_the_mean_is_found_within_its_error_and_surfaces_scatter_about_it():
@@ -41,6 +41,16 @@ def test_the_evidence_has_the_slopes_of_its_differences():
     ends = [[rows.evidence(at + sign * each, X[:20])[0] for sign in (1, -1)] for each in step]
     slopes = (np.array(ends) @ [1, -1]) / 2e-5
     assert rows.evidence(at, X[:20])[1] == pytest.approx(slopes, rel=1e-5)
+
+
+@pytest.mark.parametrize(("apart", "least", "most"), [(0.0, 1.0, 1.2), (0.2, 1.4, 4.0)])
+def test_halves_that_disagree_make_errors_of_means_larger(apart, least, most):
+    """Their coefficients have errors of 0.07 by the rows; `apart` is what no row tells."""
+    random = np.random.default_rng(2)
+    seen, half = random.normal(size=(400, 20)), np.arange(400) < 200
+    own = apart * random.normal(size=(2, 20))
+    unit = np.where(half, seen @ own[0], seen @ own[1]) + random.normal(size=400)
+    assert least <= _larger(seen, unit, np.eye(20), half) <= most
 
 
 SCENE = """
