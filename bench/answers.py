@@ -5,6 +5,7 @@ Each line is made of tables of one report, which names the command that made the
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from functools import partial
 from typing import NamedTuple
 
 from bench.files import is_there, named, read_table
@@ -12,7 +13,6 @@ from bench.record import Inputs
 from bench.report import Part
 
 Row = dict[str, str]
-Answer = Callable[[list[Row]], str]
 
 NOT_OTHERS = {"bem", "paper's NNLS"}
 """Solvers among the peers that are not another program."""
@@ -24,11 +24,6 @@ class Line(NamedTuple):
     question: str
     answer: str
     part: str
-
-
-ASKED: list[tuple[str, str, str, Answer]] = []
-"""Questions in the order of the page, each with its part, the tables of that part (a * in a name
-stands for several), and the function that puts their rows into words."""
 
 
 def lines(parts: Sequence[Part], inputs: Inputs) -> list[Line]:
@@ -44,17 +39,6 @@ def lines(parts: Sequence[Part], inputs: Inputs) -> list[Line]:
     return found
 
 
-def asked(question: str, tables: str, part: str = "") -> Callable[[Answer], Answer]:
-    """Let a function answer a question from tables of a report, that of its name unless given."""
-
-    def keep(answer: Answer) -> Answer:
-        ASKED.append((question, part or answer.__name__, tables, answer))
-        return answer
-
-    return keep
-
-
-@asked("How exact is a contact?", "hertz.csv")
 def hertz(rows: list[Row]) -> str:
     """Error of the force on a sphere on the finest grid, at the largest displacement."""
     deepest = max(float(row["delta_um"]) for row in rows)
@@ -72,37 +56,23 @@ def hertz(rows: list[Row]) -> str:
     )
 
 
-def _beside_others(rows: list[Row], case: tuple[str, ...]) -> str:
+def beside_others(case: str, rows: list[Row]) -> str:
     """Tell the time of the fastest other solver over ours, from the least of all cases on."""
     ratios: dict[tuple[str, ...], float] = {}
     for row in rows:
         if row["times_ours"] and row["solver"] not in NOT_OTHERS:
-            key = tuple(row[name] for name in case)
+            key = tuple(row[name] for name in case.split())
             ratios[key] = min(ratios.get(key, float("inf")), float(row["times_ours"]))
     least, most = min(ratios.values()), max(ratios.values())
     return f"The fastest other solver takes {least:.2g} to {most:.2g} times our time."
 
 
-@asked("How fast, at equal accuracy?", "peers.csv")
-def peers(rows: list[Row]) -> str:
-    """Time of the fastest other solver over ours on free patches."""
-    return _beside_others(rows, ("nodes", "hurst", "delta_um"))
-
-
-@asked("How fast on periodic patches?", "periodic.csv")
-def periodic(rows: list[Row]) -> str:
-    """The same on periodic patches."""
-    return _beside_others(rows, ("nodes", "hurst", "mean_pressure"))
-
-
-@asked("Does it bear stiff and extreme cases?", "*.csv")
 def stability(rows: list[Row]) -> str:
     """Cases that pass, of all."""
     passed = sum(row["verdict"] == "passed" for row in rows)
     return f"{passed} of {len(rows)} stiff and extreme cases pass."
 
 
-@asked("Do fine grids cost more steps?", "growth.csv")
 def growth(rows: list[Row]) -> str:
     """Growth of the convolutions from the smallest grid to the largest."""
     sizes = sorted({int(row["nodes"]) for row in rows})
@@ -113,7 +83,6 @@ def growth(rows: list[Row]) -> str:
     )
 
 
-@asked("How near do its models come to the paper's?", "area/scores.csv")
 def comparison(rows: list[Row]) -> str:
     """Best of the nine models with the paper's features, beside the paper's best."""
     ours, theirs = (
@@ -131,7 +100,6 @@ def comparison(rows: list[Row]) -> str:
     return f"{best}; the paper's best ({theirs['model']}) has {float(theirs['paper_r2']):.2f} %."
 
 
-@asked("How exact is a surrogate?", "learning.csv", part="cost")
 def exactness(rows: list[Row]) -> str:
     """Error of the area with hybrid features, learnt from all rows, on rows that judge."""
     best = max((r for r in rows if r["features"] == "hybrid"), key=lambda r: int(r["trained"]))
@@ -141,7 +109,6 @@ def exactness(rows: list[Row]) -> str:
     )
 
 
-@asked("Does it know what it does not know?", "coverage.csv")
 def coverage(rows: list[Row]) -> str:
     """Populations whose rows without a flag are covered as promised."""
     judged = [row for row in rows if "flagged" not in row["verdict"]]
@@ -156,7 +123,6 @@ def coverage(rows: list[Row]) -> str:
     )
 
 
-@asked("What of measured maps?", "scans.csv")
 def scans(rows: list[Row]) -> str:
     """Errors on unseen tiles of maps, for each size of window."""
     whole = [row for row in rows if row["left_out"] == "unseen tiles" and row["map"] == "all"]
@@ -164,19 +130,15 @@ def scans(rows: list[Row]) -> str:
         f"{row['nodes']} nodes a side: R2 {float(row['r2']):.2f} %, nMAE {float(row['nmae']):.2g} %"
         for row in sorted(whole, key=lambda row: int(row["nodes"]))
     )
-    if not sizes:
-        raise LookupError("unseen tiles")
-    return f"Parts of maps that were not trained on: {sizes}."
+    return f"Parts of maps that were not trained on: {sizes}." if sizes else ""
 
 
-@asked("Is the accuracy asked for kept?", "grow.csv")
 def grow(rows: list[Row]) -> str:
     """Promises of accuracy that hold on fresh surfaces."""
     kept = sum(float(row["fresh_nmae"]) <= float(row["asked"]) for row in rows)
     return f"The accuracy asked for holds on fresh surfaces in {kept} of {len(rows)} cases."
 
 
-@asked("When does a surrogate pay?", "cost.csv")
 def cost(rows: list[Row]) -> str:
     """Contacts from which on a surrogate costs less than solving."""
     (row,) = (
@@ -189,3 +151,23 @@ def cost(rows: list[Row]) -> str:
         f" {int(row['rows']):,} rows to train on; an answer takes"
         f" {float(row['query']) / float(row['solve']):.2g} of the time of a solve."
     )
+
+
+FREE = partial(beside_others, "nodes hurst delta_um")
+PERIODIC = partial(beside_others, "nodes hurst mean_pressure")
+Answer = Callable[[list[Row]], str]
+ASKED: tuple[tuple[str, str, str, Answer], ...] = (
+    ("How exact is a contact?", "hertz", "hertz.csv", hertz),
+    ("How fast, at equal accuracy?", "peers", "peers.csv", FREE),
+    ("How fast on periodic patches?", "periodic", "periodic.csv", PERIODIC),
+    ("Does it bear stiff and extreme cases?", "stability", "*.csv", stability),
+    ("Do fine grids cost more steps?", "growth", "growth.csv", growth),
+    ("How near do its models come to the paper's?", "comparison", "area/scores.csv", comparison),
+    ("How exact is a surrogate?", "cost", "learning.csv", exactness),
+    ("Does it know what it does not know?", "coverage", "coverage.csv", coverage),
+    ("What of measured maps?", "scans", "scans.csv", scans),
+    ("Is the accuracy asked for kept?", "grow", "grow.csv", grow),
+    ("When does a surrogate pay?", "cost", "cost.csv", cost),
+)
+"""Questions in the order of the page, each with its part, the tables of that part (a * in a name
+stands for several), and the function that puts their rows into words."""

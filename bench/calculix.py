@@ -11,7 +11,7 @@ import shutil
 import subprocess
 from collections.abc import Mapping, Sequence
 from contextlib import redirect_stdout
-from io import BytesIO, StringIO
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +20,7 @@ from bench.files import Row, read_table
 from bench.report import Report, remark
 from gen.cli import main as gen
 from gen.runtime.errors import InputError
-from gen.runtime.files import make_folder, write
+from gen.runtime.files import make_folder
 from gen.surface import generate
 
 YOUNG, CONDUCTIVITY, HOT = 210e3, 50.0, 100.0  # MPa, W/(m K), K
@@ -44,17 +44,9 @@ DOWN = "TOP, 3, 3, -0.001"
 def pressed(folder: Path, law: Sequence[Mapping[str, float]]) -> list[Row]:
     """Press two blocks with CalculiX by rows of a law; its files `joint` are in a folder.
 
-    Returns
-    -------
-    list of dict
-        For each row of the law its closure [um], pressure [MPa] and the jump of temperature that
-        its conductance asks for [K], those of CalculiX with the end `_calculix`, and by how much
-        they are off with the end `_off` [%].
-
-    Raises
-    ------
-    InputError
-        If there is no CalculiX, or it fails.
+    Return for each row of the law its closure [um], pressure [MPa] and the jump of temperature that
+    its conductance asks for [K], those of CalculiX with the end `_calculix`, and by how much they
+    are off with the end `_off` [%]. An InputError is raised if there is no CalculiX, or it fails.
     """
     if shutil.which("ccx") is None:
         raise InputError("there is no CalculiX (ccx): apt-get install calculix-ccx")
@@ -120,9 +112,7 @@ def law_of(
     """
     make_folder(folder)
     heights = generate("diamond-square", nodes, hurst, SIGMA0, np.random.default_rng(0))
-    content = BytesIO()
-    np.save(content, heights)
-    write(folder / "surface.npy", content.getvalue(), "heights")
+    np.save(folder / "surface.npy", heights)
     yields = () if hardness is None else ("--hardness", f"{hardness:g}")
     path = folder / "joint"
     given = (f"{folder / 'surface.npy'}", "--side", f"{SIDE:g}", "--pressure", PRESSURES)

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from bench.contents import cell
-from bench.files import Row, markdown, read_toml
+from bench.files import Row, markdown
 from bench.report import PARTS, Part, Report, remark
 from gen.runtime import command_line
 from gen.runtime.errors import InputError
@@ -32,6 +32,7 @@ Comparison = Annotated[
 Full = Annotated[bool, typer.Option("--full", help="Everything: hours. Else ten minutes.")]
 Names = Annotated[list[str] | None, typer.Argument(metavar="NAME", help="All if none.")]
 
+KEYWORD = inspect.Parameter.KEYWORD_ONLY
 LONGEST = 60  # rows of a table that is printed
 
 
@@ -59,10 +60,10 @@ def run(
 ) -> int:
     """Make all reports, or those named, and one page of them: DIR/index.html, without network.
 
-    Every part runs as a command of its own, in DIR/PART, one after another. A part stays where the
-    same command has made it from the same inputs, with the same code and packages: after Ctrl-C the
-    same command goes on. A short run leaves alone what a full one has made. Exit code 1 if a check
-    failed or a part could not be made.
+    Every part runs as a command of its own, in DIR/PART. A part stays where the same command has
+    made it from the same inputs, with the same code and packages: after Ctrl-C the same command
+    goes on. A short run leaves alone what a full one has made. Exit code 1 if a check failed or a
+    part could not be made.
     """
     from bench import run as running
     from bench.record import Inputs
@@ -127,56 +128,40 @@ def add(part: Part) -> None:
             asked["folder"] = output
         found = resolve_name(part.measure)(**asked)
         report = found if isinstance(found, Report) else Report({part.name: found})
-        _tell(report.of or part.name, report)
-        for path in report.write(output, report.of or part.name) if output is not None else ():
+        _tell(part, report)
+        for path in report.write(output, part.contents) if output is not None else ():
             typer.echo(path)
         return 0 if report.passed or not part.judges else 1
 
-    keyword, none = inspect.Parameter.KEYWORD_ONLY, inspect.Parameter.empty
-    annotations: dict[str, Any] = {"output": Folder if part.keeps else Place}
-    annotations |= {name: _annotation(said) for name, said in part.options.items()}
-    defaults: dict[str, Any] = {} if part.keeps else {"output": None}
-    defaults |= {name: _shown(said) for name, said in part.options.items() if "default" in said}
-    paths = {name for name, said in part.options.items() if "path" in said}
-    defaults |= {name: None for name in paths if "argument" not in part.options[name]}
-    parameters = [
-        inspect.Parameter(name, keyword, annotation=each, default=defaults.get(name, none))
-        for name, each in annotations.items()
-    ]
+    place = inspect.Parameter("output", KEYWORD, annotation=Folder)
+    if not part.keeps:
+        place = place.replace(annotation=Place, default=None)
+    parameters = [place, *(_parameter(name, said) for name, said in part.options.items())]
     command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-    command.__annotations__, command.__doc__ = annotations, part.help
+    command.__annotations__ = {each.name: each.annotation for each in parameters}
+    command.__doc__ = part.help
     app.command(part.name)(command)
 
 
-def _annotation(said: Mapping[str, Any]) -> Any:
-    """Return the type of an option, and what typer is to say of it."""
-    told = {name: said[name] for name in ("help", "metavar", "min") if name in said}
-    kind: Any = type(said.get("default"))
-    if "path" in said:
-        kind = Path | None if not said.get("argument") else Path
-    elif "repeat" in said:
-        kind = list[str]
-    elif kind is list:
-        kind = str
-    if said.get("argument"):
-        return Annotated[kind, typer.Argument(**told)]
-    names = [f"--{said['flag']}"] if "flag" in said else []
-    return Annotated[kind, typer.Option(*names, **told)]
-
-
-def _shown(said: Mapping[str, Any]) -> Any:
-    """Return the default of an option as typer shows it: lists of numbers with commas."""
-    default = said["default"]
-    if isinstance(default, list) and "repeat" not in said:
-        return ",".join(f"{each:g}" for each in default)
-    return default
+def _parameter(name: str, said: Mapping[str, Any]) -> inspect.Parameter:
+    """Return an option or an argument of a command; lists are texts with commas."""
+    told = {key: said[key] for key in ("help", "metavar", "min", "max") if key in said}
+    default = said.get("default")
+    kind: Any = Path if "path" in said else type(default)
+    if kind is list:
+        kind, default = str, ",".join(map(str, said["default"]))
+    if "argument" in said:
+        kind, default = Annotated[kind, typer.Argument(**told)], inspect.Parameter.empty
+    else:
+        kind = Annotated[kind | None, typer.Option(**told)]
+    return inspect.Parameter(name, KEYWORD, annotation=kind, default=default)
 
 
 def _parsed(name: str, value: Any, said: Mapping[str, Any]) -> Any:
-    """Return an option as its function takes it: numbers that stood between commas as a list."""
-    if not isinstance(said.get("default"), list) or "repeat" in said:
+    """Return an option as its function takes it: what stood between commas as a list."""
+    if not isinstance(said.get("default"), list):
         return value
-    kind = float if said.get("kind") == "float" else int
+    kind = resolve_name(f"builtins:{said.get('kind', 'int')}")
     try:
         return [kind(each) for each in value.split(",")] if value else []
     except ValueError:
@@ -185,17 +170,15 @@ def _parsed(name: str, value: Any, said: Mapping[str, Any]) -> Any:
 
 def _require_place(folder: Path, part: Part) -> None:
     """Refuse a folder, or pictures without matplotlib, before any work is done for a report."""
-    shown = read_toml(f"reports/{part.name}").get("contents", ())
-    names = [each[kind] for each in shown for kind in ("figure", "table", "words") if kind in each]
+    names = [each.get("figure", each.get("table", "*")) for each in part.contents]
     if any(name.endswith(".png") for name in names):
         new_figure(1.0, 1.0)
     check_folder(folder, *(name for name in names if "*" not in name))
 
 
-def _tell(described_by: str, report: Report) -> None:
+def _tell(part: Part, report: Report) -> None:
     """Print the tables that the report shows, unless they are long, and its text."""
-    contents = read_toml(f"reports/{described_by}").get("contents", ())
-    shown = {each.get("table"): each for each in contents}
+    shown = {each["table"]: each for each in part.contents if "table" in each}
     for name, rows in report.tables.items():
         lines: list[Row] = list(rows)
         if f"{name}.csv" in shown and lines and len(lines) <= LONGEST:

@@ -5,12 +5,12 @@ caption. The page of all reports and the manual render the same contents.
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from bench.files import content_of, is_there, named, read_table, read_toml
+from bench.files import content_of, is_there, named, read_table
 from gen.runtime.errors import InputError
 
 DIGITS = 4  # significant digits of numbers that are shown; the files have more
@@ -24,14 +24,10 @@ UNITS |= {"MPa": "MPa", "K": "K"}
 
 @dataclass(frozen=True)
 class Figure:
-    """A PNG file, a caption in plain text that says what to see in it, and the tables behind it.
-
-    The command that makes it is that of the report if it is empty.
-    """
+    """A PNG file, a caption in plain text that says what to see in it, and the tables behind it."""
 
     picture: Path
     caption: str
-    command: str = ""
     data: tuple[Path, ...] = ()
 
 
@@ -41,7 +37,6 @@ class Table:
 
     data: Path
     caption: str
-    command: str = ""
     columns: tuple[str, ...] = ()  # that are shown, in this order; all of them if empty
     verdict: str = ""  # the column whose value is `passed` where all is well: other rows are red
 
@@ -64,31 +59,27 @@ def tables_of(content: Content) -> tuple[Path, ...]:
     return (content.data,) if isinstance(content, Table) else ()
 
 
-def contents_of(report: str, folder: Path) -> list[Content]:
-    """List what a folder holds of a report, by the report's file."""
-    entries = read_toml(f"reports/{report}").get("contents", ())
+def contents_of(entries: Sequence[Mapping[str, Any]], folder: Path) -> list[Content]:
+    """List what a folder holds of the contents that a report's file describes."""
     return [each for entry in entries for each in _contents(entry, folder)]
 
 
 def _contents(entry: Mapping[str, Any], folder: Path) -> Iterator[Content]:
     """Yield the contents of an entry: one for each file that its name, with a *, may stand for.
 
-    Words, names with a *, what a command of its own makes, and what is `optional` are left out
-    where no file is there.
+    Words, names with a *, and what is `optional` are left out where no file is there.
     """
     (kind,) = entry.keys() & {"figure", "table", "words"}
-    name, command = entry[kind], entry.get("command", "")
-    may_miss = command or kind == "words" or entry.get("optional", False)
-    for path in named(folder, name):
+    may_miss = kind == "words" or entry.get("optional", False)
+    for path in named(folder, entry[kind]):
         caption = " ".join(entry.get("caption", "").replace("{target}", path.parent.name).split())
         if may_miss and not is_there(path):
             continue
         if kind == "figure":
-            data = tuple(filter(is_there, (folder / each for each in entry.get("data", ()))))
-            yield Figure(path, caption, command, data)
+            data = (folder / each for each in entry.get("data", ()))
+            yield Figure(path, caption, tuple(filter(is_there, data)))
         elif kind == "table":
-            columns = tuple(entry.get("columns", ()))
-            yield Table(path, caption, command, columns, entry.get("verdict", ""))
+            yield Table(path, caption, tuple(entry.get("columns", ())), entry.get("verdict", ""))
         else:
             text, typed = content_of(path).decode(), entry.get("typed", False)
             yield from [Words(text, typed)] if typed else map(Words, text.splitlines())
@@ -116,18 +107,13 @@ def tabulated(table: Table) -> Tabulated:
     if missing := {*columns, table.verdict} - {"", *header}:
         raise InputError(f"{table.data}: has no column {', '.join(sorted(missing))}")
     rows = [[cell(line[name]) for name in columns] for line in lines]
-    titles = [
-        Cell(_title(name), all(row[place].number for row in rows))
-        for place, name in enumerate(columns)
-    ]
+    titles = []
+    for place, name in enumerate(columns):
+        *words, last = name.split("_")
+        unit = f"[{UNITS[last]}]" if words and last in UNITS else last
+        titles.append(Cell(" ".join([*words, unit]), all(row[place].number for row in rows)))
     failed = [line[table.verdict] != PASSED if table.verdict else None for line in lines]
     return Tabulated(titles, rows, failed)
-
-
-def _title(name: str) -> str:
-    """Return a column's name for people, its unit in brackets where it ends in one."""
-    *words, last = name.split("_")
-    return " ".join([*words, f"[{UNITS[last]}]" if words and last in UNITS else last])
 
 
 def cell(text: str) -> Cell:
@@ -137,7 +123,7 @@ def cell(text: str) -> Cell:
     try:
         value = float(text)
     except ValueError:
-        return Cell(text, number=False)
+        value = math.nan
     if not math.isfinite(value):  # a word: numbers that are written so are in SPECIAL
         return Cell(text, number=False)
     if value.is_integer() and abs(value) < 1e7:

@@ -26,26 +26,20 @@ def generated(folder: Path, name: str, text: str) -> Path:
     make_folder(folder)  # which files of maps start from
     # With the source of a function.
     wanted = completed(Scene.parse(text, str(scene), folder), folder)
-    if _complete(path, wanted):
-        return path
+    if path.exists():
+        with Reader(path) as reader:
+            if reader.scene.fingerprint() != wanted.fingerprint():
+                (first, *_) = differences(reader.scene, wanted)
+                raise InputError(f"{path}: is a database of another scene ({first}): move it away")
+            status = reader.column("status", 0, wanted.samples)
+        if len(status) == wanted.samples and (status != Status.PENDING).all():
+            return path
     write(scene, text)
     remark(f"generating {path}: {wanted.samples} rows")
     if generate_database(str(scene), path, World()).signal:
         remark(f"{path}: interrupted; the same command goes on")
         raise KeyboardInterrupt
     return path
-
-
-def _complete(path: Path, wanted: Scene) -> bool:
-    """Say whether a database of this scene has all the rows that are wanted."""
-    if not path.exists():
-        return False
-    with Reader(path) as reader:
-        if reader.scene.fingerprint() != wanted.fingerprint():
-            (first, *_) = differences(reader.scene, wanted)
-            raise InputError(f"{path}: is a database of another scene ({first}): move it away")
-        status = reader.column("status", 0, wanted.samples)
-    return bool(len(status) == wanted.samples and (status != Status.PENDING).all())
 
 
 def of_the_paper(given: Path | None, folder: Path, rows: int) -> Path:

@@ -1,16 +1,15 @@
 """
 The farm on this machine: its own work, real speed-up, and how fast rows are written.
 
-`python -m mpi4py -m bench.farm PROGRAM SPEC` runs one of `PROGRAMS` on some ranks, started by
-`launch` with a time limit, and prints its result in JSON:
+`python -m mpi4py -m bench.farm PROGRAM SPEC` runs a program on some ranks, started by `launch` with
+a time limit, and prints its result in JSON:
 
-- `generation`: one generation. Two processors that share a clock, a cache or a memory bus are not
-  twice as fast as one. So every round of `speedup` also runs two copies side by side that know
-  nothing of each other: what they gain over one alone bounds what any farm could gain. Start-up is
-  not in the time: all ranks are there and have solved a problem of the same size.
-- `writing`: rows with fields that cost nothing to compute, from workers into a file, with each
-  writer in turn. What counts is the way of the rows: through MPI to the master and into the file,
-  or from each worker into the file; to the kernel, where a killed run leaves them, not to the disk.
+- `generation`: one generation; all ranks are there and have solved a problem of the same size. Two
+  processors may share a clock, a cache or a memory bus. So every round of `speedup` also runs two
+  copies side by side that know nothing of each other: their gain bounds that of any farm.
+- `writing`: rows with fields that cost nothing to compute, with each writer in turn: through MPI to
+  the master and into the file, or from each worker into the file; to the kernel, where a killed run
+  leaves them, not to the disk.
 """
 
 import json
@@ -44,10 +43,9 @@ from gen.schema import Status
 
 TIMEOUT = 300.0  # seconds after which a measurement counts as hanging
 
+OPEN_MPI = ("ALLOW_RUN_AS_ROOT", "ALLOW_RUN_AS_ROOT_CONFIRM", "MCA_rmaps_base_oversubscribe")
 ENVIRONMENT = {
-    "OMPI_ALLOW_RUN_AS_ROOT": "1",
-    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-    "OMPI_MCA_rmaps_base_oversubscribe": "1",
+    **{f"OMPI_{name}": "1" for name in OPEN_MPI},
     "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",
     "PYTHONPATH": str(Path(__file__).resolve().parents[1]),
     "OMP_NUM_THREADS": "1",
@@ -57,14 +55,11 @@ ENVIRONMENT = {
 
 
 def launch(ranks: int, program: str, arguments: dict[str, Any], folder: Path) -> Any:
-    """Run one of `PROGRAMS` in a folder and return what it prints in its last line, in JSON.
+    """Run a program in a folder and return what it prints in its last line, in JSON.
 
     Its arguments are written down for it in JSON. 0 ranks run alone, without MPI.
 
-    Raises
-    ------
-    InputError
-        If there is no mpiexec, or the program fails.
+    An InputError is raised if there is no mpiexec, or the program fails.
     """
     specification = folder / "specification.json"
     specification.write_text(json.dumps(arguments))
@@ -72,15 +67,8 @@ def launch(ranks: int, program: str, arguments: dict[str, Any], folder: Path) ->
     if ranks:
         command = [_mpiexec(), "-n", str(ranks), sys.executable, "-m", "mpi4py", *command[1:]]
     kept = {key: value for key, value in os.environ.items() if not key.startswith(("PMI", "OMPI"))}
-    done = subprocess.run(
-        command,
-        cwd=folder,
-        env=kept | ENVIRONMENT,
-        capture_output=True,
-        text=True,
-        timeout=TIMEOUT,
-        check=False,
-    )
+    settings: dict[str, Any] = {"cwd": folder, "env": kept | ENVIRONMENT, "timeout": TIMEOUT}
+    done = subprocess.run(command, **settings, capture_output=True, text=True, check=False)
     if done.returncode:
         reason = f"exit code {done.returncode}: {done.stderr.strip()[-500:]}"
         raise InputError(f"{program} on {ranks} ranks fails with {reason}")
@@ -121,34 +109,26 @@ def speedup(rows: int, rounds: int) -> list[Row]:
     return found
 
 
-def generate(ranks: int, rows: int, meeting: str = "") -> float:
+def generate(ranks: int, rows: int) -> float:
     """Generate rows on some ranks; return the wall time [s]."""
     with tempfile.TemporaryDirectory() as name:
         (Path(name) / "scene.toml").write_text(f"samples = {rows}\n")
-        return float(launch(ranks, "generation", {"meeting": meeting}, Path(name)))
+        return float(launch(ranks, "generation", {}, Path(name)))
 
 
 def _side_by_side(rows: int) -> float:
-    """Generate twice without MPI, beginning together; return the mean time [s]."""
-    with tempfile.TemporaryDirectory() as meeting, ThreadPoolExecutor(2) as pool:
-        return mean(pool.map(lambda _: generate(0, rows, meeting), range(2)))
+    """Generate twice without MPI, at the same time; return the mean time [s]."""
+    with ThreadPoolExecutor(2) as pool:
+        return mean(pool.map(generate, (0, 0), (rows, rows)))
 
 
-def _generation(arguments: dict[str, Any], world: farm.World) -> float:
-    """Generate the scene of this folder, once both copies have met where they are to meet."""
+def _generation(world: farm.World) -> float:
+    """Generate the scene of this folder; return the wall time without start-up [s]."""
     compute_rows(load("scene.toml"), 0, 1)
     world.broadcast(None)
-    if arguments["meeting"]:
-        folder = Path(arguments["meeting"])
-        (folder / str(os.getpid())).touch()
-        while len(list(folder.iterdir())) < 2:  # whoever started them bounds the wait
-            time.sleep(0.001)
     began = time.perf_counter()
     generate_database("scene.toml", Path("rows.h5"), world)
     return time.perf_counter() - began
-
-
-WRITTEN = "samples = {rows}\n[surface]\nnodes = {nodes}\n[store]\npressure = true\n"
 
 
 @dataclass(frozen=True)
@@ -162,9 +142,8 @@ class Spec:
     @property
     def scene(self) -> Scene:
         """The scene of the rows."""
-        return Scene.parse(
-            WRITTEN.format(rows=self.rows, nodes=self.nodes), "the benchmark's scene"
-        )
+        surface = f"samples = {self.rows}\n[surface]\nnodes = {self.nodes}\n"
+        return Scene.parse(f"{surface}[store]\npressure = true\n", "the benchmark's scene")
 
     @property
     def megabytes(self) -> float:
@@ -182,35 +161,24 @@ def writers(ranks: Sequence[int], rows: int, rounds: int, folder: Path | None) -
     file system of interest, None for a temporary one. Returns times of each writer [s] and its rate
     [MB/s], medians and extremes.
 
-    Raises
-    ------
-    InputError
-        If there is no mpiexec, or a measurement fails.
+    An InputError is raised if there is no mpiexec, or a measurement fails.
     """
     if min(ranks) < 2:
         raise InputError(f"ranks {min(ranks)}: give 2 or more each, rank 0 is the master")
     if folder is not None and not folder.is_dir():
         raise InputError(f"{folder} is not a folder; give one that exists")
-    spec, found = Spec(rows=rows, rounds=rounds), []
+    spec, found = Spec(rows=rows, rounds=rounds), list[Row]()
     remark(f"{rows} rows with pressure fields, {spec.megabytes:,.0f} MB; {rounds} rounds")
     with tempfile.TemporaryDirectory(dir=folder) as temporary:
         for number in ranks:
             taken = launch(number, "writing", asdict(spec), Path(temporary))
-            found += [_row(spec, number, writer, times) for writer, times in taken.items()]
+            for writer, times in taken.items():
+                rates = (spec.megabytes / of(times) for of in (median, max, min))
+                names = ("rate_MB_s", "lowest_MB_s", "highest_MB_s")
+                row = {"ranks": number, "writer": writer, "rows": rows, "megabytes": spec.megabytes}
+                row |= {"median_s": median(times), **dict(zip(names, rates, strict=True))}
+                found.append(row)
     return found
-
-
-def _row(spec: Spec, ranks: int, writer: str, times: list[float]) -> Row:
-    return {
-        "ranks": ranks,
-        "writer": writer,
-        "rows": spec.rows,
-        "megabytes": spec.megabytes,
-        "median_s": median(times),
-        "rate_MB_s": spec.megabytes / median(times),
-        "lowest_MB_s": spec.megabytes / max(times),
-        "highest_MB_s": spec.megabytes / min(times),
-    }
 
 
 def time_writers(spec: Spec, path: Path, world: farm.World) -> Seconds:
@@ -235,10 +203,7 @@ def time_writers(spec: Spec, path: Path, world: farm.World) -> Seconds:
 def write(target: Target, blocks: Sequence[Block], template: Columns, world: farm.World) -> float:
     """Write the rows of a template into a file that is there; every process has to call it.
 
-    Returns
-    -------
-    float
-        Time from the first task to the closed file [s].
+    Return the time from the first task to the closed file [s].
     """
     with opened(target, world) as writer:
 
@@ -281,19 +246,14 @@ def require_rows(path: Path, blocks: Sequence[Block], template: Columns) -> None
                 raise ValueError(f"row {stop - 1} is not what was written")
 
 
-def _writing(arguments: dict[str, Any], world: farm.World) -> Seconds:
-    return time_writers(Spec(**arguments), Path("writers.h5"), world)
-
-
-PROGRAMS = {"generation": _generation, "writing": _writing}
-"""What runs on some ranks: every process calls it with the arguments and the world."""
-
-
 def main(program: str, specification: str) -> None:
-    """Run a program, and print the master's result in JSON."""
+    """Run a program on this rank, and print the master's result in JSON."""
     world = farm.this_world()
     arguments = json.loads(Path(specification).read_text(encoding="utf-8"))
-    result = PROGRAMS[program](arguments, world)
+    if program == "generation":
+        result: Any = _generation(world)
+    else:
+        result = time_writers(Spec(**arguments), Path("writers.h5"), world)
     if world.is_master:
         sys.stdout.write(json.dumps(result) + "\n")
     farm.leave()

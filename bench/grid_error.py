@@ -46,15 +46,9 @@ class Sample:
         return (self.nodes - edge) * self.finer + edge
 
 
-@dataclass(frozen=True)
-class Judged:
-    """A contact: whether it is called resolved, and each answer's error and bar over its value."""
-
-    resolved: bool
-    errors: dict[str, tuple[float, float]]
-
-
 Draw = Callable[[np.random.Generator], Sample]
+Judged = tuple[bool, dict[str, tuple[float, float]]]
+"""Whether a contact is called resolved, and each answer's error and bar over its value."""
 
 
 def grid_error(surfaces: int) -> list[Row]:
@@ -74,21 +68,16 @@ def grid_error(surfaces: int) -> list[Row]:
 
 def _summary(judged: list[Judged]) -> Row:
     """Return the share called resolved [%], and of these the errors inside their bars [%]."""
-    resolved = [each for each in judged if each.resolved]
-    row: Row = {
-        "contacts": len(judged),
-        "resolved_percent": 100 * len(resolved) / len(judged) if judged else "",
-    }
+    resolved = [errors for is_resolved, errors in judged if is_resolved]
+    share = 100 * len(resolved) / len(judged) if judged else ""
+    row: Row = {"contacts": len(judged), "resolved_percent": share}
     for name in ANSWERS:
-        pairs = np.array([each.errors[name] for each in resolved if name in each.errors])
-        row[f"{name}_inside_percent"] = (
-            100 * float(np.mean(pairs[:, 0] <= pairs[:, 1])) if len(pairs) else ""
-        )
-    bars = [each.errors["area_percent"][1] for each in resolved]
-    errors = [each.errors["area_percent"][0] for each in resolved]
-    row["area_bar_percent"] = 100 * float(np.median(bars)) if bars else ""
-    row["area_error_percent"] = 100 * float(np.median(errors)) if bars else ""
-    return row
+        pairs = np.array([each[name] for each in resolved if name in each]).reshape(-1, 2)
+        inside = 100 * float(np.mean(pairs[:, 0] <= pairs[:, 1])) if len(pairs) else ""
+        row[f"{name}_inside_percent"] = inside
+    areas = np.array([each["area_percent"] for each in resolved]).reshape(-1, 2)
+    error, bar = 100 * np.median(areas, axis=0) if len(areas) else ("", "")
+    return row | {"area_bar_percent": bar, "area_error_percent": error}
 
 
 def _judged(draw: Draw, random: np.random.Generator) -> Iterator[Judged]:
@@ -120,10 +109,7 @@ def _compared(contact: bem.Contact, exact: bem.Contact) -> Judged:
     cells = contact.pressure.size * math.prod(contact.problem.spacing)
     area = area_within(exact, contact.problem.spacing)
     answers = {
-        "area_percent": (
-            contact.continuum_area_percent,
-            100 * area / cells,
-        ),
+        "area_percent": (contact.continuum_area_percent, 100 * area / cells),
         "mean_gap": (contact.mean_gap, exact.mean_gap),
         "stiffness": (contact.stiffness, exact.stiffness),
     }
@@ -135,11 +121,7 @@ def _compared(contact: bem.Contact, exact: bem.Contact) -> Judged:
             # Both solutions have the solver's own tolerance.
             bar = getattr(error, name) / abs(found) + 1e-6
             errors[name] = abs(found - true) / abs(found), bar
-    return Judged(error.resolved, errors)
-
-
-def _nodes_a_wave(random: np.random.Generator, least: float = 3.0) -> float:
-    return math.exp(random.uniform(math.log(least), math.log(32)))
+    return error.resolved, errors
 
 
 def _finer(nodes: int, nodes_a_wave: float) -> int:
@@ -152,10 +134,15 @@ def _finer(nodes: int, nodes_a_wave: float) -> int:
     return finer
 
 
+def _grid(random: np.random.Generator, *nodes: int) -> tuple[int, int]:
+    """Draw nodes a side, and the waves a side of a shortest one of 3 to 32 nodes."""
+    chosen = int(random.choice(nodes))
+    return chosen, max(int(chosen / math.exp(random.uniform(math.log(3.0), math.log(32)))), 3)
+
+
 def _waves(random: np.random.Generator, aspect: float = 1.0) -> Sample:
     """Draw waves with a shortest one, without edges."""
-    nodes = int(random.choice([64, 96, 128, 129]))
-    shortest = max(int(nodes / _nodes_a_wave(random)), 3)
+    nodes, shortest = _grid(random, 64, 96, 128, 129)
     hurst, longest = random.uniform(0.2, 0.9), int(random.choice([1, 2]))
     surface = random_waves(longest, shortest, hurst, random, aspect)
     finer = _finer(nodes, nodes / shortest)
@@ -164,8 +151,7 @@ def _waves(random: np.random.Generator, aspect: float = 1.0) -> Sample:
 
 def _window(random: np.random.Generator) -> Sample:
     """Draw a free patch cut out of a larger surface, nine tenths of its period."""
-    nodes = int(random.choice([64, 65, 97, 129]))
-    shortest = max(int(nodes / _nodes_a_wave(random)), 3)
+    nodes, shortest = _grid(random, 64, 65, 97, 129)
     surface = random_waves(1, shortest, random.uniform(0.2, 0.9), random)
     finer = _finer(nodes, nodes / shortest / 0.9)
     return Sample("free", lambda n: surface(np.linspace(0.01, 0.91, n)), nodes, finer)
@@ -173,16 +159,13 @@ def _window(random: np.random.Generator) -> Sample:
 
 def _mirrored(random: np.random.Generator) -> Sample:
     """Draw a patch that is continued by its mirror images."""
-    nodes = int(random.choice([64, 97, 128]))
-    shortest = max(int(nodes / _nodes_a_wave(random)), 3)
+    nodes, shortest = _grid(random, 64, 97, 128)
     surface = random_waves(2, 2 * shortest, random.uniform(0.2, 0.9), random)
 
     def even(n: int) -> Heights:
         places = (np.arange(n) + 0.5) / (2 * n)
-        both = np.concatenate([places, -places])
-        four = surface(both).reshape(2, n, 2, n)
-        whole: Heights = four.sum(axis=(0, 2)) / 2
-        return whole
+        four = surface(np.concatenate([places, -places])).reshape(2, n, 2, n)
+        return np.asarray(four.sum(axis=(0, 2)) / 2)
 
     return Sample("mirror", even, nodes, _finer(nodes, nodes / shortest))
 

@@ -1,14 +1,10 @@
 """How the cost of a solve grows with the grid, and how area and mean pressure depend on it.
 
-The cost is the reason for a start from a coarser grid. Nested surfaces, each with twice the nodes a
-side of the one before, are pressed until the same share of their nodes is in contact. Counts of
-applications of the influence matrix do not depend on the machine's load, and are those of
-iterations alone: dense algebra, which only small grids have few enough nodes in contact for, would
-pass for growth. Seconds and memory are those of a solve as it comes.
-
-Pressures: on a self-affine surface the elastic contact has no limit. With every halving of the
-spacing slopes grow, the area falls and the pressure rises; a hardness bounds the pressure from some
-grid on. The same surfaces are pressed by the same mean pressure.
+Nested surfaces, each with twice the nodes a side of the one before, are pressed until the same
+share of their nodes is in contact. Counts of applications of the influence matrix are those of
+iterations alone: dense algebra, for which only small grids have few enough nodes in contact, would
+pass for growth. Then the same surfaces are pressed by the same mean pressure: with every halving of
+the spacing slopes grow, and the elastic area falls, until a hardness bounds the pressure.
 """
 
 import time
@@ -38,16 +34,12 @@ SEEKING_RTOL = 1e-2  # of the solves on small grids that find Delta
 SEEKING_NODES = (65, 129)
 PRESSURE = 2e-3  # on the patch [E*]
 HARDNESSES = (None, 0.1, 0.05, 0.02)  # E*
-PRESSED = ("area_percent", "yielded_percent", "mean_pressure", "convolutions")
 
 
 def growth(nodes: Sequence[int], surfaces: int) -> Report:
     """Measure the cost of solves, and area and pressure under one load.
 
-    Raises
-    ------
-    InputError
-        For nodes a side that are not 2^k + 1, or too few.
+    An InputError is raised for nodes a side that are not 2^k + 1, or too few.
     """
     for size in nodes:
         if size < SEEKING_NODES[0] or size - 1 & size - 2:
@@ -64,22 +56,13 @@ def cost(nodes: Sequence[int], surfaces: int, percents: Sequence[float] = PERCEN
         for seed in range(surfaces):
             with ThreadPoolExecutor(1) as fresh:  # it keeps no tables of the solves before
                 solves.append(fresh.submit(_solve, size, seed, percent).result())
-        area, convolutions, seconds, _ = np.mean(solves, axis=0).tolist()
-        if size == nodes[0]:
-            fewest = convolutions
+        means = {name: float(np.mean([each[name] for each in solves])) for name in solves[0]}
+        fewest = means["convolutions"] if size == nodes[0] else fewest
         doublings = max(np.log2((size - 1) / (nodes[0] - 1)), 1.0)
-        rows.append(
-            {
-                "percent": percent,
-                "nodes": size,
-                "area_percent": area,
-                "convolutions": convolutions,
-                "growth": float((convolutions / fewest) ** (1 / doublings)),
-                "seconds": seconds,
-                "padded_arrays": max(solve[-1] for solve in solves),
-            }
-        )
-        remark(f"{percent:g} %, {size} nodes: {seconds:.2f} s")
+        growth = float((means["convolutions"] / fewest) ** (1 / doublings))
+        most = {"padded_arrays": max(each["padded_arrays"] for each in solves)}
+        rows.append({"percent": percent, "nodes": size, **means, **most, "growth": growth})
+        remark(f"{percent:g} %, {size} nodes: {means['seconds']:.2f} s")
     return rows
 
 
@@ -91,12 +74,12 @@ def pressures(nodes: Sequence[int], surfaces: int) -> list[Row]:
             bem.solve(surface(size, seed), SIDE, pressure=PRESSURE, hardness=hardness)
             for seed in range(surfaces)
         ]
-        measured = [
-            (c.area_percent, c.yielded_percent, 100 * PRESSURE / c.area_percent, c.convolutions)
-            for c in contacts
-        ]
         row: Row = {"hardness": hardness, "nodes": size}
-        row |= zip(PRESSED, np.mean(measured, axis=0).tolist(), strict=True)
+        for name in ("area_percent", "yielded_percent"):
+            row[name] = float(np.mean([getattr(contact, name) for contact in contacts]))
+        shares = [contact.area_percent for contact in contacts]
+        row["mean_pressure"] = float(np.mean([100 * PRESSURE / share for share in shares]))
+        row["convolutions"] = float(np.mean([contact.convolutions for contact in contacts]))
         remark(f"hardness {hardness}, {size} nodes: {row['area_percent']:.3g} %")
         rows.append(row)
     return rows
@@ -108,13 +91,7 @@ def surface(nodes: int, seed: int) -> Heights:
 
 
 def displacement_at(nodes: int, seed: int, percent: float) -> float:
-    """Find the Delta of a share of contact [%] from its growth on small grids [um].
-
-    Raises
-    ------
-    InputError
-        For a share that is not above 0, or that no Delta of three times the height reaches.
-    """
+    """Find the Delta of a share of contact [%] from its growth on small grids [um]."""
 
     def excess(delta: float, heights: Heights) -> float:
         return bem.solve(heights, SIDE, delta, rtol=SEEKING_RTOL).area_percent - percent
@@ -122,17 +99,14 @@ def displacement_at(nodes: int, seed: int, percent: float) -> float:
     found = []
     for small in SEEKING_NODES:
         heights = surface(small, seed)
-        deepest = 3 * float(heights.max() - heights.min())
-        most = bem.solve(heights, SIDE, deepest, rtol=SEEKING_RTOL).area_percent
-        if not 0 < percent <= most:
-            raise InputError(f"{percent:g} % contact: give more than 0, up to {most:.0f}")
+        deepest = 3 * float(np.ptp(heights))
         found.append(optimize.brentq(excess, 0.0, deepest, args=(heights,), xtol=1e-2))
     doublings = np.log2((nodes - 1) / (SEEKING_NODES[-1] - 1))
     return float(found[-1] * (found[-1] / found[-2]) ** doublings)
 
 
-def _solve(nodes: int, seed: int, percent: float) -> tuple[float, float, float, float]:
-    """Return area [%], convolutions, seconds, and memory over that of a padded double field.
+def _solve(nodes: int, seed: int, percent: float) -> dict[str, float]:
+    """Return area, convolutions, seconds, and memory over that of a padded double field.
 
     The first solve of a size needs most memory, tables and plans included; then time and counts.
     """
@@ -150,5 +124,5 @@ def _solve(nodes: int, seed: int, percent: float) -> tuple[float, float, float, 
     if contact.contact_nodes <= factor * heights.size**power:
         with mock.patch.object(patch, "FEW_FREE", ((0.0, 1.0),)):
             contact = bem.solve(heights, SIDE, delta, rtol=RTOL)
-    field_bytes = 8 * fast_period(nodes) ** 2
-    return contact.area_percent, contact.convolutions, seconds, memory / field_bytes
+    found = {"area_percent": contact.area_percent, "convolutions": contact.convolutions}
+    return {**found, "seconds": seconds, "padded_arrays": memory / (8 * fast_period(nodes) ** 2)}

@@ -1,7 +1,7 @@
 """Made maps that look like measured ones: five kinds of machined surfaces, an instrument's faults.
 
-Every map follows from its entry in `MAPS` alone. SurfaceTopography writes the maps in three
-formats, and the readers of `gen` open the files like those of an instrument.
+Every map follows from its entry in `surrogates/maps.toml` alone. SurfaceTopography writes them in
+three formats, and the readers of `gen` open the files like those of an instrument.
 """
 
 from collections.abc import Callable, Iterable
@@ -10,7 +10,9 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from pydantic import TypeAdapter
 
+from bench.files import read_toml
 from gen.arrays import Heights
 from gen.runtime.files import make_folder
 from gen.spectral import SelfAffineSpectrum, generate_spectral
@@ -141,11 +143,7 @@ def _self_affine(
 
 
 def _turned(made: MadeMap, random: np.random.Generator) -> Heights:
-    """Make round grooves side by side, which the tool's nose leaves, with sharp ridges between.
-
-    The lay runs along y. The depth of the grooves varies a little from one to the next, and the
-    tool wavers along the lay.
-    """
+    """Make round grooves along y, which the tool's nose leaves, with sharp ridges between."""
     x, y = _coordinates(made)
     waver = 0.06 * made.length * np.sin(2 * np.pi * y / random.uniform(150, 400))
     position = (x + waver) / made.length + random.uniform()
@@ -210,32 +208,7 @@ KINDS: dict[Kind, Callable[[MadeMap, np.random.Generator], Heights]] = {
 }
 """Function that makes the surface of each kind."""
 
-MAPS: tuple[MadeMap, ...] = (
-    MadeMap("turned", 0, (400, 400), 1.6, 60.0),
-    MadeMap("turned", 1, (480, 360), 2.5, 80.0, faults=Faults(tilt=(0.01, -0.004)), format="nc"),
-    MadeMap("turned", 2, (420, 420), 1.0, 40.0, faults=Faults(spikes=12), format="gwy"),
-    MadeMap("turned", 3, (512, 384), 3.2, 100.0, faults=Faults(holes=15, tilt=(0.0, 0.02))),
-    MadeMap("ground", 0, (400, 400), 0.4, 60.0, format="nc"),
-    MadeMap("ground", 1, (360, 520), 0.8, 80.0, faults=Faults(spikes=20, tilt=(0.003, 0.001))),
-    MadeMap("ground", 2, (440, 440), 0.6, 40.0, faults=Faults(step=0.25), format="gwy"),
-    MadeMap("ground", 3, (384, 384), 1.0, 100.0, faults=Faults(holes=10, spikes=6), format="nc"),
-    MadeMap("sandblasted", 0, (400, 400), 3.0, 50.0, format="gwy"),
-    MadeMap("sandblasted", 1, (520, 520), 5.0, 80.0, faults=Faults(tilt=(-0.02, 0.01))),
-    MadeMap("sandblasted", 2, (400, 320), 2.0, 40.0, faults=Faults(holes=25), format="nc"),
-    MadeMap("sandblasted", 3, (448, 448), 4.0, 60.0, faults=Faults(spikes=15), format="gwy"),
-    MadeMap("honed", 0, (400, 400), 0.5, 50.0),
-    MadeMap("honed", 1, (512, 512), 0.9, 70.0, faults=Faults(tilt=(0.005, 0.005)), format="nc"),
-    MadeMap("honed", 2, (420, 360), 0.35, 40.0, faults=Faults(spikes=10), format="gwy"),
-    MadeMap("honed", 3, (384, 480), 0.7, 60.0, faults=Faults(holes=8, step=0.2)),
-    MadeMap("fractal", 0, (400, 400), 1.0, 80.0, format="nc"),
-    MadeMap("fractal", 1, (512, 512), 2.0, 120.0, faults=Faults(tilt=(0.01, 0.01)), format="gwy"),
-    MadeMap("fractal", 2, (360, 480), 0.5, 60.0, faults=Faults(spikes=25, holes=5)),
-    MadeMap("fractal", 3, (440, 440), 0.2, 50.0, faults=Faults(step=0.1), format="nc"),
-    MadeMap("turned", 4, (300, 300), 2.0, 80.0, spacing=(2.0, 2.0)),
-    MadeMap("sandblasted", 4, (500, 500), 2.0, 30.0, spacing=(0.5, 0.5), format="nc"),
-    MadeMap("honed", 4, (480, 400), 0.6, 50.0, spacing=(0.8, 1.0), format="gwy"),
-    MadeMap("fractal", 4, (320, 320), 3.0, 150.0, spacing=(2.0, 2.0), faults=Faults(spikes=5)),
-)
+MAPS = TypeAdapter(tuple[MadeMap, ...]).validate_python(read_toml("surrogates/maps")["maps"])
 """The maps: twenty of one instrument, with a node every um, and four of others."""
 
 ONE_INSTRUMENT: tuple[MadeMap, ...] = tuple(made for made in MAPS if made.spacing == (1.0, 1.0))

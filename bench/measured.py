@@ -6,33 +6,32 @@ tune`, whose fits were timed alone, on one thread.
 """
 
 import json
+import subprocess
+import sys
+import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from bench.contents import Content, contents_of
-from bench.files import Row, read_table, write_rows
+from bench.files import Row, read_table
+from bench.report import Report
 from gen.runtime.errors import InputError
 
+SUITES = Path(__file__).with_name("suites")
 SIZES = ("smoke", "paper", "large")
 
 
-def contents(folder: Path) -> list[Content]:
-    """List the table of times, written from pytest-benchmark's `times.json` if that is there."""
-    measured = folder / "times.json"
-    if measured.exists():
-        write_rows(measured.with_suffix(".csv"), map(_row, read(measured)["benchmarks"]))
-    return contents_of("benchmarks", folder)
-
-
-def read(path: Path) -> dict[str, Any]:
-    """Read a file of pytest-benchmark."""
-    try:
-        document: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-        document["benchmarks"]
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise InputError(f"{path} is no JSON file of pytest-benchmark: {error}") from None
-    return document
+def benchmarks(only: str) -> Report:
+    """Run the benchmarks, all or those with a word in their names, and return their times."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "times.json"
+        command = [sys.executable, "-m", "pytest", str(SUITES), "--benchmark-only", "-q"]
+        command += ["-k", only] if only else []
+        code = subprocess.run([*command, f"--benchmark-json={path}"], check=False).returncode
+        if code:
+            raise InputError(f"pytest {SUITES} ended with code {code}")
+        found = json.loads(path.read_text(encoding="utf-8"))["benchmarks"]
+    return Report({"times": [_row(each) for each in found]})
 
 
 def _row(benchmark: dict[str, Any]) -> dict[str, Any]:
@@ -69,20 +68,17 @@ TIMES = "predict_s", "fit_s", "search_s"
 """Kinds of run time; None where there is none."""
 
 
-def models(comparison: Path, target: str = "area") -> list[Row]:
+def models(comparison: Path) -> list[Row]:
     """Read errors and times of all models that a comparison has results of, in Table 4's order.
 
     A row has a model with its result (`baseline` or `tuned`), and the kinds of time in which no
     other beats it in both error and time (`front`).
 
-    Raises
-    ------
-    InputError
-        If the folder has no scores and times.
+    An InputError is raised if the folder has no scores and times.
     """
     try:
         scores, times, searches = (
-            read_table(comparison / target / name)[1]
+            read_table(comparison / "area" / name)[1]
             for name in ("scores.csv", "times.csv", "tuning-times.csv")
         )
     except InputError as error:
@@ -98,11 +94,11 @@ def models(comparison: Path, target: str = "area") -> list[Row]:
             spent = {"predict_s": answer, "fit_s": fit, "search_s": searched.get(key)}
             found.append({"model": key[0], "result": key[1], **errors, **spent})
     if not found:
-        raise InputError(f"{comparison}: has no scores and times of {target}; run learn compare")
-    fronts = {time.removesuffix("_s"): front(found, time) for time in TIMES}
-    for cost in found:
-        cost["front"] = " ".join(name for name, best in fronts.items() if cost in best)
-    return found
+        raise InputError(f"{comparison}: has no scores and times of area; run learn compare")
+    for time in TIMES:
+        for cost in front(found, time):
+            cost["front"] = f"{cost.get('front', '')} {time.removesuffix('_s')}".strip()
+    return [{**cost, "front": cost.get("front", "")} for cost in found]
 
 
 def front(costs: Iterable[Row], time: str) -> list[Row]:

@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Any
 
 from bench.answers import lines
-from bench.contents import Content, Figure, Table, Words, tables_of, tabulated
-from bench.files import content_of, markdown, rendered
-from bench.record import PAGE, RESULTS, Inputs, Record, circumstances, read, typed
+from bench.contents import Content, Figure, Table, tables_of, tabulated
+from bench.files import content_of, markdown
+from bench.record import PAGE, RESULTS, Inputs, Record, circumstances, read
 from bench.report import PARTS, Part
 from gen.runtime.errors import InputError
 from gen.runtime.files import write
@@ -36,15 +36,10 @@ class Shown:
     contents: Sequence[Content] = ()
     failure: str = ""  # why what was made cannot be shown
 
-    @property
-    def missing(self) -> bool:
-        """Whether there is nothing to show and nothing failed."""
-        return not self.contents and not self.failure
-
 
 def shown(part: Part, inputs: Inputs) -> Shown:
     """Return a part with its contents; a part that cannot be shown does not hide the others."""
-    found = read(inputs.making(part).path)
+    found = read(inputs.path(part))
     if found is not None and not found.finished:
         told = found.told[-1] if found.told else "it said nothing"
         return Shown(part, found, failure=f"{found.command}: code {found.code}, {told}")
@@ -71,54 +66,50 @@ def write_page(parts: Sequence[Part], inputs: Inputs) -> Path:
 
 def page_of(parts: Sequence[Part], inputs: Inputs) -> str:
     """Return the page of a folder's reports."""
-    present = [part for part in parts if not part.retired or read(inputs.making(part).path)]
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    present = [part for part in parts if not part.retired or read(inputs.path(part))]
     every = [shown(part, inputs) for part in present]
-    there = [_filled(each, inputs) for each in every if not each.missing]
+    there = [_filled(each) for each in every if each.contents or each.failure]
     chapters = groupby(there, key=lambda each: each["part"].chapter)
     said: dict[str, Any] = {"chapters": {chapter: list(each) for chapter, each in chapters}}
-    said["missing"] = [each.part for each in every if each.missing]
+    said["missing"] = [each.part for each in every if not each.contents and not each.failure]
     said |= {"output": inputs.output, "asked": lines(parts, inputs), "made": circumstances()}
     of_today = [each for each in there if each["contents"] and not each["part"].retired]
     said["states"] = states([each["record"] for each in of_today])
     said["judged"] = [each for each in there if each["verdicts"]]
     said["failures"] = sum(each["failures"] for each in there)
-    return rendered("page.html", said)
+    environment = Environment(
+        loader=PackageLoader("bench", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template("page.html").render(said)
 
 
 def states(records: Sequence[Record | None]) -> str:
-    """Say in one line whether all parts are of one state of the code, or which are of another.
-
-    None stands for a part without a record; nothing is said where there is no part.
-    """
-    found = Counter(record.state if record else "" for record in records)
-    known = [(state, number) for state, number in found.most_common() if state]
-    unknown = f"{found['']} of an unknown one" if found[""] else ""
-    if not known:
-        return "The state of the code is unknown of all parts." if records else ""
-    (state, number), *others = known
-    if number == len(records):
-        return f"All parts are of one state of the code, {state[:10]}."
-    told = [f"{number} of the state {state[:10]}" for state, number in others]
-    return (
-        f"{number} of {len(records)} parts are of the state {state[:10]} of the code,"
-        f" {', '.join([*told, unknown] if unknown else told)}."
+    """Say how many parts are of which state of the code; "" where there is no part."""
+    known = (
+        record.state[:10] if record and record.state else "an unknown one" for record in records
     )
+    told = [f"{number} of {state}" for state, number in Counter(known).most_common()]
+    return f"Parts by the state of the code: {', '.join(told)}." if told else ""
 
 
-def _filled(each: Shown, inputs: Inputs) -> dict[str, Any]:
+def _filled(each: Shown) -> dict[str, Any]:
     """Return a part as the template of the page needs it, with all files in it."""
-    contents = [_prepared(content, each.part, inputs) for content in each.contents]
+    contents = [_prepared(content) for content in each.contents]
     tables = [values["lines"].failed for values in contents if "lines" in values]
     verdicts = [failed for table in tables for failed in table if failed is not None]
     more = {"contents": contents, "verdicts": verdicts, "failures": sum(verdicts)}
     return {**vars(each), **more}
 
 
-def _prepared(content: Content, part: Part, inputs: Inputs) -> dict[str, Any]:
+def _prepared(content: Content) -> dict[str, Any]:
     """Return the kind of a content and its values, with all files in it."""
     values = {**vars(content), "kind": type(content).__name__}
-    if isinstance(content, Figure | Table):
-        values["command"] = inputs.command(part, content.command)
     if isinstance(content, Figure):
         start = content_of(content.picture)[16:24]  # width and height in a PNG file's header
         values["size"] = int.from_bytes(start[:4]), int.from_bytes(start[4:])
@@ -141,12 +132,7 @@ PUBLISHED = Inputs(RESULTS, RESULTS / "none.h5", RESULTS / "comparison", full=Tr
 def fragment(name: str, folder: Path) -> str:
     """Return everything that a published report shows, as Markdown for a page in a folder.
 
-    Raises
-    ------
-    KeyError
-        If there is no such report.
-    InputError
-        If it was made and cannot be shown.
+    An InputError is raised if it was made and cannot be shown.
     """
     part = {each.name: each for each in PARTS}[name]
     each = shown(part, PUBLISHED)
@@ -154,15 +140,12 @@ def fragment(name: str, folder: Path) -> str:
         raise InputError(each.failure)
     blocks = [_made(each)]
     for content in each.contents:
-        made_by = PUBLISHED.command(part, getattr(content, "command", ""))
-        commands = [f"Made by `{made_by}`."] if made_by else []
         if isinstance(content, Figure):
             picture = relpath(content.picture, folder)
             blocks.append(f":::{{figure}} {picture}\n:alt: {part.title}\n\n{content.caption}\n:::")
-            blocks += commands
         elif isinstance(content, Table):
-            blocks += [_plain(content.caption), *commands, _rows(content)]
-        elif isinstance(content, Words):
+            blocks += [_plain(content.caption), _rows(content)]
+        else:
             fenced = f"```text\n{content.text}\n```"
             blocks.append(fenced if content.typed else _plain(content.text))
     return "\n\n".join(blocks if each.contents else [*blocks, "It has not been published yet."])
@@ -172,7 +155,7 @@ def _made(each: Shown) -> str:
     """Return how a report was made: its command, processor, day and commit."""
     found, part = each.record, each.part
     if found is None:
-        command = typed(PUBLISHED.arguments(part)).replace(str(RESULTS), "report")
+        command = PUBLISHED.typed(part).replace(str(RESULTS), "report")
         return f"Made by `{command.replace('report/none.h5', 'paper.h5')}`."
     left = f" The code up to commit {part.retired} has the command." if part.retired else ""
     return (

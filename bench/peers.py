@@ -10,7 +10,7 @@ four cells.
 
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache, partial
 from itertools import product
 from statistics import median
@@ -18,23 +18,23 @@ from statistics import median
 import numpy as np
 
 from bench.files import Row
-from bench.report import Report, remark
+from bench.report import remark
 from bench.solvers import others
-from bench.solvers.case import PERIODIC_RTOL, Case, Exact, find_exact
 from bench.solvers.others import installed, missing
 from bench.solvers.solver import (
     BEM,
     PAPERS,
-    REFERENCE_RTOL,
+    PERIODIC_RTOL,
     Answer,
+    Case,
     Control,
+    Exact,
     Failure,
-    Press,
     Solver,
     back_and_forth,
-    press_boundary_elements,
+    find_exact,
 )
-from gen.arrays import Heights, Values
+from gen.arrays import Values
 from gen.generation.plan import surface_random
 from gen.runtime.errors import InputError
 from gen.scene import load
@@ -66,7 +66,10 @@ def sample(nodes: int, delta: float, hardness: float | None = None, hurst: float
     name = f"H = {hurst}, Delta = {delta:g} um"
     if hardness is not None:
         name += f", hardness {hardness:g} E*"
-    return Case(name, _peer_heights(nodes, hurst), SIDE, delta, hardness=hardness, hurst=hurst)
+    heights = generate(
+        "diamond-square", nodes, hurst, SIGMA0, surface_random(load("paper"), SURFACE)
+    )
+    return Case(name, heights, SIDE, delta, hardness=hardness, hurst=hurst)
 
 
 def samples(
@@ -79,19 +82,10 @@ def samples(
     bounds = (None, *sorted(hardnesses, reverse=True))
     found = []
     for size in nodes:
-        found += [sample(size, delta, bound) for delta in deltas for bound in bounds]
+        found += [sample(size, *each) for each in product(deltas, bounds)]
         if size == PAPERS_NODES and not hardnesses:
             found += [sample(size, delta, hurst=PAPERS_HURST) for delta in PAPERS_DELTAS]
     return found
-
-
-@lru_cache(maxsize=8)
-def _peer_heights(nodes: int, hurst: float) -> Heights:
-    """Generate the (nodes, nodes) surface [um]."""
-    random = surface_random(load("paper"), SURFACE)
-    heights = generate("diamond-square", nodes, hurst, SIGMA0, random)
-    heights.setflags(write=False)
-    return heights
 
 
 # The force at the displacement given, or the displacement of the far field at the force given [1].
@@ -100,7 +94,6 @@ LOAD_ERROR = 1e-6
 MISPLACED_SHARE = 5e-4
 TURN = 0.05  # s of CPU time that a solver's turn takes at least, by repetition
 PATIENCE = 5.0  # s of CPU time of a solve that is not repeated for its median
-UNKNOWN = dict.fromkeys(("load_error", "misplaced_nodes", "pressure_error", "convolutions"))
 
 
 @dataclass(frozen=True)
@@ -110,11 +103,6 @@ class Errors:
     load_error: float  # of the force, or of the displacement where the force is given, relative
     misplaced_nodes: int  # in contact, or yielded, in it or in the reference, not in both
     pressure_error: float  # the largest, over the largest pressure
-
-    def good_enough(self, contact_nodes: int) -> bool:
-        """Say whether a solution of a contact of this many nodes may have these errors."""
-        allowed = max(1.0, MISPLACED_SHARE * contact_nodes)
-        return self.load_error <= LOAD_ERROR and self.misplaced_nodes <= allowed
 
 
 def find_errors(pressure: Values, control: Control, case: Case, exact: Exact) -> Errors:
@@ -144,39 +132,32 @@ class Trial:
         self.solver, self._case = solver, case
         self.tolerance: float | None = None  # the loosest that is good enough, once it is found
         self.remark = ""  # why there is none
-        self._exact = find_exact(case, REFERENCE_RTOL)
+        self._exact = find_exact(case)
         self.contact_nodes = int(np.count_nonzero(self._exact.pressure > 0))
-        self._tried: dict[float, Row] = {}
+        self._convolutions: int | None = None
+        self._errors: Errors | None = None
         self._turns: list[float] = []
         self._seconds: list[float] = []
-        self._failed = 0.0
 
     def find_tolerance(self) -> None:
         """Find the loosest tolerance of the solver's ladder that is good enough."""
         if self.contact_nodes > self.solver.largest_contact:
             self.remark = f"not tried above {self.solver.largest_contact:g} nodes in contact"
             return
-        self.tolerance = next(filter(self._good_enough, self.solver.ladder), None)
-        if self.tolerance is not None:
-            self.remark = ""
-            if self._tried[self.tolerance]["seconds"] > PATIENCE:
-                self._seconds = [self._tried[self.tolerance]["seconds"]]
-        elif not self.remark:
-            self.remark = f"not good enough at {self.solver.ladder[-1]:.0e}"
-
-    def _good_enough(self, tolerance: float) -> bool:
-        if tolerance < self._failed:  # whoever does not reach one tolerance reaches no tighter one
-            return False
-        try:
-            answer, seconds = self._timed(tolerance)
-        except Failure as failure:
-            self._failed = tolerance
-            self.remark = f"tolerance {tolerance:.0e}: {failure}"
-            return False
-        errors = find_errors(answer.pressure, self.solver.control, self._case, self._exact)
-        work = {"seconds": seconds, "convolutions": answer.convolutions}
-        self._tried[tolerance] = work | asdict(errors)
-        return errors.good_enough(self.contact_nodes)
+        allowed = max(1.0, MISPLACED_SHARE * self.contact_nodes)
+        for tolerance in self.solver.ladder:
+            try:
+                answer, seconds = self._timed(tolerance)
+            except Failure as failure:  # whoever does not reach it reaches no tighter one
+                self.remark = f"tolerance {tolerance:.0e}: {failure}"
+                return
+            errors = find_errors(answer.pressure, self.solver.control, self._case, self._exact)
+            if errors.load_error <= LOAD_ERROR and errors.misplaced_nodes <= allowed:
+                self.tolerance, self._errors = tolerance, errors
+                self._convolutions = answer.convolutions
+                self._seconds = [seconds] if seconds > PATIENCE else []
+                return
+        self.remark = f"not good enough at {tolerance:.0e}"
 
     def _timed(self, tolerance: float) -> tuple[Answer, float]:
         began = time.process_time()
@@ -206,10 +187,9 @@ class Trial:
             return self.seconds / other.seconds
         return None
 
-    def row(self, set_up_seconds: float, ours: "Trial") -> Row:
+    def row(self, ours: "Trial") -> Row:
         """Return the row of the table; `ours` is the trial of the first solver."""
-        case, solver, seconds = self._case, self.solver, self.seconds
-        found = UNKNOWN if self.tolerance is None else self._tried[self.tolerance]
+        case, solver, errors = self._case, self.solver, self._errors
         return {
             "nodes": case.nodes,
             "hurst": case.hurst,
@@ -221,84 +201,53 @@ class Trial:
             "solver": solver.name,
             "version": solver.version,
             "control": solver.control,
-            "set_up_seconds": set_up_seconds,  # of making what serves all contacts on the grid
             "tolerance": self.tolerance,  # the loosest of its ladder that is good enough
-            "seconds": seconds,  # of CPU time of a solve after the set-up, median
+            "seconds": self.seconds,  # of CPU time of a solve after the set-up, median
             "times_ours": self.times(ours),
-            "load_error": found["load_error"],  # and two more of `Errors`
-            "misplaced_nodes": found["misplaced_nodes"],
-            "pressure_error": found["pressure_error"],
+            **{each.name: getattr(errors, each.name, None) for each in fields(Errors)},
             "remark": self.remark,  # why there are no numbers
             "hardness": case.hardness,  # over E*, None for elastic bodies
             "yielded_nodes": int(np.count_nonzero(case.yielded(self._exact.pressure))),
-            "convolutions": found["convolutions"],  # None if the solver does not count them
+            "convolutions": self._convolutions,  # None if the solver does not count them
         }
 
 
 def compare(cases: Sequence[Case], solvers: Sequence[Solver], rounds: int = 4) -> list[Row]:
     """Bring solvers to the same accuracy on each contact, and time them there in turn.
 
-    Parameters
-    ----------
-    cases : sequence of Case
-        The contacts.
-    solvers : sequence of Solver
-        The first is ours, over whose time the others' are taken.
-    rounds : int
-        Turns that each solver has.
+    The first solver is ours, over whose time the others' are taken; each has as many turns as there
+    are rounds.
     """
     rows: list[Row] = []
-    set_ups: dict[int, list[float]] = {}
     for case in cases:
         remark(f"{case.nodes} nodes a side, {case.name}")
-        if case.nodes not in set_ups:
-            set_ups[case.nodes] = [_set_up_seconds(solver, case) for solver in solvers]
         trials = [Trial(solver, case) for solver in solvers]
         for trial in trials:
             trial.find_tolerance()
         for trial in back_and_forth(trials, rounds):
             trial.take_turn()
-        pairs = zip(trials, set_ups[case.nodes], strict=True)
-        rows += [trial.row(set_up, trials[0]) for trial, set_up in pairs]
+        rows += [trial.row(trials[0]) for trial in trials]
     return rows
 
 
-def _set_up_seconds(solver: Solver, case: Case) -> float:
-    solver.set_up(case.nodes, case.spacing)  # imports the package
-    began = time.process_time()
-    solver.set_up(case.nodes, case.spacing)
-    return time.process_time() - began
-
-
-def _edgeless(nodes: int, spacing: float) -> Press:
-    """Open `bem.solve` for periodic patches, which keeps nothing for a grid."""
-    return press_boundary_elements
-
-
 _peer = partial(Solver, install="peers", ladder=PERIODIC_LADDER)
-_periodic_cm = partial(_peer, package="ContactMechanics")
-_periodic_aspher = partial(_peer, package="aspher", control="force")
+_by_force = partial(_peer, control="force")
+_aspher = partial(_by_force, package="aspher")
 PERIODIC_SOLVERS = (
-    Solver("bem", _edgeless, control="force", ladder=PERIODIC_LADDER),
-    _periodic_cm(
+    replace(BEM, control="force", ladder=PERIODIC_LADDER),
+    _by_force(
         "ContactMechanics primal",
         partial(others.primal_gradients, control="force", boundary="periodic"),
-        control="force",
+        "ContactMechanics",
     ),
-    _periodic_cm("ContactMechanics dual", partial(others.dual_gradients, boundary="periodic")),
     _peer(
-        "Tamaas",
-        partial(others.projected_gradients, boundary="periodic"),
-        package="tamaas",
-        control="force",
+        "ContactMechanics dual",
+        partial(others.dual_gradients, boundary="periodic"),
+        "ContactMechanics",
     ),
-    _periodic_aspher(
-        "ASPHER", partial(others.single_grid, precond="fourier-fft", backend="periodic")
-    ),
-    _periodic_aspher(
-        "ASPHER nested, FFT",
-        partial(others.nested_grids, engine="fft", backend="periodic"),
-    ),
+    _by_force("Tamaas", partial(others.projected_gradients, boundary="periodic"), "tamaas"),
+    _aspher("ASPHER", partial(others.single_grid, precond="fourier-fft", backend="periodic")),
+    _aspher("ASPHER nested, FFT", partial(others.nested_grids, engine="fft", backend="periodic")),
 )
 
 
@@ -313,60 +262,36 @@ def periodic_sample(nodes: int, hurst: float, load: float) -> Case:
     return replace(case, delta=case.solve(PERIODIC_RTOL).delta)
 
 
-def periodic_samples(nodes: Sequence[int]) -> list[Case]:
-    """Return a surface of each grid under all loads."""
+def peers(nodes: Sequence[int], deltas: Sequence[float], rounds: int) -> list[Row]:
+    """Compare all solvers that are installed, and the paper's algorithm, at equal accuracy."""
+    _check(nodes, deltas)
+    for package, install in missing().items():
+        remark(f"{package} is not installed and left out: {install}")
+    return compare(samples(nodes, deltas), [BEM, PAPERS, *installed()], rounds)
+
+
+def hardness(
+    nodes: Sequence[int], deltas: Sequence[float], hardness: Sequence[float], rounds: int
+) -> list[Row]:
+    """Compare the solvers that know a hardness on bodies that yield, elastic ones beside them."""
+    _check(nodes, (*deltas, *hardness))
+    plastic = [solver for solver in (BEM, *installed()) if solver.plastic]
+    return compare(samples(nodes, deltas, hardness), plastic, rounds)
+
+
+def periodic(nodes: Sequence[int], rounds: int) -> list[Row]:
+    """Compare all solvers that are installed on periodic patches, a surface under all loads."""
     for size in nodes:
         if size < others.COARSEST or size & (size - 1):
             raise InputError(f"nodes {size}: give 2^k from {others.COARSEST} on, as 128, 256, 512")
-    return [periodic_sample(size, PERIODIC_HURST, load) for size, load in product(nodes, LOADS)]
+    cases = [periodic_sample(size, PERIODIC_HURST, load) for size, load in product(nodes, LOADS)]
+    return compare(cases, [PERIODIC_SOLVERS[0], *installed(PERIODIC_SOLVERS[1:])], rounds)
 
 
-def peers(
-    nodes: Sequence[int],
-    deltas: Sequence[float],
-    rounds: int,
-    hardness: Sequence[float],
-    boundary: str,
-) -> Report:
-    """Compare all solvers that are installed at equal accuracy.
-
-    The arguments are those of the command: nodes a side, displacements [um], turns, and hardnesses
-    over E*. With hardnesses, those solvers that know one are compared on bodies that yield, elastic
-    ones beside them.
-
-    Raises
-    ------
-    InputError
-        If a grid, a displacement, a hardness or a boundary cannot be used.
-    """
-    if boundary not in {"free", "periodic"}:
-        raise InputError(f"boundary {boundary}: give free or periodic")
-    if boundary == "periodic" and hardness:
-        raise InputError("hardness with boundary periodic: no other solver knows both, give one")
-    if boundary == "periodic":
-        solvers = [PERIODIC_SOLVERS[0], *installed(PERIODIC_SOLVERS[1:])]
-        rows = compare(periodic_samples(nodes or [128, 256]), solvers, rounds)
-        return Report({"periodic": rows}, of="periodic")
-    nodes = nodes or [129, 257]
-    _check(nodes, deltas, hardness)
-    for package, install in missing().items():
-        remark(f"{package} is not installed and left out: {install}")
-    solvers = [BEM, PAPERS, *installed()]
-    if not hardness:
-        return Report({"peers": compare(samples(nodes, deltas), solvers, rounds)})
-    plastic = [solver for solver in solvers if solver.plastic]
-    rows = compare(samples(nodes, deltas, hardness), plastic, rounds)
-    return Report({"hardness": rows}, of="hardness")
-
-
-def _check(nodes: Sequence[int], deltas: Sequence[float], hardnesses: Sequence[float]) -> None:
+def _check(nodes: Sequence[int], values: Sequence[float]) -> None:
     for size in nodes:
         if size < 3 or (size - 1) & (size - 2):
             raise InputError(f"nodes {size}: give 2^k + 1, as 129, 257, 513")
-    for name, values, wanted in (
-        ("delta", deltas, "a displacement above 0 um"),
-        ("hardness", hardnesses, "a share of E* above 0"),
-    ):
-        for value in values:
-            if not 0 < value < float("inf"):
-                raise InputError(f"{name} {value}: give {wanted}")
+    for value in values:
+        if not 0 < value < float("inf"):
+            raise InputError(f"{value:g}: give displacements and hardnesses above 0")

@@ -51,13 +51,12 @@ def save(figure: Any, path: Path) -> Path:
     return path
 
 
-def drawn(report: Mapping[str, Any], tables: Mapping[str, Sequence[Row]]) -> dict[str, Any]:
-    """Draw the figures that a report's file describes, of the tables that there are.
-
-    Return them by the names of their files without ending.
-    """
+def drawn(
+    contents: Sequence[Mapping[str, Any]], tables: Mapping[str, Sequence[Row]]
+) -> dict[str, Any]:
+    """Draw the figures that a report's file describes, of the tables that there are, by name."""
     found = {}
-    for entry in report.get("contents", ()):
+    for entry in contents:
         stem = Path(entry.get("data", [""])[0]).stem
         if "panels" in entry and tables.get(stem):
             found[Path(entry["figure"]).stem] = draw(entry, list(tables[stem]))
@@ -101,11 +100,6 @@ def _split(rows: Sequence[Row], form: str) -> dict[str, list[Row]]:
     return found
 
 
-def _limits(value: Any) -> Any:
-    """Return limits of an axis, of which the upper one may be missing, or what is none as it is."""
-    return (value[0], value[1] if len(value) > 1 else None) if isinstance(value, list) else value
-
-
 def draw_panel(axis: Any, panel: Mapping[str, Any], rows: Sequence[Row]) -> None:
     """Draw columns over another one, a curve for each label.
 
@@ -114,16 +108,43 @@ def draw_panel(axis: Any, panel: Mapping[str, Any], rows: Sequence[Row]) -> None
     `dots`, pairs of columns as hollow dots; `look`, properties of the curves; `marks`, levels
     of horizontal lines by name; `ticks`, whether only values of x have ticks; `none`, the text
     for a missing value; `words`, whether values of x are texts; `axes`, what matplotlib's
-    `Axes.set` takes.
+    `Axes.set` takes. With `colour`, a column, rows are dots of that colour; with `bins` instead of
+    y, how often x has which value.
     """
-    x, y = panel["x"], panel["y"]
+    x, y = panel["x"], panel.get("y", panel["x"])
     none = panel.get("none", "")
     known = [
         {name: none if value in {None, ""} else value for name, value in row.items()}
         for row in rows
         if not {row[x], row[y]} & {None, ""}
     ]
-    curves = _split(known, panel.get("label", ""))
+    if "bins" in panel:
+        axis.hist([row[x] for row in known], panel["bins"], color=COLOURS[0], edgecolor="w", lw=0.5)
+    elif "colour" in panel:
+        at, height, colour = ([row[name] for row in known] for name in (x, y, panel["colour"]))
+        dots = axis.scatter(at, height, s=2, c=colour, rasterized=True)
+        axis.figure.colorbar(dots, ax=axis, label=panel["colour"])
+    else:
+        _draw_curves(axis, panel, known)
+    for name, level in panel.get("marks", {}).items():
+        axis.axhline(level, color="0.4", ls=":")
+        place = {"xycoords": ("axes fraction", "data"), "ha": "right", "va": "bottom"}
+        axis.annotate(name, (0.99, level), fontsize=8, color="0.3", **place)
+    axis.set(  # limits, of which the upper one may be missing, are lists
+        **{name: [*v, None][:2] if isinstance(v, list) else v for name, v in panel["axes"].items()}
+    )
+    for scale, ruler in (("xscale", axis.xaxis), ("yscale", axis.yaxis)):
+        if panel["axes"].get(scale) == "log" and f"{scale[0]}lim" not in panel["axes"]:
+            figures.log_axis(ruler)
+    if panel.get("ticks"):
+        values = sorted({row[x] for row in rows})
+        axis.set_xticks(values, [str(each) for each in values])
+        axis.minorticks_off()
+
+
+def _draw_curves(axis: Any, panel: Mapping[str, Any], rows: Sequence[Row]) -> None:
+    """Draw a curve for each label of a panel's rows."""
+    x, y, curves = panel["x"], panel["y"], _split(rows, panel.get("label", ""))
     for (name, own), style in zip(curves.items(), itertools.cycle(STYLES), strict=False):
         places = [str(row[x]) if panel.get("words") else row[x] for row in own]
         axis.plot(places, [row[y] for row in own], label=name, **{**style, **panel.get("look", {})})
@@ -133,15 +154,3 @@ def draw_panel(axis: Any, panel: Mapping[str, Any], rows: Sequence[Row]) -> None
         for (abscissa, ordinate), marker in zip(panel.get("dots", ()), "os^", strict=False):
             there, value = ([row[name] for row in own] for name in (abscissa, ordinate))
             axis.plot(there, value, marker, mfc="none", color=style["color"])
-    for name, level in panel.get("marks", {}).items():
-        axis.axhline(level, color="0.4", ls=":")
-        place = {"xycoords": ("axes fraction", "data"), "ha": "right", "va": "bottom"}
-        axis.annotate(name, (0.99, level), fontsize=8, color="0.3", **place)
-    axis.set(**{name: _limits(value) for name, value in panel.get("axes", {}).items()})
-    for scale, ruler in (("xscale", axis.xaxis), ("yscale", axis.yaxis)):
-        if panel.get("axes", {}).get(scale) == "log" and f"{scale[0]}lim" not in panel["axes"]:
-            figures.log_axis(ruler)
-    if panel.get("ticks"):
-        values = sorted({row[x] for row in rows})
-        axis.set_xticks(values, [str(each) for each in values])
-        axis.minorticks_off()

@@ -10,17 +10,15 @@ from pathlib import Path
 
 from bench.contents import Figure
 from bench.files import COMPRESSED
-from bench.record import NOT_READ, Inputs, read
+from bench.record import NOT_READ, RECORD, Inputs, read
 from bench.report import Part
 from gen.runtime.errors import InputError
 from gen.runtime.files import lock_folder, make_folder, write
 
 LARGE = 200_000  # bytes from which on a table is compressed
-RECORD = ".part.json"
 KINDS = frozenset({".csv", ".json", ".jsonl", ".toml", ".txt"})
-# Folders inside of a part's, and files by folder and name, that are not published.
+# Folders inside of a part's that are not published.
 INSIDE = frozenset({"baseline", "databases", "decks", "maps", "predictions", "tuned"})
-LEFT_BEHIND = frozenset({"benchmarks/times.json", "area/rows.csv"})
 
 
 def publish(parts: Sequence[Part], inputs: Inputs, target: Path) -> list[Path]:
@@ -28,11 +26,8 @@ def publish(parts: Sequence[Part], inputs: Inputs, target: Path) -> list[Path]:
 
     A folder all of whose parts were made loses its earlier files.
 
-    Raises
-    ------
-    InputError
-        If there is nothing to publish, the folders are not apart, a part was not finished, or
-        another process writes the folder. Then nothing is changed.
+    An InputError is raised if there is nothing to publish, the folders are not apart, a part was
+    not finished, or another process writes the folder. Then nothing is changed.
     """
     folders: dict[Path, list[Part]] = {}
     for part in parts:
@@ -66,7 +61,7 @@ def publish(parts: Sequence[Part], inputs: Inputs, target: Path) -> list[Path]:
 
 def _finished(part: Part, inputs: Inputs) -> bool:
     """Say whether a part was made; one that was not finished is refused."""
-    path = inputs.making(part).path
+    path = inputs.path(part)
     record = read(path)
     if record is not None and not record.finished:
         raise InputError(f"{path}: {part.name} was not finished (code {record.code})")
@@ -79,10 +74,11 @@ def _published(made: Sequence[Part], folder: Path) -> Iterator[tuple[Path, bytes
     pictures = {content.picture for content in shown if isinstance(content, Figure)}
     for path in sorted(folder.rglob("*")) if made else ():
         name = path.relative_to(folder)
-        beside = f"{path.parent.name}/{path.name}"
-        wanted = path in pictures or (path.suffix in KINDS and beside not in LEFT_BEHIND)
-        printed = path.name.endswith(NOT_READ) and not path.name.endswith(RECORD)
-        if path.is_file() and wanted and not printed and not INSIDE.intersection(name.parts[:-1]):
+        own = f"{path.parent.name}/{path.name}" != "area/rows.csv" and not (
+            path.name.endswith(NOT_READ) and not path.name.endswith(RECORD)
+        )
+        wanted = path in pictures or (path.suffix in KINDS and own)
+        if path.is_file() and wanted and not INSIDE.intersection(name.parts[:-1]):
             content = path.read_bytes()
             if path.suffix == ".jsonl" or (path.suffix == ".csv" and len(content) >= LARGE):
                 yield name.with_name(name.name + COMPRESSED), lzma.compress(content)

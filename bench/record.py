@@ -8,7 +8,7 @@ import os
 import platform
 import re
 import shlex
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -31,8 +31,7 @@ PACKAGES = (
 ROOT = Path(__file__).resolve().parents[1]
 SOURCES = ("asperity", "bem", "bench", "gen", "learn")
 RESULTS = ROOT / "bench" / "results"
-CODE = frozenset({".py", ".toml", ".jinja", ".html"})
-"""Ends of the names of files that a state of the code consists of."""
+CODE = {".py", ".toml", ".jinja", ".html"}  # ends of the names of files that are code
 
 
 def circumstances() -> dict[str, Any]:
@@ -51,16 +50,10 @@ def circumstances() -> dict[str, Any]:
     }
 
 
-def load() -> float:
-    """Return how many processes ran or waited on average in the last minute; quiet is near 0."""
-    return round(os.getloadavg()[0], 2)
-
-
 def code_state(root: Path = ROOT) -> str:
-    """Return a hash of the code, which documents and results do not change.
+    """Return a hash of all programs, settings and templates of the packages under a folder.
 
-    It is that of the sorted paths and contents of all programs, settings and templates of the
-    packages under a folder, so it needs no git, and sees what is not committed.
+    Documents and results do not change it; it needs no git, and sees what is not committed.
     """
     digest = hashlib.sha256()
     files = (path for name in SOURCES for path in (root / name).rglob("*"))
@@ -85,7 +78,8 @@ def processor() -> str:
 SAME = {"command": "command", "inputs": "inputs", "state": "code", "versions": "packages"}
 SAME |= {"machine": "machine"}  # what has to be as it was for something to stay, in words
 # Ends of the names of files that record how a part was made; no part reads them.
-NOT_READ = (".part.json", ".printed.txt")
+RECORD = ".part.json"
+NOT_READ = (RECORD, ".printed.txt", ".said.txt")
 PAGE = "index.html"
 
 
@@ -96,7 +90,7 @@ class Machine(documents.Document):
 
 
 class Record(documents.Document):
-    """The record of something that was made: see `Making`."""
+    """How something was made, and how it ended; a record lies in the folder of what was made."""
 
     command: str
     code: Annotated[int, Field(ge=-64, le=255)] = 0
@@ -112,42 +106,6 @@ class Record(documents.Document):
     versions: dict[str, str]
 
 
-@dataclass(frozen=True)
-class Making:
-    """A result that a command makes from inputs, and that stays while these do not change.
-
-    The record (`path`) is in the folder of what is made; `sources` are the files and folders that
-    the command reads, by name.
-    """
-
-    path: Path
-    command: str
-    sources: Mapping[str, Path]
-
-    def stale(self) -> str:
-        """Say why this has to be made, "" if it stays: what has changed since the record."""
-        found = read(self.path)
-        if found is None or not found.finished:
-            return "new" if found is None else "not finished"
-        then = found.model_dump()
-        now = circumstances() | {"command": self.command, "inputs": self._stamps()}
-        changed = [said for name, said in SAME.items() if then[name] != now[name]]
-        return f"other {', '.join(changed)}" if changed else ""
-
-    def write(self, **said: Any) -> None:
-        """Write the record; `said` are the fields of `Record` that are not known here."""
-        known = {"command": self.command, "inputs": self._stamps(), **circumstances()}
-        record = Record(**known, **said)
-        write(self.path, record.model_dump_json(indent=2, exclude_unset=True) + "\n")
-
-    def _stamps(self) -> dict[str, int]:
-        """Return when each input was changed last [ns]; 0 for a missing one."""
-        return {
-            name: max((file.stat().st_mtime_ns for file in _inside(source)), default=0)
-            for name, source in self.sources.items()
-        }
-
-
 def _inside(path: Path) -> Iterator[Path]:
     if path.is_file():
         yield path
@@ -160,11 +118,6 @@ def read(path: Path) -> Record | None:
     """Read a record; None if there is none."""
     found = documents.read(path, Record)
     return None if found is None else Record.model_validate(found, strict=False)
-
-
-def typed(arguments: Sequence[str]) -> str:
-    """Return a command of the interpreter as a user types it."""
-    return shlex.join(["python", *arguments])
 
 
 @dataclass(frozen=True)
@@ -214,9 +167,38 @@ class Inputs:
             words = [re.sub(rf"^{re.escape(root)}(?=/)", "report", word) for word in words]
         return shlex.join(words)
 
-    def making(self, part: Part) -> Making:
-        """Return the record, command and inputs of a part, which decide whether it stays."""
-        folder, named = self.folder(part), re.findall(r"\{(\w+)\}", self.template(part))
-        sources = {name: path for name, path in self.files.items() if name in named}
-        sources = {name: path for name, path in sources.items() if path != folder}
-        return Making(folder / f"{part.name}.part.json", typed(self.arguments(part)), sources)
+    def path(self, part: Part) -> Path:
+        """Return the file of a part's record."""
+        return self.folder(part) / f"{part.name}{RECORD}"
+
+    def typed(self, part: Part) -> str:
+        """Return a part's command as a user types it."""
+        return shlex.join(["python", *self.arguments(part)])
+
+    def sources(self, part: Part) -> dict[str, Path]:
+        """Return the files and folders that a part's command reads, by name."""
+        named = re.findall(r"\{(\w+)\}", self.template(part))
+        found = {name: path for name, path in self.files.items() if name in named}
+        return {name: path for name, path in found.items() if path != self.folder(part)}
+
+    def stale(self, part: Part) -> str:
+        """Say why a part has to be made, "" if it stays: what has changed since its record."""
+        found = read(self.path(part))
+        if found is None or not found.finished:
+            return "new" if found is None else "not finished"
+        then, now = found.model_dump(), self._made_of(part)
+        changed = [said for name, said in SAME.items() if then[name] != now[name]]
+        return f"other {', '.join(changed)}" if changed else ""
+
+    def write(self, part: Part, **said: Any) -> None:
+        """Write a part's record; `said` are the fields of `Record` that are not known here."""
+        record = Record(**self._made_of(part), **said)
+        write(self.path(part), record.model_dump_json(indent=2, exclude_unset=True) + "\n")
+
+    def _made_of(self, part: Part) -> dict[str, Any]:
+        """Return command, circumstances, and when each input was changed last [ns]."""
+        stamps = {
+            name: max((file.stat().st_mtime_ns for file in _inside(source)), default=0)
+            for name, source in self.sources(part).items()
+        }
+        return {"command": self.typed(part), "inputs": stamps, **circumstances()}

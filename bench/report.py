@@ -7,17 +7,15 @@ are, how they are drawn and what to see. `CHAPTERS` puts the reports in order.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
-from pkgutil import resolve_name
 from typing import Any
 
 import typer
 
 from bench.contents import Content, contents_of
 from bench.files import Row, read_toml, write_rows
-from gen.runtime.files import make_folder, write
-
-ShowContents = Callable[[Path], Sequence[Content]]
+from gen.runtime.files import make_folder
 
 
 def remark(line: str) -> None:
@@ -30,16 +28,12 @@ class Report:
     """Results that are ready to be written, by the names of their files without ending.
 
     Tables are rows with the same columns, pictures are figures that the TOML file does not
-    describe. The text is for people: printed below the tables, and kept in a file if `text_name`
-    names one. `of` names the report whose file describes the
-    tables, if it is not the command's own.
+    describe. The text is for people, and printed below the tables.
     """
 
     tables: Mapping[str, Sequence[Row]]
     pictures: Mapping[str, Any] = field(default_factory=dict)
     text: str = ""
-    text_name: str = ""
-    of: str = ""
 
     @property
     def passed(self) -> bool:
@@ -47,20 +41,14 @@ class Report:
         rows = (row for rows in self.tables.values() for row in rows)
         return all(row.get("verdict", "passed") == "passed" for row in rows)
 
-    def write(self, folder: Path, name: str = "") -> list[Path]:
-        """Write all files into a folder, which is made where there is none.
-
-        Pictures that the file of the report `name` describes are drawn from its tables.
-        """
+    def write(self, folder: Path, contents: Sequence[Mapping[str, Any]] = ()) -> list[Path]:
+        """Write all files into a folder, with pictures as contents of a TOML file describe them."""
         from bench.picture import drawn, save
 
         make_folder(folder)
-        paths = [write_rows(folder / f"{name}.csv", rows) for name, rows in self.tables.items()]
-        if self.text_name:
-            paths.append(folder / f"{self.text_name}.txt")
-            write(paths[-1], self.text + "\n")
-        described = drawn(read_toml(f"reports/{name}"), self.tables) if name else {}
-        pictures = {**self.pictures, **described}
+        there = {name: rows for name, rows in self.tables.items() if rows}
+        paths = [write_rows(folder / f"{name}.csv", rows) for name, rows in there.items()]
+        pictures = {**self.pictures, **drawn(contents, self.tables)}
         return [*paths, *(save(each, folder / f"{name}.png") for name, each in pictures.items())]
 
 
@@ -78,7 +66,7 @@ class Part:
     title: str
     quick: str
     full: str
-    show: ShowContents  # lists what the part's folder holds
+    show: Callable[[Path], Sequence[Content]]  # lists what the part's folder holds
     folder: str = ""  # name of another part, to whose files it adds; empty for a folder of its own
     retired: str = ""  # commit up to which the code has the command that made it
     judges: bool = False  # whether exit code 1 says that a check failed, not that the report did
@@ -90,23 +78,13 @@ class Part:
     help: str = ""  # of that command
     options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     keeps: bool = False  # whether the function keeps files of its own in the folder
+    contents: Sequence[Mapping[str, Any]] = ()  # what is shown, and how it is drawn
 
 
 def part_of(report: str, chapter: str = "") -> Part:
-    """Return the part of a report.
-
-    Where the report lists its contents itself, `show` names that function: its module is loaded
-    when the page asks, since a part does not need the packages of all others.
-    """
-    said = read_toml(f"reports/{report}")
-    own = said.pop("show", "")
-    said.pop("contents", None)
-
-    def show(folder: Path) -> Sequence[Content]:
-        contents: ShowContents | None = resolve_name(own) if own else None
-        return contents(folder) if contents else contents_of(report, folder)
-
-    return Part(report, chapter, **{"quick": "", "full": "", **said}, show=show)
+    """Return the part of a report."""
+    said = {"quick": "", "full": "", "contents": (), **read_toml(f"reports/{report}")}
+    return Part(report, chapter, **said, show=partial(contents_of, said["contents"]))
 
 
 CHAPTERS = {
@@ -120,16 +98,8 @@ CHAPTERS = {
     "The farm": ("databases", "outputs", "scale", "writers", "faults"),
     "Surrogates: errors and costs": (
         *("comparison", "tuning", "grids", "comparison-hybrid", "comparison-concentrated"),
-        *(
-            "models",
-            "features",
-            "scene-surrogate",
-            "tolerance",
-            "grow",
-            "cost",
-            "throughput",
-            "memory",
-        ),
+        *("models", "features", "scene-surrogate", "tolerance", "grow"),
+        *("cost", "throughput", "memory"),
     ),
     "Surrogates under shift": ("generalisation", "coverage"),
     "Measured maps": ("scans",),

@@ -2,7 +2,7 @@
 
 `resolution` presses the same random surfaces without edges on ever finer grids, and compares the
 area in the continuum with counts of nodes: as they are, less a share of the perimeter, extrapolated
-from two grids, and as other solvers give them. `grid_error` asks how many true errors lie inside
+from two grids. `grid_error` asks how many true errors lie inside
 the bars of `Contact.grid_error`, on surfaces of twelve kinds.
 """
 
@@ -15,9 +15,6 @@ import numpy as np
 import bem
 from bench.files import Row
 from bench.report import remark
-from bench.solvers.case import Case
-from bench.solvers.others import CONTACT_MECHANICS, TAMAAS, installed
-from bench.solvers.solver import Failure, Press, Solver
 from gen.arrays import Heights, Values
 
 LONGEST, SHORTEST = 1, 8  # periods a side of the longest and the shortest wave
@@ -30,8 +27,6 @@ PERIMETER = {
     "count less 0.101 of the perimeter": 0.1014,  # the mean offset, `bem.derived.border`
 }
 CONTINUUM, COUNT, TWO_GRIDS = "area in the continuum", "count of nodes", "counts of two grids"
-PEERS = (*CONTACT_MECHANICS[1:2], *TAMAAS)
-PEERS_RTOL = 1e-4  # far below the error of any count
 
 Surface = Callable[[Values], Heights]
 
@@ -41,16 +36,8 @@ def random_waves(
 ) -> Surface:
     """Return heights of a self-affine surface of rms slope 0.1 and period one, at any places.
 
-    Parameters
-    ----------
-    longest, shortest : int
-        Periods a side of its longest and its shortest waves.
-    hurst : float
-        Hurst exponent.
-    random : numpy.random.Generator
-        Where its phases are drawn from.
-    aspect : float
-        How much longer waves are along the second axis.
+    `longest` and `shortest` are the periods a side of its longest and shortest waves; `aspect` says
+    how much longer waves are along the second axis.
     """
     k = np.arange(-shortest, shortest + 1)
     size = np.hypot(k[:, None], aspect * k)
@@ -74,7 +61,6 @@ def resolution(surfaces: int, finest: int) -> list[Row]:
     Errors of area, displacement, mean gap and stiffness are root mean squares over the surfaces.
     """
     grids = [nodes for nodes in (2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64) if nodes <= finest]
-    peers = installed(PEERS)
     found: dict[tuple[str, int, float], list[dict[str, float]]] = {}
     for hurst in HURST:
         for seed in range(surfaces):
@@ -84,7 +70,7 @@ def resolution(surfaces: int, finest: int) -> list[Row]:
                 counted: dict[int, float] = {}
                 for nodes in grids:
                     heights = surface(_grid(nodes))
-                    for way, answer in _answers(heights, pressure, exact, nodes, counted, peers):
+                    for way, answer in _answers(heights, pressure, exact, nodes, counted):
                         found.setdefault((way, nodes, pressure), []).append(answer)
             remark(f"H = {hurst:g}, surface {seed}")
     return [
@@ -108,7 +94,6 @@ def _answers(
     exact: bem.Contact,
     nodes: int,
     counted: dict[int, float],
-    peers: list[Solver],
 ) -> Iterator[tuple[str, dict[str, float]]]:
     """Yield every way's relative errors and time on one grid; counts of grids are kept."""
     truth = exact.continuum_area_percent
@@ -137,32 +122,6 @@ def _answers(
     if nodes % 2 == 0 and nodes // 2 in counted:
         both = 2 * contact.area_percent - counted[nodes // 2]
         yield TWO_GRIDS, {"area": both / truth - 1, "seconds": 1.25 * counting}
-    case = Case("waves", heights, 1.0, contact.delta, load=pressure * SLOPE)
-    yield from _of_others(case, contact, truth, nodes, peers)
-
-
-def _of_others(
-    case: Case, contact: bem.Contact, truth: float, nodes: int, peers: list[Solver]
-) -> Iterator[tuple[str, dict[str, float]]]:
-    """Yield the count of nodes that each other solver gives, and its time."""
-    heights = case.heights
-    for peer in peers:
-        press = _set_up(peer, len(heights))
-        try:
-            press(case, contact.force, PEERS_RTOL)
-            began = time.perf_counter()
-            answer = press(case, contact.force, PEERS_RTOL)
-        except Failure as failure:
-            remark(f"{peer.name}, {nodes} nodes a wave: {failure}")
-            continue
-        seconds = time.perf_counter() - began
-        share = 100 * np.count_nonzero(answer.pressure > 0) / answer.pressure.size
-        yield f"{peer.name}: count", {"area": share / truth - 1, "seconds": seconds}
-
-
-def _set_up(peer: Solver, nodes: int) -> Press:
-    setup: Callable[..., Press] = peer.open
-    return setup(nodes, 1.0 / nodes, boundary="periodic")
 
 
 def _summary(answers: list[dict[str, float]]) -> Row:

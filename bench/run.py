@@ -18,17 +18,16 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
-from typing import TextIO
 
 from bench.databases import of_the_paper
 from bench.page import write_page
-from bench.record import PAGE, RESULTS, Inputs, Record, code_state, load, read
+from bench.record import PAGE, RECORD, RESULTS, Inputs, Record, code_state, read
 from bench.report import PARTS, Part, remark
 from gen.runtime.errors import InputError
 from gen.runtime.farm import Interruption
 from gen.runtime.files import check_folder, lock_folder
 from gen.runtime.installation import versions
-from gen.scene import load as load_scene
+from gen.scene import load
 
 LANES = min(2, os.cpu_count() or 1)  # parts that are made side by side
 ROWS = 1500  # rows of the paper preset that a short run generates; a full one generates all 15,878
@@ -52,17 +51,14 @@ def run(inputs: Inputs, only: Sequence[str] = ()) -> tuple[Path, Outcome]:
     check_folder(inputs.output, PAGE)
     with lock_folder(inputs.output):
         if any("{database}" in inputs.template(part) for part in parts):
-            rows = load_scene("paper").samples if inputs.full else ROWS
+            rows = load("paper").samples if inputs.full else ROWS
             of_the_paper(inputs.database, inputs.files["database"].parent, rows)
         outcome = make(parts, inputs, lambda: write_page(PARTS, inputs))
         return write_page(PARTS, inputs), outcome
 
 
 def make(parts: Iterable[Part], inputs: Inputs, after: Callable[[], object]) -> Outcome:
-    """Make the parts that are not there yet; `after` is called when a part has been made.
-
-    What the commands print to standard error is passed on.
-    """
+    """Make the parts that are not there yet; `after` is called when a part has been made."""
     wanted = _in_turn(parts, inputs)
     one_page, failed = threading.Lock(), set[str]()
 
@@ -72,7 +68,7 @@ def make(parts: Iterable[Part], inputs: Inputs, after: Callable[[], object]) -> 
         heading, kept = f"[{wanted.index(part) + 1}/{len(wanted)}] {part.name}", _kept(part, inputs)
         if kept is None:
             time = told(seconds(part, inputs))
-            remark(f"{heading} ({time}): {inputs.making(part).command}")
+            remark(f"{heading} ({time}): {inputs.typed(part)}")
             code = _run(part, inputs, interruption)
             with one_page:
                 after()
@@ -101,7 +97,7 @@ def _in_turn(parts: Iterable[Part], inputs: Inputs) -> list[Part]:
     """
 
     def turn(part: Part) -> tuple[bool, bool, float]:
-        last = "comparison" in inputs.making(part).sources
+        last = "comparison" in inputs.sources(part)
         return last, part.beside, -(seconds(part, inputs) or 0.0) if part.beside else 0.0
 
     return sorted((part for part in parts if inputs.arguments(part)), key=turn)
@@ -128,80 +124,56 @@ def _kept(part: Part, inputs: Inputs) -> Record | None:
 
     A short run also leaves alone what a full one has made.
     """
-    making, full = inputs.making(part), replace(inputs, full=True).making(part)
-    found = read(making.path)
+    found, full = read(inputs.path(part)), replace(inputs, full=True).typed(part)
     if found is None or not found.finished:
         return None
-    longer = not inputs.full and found.command == full.command != making.command
-    return found if longer or not making.stale() else None
+    longer = not inputs.full and found.command == full != inputs.typed(part)
+    return found if longer or not inputs.stale(part) else None
 
 
 def _run(part: Part, inputs: Inputs, interruption: Interruption) -> int:
-    """Run one command to its end or a signal; write down how it ended, return its exit code."""
-    making, arguments = inputs.making(part), inputs.arguments(part)
-    path = making.path
-    said: list[str] = []
-    printed, state, busy = path.with_name(f"{part.name}.printed.txt"), code_state(), load()
+    """Run one command to its end or a signal; write down how it ended, return its exit code.
+
+    It has a session of its own: Ctrl-C reaches us alone, and is passed on once; what the command
+    has started ends with it. What it prints goes into files beside its record.
+    """
+    path, state, busy = inputs.path(part), code_state(), round(os.getloadavg()[0], 2)
+    printed, said = (path.with_name(f"{part.name}.{kind}.txt") for kind in ("printed", "said"))
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.unlink(missing_ok=True)
-        began = time.monotonic()
-        with printed.open("w", encoding="utf-8") as file:
-            code = _call(part.name, arguments, file, said, interruption)
+        began, command = time.monotonic(), [sys.executable, *inputs.arguments(part)]
+        with (
+            printed.open("w") as out,
+            said.open("w") as err,
+            subprocess.Popen(command, stdout=out, stderr=err, start_new_session=True) as process,
+        ):
+            try:
+                code = _wait(process, interruption)
+            finally:
+                with suppress(ProcessLookupError):
+                    os.killpg(process.pid, signal.SIGKILL)
+        told = said.read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError as error:
         raise InputError(f"{path.parent} cannot be written to: {error.strerror or error}") from None
     if not interruption.requested():
-        crashed = any(line.startswith("Traceback") for line in said)
+        checked = code == 1 and part.judges and not any(x.startswith("Traceback") for x in told)
         if changed := code_state() != state:
-            said.append("the code changed meanwhile: the same command makes it anew")
-        making.write(
+            told.append("the code changed meanwhile: the same command makes it anew")
+        if code or changed:
+            remark(f"    {part.name}: {told[-1] if told else f'exit code {code}'}")
+        inputs.write(
+            part,
             code=code,
-            finished=not changed and (code == 0 or (code == 1 and part.judges and not crashed)),
+            finished=not changed and (code == 0 or checked),
             seconds=round(time.monotonic() - began, 1),
-            told=said[-5:],
+            told=told[-5:],
             load=busy,
         )
     return code
 
 
-def _call(
-    name: str,
-    arguments: Sequence[str],
-    printed: TextIO,
-    said: list[str],
-    interruption: Interruption,
-) -> int:
-    """Run one command in a session of its own; return its exit code.
-
-    So Ctrl-C reaches us alone, and is passed on once; what the command has started ends with it.
-    """
-
-    def listen(process: "subprocess.Popen[str]") -> None:
-        for line in process.stderr or ():
-            if line.strip():
-                said.append(line.rstrip())
-                remark(f"    {name}: {said[-1]}")
-
-    with subprocess.Popen(
-        [sys.executable, *arguments],
-        stdout=printed,
-        stderr=subprocess.PIPE,
-        text=True,
-        errors="replace",
-        start_new_session=True,
-    ) as process:
-        listener = threading.Thread(target=listen, args=(process,), daemon=True)
-        listener.start()
-        try:
-            code = _wait(process, interruption)
-        finally:
-            with suppress(ProcessLookupError):
-                os.killpg(process.pid, signal.SIGKILL)
-        listener.join(PATIENCE)
-        return code
-
-
-def _wait(process: "subprocess.Popen[str]", interruption: Interruption) -> int:
+def _wait(process: "subprocess.Popen[bytes]", interruption: Interruption) -> int:
     """Wait for the end; pass a signal on, end what hangs, and kill a process that ignores it."""
     limit = time.monotonic() + LONGEST
     while not interruption.requested() and time.monotonic() < limit:
@@ -219,13 +191,12 @@ def seconds(part: Part, inputs: Inputs) -> float | None:
 
     Of full runs that do not say it, the published results have records; None where nobody knows.
     """
-    making = inputs.making(part)
-    here = read(making.path)
-    if here is not None and here.finished and here.command == making.command:
+    here = read(inputs.path(part))
+    if here is not None and here.finished and here.command == inputs.typed(part):
         return here.seconds
     if not inputs.full:
         return part.seconds
-    there = read(RESULTS / (part.folder or part.name) / f"{part.name}.part.json")
+    there = read(RESULTS / (part.folder or part.name) / f"{part.name}{RECORD}")
     return 60 * part.minutes or (there.seconds if there is not None else None)
 
 
@@ -247,20 +218,13 @@ def planned(inputs: Inputs, only: Sequence[str] = ()) -> str:
         left["database"] = DATABASE
         lines.append(f"database{told(DATABASE):>21}  alone   {'new':14}  Rows of the paper preset")
     for part in parts:
-        making, to_make = inputs.making(part), part.name in left
+        to_make, lane = part.name in left, "beside" if part.beside else "alone"
         time = told(seconds(part, inputs)) if to_make else "-"
-        lack = ", ".join(name for name in part.needs if not _is_installed(name))
-        lines.append(
-            f"{part.name:20}{time:>9}  {'beside' if part.beside else 'alone':6}"
-            f"  {making.stale() if to_make else 'is there':14}  {part.title}"
-            + f" (WITHOUT {lack}: not installed)"
-            * bool(lack)
-        )
+        why = inputs.stale(part) if to_make else "is there"
+        there = {*versions(part.needs), *filter(shutil.which, part.needs)}
+        lack = ", ".join(name for name in part.needs if name not in there)
+        without = f" (WITHOUT {lack}: not installed)" if lack else ""
+        lines.append(f"{part.name:20}{time:>9}  {lane:6}  {why:14}  {part.title}{without}")
     lanes = max([sum(together) / LANES, *together])
     known = told(sum(left.values()) - sum(together) + lanes)
     return "\n".join([*lines, f"{len(left)} parts to make: {known} by earlier records"])
-
-
-def _is_installed(name: str) -> bool:
-    """Say whether a program or a distribution is there."""
-    return shutil.which(name) is not None or name in versions([name])

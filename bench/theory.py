@@ -4,10 +4,8 @@
 closed form, for E* = 1 MPa. The displacement counts from the paraboloid's tip, which on an even
 number of nodes lies a little above the highest of them.
 
-`theory` presses surfaces with a power spectrum, so many that waves of one length have all phases,
-by ever larger loads. Everything is dimensionless: pressures over E* h', with h' the rms of the
-gradient's modulus, and lengths over the rms height.
-
+`theory` presses surfaces with a power spectrum by ever larger loads. Everything is dimensionless:
+pressures over E* h', with h' the rms of the gradient's modulus, and lengths over the rms height.
 `conductance` presses the same surfaces of bodies that yield, beside Cooper, Mikic and Yovanovich:
 h = 1.25 k (m / sigma) (p / H)^0.95, with sigma the rms height and m the mean absolute slope of a
 profile, which of a Gaussian surface is h' / sqrt(pi).
@@ -35,13 +33,10 @@ LARGEST_DELTA = 1.0  # um
 STEPS = 50
 
 
-def closed_form(delta: float) -> tuple[float, float]:
-    """Compute force [uN] and area [% of the patch] by Hertz."""
-    return SPHERE.force(delta), 100 * np.pi * SPHERE.contact_radius(delta) ** 2 / PATCH**2
-
-
-def solved(kernel: Kernel, nodes: int, delta: float) -> tuple[float, float]:
-    """Compute the same by boundary elements."""
+def pressed(kernel: Kernel | None, nodes: int, delta: float) -> tuple[float, float]:
+    """Return force [uN] and area [% of the patch], by Hertz without a kernel."""
+    if kernel is None:
+        return SPHERE.force(delta), 100 * np.pi * SPHERE.contact_radius(delta) ** 2 / PATCH**2
     heights = SPHERE.heights(distances_to_centre((nodes, nodes), PATCH))
     contact = bem.solve(heights, PATCH, delta + float(heights.max()), kernel=kernel)
     return contact.force, contact.area_percent
@@ -54,12 +49,12 @@ def hertz(steps: int = STEPS) -> list[Row]:
     Deviations of force and area are in per cent of Hertz's at the largest displacement.
     """
     deltas = np.linspace(0, LARGEST_DELTA, steps + 1).tolist()
-    exact = [closed_form(each) for each in deltas]
+    exact = [pressed(None, 0, each) for each in deltas]
     rows: list[Row] = []
     cases: list[tuple[Kernel | None, int]] = [(None, 0), *product(KERNELS, NODES)]
     for kernel, nodes in cases:
         for delta, right in zip(deltas, exact, strict=True):
-            force, area = right if kernel is None else solved(kernel, nodes, delta)
+            force, area = pressed(kernel, nodes, delta)
             row: Row = {"solution": kernel or "hertz", "nodes": nodes or "", "delta_um": delta}
             row |= {"force_uN": force, "area_percent": area}
             row["force_off_percent"] = 100 * (force - right[0]) / exact[-1][0]

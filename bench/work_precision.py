@@ -16,9 +16,8 @@ import numpy as np
 from bem.influence import KERNELS, Kernel
 from bench.files import Row
 from bench.report import Report, remark
-from bench.solvers.case import Case, find_exact
 from bench.solvers.others import installed, missing
-from bench.solvers.solver import BEM, Failure, Solver, back_and_forth
+from bench.solvers.solver import BEM, Case, Failure, Solver, back_and_forth, find_exact
 from gen.generation.plan import parameters
 from gen.generation.sample import surface_of
 from gen.scene import load
@@ -52,7 +51,7 @@ def _evaluate(study: str, case: Case, rtol: float, solver: Solver) -> Row | None
         "nodes": case.nodes,  # a side
         "rtol": rtol,  # in the solver's own definition
         "delta_um": case.delta,
-        "reference": exact.method,
+        "reference": f"rtol {exact.rtol:.0e}",
         "area_percent": 100 * exact.contact_share,
         "seconds": answer.seconds,  # of wall time, the shortest of the rounds
         "convolutions": answer.convolutions,  # None where the solver does not say
@@ -109,23 +108,17 @@ def curves(points: Sequence[Row]) -> list[Row]:
     None where a value is not known.
     """
     groups: dict[tuple[str, str, float], list[Row]] = {}
-    cases: dict[str, set[str]] = {}
     for row in points:
-        study = row["study"]
-        groups.setdefault((study, row[CURVES[study]], row["rtol"]), []).append(row)
-        cases.setdefault(study, set()).add(row["case"])
-    return [
-        {"study": study, "curve": curve, "setting": rtol}
-        | {name: _mean([row[name] for row in own]) for name in AVERAGED}
-        for (study, curve, rtol), own in groups.items()
-        if len(own) == len(cases[study])
-    ]
-
-
-def _mean(values: Sequence[float | None]) -> float | None:
-    """Return the mean, None if a value is not known."""
-    known = [value for value in values if value is not None]
-    return fmean(known) if len(known) == len(values) else None
+        key = row["study"], row[CURVES[row["study"]]], row["rtol"]
+        groups.setdefault(key, []).append(row)
+    cases = {study: {r["case"] for r in points if r["study"] == study} for study in CURVES}
+    rows = []
+    for (study, curve, rtol), own in groups.items():
+        if len(own) == len(cases[study]):
+            known = {name: [row[name] for row in own] for name in AVERAGED}
+            means = {name: None if None in each else fmean(each) for name, each in known.items()}
+            rows.append({"study": study, "curve": curve, "setting": rtol, **means})
+    return rows
 
 
 def solver(*, quick: bool) -> Report:

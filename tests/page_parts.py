@@ -32,7 +32,7 @@ def inputs(folder: Path, *, full: bool = False) -> Inputs:
 
 
 def record(part: Part, folder: Path) -> Record:
-    found = read(inputs(folder).making(part).path)
+    found = read(inputs(folder).path(part))
     assert found is not None
     return found
 

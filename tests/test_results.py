@@ -128,7 +128,7 @@ def test_nothing_large_is_published():
     files = [path for path in RESULTS.rglob("*") if path.is_file() and path != page]
     sizes = {path: path.stat().st_size for path in files}
     assert not [path for path in sizes if path.suffix == ".h5"]
-    assert sum(sizes.values()) < 6e6
+    assert sum(sizes.values()) < 5e6
 
 
 EXTENSIONS = Path(__file__).resolve().parents[1] / "docs" / "extensions"

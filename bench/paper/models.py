@@ -18,7 +18,7 @@ from bench.paper.facts import (
 )
 from bench.picture import COLOURS, new_figure
 from bench.report import Report
-from bench.surrogates.cost import PAPER_ROWS, PAPER_SOLVE, PAPER_TESTS, time_of
+from bench.surrogates.cost import PAPER_ROWS, PAPER_SOLVE, PAPER_TESTS
 from gen.database import Reader
 from gen.runtime.errors import InputError
 from gen.runtime.figure import draw_parity, parity_axes
@@ -165,26 +165,25 @@ def _scores_and_times(model: str, kind: str, result: dict[str, Any], here: float
 TIMES = {"fit": "fit [s]", "test": "prediction of\nall test rows [s]"}
 
 
-def baselines(comparison: Path) -> Report:
-    """Draw predictions, scores and times of the baselines (section 4.1)."""
-    dots, scored = predictions(comparison, "baseline"), bars(comparison)
-    return Report({**dots.tables, **scored.tables}, {**dots.pictures, **scored.pictures})
+def predictions(comparison: Path) -> Report:
+    """Draw predictions over truth, of baselines and of tuned models, where there are any."""
+    header, folder, tables, pictures = ("model", "solved", "predicted"), opened(comparison), {}, {}
+    for kind in ("baseline", "tuned"):
+        if shown := results(folder, kind):
+            rows, pictures[f"predictions-{kind}"] = _predictions(folder, kind, shown)
+            tables[f"predictions-{kind}"] = rows_of(header, rows)
+    return Report(tables, pictures)
 
 
-def predictions(comparison: Path, kind: str) -> Report:
-    """Draw predictions over truth; nothing where the comparison has no result of this kind."""
-    ours = opened(comparison)
-    shown = results(ours, kind)
-    if not shown:
-        return Report({})
-    kinds = ("baseline",) if kind == "baseline" else ("baseline", "tuned")
+def _predictions(ours: Folder, kind: str, shown: Shown) -> tuple[list[tuple[object, ...]], Any]:
+    """Return rows and figure of one kind of results, tuned ones beside the baselines."""
     columns = min(3, len(shown))
     lines = -(-len(shown) // columns)
     figure = new_figure(max(3.5 * columns, 4.6), 3.1 * lines + 0.4)
     axes = figure.subplots(lines, columns, squeeze=False).ravel()
     rows: list[tuple[object, ...]] = []
     for model, axis in zip(shown, axes, strict=False):
-        for each in kinds:
+        for each in dict.fromkeys(("baseline", kind)):
             if ours.result(each, model):
                 dots = _draw_prediction(axis, ours, each, model)
                 rows += dots if each == kind else []
@@ -193,8 +192,7 @@ def predictions(comparison: Path, kind: str) -> Report:
         axis.set_axis_off()
     figure.supxlabel("solved area [%]", fontsize=10)
     figure.supylabel("predicted area [%]", fontsize=10)
-    name = f"predictions-{kind}"
-    return Report({name: rows_of(("model", "solved", "predicted"), rows)}, {name: figure})
+    return rows, figure
 
 
 def _draw_prediction(axis: Any, folder: Folder, kind: str, model: str) -> list[tuple[object, ...]]:
@@ -220,30 +218,26 @@ def bars(comparison: Path) -> Report:
         return Report({})
     pairs: dict[str, list[tuple[Any, float]]] = {}
     for name, title in tables.SCORES.items():
-        pairs[f"{title} [%]"] = [
-            (result["test"][name], getattr(theirs[model], name)) for model, result in shown.items()
-        ]
+        both = ((found["test"][name], getattr(theirs[m], name)) for m, found in shown.items())
+        pairs[f"{title} [%]"] = list(both)
     for place, (name, title) in enumerate(TIMES.items()):
-        pairs[title] = [
-            ((result.get("times") or {}).get(name), paper.TIMES["baseline"][model][place])
-            for model, result in shown.items()
-        ]
+        took = {model: (found.get("times") or {}).get(name) for model, found in shown.items()}
+        pairs[title] = [(took[m], paper.TIMES["baseline"][m][place]) for m in shown]
     figure = new_figure(max(7.5, 2.2 + len(shown)), 10.5)
     axes = figure.subplots(len(pairs), 1, sharex=True)
     names = [MODELS[model].title.replace(" ", "\n") for model in shown]
     rows: list[tuple[object, ...]] = []
-    for axis, (title, both) in zip(axes, pairs.items(), strict=True):
+    for axis, (title, values) in zip(axes, pairs.items(), strict=True):
         quantity = title.replace("\n", " ")
-        rows += [(model, quantity, *pair) for model, pair in zip(shown, both, strict=True)]
-        drawn = pd.DataFrame(both, names, ("ours", "the paper's"), dtype=float)
+        rows += [(model, quantity, *pair) for model, pair in zip(shown, values, strict=True)]
+        drawn = pd.DataFrame(values, names, ("ours", "the paper's"), dtype=float)
         drawn = 100 - drawn if title.startswith("R2") else drawn
         drawn.plot.bar(ax=axis, logy=True, rot=0, legend=axis is axes[0], color=COLOURS[:5:4])
         for each in axis.containers:
             axis.bar_label(each, fmt="%.3g", fontsize=7, padding=1)
         axis.set_ylabel(title.replace("R2", "1 - R²"), fontsize=9)
         axis.margins(y=0.25)
-    header = ("model", "quantity", "ours", "paper")
-    return Report({"bars": rows_of(header, rows)}, {"bars": figure})
+    return Report({"bars": rows_of(("model", "quantity", "ours", "paper"), rows)}, {"bars": figure})
 
 
 Row = tuple[str, str, str, str, str, str]
@@ -276,6 +270,13 @@ def _of_the_database(path: Path) -> Iterator[Row]:
     theirs, ours = PAPER_ROWS * PAPER_SOLVE, done * mean
     texts = time_of(theirs), time_of(ours), f"1/{theirs / ours:,.0f}"
     yield "all simulations, one after another", "3.2", *texts, solver
+
+
+def time_of(seconds: float) -> str:
+    """Write a time in a unit that suits it."""
+    units = {1e-3: ("us", 1e6), 1.0: ("ms", 1e3), 600.0: ("s", 1.0), 1e6: ("h", 1 / 3600)}
+    unit, number = next((u for most, u in units.items() if seconds < most), ("d", 1 / 86400))
+    return f"{number * seconds:.3g} {unit}"
 
 
 def _of_the_comparison(comparison: Path) -> Iterator[Row]:

@@ -49,21 +49,19 @@ def above(heights: Heights, *offsets: tuple[int, int]) -> NDArray[np.bool_]:
 
 def levels() -> Report:
     """Draw one surface at four levels, by both generators (section 2.2)."""
-    middle = (ROUGH + SMOOTH) / 2
     figure = new_figure(10.5, 4.9)
     axes = figure.subplots(len(GENERATORS), len(GRIDS))
     rows = []
     for line, generator in zip(axes, GENERATORS, strict=True):
-        grids = [shown_surface(middle, generator, cells + 1) for cells in GRIDS]
+        grids = [shown_surface((ROUGH + SMOOTH) / 2, generator, cells + 1) for cells in GRIDS]
         highest = max(float(heights.max()) for heights in grids)
         for axis, cells, heights in zip(line, GRIDS, grids, strict=True):
             shown = _image(axis, heights, vmin=0, vmax=highest)
             axis.set_title(f"{cells} × {cells}", fontsize=10)
+            axis.set_xlabel("x [µm]")
             rows.append((generator, cells, cells + 1, float(heights.std()), float(heights.max())))
         figure.colorbar(shown, ax=line, label="height [µm]", shrink=0.9)
         line[0].set_ylabel(f"{generator}\ny [µm]")
-    for axis in axes[-1]:
-        axis.set_xlabel("x [µm]")
     header = ("generator", "cells_a_side", "nodes_a_side", "rms_height_um", "largest_height_um")
     return Report({"levels": rows_of(header, rows)}, {"levels": figure})
 
@@ -107,9 +105,8 @@ def _draw_profile(
     axis.axhspan(mean - rms, mean + rms, color=COLOURS[5], alpha=0.25, lw=0)
     axis.axhline(mean, color=COLOURS[0], ls="--", label=f"mean of peaks {mean:.3g} ± {rms:.2g} µm")
     axis.axhline(top, color="k", ls=":", label=f"highest peak {top:.3g} µm")
-    span, low = float(np.ptp(line)), float(line.min())
-    axis.set(title="(b) the profile", xlabel="x [µm]", ylabel="height [µm]")
-    axis.set(xlim=(x[0], x[-1]), ylim=(low - 0.05 * span, top + 0.45 * span))
+    axis.set(title="(b) the profile", xlabel="x [µm]", ylabel="height [µm]", xlim=(x[0], x[-1]))
+    axis.margins(y=0.25)
     axis.legend(ncols=2, fontsize=8, loc="upper center")
 
 
@@ -119,15 +116,15 @@ def topographies() -> Report:
     cases = [("ad", ROUGH, small), ("be", ROUGH, large), ("cf", SMOOTH, small)]
     figure = new_figure(10.5, 6.6)
     axes = figure.subplots(2, len(cases))
-    pressed = [bem.solve(shown_surface(hurst), SIDE, delta) for _, hurst, delta in cases]
+    surfaces = [shown_surface(hurst) for _, hurst, _ in cases]
+    pairs = zip(surfaces, cases, strict=True)
+    pressed = [bem.solve(heights, SIDE, delta) for heights, (*_, delta) in pairs]
     fields = [contact.pressure * (SIDE / (NODES - 1)) ** 2 for contact in pressed]
-    highest = max(float(shown_surface(hurst).max()) for _, hurst, _ in cases)
-    strongest = max(float(force.max()) for force in fields)
+    highest, strongest = (max(float(each.max()) for each in both) for both in (surfaces, fields))
     rows = []
-    for (upper, lower), (names, hurst, delta), contact, force in zip(
-        axes.T, cases, pressed, fields, strict=True
-    ):
-        shown = _image(upper, shown_surface(hurst), vmin=0, vmax=highest)
+    together = zip(axes.T, cases, surfaces, pressed, fields, strict=True)
+    for (upper, lower), (names, hurst, delta), heights, contact, force in together:
+        shown = _image(upper, heights, vmin=0, vmax=highest)
         upper.set_title(f"({names[0]}) H = {hurst:g}", fontsize=10)
         spots = np.ma.masked_equal(force, 0)
         forces = _image(lower, spots, vmin=0, vmax=strongest, cmap="inferno_r")

@@ -1,22 +1,17 @@
 """Contact by the dense matrix: every influence coefficient written out, every set factorised.
 
 `press` goes by block principal pivoting with Cholesky factors: slow and short. The solution is
-accepted only if it fulfils the conditions of complementarity.
-
-`press_yielding` bounds the pressure by a hardness. With A = L L^T, the pressure 0 <= p <= H that
-minimises p A p / 2 - u p is the least-squares solution of L^T p = L^-1 u within these bounds, which
-SciPy finds; on large sets that takes minutes. `solve` begins with these sets or with none, and
-accepts a pressure only if it fulfils all conditions of contact, which a single one does.
+accepted only if it fulfils the conditions of complementarity. `press_yielding` bounds the pressure
+by a hardness. With A = L L^T, the pressure 0 <= p <= H that minimises p A p / 2 - u p is the
+least-squares solution of L^T p = L^-1 u within these bounds, with which `solve` may begin.
 
 `press_by_nnls` is the paper's algorithm, A. Bemporad and M. Paggi (2015), Int. J. Solids Struct.
 69-70, algorithm 3, after Lawson and Hanson (1974): one dense solve for each node that comes into
-contact. It is what MIRCO runs, and here only to be compared with. Two things are done better than
-in MIRCO, so that the comparison does not flatter ours: dense systems go to LAPACK's Cholesky
-instead of its LU, half the work, and influence coefficients are looked up in a table that is kept.
+contact, as in MIRCO. So that the comparison does not flatter ours, dense systems go to LAPACK's
+Cholesky instead of MIRCO's LU, half the work, and influence coefficients are kept.
 """
 
 from collections.abc import Callable
-from functools import lru_cache
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -26,7 +21,7 @@ from scipy.linalg.lapack import dposv
 from scipy.optimize import lsq_linear
 
 from bem.influence import Kernel
-from bench.references.half_space import Field, displacement, flat_punch, influence_coefficients
+from bench.references.half_space import Field, displacement, influence_coefficients
 
 Nodes = NDArray[np.intp]
 Sides = NDArray[np.intp]
@@ -34,7 +29,6 @@ Sides = NDArray[np.intp]
 ROUNDING = 1e-11  # pressures and gaps below, in reduced units, count as zero
 PATIENCE = 4  # exchanges of all wrong nodes that may pass without fewer of them
 EXCHANGES = 10_000  # which only rounding can make necessary
-STEPS = 60  # of Newton's method for the compliant far field; it takes as many as sets are met
 
 
 def influence_view(shape: tuple[int, int], kernel: Kernel, aspect: float = 1.0) -> Field:
@@ -75,23 +69,12 @@ def solve(
     of them alone where it does not, which ends for any positive definite matrix (Judice and Pires
     1994; Murty 1974).
 
-    Parameters
-    ----------
-    matrix : ndarray, shape (m, m)
-        Positive definite A.
-    interference : ndarray, shape (m,)
-        u.
-    start : ndarray, shape (m,), optional
-        Sides to begin with: -1 at nodes without pressure, 1 at yielded nodes, 0 between. Nodes that
-        overlap are between unless given.
-    hardness : float
-        H; no bound unless given.
+    A is an (m, m) positive definite matrix, u the (m,) interference, and H the hardness. `start`
+    holds the (m,) sides to begin with: -1 at nodes without pressure, 1 at yielded nodes, 0 between;
+    nodes that overlap are between unless it is given.
 
-    Raises
-    ------
-    ArithmeticError
-        If rounding does not let the nodes settle, or leaves a gap in contact above `ROUNDING` of
-        the largest interference.
+    An ArithmeticError is raised if rounding does not let the nodes settle, or leaves a gap in
+    contact above `ROUNDING` of the largest interference.
     """
     side = np.where(interference > 0, 0, -1) if start is None else start
     accepted = ROUNDING * float(np.abs(interference).max(initial=0.0))
@@ -103,7 +86,9 @@ def solve(
         wrong = np.where(side == 0, beyond, side * gap > accepted)
         count = int(np.count_nonzero(wrong))
         if not count:
-            return _certified(pressure, gap[side == 0], accepted, hardness)
+            if (violation := float(np.abs(gap[side == 0]).max(initial=0.0))) > accepted:
+                raise ArithmeticError(f"dense solve: gap of {violation:.1e} in contact")
+            return np.clip(pressure, 0.0, hardness)
         if count < fewest:
             fewest, patience = count, PATIENCE
         elif patience:
@@ -112,13 +97,6 @@ def solve(
             wrong[: np.flatnonzero(wrong)[-1]] = False
         side = np.where(wrong, np.where(side == 0, np.where(pressure > 0, 1, -1), 0), side)
     raise ArithmeticError(f"dense solve: {count} of {side.size} nodes are still wrong")
-
-
-def _certified(pressure: Field, closed: Field, accepted: float, hardness: float) -> Field:
-    violation = float(np.abs(closed).max(initial=0.0))
-    if violation > accepted:
-        raise ArithmeticError(f"dense solve: gap of {violation:.1e} in contact")
-    return np.clip(pressure, 0.0, hardness)
 
 
 def balance(matrix: Field, interference: Field, side: Sides, hardness: float = np.inf) -> Field:
@@ -135,64 +113,18 @@ def balance(matrix: Field, interference: Field, side: Sides, hardness: float = n
 
 
 def press(heights: Field, delta: float, kernel: Kernel, aspect: float = 1.0) -> tuple[Field, Field]:
-    """Solve contact on a rigid far field; a second call with the same arguments costs nothing.
+    """Solve contact on a rigid far field that is displaced by Delta > 0 [um].
 
-    Parameters
-    ----------
-    heights : ndarray, shape (nx, ny)
-        Heights [um].
-    delta : float
-        Displacement of the far field, above 0 [um].
-    kernel, aspect
-        See `half_space.influence_coefficients`.
-
-    Returns
-    -------
-    pressure : ndarray, shape (nx, ny)
-        Read-only [E* delta / first side of a cell].
-    gap : ndarray, shape (nx, ny)
-        Read-only [delta].
+    Return the pressure [E* delta / first side of a cell] and the gap [delta], of the heights' shape
+    (nx, ny); kernel and aspect as for `half_space.influence_coefficients`.
     """
-    values = np.ascontiguousarray(heights, np.float64).tobytes()
-    return _press(values, heights.shape, delta, kernel, aspect)
-
-
-@lru_cache(maxsize=512)  # tests of the solver's two ways ask for everything twice
-def _press(
-    values: bytes, shape: tuple[int, int], delta: float, kernel: Kernel, aspect: float
-) -> tuple[Field, Field]:
-    """Solve on the nodes that the undeformed bodies overlap: the others carry nothing."""
-    heights = np.frombuffer(values).reshape(shape)
     interference = (((heights - heights.max()) + delta) / delta).reshape(-1)
-    nodes = np.flatnonzero(interference > 0)
-    matrix = influence_matrix(shape, kernel, aspect, nodes)
-    pressure = np.zeros(interference.size)
+    nodes = np.flatnonzero(interference > 0)  # the others carry nothing
+    matrix = influence_matrix(heights.shape, kernel, aspect, nodes)
+    pressure = np.zeros(heights.size)
     pressure[nodes] = solve(matrix, interference[nodes])
-    return _fields(pressure, interference, shape, kernel, aspect)
-
-
-def press_compliant(
-    heights: Field, delta: float, kernel: Kernel, aspect: float = 1.0
-) -> tuple[Field, Field]:
-    """Contact on a compliant far field, below its Delta*; parameters and result as for `press`.
-
-    The force is a convex, piecewise linear function of the approach, so that Newton's method for
-    approach = 1 + force / K starts below the solution, never passes it and ends exactly.
-    """
-    depth = ((heights - heights.max()) / delta).reshape(-1)
-    matrix = influence_matrix(heights.shape, kernel, aspect)
-    stiffness = float(flat_punch(heights.shape, kernel, aspect).sum())
-    approach = 1.0
-    side = np.where(depth + approach > 0, 0, -1)
-    for _ in range(STEPS):
-        values = solve(matrix, depth + approach, side)
-        side = np.where(values > 0, 0, -1)
-        slope = float(balance(matrix, np.ones(depth.size), side).sum())
-        advance = (1 + values.sum() / stiffness - approach) / (1 - slope / stiffness)
-        if abs(advance) <= ROUNDING * approach:
-            return _fields(values, depth + approach, heights.shape, kernel, aspect)
-        approach += float(advance)
-    raise ArithmeticError(f"dense solve: {STEPS} approaches of a compliant far field")
+    field = pressure.reshape(heights.shape)
+    return field, displacement(field, kernel, aspect) - interference.reshape(heights.shape)
 
 
 def full_contact_delta(heights: Field, kernel: Kernel, aspect: float = 1.0) -> float:
@@ -206,17 +138,6 @@ def full_contact_delta(heights: Field, kernel: Kernel, aspect: float = 1.0) -> f
     return float((-at_first_touch / per_delta).max())
 
 
-def _fields(
-    pressure: Field, interference: Field, shape: tuple[int, int], kernel: Kernel, aspect: float
-) -> tuple[Field, Field]:
-    """Pressure and gap on the grid, read-only."""
-    field = pressure.reshape(shape)
-    gap = displacement(field, kernel, aspect) - interference.reshape(shape)
-    for each in (field, gap):
-        each.setflags(write=False)
-    return field, gap
-
-
 def press_yielding(
     heights: Field,
     delta: float,
@@ -227,20 +148,9 @@ def press_yielding(
 ) -> tuple[Field, Field]:
     """Solve contact on a rigid far field with bounded pressure.
 
-    The parameters are those of `press`; `sides` may find those that `solve` begins with, as
-    `by_least_squares` does.
-
-    Returns
-    -------
-    pressure : ndarray, shape (nx, ny)
-        Pressure, like the hardness in [E* um / first side of a cell].
-    gap : ndarray, shape (nx, ny)
-        Gap; negative at yielded nodes, by the depth to which they yield [um].
-
-    Raises
-    ------
-    ArithmeticError
-        If the conditions of contact are not fulfilled.
+    The arguments are those of `press`; `sides` may find those that `solve` begins with, as
+    `by_least_squares` does. Return the pressure, like the hardness in [E* um / first side of a
+    cell], and the gap [um], negative at yielded nodes by the depth to which they yield.
     """
     interference = ((heights - heights.max()) + delta).reshape(-1)
     nodes = np.flatnonzero(interference > 0)
@@ -265,22 +175,13 @@ def press_by_nnls(
 ) -> Field:
     """Press a surface on square cells as `press` does, up to a penetration rtol over Delta.
 
-    Return the pressure, shape (nx, ny) [E* Delta / spacing].
+    Return the pressure, shape (nx, ny) [E* Delta / spacing]: p >= 0 with gap w = H p - u >= -rtol
+    and p w = 0. ArithmeticError is raised if rounding keeps the method from ending, which no
+    contact has been seen to do.
     """
-    interference = ((heights - heights.max()) + delta) / delta
-    nodes = np.flatnonzero(interference > 0)
-    matrix = influence_matrix(heights.shape, kernel, nodes=nodes)
-    pressure = np.zeros(heights.size)
-    pressure[nodes] = solve_by_nnls(matrix, interference.reshape(-1)[nodes], rtol)
-    return pressure.reshape(heights.shape)
-
-
-def solve_by_nnls(matrix: Field, interference: Field, rtol: float = 1e-8) -> Field:
-    """Find (m,) p >= 0 with gap w = H p - u >= -rtol and p w = 0, for a positive definite H.
-
-    Raise ArithmeticError if rounding keeps the method from ending, which no contact has been seen
-    to do.
-    """
+    over = (((heights - heights.max()) + delta) / delta).reshape(-1)
+    nodes = np.flatnonzero(over > 0)
+    matrix, interference = influence_matrix(heights.shape, kernel, nodes=nodes), over[nodes]
     candidates = interference.size
     active = np.empty(candidates, np.intp)  # the first `count` are in contact
     rows = np.empty_like(matrix)  # those of H that belong to them
@@ -292,7 +193,11 @@ def solve_by_nnls(matrix: Field, interference: Field, rtol: float = 1e-8) -> Fie
         count += 1
         while True:
             inside = active[:count]
-            values = _balance_by_nnls(rows[:count, inside], interference[inside])
+            _, values, failed = dposv(
+                rows[:count, inside].T, interference[inside], overwrite_a=True
+            )
+            if failed:
+                raise ArithmeticError("the influence matrix is not positive definite")
             solves += 1
             if values.min() > 0:
                 break
@@ -302,25 +207,15 @@ def solve_by_nnls(matrix: Field, interference: Field, rtol: float = 1e-8) -> Fie
         pressure[inside] = values
         gap = values @ rows[:count] - interference
         gap[inside] = 0
-    return pressure
-
-
-def _balance_by_nnls(matrix: Field, interference: Field) -> Field:
-    """Pressure of either sign that closes the gap on all nodes of a small matrix."""
-    _, values, failed = dposv(matrix.T, interference, overwrite_a=True)
-    if failed:
-        raise ArithmeticError("the influence matrix is not positive definite")
-    return np.asarray(values)
+    found = np.zeros(heights.size)
+    found[nodes] = pressure
+    return found.reshape(heights.shape)
 
 
 def _release(pressure: Field, values: Field, active: Nodes, rows: Field, count: int) -> int:
     """Go towards the balance as far as pressures stay positive; release the node that stops it.
 
-    The last of the active nodes takes the place of the one released.
-
-    Returns
-    -------
-    The number of nodes still in contact
+    The last of the active nodes takes its place. Return the number of nodes still in contact.
     """
     inside = active[:count]
     here = pressure[inside]

@@ -2,9 +2,7 @@
 
 Along each axis the modes are the sines and cosines that repeat with the patch, or the cosines of
 the patch continued by its mirror images. A mode of wave number |q| has the compliance 2 / (E* |q|),
-the mean has none, and that matrix is singular. Here the patch lies on a spring, too: this matrix is
-positive definite, each displacement of the spring has one pressure, and the displacement is found
-that has the given load.
+the mean has none; so the patch lies on a spring, too, whose displacement is found by the load.
 """
 
 from functools import cached_property
@@ -39,16 +37,8 @@ def axis_modes(nodes: int, side: float, boundary: Boundary) -> tuple[Field, Fiel
 class Patch:
     """A surface on a half-space of E* = 1 MPa, without edges.
 
-    Parameters
-    ----------
-    heights : ndarray, shape (nx, ny)
-        Heights [um].
-    sides : tuple of float
-        Sides of the patch, n cells each [um].
-    boundary : {"periodic", "mirror"}
-        How the patch is continued.
-    hardness : float
-        Largest pressure, infinite for elastic bodies [MPa].
+    The heights, (nx, ny), and the sides, of as many cells as nodes, are in um; the hardness, in
+    MPa, is infinite for elastic bodies.
     """
 
     def __init__(

@@ -23,19 +23,9 @@ FLAT_PUNCH_RTOL = 1e-13  # of conjugate gradients, in the 2-norm
 def influence_coefficients(shape: tuple[int, int], kernel: Kernel, aspect: float = 1.0) -> Field:
     """Displacement at a cell's centre from unit pressure on the cell (i, j) away.
 
-    Parameters
-    ----------
-    shape : tuple of int
-        Nodes of the grid (nx, ny).
-    kernel : {"uniform-pressure", "concentrated-force"}
-        After Love (1929), or as in MIRCO, which is for square cells.
-    aspect : float
-        Second side of a cell over its first side [1].
-
-    Returns
-    -------
-    ndarray, shape (nx, ny)
-        Displacement, read-only [first side of a cell x pressure / E*].
+    The kernel is "uniform-pressure", after Love (1929), or "concentrated-force", as in MIRCO, which
+    is for square cells; the aspect is the second side of a cell over its first side [1]. Return a
+    read-only array of the shape [first side of a cell x pressure / E*].
     """
     x, y = (index.astype(np.longdouble) for index in np.indices(shape))
     if kernel == "uniform-pressure":

@@ -10,11 +10,6 @@ Random = np.random.Generator
 Shape = tuple[int, int]
 
 
-def random_walk(random: Random, shape: Shape) -> Field:
-    """Heights that are summed up along both axes."""
-    return np.cumsum(np.cumsum(random.standard_normal(shape), axis=0), axis=1)
-
-
 def self_affine(random: Random, shape: Shape) -> Field:
     """Random phases under a power law, Hurst exponent 0.7; periodic, so cut from a larger one."""
     periods = 2 * shape[0], 2 * shape[1]
@@ -27,22 +22,20 @@ def self_affine(random: Random, shape: Shape) -> Field:
 
 def paraboloid(random: Random, shape: Shape) -> Field:
     """A body of revolution, its tip anywhere on the patch."""
-    x, y = np.ogrid[: shape[0], : shape[1]]
-    tip = random.uniform(0, shape)
+    (x, y), tip = np.ogrid[: shape[0], : shape[1]], random.uniform(0, shape)
     return np.asarray(-((x - tip[0]) ** 2) - (y - tip[1]) ** 2)
 
 
 def tilted_plane(random: Random, shape: Shape) -> Field:
     """A plane of any slope."""
-    x, y = np.ogrid[: shape[0], : shape[1]]
-    slope = random.standard_normal(2)
+    (x, y), slope = np.ogrid[: shape[0], : shape[1]], random.standard_normal(2)
     return np.asarray(slope[0] * x + slope[1] * y)
 
 
 def waves(random: Random, shape: Shape) -> Field:
     """Crossed or parallel ridges, down to two nodes a wave."""
-    x, y = np.ogrid[: shape[0], : shape[1]]
     along, across = random.uniform(0, np.pi, 2) * random.integers(0, 2, 2)
+    x, y = np.ogrid[: shape[0], : shape[1]]
     return np.asarray(np.cos(along * x) + np.cos(across * y))
 
 
@@ -51,15 +44,9 @@ def spikes(random: Random, shape: Shape) -> Field:
     return np.where(random.random(shape) < 0.1, random.random(shape), 0.0)
 
 
-def pits(random: Random, shape: Shape) -> Field:
-    """A few nodes of various depths below a plain."""
-    return -spikes(random, shape)
-
-
 def plateaus(random: Random, shape: Shape) -> Field:
     """Two heights with straight borders and corners."""
-    rows = np.cumsum(random.random(shape[0]) < 0.3) % 2
-    columns = np.cumsum(random.random(shape[1]) < 0.3) % 2
+    rows, columns = (np.cumsum(random.random(nodes) < 0.3) % 2 for nodes in shape)
     return (rows[:, None] ^ columns).astype(float)
 
 
@@ -67,13 +54,13 @@ SURFACES: dict[str, Callable[[Random, Shape], Field]] = {
     "white noise": Random.standard_normal,
     "integer ties": lambda random, shape: random.integers(0, 4, shape).astype(float),
     "one height": lambda random, shape: np.full(shape, random.standard_normal()),
-    "random walk": random_walk,
+    "random walk": lambda random, shape: random.standard_normal(shape).cumsum(0).cumsum(1),
     "self-affine": self_affine,
     "paraboloid": paraboloid,
     "tilted plane": tilted_plane,
     "waves": waves,
     "spikes": spikes,
-    "pits": pits,
+    "pits": lambda random, shape: -spikes(random, shape),
     "plateaus": plateaus,
 }
 

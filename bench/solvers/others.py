@@ -1,23 +1,18 @@
 """Solvers by other people that can be compared with ours.
 
-**ContactMechanics** (Pastewka and others, MIT licence) on its free or periodic half-space. Controls
-displacement or force; here displacement. Physical sizes are nodes x spacing. Influence coefficients
-are Love's in closed form. It convolves on exactly twice the nodes a side, a period with a large
-prime factor for 257 nodes: the variant with a margin runs on a size that the FFT likes, which its
-users would have to know. Version 1.8.3: `dual_minimize_proxy` needs `init_force` in spite of its
-default None; from zero, its variant "ccg-with-restart" never leaves the start; `forcetol` of the
-primal solver is a force in absolute units.
+**ContactMechanics** (Pastewka and others, MIT licence), free or periodic, controls displacement or
+force. It convolves on exactly twice the nodes a side, a period with a large prime factor for 257
+nodes: the variant with a margin runs on a size that the FFT likes, which its users would have to
+know. Version 1.8.3: `dual_minimize_proxy` needs `init_force` in spite of its default None.
 
-**Tamaas** (Frérot and others, AGPL) with its non-periodic or its periodic operator. Controls force
-only. It solves the periodic problem, without a word, unless the operator is registered and the
-solver is told to use it, both. Version 2.9: the displacement it leaves is heights + gap, without
-the far field's part: the displacement of the far field has to be computed from the pressure by one
-more application of the operator, which is not counted here.
+**Tamaas** (Frérot and others, AGPL), non-periodic or periodic, controls force only. It solves the
+periodic problem, without a word, unless the operator is registered and the solver is told to use
+it, both. Version 2.9: the displacement it leaves lacks the far field's part, which is computed from
+the pressure, and not counted here.
 
-**ASPHER** (Yastrebov, BSD) with its exact FFT convolution, or with its periodic operator. Controls
-force only. A source distribution: building it takes a C++17 compiler, CMake and the headers of
-Eigen, which it tries to download where it does not find them. Its nested grids need nodes =
-coarsest x 2^k a side, which 2^k + 1 are not: they run with a margin.
+**ASPHER** (Yastrebov, BSD), free or periodic, controls force only. Building it takes a C++17
+compiler, CMake and the headers of Eigen. Its nested grids need nodes = coarsest x 2^k a side, which
+2^k + 1 are not: they run with a margin.
 """
 
 import importlib
@@ -29,8 +24,7 @@ import numpy as np
 from scipy import fft
 
 from bem.problem import Boundary
-from bench.solvers.case import Case
-from bench.solvers.solver import MAX_ITERATIONS, Answer, Control, Failure, Press, Solver
+from bench.solvers.solver import MAX_ITERATIONS, Answer, Case, Control, Failure, Press, Solver
 
 # Stiffness of the mean displacement of a periodic patch, which is to be zero [MPa / um].
 RIGID = 1e30
@@ -47,9 +41,7 @@ def primal_gradients(
     """Open ContactMechanics' default, Polonsky and Keer's conjugate gradients.
 
     The tolerance is the largest penetration over Delta, and the last change of the force over the
-    force; tension cut off in a step, or pressure above the hardness, is not bounded. With a
-    hardness, nodes that have yielded leave the gradients, and where fewer than 1 % of the contact
-    are left it relaxes towards the bearing area instead. A step takes two convolutions.
+    force; tension cut off in a step, or pressure above the hardness, is not bounded.
     """
     system = _systems(nodes, spacing, boundary)
 
@@ -117,15 +109,6 @@ def _cm_answer(result: Any, pressure: Any, convolutions: int | None = None) -> A
     return Answer(np.asarray(pressure), convolutions)
 
 
-_cm = partial(Solver, package="ContactMechanics", install="pip install ContactMechanics")
-
-CONTACT_MECHANICS = (
-    _cm("ContactMechanics primal", primal_gradients, plastic=True),
-    _cm("ContactMechanics dual", dual_gradients),
-    _cm("ContactMechanics dual, margin", dual_gradients, grid=fast_grid),
-)
-
-
 OPERATOR = "dcfft"
 
 
@@ -155,18 +138,6 @@ def projected_gradients(nodes: int, spacing: float, boundary: Boundary = "free")
         return Answer(np.array(model.traction))
 
     return press
-
-
-TAMAAS = (
-    Solver(
-        "Tamaas, margin",
-        projected_gradients,
-        package="tamaas",
-        install="pip install tamaas",
-        control="force",
-        grid=fast_grid,
-    ),
-)
 
 
 COARSEST = 32  # nodes a side that the coarsest of the nested grids has at least
@@ -228,23 +199,27 @@ def _press_aspher(solve: Any, case: Case, force: float, tolerance: float) -> Ans
     return Answer(np.array(result.pressure).reshape(case.heights.shape))
 
 
+_cm = partial(Solver, package="ContactMechanics", install="pip install ContactMechanics")
+_by_force = partial(Solver, control="force")
 _aspher = partial(
-    Solver,
+    _by_force,
     package="aspher",
     install="pip install aspher, which builds with C++17, CMake 3.18 and Eigen"
     " (Debian: apt-get install g++ cmake libeigen3-dev)",
-    control="force",
 )
-_nested_aspher = partial(_aspher, grid=nested_grid)
+_nested = partial(_aspher, grid=nested_grid)
 
-ASPHER = (
+OTHERS: tuple[Solver, ...] = (
+    _cm("ContactMechanics primal", primal_gradients, plastic=True),
+    _cm("ContactMechanics dual", dual_gradients),
+    _cm("ContactMechanics dual, margin", dual_gradients, grid=fast_grid),
+    _by_force(
+        "Tamaas, margin", projected_gradients, "tamaas", "pip install tamaas", grid=fast_grid
+    ),
     _aspher("ASPHER", single_grid),
-    _nested_aspher("ASPHER nested, stencil, margin", partial(nested_grids, engine="stencil")),
-    _nested_aspher("ASPHER nested, FFT, margin", partial(nested_grids, engine="fft")),
+    _nested("ASPHER nested, stencil, margin", partial(nested_grids, engine="stencil")),
+    _nested("ASPHER nested, FFT, margin", partial(nested_grids, engine="fft")),
 )
-
-
-OTHERS: tuple[Solver, ...] = (*CONTACT_MECHANICS, *TAMAAS, *ASPHER)
 
 
 def installed(solvers: Iterable[Solver] = OTHERS) -> list[Solver]:

@@ -4,7 +4,7 @@ import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from importlib import import_module
+from pkgutil import resolve_name
 from typing import NamedTuple
 
 from bench.files import Row
@@ -98,31 +98,24 @@ class Case:
 
 def run_case(case: Case) -> Answer:
     """Ask and judge; raises ModuleNotFoundError where an extra is missing."""
-    found, warned = attempt(case.examine)
-    answer = found if isinstance(found, Answer) else Answer("an answer")
-    if isinstance(found, Exception):
-        answer = Answer(one_line(found), raised=found)
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always")
+        try:
+            found = case.examine()
+            answer = found if isinstance(found, Answer) else Answer("an answer")
+        except ModuleNotFoundError:  # of an extra: nothing that the case is about
+            raise
+        except Exception as error:  # whatever else it is, the table is to show it
+            answer = Answer(one_line(error), raised=error)
     conduct: list[Finding] = []
     if case.refusal is not None:
         conduct += case.refusal.judge(answer.raised)
     elif answer.raised is not None:
         conduct.append(Finding(f"{type(answer.raised).__name__} instead of an answer", 1, 0))
-    warnings_too = [Finding(f"warning {text[:200]}", 1, 0) for text in dict.fromkeys(warned)]
+    texts = dict.fromkeys(one_line(warning.message) for warning in warned)
+    warnings_too = [Finding(f"warning {text[:200]}", 1, 0) for text in texts]
     findings = (*conduct, *answer.findings, *warnings_too)
     return replace(answer, asked=answer.asked or case.asked, findings=findings)
-
-
-def attempt(call: Callable[[], object]) -> tuple[object, list[str]]:
-    """Return the result or the exception of a call, and its warnings."""
-    with warnings.catch_warnings(record=True) as warned:
-        warnings.simplefilter("always")
-        try:
-            found = call()
-        except ModuleNotFoundError:  # of an extra: nothing that the case is about
-            raise
-        except Exception as error:  # whatever else it is, the table is to show it
-            found = error
-    return found, [one_line(warning.message) for warning in warned]
 
 
 def one_line(message: object) -> str:
@@ -130,68 +123,60 @@ def one_line(message: object) -> str:
     return " ".join(str(message).split())
 
 
-@dataclass(frozen=True)
-class Sheet:
-    """A table of cases: title, file, the module whose `cases` are its rows, and more columns."""
-
-    title: str
-    file: str
-    module: str
-    more: tuple[str, ...] = ()
-
-    def row(self, case: Case, answer: Answer) -> Row:
-        """Return a row of the file: the answer, its worst check, all checks, and its numbers."""
-        worst = answer.worst
-        more: dict[str, object] = {"message": answer.out if answer.raised else ""}
-        more |= {"worst": str(worst), **answer.numbers}
-        return {
-            "family": case.family,
-            "case": case.name,
-            "input": answer.asked,
-            "what_came_out": answer.out,
-            "check": worst.what,
-            "error": float(worst.error),
-            "allowed": float(worst.allowed),
-            "all_checks": "; ".join(map(str, answer.findings)),
-            "verdict": "passed" if answer.passed else "failed",
-            **{name: more.get(name, "") for name in self.more},
-        }
-
-
-NUMBERS = ("area_percent", "force_uN", "residual", "iterations", "ordinary_iterations", "reason")
 TABLES = {
-    "surfaces": Sheet("Generators and statistics", "surfaces", "surfaces"),
-    "solver": Sheet("The contact solver", "stability", "solver", ("message", "worst", *NUMBERS)),
-    "hardness": Sheet("Random contacts that yield", "hardness", "hardness"),
-    "edgeless": Sheet("Random contacts without edges", "edgeless", "edgeless"),
-    "models": Sheet("The nine models", "models", "models"),
+    "surfaces": ("surfaces", "Generators and statistics", "surfaces:cases"),
+    "solver": ("stability", "The contact solver", "solver:cases"),
+    "hardness": ("hardness", "Random contacts that yield", "random_contacts:yielding"),
+    "edgeless": ("edgeless", "Random contacts without edges", "random_contacts:edgeless"),
+    "models": ("models", "The nine models", "models:cases"),
 }
-"""In the order of the page, which is that of the work."""
+"""Files, titles and functions that yield the cases of tables, in the order of the work."""
+
+NUMBERS = ("area_percent", "force_uN", "residual", "iterations", "ordinary_iterations")
+"""Further columns of the solver's table."""
 
 
-def cases_of(name: str) -> list[Case]:
+def cases_of(table: str) -> list[Case]:
     """Return the cases of a table, family after family; imports only what this table needs."""
-    return list(import_module(f"bench.stability.{TABLES[name].module}").cases())
+    return list(resolve_name(f"bench.stability.{TABLES[table][2]}")())
+
+
+def row_of(table: str, case: Case, answer: Answer) -> Row:
+    """Return a row of a table: the answer, its worst check, and all checks."""
+    worst = answer.worst
+    row = {
+        "family": case.family,
+        "case": case.name,
+        "input": answer.asked,
+        "what_came_out": answer.out,
+        "check": worst.what,
+        "error": float(worst.error),
+        "allowed": float(worst.allowed),
+        "all_checks": "; ".join(map(str, answer.findings)),
+        "verdict": "passed" if answer.passed else "failed",
+    }
+    if table == "solver":
+        row |= {"message": answer.out if answer.raised else "", "worst": str(worst)}
+        row |= {name: answer.numbers.get(name, "") for name in NUMBERS}
+    return row
 
 
 def report(full: bool, of: Sequence[str]) -> Report:
     """Run the cases of some tables, of all unless named; only `full` tables have the slow ones.
 
-    Raises
-    ------
-    InputError
-        If there is no such table, before anything is run.
+    An InputError is raised if there is no such table, before anything is run.
     """
-    unknown = [name for name in of if name not in TABLES]
+    unknown = [table for table in of if table not in TABLES]
     if unknown:
         raise InputError(f"--of {unknown[0]!r}: give one of {', '.join(TABLES)}")
     tables, said = {}, []
-    for name in of or TABLES:
-        sheet, cases = TABLES[name], [case for case in cases_of(name) if full or not case.slow]
-        remark(f"{sheet.title}: {len(cases)} cases")
+    for table in of or TABLES:
+        cases = [case for case in cases_of(table) if full or not case.slow]
+        file, title, _ = TABLES[table]
+        remark(f"{title}: {len(cases)} cases")
         judged = [(case, run_case(case)) for case in cases]
-        tables[sheet.file] = [sheet.row(*each) for each in judged]
+        tables[file] = [row_of(table, *each) for each in judged]
         failed = [(case, answer) for case, answer in judged if not answer.passed]
-        said.append(f"{sheet.title}: {len(judged)} cases, {len(failed)} failed")
+        said.append(f"{title}: {len(judged)} cases, {len(failed)} failed")
         said += [f"  {case.family}, {case.name}: {answer.failed}" for case, answer in failed]
     return Report(tables, text="\n".join(said))

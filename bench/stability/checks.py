@@ -2,11 +2,11 @@
 
 The problem is strictly convex: a pressure that is not negative, whose gap is not negative and
 which is zero where the gap is not, is its solution. `complementarity` proves that of every answer,
-with coefficients and a convolution of its own; the others look at it from another side. Those that
-take further arguments before the problem and its contact are given them by `functools.partial`.
+with coefficients and a convolution of its own; the others look at what the answer states. Those
+that take further arguments before the problem and its contact are given them by
+`functools.partial`.
 """
 
-import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import lru_cache
@@ -17,14 +17,11 @@ from numpy.typing import ArrayLike
 
 import bem
 from bem.influence import Kernel
-from bench.references import dense
 from bench.references.half_space import Field, displacement, flat_punch
-from bench.stability.case import Answer, Case, Finding, Refusal, attempt, one_line
+from bench.stability.case import Answer, Case, Finding, Refusal, one_line
 from bench.stability.setup import DELTA, Setup, cropped_paper, paper
 
 ROUNDING = 1e-9  # what two convolutions of the same pressure may differ by [Delta]
-UNDECIDED = 1e-5  # pressures and gaps in reduced units below which a node may be in contact or not
-MISPLACED = 1e-4  # share of the load that a residual of 1e-6 may leave at another place [1]
 
 FOUR_ULP = 4 * float(np.finfo(np.float64).eps)
 
@@ -76,11 +73,13 @@ def violation(asked: Setup, pressure: Field, displace: Displace = displacement) 
 
     At yielded nodes only a gap counts, no penetration: that is the depth to which they yield.
     """
-    gap = gap_under(asked, pressure, displace)
+    return worst_gap(pressure, gap_under(asked, pressure, displace), asked.bound)
+
+
+def worst_gap(pressure: Field, gap: Field, bound: float) -> float:
+    """Return the largest violation of the conditions of contact by a pressure and its gap."""
     wrong = np.where(pressure > 0, np.abs(gap), -gap)
-    if asked.hardness is not None:
-        wrong = np.where(pressure == asked.hardness, gap, wrong)
-    worst = float(wrong.max())
+    worst = float(np.where(pressure >= bound * (1 - 1e-15), gap, wrong).max())
     return np.inf if np.isnan(worst) else max(0.0, worst)
 
 
@@ -96,51 +95,6 @@ def gap_under(asked: Setup, pressure: Field, displace: Displace = displacement) 
         overlap = (asked.surface - asked.surface.max()) / unit + approach
         gap: Field = displace(reduced, asked.kernel, asked.aspect) - overlap
     return gap
-
-
-def agrees_with_dense_solve(
-    asked: Setup, contact: bem.Contact, allowed: float = MISPLACED
-) -> Iterator[Finding]:
-    """Load and nodes in contact are those of a direct solve with the dense matrix.
-
-    At most the share `allowed` of the load may be elsewhere [1].
-    """
-    press = dense.press_compliant if asked.far_field == "compliant" else dense.press
-    pressure, gap = press(asked.surface, asked.delta, asked.kernel, asked.aspect)
-    reduced = contact.pressure * (asked.compliance / asked.delta)
-    yield Finding("load off a dense solve", _misplaced(reduced, pressure), allowed)
-    decided = (pressure > UNDECIDED) | (gap > UNDECIDED)
-    yield Finding("nodes off", unlike(reduced > 0, pressure > 0, decided), 0)
-
-
-def yields_as_by_dense_solve(asked: Setup, contact: bem.Contact) -> Iterator[Finding]:
-    """Force, contact nodes and yielded nodes are those of the dense matrix."""
-    hardness = asked.bound * asked.compliance
-    arguments = asked.surface, asked.delta, hardness, asked.kernel, asked.aspect
-    pressure, gap = dense.press_yielding(*arguments)
-    pressure = pressure / asked.compliance
-    force = float(pressure.sum()) * asked.cell_area
-    yield Finding("force off a dense solve", abs(contact.force / force - 1), 1e-4)
-    little, close = UNDECIDED * float(pressure.max()), UNDECIDED * asked.delta
-    touching, yielded = unlike_nodes(asked, contact, (pressure, gap), little, close)
-    yield Finding("nodes off", touching, 0)
-    yield Finding("yielded nodes off", yielded, 0)
-
-
-def unlike_nodes(
-    asked: Setup, contact: bem.Contact, expected: tuple[Field, Field], little: float, close: float
-) -> tuple[int, int]:
-    """Count nodes whose contact, and whose yielding, differs from that of a pressure and its gap.
-
-    Those may differ whose pressure is `little` away from a bound [MPa], and that are `close` [um].
-    """
-    pressure, gap = expected
-    hardness = asked.bound
-    yielded = contact.pressure == hardness, pressure >= hardness * (1 - 1e-15)
-    return (
-        unlike(contact.pressure > 0, pressure > 0, (pressure > little) | (gap > close)),
-        unlike(*yielded, (hardness - pressure > little) | (gap < -close)),
-    )
 
 
 def unlike(first: ArrayLike, second: ArrayLike, decided: ArrayLike = True) -> int:
@@ -182,31 +136,6 @@ def is_bearing_area(asked: Setup, contact: bem.Contact) -> Iterator[Finding]:
     yield Finding("nodes off the bearing area", unlike(contact.pressure, expected), 0)
 
 
-def is_symmetric(_asked: Setup, contact: bem.Contact) -> Iterator[Finding]:
-    """The pressure has the 8 symmetries of the square, as the surface has."""
-    misplaced = [_misplaced(image, contact.pressure) for image in images(contact.pressure)]
-    yield Finding("load off symmetry", max(misplaced), MISPLACED)
-
-
-def turns_with_surface(asked: Setup, contact: bem.Contact) -> Iterator[Finding]:
-    """The 8 images of the surface have the 8 images of the pressure."""
-    turned = [replace(asked, heights=image).solve() for image in images(asked.surface)]
-    pairs = zip(turned, images(contact.pressure), strict=True)
-    misplaced = [_misplaced(other.pressure, image) for other, image in pairs]
-    yield Finding("load off symmetry", max(misplaced), MISPLACED)
-
-
-def images(field: Field) -> list[Field]:
-    """The field turned and mirrored: the 8 symmetries of the square."""
-    return [np.rot90(face, turns) for face in (field, field.T) for turns in range(4)]
-
-
-def _misplaced(pressure: Field, expected: Field) -> float:
-    """Share of the expected load that is elsewhere [1]."""
-    total = float(expected.sum())
-    return float(np.abs(pressure - expected).sum()) / total if total else np.inf
-
-
 def deviation(value: float, expected: float) -> float:
     """Relative deviation; zero where both are zero."""
     if value == expected:
@@ -214,7 +143,7 @@ def deviation(value: float, expected: float) -> float:
     return abs(value / expected - 1) if expected else np.inf
 
 
-# Iterations over those of the ordinary contact on the same grid that need no reason.
+# Iterations over those of the ordinary contact on the same grid, unless a case takes more.
 MOST_TIMES_ORDINARY = 3.0
 
 
@@ -225,7 +154,7 @@ def contact_case(
     delta: float | Callable[[Field], float] = DELTA,
     *,
     checks: Sequence[Check] = (),
-    reason: str = "",
+    most: float = MOST_TIMES_ORDINARY,
     refusal: Refusal | None = None,
     slow: bool = False,
     **arguments: Any,
@@ -233,56 +162,42 @@ def contact_case(
     """Make a case that solves a contact.
 
     The surface may be a function that makes it when the case is run [um], and `delta` one of its
-    heights [um]. `checks` and `reason` are those of `judge`, further arguments fields of `Setup`.
+    heights [um]. `checks` and `most` are those of `judge`, further arguments fields of `Setup`.
     """
 
     def examine() -> Answer:
         heights = surface() if callable(surface) else surface
         wanted = delta(np.asarray(heights, np.float64)) if callable(delta) else delta
-        return solve(Setup(heights, wanted, **arguments), checks, reason)
+        asked = Setup(heights, wanted, **arguments)
+        try:
+            contact = asked.solve()
+        except Exception as error:  # whatever it is, `run_case` judges it
+            return Answer(one_line(error), asked=asked.describe(), raised=error)
+        if asked.pressure is not None:
+            asked = replace(asked, delta=contact.approach)
+        return judge(asked, contact, checks, most)
 
     return Case(family, name, "", examine, refusal, slow)
 
 
-def solve(asked: Setup, checks: Sequence[Check] = (), reason: str = "") -> Answer:
-    """Solve a problem and judge the answer; parameters as for `judge`."""
-    found, warned = attempt(asked.solve)
-    if isinstance(found, bem.Contact) and asked.pressure is not None:
-        asked = replace(asked, delta=found.approach)
-    conduct = Finding(f"warnings {'; '.join(dict.fromkeys(warned))}".rstrip(), len(warned), 0)
-    return judge(asked, found, checks, reason, [conduct])
-
-
 def judge(
     asked: Setup,
-    found: object,
+    contact: bem.Contact,
     checks: Sequence[Check] = (),
-    reason: str = "",
-    conduct: Sequence[Finding] = (),
+    most: float = MOST_TIMES_ORDINARY,
 ) -> Answer:
-    """Judge the contact that the solver has returned, or the error that it has raised.
+    """Judge the contact that the solver has returned.
 
-    `checks` come besides complementarity, which every answer has to fulfil, and `conduct` is how
-    the solver behaved otherwise. With a `reason` a contact may take more than `MOST_TIMES_ORDINARY`
-    times the iterations of the ordinary one on its grid.
+    `checks` come besides complementarity, which every answer has to fulfil. A contact may take
+    `most` times the iterations of the ordinary one on its grid.
     """
-    raised = found if isinstance(found, Exception) else None
-    findings: list[Finding] = []
-    if isinstance(found, bem.Contact):
-        contact = found
-        for check in (*checks, complementarity):
-            findings += check(asked, contact)
-    elif isinstance(found, bem.NotConverged):
-        contact = found.contact
-        findings.append(Finding("rtol over residual", asked.rtol / contact.residual, 1))
-    else:
-        return Answer(one_line(found), conduct, asked.describe(), raised=raised)
     first = ordinary_iterations(contact.pressure.shape)
-    times = contact.iterations / first
+    findings = [
+        finding for check in (*checks, complementarity) for finding in check(asked, contact)
+    ]
     findings += [
-        *conduct,
         Finding("iterations", contact.iterations, asked.max_iterations),
-        Finding("times ordinary", times, math.inf if reason else MOST_TIMES_ORDINARY),
+        Finding("times ordinary", contact.iterations / first, most),
         *honesty(asked, contact),
     ]
     numbers = {
@@ -291,10 +206,9 @@ def judge(
         "residual": contact.residual,
         "iterations": contact.iterations,
         "ordinary_iterations": first,
-        "reason": reason if times > MOST_TIMES_ORDINARY else "",
     }
-    out = one_line(raised) if raised else f"{contact.area_percent:.4g} %, {contact.force:.6g} µN"
-    return Answer(out, findings, asked.describe(), numbers, raised)
+    out = f"{contact.area_percent:.4g} %, {contact.force:.6g} µN"
+    return Answer(out, findings, asked.describe(), numbers)
 
 
 @lru_cache(maxsize=64)

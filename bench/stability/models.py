@@ -54,28 +54,26 @@ FEWER: dict[str, dict[str, Any]] = {
 def solved() -> tuple[Values, Values]:
     """Return Delta and the 22 statistics, (n, 23), and the areas, (n,) [%]."""
     plan = parameters(load("paper"), 0, ROWS)
-    inputs, areas = [], []
-    for row, delta in enumerate(plan.load.tolist()):
-        heights = surface_of(SCENE, plan, row)
-        inputs.append([delta, *describe(heights, SCENE.spacing).values.values()])
-        areas.append(bem.solve(heights, SIDE, delta).area_percent)
-    return np.array(inputs), np.array(areas)
+    surfaces = [surface_of(SCENE, plan, row) for row in range(ROWS)]
+    statistics = [[*describe(each, SCENE.spacing).values.values()] for each in surfaces]
+    pairs = zip(surfaces, plan.load.tolist(), strict=True)
+    areas = [bem.solve(heights, SIDE, delta).area_percent for heights, delta in pairs]
+    return np.column_stack([plan.load, statistics]), np.array(areas)
 
 
 @lru_cache(maxsize=8)
 def ordinary(features: str = "paper") -> Dataset:
     """Return the rows as a dataset of paper or dimensionless features; the target is the area."""
     described, areas = solved()
-    wanted = chosen(features)
-    numbers = Rows(described[:, 1:], described[:, 0], SIDE)
-    scale = wanted.scale("area_percent", numbers, 1.0)
+    wanted, numbers = chosen(features), Rows(described[:, 1:], described[:, 0], SIDE)
+    scale, none = wanted.scale("area_percent", numbers, 1.0), np.zeros(ROWS, dtype=np.int64)
     return Dataset(
         inputs=wanted.of(numbers),
         target=areas / scale,
         rows=np.arange(ROWS),
         groups=np.arange(ROWS),
-        database=np.zeros(ROWS, dtype=np.int64),
-        population=np.zeros(ROWS, dtype=np.int64),
+        database=none,
+        population=none,
         target_name="area_percent",
         unit="%",
         dropped={},
@@ -164,22 +162,22 @@ def fitted(
     """
     ends = seen, seen + min(CALIBRATING, (rows.size - seen) // 2)
     train, calibration, test = map(rows.at, np.split(np.arange(rows.size), ends))
+    features = rows.features
     request = Request(
         (Path("rows.h5"),),
         targets=("area",),
         models=(name,),
-        features=rows.features.name,
-        normalisation=rows.features.normalisation,
+        features=features.name,
+        normalisation=features.normalisation,
     )
-    tuned = way == "tuned"
-    values = baseline(name, rows.features.name)
-    if tuned:
-        values = untuned(name, rows.features.name)[1] | FEWER.get(name, {})
-    wanted = Settings({**values, **(settings or {})}, tuned, way)
+    values = baseline(name, features.name)
+    if way == "tuned":
+        values = untuned(name, features.name)[1] | FEWER.get(name, {})
+    wanted = Settings({**values, **(settings or {})}, way == "tuned", way)
     fit = fit_target(request, train, calibration, np.zeros(train.size, np.int8), settings=wanted)
-    known: dict[str, Any] = {"features": rows.features.name, "nodes": NODES, "side": SIDE}
+    known: dict[str, Any] = {"features": features.name, "nodes": NODES, "side": SIDE}
     known |= {"spacing": SCENE.spacing, "modulus": 1.0}
-    known["columns"] = [(each, "1") for each in rows.features.columns]
+    known["columns"] = [(each, "1") for each in features.columns]
     low, high = train.inputs.min(axis=0), train.inputs.max(axis=0)
     surrogate = Surrogate(known, {"target": fit.learnt}, low, high, measured(train).distance)
     return Asked(name, fit, surrogate, train, test)

@@ -1,8 +1,7 @@
-"""Surfaces and arguments of the solver's cases, and many random contacts as one case."""
+"""Surfaces and arguments of the solver's cases."""
 
-from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, fields
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -12,13 +11,9 @@ import bem
 from bem.analytic import Indenter, distances_to_centre
 from bem.influence import Kernel
 from bem.problem import MAX_ITERATIONS, Boundary, FarField, node_spacing
-from bench.references import surfaces
 from bench.references.half_space import Field
-from bench.references.surfaces import Random
-from bench.stability.case import Answer, Case, Finding
 from gen.generation.plan import parameters, surface_random
 from gen.material import plane_strain_modulus
-from gen.runtime.farm import Overtime, at_most
 from gen.scene import load
 from gen.surface import generate
 
@@ -65,8 +60,8 @@ def flat(nodes: int = NODES) -> Field:
 
 def with_middle_at(height: float, base: Field) -> Field:
     """The middle node at another height: a spike, a needle, a pit."""
-    heights = base.copy()
-    heights[heights.shape[0] // 2, heights.shape[1] // 2] = height
+    heights, middle = base.copy(), len(base) // 2
+    heights[middle, middle] = height
     return heights
 
 
@@ -129,11 +124,9 @@ class Setup:
         """Sides of a cell [um]."""
         if self.spacing is not None:
             return _pair(self.spacing)
-        (length, width), (rows, columns) = _pair(self.side), self.surface.shape
-        return (
-            node_spacing(rows, length, self.boundary),
-            node_spacing(columns, width, self.boundary),
-        )
+        pairs = zip(self.surface.shape, _pair(self.side), strict=True)
+        first, second = (node_spacing(nodes, side, self.boundary) for nodes, side in pairs)
+        return first, second
 
     @property
     def cell_area(self) -> float:
@@ -176,62 +169,3 @@ class Setup:
 
 def _pair(lengths: Lengths) -> tuple[float, float]:
     return lengths if isinstance(lengths, tuple) else (lengths, lengths)
-
-
-BLOCK = 100  # problems of a case; the first block is in the quick table
-SECONDS = 60.0  # wall-clock time after which a solve counts as a loop
-
-
-def blocks(
-    family: str,
-    problems: int,
-    asked: str,
-    draw: Callable[[int], Setup],
-    compare: Callable[[Setup, bem.Contact], Iterable[Finding]],
-) -> Iterator[Case]:
-    """Cut many problems, each drawn with a seed and then compared, into cases."""
-    for first in range(0, problems, BLOCK):
-        name, block = f"seeds {first} to {first + BLOCK - 1}", range(first, first + BLOCK)
-        yield Case(family, name, asked, partial(examine, block, draw, compare), slow=first > 0)
-
-
-def surface_and_aspect(
-    random: Random, nodes: tuple[int, int], largest_aspect: float
-) -> tuple[Field, float]:
-    """Draw heights with a range of 1, fewest to most nodes a side; half of the cells are oblong."""
-    rows, columns = (int(each) for each in random.integers(nodes[0], nodes[1] + 1, 2))
-    heights = surfaces.SURFACES[list(surfaces.SURFACES)[random.integers(len(surfaces.SURFACES))]](
-        random, (rows, columns)
-    )
-    oblong = random.random() < 0.5
-    aspect = float(largest_aspect ** random.uniform(-1, 1)) if oblong else 1.0
-    return heights / (np.ptp(heights) or 1.0), aspect
-
-
-def examine(
-    seeds: range,
-    draw: Callable[[int], Setup],
-    compare: Callable[[Setup, bem.Contact], Iterable[Finding]],
-) -> Answer:
-    """Solve the problems of some seeds, and keep the worst finding of each name.
-
-    A solve of more than `SECONDS` counts as an endless loop, without an answer.
-    """
-    iterations, astray = [], []
-    largest: dict[str, Finding] = {}
-    for seed in seeds:
-        asked = draw(seed)
-        try:
-            with at_most(SECONDS):
-                contact = asked.solve()
-        except (Overtime, Exception) as error:
-            astray.append(f"{type(error).__name__} at seed {seed}")
-            continue
-        iterations.append(contact.iterations)
-        for finding in compare(asked, contact):
-            worst = largest.get(finding.what, finding)
-            largest[finding.what] = max(worst, finding, key=lambda each: each.rank)
-    middle, most = np.percentile(iterations or [0], (50, 100))
-    out = f"{len(seeds)} solves, {middle:.0f} iterations in the middle, {most:.0f} at most"
-    unanswered = Finding(", ".join(["without an answer", *astray[:3]]), len(astray), 0)
-    return Answer(out, [unanswered, *largest.values()])

@@ -43,20 +43,18 @@ def cases() -> Iterator[Case]:
 
 
 def generator_cases() -> Iterator[Case]:
-    """Yield family after family, each with both generators."""
+    """Yield the families of each generator."""
     for generator in GENERATORS:
         for name, hurst in HURSTS.items():
             examine = partial(_nested, generator, NODES, hurst)
             title = f"H = {name}, {generator}"
             yield Case("generator: Hurst exponent", title, "33 x 33, beside 17 x 17", examine)
-    for generator in GENERATORS:
         for name, sigma0 in AMPLITUDES.items():
             asked = "129 x 129, H = 0.65" + ", beside σ0 = 1 um" * bool(sigma0)
             allowed = 0.0 if name.startswith(("0", "2^")) else ROUNDING
-            examine = partial(_scaled, generator, sigma0, allowed)
             title = f"σ0 = {name}{' um' * bool(sigma0)}, {generator}"
+            examine = partial(_scaled, generator, sigma0, allowed)
             yield Case("generator: amplitude", title, asked, examine)
-    for generator in GENERATORS:
         for k in range(1, 12):
             nodes = 2**k + 1
             asked = f"{nodes} x {nodes}, H = 0.65, σ0 = 12 um, beside k = {max(k - 1, 1)}"

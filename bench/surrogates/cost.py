@@ -5,13 +5,12 @@ another seed. All are processor times of one core: others on the machine do not 
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from statistics import fmean, median
 from time import process_time
-from typing import NamedTuple
 
 import numpy as np
 
@@ -48,6 +47,7 @@ SCENE = load("paper").model_copy(update={"seed": OTHER_SEED})
 SIDE = SCENE.sides[0]
 
 Contacts = list[tuple[Heights, float]]  # surfaces, each with its displacement [um]
+Times = dict[str, float]  # [s]
 
 
 def break_even(build: float, solver: float, query: float) -> float:
@@ -59,88 +59,57 @@ def break_even(build: float, solver: float, query: float) -> float:
     return math.inf if query >= solver else math.ceil(build / (solver - query))
 
 
-def time_of(seconds: float) -> str:
-    """Write a time in a unit that suits it."""
-    units = {1e-3: ("us", 1e6), 1.0: ("ms", 1e3), 600.0: ("s", 1.0), 1e6: ("h", 1 / 3600)}
-    unit, number = next((u for most, u in units.items() if seconds < most), ("d", 1 / 86400))
-    return f"{number * seconds:.3g} {unit}"
-
-
-class SolverTimes(NamedTuple):
-    """Mean times without any surrogate [s]."""
-
-    row: float  # of a database: surface, statistics, solve
-    surface: float  # of generating it
-    solve: float  # of a contact on a new surface
-    ladder: float  # of a contact among `LOADS` on one surface
-    loose: float  # of a contact on a new surface, to a residual of `LOOSE`
-    loose_nmae: float  # error of its area [%]
-
-
-class SurrogateTimes(NamedTuple):
-    """Times of a surrogate's answers [s]."""
-
-    surface: float  # features of a new surface at one displacement
-    load: float  # features of one more displacement on it
-    single: float  # prediction of a single row
-    batched: float  # prediction of a row among `BATCH`
+def seconds_of(call: Callable[[], object]) -> float:
+    """Return the processor time of a call."""
+    began = process_time()
+    call()
+    return process_time() - began
 
 
 def median_seconds(call: Callable[[], object]) -> float:
     """Time a call that is the same each time; the first is a warm-up."""
-    call()
+    seconds_of(call)
     taken: list[float] = []
-    fewest, most = ROUNDS
-    while len(taken) < fewest or (sum(taken) < ENOUGH and len(taken) < most):
-        taken.append(_seconds(call))
+    while len(taken) < ROUNDS[0] or (sum(taken) < ENOUGH and len(taken) < ROUNDS[1]):
+        taken.append(seconds_of(call))
     return median(taken)
 
 
 def mean_seconds(calls: Iterable[Callable[[], object]]) -> float:
     """Time calls that differ: the mean is what many of them cost. The first is done twice."""
     first, *others = calls
-    first()
-    return fmean(map(_seconds, (first, *others)))
+    seconds_of(first)
+    return fmean(map(seconds_of, (first, *others)))
 
 
-def _seconds(call: Callable[[], object]) -> float:
-    began = process_time()
-    call()
-    return process_time() - began
+def measure_solver(contacts: Contacts) -> Times:
+    """Return mean times without any surrogate [s], and the error of loose solves [%].
 
-
-def new_contacts(count: int) -> Contacts:
-    """Generate surfaces and loads of the preset that no surrogate here was trained on."""
-    plan = parameters(SCENE, 0, count)
-    return [(surface_of(SCENE, plan, row), float(plan.load[row])) for row in range(count)]
-
-
-def measure_solver(contacts: Contacts) -> SolverTimes:
-    """Time the solver on new contacts, and on the rows that they are of."""
-    rows = range(len(contacts))
+    Of a `row` of a database, its `surface`, a `solve` of a contact on a new surface, of one among
+    `LOADS` on one surface (`ladder`), and to a residual of `LOOSE`.
+    """
+    rows, deltas = range(len(contacts)), np.linspace(*DELTAS, LOADS)
     plan = parameters(SCENE, 0, len(contacts))
     loose = [partial(bem.solve, each, SIDE, delta, rtol=LOOSE) for each, delta in contacts]
     exact = [partial(solve_contact, SCENE, *each) for each in contacts]
+    climbs = [lambda z=z: list(bem.ladder(z, SIDE, deltas)) for z, _ in contacts]
     areas = ([solve().area_percent for solve in solves] for solves in (exact, loose))
-    return SolverTimes(
-        row=mean_seconds(partial(compute_rows, SCENE, row, row + 1) for row in rows),
-        surface=mean_seconds(partial(surface_of, SCENE, plan, row) for row in rows),
-        solve=mean_seconds(exact),
-        ladder=ladder_seconds(contacts),
-        loose=mean_seconds(loose),
-        loose_nmae=scores(*areas).nmae,
-    )
+    return {
+        "row": mean_seconds(partial(compute_rows, SCENE, row, row + 1) for row in rows),
+        "surface": mean_seconds(partial(surface_of, SCENE, plan, row) for row in rows),
+        "solve": mean_seconds(exact),
+        "ladder": mean_seconds(climbs) / LOADS,
+        "loose": mean_seconds(loose),
+        "loose_nmae": scores(*areas).nmae,
+    }
 
 
-def ladder_seconds(contacts: Contacts) -> float:
-    """Time a contact among `LOADS` on one surface [s]."""
-    deltas = np.linspace(*DELTAS, LOADS)
-    climbs = (lambda z=z: list(bem.ladder(z, SIDE, deltas)) for z, _ in contacts)
-    return mean_seconds(climbs) / LOADS
+def measure_surrogate(fitted: Fitted, features: str, contacts: Contacts) -> Times:
+    """Return times of a surrogate's answers [s], on surfaces that it has not seen.
 
-
-def measure_surrogate(fitted: Fitted, features: str, contacts: Contacts) -> SurrogateTimes:
-    """Time the answers of a surrogate with a feature set, on surfaces that it has not seen."""
+    Of the features of a new `surface`, and of one more `load` on it; of the prediction of a
+    `single` row, and of one among `BATCH` (`batched`).
+    """
     sides, wanted = (SIDE, SIDE), chosen(features, roots=True)
 
     def features_of(surface: SurfaceFeatures, deltas: Values) -> Values:
@@ -155,12 +124,12 @@ def measure_surrogate(fitted: Fitted, features: str, contacts: Contacts) -> Surr
     deltas = np.linspace(*DELTAS, LOADS)
     rows = np.concatenate([features_of(each, deltas) for each in known])
     many = np.resize(rows, (BATCH, rows.shape[1]))
-    return SurrogateTimes(
-        surface=surface,
-        load=mean_seconds(partial(features_of, each, deltas) for each in known) / LOADS,
-        single=median_seconds(partial(fitted.learnt.raw, rows[:1])),
-        batched=median_seconds(partial(fitted.learnt.raw, many)) / BATCH,
-    )
+    return {
+        "surface": surface,
+        "load": mean_seconds(partial(features_of, each, deltas) for each in known) / LOADS,
+        "single": median_seconds(partial(fitted.learnt.raw, rows[:1])),
+        "batched": median_seconds(partial(fitted.learnt.raw, many)) / BATCH,
+    }
 
 
 PAPERS, OURS = "the paper's", "ours"  # solvers
@@ -172,11 +141,6 @@ features are known already."""
 FEWEST = 100  # training rows of a learning curve's first point
 # Fits of a point, each to other rows, as long as the rows suffice; the median error counts.
 DRAWS = 3
-
-Build = dict[str, float]
-"""Times before the first answer [s]: t_d, `database`, with the surfaces generated again where
-features need them; t_h, `tuning`, to choose among the settings that come with the program; t_f,
-`fit`."""
 
 
 def cost(
@@ -193,34 +157,32 @@ def cost(
     settings that come with the program, and for those who search as in the comparison, which is
     on the paper's features.
 
-    Raises
-    ------
-    InputError
-        If a database or folder cannot be used, or there are too few rows.
+    An InputError is raised if a database or folder cannot be used, or there are too few rows.
     """
     if rows < 200:
         raise InputError(f"--rows {rows}: give 200 or more, the paper has 15878")
     searched = math.nan if comparison is None else tuning_seconds(comparison)
     path = databases.of_the_paper(database, folder / "databases", rows)
     remark(f"the solver on {surfaces} surfaces")
-    contacts = new_contacts(surfaces)
+    plan = parameters(SCENE, 0, surfaces)
+    contacts = [(surface_of(SCENE, plan, row), float(plan.load[row])) for row in range(surfaces)]
     solver, questions = measure_solver(contacts), [of_the_paper()]
     points: list[Row] = []
-    spent = _times("solver", solver)
+    spent = [{"of": "solver", "what": what, "value": value} for what, value in solver.items()]
     for features in OF_SURFACES:
         request = request_for(path, "kernel-ridge", features, area_max)
         parts = parted(read(request, rows))
         remark(f"{features} features: {parts.train.size} rows train")
         full = fit(request, parts.train, parts.folds)
         answer = measure_surrogate(full, features, contacts)
-        spent += _times(f"{features} features", answer)
+        of = f"{features} features"
+        spent += [{"of": of, "what": what, "value": value} for what, value in answer.items()]
         build = build_times(rows, solver, answer, full, features)
         search = searched if features == "paper" else math.nan
         questions += _questions(features, rows, solver, answer, build, search)
         points += _curve(request, parts, rows, solver, answer, full)
-    new = [each for each in questions if each["asked"] == NEW]
-    tables = {"cost": questions, "learning": points, "times": spent, "totals": _totals(new)}
-    return Report(tables)
+    tables = {"cost": questions, "learning": points, "times": spent}
+    return Report({**tables, "totals": [*_totals(questions)]})
 
 
 def tuning_seconds(comparison: Path) -> float:
@@ -228,74 +190,65 @@ def tuning_seconds(comparison: Path) -> float:
 
     NaN if the folder has no search of kernel ridge for the area.
     """
-    result = Folder(comparison / "area").result("tuned", "kernel-ridge")
-    try:
-        return float((result or {})["times"]["search"])
-    except (KeyError, TypeError, ValueError):
+    result = Folder(comparison / "area").result("tuned", "kernel-ridge") or {}
+    seconds = result.get("times", {}).get("search")
+    if seconds is None:
         remark(f"{comparison} has no search of kernel ridge, which is left out")
-        return math.nan
+    return math.nan if seconds is None else float(seconds)
 
 
 def question(
-    asked: str,
-    solver: str,
-    features: str,
-    rows: int,
-    build: Build,
-    solve: float,
-    query: float,
-    search: float,
+    who: tuple[str, str, str], rows: int, build: Times, solve: float, query: float, search: float
 ) -> Row:
     """Return a row: surrogate against a solver in one situation, by the times of an answer [s].
 
     `query` is t_p, with the features that it needs. With the time of a `search` for settings, NaN
     if there was none, the row has break-even twice, and the contacts that pay for the search alone.
     """
-    who = {"asked": asked, "solver": solver, "features": features, "rows": rows}
-    times = {**build, "search": search, "solve": solve, "query": query}
     own, known = sum(build.values()), not math.isnan(search)
-    evens = {
+    return {
+        **dict(zip(("asked", "solver", "features"), who, strict=True)),
+        "rows": rows,
+        **build,
+        **dict(zip(("search", "solve", "query"), (search, solve, query), strict=True)),
         "break_even": break_even(own, solve, query),
         "break_even_searched": break_even(own + search, solve, query) if known else math.nan,
         "search_pays": break_even(search, solve, query) if known else math.nan,
     }
-    return {**who, **times, **evens}
 
 
 def of_the_paper() -> Row:
-    """Return the paper's own break-even, from its own"""
+    """Return the paper's own break-even, from its own times."""
     fit, tests = paper.TIMES["tuned"]["kernel-ridge"]
     searched = paper.TUNING_SECONDS["kernel-ridge"]
     build = {"database": PAPER_ROWS * PAPER_SOLVE, "tuning": 0.0, "fit": fit}
-    query, who = tests / PAPER_TESTS, (KNOWN, PAPERS, "paper, as published")
-    return question(*who, PAPER_ROWS, build, PAPER_SOLVE, query, searched)
+    who = KNOWN, PAPERS, "paper, as published"
+    return question(who, PAPER_ROWS, build, PAPER_SOLVE, tests / PAPER_TESTS, searched)
 
 
-def build_times(
-    rows: float, solver: SolverTimes, answer: SurrogateTimes, fitted: Fitted, features: str
-) -> Build:
-    """Add up a surrogate's time before its first answer; some features need surfaces again."""
-    again = solver.surface + answer.surface if chosen(features).needs_surface else 0.0
-    database = rows * (solver.row + again)
+def build_times(rows: float, solver: Times, answer: Times, fitted: Fitted, features: str) -> Times:
+    """Return times before the first answer [s]: t_d, `database`, t_h, `tuning`, and t_f, `fit`.
+
+    Where features need surfaces, these are generated again; `tuning` chooses among the settings
+    that come with the program.
+    """
+    again = solver["surface"] + answer["surface"] if chosen(features).needs_surface else 0.0
+    database = rows * (solver["row"] + again)
     return {"database": database, "tuning": fitted.choosing, "fit": fitted.fitting}
 
 
 def _questions(
-    features: str,
-    rows: int,
-    solver: SolverTimes,
-    answer: SurrogateTimes,
-    build: Build,
-    search: float,
+    features: str, rows: int, solver: Times, answer: Times, build: Times, search: float
 ) -> Iterator[Row]:
     """Yield all situations of a feature set; a surface itself costs both sides the same."""
-    theirs = {**build, "database": build["database"] + rows * (PAPER_SOLVE - solver.solve)}
-    new, more = (each + answer.batched for each in (answer.surface, answer.load))
-    yield question(NEW, PAPERS, features, rows, theirs, PAPER_SOLVE, new, search)
-    yield question(NEW, OURS, features, rows, build, solver.solve, new, search)
-    yield question(LADDER, OURS, features, rows, build, solver.ladder, more, search)
+    theirs = {**build, "database": build["database"] + rows * (PAPER_SOLVE - solver["solve"])}
+    new, more = (answer[name] + answer["batched"] for name in ("surface", "load"))
+    yield question((NEW, PAPERS, features), rows, theirs, PAPER_SOLVE, new, search)
+    yield question((NEW, OURS, features), rows, build, solver["solve"], new, search)
+    yield question((LADDER, OURS, features), rows, build, solver["ladder"], more, search)
     if not chosen(features).needs_surface:
-        yield question(KNOWN, OURS, features, rows, build, solver.solve, answer.batched, search)
+        known = KNOWN, OURS, features
+        yield question(known, rows, build, solver["solve"], answer["batched"], search)
 
 
 def sizes(most: int) -> list[int]:
@@ -305,60 +258,42 @@ def sizes(most: int) -> list[int]:
 
 
 def _curve(
-    request: Request,
-    parts: Parts,
-    rows: int,
-    solver: SolverTimes,
-    answer: SurrogateTimes,
-    full: Fitted,
+    request: Request, parts: Parts, rows: int, solver: Times, answer: Times, full: Fitted
 ) -> Iterator[Row]:
     """Yield a feature set's learning curve, judged on the same rows; its last point is `full`.
 
-    The times of a point count the rows that had to be solved for it, with those left out.
+    A point fits different rows, as often as there are rows for; its times count the rows that had
+    to be solved for it, with those left out.
     """
     most = parts.train.size
     for size in sizes(most):
-        fits = [full] if size == most else _fits(request, parts, size)
+        folds = (np.arange(size) % 5).astype(np.int8)
+        draws = [np.arange(n * size, (n + 1) * size) for n in range(min(DRAWS, most // size))]
+        fits = [full] if size == most else [fit(request, parts.train.at(n), folds) for n in draws]
         solved = size * rows / most
         judged = [asdict(each.scores(parts.test)) for each in fits]
         builds = [build_times(solved, solver, answer, each, request.features) for each in fits]
         build = float(np.median([sum(each.values()) for each in builds]))
+        query = answer["surface"] + answer["batched"]
         yield {
             "features": request.features,
             "trained": size,
             "rows": round(solved),
             **{name: float(np.median([each[name] for each in judged])) for name in judged[0]},
             "build": build,
-            "break_even": break_even(build, solver.solve, answer.surface + answer.batched),
+            "break_even": break_even(build, solver["solve"], query),
         }
 
 
-def _fits(request: Request, parts: Parts, size: int) -> list[Fitted]:
-    """Fit different rows, as often as there are rows for."""
-    folds = (np.arange(size) % 5).astype(np.int8)
-    draws = range(min(DRAWS, parts.train.size // size))
-    drawn = (parts.train.at(np.arange(draw * size, (draw + 1) * size)) for draw in draws)
-    return [fit(request, rows, folds) for rows in drawn]
-
-
-def _times(of: str, times: SolverTimes | SurrogateTimes) -> list[Row]:
-    """Return mean processor times [s], and the error of a loose solve, as rows."""
-    return [{"of": of, "what": what, "value": value} for what, value in times._asdict().items()]
-
-
-def _totals(questions: Sequence[Row]) -> list[Row]:
-    """Return the total cost [s] of a solver, and of each surrogate beside it, over the queries."""
-    rows: list[Row] = []
+def _totals(questions: list[Row]) -> Iterator[Row]:
+    """Yield the total cost [s] of a solver, and of each surrogate beside it, over the queries."""
     for solver in (PAPERS, OURS):
-        own = [each for each in questions if each["solver"] == solver]
+        own = [row for row in questions if (row["asked"], row["solver"]) == (NEW, solver)]
         most = max((q["break_even"] for q in own if math.isfinite(q["break_even"])), default=1e5)
         curves = {"the solver": (0.0, own[0]["solve"])}
         for each in own:
             build = each["database"] + each["tuning"] + each["fit"]
             curves[f"{each['features']} features"] = build, each["query"]
-        rows += [
-            {"solver": solver, "of": name, "queries": float(n), "seconds": float(build + n * each)}
-            for name, (build, each) in curves.items()
-            for n in np.geomspace(1, 30 * most, 40)
-        ]
-    return rows
+        for name, (build, each) in curves.items():
+            for n in np.geomspace(1, 30 * most, 40).tolist():
+                yield {"solver": solver, "of": name, "queries": n, "seconds": build + n * each}

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.databases import generated
-from bench.files import Row
+from bench.files import Row, read_toml
 from bench.report import Report, remark
 from bench.surrogates import kinds
 from bench.surrogates.fitting import Fitted, Parts, fit, request_for
@@ -24,7 +24,7 @@ from gen.runtime.errors import InputError
 from gen.runtime.user_code import TRUSTED
 from gen.scene import preset_names
 from learn import dataset, split
-from learn.dataset import Dataset, Request
+from learn.dataset import Dataset
 from learn.split import FOLDS
 
 HURST_BORDER = 0.7  # surfaces below it train, surfaces above it test
@@ -39,41 +39,13 @@ FEWEST = 300  # smallest number of rows of the preset
 PAPER, MIDPOINT, SPECTRAL, YIELDING = "paper", "midpoint", "broad-spectral", "paper-yielding"
 FINE = {257: "fine-257", 513: "fine-513"}
 
-OTHERS = {
-    MIDPOINT: 'seed = 2026\n[surface]\ngenerator = "midpoint"\n',
-    FINE[257]: "seed = 2026\n[surface]\nnodes = 257\n",
-    FINE[513]: "seed = 2027\n[surface]\nnodes = 513\n",
-}
-"""Scenes that differ from the paper preset: none of them has one of its surfaces."""
-
-GRID = "nodes = 129\nside = 1000.0\n"
-"""The preset's."""
-
-LOAD = '[load]\nquantity = "delta/height_rms"\nrange = { log_uniform = [0.5, 5.0] }\n'
-
-WAVES = """\
-generator = "spectral"
-hurst = [0.2, 0.5]
-roll_off = { log_uniform = [200.0, 1000.0] }
-cut_off = 16.0
-rms_height = { log_uniform = [2.0, 12.0] }
-"""
-
-FOREIGN = {
-    "rough": f"[surface]\n{GRID}hurst = [0.25, 0.5]\nsigma0 = [5.0, 20.0]\n",
-    "smooth": f"[surface]\n{GRID}hurst = [0.8, 0.95]\nsigma0 = [5.0, 20.0]\n",
-    "waves": f"[surface]\n{GRID}{WAVES}",
-    **{
-        name: f'[surface]\ngenerator = "python"\nfunction = "{kinds.__name__}:{name}"\n{GRID}'
-        for name in kinds.NAMES
-    },
-}
-"""Kinds of surfaces that train no surrogate; the last four were made when the features stood."""
-
-KIND = "kinds"
-"""Name of the cases of these kinds."""
-
 STORE = "[store]\nmean_gap = true\n"
+SCENES = read_toml("surrogates/scenes")["coverage"]
+KIND = "kinds"
+"""Name of the cases of kinds of surfaces that train no surrogate."""
+
+FOREIGN = (*SCENES["kinds"], *kinds.NAMES)
+"""These kinds; the last four were made when the features stood."""
 
 SHARES = {FINE[257]: 6, FINE[513]: 15, "broad-fine": 6, **dict.fromkeys(FOREIGN, 6)}
 """The rows of the preset over those of a database, where these are fewer."""
@@ -104,24 +76,20 @@ class Case:
 
 def databases(folder: Path, rows: int) -> dict[str, Path]:
     """Generate the databases as far as they are missing, by the names of their scenes."""
-    texts = {PAPER: "", **OTHERS}
-    texts |= {name: _preset(name) for name in (YIELDING, *BROAD)}
-    for seed, (name, text) in enumerate(FOREIGN.items(), 3000):
-        texts[name] = f"seed = {seed}\n{text}{LOAD}"
+    texts = {PAPER: "", **SCENES["others"]}
+    for name in (YIELDING, *BROAD):
+        shipped = (files("gen") / "scenes" / f"{name}.toml").read_text(encoding="utf-8")
+        lines = shipped.splitlines(keepends=True)
+        texts[name] = "".join(each for each in lines if not each.startswith(("title", "samples")))
+    for seed, name in enumerate(FOREIGN, 3000):
+        surface = SCENES["kinds"].get(name, SCENES["function"].replace("NAME", name))
+        texts[name] = f"seed = {seed}\n{surface}{SCENES['load']}"
     TRUSTED.set(True)  # the functions are ours
+    counts = {name: max(rows // SHARES.get(name, 1), 40) for name in texts}
     return {
-        name: generated(
-            folder, name, f"samples = {max(rows // SHARES.get(name, 1), 40)}\n{text}{STORE}"
-        )
+        name: generated(folder, name, f"samples = {counts[name]}\n{text}{STORE}")
         for name, text in texts.items()
     }
-
-
-def _preset(name: str) -> str:
-    """Return the text of a shipped scene without its title and samples."""
-    lines = (files("gen") / "scenes" / f"{name}.toml").read_text(encoding="utf-8").splitlines()
-    kept = (each for each in lines if not each.startswith(("title", "samples")))
-    return "\n".join(kept) + "\n"
 
 
 def cases(pool: tuple[str, ...], rows: Dataset, seed: int) -> Iterator[Case]:
@@ -143,27 +111,20 @@ def cases(pool: tuple[str, ...], rows: Dataset, seed: int) -> Iterator[Case]:
         outside = np.flatnonzero(~inside)
         yield Case(*words, pool, np.flatnonzero(inside), outside, flagged=outside)
     elif pool[0] == PAPER:
-        yield from _beside_the_preset(pool, place, seed)
+        other = pool[1]
+        yield Case("preset", other, pool, place[PAPER], place[other])
+        if other in FINE.values():
+            few = np.random.default_rng(seed).permutation(place[other])[:FEW]
+            judged = np.setdiff1d(place[other], few)
+            both = f"preset and {FEW} rows of {other}"
+            yield Case(both, other, pool, place[PAPER], judged, few)
+            yield Case(f"{FEW} rows of {other}", other, pool, few, judged)
     else:
         every = np.arange(rows.size)
         yield Case("broad", "broad", pool, every)
         for kind, names in KINDS.items():
             judged = np.sort(np.concatenate([place[name] for name in names]))
             yield Case(f"broad without {kind}", kind, pool, np.setdiff1d(every, judged), judged)
-
-
-def _beside_the_preset(
-    pool: tuple[str, ...], place: dict[str, Indices], seed: int
-) -> Iterator[Case]:
-    """Yield the cases of the preset and one other database."""
-    other = pool[1]
-    yield Case("preset", other, pool, place[PAPER], place[other])
-    if other in FINE.values():
-        few = np.random.default_rng(seed).permutation(place[other])[:FEW]
-        judged = np.setdiff1d(place[other], few)
-        words = f"preset and {FEW} rows of {other}"
-        yield Case(words, other, pool, place[PAPER], judged, few)
-        yield Case(f"{FEW} rows of {other}", other, pool, few, judged)
 
 
 def column(rows: Dataset, name: str) -> Values:
@@ -184,10 +145,7 @@ def coverage(folder: Path, rows: int, seeds: int) -> Report:
 
     The arguments are those of the command.
 
-    Raises
-    ------
-    InputError
-        If there are too few rows or seeds.
+    An InputError is raised if there are too few rows or seeds.
     """
     if rows < FEWEST or seeds < 1:
         raise InputError(f"--rows {rows}, --seeds {seeds}: give {FEWEST} rows and 1 seed or more")
@@ -198,40 +156,35 @@ def coverage(folder: Path, rows: int, seeds: int) -> Report:
             for seed in range(seeds):
                 for case in cases(pool, read, seed):
                     judged = [{"target": target} | row for row in _judged(case, read, rows, seed)]
-                    remark(_in_words(judged[0]))
+                    share = judged[0]["covered_unflagged"]
+                    remark(f"{case.trained_on}: {case.tested_on}, {target}: {share:.1%} in 90 %")
                     found += judged
     table = pooled(found)
     elsewhere = [row for row in table if not row["tested_on"].startswith(KIND)]
     tables = {"coverage-seeds": found, "coverage": elsewhere, "kinds": by_kind(table)}
-    text = "\n".join(map(_in_words, table))
-    return Report(tables, text=text, text_name="coverage")
+    return Report(tables)
 
 
-def _request(*paths: Path) -> Request:
-    """Ask for the targets with hybrid features by kernel ridge."""
-    asked = request_for(Path(), "kernel-ridge", "hybrid", None)
-    return replace(asked, databases=paths, targets=TARGETS)
+REQUEST = replace(request_for(Path(), "kernel-ridge", "hybrid", None), targets=TARGETS)
 
 
 def _read(*paths: Path) -> list[Dataset]:
     """Read the rows that all targets have, one dataset for each target."""
-    return dataset.read(_request(*paths))
+    return dataset.read(replace(REQUEST, databases=paths))
 
 
 def _judged(case: Case, rows: Dataset, most: int, seed: int) -> list[Row]:
     """Fit the surrogate of a case and judge it: a row of the table, then one of each scene."""
     parts = _parts(case, rows, most, seed)
-    fitted = fit(_request(Path()), parts.train, parts.folds)
+    fitted = fit(REQUEST, parts.train, parts.folds)
     judged, always = parts.test, np.zeros(parts.test.size, dtype=bool)
     if case.judged is not None:
         judged, always = rows.at(case.judged), np.isin(case.judged, case.flagged)
     scenes = {case.tested_on: np.arange(judged.size)}
-    numbers = np.unique(judged.database)
-    if case.judged is not None and numbers.size > 1:
-        scenes |= {
-            f"{case.tested_on}: {case.pool[number]}": np.flatnonzero(judged.database == number)
-            for number in numbers
-        }
+    numbers = np.unique(judged.database) if case.judged is not None else ()
+    for number in numbers if len(numbers) > 1 else ():
+        name = f"{case.tested_on}: {case.pool[number]}"
+        scenes[name] = np.flatnonzero(judged.database == number)
     names = {"trained_on": case.trained_on, "seed": seed, "trained": parts.train.size}
     return [
         {**names, "tested_on": scene, **_scores(fitted, judged.at(own), always[own])}
@@ -275,10 +228,10 @@ def _scores(fitted: Fitted, judged: Dataset, always: NDArray[np.bool_]) -> Row:
 def pooled(found: Sequence[Row]) -> list[Row]:
     """Return one row for each case: means over the seeds, unflagged rows counted together."""
     groups: dict[tuple[str, ...], list[Row]] = {}
-    names = ("trained_on", "tested_on", "target")
     for row in found:
-        groups.setdefault(tuple(row[name] for name in names), []).append(row)
-    return [_pooled(dict(zip(names, each, strict=True)), rows) for each, rows in groups.items()]
+        key = row["trained_on"], row["tested_on"], row["target"]
+        groups.setdefault(key, []).append(row)
+    return [_pooled(rows) for rows in groups.values()]
 
 
 def by_kind(table: Sequence[Row]) -> list[Row]:
@@ -287,35 +240,35 @@ def by_kind(table: Sequence[Row]) -> list[Row]:
     for row in table:
         if row["tested_on"].startswith(KIND):
             kind = row["tested_on"].removeprefix(f"{KIND}: ").replace(KIND, "all")
-            key = row["trained_on"], kind
-            names = {"trained_on": key[0], "kind": kind, "judged": row["judged"]}
+            names = {"trained_on": row["trained_on"], "kind": kind, "judged": row["judged"]}
             counts = {"flagged": row["flagged"], "unflagged": row["unflagged"], "empty": 0}
-            own = found.setdefault(key, names | counts)
+            own = found.setdefault((row["trained_on"], kind), names | counts)
             own["empty"] += row["empty"]
             own[row["target"]] = row["covered_unflagged"]
             own[f"{row['target']}_width"] = row["width"]
     return list(found.values())
 
 
-def _pooled(names: Row, rows: Sequence[Row]) -> Row:
-    weights = np.array([row["unflagged"] for row in rows])
-    each = np.array([row["covered_unflagged"] for row in rows])
-    width = np.array([row["width"] for row in rows])
-    some = weights > 0
-    share = float(np.average(each[some], weights=weights[some])) if some.any() else float("nan")
-    # The seeds judge the same rows or ones like them: no more than one seed's are independent.
-    error = float(np.sqrt(share * (1 - share) / weights[some].mean())) if some.any() else share
+def _pooled(rows: Sequence[Row]) -> Row:
+    """Return a row of all seeds of a case."""
+    names = ("unflagged", "covered_unflagged", "width", "nmae", "flagged", "covered")
+    weights, each, width, *others = (np.array([row[name] for row in rows]) for name in names)
+    share = error = mean_width = float("nan")
+    if (some := weights > 0).any():
+        share = float(np.average(each[some], weights=weights[some]))
+        mean_width = float(np.average(width[some], weights=weights[some]))
+        # The seeds judge rows that are alike: no more than one seed's are independent.
+        error = float(np.sqrt(share * (1 - share) / weights[some].mean()))
+    means = zip(names[3:], (float(mean) for mean in np.mean(others, axis=1)), strict=True)
     return {
-        **names,
+        **{name: rows[0][name] for name in ("trained_on", "tested_on", "target")},
         "seeds": len(rows),
-        "trained": rows[0]["trained"],
-        "judged": rows[0]["judged"],
-        **{name: float(np.mean([row[name] for row in rows])) for name in ("nmae", "flagged")},
-        "covered": float(np.mean([row["covered"] for row in rows])),
+        **{name: rows[0][name] for name in ("trained", "judged")},
+        **dict(means),
         "unflagged": int(weights.sum()),
         "covered_unflagged": share,
         "error": error,
-        "width": float(np.average(width[some], weights=weights[some])) if some.any() else share,
+        "width": mean_width,
         "empty": sum(row["empty"] for row in rows),
         "verdict": verdict(share, error, int(weights.sum())),
     }
@@ -330,12 +283,3 @@ def verdict(share: float, error: float, unflagged: int) -> str:
     if share >= WANTED:
         return "met"
     return "met within its error" if share + error >= WANTED else "not met"
-
-
-def _in_words(row: Row) -> str:
-    """Say how a case came out."""
-    return (
-        f"{row['trained_on']}: {row['tested_on']}, {row['target']}: nMAE {row['nmae']:.2f} %,"
-        f" {row['flagged']:.0%} flagged, {row['covered_unflagged']:.1%} of {row['unflagged']}"
-        " others in 90 %"
-    )

@@ -69,10 +69,7 @@ def request_for(path: Path, model: str, features: str, area_max: float | None) -
 def read(request: Request, rows: int | None = None) -> Dataset:
     """Read a database with a request's features: all of it, or its first rows.
 
-    Raises
-    ------
-    InputError
-        If too few rows can be used.
+    An InputError is raised if too few rows can be used.
     """
     (found,) = dataset.read(request)
     return found if rows is None else found.at(np.flatnonzero(found.rows < rows))
@@ -92,10 +89,7 @@ def fit(
 ) -> Fitted:
     """Choose settings by the folds unless they are given, fit, calibrate by the training rows.
 
-    Raises
-    ------
-    InputError
-        If this machine lacks the memory.
+    An InputError is raised if this machine lacks the memory.
     """
     fitted = fit_target(request, train, None, folds, settings=settings)
     low, high = train.inputs.min(axis=0), train.inputs.max(axis=0)

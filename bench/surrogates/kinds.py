@@ -3,6 +3,8 @@
 Each is a function for the scene's generator "python". Its numbers are drawn with the surface.
 """
 
+from functools import partial
+
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.special import log_ndtr
@@ -55,44 +57,33 @@ def _axes(shape: Shape) -> tuple[Heights, Heights]:
     return np.linspace(0, 1, shape[0])[:, None], np.linspace(0, 1, shape[1])[None, :]
 
 
-def _made(kind: Kind, shape: Shape, rng: np.random.Generator) -> Heights:
+def _made(kind: Kind, shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
     """Make a map of `bench.made_maps` of this shape."""
     made = MadeMap(kind, int(rng.integers(2**31)), shape, 1.0, shape[0] * rng.uniform(0.12, 0.4))
     return _sized(surface(made), rng)
 
 
-def turned(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
-    """Round grooves side by side."""
-    return _made("turned", shape, rng)
+turned, ground = partial(_made, "turned"), partial(_made, "ground")
+honed, sandblasted = partial(_made, "honed"), partial(_made, "sandblasted")
 
 
-def ground(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
-    """Long scratches."""
-    return _made("ground", shape, rng)
+def _long(
+    most: float, stretch: float, shape: Shape, spacing: Spacing, rng: np.random.Generator
+) -> Heights:
+    """Make waves that are longer along y than along x."""
+    longest = rng.uniform(0.1, most)
+    return _sized(_self_affine(shape, spacing, rng, longest=longest, stretch=stretch), rng)
 
 
-def honed(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
-    """A plateau with crossing grooves."""
-    return _made("honed", shape, rng)
+one_to_five, one_to_ten = partial(_long, 0.4, 0.2), partial(_long, 0.2, 0.1)
 
 
-def sandblasted(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
-    """Overlapping craters."""
-    return _made("sandblasted", shape, rng)
+def _exponential(sign: int, shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
+    """Make peaks or pits: the exponential of a self-affine surface, or less that."""
+    return _sized(sign * np.exp(rng.uniform(0.3, 1.0) * _self_affine(shape, spacing, rng)), rng)
 
 
-def one_to_five(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
-    """Waves that are five times as long along y as along x."""
-    return _sized(
-        _self_affine(shape, spacing, rng, longest=rng.uniform(0.1, 0.4), stretch=0.2), rng
-    )
-
-
-def one_to_ten(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
-    """Waves that are ten times as long along y as along x."""
-    return _sized(
-        _self_affine(shape, spacing, rng, longest=rng.uniform(0.1, 0.2), stretch=0.1), rng
-    )
+lognormal, pitted = partial(_exponential, 1), partial(_exponential, -1)
 
 
 def sine(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
@@ -112,16 +103,6 @@ def egg_box(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights
         2 * np.pi * (waves[1] * y + rng.uniform())
     )
     return _sized(both + 0.03 * rng.normal(size=shape), rng)
-
-
-def lognormal(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
-    """Peaks: the exponential of a self-affine surface."""
-    return _sized(np.exp(rng.uniform(0.3, 1.0) * _self_affine(shape, spacing, rng)), rng)
-
-
-def pitted(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:
-    """Pits: less the exponential of a self-affine surface."""
-    return _sized(-np.exp(rng.uniform(0.3, 1.0) * _self_affine(shape, spacing, rng)), rng)
 
 
 def bumps(shape: Shape, spacing: Spacing, rng: np.random.Generator) -> Heights:

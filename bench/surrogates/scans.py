@@ -6,11 +6,9 @@ row once: a fifth of the tiles at a time, and one map at a time. No node of a ma
 in judgement, and neither are settings, intervals and flags: they come from the other rows.
 
 A row is called wrong if it is further from the prediction than twice as far as its interval
-reaches. Of rows outside their interval, which are a tenth where intervals hold, most miss it by
-little: they are the tenth that was announced. Wrong rows were not, so they have to be flagged, all
-but the few that chance makes: twice the reach of an interval of 90 % is 3.29 standard deviations,
-and of normal errors 0.1 % are larger. More wrong rows than these among those that are not flagged
-would show a kind of surface that the flags do not tell.
+reaches: of normal errors 0.1 % are. A tenth of the rows is announced to be outside the interval;
+wrong rows are not, so they have to be flagged, all but the few that chance makes. More would show a
+kind of surface that the flags do not tell.
 """
 
 from collections.abc import Iterator, Sequence
@@ -60,35 +58,26 @@ class Judged:
     high: Values
     flagged: NDArray[np.bool_]
 
-    @property
-    def covered(self) -> NDArray[np.bool_]:
-        """Whether each interval holds the truth."""
-        return np.asarray((self.low <= self.truth) & (self.truth <= self.high))
-
-    @property
-    def wrong(self) -> NDArray[np.bool_]:
-        """Whether each row is off by more than `MISSED` half widths, of square roots."""
-        root = np.sqrt(self.prediction)
-        reach = np.sqrt(self.high) - root
-        return np.asarray(np.abs(np.sqrt(self.truth) - root) > MISSED * reach)
-
     def row(self, name: str, chosen: NDArray[np.bool_]) -> Row:
         """Score some of the rows, as one row of the table."""
-        covered, flagged, wrong = self.covered[chosen], self.flagged[chosen], self.wrong[chosen]
-        width = np.minimum(self.high, 100.0) - self.low
-        judged = scores(self.truth[chosen], self.prediction[chosen])
+        fields = (self.truth, self.prediction, self.low, self.high)
+        truth, prediction, low, high = (each[chosen] for each in fields)
+        flagged = self.flagged[chosen]
+        covered, root = (low <= truth) & (truth <= high), np.sqrt(prediction)
+        wrong = np.abs(np.sqrt(truth) - root) > MISSED * (np.sqrt(high) - root)
+        judged = scores(truth, prediction)
         return {
             "nodes": self.nodes,
             "left_out": self.left_out,
             "map": name,
             "rows": int(chosen.sum()),
-            "area": float(self.truth[chosen].mean()),
+            "area": float(truth.mean()),
             "r2": judged.r2,
             "nmae": judged.nmae,
             "covered": float(covered.mean()),
             "flagged": float(flagged.mean()),
             "covered_unflagged": _mean(covered[~flagged]),
-            "width": float(width[chosen].mean()),
+            "width": float((np.minimum(high, 100.0) - low).mean()),
             "outside_flagged": _mean(flagged[~covered]),
             "wrong": int(wrong.sum()),
             "wrong_flagged": _mean(flagged[wrong]),

@@ -6,7 +6,7 @@ parameters. The truth is solved at fresh parameters on fresh surfaces. Beside ou
 process of scikit-learn as a user would write it.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -23,6 +23,7 @@ from sklearn.preprocessing import StandardScaler
 from bench.databases import generated
 from bench.files import Row, read_toml
 from bench.report import Report, remark
+from bench.surrogates.cost import median_seconds, seconds_of
 from gen.arrays import Values
 from gen.database import Reader
 from gen.generation.plan import parameters
@@ -74,11 +75,8 @@ def scene_surrogate(folder: Path, rows: int, points: int, surfaces: int) -> Repo
         surrogate, seconds = _fitted(request)
         remark(f"{name}: {points} points of {surfaces} surfaces")
         asked, truth = solved(scene, surrogate.features.names, points, surfaces)
-        judged = _judged(surrogate, request, asked, truth)
-        found += [
-            {"scene": name, "load": load, "rows": rows, "fit_seconds": seconds, **row}
-            for row in judged
-        ]
+        said = {"scene": name, "load": load, "rows": rows, "fit_seconds": seconds}
+        found += [said | row for row in _judged(surrogate, request, asked, truth)]
         for model in MODELS:
             own, seconds = _fitted(replace(request, models=(model,), train_rows=MODEL_ROWS))
             new = own.predict_rows(own.of_numbers(asked), level=LEVEL)
@@ -93,8 +91,7 @@ def scene_surrogate(folder: Path, rows: int, points: int, surfaces: int) -> Repo
             for same in zip(*fits, strict=True):
                 mean = {name: float(np.mean([each[name] for each in same])) for name in MEANS}
                 means.append({"scene": name, "target": same[0]["target"], "rows": size, **mean})
-    tables = {"scene-surrogate": found, "scene-models": models, "scene-means": means}
-    return Report(tables)
+    return Report({"scene-surrogate": found, "scene-models": models, "scene-means": means})
 
 
 def _fitted(request: Request) -> tuple[Surrogate, float]:
@@ -130,11 +127,8 @@ def solved(
                 truth.setdefault(column, []).append(getattr(contact, column))
         for name in names:
             asked.setdefault(name, []).append(numbers[name])
-    shape = points, surfaces
-    return (
-        {name: np.array(values) for name, values in asked.items()},
-        {name: np.reshape(values, shape) for name, values in truth.items()},
-    )
+    results = {name: np.reshape(each, (points, surfaces)) for name, each in truth.items()}
+    return {name: np.array(values) for name, values in asked.items()}, results
 
 
 def _means(
@@ -162,7 +156,9 @@ def _judged(
     questions = surrogate.of_numbers(asked)
     new, means = surrogate.predict_rows(questions, level=LEVEL), _means(surrogate, asked, truth)
     many = {name: np.resize(values, QUESTIONS) for name, values in asked.items()}
-    seconds = _seconds(lambda: surrogate.predict_rows(surrogate.of_numbers(many), level=LEVEL))
+    seconds = median_seconds(
+        lambda: surrogate.predict_rows(surrogate.of_numbers(many), level=LEVEL)
+    )
     inputs = surrogate.features.of(questions)
     every = np.resize(inputs, (QUESTIONS, inputs.shape[1]))
     for mean, rows in zip(means, dataset.read(request), strict=True):
@@ -175,9 +171,8 @@ def _judged(
                 ConstantKernel() * RBF(np.ones(inputs.shape[1])) + WhiteKernel(), normalize_y=True
             ),
         )
-        began = process_time()
-        process.fit(rows.inputs[:PROCESS_ROWS], rows.target[:PROCESS_ROWS])
-        fit_seconds = process_time() - began
+        few = rows.inputs[:PROCESS_ROWS], rows.target[:PROCESS_ROWS]
+        fit_seconds = seconds_of(partial(process.fit, *few))
         middle, deviation = process.predict(inputs, return_std=True)
         deviation *= norm.ppf((1 + LEVEL) / 2)
         yield {
@@ -190,7 +185,9 @@ def _judged(
             "process_nmae": error.of(middle),
             "process_inside": _inside(middle - deviation, middle + deviation, true),
             "process_fit_seconds": fit_seconds,
-            "process_answer_seconds": _seconds(partial(process.predict, every, return_std=True)),
+            "process_answer_seconds": median_seconds(
+                partial(process.predict, every, return_std=True)
+            ),
         }
 
 
@@ -214,11 +211,3 @@ class _Errors:
     def of(self, predicted: Values) -> float:
         """Return the mean absolute error over the mean [%]."""
         return float(100 * np.abs(predicted - self._mean).mean() / self._mean.mean())
-
-
-def _seconds(call: Callable[[], object]) -> float:
-    """Return the processor time of the second of two calls [s]."""
-    call()
-    began = process_time()
-    call()
-    return process_time() - began

@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 import bem
 from bem.problem import BOUNDARIES, Boundary
 from bench.references.surfaces import SURFACES
-from bench.stability.edgeless import (
-    judge,
+from bench.stability.random_contacts import (
+    edgeless_problem,
+    judge_edgeless,
     judge_images,
     judge_shift,
     mirrored_problem,
     periodic_problem,
-    problem,
 )
 
 EDGELESS = [boundary for boundary in BOUNDARIES if boundary != "free"]
@@ -273,7 +273,7 @@ def test_no_stiff_case_takes_thirty_times_the_median(boundary, nodes):
 
 
 SEEDS = [
-    *((problem, judge, seed) for seed in range(150)),
+    *((edgeless_problem, judge_edgeless, seed) for seed in range(150)),
     *((mirrored_problem, judge_images, seed) for seed in range(40)),
     *((periodic_problem, judge_shift, seed) for seed in range(20)),
 ]

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from page_parts import written
 
-from bench.answers import lines, peers
+from bench.answers import FREE, lines
 from bench.contents import Table, tabulated
 from bench.record import Inputs
 from bench.report import PARTS
@@ -72,4 +72,4 @@ def test_the_fastest_other_solver_is_chosen_case_by_case():
         {"nodes": "9", "hurst": "1", "delta_um": delta, "solver": solver, "times_ours": str(each)}
         for (delta, solver), each in times.items()
     ]
-    assert "takes 5 to 7 times" in peers(rows)
+    assert "takes 5 to 7 times" in FREE(rows)

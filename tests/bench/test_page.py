@@ -38,12 +38,8 @@ def test_page_says_which_parts_are_of_another_state() -> None:
         return Record(**made, machine=Machine(processor=""), state=state)
 
     assert states([]) == ""
-    assert states([of("a" * 64), of("a" * 64)]) == (
-        "All parts are of one state of the code, aaaaaaaaaa."
-    )
-    assert states([None, of("")]) == "The state of the code is unknown of all parts."
-    assert states([None, of("b"), of("a"), of("a")]) == (
-        "2 of 4 parts are of the state a of the code, 1 of the state b, 1 of an unknown one."
+    assert states([None, of("b"), of("a" * 64), of("a" * 64)]) == (
+        "Parts by the state of the code: 2 of aaaaaaaaaa, 1 of an unknown one, 1 of b."
     )
 
 
@@ -61,7 +57,7 @@ def contents(folder: Path) -> list[Content]:
     return [
         Figure(save(figure, folder / "wide.png"), "A line that falls.", data=(data,)),
         Table(data, "Two numbers."),
-        Table(written("wide.csv", wide, folder), "Very wide.", "python -m bench " + "x" * 300),
+        Table(written("wide.csv", wide, folder), "Very wide."),
         Table(written("cases.csv", cases, folder), "Cases.", verdict="verdict"),
         Words("First line,\n  then " + "x" * 500, typed=True),
         Words("y" * 500),
@@ -91,7 +87,7 @@ def test_page_stands_alone(shown: Path) -> None:
 
 def test_page_shows_what_there_is_and_says_what_is_not(shown: Path) -> None:
     text = shown.read_text(encoding="utf-8")
-    assert f"All parts are of one state of the code, {code_state()[:10]}." in text
+    assert f"Parts by the state of the code: 1 of {code_state()[:10]}." in text
     assert "&lt;b&gt;bold&lt;/b&gt; &amp; plain" in text
     assert text.count('<tr class="failed">') == 1
     assert re.search(r'Rows with a verdict:\s+2 in <a href="#one">All kinds</a>;\s', text)

@@ -8,23 +8,20 @@ import pytest
 
 from bench import peers as periodic
 from bench.__main__ import main
-from bench.contents import contents_of, tables_of
+from bench.contents import tables_of
 from bench.files import read_table
-from bench.peers import (
-    Trial,
-    compare,
-    find_errors,
-    sample,
-)
-from bench.solvers.case import Case, find_exact
+from bench.peers import Trial, compare, find_errors, sample
+from bench.report import part_of
 from bench.solvers.others import OTHERS
 from bench.solvers.solver import (
     LADDER,
     Answer,
+    Case,
     Control,
     Failure,
     Solver,
     back_and_forth,
+    find_exact,
 )
 
 SMALL = sample(33, 25.0)
@@ -51,9 +48,6 @@ class Stub:
     version: str = "0"
     fails: bool = False
     asked: list[float] = field(default_factory=list)
-
-    def set_up(self, nodes: int, spacing: float) -> None:
-        assert (nodes, spacing) == (33, 1000 / 32)
 
     def solve(self, case: Case, rtol: float) -> Answer:
         self.asked.append(rtol)
@@ -124,42 +118,42 @@ def test_periodic_patches_are_the_same_problem_for_all(solver: Solver, load: flo
         pytest.skip(f"{solver.package} is not installed: {solver.install}")
     case = periodic.periodic_sample(32, 0.8, load)
     pressure = solver.solve(case, 1e-11).pressure
-    errors = find_errors(pressure, solver.control, case, find_exact(case, 1e-12))
+    errors = find_errors(pressure, solver.control, case, find_exact(case))
     assert errors.load_error < 1e-8
     assert errors.misplaced_nodes == 0
     assert errors.pressure_error < 1e-8
 
 
 def test_command_compares_periodic_patches_and_bodies_that_yield(tmp_path: Path) -> None:
-    arguments = ["--boundary", "periodic", "--nodes", "32", "--rounds", "1"]
-    assert main(["peers", "-o", str(tmp_path), *arguments]) == 0
+    arguments = ["--nodes", "32", "--rounds", "1"]
+    assert main(["periodic", "-o", str(tmp_path), *arguments]) == 0
     _, rows = read_table(tmp_path / "periodic.csv")
     ours = [row for row in rows if row["solver"] == "bem"]
     assert [row["times_ours"] for row in ours] == ["1.0"] * 5
     assert float(ours[0]["area_percent"]) < 5
     assert float(ours[4]["area_percent"]) > 95
     arguments = ["--nodes", "17", "--deltas", "25", "--rounds", "1", "--hardness", "0.02"]
-    assert main(["peers", "-o", str(tmp_path), *arguments]) == 0
+    assert main(["hardness", "-o", str(tmp_path), *arguments]) == 0
     found = read_table(tmp_path / "hardness.csv")[1]  # of other solvers too, where there are any
     elastic, yielding = (row for row in found if row["solver"] == "bem")
     assert (elastic["hardness"], elastic["yielded_nodes"]) == ("", "0")
     assert int(yielding["yielded_nodes"]) > 0
     assert float(yielding["load_error"]) <= 1e-6
     for name in ("periodic", "hardness"):
-        assert [len(tables_of(each)) for each in contents_of(name, tmp_path)] == [1, 1]
+        assert [len(tables_of(each)) for each in part_of(name).show(tmp_path)] == [1, 1]
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (["--nodes", "128"], "nodes 128: give 2^k + 1"),
-        (["--boundary", "periodic", "--hardness", "0.1"], "hardness with boundary periodic"),
+        (["--deltas", "0"], "0: give displacements and hardnesses above 0"),
         (["--deltas", "5,"], "deltas '5,': give numbers with commas between them"),
     ],
 )
 def test_bad_input_is_refused_in_one_line(
-    arguments: list[str], message: str, tmp_path: Path
+    arguments: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    code = main(["peers", "-o", str(tmp_path / "new"), *arguments])
-    assert code == 2
+    assert main(["peers", "-o", str(tmp_path / "new"), *arguments]) == 2
+    assert message in capsys.readouterr().err
     assert not (tmp_path / "new").exists()

@@ -1,6 +1,5 @@
 """Every part is made by a command that there is."""
 
-import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +8,6 @@ import typer
 from page_parts import inputs
 
 from bench import commands, files, page, report
-from bench import contents as shown
 from bench.__main__ import app as bench
 from bench.record import Inputs
 from bench.report import PARTS, Part
@@ -32,8 +30,6 @@ def _assert_a_command(given: Inputs, each: Part) -> None:
         if not arguments:
             continue
         assert arguments[0] == "-m"
-        if arguments[1] == "pytest":
-            continue
         program: Any = {"bench": bench, "learn": learn, "tests.faults": faults}[arguments[1]]
         command: Any = typer.main.get_command(program)
         command = getattr(command, "commands", {}).get(arguments[2], command)
@@ -110,8 +106,6 @@ def test_a_new_report_takes_forty_lines(
     assert commands.main(["fall", "--heights", "1;4"]) == 2
     assert "heights '1;4': give numbers with commas" in capsys.readouterr().err
     monkeypatch.setattr(files, "HOME", Path(files.__file__).parent)  # of the template
-    monkeypatch.setattr(report, "read_toml", lambda _: tomllib.loads(SAID))
-    monkeypatch.setattr(shown, "read_toml", lambda _: tomllib.loads(SAID))
     text = page.page_of([fall], inputs(tmp_path / "report"))
     assert "Falling bodies" in text
     assert text.count("<img ") == text.count("<table>") == 1

@@ -12,7 +12,6 @@ from bench import grid_error, resolution
 def rows() -> list[dict[str, Any]]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(resolution, "TRUTH", 32)
-        patch.setattr(resolution, "PEERS", ())
         return resolution.resolution(surfaces=2, finest=8)
 
 

@@ -7,13 +7,9 @@ import pytest
 import gen.cli
 from bench import databases
 from bench.files import read_table
+from bench.report import part_of
 from bench.surrogates import cost as times
-from bench.surrogates.cost import (
-    break_even,
-    cost,
-    of_the_paper,
-    sizes,
-)
+from bench.surrogates.cost import break_even, cost, of_the_paper, sizes
 from bench.surrogates.fitting import fit, parted, read, request_for
 from gen.database import Reader
 from gen.runtime.errors import InputError
@@ -68,7 +64,7 @@ def test_a_fit_knows_where_it_was_trained(paper):
 def test_costs_end_to_end(paper, tmp_path, monkeypatch):
     monkeypatch.setattr(times, "ENOUGH", 0.01)
     report = cost(tmp_path, 200, paper, area_max=60.0, surfaces=3)
-    paths = report.write(tmp_path / "report", "cost")
+    paths = report.write(tmp_path / "report", part_of("cost").contents)
     names = ["cost.csv", "learning.csv", "times.csv", "totals.csv", "cost.png", "learning.png"]
     assert [path.name for path in paths] == names
     assert all(path.stat().st_size > 300 for path in paths)

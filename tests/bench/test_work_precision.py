@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from bench.__main__ import main
-from bench.solvers.case import Case, find_exact
-from bench.solvers.solver import Answer, Failure
+from bench.solvers.solver import Answer, Case, Failure, find_exact
 from bench.work_precision import DECADES, Row, compare, curves, paper_case, solver
 from gen.runtime.installation import command_for
 

@@ -7,9 +7,10 @@ import pytest
 import learn.cli
 from bench import __main__ as bench
 from bench import databases, picture
-from bench.contents import Figure, contents_of, tables_of
-from bench.paper import database, facts, report
+from bench.contents import Figure, tables_of
+from bench.paper import database, facts, models, report
 from bench.paper.facts import why
+from bench.report import part_of
 from gen.database import Reader
 
 pytestmark = pytest.mark.long
@@ -50,13 +51,13 @@ def comparison(preset, tmp_path_factory):
 def made(preset, comparison, tmp_path_factory):
     """The whole report on few rows: its folder and files."""
     folder = tmp_path_factory.mktemp("made")
-    made = report.paper(folder, 200, preset, None, comparison, ())
-    return folder, made.write(folder, "paper")
+    made = report.paper(folder, 200, preset, comparison)
+    return folder, made.write(folder, part_of("paper").contents)
 
 
 def test_everything_there_is_shown_in_the_papers_order(made):
     folder, paths = made
-    shown = contents_of("paper", folder)
+    shown = part_of("paper").show(folder)
     pictures = {each.picture for each in shown if isinstance(each, Figure)}
     assert pictures | {path for each in shown for path in tables_of(each)} == set(paths)
     assert all(path.stat().st_size > 60 for path in paths)
@@ -94,28 +95,15 @@ def test_tables_hold_both_sides(made, preset):
     assert fifth["nmae"]["paper"] == "3.95"
 
 
-def test_parts_whose_files_are_there_are_shown(tmp_path, capsys):
-    folder = tmp_path / "few"
-    few = ["--only", "profile", "--only", "table-2"]
-    assert bench.main(["paper", *few, "-o", str(folder)]) == 0
-    paths = [folder / name for name in ("profile.csv", "table-2.csv", "profile.png")]
-    assert capsys.readouterr().out.splitlines()[-3:] == list(map(str, paths))
-    assert sorted(folder.iterdir()) == sorted(paths)
-    assert len(contents_of("paper", folder)) == 2
+def test_parts_whose_files_are_there_are_shown(tmp_path):
+    models.table_2().write(tmp_path)
+    assert len(part_of("paper").show(tmp_path)) == 1
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--comparison", "nowhere"], "--comparison nowhere: give a folder of learn compare"),
-        (["--fine", "PRESET"], "has 129 nodes a side, give one with more than 129"),
-        (["--only", "table-4"], "--only table-4: needs --comparison"),
-    ],
-)
-def test_bad_input_is_one_line(arguments, message, preset, tmp_path, capsys):
-    given = [str(preset) if each == "PRESET" else each for each in arguments]
+def test_bad_input_is_one_line(preset, tmp_path, capsys):
+    given = ["--database", str(preset), "--comparison", "nowhere"]
     assert bench.main(["paper", *given, "-o", str(tmp_path / "out")]) == 2
     error = capsys.readouterr().err
-    assert message in error
+    assert "--comparison nowhere: give a folder of learn compare" in error
     assert error.count("\n") == 1
     assert not (tmp_path / "out").exists()

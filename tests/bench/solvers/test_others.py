@@ -5,9 +5,8 @@ from dataclasses import replace
 import pytest
 
 from bench.peers import find_errors, sample
-from bench.solvers.case import Case, find_exact
 from bench.solvers.others import OTHERS, installed, missing
-from bench.solvers.solver import BEM, PAPERS, Answer, Failure, Press, Solver
+from bench.solvers.solver import BEM, PAPERS, Answer, Case, Failure, Press, Solver, find_exact
 
 
 @pytest.mark.parametrize("peer", OTHERS, ids=lambda peer: peer.name)
@@ -30,7 +29,6 @@ def test_solvers_that_know_a_hardness_agree(delta: float, hardness: float) -> No
     """With one another and with the dense reference, on nodes in contact and on yielded ones."""
     case = sample(33, delta, hardness)
     exact = find_exact(case)
-    assert exact.method == "dense"
     assert exact.pressure.max() <= hardness * (1 + 1e-15)
     assert (
         case.yielded(exact.pressure).sum()
