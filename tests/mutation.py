@@ -65,8 +65,8 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
     ),
     "gen/database/writer.py": (
         (
-            "            self._flush()\n            write_rows(self._status, place, status)\n",
-            "            write_rows(self._status, place, status)\n            self._flush()\n",
+            "self._flush()\n                write_rows(self._status, place, status[first:last])\n",
+            "write_rows(self._status, place, status[first:last])\n                self._flush()\n",
         ),
         ("chunk[failed] = Status.PENDING", "chunk[failed] = Status.DONE"),
         ("(chunk == Status.DONE) | (chunk == Status.FAILED)", "chunk == Status.DONE"),
