@@ -192,16 +192,15 @@ class Drawn:
         if isinstance(value, LogUniform | Normal | Choice):
             distribution = value
         else:
-            key = "range" if isinstance(value, list | tuple) else "number"
+            keys = ["range" if isinstance(value, list | tuple) else "number"]
             if isinstance(value, dict):
-                named = [name for name in TABLES if name in value]
-                if len(named) != 1:
-                    raise ValueError(f"give one of the keys {', '.join(TABLES)}")
-                (key,) = named
+                keys = [name for name in TABLES if name in value]
+            if len(keys) != 1:
+                raise ValueError(f"give one of the keys {', '.join(TABLES)}")
             try:
-                distribution = _READERS[key].validate_python(value)
+                distribution = _READERS[keys[0]].validate_python(value)
             except ValidationError as error:
-                raise _refusal(key, error) from None
+                raise _refusal(keys[0], error) from None
         smallest, largest = limits(distribution)
         inside = smallest > self.low if self.beyond else smallest >= self.low
         if inside and largest <= self.high:

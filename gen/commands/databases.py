@@ -140,6 +140,7 @@ def check(
 
     with Reader(file) as reader:
         another = made_by_another(int(reader.attributes["physics"]))
+        pending, done, failed = reader.counts()
     if another and recompute:
         echo(f"{file}: {another}: of rows computed again, only the surfaces are compared")
     count = 0
@@ -147,8 +148,6 @@ def check(
         count += 1
         echo(f"{file}: {fault}")
     if not count:
-        with Reader(file) as reader:
-            pending, done, failed = reader.counts()
         again = min(recompute, done + failed)
         equal = "with the same surfaces" if another else "equal bit for bit"
         echo(

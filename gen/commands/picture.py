@@ -13,7 +13,7 @@ from gen.generation.sample import load_of, solve_contact, surface_of
 from gen.maps.pictures import DECADES, LETTERS, contact_maps, draw_map, load_text
 from gen.material import Bodies
 from gen.runtime.errors import InputError
-from gen.runtime.figure import log_axis, new_figure, require_picture_name, save
+from gen.runtime.figure import empty_figure, log_axis, save
 from gen.runtime.terminal import shortened
 from gen.scene import Scene, columns_for, parameter_columns
 from gen.schema import Status
@@ -23,8 +23,7 @@ WIDTH = 11.0  # width of the picture [inches]
 
 def draw_database(file: Path, picture: Path) -> None:
     """Draw the heights and the pressure of the row with the median area, all areas, all times."""
-    require_picture_name(picture)
-    figure = new_figure(WIDTH, WIDTH, dpi=110)
+    figure = empty_figure(picture, WIDTH, WIDTH)
     with Reader(file) as reader:
         done = np.flatnonzero(reader.column("status") == Status.DONE)
         if not done.size:

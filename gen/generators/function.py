@@ -15,23 +15,12 @@ from gen.surface import Grid, GridSurface, Parameters, Random
 
 T = TypeVar("T")
 
-FUNCTION = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*")
-"""A module's name and that of a function in it."""
-
 NAMED = re.compile(r"[a-z][a-z0-9_]{0,39}")
 """Names of a user's parameters and outputs, which become columns."""
 
-FUNCTION_WORDS = "text, 'module:function'"
-
-
-def _function(text: str) -> str:
-    """Refuse a text that does not name a function in a module."""
-    if not FUNCTION.fullmatch(text):
-        raise ValueError("as 'my_surfaces:waves', for the function waves of my_surfaces.py")
-    return text
-
-
-Function = Annotated[str, Field(max_length=200), AfterValidator(_function)]
+FUNCTION_WORDS = "text, 'module:function', as 'my_surfaces:waves'"
+FUNCTION = r"^[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*$"
+Function = Annotated[str, Field(max_length=200, pattern=FUNCTION)]
 Hash = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 
 

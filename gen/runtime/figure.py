@@ -22,7 +22,8 @@ def empty_figure(picture: Path | None, width: float, height: float) -> Any:
     """Make the figure [inches] of a picture, None without one, before anything is computed."""
     if picture is None:
         return None
-    require_picture_name(picture)
+    if picture.suffix.lower() not in SUFFIXES:
+        raise InputError(f"{picture}: give the name of a picture, ending in .png, .svg or .pdf")
     return new_figure(width, height, dpi=110)
 
 
@@ -57,12 +58,6 @@ def draw_parity(axis: Any, truth: Any, predicted: Any, *, label: str = "", **sty
     beyond = int(((predicted < low) | (predicted > high)).sum())
     said = f"{label}\n{beyond:,} beyond the axes".strip() if beyond else label
     axis.plot(truth, predicted.clip(low, high), label=said, clip_on=False, **style)
-
-
-def require_picture_name(path: Path) -> None:
-    """Raise InputError if the suffix names none of the formats that we draw."""
-    if path.suffix.lower() not in SUFFIXES:
-        raise InputError(f"{path}: give the name of a picture, ending in .png, .svg or .pdf")
 
 
 def save(figure: Any, path: Path, *, dpi: float | str = "figure") -> Path:
