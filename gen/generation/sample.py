@@ -5,9 +5,11 @@ A user's function gives further outputs of each contact; a scene records its sou
 
 import itertools
 import json
+import math
 import socket
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from numbers import Real
 from pathlib import Path
 from typing import Any
@@ -286,8 +288,9 @@ def called(store: Store, contact: bem.Contact, row: int) -> dict[Any, Output]:
                 raise SourceError(
                     f"{place}: {name} is {str(given)[:60]!r}, not a number, or one and its unit"
                 )
-            found[name] = float(value), unit
-        return found
+            with suppress(OverflowError):  # a whole number of hundreds of digits
+                found[name] = float(value), unit
+        return dict.fromkeys(returned, (math.inf, None)) | found
 
 
 def completed(scene: Scene, home: Path | None = None, *, rehearsed: bool = False) -> Scene:

@@ -425,8 +425,8 @@ def columns_for(scene: Scene) -> tuple[Column, ...]:
     asked_for = {*parameters, *scene.surface.PLACES}
     asked_for |= {name for name, wanted in store if wanted is True}
     asked_for |= {"load"} if scene.quantity != "delta" else set()
-    asked_for |= {"hardness"} if contact.draws_hardness else set()
-    asked_for |= {"yielded_percent"} if contact.hardness_limits is not None else set()
+    if contact.hardness_limits is not None:
+        asked_for |= {"yielded_percent", "hardness" if contact.draws_hardness else ""}
     chosen = [column for column in ALL_COLUMNS if not column.optional or column.name in asked_for]
     names = [column.name for column in chosen]
     if "load" in names:
