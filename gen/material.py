@@ -38,10 +38,7 @@ class Bodies(NamedTuple):
         e_star: float | None,
         hardness: float | None,
     ) -> Self:
-        """Return the bodies of the options, with an E* of 1 MPa without any.
-
-        Raise InputError as `combined_modulus` does, or if a hardness comes without a modulus.
-        """
+        """Return the bodies of the options, with an E* of 1 MPa without any."""
         known = bool(young) or e_star is not None
         if hardness is not None and not magnitude(hardness):
             raise InputError(

@@ -171,10 +171,7 @@ class Against(NamedTuple):
     ] = ""
 
     def body(self, first: Reading) -> "Opposite | None":
-        """Return the second body, if any, read as the first unless it has options of its own.
-
-        Raise InputError if an option of the second body comes without it, or cannot be used.
-        """
+        """Return the second body, if any, read as the first unless it has options of its own."""
         path, text, turned, shift = self
         if path is None:
             given = {"--against-options": text is not None, "--turned": turned, "--shift": shift}
@@ -240,11 +237,7 @@ class LawOutputs(NamedTuple):
     ] = "mm"
 
     def ready(self, stem: Path | None, inputs: Iterable[Path | str]) -> "LawOutputs":
-        """Return the files, those that `--output` names among them, once they can be written.
-
-        Raise InputError as `gen.runtime.files.check_outputs` does, also for the files of a band's
-        sides, and if 4C could not import its file by the name.
-        """
+        """Return the files, those that `--output` names among them, once they can be written."""
         if stem is not None:
             if stem.name in {"", ".."}:
                 raise InputError(

@@ -225,10 +225,7 @@ def propose(
     bodies: Bodies,
     looked: Callable[[], None] = lambda: None,
 ) -> Proposal:
-    """Look at maps twice, raw and prepared, and choose windows and loads.
-
-    Raises InputError if no map can be used.
-    """
+    """Look at maps twice, raw and prepared, and choose windows and loads."""
     looks = survey(paths, reading, looked)
     require_used(looks)
     spacing = common_spacing([look.spacing for look in looks if not look.fault])

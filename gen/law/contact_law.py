@@ -102,10 +102,7 @@ class Law:
 
 
 def by_solver(order: Order) -> Law:
-    """Make a law with the solver; lines about each file go to standard error.
-
-    Raise InputError for input that cannot be used, or a load without a solution.
-    """
+    """Make a law with the solver; lines about each file go to standard error."""
     deltas, pressures = order.loads()
     if deltas is None and pressures is None:
         raise InputError("give --delta or --pressure, the loads of the law")
@@ -217,7 +214,6 @@ def _solved(
 ) -> Solved:
     """Solve every surface; return the loads solved on all, the points, and warnings."""
     loads = _possible(load, loads, surfaces, bodies, lost, derived=derived)
-    names = [*NAMES, *(name for name, (is_asked, _) in FURTHER.items() if is_asked(order))]
     points, faults_of, warned, notes = list[Points](), [], list[str](), list[str]()
     many = len(surfaces) > 1
     with RunProgress(len(surfaces), f"surfaces at given {load}") if many else nullcontext() as told:
@@ -225,7 +221,8 @@ def _solved(
             judged = order.grid_error and not points
             found = list(_contacts(order, surface, bodies, load, loads, judged=judged))
             rows, bars, faults, doubts, pressed = zip(*found, strict=True)
-            values = dict(zip(names, np.array(rows).T, strict=True))
+            names = next(filter(None, rows))
+            values = {name: np.array([row.get(name, np.nan) for row in rows]) for name in names}
             low, high = (
                 {CONTINUUM: np.clip(values[CONTINUUM] + sign * np.array(bars), 0, 100)}
                 if judged  # the band is the error of the grid
@@ -291,67 +288,44 @@ def _possible(
     return loads
 
 
-FURTHER: Mapping[str, tuple[Callable[[Order], object], Callable[..., float]]] = {
-    CONTINUUM: (
-        lambda order: order.grid_error,
-        lambda contact, *_: contact.continuum_area_percent,
-    ),
-    STIFFNESS: (
-        lambda order: order.stiffness or order.conductivities,
-        lambda contact, nominal, *_: contact.interface_stiffness / nominal,
-    ),
-    GAS: (
-        lambda order: order.gas,
-        lambda contact, nominal, order: order.gas.conductance(contact.gap),
-    ),
-    JOINT: (
-        lambda order: order.gas and order.conductivities,
-        lambda contact, nominal, order: (
-            mean_conductivity(*order.conductivities)
-            / contact.problem.modulus
-            / nominal
-            * contact.interface_stiffness
-            + order.gas.conductance(contact.gap)
-        ),
-    ),
-    APERTURES[0]: (lambda order: order.flow, lambda contact, *_: contact.flow(0).aperture),
-    APERTURES[1]: (lambda order: order.flow, lambda contact, *_: contact.flow(1).aperture),
-}
-"""Quantities of a point beside the usual ones: whether an order asks for one, and how it follows
-from a contact, the nominal area [um2] and the order."""
-
-
 def _contacts(
     order: Order, surface: LawSurface, bodies: Bodies, load: Load, loads: Values, *, judged: bool
-) -> Iterator[tuple[list[float], float, str, str, tuple[float, float, int] | None]]:
+) -> Iterator[tuple[dict[str, float], float, str, str, tuple[float, float, int] | None]]:
     """Solve the law of one surface at ascending loads, and yield for each load what is known.
 
-    That are the quantities, NaN where the solver did not converge, the error of the area by the
+    That are the quantities, none where the solver did not converge, the error of the area by the
     grid, NaN where it is not known, why there is no contact, why the error is not known, and what
     `contact_warnings` takes.
     """
-    settings = {"modulus": bodies.e_star, **surface.settings}
-    if bodies.hardness is not None:
-        settings["hardness"] = bodies.hardness
+    settings = {"modulus": bodies.e_star, "hardness": bodies.hardness, **surface.settings}
     compliance = surface.patch_compliance(bodies.e_star)
     nominal = math.prod(surface.spacing) * surface.heights.size
-    further = [of for is_asked, of in FURTHER.values() if is_asked(order)]
     for contact, _, fault in solve_loads(surface, load, loads.tolist(), **settings):
         if contact is None:
-            yield [np.nan] * (len(NAMES) + len(further)), np.nan, fault, "", None
+            yield {}, np.nan, fault, "", None
             continue
         pressure = contact.force / nominal
         gap = max(contact.mean_gap, 0.0)  # below 0 by rounding alone
         closure = max(contact.delta - compliance * pressure, 0.0)
-        row = [contact.delta, contact.area_percent, contact.force, gap, pressure, closure]
+        known = contact.delta, contact.area_percent, contact.force, gap, pressure, closure
+        row = dict(zip(NAMES, known, strict=True))
         try:
-            row += [of(contact, nominal, order) for of in further]
+            if order.grid_error:
+                row[CONTINUUM] = contact.continuum_area_percent
+            if order.stiffness or order.conductivities:
+                row[STIFFNESS] = contact.interface_stiffness / nominal
+            if order.gas:
+                row[GAS] = order.gas.conductance(contact.gap)
+            if order.gas and order.conductivities:
+                spots = mean_conductivity(*order.conductivities) / bodies.e_star / nominal
+                row[JOINT] = spots * contact.interface_stiffness + row[GAS]
+            if order.flow:
+                apertures = contact.flow(0).aperture, contact.flow(1).aperture
+                row |= dict(zip(APERTURES, apertures, strict=True))
         except ArithmeticError as error:
             raise InputError(f"{surface.name}: {error}") from None
-        bar, doubt = np.nan, ""
-        if judged and (grid := contact.grid_error()).resolved:
-            bar = grid.area_percent
-        elif judged:
-            doubt = grid.reason
+        grid = contact.grid_error() if judged else None
+        bar = grid.area_percent if grid and grid.resolved else np.nan
+        doubt = grid.reason if grid and not grid.resolved else ""
         pressed = contact.delta, contact.largest_pressure, contact.contact_nodes
         yield row, bar, "", doubt, pressed

@@ -170,6 +170,7 @@ class Curves:
     outside: Values  # share of the surfaces outside the surrogate's training, (k,)
     reasons: tuple[str, ...]  # why there is no band, or what lies outside the training; else ""
     rest: Mapping[str, float]  # where the curves begin, at first touch; those left out at 0
+    flagged: NDArray[np.bool_]  # where most surfaces are outside a surrogate's training, (k,)
 
     @property
     def banded(self) -> bool:
@@ -177,11 +178,6 @@ class Curves:
         return any(
             bool(curve.banded.any()) for name, curve in self.curves.items() if name != CONTINUUM
         )
-
-    @property
-    def flagged(self) -> NDArray[np.bool_]:
-        """True where most surfaces are outside a surrogate's training, (k,)."""
-        return self.outside > MOST
 
     def chosen(self, places: NDArray[np.bool_]) -> Curves:
         """Return the table at some of its arguments, with the slopes through what is left."""
@@ -191,14 +187,15 @@ class Curves:
             slope = slopes(at, value, self.rest.get(name, 0.0))
             curves[name] = Curve(value, low, high, slope)
         reasons = tuple(np.array(self.reasons, dtype=object)[places])
-        outside = self.outside[places]
-        return replace(self, at=at, curves=curves, outside=outside, reasons=reasons)
+        outside, flagged = self.outside[places], self.flagged[places]
+        return replace(
+            self, at=at, curves=curves, outside=outside, reasons=reasons, flagged=flagged
+        )
 
     def below_full_contact(self, bodies: Bodies) -> tuple[Curves, list[str]]:
         """Return the table up to full contact, where nothing is left of an interface, and a line.
 
         Full contact is where every node touches, or where the stiffness of one surface is infinite.
-        Raise InputError, with E*, if nothing is left of the table.
         """
         full = self.curves["area_percent"].value >= 100
         if STIFFNESS in self.curves:
@@ -274,7 +271,7 @@ def tabulated(
         if name == "closure_um" or KNOWN[name].infinite:
             value, slope = (np.where(outside > MOST, np.nan, each) for each in (value, slope))
         curves[name] = Curve(value, low, high, slope)
-    return Curves(against, at, curves, outside, tuple(reasons), rest)
+    return Curves(against, at, curves, outside, tuple(reasons), rest, outside > MOST)
 
 
 def monotone(points: Points) -> tuple[Points, Points]:

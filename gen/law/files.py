@@ -32,10 +32,7 @@ FORMAT_VERSION = 1  # raised whenever a reader of the last version would misread
 
 
 def write_files(law: Law, files: LawOutputs, figure: Any) -> Iterator[Path]:
-    """Write a law to the files asked for, and yield each file once it is written.
-
-    Raise InputError if a file cannot be written, or the law cannot be told in its format.
-    """
+    """Write a law to the files asked for, and yield each file once it is written."""
     asked = {name: path for name, path in files._asdict().items() if isinstance(path, Path)}
     if asked.keys() - {"table", "json"}:
         finite_elements.rising(law)  # refused before any file is written

@@ -283,10 +283,7 @@ PER_LINE = 5  # numbers in a line of the C header
 
 
 def write_header(path: Path, law: Law) -> list[Path]:
-    """Write a law as a C header, without the points outside a surrogate's training.
-
-    Raise InputError if it cannot be written, or everything is outside the training.
-    """
+    """Write a law as a C header, without the points outside a surrogate's training."""
     if law.over_delta.flagged.any() or law.over_pressure.flagged.any():
         inside = [each.chosen(~each.flagged) for each in (law.over_delta, law.over_pressure)]
         law = replace(law, over_delta=inside[0], over_pressure=inside[1])

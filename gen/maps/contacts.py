@@ -69,10 +69,7 @@ def require_conductivities(given: Sequence[float]) -> tuple[float, float]:
 
 
 def answers(contact: Contact, wanted: Wanted) -> list[Answer]:
-    """Return what is known of a solved contact, and compute the answers that are asked for.
-
-    Raises InputError if the linear solve for the stiffness or the flow does not converge.
-    """
+    """Return what is known of a solved contact, and compute the answers that are asked for."""
     problem, (nx, ny) = contact.problem, contact.pressure.shape
     yielding: list[Answer] = []
     if problem.hardness is not None:

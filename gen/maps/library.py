@@ -148,11 +148,7 @@ class Library:
 def prepared(
     paths: Sequence[Path], sha256s: Sequence[str], wanted: Wanted, folder: Path | None
 ) -> Library:
-    """Return the prepared maps of files; prepare them unless a file beside the database has them.
-
-    Raises InputError if a file cannot be read or prepared, a map is smaller than the window, or
-    spacings differ.
-    """
+    """Return the prepared maps of files; prepare them unless a file has them already."""
     library = opened(sha256s, wanted, folder, verify=True)
     if library is None:
         home = folder if folder and _is_writable(folder) else _temporary_folder(make=True)
