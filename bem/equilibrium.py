@@ -175,7 +175,8 @@ def equilibrium_of(problem: Problem, near: Start | None = None) -> Equilibrium |
     found = _on_few_nodes(problem, give) if problem.boundary == "free" else None
     if found is None:
         at = _under_load if problem.delta is None else _at_displacement
-        found = at(problem, _on_coarser_grid(problem) if near is None else near, give)
+        nested = near is None and min(problem.heights.shape) >= NESTED
+        found = at(problem, _on_coarser_grid(problem) if nested else near, give)
     if found.presumably_elastic and (problem.delta is None or _has_elastic(problem)):
         found = _elastic_after_all(problem, found, near)
     if compliant and problem.delta is None:
@@ -406,7 +407,7 @@ def _result(
     exact = solve.below + solve.shift
     exact -= solve.displacement
     violation = max(solve.violation(exact)) / unit
-    give = solve.patch.give
+    give, yielded = solve.patch.give, solve.pressure >= solve.hardness
     given_way = give * float(solve.pressure.sum()) if give else 0.0
     return Equilibrium(
         pressure=touching.unfolded(solve.pressure),
@@ -418,7 +419,8 @@ def _result(
         converged=violation <= problem.rtol,
         stalled=solve.stalled,
         displacement=touching.unfolded(solve.displacement.copy(), np.nan),
-        presumably_elastic=solve.yields and solve.depth() <= solve.tolerance,
+        presumably_elastic=solve.yields
+        and not float((solve.residual * yielded).max()) > solve.tolerance,
     )
 
 
@@ -539,8 +541,7 @@ def _full_contact(problem: Problem, pressure: Field, length: float) -> Equilibri
 def _on_coarser_grid(problem: Problem) -> Start | None:
     """Solve loosely on a grid with twice the spacing; None where that gains nothing."""
     rows, columns = problem.heights.shape
-    fewest = min(rows, columns)
-    if fewest < NESTED or (fewest < NESTED_FAINT and _is_faint(problem)):
+    if min(rows, columns) < NESTED_FAINT and _is_faint(problem):
         return None
     compliant = problem.far_field == "compliant"
     free = problem.boundary == "free"

@@ -180,10 +180,6 @@ class Iterate:
         work = inner(self.pressure, self.below) + self.shift * float(self.pressure.sum())
         return not (work > 0 and max(self.violation()) <= farthest)
 
-    def depth(self) -> float:
-        """Return the largest penetration of a node at the hardness: how deep it has yielded."""
-        return max(float((self.residual * (self.pressure >= self.hardness)).max()), 0.0)
-
     def touching(self) -> Mask:
         """Return the nodes that are under pressure or would penetrate."""
         touching: Mask = (self.pressure > 0) | (self.residual > 0)

@@ -213,11 +213,21 @@ def pose(
     surface = checked_heights(heights)
     boundary = checked("boundary", boundary)
     cells = _checked_spacing(surface.shape, side, spacing, boundary)
-    delta, force = _checked_load(surface.size * cells[0] * cells[1], delta, force, pressure)
+    loads: dict[str, Any] = {"delta": delta, "force": force, "pressure": pressure}
+    given = {name: load for name, load in loads.items() if load is not None}
+    if len(given) != 1:
+        raise ValueError(
+            f"{' and '.join(given) or 'no load'} given: give one of delta [um], force [uN] and"
+            " pressure [MPa]"
+        )
+    [(name, load)] = given.items()
+    load = checked(name, load)
+    if name == "pressure" and load:
+        load = max(surface.size * cells[0] * cells[1] * load, math.ulp(0.0))
     problem = Problem(
         heights=surface,
-        delta=delta,
-        force=force,
+        delta=load if name == "delta" else None,
+        force=None if name == "delta" else load,
         spacing=cells,
         modulus=checked("modulus", modulus) / (1 - checked("poisson", poisson) ** 2),
         kernel=checked("kernel", kernel),
@@ -309,25 +319,6 @@ def checked_start(near: ArrayLike, problem: Problem) -> Field:
             " negative"
         )
     return start
-
-
-def _checked_load(
-    patch: float, delta: Any, force: Any, pressure: Any
-) -> tuple[float | None, float | None]:
-    """Return (delta, None) or (None, force); a mean pressure on the patch becomes a force."""
-    loads = {"delta": delta, "force": force, "pressure": pressure}
-    given = [name for name, load in loads.items() if load is not None]
-    if len(given) != 1:
-        raise ValueError(
-            f"{' and '.join(given) or 'no load'} given: give one of delta [um], force [uN] and"
-            " pressure [MPa]"
-        )
-    load = checked(given[0], loads[given[0]])
-    if delta is not None:
-        return load, None
-    if pressure is not None:
-        load = max(patch * load, math.ulp(0.0)) if load else 0.0
-    return None, load
 
 
 def _check_range(problem: Problem) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations  # short signatures in help()
 import math
 from collections.abc import Iterable, Iterator
 from copy import deepcopy
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -333,24 +333,20 @@ def ladder(
     side, settings = deepcopy((side, settings))  # arrays that the caller may fill anew
     if threads is not None:
         threads = checked("threads", threads)
-    return _Ladder(checked_heights(heights), side, name, loads, threads, settings)
+    return _Ladder(checked_heights(heights), side, name, iter(loads), threads, settings)
 
 
+@dataclass
 class _Ladder(Iterator[Contact]):
     """The contacts of `ladder`. Unlike a generator, it goes on after a load that failed."""
 
-    def __init__(
-        self,
-        heights: Field,
-        side: float | tuple[float, float],
-        name: str,
-        loads: Iterable[float],
-        threads: int | None,
-        settings: dict[str, Any],
-    ) -> None:
-        self._heights, self._side, self._settings = heights, side, settings
-        self._name, self._loads, self._threads = name, iter(loads), threads
-        self._last: list[Rung] = []
+    _heights: Field
+    _side: float | tuple[float, float]
+    _name: str
+    _loads: Iterator[float]
+    _threads: int | None
+    _settings: dict[str, Any]
+    _last: list[Rung] = field(default_factory=list)
 
     def __next__(self) -> Contact:
         """Solve for the next load."""
@@ -377,26 +373,26 @@ def _extrapolated(last: list[Rung], load: float, spacing: float) -> Start | None
     """
     if len(last) < 2:
         return None
-    weights = [
-        equilibrium.length
-        * math.prod((load - other) / (mine - other) for other, _ in last if other != mine)
+    weighted = [
+        (
+            math.prod((load - other) / (mine - other) for other, _ in last if other != mine),
+            equilibrium,
+        )
         for mine, equilibrium in last
     ]
-    pressures = [equilibrium.pressure for _, equilibrium in last]
+    nothing = np.zeros_like(last[0][1].pressure)
     with np.errstate(over="ignore", invalid="ignore"):
-        pressure = _combined([weight / spacing for weight in weights], pressures)
+        pressure = sum(
+            (each.length * weight / spacing * each.pressure for weight, each in weighted), nothing
+        )
         if not np.isfinite(pressure).all():
             nearest = last[-1][1]
             return Start(nearest.pressure * (nearest.length / spacing))
-        if pressure.min() < 0:
+        if pressure.min() < 0 or any(each.displacement is None for _, each in last):
             return Start(np.maximum(pressure, 0))
-        known = [field for _, each in last if (field := each.displacement) is not None]
-        return Start(pressure, _combined(weights, known) if len(known) == len(last) else None)
-
-
-def _combined(weights: list[float], fields: list[Field]) -> Field:
-    """Return a sum of fields by their weights."""
-    total = np.zeros_like(fields[0])
-    for weight, field in zip(weights, fields, strict=True):
-        total += weight * field
-    return total
+        moved = (
+            each.length * weight * displacement
+            for weight, each in weighted
+            if (displacement := each.displacement) is not None
+        )
+        return Start(pressure, sum(moved, nothing))
