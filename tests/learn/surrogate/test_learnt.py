@@ -56,18 +56,17 @@ def written(path, card, models, number=FORMAT):
 
 
 SETTINGS = [
-    ("random-forest", {"n_estimators": 5}),
-    ("xgboost", {"n_estimators": 20, "max_depth": 12, "gamma": 1.0}),
-    ("gradient-boost", {"n_estimators": 5}),
-    ("gaussian-process", {"alpha": 1e-5}),
-    ("mlp", {"solver": "adam", "max_iter": 5}),
-    ("mlp", {"solver": "sgd", "learning_rate": "adaptive", "max_iter": 5}),
-    ("svm", {"kernel": "poly", "degree": 2}),
+    ("random-forest", {"n_estimators": 5}, "l2"),
+    ("xgboost", {"n_estimators": 20, "max_depth": 12, "gamma": 1.0}, "min-max"),
+    ("gradient-boost", {"n_estimators": 5}, "none"),
+    ("gaussian-process", {"alpha": 1e-5}, "l2"),
+    ("mlp", {"solver": "adam", "max_iter": 5}, "min-max"),
+    ("mlp", {"solver": "sgd", "learning_rate": "adaptive", "max_iter": 5}, "none"),
+    ("svm", {"kernel": "poly", "degree": 2}, "l2"),
 ]
 
 
-@pytest.mark.parametrize("normalisation", ["l2", "min-max", "none"])
-@pytest.mark.parametrize(("model", "settings"), SETTINGS)
+@pytest.mark.parametrize(("model", "settings", "normalisation"), SETTINGS)
 def test_settings_of_searches_are_kept(ridge, tmp_path, model, settings, normalisation):
     """Of all solvers, kernels and scalings that `learn tune` may find."""
     random = np.random.default_rng(0)
