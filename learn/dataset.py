@@ -22,7 +22,6 @@ from learn.executor import Executor
 from learn.features import FeatureSet, chosen
 from learn.features.scene import BY_FORCE, SCENE, given_values, load_of
 from learn.features.sets import Rows, limits_of, modulus
-from learn.metrics import usual_size
 from learn.split import MAP, TILE, Population, populations_of, related
 
 INPUTS: tuple[str, ...] = ("delta", *(column.name for column in TABLE_1))
@@ -387,7 +386,8 @@ def remarks(dataset: Dataset, normalisation: str) -> list[str]:
     whole = np.unique(np.column_stack([dataset.inputs, dataset.target]), axis=0)
     if len(whole) < dataset.size:
         lines.append(f"warning: {dataset.size - len(whole)} rows repeat others exactly")
-    largest, usual = np.abs(dataset.target).max(), usual_size(dataset.target)
+    magnitudes = np.abs(dataset.target)
+    largest, usual = magnitudes.max(), np.median(magnitudes[magnitudes > 0])
     if largest > DOMINANT * usual:
         lines.append(
             f"warning: the largest {dataset.target_name} is {largest:.1e}, the median {usual:.1e}:"

@@ -42,12 +42,6 @@ def magnitude(truth: ArrayLike) -> float:
     return float(np.abs(np.asarray(truth, dtype=float)).mean())
 
 
-def usual_size(target: ArrayLike) -> float:
-    """Return the median of the magnitudes that are not 0, which outliers do not move; 0 if none."""
-    sizes = np.abs(np.asarray(target, dtype=float))
-    return float(np.median(sizes[sizes > 0])) if sizes.any() else 0.0
-
-
 def no_better(r2: float) -> str:
     """Say that predictions are no better than a constant, with their R2 [%]; "" if they are."""
     return "" if r2 > 0 else f"R2 {r2:.2f} % on the test rows: no better than a constant"

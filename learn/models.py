@@ -25,7 +25,6 @@ from gen.runtime.installation import versions as installed
 from gen.runtime.memory import MIB, allowed, free
 from learn.features.scene import SCENE
 from learn.features.sets import Scaling
-from learn.metrics import usual_size
 
 if TYPE_CHECKING:
     from learn.dataset import Dataset
@@ -248,7 +247,8 @@ def scaling_of(dataset: Dataset, train: Indices, *, standard: bool = False) -> S
     if not (standard or dataset.features.scaled):
         mean, deviation = float(target.mean()), float(target.std())
         mean = mean if abs(mean) > FAR * deviation else 0.0
-        size = usual_size(target - mean)
+        magnitudes = np.abs(target - mean)  # outliers do not move the median of those above 0
+        size = float(np.median(magnitudes[magnitudes > 0])) if magnitudes.any() else 0.0
         if size == 0 or USUAL[0] <= size <= USUAL[1]:
             return Scaling(mean)
         return Scaling(mean, 2.0 ** (math.frexp(size)[1] - SIZE))

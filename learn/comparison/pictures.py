@@ -9,7 +9,7 @@ import numpy as np
 
 from gen.runtime.figure import draw_parity, new_figure, parity_axes, save
 from learn.comparison.folder import Folder
-from learn.comparison.tables import OUR_AREA, SCORES, Row, Tables, nmse_note
+from learn.comparison.tables import OUR_AREA, SCORES, Row, Tables, names, nmse_note
 from learn.metrics import LEVEL
 from learn.models import EVERY, MODELS
 
@@ -46,7 +46,7 @@ def draw(tables: Tables) -> list[Path]:
     timed = [row for row in tables.times if (row["model"], row["result"]) in places]
     figures = {
         "parity.png": _parity(folder, places, quantity),
-        "scores.png": _bars(shown, [_score(name) for name in tables.names]),
+        "scores.png": _bars(shown, [_score(name) for name in names(tables.target)]),
         "times.png": _bars(timed, TIMES),
     }
     figures["scores.png"].axes[0].set_title(_said(tables, shown), fontsize=8, loc="left")

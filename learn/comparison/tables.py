@@ -74,11 +74,6 @@ class Tables:
         """How the intervals were made, in words."""
         return f"{BOOTSTRAP:,} resamples of {self.drawn}; nMaxE has none"
 
-    @property
-    def names(self) -> list[str]:
-        """The scores that the target has."""
-        return names(self.target)
-
 
 def names(target: str) -> list[str]:
     """Return the scores that are free of units for a target's column: nMSE is for areas only."""
@@ -258,7 +253,7 @@ def no_better_than_constant(folder: Folder) -> Iterator[tuple[str, str, str]]:
 def _score_table(tables: Tables) -> Table:
     """Return a table like Table 4, with the paper's numbers in brackets, intervals below."""
     title = "Scores on the test rows [%] with their intervals, times [s]; the paper's in brackets"
-    numbers = (*(SCORES[name] for name in tables.names), "fit", "test set", "one row")
+    numbers = (*(SCORES[name] for name in names(tables.target)), "fit", "test set", "one row")
     table = new_table(title, ("Model", ""), numbers)
     times = {(row["model"], row["result"]): row for row in tables.times}
     for row in tables.scores:
@@ -269,7 +264,7 @@ def _score_table(tables: Tables) -> Table:
             table.add_row(*cells, "failed")
             continue
         theirs = row.get("paper_r2", "") != ""
-        for name in tables.names:
+        for name in names(tables.target):
             published = f" ({row[f'paper_{name}']:.2f})" if theirs else ""
             ends = row.get(f"{name}_low", ""), row.get(f"{name}_high", "")
             below = "" if "" in ends else "\n{:.2f} to {:.2f}".format(*ends)
