@@ -35,7 +35,7 @@ MOST = {
     "scene": Counts(29, 196, 18),  # a scene to the rows of a database
     "fit": Counts(28, 135, 15),  # a database to a surrogate
     "predict": Counts(18, 72, 9),  # a surrogate and a map to a prediction
-    "law": Counts(36, 232, 19),  # a map to its contact law
+    "law": Counts(32, 209, 18),  # a map to its contact law
 }
 """Most of each that a walk may pass."""
 
