@@ -136,7 +136,7 @@ def accuracy_of_mean(learnt: Learnt, rows: Dataset) -> Accuracy:
     It is the distance of the mean from other functions that the process might be as well.
     """
     model, scaled = learnt.pipeline[-1], learnt.pipeline[:-1].transform(rows.inputs)
-    wrong = np.abs(model.drawn_errors(scaled, FUNCTIONS)).mean(axis=0)
+    wrong = np.abs(model.drawn_errors(scaled, FUNCTIONS)).mean(axis=0) * learnt.scaling.deviation
     errors = 100 * wrong / np.abs(learnt.raw(rows.inputs)).mean()
     return Accuracy(float(errors.mean()), float(errors.std()), FUNCTIONS)
 
