@@ -174,7 +174,7 @@ def _verdict(contact: Contact, there: float, order: float) -> tuple[bool, str]:
     """Return whether the bars hold, and why, from the area on the coarser grid."""
     here = area_within(contact)
     if here == 0 < contact.force:
-        return False, "the contact is smaller than a cell of the grid"
+        return False, "no spot of contact is as large as a cell of the grid"
     change = there / here - 1 if here else float(there > 0)
     share, more = float(f"{100 * abs(change):.2g}"), "more" if change > 0 else "less"
     # Below this share it is rounding.

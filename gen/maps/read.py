@@ -163,6 +163,7 @@ def _agreed_sides(
     """Return the lengths of the patch [um], from the file or the user."""
     side, asked, nodes, own_scale = reading.side, reading.asked, scan.heights.shape, ""
     lengths = [nodes[axis] - (boundary == "free") for axis in (0, 1)]  # in spacings
+    between = ""
     if scan.widths is not None:
         length_unit = scan.length_unit or unit or "um"
         own_scale = f"lengths in {length_unit}"
@@ -173,13 +174,16 @@ def _agreed_sides(
             factor = factor_of(length_unit, f"{path}: unit of lengths", advice)
             x, y = (w * n / of for w, n, of in zip(scan.widths, lengths, nodes, strict=True))
             own = x * factor, y * factor
-            if not side or np.allclose(sides_from(side, asked), own, rtol=1e-3):
+            whole = tuple(width * factor for width in scan.widths)
+            known = [own] if reading.override_scale else [own, whole]
+            if not side or any(np.allclose(sides_from(side, asked), each, 1e-3) for each in known):
                 return own
             own_scale = f"{own[0]:.6g} x {own[1]:.6g} um"
+            between = " between its outer nodes" if boundary == "free" else ""
         if not reading.override_scale:
             raise InputError(
-                f"{path}: is {own_scale}, {said('side', asked)} says {side}; leave that out, or"
-                f" overrule the file by {said('override_scale', asked)}"
+                f"{path}: is {own_scale}{between}, {said('side', asked)} says {side}; leave that"
+                f" out, or overrule the file by {said('override_scale', asked)}"
             )
     if not side:
         hint = "".join(f" (it says {remark!r})" for remark in scan.remarks[:1])

@@ -136,7 +136,7 @@ def test_a_contact_smaller_than_a_cell_is_not_resolved():
     assert contact.contact_nodes == 1
     assert contact.continuum_area_percent == 0
     assert not contact.grid_error().resolved
-    assert "smaller than a cell" in contact.grid_error().reason
+    assert "as large as a cell" in contact.grid_error().reason
 
 
 def test_no_contact_full_contact_and_few_nodes_have_answers():

@@ -51,6 +51,16 @@ def test_headers_state_lengths_and_units(tmp_path, header, um):
     same(read(written(tmp_path, header + NUMBERS)), um)
 
 
+def test_lengths_of_the_header_may_be_given_again(tmp_path):
+    """The pixels are 10 um x 6 um, their centres 7.5 um x 4 um apart."""
+    path = written(tmp_path, GWYDDION + NUMBERS)
+    for side in ("10,6", "7.5,4"):
+        assert read(path, side).sides == pytest.approx((7.5, 4))
+    assert read(path, "10,6", override_scale=True).sides == (10, 6)
+    with pytest.raises(InputError, match=r"7.5 x 4 um between its outer nodes, --side says 10,7"):
+        read(path, "10,7")
+
+
 def test_concatenated_exports_are_channels(tmp_path):
     other = GWYDDION.replace("Topo", "Phase").replace(": m", ": deg")
     zoom = GWYDDION.replace("Topo", "Zoom")
