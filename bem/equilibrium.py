@@ -8,7 +8,6 @@ from a loose solution on a coarser grid, or from a first guess.
 
 import math
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -16,10 +15,11 @@ import numpy as np
 from bem.active_set import ActiveSet
 from bem.arrays import Field
 from bem.dense import MOST_SETS, ContactFactor
-from bem.influence import InfluenceMatrix, Kernel
+from bem.far_field import critical_delta, give_of
+from bem.influence import InfluenceMatrix
 from bem.iterate import Effort, cut_to_load
 from bem.operators.patch import Patch
-from bem.problem import NoSolution, Overlap, Problem, overlap
+from bem.problem import Overlap, Problem, overlap
 from bem.threads import on_one_blas_thread
 
 # Largest number of nodes that may touch for which dense algebra alone is faster than convolutions
@@ -65,9 +65,6 @@ NEARLY_FULL, CONSTANTS, LEAST_GAP = 0.9, 4, 1e-6
 
 # Largest residual [Delta] of a start that is better than none.
 FARTHEST = 10.0
-
-# Tolerance of a flat punch, close to rounding because every compliant solve uses it.
-FLAT_PUNCH_RTOL, FLAT_PUNCH_ITERATIONS = 1e-13, 10_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,26 +130,6 @@ class Start(NamedTuple):
     reach: float | None = None
 
 
-class BeyondCriticalDelta(NoSolution):
-    """A compliant far field at or beyond Delta*, where the force has no bound.
-
-    Attributes
-    ----------
-    delta : float
-        The far-field displacement asked for [um].
-    critical_delta : float
-        Delta* of the surface [um].
-    """
-
-    def __init__(self, delta: float, critical: float) -> None:
-        self.delta = delta
-        self.critical_delta = critical
-        super().__init__(
-            f"delta = {delta:g} um has no equilibrium on a compliant far field: on this surface"
-            f" it must stay below Delta* = {critical:.10g} um"
-        )
-
-
 def equilibrium_of(problem: Problem, near: Start | None = None) -> Equilibrium | None:
     """Solve a checked problem.
 
@@ -171,7 +148,7 @@ def equilibrium_of(problem: Problem, near: Start | None = None) -> Equilibrium |
     if not (problem.force if problem.delta is None else problem.delta > 0):
         return None
     compliant = problem.far_field == "compliant"
-    give = _give(problem) if compliant else 0.0
+    give = give_of(problem) if compliant else 0.0
     found = _on_few_nodes(problem, give) if problem.boundary == "free" else None
     if found is None:
         at = _under_load if problem.delta is None else _at_displacement
@@ -200,21 +177,6 @@ def _elastic_after_all(problem: Problem, found: Equilibrium, near: Start | None)
     if elastic.converged and not largest > problem.reduced_hardness(elastic.length):
         return replace(elastic, effort=effort)
     return replace(found, effort=effort)
-
-
-def _give(problem: Problem) -> float:
-    """Return how far a compliant far field gives way under a unit reduced load [1].
-
-    Raises
-    ------
-    BeyondCriticalDelta
-        If a displacement is given that it has no equilibrium at.
-    """
-    if problem.delta is not None:
-        critical = critical_delta(problem.heights, problem.kernel, problem.aspect)
-        if problem.delta >= critical:
-            raise BeyondCriticalDelta(problem.delta, critical)
-    return 1 / float(flat_punch(problem.heights.shape, problem.kernel, problem.aspect).sum())
 
 
 def _reduced_load(problem: Problem) -> float:
@@ -593,65 +555,3 @@ def _between(values: Field, axis: int, nodes: int) -> Field:
     filled[1 : 2 * inner : 2] += here[1 : inner + 1]
     filled[1 : 2 * inner : 2] /= 2
     return np.moveaxis(filled, 0, axis)
-
-
-# The compliant far field
-
-
-@lru_cache(maxsize=8)
-def flat_punch(shape: tuple[int, int], kernel: Kernel, aspect: float = 1.0) -> Field:
-    """Compute the pressure that displaces every node of a free patch by one.
-
-    As in MIRCO, a compliant far field gives way by F / K under the force F, where K is the
-    stiffness of a flat punch that fills the patch.
-
-    Parameters
-    ----------
-    shape : tuple of int
-        Nodes (nx, ny) of the patch.
-    kernel : str
-        Influence coefficients, see `bem.influence.influence_coefficients`.
-    aspect : float
-        Second side of a cell over its first [1].
-
-    Returns
-    -------
-    ndarray, shape (nx, ny)
-        Pressure, read-only [E* / first side of a cell].
-
-    Raises
-    ------
-    ArithmeticError
-        If the iteration does not reach `FLAT_PUNCH_RTOL`.
-    """
-    patch = Patch(shape, "free", kernel, aspect)
-    solve = ActiveSet(
-        patch, np.zeros(shape), shift=1.0, rtol=FLAT_PUNCH_RTOL, most=FLAT_PUNCH_ITERATIONS
-    )
-    if not solve.run():
-        raise ArithmeticError(
-            f"flat punch on {shape[0]} x {shape[1]} nodes, kernel {kernel}: residual"
-            f" {max(solve.violation()):.1e} after {solve.iterations} iterations"
-        )
-    pressure = solve.pressure
-    pressure.setflags(write=False)
-    return pressure
-
-
-def critical_delta(heights: Field, kernel: Kernel, aspect: float = 1.0) -> float:
-    """Compute Delta*, at which the force on a compliant far field grows without bound [um].
-
-    The flat punch's pressure is the null vector of H - 1 1^T / K. The gap is not negative, so that
-    its product with that pressure bounds Delta by the pressure-weighted mean of z_max - z.
-
-    Parameters
-    ----------
-    heights : ndarray, shape (nx, ny)
-        Heights of the surface [um].
-    kernel : str
-        Influence coefficients, see `bem.influence.influence_coefficients`.
-    aspect : float
-        Second side of a cell over its first [1].
-    """
-    pressure = flat_punch(heights.shape, kernel, aspect)
-    return float((pressure * (heights.max() - heights)).sum() / pressure.sum())

@@ -44,7 +44,6 @@ ALONE = {"bench.references", "gen.runtime"}
 TESTED_TOGETHER = {
     "tests/asperity/test_strangers_files.py": "code that files name, in every command",
     "tests/bem/test_edgeless.py": "a property of all solves: patches without edges",
-    "tests/bem/test_far_field.py": "a property of all solves: compliant far fields",
     "tests/bem/test_indenters.py": "a property of all solves: pressed indenters",
     "tests/bem/test_properties.py": "a property of all solves: monotony, symmetry, scaling ...",
     "tests/bem/test_yielding.py": "a property of all solves: bodies that yield",

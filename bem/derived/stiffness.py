@@ -12,7 +12,7 @@ import numpy as np
 
 from bem.active_set import ActiveSet
 from bem.arrays import Nodes, Values
-from bem.equilibrium import flat_punch
+from bem.far_field import flat_punch
 from bem.influence import Kernel
 from bem.iterate import Effort
 from bem.operators.patch import Patch

@@ -10,7 +10,7 @@ import numpy as np
 
 import bem
 from bem.analytic import Cone, FlatPunch, Indenter, Paraboloid
-from bem.equilibrium import BeyondCriticalDelta
+from bem.far_field import BeyondCriticalDelta
 from bem.influence import KERNELS, Kernel
 from bench.references import dense
 from bench.references.half_space import Field, critical_delta, influence_coefficients

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import pytest
 
 from bem import equilibrium
-from bem.equilibrium import flat_punch
+from bem.far_field import flat_punch
 from bem.operators import patch as patches
 
 NONE = ((0.0, 1.0),)

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import bem
-from bem.equilibrium import critical_delta, flat_punch
+from bem.far_field import critical_delta, flat_punch
 from bem.influence import Kernel
 from bench.references import dense
 from tests.bem.waves import random_walk

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import bem
 from bem.active_set import ActiveSet
-from bem.equilibrium import critical_delta
+from bem.far_field import critical_delta
 from bem.influence import Kernel
 from bem.operators.patch import Patch
 from bem.problem import FarField

@@ -185,7 +185,8 @@ def test_a_nested_start_changes_no_answer(name, kernel, shape, monkeypatch):
     delta = 0.6 * float(heights.max() - heights.min())
     settings = {"spacing": 1.0, "kernel": kernel, "rtol": 1e-9}
     plain = bem.solve(heights, 1000.0, delta, **settings)  # type: ignore[arg-type]
-    monkeypatch.setattr(equilibrium, "NESTED", 9)
+    for least in ("NESTED", "NESTED_FAINT"):
+        monkeypatch.setattr(f"bem.equilibrium.{least}", 9)
     nested = bem.solve(heights, 1000.0, delta, **settings)  # type: ignore[arg-type]
     assert nested.residual <= 1e-9
     assert nested.force == pytest.approx(plain.force, rel=1e-7)
@@ -195,7 +196,8 @@ def test_a_nested_start_changes_no_answer(name, kernel, shape, monkeypatch):
 
 def test_a_grid_that_starts_from_coarser_ones_keeps_its_own_filters(monkeypatch):
     """They take longest to make, and a second load needs them again."""
-    monkeypatch.setattr(equilibrium, "NESTED", 20)
+    for least in ("NESTED", "NESTED_FAINT"):
+        monkeypatch.setattr(f"bem.equilibrium.{least}", 20)
     monkeypatch.setattr(equilibrium, "FEW_NODES", 0)
     monkeypatch.setattr(filters, "KEPT_BYTES", 0)
     monkeypatch.setattr(filters, "KEPT_LARGEST", 0)
@@ -215,7 +217,8 @@ def test_a_peak_between_the_coarser_nodes_starts_from_nothing(monkeypatch):
     heights[20:23, 20:23] = 1.0
     heights[21, 21] = 3.0  # odd in both directions: every second node misses it
     heights -= np.random.default_rng(0).random(heights.shape) / 10
-    monkeypatch.setattr(equilibrium, "NESTED", 3)
+    for least in ("NESTED", "NESTED_FAINT"):
+        monkeypatch.setattr(f"bem.equilibrium.{least}", 3)
     monkeypatch.setattr(equilibrium, "FEW_NODES", 0)
     contact = bem.solve(heights, 40.0, 1.5)
     assert contact.contact_nodes == 1
