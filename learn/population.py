@@ -81,6 +81,9 @@ KEPT = 0.99
 DOUBT = 0.5
 """Deviation of the logarithm of the square of errors of means, over what the process says."""
 
+LEAST_LARGER = 1.15
+"""Least factor of errors of means over what the process says, which takes its lengths for known."""
+
 LEAST_SHARE = 1e-3
 """Least share of an error in a direction that tells of its size."""
 
@@ -300,7 +303,7 @@ class Whitened:
 
 
 def _larger(seen: Values, unit: Values, penalty: Values, half: NDArray[np.bool_]) -> float:
-    """Return how much larger errors of the mean are than the process says, 1 at least.
+    """Return how much larger errors of the mean are than the process says, `LEAST_LARGER` or more.
 
     Each half of the surfaces tells what the mean of the other one is worth: by the scores of
     directions in which the means may err, whose variance is 1 and the `shares` of these errors.
@@ -321,7 +324,8 @@ def _larger(seen: Values, unit: Values, penalty: Values, half: NDArray[np.bool_]
         likely = np.log(variance) + np.concatenate(squares) / variance
         return float(likely.sum() + (logarithm / DOUBT) ** 2) / 2
 
-    return float(np.exp(minimize_scalar(minus, bounds=(0.0, 4.0), method="bounded").x / 2))
+    bounds = 2 * np.log(LEAST_LARGER), 4.0
+    return float(np.exp(minimize_scalar(minus, bounds=bounds, method="bounded").x / 2))
 
 
 def _likely(rows: Whitened, centres: Values) -> Values:
