@@ -188,10 +188,9 @@ class Writer(Reader):
         for start, stop in chunks(end, 1, begin):
             chunk = self._status[start:stop]
             failed = chunk == Status.FAILED
-            if failed.any():
-                retried += int(np.count_nonzero(failed))
-                chunk[failed] = Status.PENDING
-                write_rows(self._status, start, chunk)
+            retried += int(np.count_nonzero(failed))
+            chunk[failed] = Status.PENDING
+            write_rows(self._status, start, chunk)
         self._flush()
         return retried
 

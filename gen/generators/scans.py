@@ -266,9 +266,7 @@ class ScanSurface(GeneratedSurface):
         """Return lines about the maps for the user of a run: numbers, place and warnings."""
         from gen.maps.read import in_words
 
-        bodies = [self.alone()]
-        if isinstance(self.against, tuple):
-            bodies.append(self.opposite())
+        bodies = [self.alone(), *([self.opposite()] if isinstance(self.against, tuple) else [])]
         lines = []
         for number, body in enumerate(bodies, start=1):
             place = f"body {number}: " if len(bodies) > 1 else ""

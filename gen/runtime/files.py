@@ -28,9 +28,7 @@ BEGINNING = 4096  # bytes at the beginning of a file that decide its kind
 TEXT = bytes({7, 8, 9, 10, 12, 13, 27} | set(range(32, 256)))
 """Bytes of texts; the beginnings of nearly all binary files have further ones."""
 
-SURROGATE = b"asperity surrogate\n"
-"""First bytes of a surrogate; before format 3 surrogates were zip archives."""
-
+SURROGATE = b"asperity surrogate\n"  # first bytes of a surrogate
 MAPS = b"asperity prepared maps\n"  # first bytes of a file of prepared maps
 
 SIGNATURES = {
@@ -249,10 +247,7 @@ def kind_of(path: Path) -> str:
         return "picture"
     if start.startswith(b"PK"):
         with suppress(OSError, zipfile.BadZipFile), zipfile.ZipFile(path) as archive:
-            names = archive.namelist()
-            if "schema.json" in names:
-                return "surrogate"
-            if all(name.endswith(".npy") for name in names):
+            if all(name.endswith(".npy") for name in archive.namelist()):
                 return "arrays"
     if start.translate(None, TEXT):
         return "binary"

@@ -266,8 +266,6 @@ class Scene(Table):
             content = tomllib.loads(text)
         except (ValueError, RecursionError) as error:  # whole numbers of over 4,300 digits too
             raise InputError(printable(f"{source}: not TOML: {error}")) from None
-        if not content:
-            raise InputError(printable(f"{source}: is empty; a scene says at least samples = ..."))
         return cls._validated(content, source, folder)
 
     @classmethod
