@@ -184,7 +184,14 @@ COLUMNS: tuple[Column, ...] = (
     REASON,
     Column("surface", "i8", "1", "index of the surface, shared by its samples"),
     Column("load", "f8", "1", _LOAD, optional="a `[load]` other than Delta"),
-    Column("delta", "f8", "um", "far-field displacement Delta", paper_range=(5.0, 45.0)),
+    Column(
+        "delta",
+        "f8",
+        "um",
+        "far-field displacement Delta",
+        paper_range=(5.0, 45.0),
+        bounds=AMOUNT,
+    ),
     Column(
         "hardness",
         "f8",

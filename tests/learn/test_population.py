@@ -83,6 +83,8 @@ def test_a_scene_by_pressure_is_learnt_kept_and_asked(tmp_path):
     new, mean = (surrogate.predict(**asked, mean=each) for each in (False, True))
     assert new.values.keys() == {"area", "delta"}
     assert (np.diff(new.area) > 0).all()
+    near = {"hurst": 0.5, "rms_height": 0.5, "pressure": 0.001}
+    assert (surrogate.predict(**near, level=0.97).low["delta"] >= 0).all(), "it begins at touch"
     of_mean, of_new = (each.high["area"] - each.low["area"] for each in (mean, new))
     assert (of_mean < of_new)[:2].all()  # the third is outside
     assert new.reasons == ("", "", "pressure 0.2 outside 0.001 to 0.1")
