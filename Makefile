@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: quickstart test test-all long docs slurm-test campaign check browser calculix debian parallel test-parallel wheel clean
+.PHONY: quickstart test test-all long docs slurm slurm-test campaign check browser calculix debian parallel test-parallel wheel clean
 
 quickstart: .venv/quickstart-installed
 	$(BIN)/mpiexec -n 3 $(BIN)/python -m mpi4py -m gen run quick -o quick.h5
@@ -29,9 +29,14 @@ docs: .venv/docs-installed
 	OMP_NUM_THREADS=1 $(BIN)/sphinx-build --fail-on-warning --keep-going --fresh-env --write-all --quiet --jobs 2 docs docs/_build/html
 	@echo "made: docs/_build/html/index.html"
 
-# The batch scripts on a Slurm of their own, which is installed where root may do so.
-slurm-test: .venv/test-installed
+# The batch scripts on a Slurm of their own, which is installed where root may do so, without services.
+SLURM := munge slurmctld slurmd slurm-client libpmix2
+slurm-test: .venv/test-installed slurm
 	$(BIN)/python -m pytest tests/slurm
+
+slurm:
+	@dpkg -s $(SLURM) > /dev/null 2>&1 || test "$$(id -u)" != 0 || { apt-get update --quiet && \
+	  DEBIAN_FRONTEND=noninteractive RUNLEVEL=1 apt-get install --quiet --yes --no-install-recommends $(SLURM); }
 
 # The short form of `python -m tests.faults`.
 campaign: .venv/test-installed

@@ -36,10 +36,9 @@ def main(arguments: list[str]) -> dict[str, np.ndarray]:
     scene = Scene.from_text(surrogate.card["scene"])
     drawn = {name: each for name, each in scene.drawn_parameters.items() if is_drawn(each)}
     low, high = surrogate.hardness_limits or (0.0, 0.0)
-    names = [*drawn, *(["hardness"] if low < high else []), "Delta", "chance"]
     of_scene = surrogate.features.name == "scene"
-    if of_scene:
-        names = [*surrogate.features.names]
+    inputs = [*drawn, *(["hardness"] if low < high else []), "Delta", "chance"]
+    names = [*surrogate.features.names] if of_scene else inputs
     problem = {"num_vars": len(names), "names": names, "bounds": [[0.0, 1.0]] * len(names)}
     number = 32 if given.small else given.samples
     target = next(iter(surrogate.learnt))
@@ -62,8 +61,8 @@ def main(arguments: list[str]) -> dict[str, np.ndarray]:
         values |= {name: quantiles(drawn[name], shares[:, names.index(name)]) for name in drawn}
         return surrogate.predict(**values, level=None).values[target]
 
-    inputs = sampling.sample(problem, number, calc_second_order=False, seed=2025)
-    values = answers_of_scene(inputs) if of_scene else np.array([*map(answer, inputs)])
+    points = sampling.sample(problem, number, calc_second_order=False, seed=2025)
+    values = answers_of_scene(points) if of_scene else np.array([*map(answer, points)])
     found = analysis.analyze(problem, values, calc_second_order=False, seed=2025)
     print(f"{len(values)} values of {target}: mean {values.mean():.3g}, std {values.std():.3g}")
     for place, name in enumerate(names):

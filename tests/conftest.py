@@ -56,6 +56,12 @@ def here(tmp_path, monkeypatch):
 
 
 @pytest.fixture
+def path(tmp_path):
+    """A place for a database."""
+    return tmp_path / "some.h5"
+
+
+@pytest.fixture
 def refused(capsys):
     """Run a command line that is refused by code 2, and return the one line that it says."""
 

@@ -61,11 +61,6 @@ def external(file: h5py.File, folder: Path) -> None:
     made(external=[(str(folder / "victim"), 0, 24 * 8)])(file, folder)
 
 
-def linked_group(file: h5py.File, folder: Path) -> None:
-    file.move("runtime", "elsewhere")
-    file["runtime"] = h5py.SoftLink("/elsewhere")
-
-
 def virtual(file: h5py.File, folder: Path) -> None:
     layout = h5py.VirtualLayout(shape=(24,), dtype="f8")
     layout[:] = h5py.VirtualSource(str(folder / "whole.h5"), "delta", shape=(24,))
@@ -76,11 +71,6 @@ def virtual(file: h5py.File, folder: Path) -> None:
 def named_type(file: h5py.File, folder: Path) -> None:
     file["double"] = np.dtype("f8")
     made(dtype=file["double"])(file, folder)
-
-
-def group(file: h5py.File, folder: Path) -> None:
-    del file[COLUMN]
-    file.create_group(COLUMN)
 
 
 def huge(file: h5py.File, folder: Path) -> None:
@@ -125,16 +115,15 @@ CRAFTED: dict[str, tuple[Crafting, str]] = {
         "link",
     ),
     "soft-link": (put(lambda *_: h5py.SoftLink("/delta")), "link"),
-    "linked-group": (linked_group, "link"),
+    "linked-group": (put(lambda *_: h5py.SoftLink("/elsewhere"), "runtime"), "link"),
     "same-dataset": (put(lambda file, _: file["delta"]), "on top of"),
     "virtual": (virtual, "virtual"),
     "chunked": (made(chunks=(8,)), "chunks"),
     "wrong-type": (made(dtype="f4"), "type f8"),
-    "texts": (made(dtype=h5py.string_dtype()), "type f8"),
     "named-type": (named_type, "type f8"),
     "wrong-shape": (made(shape=(25,)), "(24,)"),
     "no-data": (made(shape=None), "(24,)"),
-    "group": (group, COLUMN),
+    "group": (put(lambda file, _: file.create_group("made")), COLUMN),
     "type": (put(lambda *_: np.dtype("f8")), COLUMN),
     "no-group": (put(lambda *_: np.zeros(24), "runtime"), "runtime/"),
     "never-allocated": (made(), "do not fit"),

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Iterable, Sequence
 from functools import cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 TIMEOUT = 600.0
 """Seconds after which a run counts as hanging; every one here takes a few, on a quiet machine."""
@@ -56,15 +56,15 @@ def launch(
     ranks: int, *arguments: object, folder: Path, module: str = "gen"
 ) -> subprocess.CompletedProcess[str]:
     """Run to the end; a run that hangs raises TimeoutExpired."""
-    return subprocess.run(
-        command(ranks, *arguments, module=module),
-        cwd=folder,
-        env=environment(),
-        capture_output=True,
-        text=True,
-        timeout=TIMEOUT,
-        check=False,
-    )
+    return ended(command(ranks, *arguments, module=module), folder, environment())
+
+
+def ended(
+    words: list[str], folder: Path | None, variables: dict[str, str]
+) -> subprocess.CompletedProcess[str]:
+    """Run a command line to its end, in a folder and with an environment."""
+    settings: dict[str, Any] = {"capture_output": True, "text": True, "timeout": TIMEOUT}
+    return subprocess.run(words, cwd=folder, env=variables, check=False, **settings)
 
 
 def begin(
@@ -85,15 +85,7 @@ def python(
     *words: object, folder: Path | None = None, **variables: str
 ) -> subprocess.CompletedProcess[str]:
     """Run this Python to its end, with further variables of the environment."""
-    return subprocess.run(
-        [sys.executable, *map(str, words)],
-        cwd=folder,
-        env=os.environ | variables,
-        capture_output=True,
-        text=True,
-        timeout=TIMEOUT,
-        check=False,
-    )
+    return ended([sys.executable, *map(str, words)], folder, os.environ | variables)
 
 
 SECONDS = 120

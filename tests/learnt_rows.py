@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from learn import dataset
+from learn import cli, dataset
 from learn.dataset import Dataset, Request
 from learn.executor import Executor
 from learn.surrogate import Surrogate, fitting
@@ -13,6 +13,13 @@ def read(path: Path, target: str = "area", **options: Any) -> Dataset:
     """Read a database with further options of a request."""
     (rows,) = dataset.read(Request((path,), targets=(target,), **options))
     return rows
+
+
+def surrogate_of(database: Path, *options: str, name: str = "") -> Path:
+    """Run `learn fit` on a database; return the path of the surrogate beside it."""
+    path = database.with_name(f"{name or database.stem}.surrogate")
+    assert cli.main(["fit", str(database), "-o", str(path), *options]) == 0
+    return path
 
 
 def fitted(

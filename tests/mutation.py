@@ -211,13 +211,8 @@ def mutation(
     return 1 if missed else 0
 
 
-def main(arguments: Sequence[str]) -> int:
-    """Run one command line; return its exit code."""
-    return command_line.main(app, arguments, "mutation", alone=True)
-
-
 if __name__ == "__main__":
     command_line.start(default_sigint=False)
-    code = main(sys.argv[1:])
+    code = command_line.main(app, sys.argv[1:], "mutation", alone=True)
     farm.leave()
     sys.exit(code)

@@ -38,8 +38,6 @@ ONE_HOME = {
     "skops": {"learn/surrogate/learnt.py"},
     "joblib": {"learn/executor.py"},
 }
-ALONE = {"bench.references", "gen.runtime"}
-"""Rooms that import nothing else of their package."""
 
 TESTED_TOGETHER = {
     "tests/asperity/test_strangers_files.py": "code that files name, in every command",
@@ -48,7 +46,6 @@ TESTED_TOGETHER = {
     "tests/bem/test_properties.py": "a property of all solves: monotony, symmetry, scaling ...",
     "tests/bem/test_yielding.py": "a property of all solves: bodies that yield",
     "tests/gen/generation/test_functions.py": "a user's function, in every command that runs it",
-    "tests/gen/test_bad_input.py": "bad scenes and surfaces, in every command that reads them",
     "tests/gen/test_parts.py": "parts of databases, in every command that reads or writes them",
     "tests/learn/test_arrays.py": "arrays of callers, in every public function",
     "tests/learn/test_crafted_databases.py": "crafted files, for every command that reads them",
@@ -125,14 +122,6 @@ def arrows(package: str) -> dict[str, set[str]]:
 @pytest.mark.parametrize("package", MAY_IMPORT)
 def test_no_rooms_import_each_other(package):
     graphlib.TopologicalSorter(arrows(package)).prepare()  # CycleError names the circle
-
-
-@pytest.mark.parametrize("room", sorted(ALONE))
-def test_some_rooms_stand_alone(room):
-    found = arrows(room.partition(".")[0])
-    inside = [each for each in found if f"{each}.".startswith(f"{room}.")]
-    assert inside, f"there is no {room}: drop the rule"
-    assert not {target for each in inside for target in found[each]} - set(inside)
 
 
 def is_named_after_a_module(test: Path) -> bool:

@@ -4,19 +4,19 @@ import csv
 import importlib
 import re
 import shlex
-import shutil
-import subprocess
 import sys
 import warnings
 from importlib.util import find_spec
 from pathlib import Path
 
-import h5py
 import pytest
+from databases import database_of
 from launch import launch
 from pages import PAGES, ROOT, anchors, codes, commands, links, steps
 from typer.main import get_command
 
+from gen import cli
+from gen.database import Reader
 from gen.scene import Scene
 
 SURFACE = "docs/how-to/surface.md"
@@ -43,12 +43,9 @@ def test_the_scenes_shown_are_scenes():
     assert shown[1].surface.generator == "scans"
 
 
-def test_surfaces_loads_and_outputs_of_your_own_are_made_as_shown(tmp_path, monkeypatch):
+@pytest.mark.usefixtures("here")
+def test_surfaces_loads_and_outputs_of_your_own_are_made_as_shown(monkeypatch):
     """The scene with its columns, and one with the function and the parameters of the comments."""
-    from gen import cli
-    from gen.database import Reader
-
-    monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", list(sys.path))
     *_, scene = codes("toml", SCENES)
     module, _ = codes("python", SCENES)  # the other one is a generator, which a test adds
@@ -89,8 +86,7 @@ def test_every_command_shown_is_understood(page):
                 pass  # closed, as the option --trust counts until then
 
 
-def test_python_shown_runs(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_python_shown_runs(here):
     surface, contact = codes("python", SURFACE)
     (scan,) = codes("python", INSTRUMENTS)
     exec(surface, {})
@@ -99,16 +95,12 @@ def test_python_shown_runs(tmp_path, monkeypatch):
     assert names["contact"].area_percent > 0
     pytest.importorskip("SurfaceTopography")
     exec(scan, {})
-    assert (tmp_path / "scan.x3p").exists()
+    assert (here / "scan.x3p").exists()
 
 
-def test_the_scan_has_the_law_that_is_stated(tmp_path, monkeypatch, capsys):
+def test_the_scan_has_the_law_that_is_stated(here, capsys):
     """The page's scan, at the pressure of its text: as shown, with the spikes, and elastic."""
     pytest.importorskip("SurfaceTopography")
-    pytest.importorskip("matplotlib")
-    from gen import cli
-
-    monkeypatch.chdir(tmp_path)
     section = PAGES[SCAN]
     (rough,) = codes("python", SCAN)
     exec(rough, {})
@@ -117,12 +109,12 @@ def test_the_scan_has_the_law_that_is_stated(tmp_path, monkeypatch, capsys):
     said = capsys.readouterr().out
     assert "despiked: 20 nodes" in said
     assert "filled 673 nodes (1.03 %)" in said
-    assert (tmp_path / "scan.png").stat().st_size > 50_000
+    assert (here / "scan.png").stat().st_size > 50_000
 
     def at_100_megapascals(changed: str) -> dict[str, float]:
         command = changed.replace("1:1000:16:log", "100").replace("-o ground", "--csv law.csv")
         assert cli.main(shlex.split(command)) == 0
-        with (tmp_path / "law.csv").open(newline="") as file:
+        with (here / "law.csv").open(newline="") as file:
             row = list(csv.DictReader(file))[-1]
         return {name: float(row[name]) for name in ("pressure_MPa", "closure_um", "area_percent")}
 
@@ -137,16 +129,11 @@ def test_the_scan_has_the_law_that_is_stated(tmp_path, monkeypatch, capsys):
     assert elastic["area_percent"] == pytest.approx(0.70, abs=0.005)
 
 
-def test_reading_with_xarray_as_shown(tmp_path, monkeypatch):
+def test_reading_with_xarray_as_shown(here):
     pytest.importorskip("h5netcdf")
-    from gen import cli
-    from gen.database import Reader
-
-    monkeypatch.chdir(tmp_path)
     store = "[store]\nheights = true\npressure = true\n"
     for name, kept in (("quick", ""), ("stored", store)):
-        Path(f"{name}.toml").write_text(f"samples = 9\n[surface]\nnodes = 9\n{kept}")
-        assert cli.main(["run", f"{name}.toml", "-o", f"{name}.h5"]) == 0
+        database_of(here, f"samples = 9\n[surface]\nnodes = 9\n{kept}", name)
     with Reader(Path("stored.h5")) as reader:
         heights = reader.column("heights")
     rows, whole, in_pieces = codes("python", READING)
@@ -161,14 +148,9 @@ def test_reading_with_xarray_as_shown(tmp_path, monkeypatch):
         assert list(shown["highest"].values) == list(heights.max(axis=(1, 2)))
 
 
-def test_a_database_is_published_and_read_as_shown(tmp_path, monkeypatch, capsys):
+def test_a_database_is_published_and_read_as_shown(here, capsys):
     pytest.importorskip("mlcroissant")
-    from gen import cli
-    from gen.database import Reader
-
-    monkeypatch.chdir(tmp_path)
-    Path("few.toml").write_text("samples = 9\n[surface]\nnodes = 9\n")
-    assert cli.main(["run", "few.toml", "-o", "quick.h5"]) == 0
+    database_of(here, "samples = 9\n[surface]\nnodes = 9\n", "quick")
     (export,) = re.findall(r"python -m gen (export .*\\\n.*)", PAGES[PUBLISH])
     assert cli.main(shlex.split(export.replace("\\\n", ""))) == 0
     capsys.readouterr()
@@ -235,42 +217,21 @@ def test_the_readme(folder, monkeypatch, capfd):
     assert min(delta, gap) > 0
 
 
-@pytest.mark.long
-def test_the_tribologist(folder, monkeypatch, capfd):
-    walk("docs/start/tribologist.md", folder, monkeypatch)
-    said = capfd.readouterr().out
-    for line in ("effective contact area", "displacement Delta", "mean gap", "residual"):
-        assert re.search(rf"^{line}", said, re.M), f"{line} is explained, and not printed"
-    assert len((folder / "law.csv").read_text().splitlines()) == 11
-
-
-@pytest.mark.long
-def test_the_finite_element_engineer(folder, monkeypatch):
-    walk("docs/start/finite-elements.md", folder, monkeypatch)
-    text = (folder / "joint-calculix.inp").read_text()
-    assert "*SURFACE INTERACTION, NAME=JOINT_CALCULIX" in text
-    suffixes = {".inp", ".h", ".csv", ".json", ".py", ".png"}
-    assert {path.suffix for path in folder.glob("joint*")} == suffixes
-    assert "stiffness_MPa_per_um" in (folder / "joint.csv").read_text()
-    if shutil.which("ccx"):
-        shutil.copy(Path(__file__).parents[1] / "bench/two-blocks.inp", folder)
-        subprocess.run(["ccx", "two-blocks"], cwd=folder, check=True, timeout=60)
-        force = -float((folder / "two-blocks.dat").read_text().split()[-1])  # N on 1 mm2
-        assert 1 < force < 100, "a pressure of the table"
-
-
-@pytest.mark.long
-def test_the_data_person(folder, monkeypatch, capfd):
-    pytest.importorskip("h5netcdf")
-    walk("docs/start/data.md", folder, monkeypatch)
-    assert "256" in capfd.readouterr().out
+WALKS = {
+    "tribologist": ["law.csv"],
+    "finite-elements": ["joint.csv", "joint.h", "joint-calculix.inp", "joint_4c.py"],
+    "data": ["quick.h5"],
+    "cluster": ["mine.h5"],
+}
+"""The pages of first hours, and what each of them makes."""
 
 
 @pytest.mark.long
 @pytest.mark.mpi
-def test_the_user_of_a_cluster(folder, monkeypatch):
-    (scene,) = codes("toml", "docs/start/cluster.md")
-    (folder / "mine.toml").write_text(scene)
-    walk("docs/start/cluster.md", folder, monkeypatch)
-    with h5py.File(folder / "mine.h5") as file:
-        assert (file["status"][:] == 1).all()
+@pytest.mark.parametrize("name", WALKS)
+def test_a_first_hour(name, folder, monkeypatch):
+    page = f"docs/start/{name}.md"
+    for scene in codes("toml", page):
+        (folder / "mine.toml").write_text(scene)
+    walk(page, folder, monkeypatch)
+    assert all((folder / made).stat().st_size > 500 for made in WALKS[name])

@@ -1,11 +1,9 @@
 """What is published: numbers of bench/results, the page of reports, and the manual's extensions."""
 
 import base64
-import csv
+import importlib
 import json
-import lzma
 import re
-import sys
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -17,15 +15,10 @@ from bench.page import page_of
 from bench.record import Inputs
 from bench.report import PARTS
 from docs.extensions.tables import TABLES, markdown_of
-from learn.models import LIBRARIES, MODELS
+from learn.models import LIBRARIES
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "bench" / "results"
-
-
-def table(name: str) -> list[dict[str, str]]:
-    with (RESULTS / name).open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
 
 
 def test_every_table_stands_on_a_page_and_every_page_shows_tables_that_there_are():
@@ -105,24 +98,6 @@ def test_comparisons_are_of_the_same_data_and_say_their_versions(name):
     assert set(record["conditions"]["versions"]) == set(LIBRARIES)
 
 
-def test_finished_fits_are_those_of_their_comparison():
-    folder = RESULTS / "comparison" / "area"
-    conditions = json.loads((folder / "comparison.json").read_text("utf-8"))["conditions"]
-    files = sorted((folder / "trials").glob("*.jsonl.xz"))
-    assert {path.name.removesuffix(".jsonl.xz") for path in files} == set(MODELS)
-    for path in files:
-        lines = lzma.decompress(path.read_bytes()).decode().splitlines()
-        assert json.loads(lines[0]) == conditions
-        assert all(json.loads(line)["rows"] <= conditions["train_rows"] for line in lines[1:])
-
-
-def test_searches_took_the_time_that_is_said():
-    seconds = [float(row["fit_seconds"]) for row in table("comparison/area/tuning-times.csv")]
-    assert len(seconds) == len(MODELS)
-    said = (RESULTS / "README.md").read_text(encoding="utf-8")
-    assert f"of which the finished fits have {sum(seconds) / 3600:.1f};" in said
-
-
 def test_nothing_large_is_published():
     page = RESULTS / "index.html"  # a reader's own, which git leaves out
     files = [path for path in RESULTS.rglob("*") if path.is_file() and path != page]
@@ -131,20 +106,15 @@ def test_nothing_large_is_published():
     assert sum(sizes.values()) < 5e6
 
 
-EXTENSIONS = Path(__file__).resolve().parents[1] / "docs" / "extensions"
-
-
-@pytest.fixture
-def extension(monkeypatch):
-    """Import an extension as Sphinx does, where Sphinx is installed."""
+def extension(name):
+    """An extension as Sphinx imports it, where Sphinx is installed."""
     pytest.importorskip("sphinx")
-    monkeypatch.syspath_prepend(str(EXTENSIONS))
-    yield __import__
-    for name in ("link_check", "results", "tables", "house", "notebooks"):
-        sys.modules.pop(name, None)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(ROOT / "docs" / "extensions"))
+        return importlib.import_module(name)
 
 
-def test_links_that_lead_nowhere_are_found(extension, tmp_path):
+def test_links_that_lead_nowhere_are_found(tmp_path):
     check = extension("link_check")
     (tmp_path / "sub").mkdir()
     (tmp_path / "index.html").write_text(
@@ -170,7 +140,7 @@ def test_links_that_lead_nowhere_are_found(extension, tmp_path):
         ("```{result} cost\nbench/results/peers/peers.csv\n```", ValueError),
     ],
 )
-def test_a_block_that_names_what_is_not_there_stops_the_build(extension, tmp_path, block, fault):
+def test_a_block_that_names_what_is_not_there_stops_the_build(tmp_path, block, fault):
     results = extension("results")
     environment = SimpleNamespace(
         doc2path=lambda _: str(tmp_path / "page.md"), note_dependency=lambda *_, **__: None

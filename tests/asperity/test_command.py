@@ -6,7 +6,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
-from launch import TIMEOUT, environment, launch, mpiexec, python
+from launch import ended, environment, launch, mpiexec, python
 
 import asperity
 from asperity import command
@@ -81,15 +81,7 @@ def test_words_are_completed(words, expected, tmp_path):
 
 
 def on_three_ranks(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [str(mpiexec()), "-n", "3", *words],
-        cwd=folder,
-        env=environment(),
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=TIMEOUT,
-    )
+    return ended([str(mpiexec()), "-n", "3", *words], folder, environment())
 
 
 @pytest.mark.mpi
@@ -114,15 +106,11 @@ sys.exit(main())
 """
 
 
-BROKEN = [
-    "run.generate_database = None",
-    "from gen import cli; cli.main = None",
-]
-
-
 @pytest.mark.mpi
 @pytest.mark.skipif(find_spec("mpi4py") is None, reason="no mpi4py")
-@pytest.mark.parametrize("broken", BROKEN)
+@pytest.mark.parametrize(
+    "broken", ["run.generate_database = None", "from gen import cli; cli.main = None"]
+)
 def test_a_bug_on_one_rank_ends_all(broken, tmp_path):
     """Inside the command, and outside of all that runs commands."""
     (tmp_path / "scene.toml").write_text("samples = 2000\n[surface]\nnodes = 33\n")

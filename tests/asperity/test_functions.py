@@ -7,15 +7,15 @@ from functools import partial
 
 import numpy as np
 import pytest
+from databases import database_of
+from learnt_rows import surrogate_of
 
 import asperity
 from asperity.functions import Unsolved
-from gen import cli
 from gen.generation.sample import solve_contact, surface_numbered
 from gen.runtime.errors import InputError
 from gen.scene import Scene
 from learn import Surrogate
-from learn import cli as learning
 
 SCENE = "samples = 60\n[surface]\nnodes = 17\n[store]\nmean_gap = true\n"
 LOADS = {
@@ -28,12 +28,8 @@ POINT = {"hurst": 0.7, "sigma0": 12.0}
 
 @pytest.fixture(scope="module")
 def surrogate(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("functions")
-    (folder / "s.toml").write_text(SCENE)
-    assert cli.main(["run", str(folder / "s.toml"), "-o", str(folder / "s.h5")]) == 0
-    line = ["fit", str(folder / "s.h5"), "-o", str(folder / "s.surrogate")]
-    assert learning.main([*line, "--target", "both", "--model", "kernel-ridge"]) == 0
-    return folder / "s.surrogate"
+    database = database_of(tmp_path_factory.mktemp("functions"), SCENE)
+    return surrogate_of(database, "--target", "both", "--model", "kernel-ridge")
 
 
 def test_the_solver_is_a_function_of_what_a_scene_draws():

@@ -60,6 +60,7 @@ NEED_SURFACES = {
 }
 """Commands that need surfaces: refused unless the user trusts the function."""
 
+PREDICTED = ["--delta", "1", "--side", "200,300", "--interval", "0.5"]
 READ = {
     "info": ["gen", "info", "{}.h5"],
     "check-0": ["gen", "check", "{}.h5", "--recompute", "0"],
@@ -68,18 +69,7 @@ READ = {
     "fit": ["learn", "fit", "{}.h5", "--features", "paper", "-o", "{}-again"],
     "compare-paper": ["learn", "compare", "{}.h5", "--model", "kernel-ridge", "-o", "{}-compared"],
     "card": ["learn", "card", "{}.surrogate"],
-    "predict": [
-        "learn",
-        "predict",
-        "{}.surrogate",
-        "heights.npy",
-        "--delta",
-        "1",
-        "--side",
-        "200,300",
-        "--interval",
-        "0.5",
-    ],
+    "predict": ["learn", "predict", "{}.surrogate", "heights.npy", *PREDICTED],
 }
 """Commands that read what is stored."""
 

@@ -12,8 +12,9 @@ import bem
 from bem.active_set import ActiveSet
 from bem.far_field import critical_delta
 from bem.influence import Kernel
+from bem.operators.patch import Patch
 from bench.references import dense
-from bench.references.surfaces import SURFACES, Shape, surface
+from bench.references.surfaces import SURFACES, surface
 from gen.runtime.farm import at_most
 
 pytestmark = pytest.mark.usefixtures("both_ways")
@@ -60,53 +61,11 @@ def test_any_surface_is_solved_as_the_dense_reference_does(kind, seed, shape, ce
         assert_is_the_solution(contact)
 
 
-class Dense:
-    """A matrix with every entry written out, and a preconditioner that knows the diagonal only."""
-
-    few, boundary, soft, give, singular = 0, "free", False, 0.0, False
-
-    def __init__(self, shape: Shape, matrix: np.ndarray) -> None:
-        self.shape, self.matrix = shape, matrix
-        self.norm = float(np.abs(matrix).sum(axis=1).max())
-        self.exact = self.convolutions = 0
-
-    def splitting(self) -> None:
-        """No waves are known."""
-
-    def displace(self, pressure: np.ndarray, *, exactly: bool = False) -> np.ndarray:
-        self.exact += exactly
-        return self.displaced(pressure).astype(np.float64 if exactly else np.float32)
-
-    def displaced(self, pressure: np.ndarray) -> np.ndarray:
-        return (self.matrix @ pressure.reshape(-1)).reshape(self.shape)
-
-    def take_contact(self, nodes: np.ndarray) -> None:
-        self.contact, self.within, self.count = nodes, nodes, int(nodes.sum())
-
-    def in_contact(self, field: np.ndarray) -> np.ndarray:
-        return (field * self.contact).astype(np.float32)
-
-    def add_to(self, field: np.ndarray, values: np.ndarray) -> None:
-        field += values
-
-    def correct(self, residual: np.ndarray) -> np.ndarray:
-        diagonal = self.matrix.diagonal().reshape(self.shape)
-        return (residual / diagonal).astype(np.float32)
-
-
-def written_out(kind: str, shape: Shape, seed: int, kernel: Kernel) -> tuple[Dense, np.ndarray]:
-    """A matrix and heights less the highest."""
-    heights = surface(kind, shape, seed)
-    nodes = heights.size
-    matrix = dense.influence_matrix(shape, kernel).reshape(nodes, nodes)
-    return Dense(shape, matrix), heights - heights.max()
-
-
-def complementary(patch: Dense, pressure: np.ndarray, gaps: np.ndarray, hardness: float) -> float:
+def complementary(pressure: np.ndarray, gaps: np.ndarray, hardness: float) -> float:
     """Return the largest violation of a pressure between its bounds; gaps where nothing presses."""
     assert pressure.min() >= 0
     assert pressure.max() <= hardness
-    gap = patch.displaced(pressure) - gaps
+    gap = dense.displace(pressure, "uniform-pressure", 1.0) - gaps
     wrong = np.where(pressure > 0, np.abs(gap), -gap)
     return float(np.where(pressure >= hardness, gap, wrong).max())
 
@@ -120,27 +79,28 @@ def complementary(patch: Dense, pressure: np.ndarray, gaps: np.ndarray, hardness
 )
 def test_loads_are_carried_to_the_last_digit(seed, share, whole, hardness):
     """Whole multiples of the hardness on a node, too, are ordinary loads."""
-    patch, below = written_out("self-affine", (9, 8), seed, "uniform-pressure")
+    heights = surface("self-affine", (9, 8), seed)
+    patch, below = Patch((9, 8), "free", "uniform-pressure", 1.0), heights - heights.max()
     load = share * 72 * min(hardness, 1.0)
     if whole and hardness < np.inf:
         load = hardness * max(round(share * 71), 1)
-    solve = ActiveSet(patch, below, load=load, hardness=hardness, rtol=1e-10, most=2000)  # type: ignore[arg-type]
+    solve = ActiveSet(patch, below, load=load, hardness=hardness, rtol=1e-10, most=2000)
     solve.begin(np.ones(below.shape))
     assert solve.run()
     assert solve.pressure.sum() == pytest.approx(load, rel=1e-13)
-    largest = complementary(patch, solve.pressure, below + solve.shift, hardness)
+    largest = complementary(solve.pressure, below + solve.shift, hardness)
     assert largest <= 1.1e-10 * solve.shift
 
 
-class Spoiled(Dense):
+class Spoiled(Patch):
     """A matrix whose exact displacements differ from those in conjugate gradients."""
 
     def __init__(self, spoil: Callable[[np.ndarray], np.ndarray]) -> None:
-        matrix = dense.influence_matrix((9, 9), "uniform-pressure").reshape(81, 81)
-        super().__init__((9, 9), matrix)
-        self._spoil = spoil
+        super().__init__((9, 9), "free", "uniform-pressure", 1.0)
+        self._spoil, self.few, self.exact = spoil, 0, 0
 
     def displace(self, pressure: np.ndarray, *, exactly: bool = False) -> np.ndarray:
+        self.exact += exactly
         displacement = super().displace(pressure, exactly=exactly)
         return self._spoil(displacement) if exactly else displacement
 
@@ -149,7 +109,7 @@ def spoiled(spoil: Callable[[np.ndarray], np.ndarray]) -> tuple[ActiveSet, bool]
     """Solve with exact residuals that differ from those in conjugate gradients."""
     heights = surface("self-affine", (9, 9))
     below = (heights - heights.max()) / 0.4
-    solve = ActiveSet(Spoiled(spoil), below, shift=1.0, rtol=1e-9, most=10**6)  # type: ignore[arg-type]
+    solve = ActiveSet(Spoiled(spoil), below, shift=1.0, rtol=1e-9, most=10**6)
     with at_most(20):
         return solve, solve.run()
 

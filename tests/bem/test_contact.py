@@ -11,11 +11,9 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 import bem
-from bem.equilibrium import equilibrium_of
 from bem.influence import Kernel
 from bem.operators.patch import fast_period
-from bem.problem import FarField, pose
-from bem.solving import contact_of
+from bem.problem import FarField
 from bench.references import dense
 from bench.references.half_space import flat_punch
 from bench.references.surfaces import SURFACES, surface
@@ -38,15 +36,6 @@ def test_perimeter_goes_on_past_the_borders_of_a_periodic_patch():
     assert contact.perimeter == pytest.approx(across * dy + along * dx, rel=1e-14)
 
 
-def test_a_residual_that_is_no_number_is_refused():
-    problem = pose(HEIGHTS, SIDE, 2.0)
-    solved = equilibrium_of(problem)
-    assert solved is not None
-    lost = dataclasses.replace(solved, pressure=np.nan * solved.pressure, converged=False)
-    with pytest.raises(bem.NotConverged):
-        contact_of(problem, lost)
-
-
 def test_results_cannot_be_rewritten():
     contact = bem.solve(HEIGHTS, SIDE, 2.0)
     with pytest.raises(dataclasses.FrozenInstanceError):
@@ -67,20 +56,6 @@ def test_nothing_touches_up_to_delta_zero(delta, far_field):
     assert contact.perimeter == contact.largest_pressure == 0
     assert contact.mean_gap == pytest.approx((HEIGHTS.max() - HEIGHTS).mean() - delta, rel=1e-14)
     assert contact.gap.min() == -delta
-
-
-@pytest.mark.usefixtures("iterations_alone")
-def test_bound_on_iterations_raises_with_the_numbers_reached():
-    with pytest.raises(bem.NotConverged) as stopped:
-        bem.solve(HEIGHTS, SIDE, 5.0, rtol=1e-9, max_iterations=2)
-    contact, message = stopped.value.contact, str(stopped.value)
-    assert contact.iterations == 2
-    assert contact.residual > 1e-9
-    assert contact.pressure.min() >= 0
-    assert contact.force > 0
-    assert len(message.splitlines()) == 1
-    for part in (f"residual {contact.residual:.1e}", "after 2", "1.0e-09", "max_iterations (2)"):
-        assert part in message
 
 
 @pytest.mark.parametrize("percent", [1, 10, 50])
@@ -199,11 +174,11 @@ def test_numbers_of_a_solve_that_was_stopped(kernel, far_field):
         bem.solve(
             heights, 1.0, 0.4, spacing=0.5, kernel=kernel, far_field=far_field, max_iterations=2
         )
-    contact = stopped.value.contact
+    contact, message = stopped.value.contact, str(stopped.value)
     assert contact.residual > contact.problem.rtol
+    for part in (f"residual {contact.residual:.1e}", "after 2", "max_iterations (2)"):
+        assert part in message
     assert contact.residual == pytest.approx(residual(contact), rel=1e-10)
     assert contact.approach == pytest.approx(approach(contact), rel=1e-12)
     assert contact.gap == pytest.approx(gap(contact), rel=0, abs=1e-12)
-    assert contact.force == pytest.approx(
-        contact.pressure.sum() * contact.problem.spacing[0] * contact.problem.spacing[1], rel=1e-13
-    )
+    assert contact.force == pytest.approx(contact.pressure.sum() * 0.5**2, rel=1e-13)

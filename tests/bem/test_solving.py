@@ -12,9 +12,8 @@ from hypothesis import strategies as st
 
 import bem
 from bem import dense, equilibrium
-from bem.dense import ContactFactor
 from bem.equilibrium import Equilibrium, Start
-from bem.influence import KERNELS, InfluenceMatrix
+from bem.influence import KERNELS
 from bem.operators import filters
 from bem.problem import FAR_FIELDS
 from bench.references.surfaces import SURFACES, surface
@@ -129,11 +128,11 @@ def test_force_and_displacement_lead_to_one_another(kind, seed, shape, kernel, s
 LARGE = generate("diamond-square", 129, 0.65, 12.5, np.random.default_rng(4))
 
 
-def test_flat_surfaces_and_single_nodes_have_a_displacement():
-    flat = bem.solve(np.zeros((9, 9)), 80.0, force=5.0)
-    assert bem.solve(np.zeros((9, 9)), 80.0, flat.delta).force == pytest.approx(5.0, rel=1e-5)
-    one = bem.solve(np.zeros((1, 1)), 1.0, force=5.0, spacing=2.0)
-    assert bem.solve(np.zeros((1, 1)), 1.0, one.delta, spacing=2.0).force == pytest.approx(5.0)
+@pytest.mark.parametrize("nodes", [1, 9])
+def test_flat_surfaces_and_single_nodes_have_a_displacement(nodes):
+    flat = np.zeros((nodes, nodes))
+    delta = bem.solve(flat, 1.0, force=5.0, spacing=2.0).delta
+    assert bem.solve(flat, 1.0, delta, spacing=2.0).force == pytest.approx(5.0, rel=1e-5)
 
 
 @pytest.mark.filterwarnings("ignore:divide by zero", "ignore:invalid value")
@@ -146,23 +145,17 @@ def test_forces_far_below_any_guess_are_carried(pressure):
     assert 0 < contact.delta < 1
 
 
-def ridges(shape: tuple[int, int], row: int, column: int | None = None) -> np.ndarray:
-    heights = np.zeros(shape)
-    heights[row] = 1
-    if column is not None:
-        heights[:, column] = 1
-    return heights
-
-
 @pytest.mark.parametrize(
-    ("heights", "pressure", "rtol"),
+    ("shape", "row", "columns", "pressure", "rtol"),
     [
-        (ridges((19, 28), 9, 14), 0.018963090011501784, 1e-12),
-        *((ridges((12, 37), row), 0.030927496547942784, 1e-10) for row in range(6)),
+        ((19, 28), 9, [14], 0.018963090011501784, 1e-12),
+        *(((12, 37), row, [], 0.030927496547942784, 1e-10) for row in range(6)),
     ],
 )
-def test_ties_under_tight_tolerances_end(heights, pressure, rtol):
+def test_ties_under_tight_tolerances_end(shape, row, columns, pressure, rtol):
     """Rounding in the displacement of the far field must not add to the residual."""
+    heights = np.zeros(shape)
+    heights[row] = heights[:, columns] = 1
     with at_most(20):
         contact = bem.solve(heights, 1.0, pressure=pressure, spacing=1.0, rtol=rtol)
     assert contact.residual <= rtol
@@ -230,13 +223,6 @@ def test_a_start_beyond_all_bounds_is_left_aside(amount):
     with at_most(20):
         contact = bem.solve(heights, 1.0, 0.3, near=np.full((65, 65), amount))
     assert contact.force == bem.solve(heights, 1.0, 0.3).force
-
-
-@pytest.mark.parametrize("dtype", ["float64", "float32"])
-def test_a_singular_matrix_is_refused(dtype):
-    matrix = InfluenceMatrix((7, 9), "uniform-pressure", 1.0, dtype)
-    with pytest.raises(np.linalg.LinAlgError):
-        ContactFactor(matrix.among, np.array([3, 7, 40, 7]))
 
 
 def test_sets_that_cycle_are_left_to_iterations(monkeypatch):

@@ -105,19 +105,10 @@ def test_a_large_grid_starts_from_a_coarser_one_that_yields_too(monkeypatch):
     np.testing.assert_array_equal(nested.pressure > 0, plain.pressure > 0)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"pressure": 50.0, "hardness": 50.0}, "pressure = 50 MPa has no equilibrium"),
-        (
-            {"force": 1e9, "hardness": 50.0},
-            r"force = 1e\+09 uN has no equilibrium: .* on all nodes",
-        ),
-    ],
-)
-def test_a_load_beyond_the_hardness_has_no_solution(arguments, message):
-    with pytest.raises(bem.NoSolution, match=message):
-        bem.solve(self_affine(0), SIDE, modulus=2e5, **arguments)
+@pytest.mark.parametrize("load", [{"pressure": 50.0}, {"force": 1e9}])
+def test_a_load_beyond_the_hardness_has_no_solution(load):
+    with pytest.raises(bem.NoSolution, match=r"(50 MPa|1e\+09 uN) has no equilibrium: "):
+        bem.solve(self_affine(0), SIDE, modulus=2e5, hardness=50.0, **load)
 
 
 @pytest.mark.parametrize("share", [0.9, 0.999, 1 - 1e-7])

@@ -8,7 +8,7 @@ import mlcroissant as mlc
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from databases import block, filled, small
+from databases import block, database_of, filled, small
 from markdown_it import MarkdownIt
 
 from gen import cli, schema
@@ -16,7 +16,6 @@ from gen.database import Reader, Writer
 from gen.export import parquet_files
 from gen.runtime.files import lock_folder
 from gen.runtime.terminal import printable
-from gen.scene import Scene
 from gen.schema import Status
 
 SCENE = """samples = 40
@@ -36,10 +35,9 @@ pressure = true
 def folder(tmp_path_factory):
     """A folder with a scene, its database and the database's export."""
     folder = tmp_path_factory.mktemp("export")
-    (folder / "scene.toml").write_text(SCENE)
-    assert cli.main(["run", str(folder / "scene.toml"), "-o", str(folder / "a.h5")]) == 0
-    line = ["export", str(folder / "a.h5"), "-o", str(folder / "out"), "--doi"]
-    assert cli.main([*line, "doi:10.5281/zenodo.12"]) == 0
+    database = str(database_of(folder, SCENE, "a"))
+    line = ["export", database, "-o", str(folder / "out"), "--doi", "doi:10.5281/zenodo.12"]
+    assert cli.main(line) == 0
     return folder
 
 
@@ -142,30 +140,26 @@ def test_an_export_of_a_database_that_has_grown_is_renewed(tmp_path):
     assert pq.read_table(tmp_path / "out" / "rows.parquet").num_rows == 9
 
 
-def test_folders_with_something_else_are_left_alone(folder, tmp_path, capsys):
+def test_folders_with_something_else_are_left_alone(folder, tmp_path, refused):
     other = filled(tmp_path / "b.h5", small(4), (0, 4, Status.DONE))
     shutil.copytree(folder / "out", tmp_path / "out")
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "README.md").write_text("mine")
     for place, words in (("out", "another database"), ("full", "not empty and no export")):
         before = contents(tmp_path / place)
-        assert cli.main(["export", str(other), "-o", str(tmp_path / place)]) == 2
-        assert words in capsys.readouterr().err
+        assert words in refused(cli, "export", other, "-o", tmp_path / place)
         assert contents(tmp_path / place) == before
 
 
-def test_a_licence_that_nobody_can_look_up_is_refused(folder, tmp_path, capsys):
-    line = ["export", str(folder / "a.h5"), "-o", str(tmp_path / "out"), "--licence"]
-    assert cli.main([*line, "MIT or Apache-2.0"]) == 2
-    assert "'MIT or Apache-2.0': give an SPDX identifier" in capsys.readouterr().err
-
-
-def test_two_databases_are_not_exported_into_one_folder_at_once(folder, tmp_path, capsys):
-    new = tmp_path / "new"
-    with lock_folder(new):
-        assert cli.main(["export", str(folder / "a.h5"), "-o", str(new)]) == 2
-    assert "is being written by host" in capsys.readouterr().err
-    assert not new.exists()
+def test_a_licence_that_nobody_can_look_up_and_a_folder_at_work_are_refused(
+    folder, tmp_path, refused
+):
+    line = ["export", folder / "a.h5", "-o", tmp_path / "new"]
+    said = refused(cli, *line, "--licence", "MIT or Apache-2.0")
+    assert "'MIT or Apache-2.0': give an SPDX identifier" in said
+    with lock_folder(tmp_path / "new"):
+        assert "is being written by host" in refused(cli, *line)
+    assert not (tmp_path / "new").exists()
 
 
 HOSTILE = "T\n# x | <script>alert(1)</script> \x1b[31m ` *b* [y](javascript:z) \u202e \\"
@@ -180,9 +174,8 @@ def tokens(text):
 @pytest.mark.parametrize("title", ["", "My \\ title | <b>"])
 def test_texts_of_a_database_are_shown_in_a_card_and_mark_nothing_up(tmp_path, title):
     """Also texts that the command would refuse as options."""
-    scene = Scene.parse("samples = 3\n[surface]\nnodes = 9\n", "test")
     texts = dict.fromkeys(("title", "creator", "licence"), HOSTILE)
-    filled(tmp_path / "a.h5", scene.model_copy(update=texts), (0, 3, Status.DONE))
+    filled(tmp_path / "a.h5", small(3).model_copy(update=texts), (0, 3, Status.DONE))
     line = ["export", str(tmp_path / "a.h5"), "-o", str(tmp_path / "out")]
     assert cli.main([*line, "--title", title] if title else line) == 0
     text = (tmp_path / "out" / "README.md").read_text()
@@ -202,8 +195,7 @@ def test_texts_of_a_database_are_shown_in_a_card_and_mark_nothing_up(tmp_path, t
 
 def test_letters_that_utf_8_cannot_hold_become_question_marks(tmp_path):
     """As a stranger's database may have them, of any writer's."""
-    scene = Scene.parse("samples = 3\n[surface]\nnodes = 9\n", "test")
-    filled(tmp_path / "a.h5", scene, (0, 3, Status.DONE))
+    filled(tmp_path / "a.h5", small(3), (0, 3, Status.DONE))
     with h5py.File(tmp_path / "a.h5", "r+") as file:
         content = json.loads(file.attrs["scene"]) | {"creator": "a \udcff b", "title": "\ud800"}
         text = json.dumps(content).encode()

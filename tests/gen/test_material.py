@@ -39,12 +39,7 @@ PLAUSIBLE = [(210e3, 2000.0), (70e3, 300.0), (3e3, 250.0), (1e6, 1e5), (12e3, 9.
 def test_solids_are_not_doubted_and_slips_of_their_units_are(young, hardness):
     assert not Bodies.of([young], [], None, hardness).doubts
     assert not Bodies.of([young], [], None, None).doubts
-    for factors, slip in (
-        ((1e-3, 1), "is the modulus in GPa?"),
-        ((1e6, 1), "is the modulus in Pa?"),
-        ((1, 1e-3), "is the hardness in GPa?"),
-        ((1, 1e6), "is the hardness in Pa?"),
-    ):
+    for factors in ((1e-3, 1), (1e6, 1), (1, 1e-3), (1, 1e6)):
         slipped = young * factors[0], hardness * factors[1]
         doubts = Bodies.of([slipped[0]], [], None, slipped[1]).doubts
         ratio = slipped[1] / slipped[0]
@@ -53,19 +48,19 @@ def test_solids_are_not_doubted_and_slips_of_their_units_are(young, hardness):
             continue
         (line,) = doubts
         assert line.startswith(f"hardness over E* is {ratio:.3g}, solids have 0.0001 to 0.2: ")
-        # A ratio cannot tell a modulus in GPa from a hardness in kPa: several slips may fit it.
-        assert slip in line or any(other in line for _, other in SLIPS)
+        assert any(slip in line for _, slip in SLIPS)  # a ratio may have come of several
 
 
 def test_scenes_are_doubted_by_the_hardness_in_megapascals_alone():
-    assert not Contact().doubts
-    assert not Contact(hardness_ratio=0.3).doubts
-    assert not Contact(modulus=210e3, hardness_ratio=0.3).doubts
-    assert not Contact(hardness=(0.001, 0.1)).doubts
-    assert not Contact(modulus=210e3, hardness=2000.0).doubts
-    (line,) = Contact(modulus=210.0, hardness=(1000.0, 2000.0)).doubts
-    assert "is the modulus in GPa?" in line
-    (line,) = Contact(modulus=210e9).doubts
-    assert "is the modulus in Pa?" in line
-    (line,) = Contact(hardness=2000.0).doubts
-    assert "is the modulus left out?" in line
+    for sound in (
+        *({}, {"hardness_ratio": 0.3}, {"modulus": 210e3, "hardness_ratio": 0.3}),
+        *({"hardness": (0.001, 0.1)}, {"modulus": 210e3, "hardness": 2000.0}),
+    ):
+        assert not Contact(**sound).doubts
+    for slipped, told in (
+        ({"modulus": 210.0, "hardness": (1000.0, 2000.0)}, "is the modulus in GPa?"),
+        ({"modulus": 210e9}, "is the modulus in Pa?"),
+        ({"hardness": 2000.0}, "is the modulus left out?"),
+    ):
+        (line,) = Contact(**slipped).doubts
+        assert told in line

@@ -5,7 +5,7 @@ import re
 import h5py
 import numpy as np
 import pytest
-from databases import deterministic_bytes, status
+from databases import database_of, deterministic_bytes, status
 from learnt_rows import read
 
 from gen import cli
@@ -21,18 +21,15 @@ def done(tmp_path_factory):
     """A whole database, made before the tests, whose rows all others have to show."""
     folder = tmp_path_factory.mktemp("done")
     for samples in (60, 90):
-        (folder / f"{samples}.toml").write_text(SCENE.format(samples))
-        command = ["run", str(folder / f"{samples}.toml"), "-o", str(folder / f"{samples}.h5")]
-        assert cli.main(command) == 0
+        database_of(folder, SCENE.format(samples), str(samples))
     return folder
 
 
 @pytest.fixture
-def folder(done, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def folder(done, here):
     for each in done.iterdir():
-        (tmp_path / each.name).symlink_to(each)
-    return tmp_path
+        (here / each.name).symlink_to(each)
+    return here
 
 
 def run(scene, output, *options):

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import crafted_databases as crafted
 import pytest
+from comparisons import run
 
 from learn import cli
 
@@ -12,9 +13,8 @@ from learn import cli
 def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("crafted")
     crafted.prepare(folder)
-    sample = str(Path(__file__).parents[2] / "examples" / "sample.h5")
-    fitted = ["fit", sample, "--model", "decision-tree", "-o", str(folder / "x.surrogate")]
-    assert cli.main(fitted) == 0
+    sample = Path(__file__).parents[2] / "examples" / "sample.h5"
+    assert run("fit", sample, "--model", "decision-tree", "-o", folder / "x.surrogate") == 0
     return folder
 
 

@@ -214,11 +214,9 @@ def test_surfaces_of_one_seed_and_number_are_one_group_on_every_grid(made):
 @pytest.fixture(scope="module")
 def other_windows(populations, tmp_path_factory):
     """The path of a database of larger windows of the maps of the populations."""
-    folder = tmp_path_factory.mktemp("windows")
     text = (populations / "scans.toml").read_text().replace("[20, 17]", "[40, 34]")
-    return database_of(
-        folder, text.replace('"maps"', f'"{(populations / "maps").as_posix()}"'), "larger"
-    )
+    text = text.replace('"maps"', f'"{(populations / "maps").as_posix()}"')
+    return database_of(tmp_path_factory.mktemp("windows"), text, "larger")
 
 
 def test_windows_of_other_sizes_of_one_map_are_one_group(populations, other_windows):
@@ -235,11 +233,7 @@ def test_windows_of_other_sizes_of_one_map_are_one_group(populations, other_wind
 @pytest.mark.parametrize(
     ("other", "features", "message"),
     [
-        (
-            "mirror",
-            "dimensionless",
-            r"mirror\.h5: contact\.boundary is 'mirror', 'free' in .*coarse",
-        ),
+        ("mirror", "dimensionless", r"mirror\.h5: contact\.boundary is 'mirror', 'free' in .*coa"),
         ("soft", "paper", r"soft\.h5: contact\.hardness is 'given', 'none' in .*coarse"),
         ("spectral", "paper", r"spectral\.h5: surface\.side is 300\.0, 1000\.0 in .*coarse"),
     ],

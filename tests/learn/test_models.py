@@ -24,7 +24,6 @@ from learn.models import (
     AT_BOUND,
     MODELS,
     UNFINISHED,
-    models_named,
     pipeline,
     remarks,
     scaling_of,
@@ -70,13 +69,6 @@ def test_spelled_out_defaults_are_defaults(samples):
         np.testing.assert_array_equal(ours, expected)
 
 
-def test_wrong_names_are_refused():
-    with pytest.raises(InputError, match="decision-tree, random-forest"):
-        models_named(["forest"])
-    assert [model.name for model in models_named(["svm", "mlp"])] == ["svm", "mlp"]
-    assert len(models_named(None)) == 9
-
-
 @pytest.mark.parametrize("model", MODELS)
 def test_libraries_tell_users_nothing_in_their_own_words(model, samples):
     """Neither a setting that a library will drop, nor how its optimiser has ended."""
@@ -93,15 +85,15 @@ def test_libraries_tell_users_nothing_in_their_own_words(model, samples):
         assert all(each in {UNFINISHED, AT_BOUND} for each in said), said
 
 
-@pytest.mark.parametrize(("factor", "exponent"), [(1.0, 0), (2.0**-40, -40), (2.0**40, 40)])
+@pytest.mark.parametrize("factor", [1.0, 2.0**-40, 2.0**40])
 def test_targets_of_another_size_are_brought_to_an_areas_by_a_power_of_two(
-    database, change, factor, exponent
+    database, change, factor
 ):
     rows = read(database, "area")
     change("force", slice(None), rows.target.copy() * factor)
     forces = read(database, "force")
     scaling = scaling_of(forces, np.arange(forces.size))
-    if exponent == 0:
+    if factor == 1:
         assert scaling == UNSCALED
         return
     assert scaling.mean == 0

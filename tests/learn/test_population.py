@@ -4,9 +4,10 @@ import csv
 
 import numpy as np
 import pytest
+from databases import database_of
+from learnt_rows import surrogate_of
 
 from asperity.serving.models import Configuration, SurrogateModel
-from gen import cli as gen_cli
 from gen.runtime.errors import InputError
 from learn import Surrogate
 from learn import cli as learn_cli
@@ -73,10 +74,7 @@ boundary = "periodic"
 
 
 def test_a_scene_by_pressure_is_learnt_kept_and_asked(tmp_path):
-    (tmp_path / "s.toml").write_text(SCENE)
-    database, kept = tmp_path / "s.h5", tmp_path / "s.surrogate"
-    assert gen_cli.main(["run", str(tmp_path / "s.toml"), "-o", str(database)]) == 0
-    assert learn_cli.main(["fit", str(database), "--features", "scene", "-o", str(kept)]) == 0
+    kept = surrogate_of(database_of(tmp_path, SCENE), "--features", "scene")
     surrogate = Surrogate.load(kept)
     assert surrogate.features.names == ("hurst", "rms_height", "pressure")
     asked = {"hurst": 0.7, "rms_height": 1.2, "pressure": [0.002, 0.02, 0.2]}
@@ -136,6 +134,16 @@ def laws_and_servers_answer(kept, new):
         model.evaluate([[0.7, 1.2], [0.002]], Configuration(surface=3))
 
 
+@pytest.fixture(scope="module")
+def small(tmp_path_factory):
+    """A folder with a surrogate of few rows, a surface and a table."""
+    folder = tmp_path_factory.mktemp("small")
+    np.save(folder / "surface.npy", np.eye(3))
+    (folder / "asked.csv").write_text("hurst,rms_height\n0.6,1.0\n")
+    surrogate_of(database_of(folder, SCENE.replace("240", "120"), "s"), "--features", "scene")
+    return folder
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [
@@ -152,21 +160,11 @@ def laws_and_servers_answer(kept, new):
         (["surface.npy", "--delta", "1"], "not for surfaces: ask"),
     ],
 )
-def test_wrong_numbers_are_refused_in_a_line(tmp_path_factory, capsys, options, said):
-    folder = tmp_path_factory.getbasetemp() / "small-scene"
-    if not folder.exists():
-        folder.mkdir()
-        (folder / "s.toml").write_text(SCENE.replace("240", "120"))
-        np.save(folder / "surface.npy", np.eye(3))
-        (folder / "asked.csv").write_text("hurst,rms_height\n0.6,1.0\n")
-        assert gen_cli.main(["run", str(folder / "s.toml"), "-o", str(folder / "s.h5")]) == 0
-        command = ["fit", str(folder / "s.h5"), "--features", "scene"]
-        assert learn_cli.main([*command, "-o", str(folder / "s.surrogate")]) == 0
+def test_wrong_numbers_are_refused_in_a_line(small, refused, options, said):
+    folder = small
     options = [str(folder / each) if each.endswith((".npy", ".csv")) else each for each in options]
-    surrogate = str(folder / "s.surrogate")
-    capsys.readouterr()
-    assert learn_cli.main(["predict", surrogate, *options]) == 2
-    assert said in capsys.readouterr().err
+    surrogate = folder / "s.surrogate"
+    assert said in refused(learn_cli, "predict", surrogate, *options)
     if said == "not for surfaces: ask":
         at = ["--at", "hurst=0.7,rms_height=1"]
         for line, why in (
@@ -174,17 +172,14 @@ def test_wrong_numbers_are_refused_in_a_line(tmp_path_factory, capsys, options, 
             ([*at, "--delta", "1"], "give --pressure instead"),
             (["--at", "hurst=0.7"], "rms_height not given"),
         ):
-            assert learn_cli.main(["law", surrogate, *line]) == 2
-            assert why in capsys.readouterr().err
-        grown = ["grow", str(folder / "s.toml"), "--features", "scene", "--model", "mlp"]
-        assert learn_cli.main([*grown, "-o", str(folder / "g.surrogate")]) == 2
-        assert "population alone knows the error" in capsys.readouterr().err
+            assert why in refused(learn_cli, "law", surrogate, *line)
+        grown = ["grow", folder / "s.toml", "--features", "scene", "--model", "mlp"]
+        told = refused(learn_cli, *grown, "-o", folder / "g.surrogate")
+        assert "population alone knows the error" in told
 
 
 def test_compare_and_tune_know_it_and_say_what_fit_takes(tmp_path, capsys):
-    (tmp_path / "s.toml").write_text(SCENE)
-    database, folder = str(tmp_path / "s.h5"), tmp_path / "compared"
-    assert gen_cli.main(["run", str(tmp_path / "s.toml"), "-o", database]) == 0
+    database, folder = str(database_of(tmp_path, SCENE)), tmp_path / "compared"
     asked = [database, "-o", str(folder), "--features", "scene", "--model", "population"]
     assert learn_cli.main(["compare", *asked, "--model", "decision-tree"]) == 0
     found = Folder(folder / "area").results()
@@ -200,10 +195,6 @@ def test_compare_and_tune_know_it_and_say_what_fit_takes(tmp_path, capsys):
         assert scores["r2"] == pytest.approx(r2["population"], rel=0.01)  # cut at 100 %
 
 
-def test_the_force_is_no_target_at_a_pressure(tmp_path, capsys):
-    (tmp_path / "s.toml").write_text(SCENE.replace("240", "40"))
-    database = str(tmp_path / "s.h5")
-    assert gen_cli.main(["run", str(tmp_path / "s.toml"), "-o", database]) == 0
-    command = ["fit", database, "--features", "scene", "--target", "force"]
-    assert learn_cli.main([*command, "-o", str(tmp_path / "s.surrogate")]) == 2
-    assert "force" in capsys.readouterr().err
+def test_the_force_is_no_target_at_a_pressure(small, refused):
+    command = ["fit", small / "s.h5", "--features", "scene", "--target", "force"]
+    assert "force" in refused(learn_cli, *command, "-o", small / "f.surrogate")

@@ -1,14 +1,12 @@
 """`python -m tests.ledger`: counts of work and of results beside those of the ledger."""
 
 import sys
-from collections.abc import Sequence
 from typing import Annotated
 
 import typer
 
 from gen.runtime import command_line, farm
 from gen.runtime.errors import InputError
-from gen.runtime.files import Output, check_outputs
 from tests.ledger.counts import (
     LEDGER,
     faults,
@@ -38,8 +36,6 @@ def ledger(
     if update is not None and not update.strip():
         raise InputError("--update: give the reason of the change")
     entries = read()
-    if update is not None:
-        check_outputs([Output(LEDGER, "ledger")])
     counts = solve_counts() | job_counts()
     typer.echo(text_table(entries, counts))
     if update is not None:
@@ -54,13 +50,8 @@ def ledger(
     return 1 if found else 0
 
 
-def main(arguments: Sequence[str]) -> int:
-    """Run one command line; return its exit code."""
-    return command_line.main(app, arguments, "ledger", alone=True)
-
-
 if __name__ == "__main__":
     command_line.start(default_sigint=False)
-    code = main(sys.argv[1:])
+    code = command_line.main(app, sys.argv[1:], "ledger", alone=True)
     farm.leave()
     sys.exit(code)

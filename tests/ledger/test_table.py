@@ -57,12 +57,13 @@ def test_the_command_names_faults_and_updates(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(program, "solve_counts", lambda: {CONVOLUTIONS: 600})
     monkeypatch.setattr(program, "job_counts", lambda: {NODES: 2000})
     write_entries(ENTRIES, path)
-    assert program.main([]) == 1
+    assert program.ledger() == 1
     assert capsys.readouterr().out.splitlines()[-2:] == [
         "ledger: given force, convolutions: rises from 500 to 600 (+20.0%, at most +2%)",
         "if wanted: python -m tests.ledger --update 'the reason'",
     ]
-    assert program.main(["--update", " "]) == 2
-    assert program.main(["--update", "harder surfaces"]) == 0
+    with pytest.raises(InputError, match="reason"):
+        program.ledger(" ")
+    assert program.ledger("harder surfaces") == 0
     assert read(path)[CONVOLUTIONS] == Entry(600, "harder surfaces")
-    assert program.main([]) == 0
+    assert program.ledger() == 0

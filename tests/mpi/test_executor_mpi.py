@@ -51,11 +51,8 @@ def failing_master(executor):
         raise InputError("disk full today")
     executor.run(work, Sent(1), range(9), refuse)
 
-def early(executor):
-    raise InputError("no database today")
-
 world = farm.this_world()
-for job in (rounds, failing_work, failing_master, early):
+for job in (rounds, failing_work, failing_master):
     code = 0
     try:
         with led() as executor:
@@ -87,5 +84,4 @@ def test_a_job_runs_on_the_master_and_its_tasks_on_the_workers(tmp_path):
         [0, 0, 0],
         *("no -5 today", [2, 2, 2]),
         *("disk full today", [2, 2, 2]),
-        *("no database today", [2, 2, 2]),
     ]

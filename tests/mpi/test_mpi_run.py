@@ -123,18 +123,6 @@ def test_any_number_of_ranks_gives_the_same_bytes(folder, ranks):
     assert len(worked) >= min(ranks - 1, 2)  # in a single run one worker may do all in its time
 
 
-@pytest.mark.parametrize("name", SCENES)
-def test_parts_merge_into_the_same_bytes(folder, name):
-    for part, rows in (("first", f"0:{ROWS // 3}"), ("rest", f"{ROWS // 3}:{ROWS}")):
-        output = f"{name}-{part}.h5"
-        assert run_here(folder, "run", f"{name}.toml", "--trust", "-o", output, "--rows", rows) == 0
-    parts = [f"{name}-{part}.h5" for part in ("first", "rest")]
-    merged = f"{name}-both.h5"
-    assert run_here(folder, "merge", *parts, "-o", merged) == 0
-    assert deterministic_bytes(folder / merged) == deterministic_bytes(folder / f"{name}.h5")
-    assert run_here(folder, "check", merged, "--trust", "--recompute", "20") == 0
-
-
 def test_a_function_may_print(folder, tmp_path):
     user_functions.write(tmp_path, text("python"), PRINTING)
     done = launch(3, "run", "mine.toml", "--trust", "-o", "a.h5", folder=tmp_path)

@@ -4,6 +4,7 @@ Everything lives in a temporary folder, with its own munge key and sockets; noth
 or written, and every process that was started is ended by its id.
 """
 
+import contextlib
 import getpass
 import os
 import shutil
@@ -11,16 +12,14 @@ import site
 import socket
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 from launch import environment
 
 DAEMONS = ("munged", "slurmctld", "slurmd", "sbatch")
-PACKAGES = ("munge", "slurmctld", "slurmd", "slurm-client", "libpmix2")
 WAIT = 180.0
 """Seconds after which a state of a job that should come counts as never coming."""
 
@@ -64,25 +63,6 @@ PartitionName=main Nodes=ALL Default=YES MaxTime=INFINITE State=UP
 def missing() -> list[str]:
     """Those of Slurm's programs that this machine lacks."""
     return [daemon for daemon in DAEMONS if shutil.which(daemon, path=_path()) is None]
-
-
-def install() -> None:
-    """Install Slurm from Debian's packages, as root, without starting its services."""
-    if os.getuid() != 0:
-        raise PermissionError("only root can install packages")
-    policy = Path("/usr/sbin/policy-rc.d")
-    before = policy.read_bytes() if policy.exists() else None
-    policy.write_text("#!/bin/sh\nexit 101\n")
-    policy.chmod(0o755)
-    quiet = os.environ | {"DEBIAN_FRONTEND": "noninteractive"}
-    apt = ["apt-get", "-qq", "-o", "DPkg::Lock::Timeout=120"]
-    try:
-        for arguments in (["update"], ["install", "-y", "--no-install-recommends", *PACKAGES]):
-            subprocess.run(
-                [*apt, *arguments], env=quiet, capture_output=True, timeout=300, check=True
-            )
-    finally:
-        policy.unlink() if before is None else policy.write_bytes(before)
 
 
 class Cluster:
@@ -129,16 +109,10 @@ class Cluster:
     def _run(
         self, command: list[str], folder: Path | None = None, parameters: Parameters = None
     ) -> "subprocess.CompletedProcess[str]":
-        return subprocess.run(
-            command,
-            cwd=folder or self.folder,
-            env=self._environment
-            | {name: str(value) for name, value in (parameters or {}).items()},
-            capture_output=True,
-            text=True,
-            timeout=WAIT,
-            check=False,
-        )
+        more = {name: str(value) for name, value in (parameters or {}).items()}
+        settings: dict[str, Any] = {"capture_output": True, "text": True, "timeout": WAIT}
+        settings |= {"cwd": folder or self.folder, "env": self._environment | more}
+        return subprocess.run(command, **settings, check=False)
 
     def job(self, number: str) -> dict[str, str]:
         """What `scontrol show job` says about a job, key by key."""
@@ -220,11 +194,6 @@ class Cluster:
                 continue
 
 
-def temporary_folder() -> "tempfile.TemporaryDirectory[str]":
-    """A folder for a cluster, with a short name."""
-    return tempfile.TemporaryDirectory(prefix="slurm-", ignore_cleanup_errors=True)
-
-
 def _path() -> str:
     """Debian keeps daemons where users do not look."""
     return os.pathsep.join([os.environ.get("PATH", os.defpath), "/usr/sbin", "/sbin"])
@@ -232,13 +201,11 @@ def _path() -> str:
 
 def _free_ports(count: int) -> list[int]:
     """Ports that nothing listens on; others may take them, but hardly within a second."""
-    sockets = [socket.socket() for _ in range(count)]
-    for probe in sockets:
-        probe.bind(("127.0.0.1", 0))
-    ports = [probe.getsockname()[1] for probe in sockets]
-    for probe in sockets:
-        probe.close()
-    return ports
+    with contextlib.ExitStack() as stack:
+        sockets = [stack.enter_context(socket.socket()) for _ in range(count)]
+        for probe in sockets:
+            probe.bind(("127.0.0.1", 0))
+        return [probe.getsockname()[1] for probe in sockets]
 
 
 def environment_with_python(folder: Path, script: str) -> Path:

@@ -77,18 +77,7 @@ def test_a_link_that_slurm_refuses_leaves_none_queued(cluster, tmp_path):
     )
 
 
-def test_a_search_without_a_database_is_not_tried_again(cluster, tmp_path):
-    parameters = PARAMETERS | {"DATABASE": "nosuch.h5"}
-    job = cluster.sbatch(
-        "--ntasks=3", SLURM / "tune.sbatch", folder=tmp_path, parameters=parameters
-    )
-    ended = cluster.wait(job)
-    log = (tmp_path / f"asperity-{job}.log").read_text()
-    assert (ended["ExitCode"], ended["Restarts"]) == ("2:0", "0"), log
-    assert "nosuch.h5" in log
-
-
-SCRIPT = Path(__file__).resolve().parents[2] / "slurm" / "bench.sbatch"
+SCRIPT = SLURM / "bench.sbatch"
 
 # `stability` finds something, `solver` crashes at first, all else is well.
 PYTHON = """echo "${@:2:2}" "${@:4}" >> calls

@@ -11,7 +11,7 @@ import pytest
 from databases import deterministic_bytes, status
 from launch import mpiexec
 
-from tests.slurm.cluster import environment_with_python, thin_environment
+from tests.slurm.cluster import thin_environment
 
 pytestmark = [pytest.mark.mpi, pytest.mark.slurm]
 
@@ -105,16 +105,6 @@ def test_a_killed_rank_is_a_crash_and_the_job_finishes(cluster, generate, folder
     assert deterministic_bytes(database) == deterministic_bytes(serial / "long.h5")
 
 
-def test_a_run_that_always_crashes_ends_with_its_code(cluster, generate, folder):
-    run = 'case "$*" in *"-m gen"*) kill -KILL $$ ;; *) echo "world $SLURM_NTASKS" ;; esac'
-    venv = environment_with_python(folder, run)
-    job = generate(VENV=venv, LAUNCHER="env", RETRIES=1)
-    ended = cluster.wait(job)
-    assert (ended["ExitCode"], ended["Restarts"]) == ("137:0", "1"), log(folder, job)
-    assert log(folder, job).count("crashed with exit code 137") == 2
-    assert not list(folder.glob("*.state"))
-
-
 @pytest.mark.parametrize(
     ("parameters", "message"),
     [
@@ -144,12 +134,6 @@ def test_ranks_use_the_copy_on_the_node_and_leave_none(cluster, generate, folder
     assert set(notes.read_text().split()) == {f"{disk}/asperity-{job}-0"}
     assert not list(disk.iterdir())
     assert deterministic_bytes(folder / "short.h5") == deterministic_bytes(serial / "short.h5")
-
-
-def test_without_room_for_a_copy_the_environment_is_used_where_it_lies(cluster, generate, folder):
-    job = generate(VENV=sys.prefix, LOCAL_ENV="yes", SLURM_TMPDIR="/proc/nowhere")
-    assert cluster.wait(job)["ExitCode"] == "0:0", log(folder, job)
-    assert "it is used where it lies" in log(folder, job)
 
 
 def test_a_run_that_heeds_no_warning_is_ended_before_the_limit(cluster, overrunning):

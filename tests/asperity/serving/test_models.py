@@ -1,18 +1,19 @@
 """The models of the server: any scene, and any surrogate of it, against rows of its database."""
 
-import textwrap
 from pathlib import Path
 
 import pytest
+from databases import database_of
+from learnt_rows import surrogate_of
 from small_populations import POPULATIONS
 
 from asperity.serving.models import Configuration, SolverModel, SurrogateModel, model_of
-from gen import cli
 from gen.database import Reader
+from gen.generation.plan import parameters
+from gen.generation.sample import surface_of
 from gen.runtime.errors import InputError
 from gen.scene import load
 from learn import Surrogate
-from learn import cli as learning
 
 ROWS = (0, 1, 7, 40)
 INPUTS = {  # sizes of the vectors: what is drawn, and the load
@@ -61,14 +62,12 @@ def folder(populations, tmp_path_factory):
     """Scenes, databases and surrogates of all populations."""
     more = tmp_path_factory.mktemp("models")
     for name, scene in MORE.items():
-        (more / f"{name}.toml").write_text(textwrap.dedent(scene))
-        assert cli.main(["run", str(more / f"{name}.toml"), "-o", str(more / f"{name}.h5")]) == 0
+        database_of(more, scene, name)
     for name in POPULATIONS:
         for suffix in ("toml", "h5"):
             (more / f"{name}.{suffix}").symlink_to(populations / f"{name}.{suffix}")
     for name in INPUTS:
-        line = ["fit", str(more / f"{name}.h5"), "-o", str(more / f"{name}.surrogate")]
-        assert learning.main([*line, "--target", "area", "--model", "kernel-ridge"]) == 0
+        surrogate_of(more / f"{name}.h5", "--target", "area", "--model", "kernel-ridge")
     return more
 
 
@@ -111,15 +110,12 @@ def test_a_surrogate_runs_no_function_even_a_trusted_one(folder, name):
 @pytest.mark.parametrize("name", sorted(INPUTS.keys() - {"python", "unsorted"}))
 def test_a_surrogate_of_any_scene_answers_as_it_predicts(folder, name):
     """At the Delta of a row where the scene gives pressures or forces."""
-    model, surrogate = model_of(str(folder / f"{name}.surrogate")), None
+    model = model_of(str(folder / f"{name}.surrogate"))
     assert isinstance(model, SurrogateModel)
     assert model.input_sizes == INPUTS[name]
     surrogate = Surrogate.load(folder / f"{name}.surrogate")
     scene, columns = columns_of(folder / f"{name}.h5")
     given = columns["load" if scene.quantity == "delta/height_rms" else "delta"]
-    from gen.generation.plan import parameters
-    from gen.generation.sample import surface_of
-
     for row in ROWS:
         config = Configuration(surface=int(columns["surface"][row]))
         ((value, low, high, inside),) = model.evaluate(asked(name, columns, row, given), config)

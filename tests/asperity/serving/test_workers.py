@@ -34,12 +34,11 @@ FOREVER, AT_ONCE = 1e5, 0.0
 
 
 @pytest.fixture
-def folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "sleeping.py").write_text(MODULE)
-    (tmp_path / "scene.toml").write_text(SCENE)
+def folder(here):
+    (here / "sleeping.py").write_text(MODULE)
+    (here / "scene.toml").write_text(SCENE)
     trust = TRUSTED.set(True)
-    yield tmp_path
+    yield here
     TRUSTED.reset(trust)
 
 

@@ -1,13 +1,20 @@
 """Closed forms of axisymmetric indenters: consistent with the theory and with one another."""
 
-from functools import partial
-
 import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from bem import analytic
-from bem.analytic import Cone, FlatPunch, Indenter, Paraboloid, PowerLaw, distances_to_centre
+from bem.analytic import (
+    Cone,
+    FlatPunch,
+    Indenter,
+    Paraboloid,
+    PerssonInterface,
+    PowerLaw,
+    WavySurface,
+    area_share,
+    distances_to_centre,
+)
 
 SPHERE = Paraboloid(5000.0)
 SNEDDON = [
@@ -104,38 +111,17 @@ def test_distances_from_the_centre_of_a_patch():
             distances_to_centre((9, 9), side)
 
 
-MASKED = np.ma.masked_array(np.linspace(0.01, 0.5, 6), mask=[0, 1, 0, 0, 1, 0])
-WAVY = analytic.WavySurface(0.1, 1.0)
 WAVES = np.geomspace(1.0, 100.0, 50)
-PERSSON = analytic.PerssonInterface(WAVES, WAVES**-3.6)
+PERSSON = PerssonInterface(WAVES, WAVES**-3.6)
 
 
 @pytest.mark.parametrize(
-    "formula",
-    [
-        *(body.heights for body in (Paraboloid(1.0), Cone(0.3), FlatPunch(0.3), WAVY)),
-        *(
-            partial(body.pressure, **{name: load})
-            for body, name in ((Cone(0.3), "delta"), (FlatPunch(0.3), "delta"))
-            for load in (0.0, 0.01)
-        ),
-        *(partial(way, mean_pressure=p) for way in (WAVY.pressure, WAVY.gap) for p in (0, 0.1, 9)),
-        lambda x: analytic.DoublySinusoidal(0.1, 1.0).heights(x, x),
-        analytic.area_share,
-        PERSSON.mean_gap,
-        PERSSON.stiffness,
-    ],
+    "formula", [Cone(0.3).heights, WavySurface(0.1, 1.0).heights, area_share, PERSSON.mean_gap]
 )
 def test_closed_forms_keep_what_is_masked(formula):
-    values = formula(MASKED)
-    np.testing.assert_array_equal(np.ma.getmaskarray(values), MASKED.mask)
-    np.testing.assert_array_equal(values.compressed(), formula(MASKED.data)[~MASKED.mask])
-
-
-def test_a_spectrum_is_copied():
-    waves, spectrum = WAVES.copy(), WAVES**-3.6
-    interface = analytic.PerssonInterface(waves, spectrum)
-    waves.fill(1.0), spectrum.fill(0.0)
-    assert interface.rms_slope() == PERSSON.rms_slope()
+    masked = np.ma.masked_array(np.linspace(0.01, 0.5, 6), mask=[0, 1, 0, 0, 1, 0])
+    values = formula(masked)
+    np.testing.assert_array_equal(np.ma.getmaskarray(values), masked.mask)
+    np.testing.assert_array_equal(values.compressed(), formula(masked.data)[~masked.mask])
     with pytest.raises(ValueError, match="spectrum are masked"):
-        analytic.PerssonInterface(WAVES, np.ma.masked_less(WAVES**-3.6, 0.1))
+        PerssonInterface(WAVES, np.ma.masked_less(WAVES**-3.6, 0.1))

@@ -126,16 +126,11 @@ def test_a_compliant_far_field_has_the_stiffness_of_the_interface():
     assert near[1].interface_stiffness == pytest.approx(slope, rel=1e-5)
 
 
-def test_bodies_apart_have_none():
+@pytest.mark.parametrize("conductivities", [(0.0, 1.0), (1.0, -1.0), (math.inf, math.inf)])
+def test_bodies_apart_have_none_and_impossible_conductivities_are_refused(conductivities):
     contact = bem.solve(rough((9, 9)), SIDE, 0.0)
     assert contact.stiffness == contact.interface_stiffness == contact.loading_stiffness == 0
-    assert contact.conductance(1.0, 2.0) == 0
-    assert contact.spots.number == 0
-
-
-@pytest.mark.parametrize("conductivities", [(0.0, 1.0), (1.0, -1.0), (math.inf, math.inf)])
-def test_impossible_conductivities_are_refused(conductivities):
-    contact = bem.solve(rough((9, 9)), SIDE, 1.0)
+    assert contact.conductance(1.0, 2.0) == contact.spots.number == 0
     with pytest.raises(ValueError, match="conductivities"):
         contact.conductance(*conductivities)
 

@@ -2,7 +2,6 @@
 
 import gc
 import threading
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -144,9 +143,3 @@ def test_what_filters_occupy_is_bounded_for_all_threads_together(monkeypatch):
     del threads, thread
     gc.collect()
     assert occupied_here() == 0
-
-
-def test_threads_have_filters_of_their_own():
-    with ThreadPoolExecutor(1) as other:
-        theirs = other.submit(displacement_filter, (9, 9), *FREE).result()
-    assert theirs is not displacement_filter((9, 9), *FREE)

@@ -12,6 +12,7 @@ from databases import (
     NO_ROOM,
     PHYSICS,
     block,
+    database_of,
     filled,
     raise_physics,
     run,
@@ -213,6 +214,15 @@ def test_every_command_refuses_what_gen_cannot_have_laid_out(paths, command, mon
     crafted.refuse(cli.main, command, names, capsys)
 
 
+@pytest.mark.parametrize("command", [["run", "quick", "-o"], ["info"]])
+def test_files_of_other_programs_are_no_databases(here, refused, command):
+    with h5py.File("foreign.h5", "w") as file:
+        file["temperature"] = np.arange(2000.0)
+    before = (here / "foreign.h5").read_bytes()
+    assert "foreign.h5" in refused(cli, *command, "foreign.h5")
+    assert (here / "foreign.h5").read_bytes() == before
+
+
 def writer(path):
     return Writer(path, Scene.parse(crafted.SCENE, "scene"))
 
@@ -228,33 +238,28 @@ def test_refusing_asks_for_no_memory(paths, opening):
 
 
 @pytest.mark.parametrize(("older", "drawn"), DRAWN_NAMES.items())
-def test_files_with_older_names_are_read_continued_extended_and_merged(tmp_path, older, drawn):
+def test_files_with_older_names_are_read_continued_extended_and_merged(here, older, drawn):
     """The columns of drawn heights and slopes had the names of the parameters."""
     scene = SPECTRAL.replace("RMS", older)
 
-    def asperity(*arguments):
-        assert cli.main([str(argument) for argument in arguments]) == 0
-
     def columns(name):
-        with Reader(tmp_path / name) as reader:
+        with Reader(here / name) as reader:
             wanted = [each.name for each in reader.columns() if each.deterministic]
             np.testing.assert_array_equal(reader.column(older), reader.column(drawn))
             low, high = reader.ranges()[drawn]
             assert 0.5 <= low <= high <= 2.0
             return {each: reader.column(each) for each in wanted}
 
-    (tmp_path / "scene.toml").write_text(scene)
-    (tmp_path / "more.toml").write_text(scene.replace("8", "12", 1))
-    asperity("run", tmp_path / "more.toml", "-o", tmp_path / "whole.h5")
-    asperity("run", tmp_path / "scene.toml", "-o", tmp_path / "old.h5", "--rows", "0:5")
-    with h5py.File(tmp_path / "old.h5", "r+") as file:
+    database_of(here, scene.replace("8", "12", 1), "whole")
+    database_of(here, scene, "old", "--rows", "0:5")
+    with h5py.File("old.h5", "r+") as file:
         file.move(drawn, older)
     columns("old.h5")
-    asperity("run", tmp_path / "scene.toml", "-o", tmp_path / "old.h5")
-    asperity("info", tmp_path / "old.h5")
-    asperity("check", tmp_path / "old.h5", "--recompute", "2")
-    asperity("merge", tmp_path / "old.h5", tmp_path / "whole.h5", "-o", tmp_path / "merged.h5")
-    asperity("run", tmp_path / "more.toml", "-o", tmp_path / "old.h5")
+    for line in (
+        *("run old.toml -o old.h5", "info old.h5", "check old.h5 --recompute 2"),
+        *("merge old.h5 whole.h5 -o merged.h5", "run whole.toml -o old.h5"),
+    ):
+        assert cli.main(line.split()) == 0
     whole = columns("whole.h5")
     for name in ("merged.h5", "old.h5"):
         again = columns(name)

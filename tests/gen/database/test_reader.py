@@ -53,15 +53,7 @@ def test_xarray_reads_both_groups_with_units(path):
                 assert results[column.name].attrs["long_name"] == column.long_name
     with xarray.open_dataset(path, engine="h5netcdf", group="runtime") as runtime:
         assert list(runtime.variables) == [c.name for c in columns if c.group]
-        assert runtime.surface_seconds.dims == ("sample",)
         assert runtime.surface_seconds.attrs["units"] == "s"
-        assert runtime.surface_seconds.dtype == "f8"
-
-
-def test_missing_file(path):
-    for opening in (Reader, lambda missing: Writer(missing, small())):
-        with pytest.raises(InputError, match="does not exist"):
-            opening(path)
 
 
 def test_other_scene_is_refused_key_by_key(path):

@@ -5,6 +5,7 @@ import shutil
 import h5py
 import numpy as np
 import pytest
+from databases import database_of
 
 from gen import cli
 from gen.generation.check import faults
@@ -17,18 +18,13 @@ SCENE += "[contact]\nhardness = [0.01, 0.05]\n"
 @pytest.fixture(scope="module")
 def solved(tmp_path_factory):
     """A database of the scene, computed once."""
-    folder = tmp_path_factory.mktemp("solved")
-    (folder / "scene.toml").write_text(SCENE)
-    assert cli.main(["run", str(folder / "scene.toml"), "-o", str(folder / "rows.h5")]) == 0
-    return folder / "rows.h5"
+    return database_of(tmp_path_factory.mktemp("solved"), SCENE)
 
 
 @pytest.fixture
-def database(solved, tmp_path, monkeypatch):
+def database(solved, here):
     """A copy that a test may spoil."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "scene.toml").write_text(SCENE)
-    return shutil.copy(solved, tmp_path / "rows.h5")
+    return shutil.copy(solved, here / "rows.h5")
 
 
 def spoil(path, column, row, value):
@@ -87,12 +83,9 @@ FLAT = "samples = 3\n[surface]\nnodes = 9\nsigma0 = [0.0, 0.0]\n"
 
 
 @pytest.fixture
-def undefined(tmp_path, monkeypatch):
+def undefined(here):
     """A database of flat surfaces, which have no asperity."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "flat.toml").write_text(FLAT)
-    assert cli.main(["run", "flat.toml", "-o", "flat.h5"]) == 0
-    return tmp_path / "flat.h5"
+    return database_of(here, FLAT, "flat")
 
 
 def test_statistics_that_a_surface_does_not_define_are_no_faults(undefined, capsys):
@@ -154,9 +147,7 @@ range = {}
     ],
 )
 def test_rows_have_the_loads_of_their_plan(tmp_path, quantity, span, fault):
-    (tmp_path / "loads.toml").write_text(LOADED.format(quantity, span))
-    path = tmp_path / "loads.h5"
-    assert cli.main(["run", str(tmp_path / "loads.toml"), "-o", str(path)]) == 0
+    path = database_of(tmp_path, LOADED.format(quantity, span))
     assert list(faults(path, recompute=4)) == []
     spoilt = fault.partition(" ")[0]
     with h5py.File(path) as file:

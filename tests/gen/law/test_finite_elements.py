@@ -18,9 +18,9 @@ from bench.calculix import QUANTITIES, pressed
 from gen import cli
 from gen.law import finite_elements
 from gen.law.curves import KNOWN, Curve
-from gen.law.finite_elements import FAR
 from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
+from tests.maps import waves
 
 STEEL = ["--young", "210e3", "--poisson", "0.3", "--hardness", "2000"]
 TABLE = "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TABULAR"
@@ -31,22 +31,12 @@ CONDUCTIVITY = 50.0  # as in `bench.calculix`
 def law(tmp_path_factory):
     """A folder with the files of one law, and its table against pressure."""
     folder = tmp_path_factory.mktemp("law")
-    x, y = np.meshgrid(*[np.arange(24) / 24 * 2 * np.pi] * 2)
-    rng = np.random.default_rng(2)
-    heights = sum(
-        np.cos(i * x + j * y + rng.uniform(0, 7)) / (i * i + j * j)
-        for i in range(4)
-        for j in range(4)
-        if i + j
-    )
-    np.save(folder / "surface.npy", 0.3 * heights)
-    arguments = [f"{folder}/surface.npy", "--side", "100", "--pressure", "5:320:7:log", *STEEL]
+    np.save(folder / "surface.npy", waves(24, 2))
+    ask = ["law", f"{folder}/surface.npy", "--side", "100", "--pressure", "5:320:7:log", *STEEL]
     conducting = ["--conductivity", f"{CONDUCTIVITY:g}"]
-    made = ["-o", f"{folder}/joint"]
-    assert cli.main(["law", *arguments, *conducting, *made]) == 0
-    si = ["--units", "si", "--abaqus", f"{folder}/9.inp"]
-    assert cli.main(["law", *arguments, *conducting, *si]) == 0
-    assert cli.main(["law", *arguments, "--calculix", f"{folder}/plain.inp"]) == 0
+    assert cli.main([*ask, *conducting, "-o", f"{folder}/joint"]) == 0
+    assert cli.main([*ask, *conducting, "--units", "si", "--abaqus", f"{folder}/9.inp"]) == 0
+    assert cli.main([*ask, "--calculix", f"{folder}/plain.inp"]) == 0
     table = pd.read_csv(folder / "joint.csv")
     return folder, table[table.against == "pressure_MPa"].reset_index(drop=True)
 
@@ -92,14 +82,11 @@ def test_calculix_has_pressure_and_closure_and_a_temperature_beside_conductances
     assert set(conductance[:, 2]) == {293.15}
 
 
-def test_a_file_says_where_nothing_was_computed(law):
-    text = said(law[0] / "joint-abaqus.inp")
+def test_abaqus_is_told_that_the_second_column_is_a_pressure_and_where_nothing_was_computed(law):
+    folder, table = law
+    text = said(folder / "joint-abaqus.inp")
     assert "From 0 to the first pressure, 5 MPa, nothing was computed" in text
     assert "follows the last slope there and the conductance stays the last one" in text
-
-
-def test_abaqus_is_told_that_the_second_column_is_a_pressure(law):
-    folder, table = law
     blocks = read(folder / "9.inp")
     assert "*SURFACE INTERACTION, NAME=LAW_9" in blocks
     conductance = blocks["*GAP CONDUCTANCE, PRESSURE"]
@@ -111,14 +98,14 @@ def test_abaqus_is_told_that_the_second_column_is_a_pressure(law):
     assert "m, N, s, Pa" in (folder / "9.inp").read_text()
 
 
-def test_conductances_fit_into_the_room_that_calculix_has(tmp_path):
-    """It has room for 20 and overwrites other numbers with the rest; Abaqus takes all."""
+def test_a_law_fits_into_the_room_that_calculix_has(tmp_path):
+    """It has room for 20 points and overwrites other numbers with the rest; Abaqus takes all."""
     np.save(tmp_path / "s.npy", np.random.default_rng(1).normal(size=(8, 8)))
     ask = [f"{tmp_path}/s.npy", "--side", "8", "--e-star", "1", "--conductivity", "1"]
     assert cli.main(["law", *ask, "--pressure", "0.01:1:40:log", "-o", f"{tmp_path}/law"]) == 0
     every = read(tmp_path / "law-abaqus.inp")["*GAP CONDUCTANCE, PRESSURE"]
     some = read(tmp_path / "law-calculix.inp")["*GAP CONDUCTANCE"]
-    assert every.shape == (41, 2)
+    assert every.shape == read(tmp_path / "law-calculix.inp")[TABLE].shape == (41, 2)
     assert some.shape == (20, 3)
     assert {tuple(row) for row in some[:, :2]} < {tuple(row) for row in every}
     np.testing.assert_array_equal(some[[0, -1], :2], every[[0, -1]])
@@ -128,8 +115,7 @@ def test_conductances_fit_into_the_room_that_calculix_has(tmp_path):
 def test_a_population_has_a_soft_and_a_stiff_side(tmp_path, program, capsys):
     (tmp_path / "many").mkdir()
     for seed in range(3):
-        heights = np.random.default_rng(seed).normal(size=(8, 8))
-        np.save(tmp_path / f"many/{seed}.npy", heights)
+        np.save(tmp_path / f"many/{seed}.npy", np.random.default_rng(seed).normal(size=(8, 8)))
     ask = [f"{tmp_path}/many", "--side", "8", "--e-star", "1", "--conductivity", "1"]
     ask += ["--pressure", "0.01,0.1,1", "--band", "0.8", "--csv", f"{tmp_path}/law.csv"]
     assert cli.main(["law", *ask, f"--{program}", f"{tmp_path}/joint.inp"]) == 0
@@ -344,21 +330,6 @@ def test_a_file_that_4c_could_not_import_is_refused_before_any_work(surfaces, ru
     assert (surfaces / "steel_2_4c.py").exists()
 
 
-@pytest.mark.parametrize("points", [2, 19, 200])
-def test_calculix_gets_nineteen_points_of_any_law(points):
-    closures = np.linspace(0, 3e-3, points) ** 1.2
-    pressures = 4e9 * closures**2.5
-    made = np.array(finite_elements._for_calculix(pressures, closures))
-    assert made.shape == (2, 41)
-    assert (np.diff(made) > 0).all()
-    assert made[:, 0].tolist() == [0, 0]
-    np.testing.assert_allclose(made[:, 18], [pressures[-1], closures[-1]])
-    np.testing.assert_array_equal(made[1, 19:], FAR)
-    if points <= 19:
-        same = np.isclose(made[1, :19, None], closures, rtol=1e-12, atol=0)
-        assert same.any(axis=0).all()
-
-
 @pytest.mark.parametrize("points", [7, 21, 40])
 def test_files_say_how_far_their_straight_lines_are_from_the_law(tmp_path, points):
     """Nineteen lines over four decades: once every second load of twenty was simply left out."""
@@ -392,26 +363,25 @@ COMPILER = ["cc", "-std=c99", "-Wall", "-Wextra", "-Werror"]
 needs_compiler = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
 
 
-def program(*lines, headers=("steel-2.h", "soft.h")):
-    included = "\n".join(f'#include "{name}"' for name in headers)
-    body = "\n".join(lines)
-    return f"#include <stdio.h>\n{included}\nint main(void)\n{{\n{body}\nreturn 0;\n}}\n"
+def compiled(texts, *headers):
+    """How the compiler ends on a program that prints some numbers."""
+    lines = [
+        "#include <stdio.h>",
+        *(f'#include "{name}"' for name in headers),
+        "int main(void)",
+        "{",
+    ]
+    lines += [f'printf("%.17g\\n", (double)({text}));' for text in texts]
+    Path("main.c").write_text("\n".join([*lines, "return 0;", "}", ""]))
+    compiling = [*COMPILER, "main.c", "-o", "main"]
+    return subprocess.run(compiling, capture_output=True, text=True, check=False, timeout=60)
 
 
-def compiled(text):
-    Path("main.c").write_text(text)
-    return subprocess.run(
-        [*COMPILER, "main.c", "-o", "main"], capture_output=True, text=True, check=False, timeout=60
-    )
-
-
-def said_by(texts, headers):
+def said_by(texts, *headers):
     """The numbers that a C program prints."""
-    lines = [f'printf("%.17g\\n", (double)({text}));' for text in texts]
-    done = compiled(program(*lines, headers=headers))
+    done = compiled(texts, *headers)
     assert done.returncode == 0, done.stderr
-    run = subprocess.run(["./main"], capture_output=True, text=True, check=True, timeout=60)
-    return np.array([float(line) for line in run.stdout.split()])
+    return np.array([float(line) for line in subprocess.check_output(["./main"]).split()])
 
 
 NAMES = {
@@ -447,7 +417,7 @@ def test_two_laws_in_one_program_have_the_values_bands_and_tangents_of_their_tab
                 if against == "pressure_MPa":  # the law of a contact element
                     texts.append(f"asperity_{law}_pressure_at_closure({row.closure_um:.17g})")
                     expected.append(row.pressure_MPa)
-    found = said_by(texts, ["many-2.h", "one.h", "many-2.h"])
+    found = said_by(texts, "many-2.h", "one.h", "many-2.h")
     np.testing.assert_allclose(found, expected, rtol=1e-12)
 
 
@@ -458,8 +428,8 @@ def test_between_the_points_it_is_a_monotone_cubic_with_a_continuous_tangent(sur
     for function in ("delta_at_pressure", "area_at_pressure", "stiffness_at_pressure"):
         own, step = f"asperity_law_{function}", 1e-6
         texts = [f"{own}({p + h:.17g})" for p in at for h in (-step, 0, step)]
-        low, here, high = said_by(texts, ["law.h"]).reshape(-1, 3).T
-        tangent = said_by([f"{own}_tangent({p:.17g})" for p in at], ["law.h"])
+        low, here, high = said_by(texts, "law.h").reshape(-1, 3).T
+        tangent = said_by([f"{own}_tangent({p:.17g})" for p in at], "law.h")
         inside = (at > 2 * step) & (at < 100 - 2 * step)
         slopes = (high - low)[inside] / (2 * step)
         np.testing.assert_allclose(tangent[inside], slopes, rtol=1e-3, atol=1e-5 * slopes.max())
@@ -468,7 +438,7 @@ def test_between_the_points_it_is_a_monotone_cubic_with_a_continuous_tangent(sur
         # Continuous where the pieces of the cubic meet.
         ends = [f"{own}_tangent({p * (1 + h):.17g})" for p in np.geomspace(1, 100, 6)[:-1]
                 for h in (-1e-12, 1e-12)]  # fmt: skip
-        before, behind = said_by(ends, ["law.h"]).reshape(-1, 2).T
+        before, behind = said_by(ends, "law.h").reshape(-1, 2).T
         np.testing.assert_allclose(before, behind, rtol=1e-8, atol=1e-9 * tangent.max())
 
 
@@ -480,7 +450,7 @@ def test_unknown_ends_of_a_band_are_no_numbers(surfaces, make):
     curves = replace(law.over_delta, curves={**law.over_delta.curves, "area_percent": unknown})
     finite_elements.write_header(Path("law.h"), replace(law, over_delta=curves))
     places = (at[1], (at[0] + at[1]) / 2, at[2])
-    found = said_by([f"asperity_law_area_low({place:.17g})" for place in places], ["law.h"])
+    found = said_by([f"asperity_law_area_low({place:.17g})" for place in places], "law.h")
     assert np.isnan(found).tolist() == [True, True, False]
 
 
@@ -491,16 +461,15 @@ def test_a_header_says_what_it_is_and_a_second_of_its_name_is_an_error(surfaces,
     run("many/s1.npy", "--delta", "0.1,0.2", "--header", "other/steel.h")
     text = Path("steel.h").read_text()
     said = " ".join(text.partition("*/")[0].replace("\n *", "").split())
-    assert "E* = 230769.23076923075 MPa" in said
-    assert "Surface: many/s0.npy" in said
-    assert "python -m gen law many/s0.npy --delta 0.1,0.2" in said
-    assert "asperity 0" in said or "asperity 1" in said
-    assert "Made: 20" in said
-    assert "Beyond the ends of the tables, values are constant" in said
-    assert "Band: the error of the grid, 9 times in 10" in said
-    line = 'printf("%g\\n", asperity_steel_area(1.0));'
-    assert compiled(program(line, headers=("steel.h", "steel.h"))).returncode == 0
-    done = compiled(program(line, headers=("steel.h", "other/steel.h")))
+    for words in (
+        *("E* = 230769.23076923075 MPa", "Surface: many/s0.npy", "Made: 20"),
+        "python -m gen law many/s0.npy --delta 0.1,0.2",
+        "Beyond the ends of the tables, values are constant",
+        "Band: the error of the grid, 9 times in 10",
+    ):
+        assert words in said
+    assert compiled(["asperity_steel_area(1.0)"], "steel.h", "steel.h").returncode == 0
+    done = compiled(["asperity_steel_area(1.0)"], "steel.h", "other/steel.h")
     assert done.returncode == 1
     assert "two laws are named asperity_steel: give one of the headers another file" in done.stderr
 
@@ -517,4 +486,4 @@ def test_a_name_cannot_end_the_comment_of_a_header(surfaces, run, folder):
     assert "evil" not in code
     assert "*/" not in comment
     assert not set(b"\\?\x1b\r") & set(comment.encode())
-    assert compiled(program('printf("%g\\n", asperity_a_area(1.0));', headers=["a.h"])).stderr == ""
+    assert compiled(["asperity_a_area(1.0)"], "a.h").stderr == ""

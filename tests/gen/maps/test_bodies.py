@@ -100,34 +100,26 @@ def test_placements_that_are_none_are_refused(turned, shift, word):
 
 
 @pytest.fixture(autouse=True)
-def work(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def work(here):
     for seed, name in enumerate(("a", "b")):
         np.save(f"{name}.npy", np.random.default_rng(seed).normal(size=(17, 17)))
 
 
-def solved(*arguments, command="contact"):
-    load = ["--delta", "1"] if command == "contact" else []
-    given = [command, *map(str, arguments), *load, "--csv", "out.csv"]
-    assert cli.main(given) == 0
+def prepared(*arguments):
+    assert cli.main(["describe", *arguments, "--csv", "out.csv"]) == 0
     with Path("out.csv").open(newline="") as file:
         (row,) = csv.DictReader(file)
-    return row
+    return row["prepared"]
 
 
 def test_both_bodies_are_prepared_alike_unless_the_second_has_options_of_its_own():
-    options = ["a.npy", "--side", 16, "--level", "plane", "--against", "b.npy"]
-    alike = solved(*options, command="describe")["prepared"]
-    assert "body 1: levelled by a plane" in alike
+    options = ["a.npy", "--side", "16", "--level", "plane", "--against", "b.npy"]
+    alike = prepared(*options)
+    own = prepared(*options, "--against-options", "--side 8 --invert --downsample 2")
     assert "body 2: levelled by a plane" in alike
-    own = solved(
-        *options, "--against-options", "--side 8 --invert --downsample 2", command="describe"
-    )
-    assert "body 1: levelled by a plane" in own["prepared"]
-    assert "body 2: levelled" not in own["prepared"]
-    assert "body 2: turned upside down" in own["prepared"]
-    assert "body 2: downsampled to 8 x 8" in own["prepared"]
-    assert "um share" in own["prepared"]
+    assert "body 2: levelled" not in own
+    for words in ("body 1: levelled by a plane", "body 2: turned", "body 2: downsampled to 8 x 8"):
+        assert words in own
 
 
 @pytest.mark.parametrize(
@@ -139,22 +131,15 @@ def test_both_bodies_are_prepared_alike_unless_the_second_has_options_of_its_own
         ("", "after '--against-options' is empty"),
     ],
 )
-def test_bad_options_of_the_second_body_are_one_line(capsys, options, word):
+def test_bad_options_of_the_second_body_are_one_line(refused, options, word):
     arguments = ["describe", "a.npy", "--side", "16", "--against", "b.npy"]
-    assert cli.main([*arguments, "--against-options", options]) == 2
-    said = capsys.readouterr()
-    assert said.out == ""
-    assert said.err.count("\n") == 1
-    assert word in said.err
+    assert word in refused(cli, *arguments, "--against-options", options)
 
 
 @pytest.mark.filterwarnings("ignore:Cannot close a netcdf_file:RuntimeWarning")
 @pytest.mark.parametrize("periodic", [True, False])
-def test_a_file_that_calls_itself_periodic_is_told_how_it_is_taken(
-    periodic, tmp_path, monkeypatch, capsys
-):
+def test_a_file_that_calls_itself_periodic_is_told_how_it_is_taken(periodic, capsys):
     library = pytest.importorskip("SurfaceTopography", reason="needs the extra instruments")
-    monkeypatch.chdir(tmp_path)
     wave = np.cos(2 * np.pi * np.arange(24) / 24)[:, None] * np.cos(np.pi * np.arange(20) / 5)
     made = library.Topography(0.1 * wave, (24.0, 20.0), unit="um", periodic=periodic)
     made.to_netcdf("map.nc")

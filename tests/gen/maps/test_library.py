@@ -23,7 +23,6 @@ from gen.maps.library import (
     map_files,
     opened,
     prepared,
-    stored_maps,
     write_maps,
 )
 from gen.maps.settings import Reading
@@ -58,17 +57,10 @@ def made(paths, home, wanted=CLEANED):
     return prepared(paths, digests(paths), wanted, home)
 
 
-def forbid_reading(monkeypatch):
-    def fail(*arguments, **options):
-        raise AssertionError("a map is read again")
-
-    monkeypatch.setattr(library, "read", fail)
-
-
 def test_maps_are_prepared_once(paths, home, monkeypatch):
     first = made(paths, home)
     (file,) = home.iterdir()
-    forbid_reading(monkeypatch)
+    monkeypatch.setattr(library, "read", lambda *_, **__: pytest.fail("a map is read again"))
     for again in (made(paths, home), opened(digests(paths), CLEANED, home, verify=False)):
         for one, other in zip(first.maps, again.maps, strict=True):
             assert np.array_equal(one.heights, other.heights)
@@ -76,14 +68,17 @@ def test_maps_are_prepared_once(paths, home, monkeypatch):
     assert made(paths, home, Wanted((30, 30), None, CLEAN)).shapes == first.shapes
 
 
-def test_a_damaged_file_is_made_anew(paths, home):
+@pytest.mark.parametrize("place", [PAGE, -1])
+def test_a_damaged_file_is_made_anew(paths, home, place):
     whole = made(paths, home).maps[0].heights.copy()
     (file,) = home.iterdir()
     content = bytearray(file.read_bytes())
-    content[5000] ^= 1
+    content[place] ^= 1
     file.write_bytes(content)
     assert np.array_equal(made(paths, home).maps[0].heights, whole)
     assert file.read_bytes() != bytes(content)
+    file.write_bytes(content[: len(content) // 2])
+    assert opened(digests(paths), CLEANED, home, verify=False) is None
 
 
 @pytest.mark.parametrize("make", [os.mkfifo, os.mkdir])
@@ -142,16 +137,6 @@ def path(tmp_path):
     return path
 
 
-@pytest.mark.parametrize("place", [0, PAGE, -1])
-def test_damaged_heights_and_tables_are_noticed(path, place):
-    content = bytearray(path.read_bytes())
-    content[place] ^= 1
-    path.write_bytes(content)
-    assert stored_maps(path, "key", verify=True) is None
-    path.write_bytes(content[: len(content) // 2])
-    assert stored_maps(path, "key", verify=False) is None
-
-
 def test_a_file_that_another_process_made_meanwhile_stays(path):
     before = path.stat().st_ino
     write_maps(path, "key", iter(MAPS), replace=False)
@@ -186,19 +171,10 @@ def test_files_folders_and_patterns(folder, patterns, names):
     assert map_files(absolute, folder / "elsewhere") == expected
 
 
-@pytest.mark.parametrize(
-    ("pattern", "message"),
-    [
-        ("none", "no file or folder is called so in"),
-        ("scans/*.sur", "no file or folder is called so in"),
-        ("a\0b", r"files 'a\\x00b': no file or folder is called so in"),
-    ],
-)
-def test_names_without_a_file_are_refused_in_one_line(folder, pattern, message):
-    (folder / "empty").mkdir()
-    with pytest.raises(InputError, match=message) as refusal:
+@pytest.mark.parametrize("pattern", ["none", "scans/*.sur", "a\0b"])
+def test_names_without_a_file_are_refused_in_one_line(folder, pattern):
+    with pytest.raises(InputError, match=r"^.*: no file or folder is called so in .*$"):
         map_files([pattern], folder)
-    assert len(str(refusal.value).splitlines()) == 1
 
 
 def test_content_names_a_map_and_no_two_are_alike(folder):

@@ -8,6 +8,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
+from databases import database_of
 
 import bem
 from gen import cli
@@ -36,19 +37,22 @@ SHAPES = {
 @pytest.mark.few(3)
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("shape", SHAPES)
-def test_every_surface_is_drawn_and_nothing_is_cut(shape, tmp_path, monkeypatch, capsys):
+def test_every_surface_is_drawn_and_nothing_is_cut(shape, here, monkeypatch, capsys):
     heights, side = SHAPES[shape]
-    monkeypatch.chdir(tmp_path)
     np.save("surface.npy", heights)
     figures, save = [], pictures.save
     monkeypatch.setattr(
         pictures, "save", lambda figure, path: figures.append(figure) or save(figure, path)
     )
     assert cli.main(["describe", "surface.npy", "--side", side, "--plot", "one.png"]) == 0
-    assert (tmp_path / "one.png").read_bytes().startswith(b"\x89PNG")
+    assert (here / "one.png").read_bytes().startswith(b"\x89PNG")
     assert "self-affine law" in capsys.readouterr().out
     (figure,) = figures
-    renderer = FigureCanvasAgg(figure).get_renderer()
+    assert_whole(figure, FigureCanvasAgg(figure).get_renderer())
+
+
+def assert_whole(figure, renderer):
+    """Whether nothing is cut at any border."""
     box, (width, height) = figure.get_tightbbox(renderer), figure.get_size_inches()
     assert min(box.x0, box.y0) >= 0, "something is cut on the left or below"
     assert (box.x1 <= width, box.y1 <= height) == (True, True), "something is cut"
@@ -96,10 +100,7 @@ def test_nothing_is_cut_or_overlaps(shape):
     figure = drawn(contacts, warnings=(WARNING, "short"))
     renderer = FigureCanvasAgg(figure).get_renderer()
     figure.get_layout_engine().execute(figure)
-    box, (width, height) = figure.get_tightbbox(renderer), figure.get_size_inches()
-    assert min(box.x0, box.y0) >= 0, "something is cut on the left or below"
-    assert box.x1 <= width, "something is cut on the right"
-    assert box.y1 <= height, "something is cut above"
+    assert_whole(figure, renderer)
     section = titled(figure, "section at")
     assert section.get_window_extent(renderer).height > 1.2 * figure.dpi  # inches
     legend = section.get_legend().get_window_extent(renderer)
@@ -179,11 +180,9 @@ DRAWING = {
 
 
 @pytest.mark.parametrize("name", DRAWING)
-def test_every_name_of_a_file_can_be_drawn(tmp_path, monkeypatch, name):
-    monkeypatch.chdir(tmp_path)
+def test_every_name_of_a_file_can_be_drawn(here, name):
     np.save(f"{LATIN}.npy", np.random.default_rng(0).random((16, 16)))
-    Path("small.toml").write_text("samples = 2\n[surface]\nnodes = 9\n")
-    assert cli.main(["run", "small.toml", "-o", f"{LATIN}.h5"]) == 0
+    database_of(here, "samples = 2\n[surface]\nnodes = 9\n").rename(f"{LATIN}.h5")
     assert cli.main(DRAWING[name]) == 0
     picture = Path(DRAWING[name][-1])
     assert picture.stat().st_size > 1000

@@ -22,7 +22,6 @@ from gen.maps.filters import (
 )
 from gen.maps.prepare import STEPS as TAKEN
 from gen.maps.prepare import (
-    despiked,
     downsampled,
     masked,
     prepare,
@@ -42,6 +41,22 @@ SIDES = (22.0, 4.0)
 
 def topography(heights: np.ndarray, sides: tuple[float, float] = SIDES) -> Topography:
     return Topography("scan", heights, sides, asked="option")
+
+
+def shaped(shape, spacing, height, boundary="free"):
+    """A map of a function of x and y [um]."""
+    x, y = (step * np.arange(nodes) for nodes, step in zip(shape, spacing, strict=True))
+    sides = tuple(
+        step * (nodes - (boundary == "free")) for nodes, step in zip(shape, spacing, strict=True)
+    )
+    return Topography(
+        "map", height(x[:, None], y[None, :]), sides, (), (), boundary, asked="option"
+    )
+
+
+def spaced(heights: np.ndarray, boundary: Boundary = "free") -> Topography:
+    """A map with a spacing of 0.5 x 2 um."""
+    return shaped(heights.shape, (0.5, 2.0), lambda *_: heights, boundary)
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(0.05, 0.9))
@@ -199,8 +214,7 @@ def test_much_that_is_missing_is_warned_of_and_more_refused():
         assert len(told) == warned
 
 
-@pytest.fixture
-def scanned_sphere(tmp_path: Path) -> Path:
+def test_a_scanned_sphere_is_hertz(here: Path, capsys):
     """R = 5 mm on 160 x 120 um: tilted, noisy, 2 % missing and a hole; heights in nm."""
     random = np.random.default_rng(0)
     x, y = np.meshgrid(np.linspace(-80, 80, 161), np.linspace(-60, 60, 161), indexing="ij")
@@ -208,34 +222,20 @@ def scanned_sphere(tmp_path: Path) -> Path:
     heights += random.normal(0, 2e-4, x.shape)
     heights[random.random(x.shape) < 0.02] = np.nan
     heights[30:40, 100:115] = np.nan
-    np.save(tmp_path / "sphere.npy", 1e3 * heights)
-    return tmp_path / "sphere.npy"
-
-
-def test_a_scanned_sphere_is_hertz(scanned_sphere, tmp_path, capsys):
+    np.save("sphere.npy", 1e3 * heights)
     prepared = ["--side", "160,120", "--unit", "nm", "--level", "plane", "--fill"]
     moduli = ["--young", "210e3", "--poisson", "0.3", "--young", "70e3", "--poisson", "0.33"]
-    law, picture = tmp_path / "law.csv", tmp_path / "law.png"
-    outputs = ["--csv", str(law), "--plot", str(picture)]
-    arguments = [str(scanned_sphere), *prepared, *moduli, "--delta", "0.1:0.3:3", *outputs]
-    assert cli.main(["contact", *arguments]) == 0
+    ask = ["contact", "sphere.npy", *prepared, *moduli, "--csv", "law.csv"]
+    assert cli.main([*ask, "--delta", "0.1:0.3:3", "--plot", "law.png"]) == 0
     assert "filled" in capsys.readouterr().out
-    rows = pd.read_csv(law)
+    rows = pd.read_csv("law.csv")
     modulus = combined_modulus([210e3, 70e3], [0.3, 0.33])
     hertz = 4 / 3 * modulus * np.sqrt(5000.0) * rows.delta_um**1.5
     np.testing.assert_allclose(rows.force_uN, hertz, rtol=0.02)
     assert rows.prepared.str.contains("levelled by a plane").all()
-    assert picture.stat().st_size > 10_000
-    force = f"{rows.force_uN[0]}:{rows.force_uN[2]}:2"
-    again = ["contact", *arguments[: -len(outputs) - 2], "--force", force, "--csv", str(law)]
-    assert cli.main(again) == 0
-    np.testing.assert_allclose(pd.read_csv(law).delta_um, [0.1, 0.3], rtol=1e-4)
-
-
-def spaced(heights: np.ndarray, boundary: Boundary = "free") -> Topography:
-    """A map with a spacing of 0.5 x 2 um."""
-    nx, ny = (nodes - (boundary == "free") for nodes in heights.shape)
-    return Topography("scan", heights, (0.5 * nx, 2.0 * ny), boundary=boundary, asked="option")
+    assert (here / "law.png").stat().st_size > 10_000
+    assert cli.main([*ask, "--force", f"{rows.force_uN[0]}:{rows.force_uN[2]}:2"]) == 0
+    np.testing.assert_allclose(pd.read_csv("law.csv").delta_um, [0.1, 0.3], rtol=1e-4)
 
 
 @given(
@@ -257,17 +257,6 @@ def test_means_of_blocks_are_exact(nx, ny, boundary, seed):
     assert ("left out" in coarse.steps[-1]) == bool(nx % nodes or ny % nodes)
 
 
-def test_the_number_of_spikes_is_said_and_many_are_warned_of():
-    heights = np.random.default_rng(0).normal(size=(20, 31))
-    heights[4, 5] = heights[19, 30] = -500
-    clean = despiked(spaced(heights), 20)
-    expected = "despiked: 2 nodes (0.323 %) further than 20 times the scatter from their local"
-    assert clean.steps == (f"{expected} median",)
-    assert not clean.warnings
-    [warning] = despiked(spaced(heights), 0.5).warnings
-    assert "raise --despike" in warning
-
-
 def test_a_cut_off_of_four_spacings_is_one_though_lengths_are_rounded():
     """0.7 - 0.3 is less than 0.4 by rounding, and an instrument's spacing may be too."""
     heights = np.random.default_rng(0).normal(size=(30, 30))
@@ -279,24 +268,19 @@ def test_a_cut_off_of_four_spacings_is_one_though_lengths_are_rounded():
 
 def test_steps_that_do_not_suit_the_map_are_refused():
     plane = spaced(np.add.outer(np.arange(9.0), np.arange(7.0)))
-    with pytest.raises(InputError, match=r"scan: --mask 50:60 leaves no height, they are 0 to 14"):
+    with pytest.raises(InputError, match="3 nodes along an axis, resampling needs 4"):
+        resampled(shaped((3, 9), (1.0, 1.0), cubic), (0.5, 1.0))
+    with pytest.raises(InputError, match="a spacing of 7 um leaves 1 x 1 nodes"):
+        resampled(shaped((9, 9), (1.0, 1.0), cubic), (7.0, 7.0))
+    with pytest.raises(InputError, match=r"map: --mask 50:60 leaves no height, they are 0 to 14"):
         masked(plane, (50, 60))
-    with pytest.raises(InputError, match="scan: --downsample 4 leaves fewer than 2 x 2 of 9 x 7"):
+    with pytest.raises(InputError, match="map: --downsample 4 leaves fewer than 2 x 2 of 9 x 7"):
         downsampled(plane, 4)
-    with pytest.raises(InputError, match="scan: --form 7 has 36 coefficients, too many for 63 hei"):
+    with pytest.raises(InputError, match="map: --form 7 has 36 coefficients, too many for 63 hei"):
         without_form(plane, 7)
     for cutoffs in ((1.0, None), (None, 9.0), (9.0, None)):
         with pytest.raises(InputError, match=r"-filter's cut-off, .* um, is outside 8 to 4 um, fo"):
             filtered(plane, *cutoffs)
-
-
-def shaped(shape, spacing, height, boundary="free"):
-    """A map of a function of x and y [um]."""
-    x, y = (step * np.arange(nodes) for nodes, step in zip(shape, spacing, strict=True))
-    sides = tuple(
-        step * (nodes - (boundary == "free")) for nodes, step in zip(shape, spacing, strict=True)
-    )
-    return Topography("map", height(x[:, None], y[None, :]), sides, (), (), boundary)
 
 
 def cubic(x, y):
@@ -326,13 +310,6 @@ def test_spacings_that_differ_by_rounding_keep_the_nodes():
     assert not is_same(1.0, 1.002)
 
 
-def test_too_few_nodes_are_refused():
-    with pytest.raises(InputError, match="3 nodes along an axis, resampling needs 4"):
-        resampled(shaped((3, 9), (1.0, 1.0), cubic), (0.5, 1.0))
-    with pytest.raises(InputError, match="a spacing of 7 um leaves 1 x 1 nodes"):
-        resampled(shaped((9, 9), (1.0, 1.0), cubic), (7.0, 7.0))
-
-
 REFUSED: list[tuple[dict[str, Any], str]] = [
     *(({"mask": text}, "--mask") for text in ("3:-5", "nan:1", "9" * 400)),
     *(({"filter": text}, "--filter") for text in (":", "80:2")),
@@ -351,15 +328,6 @@ def test_settings_out_of_their_ranges_are_refused(settings, word):
     assert str(refusal.value).startswith(word)
     assert "\n" not in str(refusal.value)
     assert len(str(refusal.value)) < 300
-
-
-@pytest.mark.parametrize(("asked", "words"), [("option", "--fill-most"), ("key", "fill_most")])
-def test_messages_are_in_the_words_of_who_asks(asked, words):
-    assert said("fill_most", asked) == words
-    assert said("despike 7", asked) == ("--" * (asked == "option")) + "despike 7"
-    with pytest.raises(InputError) as refusal:
-        prepare(topography(X), Reading(level="up", asked=asked))
-    assert str(refusal.value).startswith(said("level 'up': give one of", asked))
 
 
 def test_commands_scenes_and_the_manual_have_every_key(capsys):

@@ -8,11 +8,12 @@ import re
 import shlex
 import subprocess
 import sys
+from unittest import mock
 
 import h5py
 import numpy as np
 import pytest
-from databases import status
+from databases import database_of, status
 from launch import TIMEOUT, command, environment
 from rich.table import Table
 
@@ -24,28 +25,23 @@ SCENE = 'title = "Rauheit ä€中 ±"\nsamples = 3\n[surface]\nnodes = 9\n'
 
 
 @pytest.fixture
-def folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "scene.toml").write_text(SCENE, encoding="utf-8")
-    return tmp_path
+def folder(here):
+    (here / "scene.toml").write_text(SCENE, encoding="utf-8")
+    return here
 
 
-def test_memory_that_runs_out_anywhere_is_one_line(folder, monkeypatch, capsys):
-    def out_of_memory(*_):
-        raise MemoryError("Unable to allocate 7 TiB")
-
-    monkeypatch.setattr("gen.scene.Scene.parse", out_of_memory)
-    assert cli.main(["estimate", "scene.toml"]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
+def test_memory_that_runs_out_anywhere_is_one_line(folder, monkeypatch, refused):
+    failing = mock.Mock(side_effect=MemoryError("Unable to allocate 7 TiB"))
+    monkeypatch.setattr("gen.scene.Scene.parse", failing)
+    line = refused(cli, "estimate", "scene.toml")
     assert line.startswith("gen: this needs more memory than there is: Unable to allocate 7 TiB;")
     assert "are allowed here" in line
 
 
-def test_a_complaint_about_a_long_text_is_short(folder, capsys):
-    assert cli.main(["info", "x" * 5000 + ".h5"]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
+def test_a_complaint_about_a_long_text_is_short(refused):
+    line = refused(cli, "info", "x" * 5000 + ".h5")
     assert line.startswith("gen: xxx")
-    assert line.endswith("File name too long")
+    assert line.endswith("File name too long\n")
     assert len(line) < 1300
 
 
@@ -57,18 +53,14 @@ def test_a_complaint_about_a_long_text_is_short(folder, capsys):
         (["run", "quick", "-o", "x.h5", "--rows", "0:x"], "'0:x': give two row numbers"),
     ],
 )
-def test_an_empty_argument_chooses_nothing(tmp_path, monkeypatch, capsys, arguments, said):
+def test_an_empty_argument_chooses_nothing(here, refused, arguments, said):
     """As `--rows "$ROWS"` where ROWS is not set: all rows were computed."""
-    monkeypatch.chdir(tmp_path)
-    assert cli.main(arguments) == 2
-    assert said in capsys.readouterr().err
-    assert not list(tmp_path.iterdir())
+    assert said in refused(cli, *arguments)
+    assert not list(here.iterdir())
 
 
-def test_a_number_that_is_not_the_stored_one_is_written_plainly(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "s.toml").write_text(SCENE, encoding="utf-8")
-    assert cli.main(["run", "s.toml", "-o", "a.h5"]) == 0
+def test_a_number_that_is_not_the_stored_one_is_written_plainly(here, capsys):
+    database_of(here, SCENE, "a")
     with h5py.File("a.h5", "r+") as file:
         file["height_mean"][:] = 5.0
     assert cli.main(["check", "a.h5"]) == 1
@@ -159,20 +151,16 @@ def assert_harmless(text: str) -> None:
     assert all(character.isprintable() or character == "\n" for character in text)
 
 
-def test_a_title_in_a_database_cannot_drive_the_terminal(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
+def test_a_title_in_a_database_cannot_drive_the_terminal(here, capsys):
     title = EVIL.encode("unicode_escape").decode().replace("\\x", "\\u00")
-    (tmp_path / "scene.toml").write_text(
-        f'title = "{title}"\nsamples = 1\n[surface]\nnodes = 5\n', encoding="utf-8"
-    )
-    assert cli.main(["run", "scene.toml", "-o", "a.h5", "--rows", "0:1"]) == 0
+    database_of(here, f'title = "{title}"\nsamples = 1\n[surface]\nnodes = 5\n', "a")
     capsys.readouterr()
     assert cli.main(["info", "a.h5"]) == 0
     assert_harmless(capsys.readouterr().out)
 
 
-def test_a_file_name_cannot_drive_the_terminal(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
+@pytest.mark.usefixtures("here")
+def test_a_file_name_cannot_drive_the_terminal(capsys):
     name = "a\x1b[2J\nb.npy"
     np.save(name, np.random.default_rng(0).normal(size=(9, 9)))
     for arguments in (["describe", name, "--side", "9"], ["describe", name], ["info", name]):

@@ -9,9 +9,11 @@ import stat
 import subprocess
 import sys
 import textwrap
+from unittest import mock
 
 import numpy as np
 import pytest
+from databases import database_of
 
 from bench.__main__ import main as bench
 from gen import cli
@@ -34,23 +36,19 @@ REPLACED = {
 
 
 @pytest.fixture
-def folder(tmp_path, monkeypatch):
+def folder(here):
     """A surface, files of several kinds, links to them, and what no command may write to."""
-    monkeypatch.chdir(tmp_path)
     for name, content in REPLACED.items():
-        (tmp_path / name).write_bytes(content)
+        (here / name).write_bytes(content)
     np.save("h.npy", np.arange(81.0).reshape(9, 9))
-    (tmp_path / "heights.txt").write_text("0 1\n1 0\n")
+    (here / "heights.txt").write_text("0 1\n1 0\n")
     os.link("heights.txt", "hard.txt")
-    (tmp_path / "soft.txt").symlink_to("heights.txt")
-    (tmp_path / "same.csv").symlink_to("table.csv")
-    (tmp_path / "loop.csv").symlink_to("loop.csv")
+    (here / "same.csv").symlink_to("table.csv")
+    (here / "loop.csv").symlink_to("loop.csv")
     os.mkfifo("fifo.csv")
-    (tmp_path / "locked.csv").write_text("a\n")
-    (tmp_path / "locked.csv").chmod(0o444)
-    (tmp_path / "locked.png").write_bytes(REPLACED["old.png"])
-    (tmp_path / "locked.png").chmod(0o400)
-    return tmp_path
+    (here / "locked.csv").write_text("a\n")
+    (here / "locked.csv").chmod(0o444)
+    return here
 
 
 def contents(folder):
@@ -77,15 +75,11 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("program", "arguments", "word"), REFUSED)
-def test_refused_before_any_work(folder, capsys, monkeypatch, program, arguments, word):
-    def work(*_arguments, **_settings):
-        raise AssertionError("worked before the refusal")
-
-    monkeypatch.setattr("gen.maps.prepare.read", work)
+def test_refused_before_any_work(folder, refused, monkeypatch, program, arguments, word):
+    failing = mock.Mock(side_effect=AssertionError("worked before the refusal"))
+    monkeypatch.setattr("gen.maps.prepare.read", failing)
     before = contents(folder)
-    assert program.main(arguments) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert word.lower() in line.lower()
+    assert word.lower() in refused(program, *arguments).lower()
     assert contents(folder) == before
 
 
@@ -169,17 +163,13 @@ def test_files_in_an_input_folder_are_inputs(folder):
 
 def test_an_empty_file_and_the_same_kind_are_replaced(folder):
     (folder / "empty").touch()
-    kinds = ("text", "picture", "surrogate", "heights", "arrays")
-    for kind in kinds:
+    for kind in ("text", "picture", "surrogate", "heights", "arrays"):
         check_outputs([Output(folder / "empty", "-o", kind)])
-    np.savez(folder / "kept.npz", a=np.ones(2))
-    check_outputs([Output(folder / "kept.npz", "-o", "arrays")])
-    with pytest.raises(InputError, match="of the kind arrays, not surrogate"):
-        check_outputs([Output(folder / "kept.npz", "-o", "surrogate")])
-    np.save(folder / "kept.npy", np.ones((2, 2)))
-    check_outputs([Output(folder / "kept.npy", "-o", "heights")])
-    with pytest.raises(InputError, match="of the kind heights, not text"):
-        check_outputs([Output(folder / "kept.npy", "-o")])
+    np.savez(folder / "arrays", a=np.ones(2))
+    for name, kind, other in (("arrays.npz", "arrays", "surrogate"), ("h.npy", "heights", "text")):
+        check_outputs([Output(folder / name, "-o", kind)])
+        with pytest.raises(InputError, match=f"of the kind {kind}, not {other}"):
+            check_outputs([Output(folder / name, "-o", other)])
 
 
 SURFACE = ["h.npy", "--side", "9"]
@@ -198,8 +188,7 @@ WRITERS = {
 def small(tmp_path_factory):
     """A scene, its database of 30 rows and a surface."""
     folder = tmp_path_factory.mktemp("small")
-    (folder / "small.toml").write_text("samples = 30\n[surface]\nnodes = 9\n")
-    assert cli.main(["run", str(folder / "small.toml"), "-o", str(folder / "small.h5")]) == 0
+    database_of(folder, "samples = 30\n[surface]\nnodes = 9\n", "small")
     np.save(folder / "map.npy", generate("midpoint", 129, 0.8, 1.0, np.random.default_rng(0)))
     np.save(folder / "h.npy", np.arange(81.0).reshape(9, 9))
     return folder
@@ -222,26 +211,24 @@ def test_a_link_to_what_does_not_exist_yet_is_followed(small, tmp_path, monkeypa
 
 
 @pytest.mark.parametrize("name", ["run", "table", "export"])
-def test_a_link_onto_an_input_or_itself_is_refused(small, tmp_path, monkeypatch, capsys, name):
+def test_a_link_onto_an_input_or_itself_is_refused(small, here, refused, name):
     program, line = WRITERS[name]
-    shutil.copytree(small, tmp_path, dirs_exist_ok=True)
-    monkeypatch.chdir(tmp_path)
-    link = tmp_path / line[-1]
-    onto = {"table": "h.npy", "run": "small.toml"}
-    for target in (onto.get(name, "small.h5"), link.name):
+    shutil.copytree(small, here, dirs_exist_ok=True)
+    link = here / line[-1]
+    onto = here / {"table": "h.npy", "run": "small.toml"}.get(name, "small.h5")
+    content = onto.read_bytes()
+    for target in (onto.name, link.name):
         link.symlink_to(target)
-        content = (tmp_path / onto.get(name, "small.h5")).read_bytes()
-        assert program.main(line) == 2
-        assert capsys.readouterr().err.count("\n") == 1
-        assert (tmp_path / onto.get(name, "small.h5")).read_bytes() == content
+        refused(program, *line)
+        assert onto.read_bytes() == content
         link.unlink()
 
 
-def test_two_links_to_one_new_file_are_one_output(folder, capsys):
+def test_two_links_to_one_new_file_are_one_output(folder, refused):
     for name in ("one.csv", "two.png"):
         (folder / name).symlink_to("new")
-    assert cli.main(["describe", *SURFACE, "--csv", "one.csv", "--plot", "two.png"]) == 2
-    assert "is what --csv writes too" in capsys.readouterr().err
+    line = ["describe", *SURFACE, "--csv", "one.csv", "--plot", "two.png"]
+    assert "is what --csv writes too" in refused(cli, *line)
     assert not (folder / "new").exists()
 
 
@@ -253,11 +240,6 @@ HELD_ELSEWHERE = """
         print("held", flush=True)
         sys.stdin.read()
 """
-
-
-@pytest.fixture
-def path(tmp_path):
-    return tmp_path / "some.h5"
 
 
 def test_second_writer_is_told_who_writes(path, monkeypatch):
@@ -304,10 +286,8 @@ def test_lock_survives_a_rival_that_unlinks_in_between(path, monkeypatch):
 
 
 def test_file_system_without_locks(path, monkeypatch):
-    def refuse(_descriptor, _operation):
-        raise OSError(38, "Function not implemented")
-
-    monkeypatch.setattr(fcntl, "flock", refuse)
+    failing = mock.Mock(side_effect=OSError(38, "Function not implemented"))
+    monkeypatch.setattr(fcntl, "flock", failing)
     with pytest.raises(InputError, match="HDF5_USE_FILE_LOCKING=FALSE"), lock(path):
         pass
     monkeypatch.setenv("HDF5_USE_FILE_LOCKING", "FALSE")

@@ -1,8 +1,11 @@
 """Numbers as users type them, and what memory they may ask for."""
 
+from unittest import mock
+
 import h5py
 import numpy as np
 import pytest
+from databases import database_of
 
 from gen import cli
 from gen.runtime import memory
@@ -16,12 +19,8 @@ HUGE = "9" * 5000
 def test_values_are_those_of_linspace():
     assert values_from("5", "--delta", "") == [5.0]
     assert values_from("1,2:3:5,-7", "--delta", "") == [1.0, *np.linspace(2, 3, 5), -7.0]
-    assert values_from("0.1:100:4:log", "--delta", "") == [
-        0.1,
-        pytest.approx(1),
-        pytest.approx(10),
-        100,
-    ]
+    decades = values_from("0.1:100:4:log", "--delta", "")
+    assert (decades[0], *decades[1:3], decades[3]) == (0.1, *map(pytest.approx, (1, 10)), 100)
     assert values_from("8:2:3:log,1", "--delta", "") == pytest.approx([8, 4, 2, 1])
 
 
@@ -61,37 +60,26 @@ def test_more_loads_than_memory_holds_are_refused_before_the_first(monkeypatch):
         memory.require_for_contacts(100, (257, 257))
 
 
-def test_a_solve_out_of_memory_says_what_it_needs(tmp_path, monkeypatch, capsys):
-    def solve(*_, **__):
-        raise MemoryError
-
-    np.save(tmp_path / "surface.npy", np.arange(81.0).reshape(9, 9))
-    monkeypatch.setattr("bem.ladder", solve)
-    arguments = ["contact", str(tmp_path / "surface.npy"), "--side", "9", "--delta", "1"]
-    assert cli.main(arguments) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert "9 x 9 nodes does not fit into memory: it needs about 32.4 kB" in line
-
-
-def test_a_run_out_of_memory_says_what_it_needs_and_fails_no_row(tmp_path, monkeypatch, capsys):
-    def solve(*_, **__):
-        raise MemoryError
-
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "scene.toml").write_text("samples = 3\n[surface]\nnodes = 9\n")
-    monkeypatch.setattr("bem.solve", solve)
-    assert cli.main(["run", "scene.toml", "-o", "rows.h5"]) == 2
-    (line,) = (each for each in capsys.readouterr().err.splitlines() if each.startswith("gen: "))
-    assert "9 x 9 nodes does not fit into memory" in line
-    monkeypatch.undo()
-    assert cli.main(["run", str(tmp_path / "scene.toml"), "-o", str(tmp_path / "rows.h5")]) == 0
+def test_what_is_out_of_memory_says_what_it_needs_and_fails_no_row(here, monkeypatch, capsys):
+    np.save("surface.npy", np.arange(81.0).reshape(9, 9))
+    text = "samples = 3\n[surface]\nnodes = 9\n"
+    (here / "rows.toml").write_text(text)
+    with monkeypatch.context() as full:
+        for name in ("solve", "ladder"):
+            full.setattr(f"bem.{name}", mock.Mock(side_effect=MemoryError))
+        for line, needs in (
+            ("contact surface.npy --side 9 --delta 1", ": it needs about 32.4 kB"),
+            ("run rows.toml -o rows.h5", ""),
+        ):
+            assert cli.main(line.split()) == 2
+            said = capsys.readouterr().err.splitlines()[-1]
+            assert f"9 x 9 nodes does not fit into memory{needs}" in said
+    database_of(here, text)
     assert "3 rows done, 0 failed" in capsys.readouterr().out
 
 
-def test_a_picture_needs_no_times(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "scene.toml").write_text("samples = 4\n[surface]\nnodes = 9\n")
-    assert cli.main(["run", "scene.toml", "-o", "rows.h5"]) == 0
+def test_a_picture_needs_no_times(here, capsys):
+    database_of(here, "samples = 4\n[surface]\nnodes = 9\n")
     for rows in (slice(0, 1), slice(None)):
         with h5py.File("rows.h5", "r+") as file:
             file[RUNTIME]["solve_seconds"][rows] = np.nan

@@ -11,11 +11,10 @@ from gen.runtime.user_code import TRUSTED, faults_of, load_function, source_hash
 
 
 @pytest.fixture
-def here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def here(here, monkeypatch):
     monkeypatch.setattr(sys, "path", list(sys.path))
     token = TRUSTED.set(True)
-    yield tmp_path
+    yield here
     TRUSTED.reset(token)
     sys.modules.pop("of_the_user", None)
 

@@ -6,13 +6,6 @@ from comparisons import run, table
 from gen.runtime.files import lock_folder
 from learn import cli
 
-
-@pytest.fixture
-def work(database, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 WRONG = [
     (["compare", "scene.toml", "-o", "x"], "scene.toml"),
     (["compare", "database.h5", "-o", "x", "--target", "mean_gap"], "stores area, force"),
@@ -26,21 +19,16 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("arguments", "word"), WRONG)
-def test_wrong_input_is_one_line_and_code_2(work, capsys, arguments, word):
+def test_wrong_input_is_one_line_and_code_2(work, refused, arguments, word):
     (work / "scene.toml").write_text("samples = 3\n")
     before = sorted(work.iterdir())
-    assert cli.main(arguments) == 2
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1, said
-    assert word in said
+    assert word in refused(cli, *arguments)
     assert sorted(work.iterdir()) == before, "nothing was written"
 
 
 @pytest.mark.parametrize("command", ["compare", "tune", "importance", "show"])
 def test_one_process_at_a_time_writes_a_folder(work, capsys, command):
-    line = (
-        [command, "x"] if command == "show" else [command, "database.h5", "-o", "x", "--seed", "1"]
-    )
+    line = [command, *(["x"] if command == "show" else ["database.h5", "-o", "x", "--seed", "1"])]
     (work / "x" / "area").mkdir(parents=True)
     (work / "x" / "area" / "comparison.json").write_text("{}")
     with lock_folder(work / "x"):

@@ -116,15 +116,8 @@ def test_blocks_that_no_features_have_are_refused(work, capsys):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(
-    ("features", "normalise"),
-    [
-        ("dimensionless", "standard"),
-        pytest.param("paper", "l2", marks=pytest.mark.long),
-        pytest.param("paper", "min-max", marks=pytest.mark.long),
-        pytest.param("dimensionless", "l2", marks=pytest.mark.long),
-    ],
-)
+@pytest.mark.parametrize("normalise", ["standard", "l2", "min-max"])
+@pytest.mark.parametrize("features", ["dimensionless", "paper"])
 def test_gaussian_processes_do_not_collapse(work, features, normalise):
     """Wherever the search for the likelihood starts."""
     given = ["--model", "gaussian-process", "--features", features, "--normalise", normalise]

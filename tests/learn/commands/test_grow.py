@@ -1,13 +1,9 @@
 """`learn grow`: as a user starts it, alone, on three ranks, and killed in its midst."""
 
-import signal
-import time
-from pathlib import Path
-
 import pytest
-from comparisons import numbers_of
+from comparisons import numbers_of, run
 from databases import deterministic_bytes
-from launch import TIMEOUT, begin, launch
+from launch import launch
 
 from gen import cli as gen
 from learn import cli
@@ -15,10 +11,6 @@ from learn import cli
 SCENE = "samples = 10\n[surface]\nnodes = 9\n"
 GROW = ["grow", "scene.toml", "-o", "my.surrogate", "--features", "dimensionless"]
 GROW += ["--target", "area", "--nmae", "35", "--model", "decision-tree"]
-
-
-def run(*arguments):
-    return cli.main([str(argument) for argument in arguments])
 
 
 @pytest.fixture(scope="module")
@@ -31,21 +23,15 @@ def grown(tmp_path_factory):
     return folder, done
 
 
-@pytest.mark.long
-def test_a_growth_ends_in_one_screen(grown):
+def test_a_growth_ends_in_one_screen_and_its_files_are_those_of_other_commands(
+    grown, monkeypatch, capsys
+):
     folder, done = grown
     lines = done.stdout.splitlines()
     assert len(lines) <= 20
     assert "The mark is met" in done.stdout
-    assert "learning curve of area" in done.stdout
     assert lines[-1] == "wrote my.surrogate, my.h5 and my.png"
-    assert "rows held out" not in done.stderr
-    assert (folder / "my.png").read_bytes().startswith(b"\x89PNG")
     assert (folder / "my.png").stat().st_size > 30_000
-
-
-def test_files_are_those_of_other_commands(grown, monkeypatch, capsys):
-    folder, _ = grown
     monkeypatch.chdir(folder)
     assert gen.main(["check", "my.h5"]) == 0
     assert run("card", "my.surrogate") == 0
@@ -70,27 +56,6 @@ def test_three_ranks_grow_what_one_process_grows(grown, tmp_path):
     assert numbers_of(tmp_path / "my.surrogate") == numbers_of(folder / "my.surrogate")
 
 
-@pytest.mark.few(1)
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
-def test_a_signal_in_its_midst_leaves_a_growth_that_goes_on(number, grown, tmp_path, monkeypatch):
-    folder, _ = grown
-    (tmp_path / "scene.toml").write_text(SCENE)
-    process = begin(0, *GROW, folder=tmp_path, module="learn")
-    limit = time.monotonic() + TIMEOUT
-    while not (tmp_path / "my.h5").exists() and time.monotonic() < limit:
-        time.sleep(0.01)
-    process.send_signal(number)
-    _, said = process.communicate(timeout=TIMEOUT)
-    if number == signal.SIGINT:
-        assert process.returncode == 130
-        assert "the same command goes on" in said
-    assert process.returncode != 0
-    monkeypatch.chdir(tmp_path)
-    assert run(*GROW) == 0
-    assert deterministic_bytes(tmp_path / "my.h5") == deterministic_bytes(folder / "my.h5")
-    assert numbers_of(tmp_path / "my.surrogate") == numbers_of(folder / "my.surrogate")
-
-
 @pytest.mark.parametrize(
     ("arguments", "word"),
     [
@@ -101,28 +66,19 @@ def test_a_signal_in_its_midst_leaves_a_growth_that_goes_on(number, grown, tmp_p
         (["quick", "-o", "my.surrogate", "--target", "mean_gap"], "--target 'mean_gap'"),
     ],
 )
-def test_bad_input_is_refused_in_one_line_before_anything_is_made(
-    arguments, word, tmp_path, monkeypatch, capsys
-):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "empty").mkdir()
-    assert run("grow", *arguments) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith("learn: ")
-    assert word in line
-    assert [path.name for path in tmp_path.iterdir()] == ["empty"]
+def test_bad_input_is_refused_in_one_line_before_anything_is_made(arguments, word, here, refused):
+    (here / "empty").mkdir()
+    assert word in refused(cli, "grow", *arguments)
+    assert [path.name for path in here.iterdir()] == ["empty"]
 
 
 @pytest.mark.parametrize(
     ("there", "missing"), [("my.surrogate", "my.h5"), ("my.png", "my.surrogate")]
 )
-def test_files_of_others_stay(there, missing, tmp_path, monkeypatch, capsys):
+def test_files_of_others_stay(there, missing, here, refused):
     """A surrogate without its database, or a picture without its surrogate, is not a growth's."""
-    monkeypatch.chdir(tmp_path)
-    Path(there).write_bytes(b"\x89PNG\r\n\x1a\n" if there.endswith("png") else b"")
-    before = Path(there).read_bytes()
-    assert run("grow", "quick", "-o", "my.surrogate") == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert f"{there} is there already, but not {missing}" in line
-    assert [path.name for path in tmp_path.iterdir()] == [there]
-    assert Path(there).read_bytes() == before
+    content = b"\x89PNG\r\n\x1a\n" if there.endswith("png") else b""
+    (here / there).write_bytes(content)
+    said = refused(cli, "grow", "quick", "-o", "my.surrogate")
+    assert f"{there} is there already, but not {missing}" in said
+    assert [(path.name, path.read_bytes()) for path in here.iterdir()] == [(there, content)]

@@ -11,9 +11,9 @@ from learn.models import MODELS
 
 
 @pytest.fixture
-def work(database, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+def work(database, here):
+    """A folder with a database of its own."""
+    return here
 
 
 @pytest.fixture
@@ -39,14 +39,3 @@ def searching(training, trials):
         return GridSearch(MODELS[model], grid, training, trials, Executor())
 
     return begin
-
-
-@pytest.fixture
-def trees():
-    """A grid of decision trees with every kind of synonym."""
-    return {
-        "max_depth": [2, 30],
-        "max_features": [1.0, "sqrt", "log2", None],
-        "min_samples_leaf": [1, 4],
-        "min_samples_split": [2, 10],
-    }

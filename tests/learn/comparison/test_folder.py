@@ -5,6 +5,7 @@ Each is refused in one line, never by a traceback.
 
 import json
 import os
+import re
 import shutil
 from pathlib import Path
 
@@ -49,9 +50,8 @@ def folder(made, tmp_path, monkeypatch):
 def refusal(capsys, *arguments: str) -> str:
     """The one line with which a command refuses a damaged file."""
     assert cli.main(list(arguments)) == 2
-    lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("learn: ")]
-    assert len(lines) == 1
-    return lines[0]
+    (said,) = re.findall("^learn: .*", capsys.readouterr().err, flags=re.MULTILINE)
+    return str(said)
 
 
 SHOW = ("show", "found", "--no-pictures")

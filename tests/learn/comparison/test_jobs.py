@@ -13,7 +13,7 @@ from comparisons import run, table
 from launch import TIMEOUT, walk
 
 from learn import models as nine
-from learn.comparison import paper, results, tables
+from learn.comparison import paper, results
 from learn.dataset import INPUTS
 
 
@@ -52,13 +52,9 @@ def test_compare_tune_and_show(work, capsys):
 
 def test_both_targets_have_folders_and_force_has_no_nmse(work):
     arguments = ["--model", "kernel-ridge", "--target", "both"]
-    assert run("tune", "database.h5", "-o", "out", *arguments) == 0
+    assert run("compare", "database.h5", "-o", "out", *arguments) == 0
     assert "nmse" in table("out/area/scores.csv")[0]
-    force = table("out/force/scores.csv")[0]
-    assert "nmse" not in force
-    assert "paper_r2" not in force
-    assert float(force["r2"]) > 90
-    assert tables.names("force") == ["nmae", "nmaxe", "r2"]
+    assert not {"nmse", "paper_r2"} & table("out/force/scores.csv")[0].keys()
 
 
 def test_a_model_that_fails_is_reported_and_the_others_go_on(work, capsys, monkeypatch):

@@ -5,20 +5,13 @@ import json
 import pytest
 from comparisons import run, table
 
-from learn import Surrogate, executor
+from learn import Surrogate
 from learn.comparison import paper, results, search
 from learn.comparison.folder import Folder
 
 TREE = ["--model", "decision-tree"]
 STUMPS = {"max_depth": [1, 2], "min_samples_leaf": [30]}
 """Trees that the library's own outdoes."""
-
-
-@pytest.fixture
-def few(monkeypatch):
-    """Twelve trees in place of Table 2's."""
-    space = {"max_depth": [2, 4, 8, 16], "min_samples_leaf": [1, 3, 6]}
-    monkeypatch.setitem(paper.SPACES, "decision-tree", space)
 
 
 @pytest.fixture
@@ -72,47 +65,6 @@ def test_a_budget_too_small_for_the_baseline_gives_no_result_and_says_so(work, c
     assert said in capsys.readouterr().err
     assert run("show", "out", "--no-pictures") == 0
     assert said in capsys.readouterr().out
-
-
-@pytest.mark.usefixtures("few")
-def test_a_winner_that_is_not_fitted_in_time_is_fitted_by_the_next_call(work, capsys, monkeypatch):
-    call = executor.within
-    monkeypatch.setattr(
-        *(executor, "within"),
-        lambda w, *rest, **own: None if w is results.fit_and_time else call(w, *rest, **own),
-    )
-    arguments = ["tune", "database.h5", "-o", "out", *TREE, "--budget", "60s"]
-    assert run(*arguments) == 0
-    assert "the winner's fit to all rows was not finished" in capsys.readouterr().out
-    monkeypatch.undo()
-    monkeypatch.chdir(work)
-    assert run(*arguments) == 0
-    (found,) = table("out/area/tuning.csv")
-    assert found["winner"]
-
-
-@pytest.mark.usefixtures("few")
-def test_a_search_within_a_time_goes_on_where_it_was_and_decides_alike(work, monkeypatch, capsys):
-    from learn.comparison.fits import Trials
-
-    monkeypatch.setattr(search, "LEAST_ROWS", 20)
-    arguments = ["tune", "database.h5", *TREE, "--budget", "1h"]
-    assert run(*arguments, "-o", "whole") == 0
-    add, left = Trials.add, [40]
-
-    def until_killed(self, trials):
-        add(self, trials)
-        left[0] -= 1
-        if not left[0]:
-            raise KeyboardInterrupt
-
-    monkeypatch.setattr(Trials, "add", until_killed)
-    assert run(*arguments, "-o", "cut") != 0
-    monkeypatch.setattr(Trials, "add", add)
-    assert not (work / "cut/area/tuned").exists()
-    assert run(*arguments, "-o", "cut") == 0
-    for name in ("scores.csv", "tuning.csv", "tuned/decision-tree-grid.csv"):
-        assert (work / "cut/area" / name).read_bytes() == (work / "whole/area" / name).read_bytes()
 
 
 def test_perceptrons_are_scored_as_they_are_fitted_in_the_end(work, monkeypatch):

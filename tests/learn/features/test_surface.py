@@ -31,9 +31,8 @@ def test_any_grid_has_features_and_few_nodes_are_their_own_blocks(shape):
         assert values["refined_share"] == values["refined_interference/delta"] == 0
         solved = bem.solve(z, sides, 3.0)
         assert values["coarse_area_percent"] == pytest.approx(solved.area_percent, abs=0.5)
-        assert values["coarse_force/(E*.L.delta)"] == pytest.approx(
-            solved.force / (rough.length * 3.0), rel=0.02
-        )
+        force = solved.force / (rough.length * 3.0)
+        assert values["coarse_force/(E*.L.delta)"] == pytest.approx(force, rel=0.02)
     else:
         assert values["refined_share"] > 0
 
@@ -90,12 +89,9 @@ def test_patches_without_edges_have_features_up_to_full_contact(shape, boundary)
 def test_what_surrogates_see_is_finite_on_any_patch(boundary, blocks, hardness_ratio):
     """Oblong patches and cells, fewer nodes than blocks along one axis, bodies that yield."""
     z = np.random.default_rng(3).normal(size=(40, 150)).cumsum(axis=1)
-    hardness = (
-        "samples = 8"
-        if hardness_ratio is None
-        else f"samples = 8\n[contact]\nhardness_ratio = {hardness_ratio}"
-    )
-    wanted = chosen("hybrid", [Scene.parse(hardness, "test")], roots=True, blocks=blocks)
+    text = f"[contact]\nhardness_ratio = {hardness_ratio}" if hardness_ratio else ""
+    scene = Scene.parse(f"samples = 8\n{text}", "test")
+    wanted = chosen("hybrid", [scene], roots=True, blocks=blocks)
     rough = SurfaceFeatures(z, (50.0, 130.0), boundary=boundary)
     found = wanted.of(rough.rows(wanted, np.array([1e-3, 2.0, 10.0]), hardness_ratio))
     assert found.shape == (3, len(wanted.columns))

@@ -123,22 +123,16 @@ def test_the_curve_is_the_power_of_the_rows_that_errors_follow(exponent):
     assert curve.at(np.array([6400.0])) == pytest.approx(50 * 6400.0**-exponent)
 
 
-def advised(nmae, error, mark, exponent):
-    """The rows that a look at 240 asks for."""
+@pytest.mark.parametrize(
+    ("nmae", "error", "mark", "exponent", "rows"),
+    [(4.0, 0.0, 2.001, 0.5, 960), (4.0, 0.1, 2.0, 0.1, math.inf)],
+)
+def test_the_rows_that_are_advised_are_those_of_the_curve(nmae, error, mark, exponent, rows):
+    """nMAE 4 % at 240 rows, halved by four times the rows; or it falls too little."""
     number, judged = size_with(240, 1), SimpleNamespace(accuracy=Accuracy(nmae, error, 48))
     found = Look(240, number, mark, None, {"area": judged}, None)
-    rows = np.array([120.0, 240.0])
-    curve = Curve(rows, nmae * (rows / 240) ** -exponent)
-    scene = SimpleNamespace(samples_per_surface=1)
-    return advise(
-        found, curve, 20_000, SimpleNamespace(by_tile=False, origins=[SimpleNamespace(scene=scene)])
-    )
-
-
-def test_an_exact_error_asks_for_the_rows_of_the_curve():
-    """nMAE 4 % at 240 rows, halved by four times the rows: 960 rows, a size, for 2 %."""
-    assert advised(4.0, 0.0, 2.001, 0.5) == 960
-
-
-def test_a_curve_that_falls_too_little_is_hopeless():
-    assert math.isinf(advised(4.0, 0.1, 2.0, 0.1))
+    at = np.array([120.0, 240.0])
+    curve = Curve(at, nmae * (at / 240) ** -exponent)
+    origins = [SimpleNamespace(scene=SimpleNamespace(samples_per_surface=1))]
+    sets = SimpleNamespace(by_tile=False, origins=origins)
+    assert advise(found, curve, 20_000, sets) == rows

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from comparisons import numbers_of
-from databases import deterministic_bytes
+from databases import database_of, deterministic_bytes
 
 from gen import database
 from gen.database import Reader, Writer
@@ -187,15 +187,8 @@ def test_another_scene_is_refused_and_nothing_changes(whole):
 
 
 def test_a_database_of_a_run_is_taken_as_it_is(tmp_path):
-    from gen import cli
-
-    (tmp_path / "scene.toml").write_text("samples = 150\n[surface]\nnodes = 9\n")
-    scene = str(tmp_path / "scene.toml")
-    assert cli.main(["run", scene, "-o", str(tmp_path / "my.h5")]) == 0
-    grown, _ = grow(order(tmp_path, mark=90.0))
-    assert (grown.ending, grown.last.rows) == ("met", 150)
-    assert math.isfinite(grown.last.bound("area"))
-    (tmp_path / "scene.toml").write_text("samples = 160\n[surface]\nnodes = 9\n")
-    assert cli.main(["run", scene, "-o", str(tmp_path / "my.h5")]) == 0
-    again, _ = grow(order(tmp_path, mark=90.0))
-    assert again.last.rows == 160
+    for samples in (150, 160):
+        database_of(tmp_path, f"samples = {samples}\n[surface]\nnodes = 9\n", "my")
+        grown, _ = grow(order(tmp_path, mark=90.0))
+        assert (grown.ending, grown.last.rows) == ("met", samples)
+        assert math.isfinite(grown.last.bound("area"))

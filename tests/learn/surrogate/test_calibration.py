@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from comparisons import run
+from databases import database_of
 from learnt_rows import read
 
-from gen import cli as gen_cli
 from gen.runtime.errors import InputError
 from learn import Surrogate, cli, dataset, split
 from learn.dataset import Request
@@ -175,21 +176,9 @@ def test_surfaces_count_and_not_their_rows(rows, solved):
         require_level(found, 0.9)
 
 
-def run(*arguments):
-    return cli.main([str(argument) for argument in arguments])
-
-
-@pytest.fixture(scope="module")
-def other(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("other")
-    (folder / "scene.toml").write_text("samples = 40\nseed = 5\n[surface]\nnodes = 33\n")
-    arguments = ["run", str(folder / "scene.toml"), "-o", str(folder / "other.h5")]
-    assert gen_cli.main(arguments) == 0
-    return folder / "other.h5"
-
-
-def test_rows_of_another_database_calibrate(solved, other, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
+def test_rows_of_another_database_calibrate(solved, here, capsys):
+    other = database_of(here, "samples = 40\nseed = 5\n[surface]\nnodes = 33\n")
+    capsys.readouterr()
     assert run("fit", solved, "--calibrate-on", other, "-o", "a.surrogate") == 0
     assert "72 rows train, 40 calibrate, 18 test" in capsys.readouterr().err
     card = Surrogate.load("a.surrogate").card
@@ -203,9 +192,7 @@ def test_rows_of_another_database_calibrate(solved, other, tmp_path, monkeypatch
     assert "calibrated by 40 surfaces, which reach 0.975 at most" in capsys.readouterr().err
 
 
-def test_the_same_rows_are_no_calibration(solved, mirrored, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
+@pytest.mark.usefixtures("here")
+def test_the_same_rows_are_no_calibration(solved, mirrored, refused):
     for path, words in ((solved, str(solved)), (mirrored, "boundary")):
-        assert run("fit", solved, "--calibrate-on", path, "-o", "a.surrogate") == 2
-        (said,) = capsys.readouterr().err.strip().splitlines()
-        assert words in said
+        assert words in refused(cli, "fit", solved, "--calibrate-on", path, "-o", "a.surrogate")

@@ -58,17 +58,11 @@ def test_a_predicted_population_has_bands_at_given_pressure(work):
     run("law", "many", *ask, "solved.csv", "--solver", *FREE)
     for against in ("delta_um", "pressure_MPa"):
         predicted, solved = (rows_of(f"{name}.csv", against) for name in ("predicted", "solved"))
-        predicted, solved = zip(
-            *[
-                (one, other)
-                for one, other in zip(predicted, solved, strict=True)
-                if one["area_percent_low"] and float(one[against])
-            ],
-            strict=True,
-        )
+        pairs = zip(predicted, solved, strict=True)
+        known = [each for each in pairs if each[0]["area_percent_low"] and float(each[0][against])]
+        predicted, solved = zip(*known, strict=True)
         assert len(predicted) >= 3
-        names = set(COLUMNS) - {against}
-        for name in names:
+        for name in set(COLUMNS) - {against}:
             # Mean gaps follow from forces, and are small differences at the largest.
             off = 0.2 if name == "mean_gap_um" else 0.1
             low, high = (column(predicted, f"{name}_{end}") for end in ("low", "high"))
@@ -182,14 +176,9 @@ def test_what_follows_from_predictions_is_withheld_outside_the_training(work, ca
     assert 0 < len(flagged) < len(rows) - 1
     for name in ("closure_um", "stiffness_MPa_per_um", "conductance_W_per_mm2_K"):
         assert all((row[name] == "") == (row in flagged) for row in rows)
-    (curves,) = [
-        t["curves"]
-        for t in json_of("law.json")["tables"]
-        if "closure_um" in t["curves"] and "delta_um" in t["curves"]
-    ]
-    assert [each is None for each in curves["closure_um"]["value"]] == [
-        row in flagged for row in rows
-    ]
+    curves = json_of("law.json")["tables"][1]["curves"]
+    withheld = [each is None for each in curves["closure_um"]["value"]]
+    assert withheld == [row in flagged for row in rows]
     kept = {f"{float(row['pressure_MPa']):.10g}" for row in rows if row not in flagged}
     behaviour, _, _ = Path("law-abaqus.inp").read_text().partition("*GAP")
     lines = [line.split(",")[0] for line in behaviour.splitlines() if not line.startswith("*")]
@@ -208,17 +197,7 @@ def test_what_follows_from_predictions_is_withheld_outside_the_training(work, ca
 def test_the_conductance_of_elastic_bodies_is_the_slope_of_their_force(work):
     """Of a surrogate of area and force; in files for finite elements too."""
     ask = ["many/s1.npy", "--side", "1000", *STEEL, "--delta", "4:40:13", "--conductivity", "50"]
-    run(
-        "law",
-        "hybrid.surrogate",
-        *ask,
-        "--csv",
-        "predicted.csv",
-        "--calculix",
-        "law.inp",
-        "--json",
-        "law.json",
-    )
+    run("law", "hybrid.surrogate", *ask, "--csv", "predicted.csv", "--calculix", "law.inp")
     run("law", *ask, "--csv", "solved.csv", "--solver", *FREE)
     predicted, solved = inside("predicted.csv", "solved.csv")
     assert len(predicted) > 6
@@ -251,13 +230,8 @@ def test_the_conductance_of_bodies_that_yield_is_learnt_from_their_stiffness(wor
 def test_the_inverse_of_a_law_knows_its_level_stretches():
     """A force predicted as 0 up to some Delta: a small pressure is reached behind that."""
     delta = np.array([0.0, 1.0, 2.0, 3.0, 4.0])
-    values = {
-        "delta_um": delta,
-        "area_percent": delta,
-        "mean_gap_um": 4 - delta,
-        "closure_um": delta,
-    }
-    values["pressure_MPa"] = np.array([0.0, 1.0, 2.0, 3.0, 4.0])
+    names = ("delta_um", "area_percent", "closure_um", "pressure_MPa")
+    values = dict.fromkeys(names, delta) | {"mean_gap_um": 4 - delta}
     low = {**values, "pressure_MPa": np.array([0.0, 0.0, 0.0, 1.0, 2.0])}
     high = {**values, "pressure_MPa": values["pressure_MPa"] + [0, 1, 1, 1, 1]}
     points = Points(values, low, high, ("",) * 5)
