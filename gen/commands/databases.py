@@ -90,9 +90,11 @@ def estimate(scene: options.SceneName, ranks: options.Ranks = 1, trust: Trust = 
     mean, measured = measured_time(loaded)
     printer.print_plan(loaded)
     workers = max(ranks - 1, 1)
-    hours, rest = divmod(round(loaded.samples * mean / workers), 3600)
+    seconds = loaded.samples * mean / workers
+    hours, rest = divmod(round(seconds), 3600)
+    time = f"{hours}:{rest // 60:02}:{rest % 60:02} h" if seconds >= 60 else f"{seconds:.2g} s"
     echo(
-        f"  time      {hours}:{rest // 60:02}:{rest % 60:02} h on {workers} workers:"
+        f"  time      {time} on {workers} {'workers' if workers > 1 else 'worker'}:"
         f" {1e3 * mean:.2f} ms a sample, mean of {measured} measured here"
     )
     # Linux counts the largest resident set in KiB. A master holds less than a worker.
