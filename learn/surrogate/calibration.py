@@ -129,26 +129,6 @@ Parts = list[tuple[Indices, Indices]]
 """Rows that are predicted together, and those that the model must not see; see `holdouts`."""
 
 
-def chosen_parts(rows: Dataset, *, every: bool) -> tuple[Groups, Parts]:
-    """Return the groups that calibrate intervals, and the parts of the rows that are left out.
-
-    Unless `every` part is wanted, they are as many as have `ENOUGH` surfaces, or all that there
-    are, also of whole groups.
-    """
-    groups, surfaces = groups_of(rows), surfaces_of(rows)
-    parts = list(holdouts(rows, groups.left_out(rows)))
-    several = groups.kind in {"map", "database"}
-    if every or (several and groups.scheme == "others"):
-        return groups, parts
-    seen, enough = set[int](), ENOUGH * (groups.number if several else 1)
-    for number, (mine, _) in enumerate(parts, start=1):
-        seen.update(surfaces[mine].tolist())
-        if len(seen) >= enough:
-            parts = parts[:number]
-            break
-    return (groups if several else groups._replace(number=len(seen))), parts
-
-
 class Measured(NamedTuple):
     """Distances from the training, and those of its rows from models that have not seen them."""
 
@@ -202,33 +182,47 @@ def calibrate(
 class Plan(NamedTuple):
     """Which rows calibrate, and what a card and the user are told of it."""
 
+    groups: Groups  # of the rows that calibrate
+    parts: Parts  # of the training rows; none if another database's calibrate
     size: int  # number of rows that calibrate
     entry: dict[str, Any]  # "calibration" of the card
     remark: str  # maps or databases by which the training rows calibrate; "" if there is one
-    distance: Distance  # from the training, with the limit of its groups or of its rows
+    seen: Measured  # distances from the training
+    distance: Distance  # that of the surrogate, with the limit of its groups or of its rows
 
 
 def planned(train: Dataset, others: Sequence[Dataset] | None, *, every: bool) -> Plan:
     """Say which rows calibrate the intervals of training rows: their own, or another database's.
 
-    `others` are these rows for each target; for `every` see `chosen_parts`.
+    `others` are these rows for each target. Unless `every` part of the training rows is wanted,
+    they are as many as have `ENOUGH` surfaces, or all that there are, also of whole groups.
     """
     if others is None:
-        groups, parts = chosen_parts(train, every=every)
+        groups, surfaces = groups_of(train), surfaces_of(train)
+        parts = list(holdouts(train, groups.left_out(train)))
+        several = groups.kind in {"map", "database"}
+        if not (every or (several and groups.scheme == "others")):
+            enough, told = ENOUGH * (groups.number if several else 1), set[int]()
+            whole_parts, parts = parts, []
+            while len(told) < enough and len(parts) < len(whole_parts):
+                parts.append(whole_parts[len(parts)])
+                told.update(surfaces[parts[-1][0]].tolist())
+            groups = groups if several else groups._replace(number=len(told))
         size, database, sha256 = sum(mine.size for mine, _ in parts), "", ""
     else:
-        groups, size = groups_of(others[0]), others[0].size
+        groups, size, parts = groups_of(others[0]), others[0].size, []
         database, sha256 = others[0].origins[-1][:2]
     entry = {"scheme": groups.scheme, "kind": groups.kind, "groups": groups.number}
-    whole, remark = groups.scheme == "others", ""
+    whole, remark, seen = groups.scheme == "others", "", measured(train)
     if groups.scheme != "surfaces" and others is None:
         how = "each predicted without it" if whole else "by surfaces that the model has not seen"
         remark = f"intervals by {groups.number} {groups.kind}s, {how}"
     if whole and others is not None and train.features.name != SCENE:
         distance = flag.from_maps(train.inputs, groups.labels, others[0].inputs)
     else:
-        distance = measured(train).distance
-    return Plan(size, entry | {"database": database, "sha256": sha256}, remark, distance)
+        distance = seen.distance
+    entry |= {"database": database, "sha256": sha256}
+    return Plan(groups, parts, size, entry, remark, seen, distance)
 
 
 def of_another(sets: list[Dataset], together: list[Dataset]) -> list[Dataset]:

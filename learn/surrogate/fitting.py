@@ -323,9 +323,10 @@ def fit_target(
     column = results(train.origins[0].scene, train.features.load)[train.target_name]
     own = NOT_CALIBRATED, clip, column.bounds
     learnt = Learnt(column.name, column.unit, fitted, scaling, *own)
-    seen, crossed = measured(train), None
+    crossed = None
     if calibration is None:
-        groups, parts = calibrating.chosen_parts(train, every=name in CLOSED)
+        plan = calibrating.planned(train, None, every=name in CLOSED)
+        groups, parts, seen = plan.groups, plan.parts, plan.seen
         crossed = _crossed(request, settings, train, target, learnt, (groups, parts))
         kept = np.sort(np.concatenate([mine for mine, _ in parts]))
         raw, calibration = crossed[kept], train.at(kept)
@@ -333,7 +334,8 @@ def fit_target(
         seen = Measured(seen.distance, seen.far[kept], seen.nearest[kept])
     else:
         groups, raw = groups_of(calibration), learnt.raw(calibration.inputs)
-        seen = Measured(seen.distance, *seen.distance.measured(calibration.inputs))
+        distance = measured(train).distance
+        seen = Measured(distance, *distance.measured(calibration.inputs))
     # Roots of targets that are never below 0 have errors that differ less between small and large.
     root, truth = learnt.bounds[0] == 0, calibration.target
     raw, truth = (np.sqrt(np.maximum(each, 0)) if root else each for each in (raw, truth))

@@ -86,7 +86,7 @@ def test_further_fits_are_as_few_as_have_surfaces_enough(solved, rows, monkeypat
     assert np.isfinite(fit.crossed).sum() == number
     assert [each.weights.sum() for each in fit.learnt.calibration.scores] == pytest.approx([number])
     every = model == "kernel-ridge"
-    assert calibration.chosen_parts(rows, every=every)[0].number == number
+    assert calibration.planned(rows, None, every=every).groups.number == number
 
 
 def test_flags_and_intervals_see_the_skewness_and_models_do_not(solved):
