@@ -19,6 +19,10 @@ MOST_SETS = 20
 # Share of nodes under tension above which a new factor of the rest is cheaper than fixing them.
 MANY = 0.15
 
+# BLAS may set the processor's flag of an invalid operation for numbers that no result contains, of
+# which numpy would warn; a pressure that is not finite is refused where it comes out.
+NO_WARNING = np.errstate(invalid="ignore")
+
 
 class DenseSolution(NamedTuple):
     """The pressure on some nodes, and what it leaves there.
@@ -90,6 +94,7 @@ class ContactFactor:
         self._columns = np.zeros((len(nodes), 0), self._lower.dtype, order="F")
         self._gram = np.zeros((0, 0), self._lower.dtype)
 
+    @NO_WARNING
     def solve(
         self, interference: Values, load: float | None, most_sets: int = MOST_SETS
     ) -> DenseSolution:
@@ -133,6 +138,7 @@ class ContactFactor:
                 self._fix(np.flatnonzero(excess), self._hardness)
         return DenseSolution(np.clip(pressure, 0, self._hardness), shift, most_sets, settled=False)
 
+    @NO_WARNING
     def correct(self, residual: Values, load: float | None) -> Values:
         """Compute the change of the free nodes' pressure that removes a residual.
 
@@ -159,10 +165,10 @@ class ContactFactor:
         """Return the pressure, the residual of the fixed nodes, and the shift that a load needs."""
         inside, residuals = forward, np.zeros((0, forward.shape[1]))
         if len(self._fixed):
-            sides = np.asfortranarray(_product(self._columns.T, forward))
+            sides = np.asfortranarray(self._columns.T @ forward)
             sides[:, 0] -= at
             residuals = self._solved(self._routines.potrs, self._gram, sides)
-            inside = forward - _product(self._columns, residuals)
+            inside = forward - self._columns @ residuals
         pressures = self._solved(self._routines.trtrs, self._lower, inside, trans=1)
         pressures = pressures.astype(np.float64)
         pressures[self._fixed] = 0
@@ -191,7 +197,7 @@ class ContactFactor:
         self._columns = np.concatenate([self._columns, columns], axis=1)
         self._fixed = np.concatenate([self._fixed, places])
         self._at = np.concatenate([self._at, np.full(len(places), at)])
-        self._gram = self._factorised(_product(self._columns.T, self._columns))
+        self._gram = self._factorised(self._columns.T @ self._columns)
 
     def _free(self, returning: Mask) -> None:
         """Drop the columns of V of some fixed nodes, which are free again."""
@@ -200,7 +206,7 @@ class ContactFactor:
         self._columns, self._fixed = self._columns[:, ~returning], self._fixed[~returning]
         self._at = self._at[~returning]
         if self._fixed.size:
-            self._gram = self._factorised(_product(self._columns.T, self._columns))
+            self._gram = self._factorised(self._columns.T @ self._columns)
 
     def _factorised(self, matrix: Real) -> Real:
         """Return the lower Cholesky factor, which overwrites the matrix."""
@@ -243,14 +249,3 @@ def routines(precision: str) -> Routines:
     from scipy.linalg import lapack  # a tenth of a second, which most commands never need
 
     return Routines(*(getattr(lapack, precision + name) for name in Routines._fields))
-
-
-def _product(left: Real, right: Real) -> Real:
-    """Return left @ right; a pressure that is not finite is refused where it comes out.
-
-    BLAS may set the processor's flag of an invalid operation for numbers that no result contains,
-    of which numpy would warn.
-    """
-    with np.errstate(invalid="ignore"):
-        product: Real = left @ right
-    return product
