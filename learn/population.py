@@ -283,7 +283,8 @@ class Whitened:
         (near, near_slope), (among, among_slope) = _near(places, about), _among(about)
         functions, unit = np.hstack([near, plane]) * self.reach[:, None], self.white(self.unit)
         seen = self.white(functions)
-        matrix = seen.T @ seen + np.eye(seen.shape[1])
+        matrix = seen.T @ seen
+        matrix += np.eye(len(matrix)) * (1 + ROUNDING * np.trace(matrix))
         matrix[:count, :count] += among / variance - np.eye(count)
         whole, prior = cho_factor(matrix), cho_factor(among)
         found, inverse = cho_solve(whole, seen.T @ unit), cho_solve(whole, np.eye(len(matrix)))

@@ -44,6 +44,17 @@ def test_the_evidence_has_the_slopes_of_its_differences():
     assert rows.evidence(at, X[:20])[1] == pytest.approx(slopes, rel=1e-5)
 
 
+@pytest.mark.parametrize("seed", [2, 6, 9])
+def test_a_target_over_many_decades_leaves_equations_that_can_be_solved(seed):
+    """Rounding made them indefinite where the scatter is far below what the process reaches."""
+    random = np.random.default_rng(seed)
+    inputs = random.standard_normal((600, 3))
+    mean = np.exp(3 * inputs @ [1.0, 1.0, 2.0])
+    found = Population().fit(inputs, mean * (1 + 0.3 * random.standard_normal(600) ** 2))
+    assert np.corrcoef(found.predict(inputs), mean)[0, 1] > 0.9
+    assert np.isfinite(found.error(inputs)).all()
+
+
 @pytest.mark.parametrize(("apart", "least", "most"), [(0.0, 1.15, 1.3), (0.2, 1.4, 4.0)])
 def test_halves_that_disagree_make_errors_of_means_larger(apart, least, most):
     """Their coefficients have errors of 0.07 by the rows; `apart` is what no row tells."""
