@@ -1,6 +1,5 @@
 """The command `asperity`, alone and under mpiexec: what it runs, refuses, completes."""
 
-import subprocess
 import sys
 from importlib.util import find_spec
 from pathlib import Path
@@ -28,7 +27,7 @@ def typed(tmp_path, monkeypatch, capfd):
     monkeypatch.setattr("gen.runtime.command_line.start", lambda **_: None)
     monkeypatch.setattr("gen.runtime.farm.leave", lambda: None)  # later tests may need MPI
 
-    def run(line: str) -> tuple[int, str, str]:
+    def run(line):
         monkeypatch.setattr(sys, "argv", ["asperity", *line.split()])
         code = command.main()
         return (code, *capfd.readouterr())
@@ -63,7 +62,7 @@ def test_messages_name_commands_as_they_were_typed(typed, tmp_path):
     assert "it is a database: asperity learn fit makes" in errors
 
 
-def installed(*words: str) -> list[str]:
+def installed(*words):
     """The command as it is installed beside Python; without an installation, the module."""
     script = Path(sys.executable).with_name("asperity")
     return [*([str(script)] if script.exists() else [sys.executable, "-m", "asperity"]), *words]
@@ -80,7 +79,7 @@ def test_words_are_completed(words, expected, tmp_path):
     assert ended.stdout.split() == expected
 
 
-def on_three_ranks(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+def on_three_ranks(folder, *words):
     return ended([str(mpiexec()), "-n", "3", *words], folder, environment())
 
 

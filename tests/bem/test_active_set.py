@@ -1,7 +1,6 @@
 """The active set against a dense reference, and its end where rounding stops it."""
 
 import pickle
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -25,13 +24,13 @@ RTOL = 1e-10
 UNDECIDED = 1e-8  # reduced pressure and gap below which a node may count as in contact or not
 
 
-def reduced(contact: bem.Contact) -> np.ndarray:
+def reduced(contact):
     """Return the pressure in the units of the dense reference."""
     problem = contact.problem
     return contact.pressure * problem.spacing[0] / (problem.delta * problem.modulus)
 
 
-def assert_is_the_solution(contact: bem.Contact) -> None:
+def assert_is_the_solution(contact):
     """Compare contact nodes and force; nodes with neither pressure nor gap are not compared."""
     problem = contact.problem
     pressure, gap = dense.press(problem.heights, problem.delta, problem.kernel, problem.aspect)
@@ -61,7 +60,7 @@ def test_any_surface_is_solved_as_the_dense_reference_does(kind, seed, shape, ce
         assert_is_the_solution(contact)
 
 
-def complementary(pressure: np.ndarray, gaps: np.ndarray, hardness: float) -> float:
+def complementary(pressure, gaps, hardness):
     """Return the largest violation of a pressure between its bounds; gaps where nothing presses."""
     assert pressure.min() >= 0
     assert pressure.max() <= hardness
@@ -95,17 +94,17 @@ def test_loads_are_carried_to_the_last_digit(seed, share, whole, hardness):
 class Spoiled(Patch):
     """A matrix whose exact displacements differ from those in conjugate gradients."""
 
-    def __init__(self, spoil: Callable[[np.ndarray], np.ndarray]) -> None:
+    def __init__(self, spoil):
         super().__init__((9, 9), "free", "uniform-pressure", 1.0)
         self._spoil, self.few, self.exact = spoil, 0, 0
 
-    def displace(self, pressure: np.ndarray, *, exactly: bool = False) -> np.ndarray:
+    def displace(self, pressure, *, exactly=False):
         self.exact += exactly
         displacement = super().displace(pressure, exactly=exactly)
         return self._spoil(displacement) if exactly else displacement
 
 
-def spoiled(spoil: Callable[[np.ndarray], np.ndarray]) -> tuple[ActiveSet, bool]:
+def spoiled(spoil):
     """Solve with exact residuals that differ from those in conjugate gradients."""
     heights = surface("self-affine", (9, 9))
     below = (heights - heights.max()) / 0.4

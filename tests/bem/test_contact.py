@@ -78,20 +78,20 @@ FAR_FIELDS: list[FarField] = ["rigid", "compliant"]
 ASPECTS = [1.0, 2.0, 0.3]
 
 
-def displacement(contact: bem.Contact) -> np.ndarray:
+def displacement(contact):
     """Recompute the (nx, ny) field [um]."""
     problem = contact.problem
     reduced = dense.displace(contact.pressure, problem.kernel, problem.aspect)
     return reduced * problem.spacing[0] / problem.modulus
 
 
-def gap(contact: bem.Contact) -> np.ndarray:
+def gap(contact):
     """Recompute the (nx, ny) field [um]."""
     heights = contact.problem.heights
     return displacement(contact) - (heights - heights.max() + approach(contact))
 
 
-def approach(contact: bem.Contact) -> float:
+def approach(contact):
     """Delta, plus F / K on a compliant far field [um]."""
     problem = contact.problem
     if problem.far_field == "rigid":
@@ -100,7 +100,7 @@ def approach(contact: bem.Contact) -> float:
     return problem.delta + contact.pressure.sum() * problem.spacing[0] / (punch * problem.modulus)
 
 
-def perimeter(contact: bem.Contact) -> float:
+def perimeter(contact):
     """Edges between touching and open cells, by differences that vanish at the border [um]."""
     touching = (contact.pressure > 0).astype(int)
     edges = [
@@ -110,7 +110,7 @@ def perimeter(contact: bem.Contact) -> float:
     return float(edges[0] * contact.problem.spacing[1] + edges[1] * contact.problem.spacing[0])
 
 
-def residual(contact: bem.Contact) -> float:
+def residual(contact):
     """Largest |gap| in contact or penetration outside, over Delta."""
     distance = gap(contact)
     wrong = np.where(contact.pressure > 0, np.abs(distance), -distance)
@@ -118,7 +118,7 @@ def residual(contact: bem.Contact) -> float:
 
 
 @st.composite
-def contacts(draw: st.DrawFn) -> bem.Contact:
+def contacts(draw):
     """Draw a contact of any surface, grid, material and tolerance."""
     shape = draw(st.tuples(st.integers(1, 17), st.integers(1, 17)))
     kind = draw(st.sampled_from(list(SURFACES)))

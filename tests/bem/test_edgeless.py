@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 import bem
-from bem.problem import BOUNDARIES, Boundary
+from bem.problem import BOUNDARIES
 from bench.references.surfaces import SURFACES
 from bench.stability.random_contacts import (
     edgeless_problem,
@@ -24,7 +24,7 @@ EDGELESS = [boundary for boundary in BOUNDARIES if boundary != "free"]
 LOADS = (1e-6, 1e-3, 0.02, 0.1, 0.4, 1.2, 6.0)
 
 
-def rough(shape: tuple[int, int], seed: int, power: float = 2.0) -> NDArray[np.float64]:
+def rough(shape, seed, power=2.0):
     """Return a random surface whose spectrum falls with a power of the wave number."""
     random = np.random.default_rng(seed)
     along, across = np.fft.fftfreq(shape[0]), np.fft.rfftfreq(shape[1])
@@ -35,16 +35,14 @@ def rough(shape: tuple[int, int], seed: int, power: float = 2.0) -> NDArray[np.f
     return heights / heights.std()
 
 
-def slope(heights: NDArray[np.float64]) -> float:
+def slope(heights):
     """Return the rms difference of neighbours, as a slope of cells of side one."""
     neighbours = (np.roll(heights, 1, axis) for axis in (0, 1))
     along, across = (np.square(heights - neighbour).mean() for neighbour in neighbours)
     return float(np.sqrt(along + across))
 
 
-def press(
-    heights: NDArray[np.float64], boundary: Boundary, load: float, **settings: Any
-) -> bem.Contact:
+def press(heights, boundary, load, **settings):
     """Press a surface of cells of side one with a mean pressure over E* times its slope."""
     pressure = load * slope(heights)
     return bem.solve(heights, heights.shape, pressure=pressure, boundary=boundary, **settings)
@@ -137,7 +135,7 @@ def test_soft_bodies_on_high_peaks_flatten_as_many_nodes_as_the_load_needs(bound
     assert contact.delta == pytest.approx(np.ptp(heights.flat[order[:14]]), rel=1e-5)
 
 
-def oblong(seed: int) -> tuple[NDArray[np.float64], dict[str, Any]]:
+def oblong(seed):
     """Return a random surface on cells of 1:1 to 1:100, and a load up to full contact or beyond."""
     random = np.random.default_rng(seed)
     shape = random.integers(1, 34), random.integers(2, 34)
@@ -173,7 +171,7 @@ def test_oblong_cells_are_solved(first):
         assert violation(contact) <= 2.1e-7 * contact.delta + 1e-12 * np.ptp(heights)
 
 
-def violation(contact: bem.Contact) -> float:
+def violation(contact):
     """Return the largest gap under pressure or penetration below the hardness [um]."""
     heights, pressure = contact.problem.heights, contact.pressure
     gap = contact.displacement - (heights - heights.max() + contact.delta)
@@ -235,7 +233,7 @@ def test_long_cells_that_yield_near_full_contact(
     assert violation(contact) <= 2.1e-7 * contact.delta
 
 
-def stiff_cases(nodes: int) -> list[tuple[NDArray[np.float64], dict[str, Any]]]:
+def stiff_cases(nodes):
     """Return problems that are far from a rough surface under a light load."""
     pit = np.zeros((nodes, nodes))
     pit[nodes // 2, nodes // 2] = -1.0

@@ -2,7 +2,6 @@
 
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -29,7 +28,7 @@ RESULTS = [
 ]
 
 
-def topography(name: str) -> np.ndarray:
+def topography(name):
     path = MIRCO / name
     if not path.is_file():
         pytest.skip(f"MIRCO's regression input {path} is not on this machine")
@@ -37,9 +36,7 @@ def topography(name: str) -> np.ndarray:
     return np.array([[float(field) for field in line.strip(" ;").split(";")] for line in lines])
 
 
-def rigid(
-    heights: np.ndarray, delta: float, kernel: Kernel = "concentrated-force", **far: Any
-) -> bem.Contact:
+def rigid(heights, delta, kernel="concentrated-force", **far):
     spacing = SIDE / len(heights)
     how = {"spacing": spacing, "modulus": MODULUS, "kernel": kernel, "rtol": 1e-12}
     return bem.solve(heights, SIDE, delta, **how, **far)
@@ -48,14 +45,12 @@ def rigid(
 compliant = partial(rigid, far_field="compliant")
 
 
-def shape_factor(nodes: int, kernel: Kernel) -> float:
+def shape_factor(nodes, kernel):
     """MIRCO's alpha = L E* Delta / F of the flat punch, with its spacing L / n."""
     return float(nodes / flat_punch((nodes, nodes), kernel).sum())
 
 
-def mircos_loop(
-    heights: np.ndarray, delta: float, tolerance: float, kernel: Kernel = "concentrated-force"
-) -> bem.Contact:
+def mircos_loop(heights, delta, tolerance, kernel="concentrated-force"):
     """Add F / K of the last solution to Delta until the force changes by less than tolerance."""
     stiffness = SIDE * MODULUS / shape_factor(len(heights), kernel)
     force = 0.0

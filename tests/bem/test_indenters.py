@@ -6,8 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import bem
-from bem.analytic import FlatPunch, Indenter, Paraboloid, PowerLaw, distances_to_centre
-from bem.influence import Kernel
+from bem.analytic import FlatPunch, Paraboloid, PowerLaw, distances_to_centre
 
 pytestmark = pytest.mark.usefixtures("both_ways")
 
@@ -15,19 +14,17 @@ SIDE = 1000.0  # um; with R, the example of the paper's section 2.4
 SPHERE = Paraboloid(5000.0)
 
 
-def solved(
-    indenter: Indenter, nodes: int, delta: float, kernel: Kernel = "uniform-pressure"
-) -> bem.Contact:
+def solved(indenter, nodes, delta, kernel="uniform-pressure"):
     heights = indenter.heights(distances_to_centre((nodes, nodes), SIDE))
     return bem.solve(heights, SIDE, delta, kernel=kernel, rtol=1e-9)
 
 
-def indentation(contact: bem.Contact) -> float:
+def indentation(contact):
     """From the tip, which lies above the highest nodes where no node is on the axis [um]."""
     return contact.problem.delta - float(contact.problem.heights.max())
 
 
-def area(contact: bem.Contact) -> float:
+def area(contact):
     """Area of the cells under pressure [um^2]."""
     return contact.contact_nodes * contact.problem.spacing[0] ** 2
 

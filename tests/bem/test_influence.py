@@ -26,11 +26,11 @@ FAR = [
 
 
 @pytest.fixture(scope="module")
-def largest_table() -> np.ndarray:
+def largest_table():
     return influence_coefficients((FARTHEST + 1, FARTHEST + 1))
 
 
-def random_offsets(count: int, farthest: int) -> list[tuple[int, int]]:
+def random_offsets(count, farthest):
     """Offsets in every direction, as many at every order of magnitude of the distance."""
     random = np.random.default_rng(2025)
     distance = np.maximum(farthest ** random.random(count), 2)
@@ -39,7 +39,7 @@ def random_offsets(count: int, farthest: int) -> list[tuple[int, int]]:
     return [(int(i), int(j)) for i, j in zip(along, across, strict=True)]
 
 
-def love(i: int, j: int, aspect: float = 1.0) -> mpmath.mpf:
+def love(i, j, aspect=1.0):
     """Displacement at (i, aspect j) under unit pressure on a cell of sides 1 and aspect."""
     with mpmath.workdps(40):
         half = mpmath.mpf(1) / 2

@@ -98,7 +98,7 @@ def test_any_array_of_real_numbers_will_do(given):
     np.testing.assert_array_equal(bem.solve(given, (1.0, 1.0), 5.0).pressure, expected.pressure)
 
 
-def everything(contact: bem.Contact) -> list[bytes]:
+def everything(contact):
     """All that a contact tells, the properties that are computed when they are read included."""
     names = [name for name in dir(contact) if not name.startswith("_") and name != "problem"]
     values = [getattr(contact, name) for name in names]

@@ -37,7 +37,7 @@ depths = st.one_of(st.floats(0.001, 1), st.floats(1, 10))
 press = partial(bem.solve, side=1.0, spacing=1.0, rtol=RTOL)
 
 
-def reach(heights: np.ndarray, kernel: Kernel, far_field: FarField, depth: float) -> float:
+def reach(heights, kernel, far_field, depth):
     """Largest Delta of a test: `depth` um, or below what a compliant far field can hold."""
     if far_field == "rigid":
         return depth
@@ -46,7 +46,7 @@ def reach(heights: np.ndarray, kernel: Kernel, far_field: FarField, depth: float
     return min(depth, 0.98 * critical)
 
 
-def turned(field: np.ndarray, turns: int, transposed: bool) -> np.ndarray:
+def turned(field, turns, transposed):
     return np.rot90(field.T if transposed else field, turns)
 
 

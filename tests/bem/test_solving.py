@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 import bem
 from bem import dense, equilibrium
-from bem.equilibrium import Equilibrium, Start
 from bem.influence import KERNELS
 from bem.operators import filters
 from bem.problem import FAR_FIELDS
@@ -73,7 +72,7 @@ def test_a_ladder_has_one_kind_of_load(given, told):
 
 
 def test_a_load_that_is_not_solved_from_the_contacts_before_is_solved_from_scratch(monkeypatch):
-    def spoilt(problem: bem.Problem, near: Start | None, **how: Any) -> Equilibrium | None:
+    def spoilt(problem, near, **how):
         few = problem if near is None else replace(problem, max_iterations=1)
         return equilibrium.equilibrium_of(few, near, **how)
 
@@ -195,7 +194,7 @@ def test_a_grid_that_starts_from_coarser_ones_keeps_its_own_filters(monkeypatch)
     monkeypatch.setattr(filters, "KEPT_BYTES", 0)
     monkeypatch.setattr(filters, "KEPT_LARGEST", 0)
 
-    def kept_by_a_solve() -> list[tuple[int, int]]:
+    def kept_by_a_solve():
         bem.solve(ROUGH, 1000.0, 2 * float(ROUGH.max() - ROUGH.min()))
         return [arguments[0] for _, *arguments in filters._KEPT.filters]
 

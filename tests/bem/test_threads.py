@@ -5,10 +5,8 @@ import platform
 import threading
 import time
 import warnings
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from typing import Any
 
 import numpy as np
 import pytest
@@ -24,12 +22,12 @@ ROUGH = generate("diamond-square", 65, 0.7, 12.0, np.random.default_rng(0))
 
 
 @pytest.fixture
-def four_cores(monkeypatch: pytest.MonkeyPatch) -> None:
+def four_cores(monkeypatch):
     """More threads than there are processors are never begun."""
     monkeypatch.setattr(threads, "cores", lambda: 4)
 
 
-def blas_threads() -> set[int]:
+def blas_threads():
     pools = ThreadpoolController().select(user_api="blas").lib_controllers
     return {pool.get_num_threads() for pool in pools}
 
@@ -38,7 +36,7 @@ def test_dense_algebra_has_one_thread_and_leaves_the_others_alone(monkeypatch):
     seen: list[set[int]] = []
     factorised = dense.ContactFactor._factorised
 
-    def watched(self: dense.ContactFactor, matrix: np.ndarray) -> np.ndarray:
+    def watched(self, matrix):
         seen.append(blas_threads())
         return factorised(self, matrix)
 
@@ -57,7 +55,7 @@ def test_the_first_in_limits_and_the_last_out_restores():
         before = blas_threads()
         inside, leave = threading.Event(), threading.Event()
 
-        def other() -> None:
+        def other():
             with threads.on_one_blas_thread():
                 inside.set()
                 leave.wait(600)
@@ -72,7 +70,7 @@ def test_the_first_in_limits_and_the_last_out_restores():
         assert blas_threads() == before
 
 
-def forked(work: Callable[[], object]) -> int:
+def forked(work):
     """Exit code of a child that does some work, -1 if it hangs."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # of forks beside threads
@@ -97,7 +95,7 @@ def forked(work: Callable[[], object]) -> int:
 def test_a_fork_waits_for_other_threads_to_leave():
     inside, left = threading.Event(), []
 
-    def other() -> None:
+    def other():
         with threads.unforked():
             inside.set()
             time.sleep(0.2)
@@ -116,7 +114,7 @@ def test_a_child_forked_while_a_contact_computes_computes_too(monkeypatch):
     contacts = [bem.solve(ROUGH, 1000.0, delta, boundary="mirror") for delta in (4.0, 5.0)]
     inside, leave, parent = threading.Event(), threading.Event(), os.getpid()
 
-    def slow(*problem: Any) -> object:
+    def slow(*problem):
         if os.getpid() == parent:
             inside.set()
             leave.wait(600)
@@ -137,7 +135,7 @@ def test_a_child_forked_while_a_contact_computes_computes_too(monkeypatch):
 def test_what_is_computed_once_is_the_same_for_all_threads():
     contact, start = bem.solve(ROUGH, 1000.0, 4.0), threading.Barrier(8)
 
-    def gap() -> np.ndarray:
+    def gap():
         start.wait(600)
         return contact.gap
 
@@ -151,7 +149,7 @@ def test_an_interrupt_on_the_way_into_a_section_leaves_no_thread_inside(monkeypa
     known = threads._SECTIONS
     put = known.put
 
-    def interrupted(depth: int) -> None:
+    def interrupted(depth):
         put(depth)
         if depth == 2:
             raise KeyboardInterrupt
@@ -170,7 +168,7 @@ def test_alarms_between_any_two_steps_leave_no_lock_and_no_thread_behind(section
     known, other = threads._SECTIONS, ThreadPoolExecutor(1)
     random, free = np.random.default_rng(0), []
 
-    def is_free() -> bool:
+    def is_free():
         taken = known.lock.acquire(timeout=1)
         if taken:
             known.lock.release()
@@ -195,7 +193,7 @@ def test_an_interrupt_on_the_way_into_a_dense_section_limits_nothing_for_good(mo
     known = threads._SECTIONS
     put = known.put_dense
 
-    def interrupted(depth: int) -> None:
+    def interrupted(depth):
         if point == "after" or not depth:
             put(depth)
         if depth:
@@ -216,7 +214,7 @@ def test_an_interrupt_on_the_way_into_a_dense_section_limits_nothing_for_good(mo
 @pytest.mark.usefixtures("four_cores")
 def test_no_more_threads_are_begun_than_there_are_processors(monkeypatch):
     class Counted(ThreadPoolExecutor):
-        def __init__(self, many: int, name: str) -> None:
+        def __init__(self, many, name):
             begun.append(many)
             super().__init__(min(many, 3), name)
 
@@ -243,7 +241,7 @@ def test_every_piece_is_worked_on_once(many):
 def test_an_error_of_any_piece_is_raised_when_nobody_works_any_more():
     working = []
 
-    def work(_: int, piece: int) -> None:
+    def work(_, piece):
         working.append(piece)
         time.sleep(0.01)
         working.remove(piece)

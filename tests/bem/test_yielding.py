@@ -16,11 +16,11 @@ RTOL = 1e-8
 LOADS = ("delta", "force", "pressure")
 
 
-def self_affine(seed: int, nodes: int = 33) -> np.ndarray:
+def self_affine(seed, nodes=33):
     return SURFACES["self-affine"](np.random.default_rng(seed), (nodes, nodes)) * 4.0
 
 
-def loads_of(contact: bem.Contact) -> dict[str, float]:
+def loads_of(contact):
     """Every way to ask for one contact."""
     nodes = contact.pressure.size
     cell = contact.problem.spacing[0] * contact.problem.spacing[1]

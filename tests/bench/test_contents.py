@@ -25,12 +25,12 @@ from gen.runtime.errors import InputError
         ("some words", "some words"),
     ],
 )
-def test_numbers_are_short(text: str, expected: str, tmp_path: Path) -> None:
+def test_numbers_are_short(text, expected, tmp_path):
     data = written("data.csv", [["value", "other"], [text, 1]], tmp_path)
     assert tabulated(Table(data, "")).rows[0][0].text == expected
 
 
-def test_tables_without_a_column_are_refused(tmp_path: Path) -> None:
+def test_tables_without_a_column_are_refused(tmp_path):
     data = written("data.csv", [["value"], [1]], tmp_path)
     with pytest.raises(InputError, match="has no column nothing"):
         tabulated(Table(data, "", columns=("nothing",)))
@@ -38,7 +38,7 @@ def test_tables_without_a_column_are_refused(tmp_path: Path) -> None:
         tabulated(Table(tmp_path / "none.csv", ""))
 
 
-def test_a_compressed_table_is_read_as_the_table(tmp_path: Path) -> None:
+def test_a_compressed_table_is_read_as_the_table(tmp_path):
     data = written("data.csv", [["value", "note"], [1.5, "a"]], tmp_path)
     plain = tabulated(Table(data, ""))
     (tmp_path / "data.csv.xz").write_bytes(lzma.compress(data.read_bytes()))

@@ -5,15 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench.made_maps import (
-    MAPS,
-    SPIKE,
-    Faults,
-    MadeMap,
-    measured,
-    surface,
-    write,
-)
+from bench.made_maps import MAPS, SPIKE, Faults, MadeMap, measured, surface, write
 from tests.maps import read
 
 SOME = [made for made in MAPS if made.number in {1, 3}]

@@ -17,7 +17,7 @@ from gen.runtime.errors import InputError
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def measure(*arguments: str) -> str:
+def measure(*arguments):
     done = subprocess.run(
         [sys.executable, "-m", *arguments],
         cwd=ROOT,
@@ -32,7 +32,7 @@ def measure(*arguments: str) -> str:
 
 
 @pytest.mark.long
-def test_benchmarks_are_a_table_and_can_be_saved_and_compared(tmp_path: Path) -> None:
+def test_benchmarks_are_a_table_and_can_be_saved_and_compared(tmp_path):
     measure("bench", "benchmarks", "--only", "contact and 10-smoke", "-o", str(tmp_path))
     (table,) = part_of("benchmarks").show(tmp_path)
     assert isinstance(table, Table)
@@ -50,7 +50,7 @@ def test_benchmarks_are_a_table_and_can_be_saved_and_compared(tmp_path: Path) ->
 
 
 @pytest.fixture
-def comparison(tmp_path: Path) -> Path:
+def comparison(tmp_path):
     """Three models as `learn show` writes them: one tuned too, one failed."""
     folder = tmp_path / "comparison" / "area"
     folder.mkdir(parents=True)
@@ -71,7 +71,7 @@ def comparison(tmp_path: Path) -> Path:
     return folder.parent
 
 
-def test_errors_and_times_are_those_of_the_comparison(comparison: Path) -> None:
+def test_errors_and_times_are_those_of_the_comparison(comparison):
     tree, untuned, tuned = models(comparison)
     assert tree["model"] == "decision-tree"
     assert (tree["nmae"], tree["fit_s"], tree["search_s"]) == (15, 1, None)
@@ -80,9 +80,7 @@ def test_errors_and_times_are_those_of_the_comparison(comparison: Path) -> None:
     assert fronts == ["predict fit", "", "predict fit search"]
 
 
-def test_what_is_no_comparison_is_refused(
-    tmp_path: Path, comparison: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_what_is_no_comparison_is_refused(tmp_path, comparison, capfd):
     assert main(["models", str(tmp_path), "-o", str(tmp_path)]) == 2
     assert "give a folder of learn compare or learn tune" in capfd.readouterr().err
     (comparison / "area" / "times.csv").write_text("model,result\n")

@@ -2,23 +2,22 @@
 
 import base64
 import re
-from pathlib import Path
 
 import pytest
 from page_parts import WRITE, inputs, makes, part, written
 
-from bench.contents import Content, Figure, Table, Words
+from bench.contents import Figure, Table, Words
 from bench.page import states, write_page
 from bench.picture import new_figure, save
 from bench.record import Machine, Record, code_state
 from bench.report import Part
 
 
-def without_file(folder: Path) -> list[Content]:
+def without_file(folder):
     return [Table(folder / "none.csv", "Nothing.")]
 
 
-def test_a_part_that_cannot_be_shown_does_not_hide_the_others(tmp_path: Path) -> None:
+def test_a_part_that_cannot_be_shown_does_not_hide_the_others(tmp_path):
     one = Part("one", "First", "No table", WRITE, WRITE, without_file)
     two, three = part("two", WRITE), part("three", "-m bench hertz -o {folder}")
     makes(tmp_path, [one, two])
@@ -32,8 +31,8 @@ def test_a_part_that_cannot_be_shown_does_not_hide_the_others(tmp_path: Path) ->
     assert "bench hertz" not in text
 
 
-def test_page_says_which_parts_are_of_another_state() -> None:
-    def of(state: str) -> Record:
+def test_page_says_which_parts_are_of_another_state():
+    def of(state):
         made = {"command": "", "inputs": {}, "created": "", "commit": "", "versions": {}}
         return Record(**made, machine=Machine(processor=""), state=state)
 
@@ -43,7 +42,7 @@ def test_page_says_which_parts_are_of_another_state() -> None:
     )
 
 
-def contents(folder: Path) -> list[Content]:
+def contents(folder):
     """One of each kind, wide and long."""
     figure = new_figure(16, 4)
     figure.subplots().plot([0, 1], [1, 0])
@@ -65,7 +64,7 @@ def contents(folder: Path) -> list[Content]:
 
 
 @pytest.fixture
-def shown(tmp_path: Path) -> Path:
+def shown(tmp_path):
     """A page with everything on it."""
     one = Part("one", "First", "All kinds", WRITE, WRITE, contents)
     two = Part("two", "Second", "Not made", "", WRITE, without_file)
@@ -73,7 +72,7 @@ def shown(tmp_path: Path) -> Path:
     return write_page([one, two], inputs(tmp_path))
 
 
-def test_page_stands_alone(shown: Path) -> None:
+def test_page_stands_alone(shown):
     text = shown.read_text(encoding="utf-8")
     addresses = re.findall(r'(?:src|href)="([^"]*)"', text)
     assert addresses
@@ -85,7 +84,7 @@ def test_page_stands_alone(shown: Path) -> None:
     assert b"0.30000000000000004" in data
 
 
-def test_page_shows_what_there_is_and_says_what_is_not(shown: Path) -> None:
+def test_page_shows_what_there_is_and_says_what_is_not(shown):
     text = shown.read_text(encoding="utf-8")
     assert f"Parts by the state of the code: 1 of {code_state()[:10]}." in text
     assert "&lt;b&gt;bold&lt;/b&gt; &amp; plain" in text
@@ -101,7 +100,7 @@ def test_page_shows_what_there_is_and_says_what_is_not(shown: Path) -> None:
 
 
 @pytest.mark.parametrize("width", [360, 1440])
-def test_browser_shows_the_page_without_error_or_overflow(shown: Path, width: int) -> None:
+def test_browser_shows_the_page_without_error_or_overflow(shown, width):
     from browser import look
 
     seen = look(shown, width)

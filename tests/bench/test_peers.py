@@ -1,7 +1,6 @@
 """The comparison with other solvers: fair, told as it is, and complete without any of them."""
 
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,21 +12,12 @@ from bench.files import read_table
 from bench.peers import Trial, compare, find_errors, sample
 from bench.report import part_of
 from bench.solvers.others import OTHERS
-from bench.solvers.solver import (
-    LADDER,
-    Answer,
-    Case,
-    Control,
-    Failure,
-    Solver,
-    back_and_forth,
-    find_exact,
-)
+from bench.solvers.solver import LADDER, Answer, Control, Failure, back_and_forth, find_exact
 
 SMALL = sample(33, 25.0)
 
 
-def test_another_displacement_under_the_same_force_shows_in_the_displacement() -> None:
+def test_another_displacement_under_the_same_force_shows_in_the_displacement():
     exact = find_exact(SMALL)
     assert find_errors(exact.pressure, "force", SMALL, exact).load_error == pytest.approx(
         0, abs=1e-12
@@ -49,16 +39,14 @@ class Stub:
     fails: bool = False
     asked: list[float] = field(default_factory=list)
 
-    def solve(self, case: Case, rtol: float) -> Answer:
+    def solve(self, case, rtol):
         self.asked.append(rtol)
         if self.fails:
             raise Failure("stalled")
         return Answer(find_exact(case).pressure * (1 + rtol))
 
 
-def test_each_is_timed_at_the_tolerance_that_it_needs(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_each_is_timed_at_the_tolerance_that_it_needs(capsys):
     stub = Stub()
     limited = Stub(name="limited", largest_contact=5)
     rows = compare([SMALL], [stub, Stub(name="failing", fails=True), limited], 2)
@@ -75,7 +63,7 @@ def test_each_is_timed_at_the_tolerance_that_it_needs(
     assert capsys.readouterr().err == "33 nodes a side, H = 0.65, Delta = 25 um\n"
 
 
-def test_times_over_ours_are_of_the_same_round(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_times_over_ours_are_of_the_same_round(monkeypatch):
     """The median of 0.3 / 0.1, 0.2 / 0.2 and 0.6 / 0.3, not the ratio of the medians, 1.5."""
     speeds = iter([0.1, 0.3, 0.2, 0.2, 0.3, 0.6])  # ours and theirs forth, back, and forth
     answer = Answer(find_exact(SMALL).pressure)
@@ -92,9 +80,7 @@ def test_times_over_ours_are_of_the_same_round(monkeypatch: pytest.MonkeyPatch) 
     assert theirs.times(ours) == 1.5
 
 
-def test_command_writes_table_and_picture(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_command_writes_table_and_picture(tmp_path, capsys):
     folder = tmp_path / "new" / "reports"
     arguments = ["--nodes", "17", "--deltas", "5,25", "--rounds", "1"]
     assert main(["peers", "-o", str(folder), *arguments]) == 0
@@ -112,7 +98,7 @@ def test_command_writes_table_and_picture(
 
 @pytest.mark.parametrize("solver", periodic.PERIODIC_SOLVERS, ids=lambda solver: solver.name)
 @pytest.mark.parametrize("load", periodic.LOADS[::2])
-def test_periodic_patches_are_the_same_problem_for_all(solver: Solver, load: float) -> None:
+def test_periodic_patches_are_the_same_problem_for_all(solver, load):
     """Our own waves, spacing, units and zero mean displacement, up to nearly full contact."""
     if not solver.version:
         pytest.skip(f"{solver.package} is not installed: {solver.install}")
@@ -124,7 +110,7 @@ def test_periodic_patches_are_the_same_problem_for_all(solver: Solver, load: flo
     assert errors.pressure_error < 1e-8
 
 
-def test_command_compares_periodic_patches_and_bodies_that_yield(tmp_path: Path) -> None:
+def test_command_compares_periodic_patches_and_bodies_that_yield(tmp_path):
     arguments = ["--nodes", "32", "--rounds", "1"]
     assert main(["periodic", "-o", str(tmp_path), *arguments]) == 0
     _, rows = read_table(tmp_path / "periodic.csv")
@@ -151,9 +137,7 @@ def test_command_compares_periodic_patches_and_bodies_that_yield(tmp_path: Path)
         (["--deltas", "5,"], "deltas '5,': give numbers with commas between them"),
     ],
 )
-def test_bad_input_is_refused_in_one_line(
-    arguments: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_bad_input_is_refused_in_one_line(arguments, message, tmp_path, capsys):
     assert main(["peers", "-o", str(tmp_path / "new"), *arguments]) == 2
     assert message in capsys.readouterr().err
     assert not (tmp_path / "new").exists()

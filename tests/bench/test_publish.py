@@ -1,20 +1,19 @@
 """What a run has made goes into the results whole."""
 
 import lzma
-from pathlib import Path
 
 import pytest
 from page_parts import WRITE, inputs, makes, part, written
 
 from bench.__main__ import main
-from bench.contents import Content, Figure, Table
+from bench.contents import Figure, Table
 from bench.picture import new_figure, save
 from bench.publish import publish
 from bench.report import Part
 from gen.runtime.errors import InputError
 
 
-def pictured(folder: Path) -> list[Content]:
+def pictured(folder):
     """Files of each kind: shown and not, large, inside of a folder that stays behind."""
     written("small.csv", [["x"], [1]], folder)
     written("large.csv", [["x"], *([n] for n in range(60_000))], folder)
@@ -30,7 +29,7 @@ def pictured(folder: Path) -> list[Content]:
 
 
 @pytest.fixture
-def made(tmp_path: Path) -> Path:
+def made(tmp_path):
     makes(tmp_path / "report", [part("one", WRITE), PICTURED])
     return tmp_path / "report"
 
@@ -39,13 +38,13 @@ ONE = part("one", WRITE)
 PICTURED = Part("two", "Chapter", "Two", WRITE, WRITE, pictured)
 
 
-def published(made: Path, parts: list[Part]) -> list[str]:
+def published(made, parts):
     target = made.parent / "results"
     paths = publish(parts, inputs(made, full=True), target)
     return [path.relative_to(target).as_posix() for path in paths]
 
 
-def test_what_is_shown_and_behind_it_is_published(made: Path) -> None:
+def test_what_is_shown_and_behind_it_is_published(made):
     assert published(made, [ONE, PICTURED]) == [
         *("one/made.txt", "one/one.part.json", "two/large.csv.xz", "two/made.txt"),
         *("two/shown.png", "two/small.csv", "two/trials.jsonl.xz", "two/two.part.json"),
@@ -54,7 +53,7 @@ def test_what_is_shown_and_behind_it_is_published(made: Path) -> None:
     assert lzma.decompress(large.read_bytes()) == (made / "two" / "large.csv").read_bytes()
 
 
-def test_a_folder_made_anew_loses_what_it_held_and_others_do_not(made: Path) -> None:
+def test_a_folder_made_anew_loses_what_it_held_and_others_do_not(made):
     results = made.parent / "results"
     stale = written("stale.csv", [["x"], [1]], results / "one")
     other = written("other.csv", [["x"], [1]], results / "three")
@@ -69,7 +68,7 @@ def test_a_folder_made_anew_loses_what_it_held_and_others_do_not(made: Path) -> 
 
 
 @pytest.mark.parametrize("target", ["one", "..", "link"])
-def test_what_is_read_is_not_written_over(made: Path, target: str) -> None:
+def test_what_is_read_is_not_written_over(made, target):
     (made / "link").symlink_to(made)
     before = {path: path.read_bytes() for path in made.parent.rglob("*") if path.is_file()}
     with pytest.raises(InputError, match="is read, give a folder apart from it"):
@@ -78,9 +77,7 @@ def test_what_is_read_is_not_written_over(made: Path, target: str) -> None:
     assert after == before
 
 
-def test_command_publishes_or_says_what_is_missing(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_command_publishes_or_says_what_is_missing(tmp_path, capfd, monkeypatch):
     monkeypatch.chdir(tmp_path)
     failing = part("failing", "-m bench cost")
     makes(tmp_path / "report", [failing])

@@ -3,19 +3,17 @@
 from pathlib import Path
 from typing import Any
 
-import pytest
 import typer
 from page_parts import inputs
 
 from bench import commands, files, page, report
 from bench.__main__ import app as bench
-from bench.record import Inputs
-from bench.report import PARTS, Part
+from bench.report import PARTS
 from learn.cli import app as learn
 from tests.faults.__main__ import app as faults
 
 
-def test_names_of_parts_are_those_of_their_folders() -> None:
+def test_names_of_parts_are_those_of_their_folders():
     names = [part.name for part in PARTS]
     assert len(names) == len(set(names))
     for each in PARTS:
@@ -23,7 +21,7 @@ def test_names_of_parts_are_those_of_their_folders() -> None:
         _assert_a_command(inputs(Path("report")), each)
 
 
-def _assert_a_command(given: Inputs, each: Part) -> None:
+def _assert_a_command(given, each):
     """Its words are those of a command that there is; options are asked of the command itself."""
     for full in (False, True):
         arguments = inputs(given.output, full=full).arguments(each)
@@ -37,7 +35,7 @@ def _assert_a_command(given: Inputs, each: Part) -> None:
         assert {word for word in arguments[3:] if word.startswith("-")} <= known, arguments
 
 
-def test_curves_of_a_short_run_have_three_points_or_more() -> None:
+def test_curves_of_a_short_run_have_three_points_or_more():
     """Lists of grids and displacements are what its pictures have on their abscissas."""
     lists = [
         arguments[place + 1].split(",")
@@ -84,9 +82,7 @@ verdict = "verdict"
 """
 
 
-def test_a_new_report_takes_forty_lines(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_new_report_takes_forty_lines(tmp_path, monkeypatch, capsys):
     """A function that returns rows, and its file: command, tables, picture, page and manual."""
     assert len((FALL + SAID).splitlines()) <= 40
     (tmp_path / "reports").mkdir()

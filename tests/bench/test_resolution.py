@@ -1,7 +1,5 @@
 """Errors of the area by the nodes in a wave, and bars of them on surfaces of all kinds."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -9,13 +7,13 @@ from bench import grid_error, resolution
 
 
 @pytest.fixture(scope="module")
-def rows() -> list[dict[str, Any]]:
+def rows():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(resolution, "TRUTH", 32)
         return resolution.resolution(surfaces=2, finest=8)
 
 
-def error(rows: list[dict[str, Any]], way: str, nodes: int, pressure: float) -> float:
+def error(rows, way, nodes, pressure):
     (found,) = (
         row["area_error_percent"]
         for row in rows
@@ -27,16 +25,14 @@ def error(rows: list[dict[str, Any]], way: str, nodes: int, pressure: float) -> 
 @pytest.mark.parametrize(
     ("nodes", "bounds"), [(4, (3.5, 1.4, 0.6, 0.4)), (8, (1.2, 0.6, 0.3, 0.15))]
 )
-def test_the_area_in_the_continuum_is_right(
-    rows: list[dict[str, Any]], nodes: int, bounds: tuple[float, ...]
-) -> None:
+def test_the_area_in_the_continuum_is_right(rows, nodes, bounds):
     for pressure, bound in zip(resolution.PRESSURES, bounds, strict=True):
         own = error(rows, resolution.CONTINUUM, nodes, pressure)
         assert own < bound
         assert own < error(rows, resolution.COUNT, nodes, pressure) / 5
 
 
-def test_every_way_and_grid_has_a_row(rows: list[dict[str, Any]]) -> None:
+def test_every_way_and_grid_has_a_row(rows):
     ways = {row["way"] for row in rows}
     assert ways == {
         resolution.CONTINUUM,
@@ -49,7 +45,7 @@ def test_every_way_and_grid_has_a_row(rows: list[dict[str, Any]]) -> None:
     assert refined == sorted(refined, reverse=True)
 
 
-def test_waves_are_the_same_surface_at_any_places() -> None:
+def test_waves_are_the_same_surface_at_any_places():
     surface = resolution.random_waves(1, 5, 0.7, np.random.default_rng(0))
     coarse, fine = (surface(np.arange(n) / n) for n in (32, 64))
     assert fine[::2, ::2] == pytest.approx(coarse, abs=1e-15)
@@ -59,7 +55,7 @@ def test_waves_are_the_same_surface_at_any_places() -> None:
 
 
 @pytest.mark.parametrize("kind", grid_error.KINDS)
-def test_samples_are_one_surface_on_two_grids(kind: str) -> None:
+def test_samples_are_one_surface_on_two_grids(kind):
     sample = grid_error.KINDS[kind](np.random.default_rng(1))
     coarse, fine = sample.surface(sample.nodes), sample.surface(sample.exact)
     assert coarse.shape == (sample.nodes, sample.nodes)
@@ -69,7 +65,7 @@ def test_samples_are_one_surface_on_two_grids(kind: str) -> None:
         assert fine[:: sample.finer, :: sample.finer] == pytest.approx(coarse, abs=1e-12)
 
 
-def test_bars_are_judged_by_kind_and_in_all() -> None:
+def test_bars_are_judged_by_kind_and_in_all():
     with pytest.MonkeyPatch.context() as patch:
         kept = {name: grid_error.KINDS[name] for name in ("sphere", "fractal")}
         patch.setattr(grid_error, "KINDS", kept)

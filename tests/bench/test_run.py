@@ -20,7 +20,7 @@ from bench.run import Outcome
 from gen.runtime.errors import InputError
 
 
-def test_parts_are_made_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_parts_are_made_once(tmp_path, capsys):
     parts = [part("one", WRITE), part("two", WRITE)]
     assert makes(tmp_path, parts) == Outcome()
     capsys.readouterr()
@@ -37,9 +37,7 @@ def test_parts_are_made_once(tmp_path: Path, capsys: pytest.CaptureFixture[str])
         makes(tmp_path, parts)
 
 
-def test_a_part_that_fails_is_named_and_does_not_stop_the_others(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_part_that_fails_is_named_and_does_not_stop_the_others(tmp_path, capsys):
     failing = part("one", "-m bench cost")  # no folder: code 2 and one line
     outcome = makes(tmp_path, [failing, part("two", WRITE)])
     assert outcome == Outcome(failed=("one",))
@@ -63,8 +61,8 @@ def test_a_part_that_fails_is_named_and_does_not_stop_the_others(
     ids=["failed check", "no check", "crash"],
 )
 def test_a_failed_check_is_shown_and_stays_failed_and_a_crash_is_tried_again(
-    tmp_path: Path, *, judges: bool, said: str, made: str, shown: str
-) -> None:
+    tmp_path, *, judges, said, made, shown
+):
     command = (
         "-c s=__import__('sys');open('{folder}/made.txt','a').write('x');"
         f"s.stderr.write('{said}');s.exit(1)"
@@ -76,9 +74,7 @@ def test_a_failed_check_is_shown_and_stays_failed_and_a_crash_is_tried_again(
     assert shown in write_page([checks], inputs(tmp_path)).read_text(encoding="utf-8")
 
 
-def test_what_was_made_while_the_code_changed_is_made_anew(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_was_made_while_the_code_changed_is_made_anew(tmp_path, monkeypatch):
     states = iter(["before", "after"])
     monkeypatch.setattr(running, "code_state", lambda: next(states))
     one = part("one", WRITE)
@@ -89,16 +85,14 @@ def test_what_was_made_while_the_code_changed_is_made_anew(
     assert (tmp_path / "one" / "made.txt").read_text() == "xx"
 
 
-def test_a_short_run_leaves_a_full_one_alone(tmp_path: Path) -> None:
+def test_a_short_run_leaves_a_full_one_alone(tmp_path):
     both = part("both", WRITE.replace("'x'", "'short'"), full=WRITE.replace("'x'", "'full'"))
     makes(tmp_path, [both], full=True)
     makes(tmp_path, [both])
     assert (tmp_path / "both" / "made.txt").read_text() == "full"
 
 
-def test_a_part_that_does_not_heed_a_signal_is_killed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_part_that_does_not_heed_a_signal_is_killed(tmp_path, monkeypatch):
     deaf = tmp_path / "deaf.py"
     deaf.write_text(
         "import os, signal, time\n"
@@ -116,9 +110,7 @@ def test_a_part_that_does_not_heed_a_signal_is_killed(
     assert not (tmp_path / "two").exists()
 
 
-def test_parts_that_take_no_times_are_made_side_by_side(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_parts_that_take_no_times_are_made_side_by_side(tmp_path, monkeypatch, capsys):
     """The two meet; alone ones are made before, and those that read the comparison last."""
     monkeypatch.setattr(running, "LANES", 2)
     meet = tmp_path / "meet.py"
@@ -145,9 +137,7 @@ def test_parts_that_take_no_times_are_made_side_by_side(
     assert set(said[1:3]) == {"two", "three"}
 
 
-def test_a_part_that_hangs_is_ended_and_failed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_part_that_hangs_is_ended_and_failed(tmp_path, monkeypatch):
     monkeypatch.setattr(running, "LONGEST", 0.0)
     monkeypatch.setattr(running, "PATIENCE", 0.1)
     (tmp_path / "hangs.py").write_text("import signal\nsignal.pause()\n")
@@ -156,9 +146,7 @@ def test_a_part_that_hangs_is_ended_and_failed(
     assert not record(hanging, tmp_path).finished
 
 
-def test_commands_make_and_rewrite_a_page(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_commands_make_and_rewrite_a_page(tmp_path, capfd):
     report = tmp_path / "new" / "report"
     arguments = ["run", "hertz", "-o", str(report)]
     assert main(arguments) == 0
@@ -183,13 +171,7 @@ def test_commands_make_and_rewrite_a_page(
         (["page", "nowhere"], "nowhere is not a folder"),
     ],
 )
-def test_bad_input_is_one_line(
-    arguments: list[str],
-    message: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capfd: pytest.CaptureFixture[str],
-) -> None:
+def test_bad_input_is_one_line(arguments, message, tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
     Path("file").touch()
     assert main(arguments) == 2
@@ -199,7 +181,7 @@ def test_bad_input_is_one_line(
     assert "Traceback" not in said
 
 
-def test_what_is_not_there_is_left_out_of_a_command(tmp_path: Path) -> None:
+def test_what_is_not_there_is_left_out_of_a_command(tmp_path):
     wishing = part("wishing", "-m bench paper [--comparison {comparison}]")
     assert inputs(tmp_path).arguments(wishing) == ["-m", "bench", "paper"]
     compared = tmp_path / "comparison"
@@ -207,7 +189,7 @@ def test_what_is_not_there_is_left_out_of_a_command(tmp_path: Path) -> None:
     assert inputs(tmp_path).arguments(wishing)[3:] == ["--comparison", str(compared)]
 
 
-def test_a_command_that_was_run_elsewhere_names_no_folder_of_that_machine(tmp_path: Path) -> None:
+def test_a_command_that_was_run_elsewhere_names_no_folder_of_that_machine(tmp_path):
     one = part("one", "-m bench one -o {folder}")
     here = inputs(tmp_path)
     there = "python -m bench one --database '/a b/all/databases/paper.h5' -o '/a b/all/one'"
@@ -222,9 +204,7 @@ def test_a_command_that_was_run_elsewhere_names_no_folder_of_that_machine(tmp_pa
     assert here.command(one, "") == ""
 
 
-def test_another_command_state_of_the_code_or_input_makes_a_part_anew(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_another_command_state_of_the_code_or_input_makes_a_part_anew(tmp_path, monkeypatch):
     makes(tmp_path, [part("one", WRITE)])
     makes(tmp_path, [part("one", WRITE.replace("'x'", "'y'"))])
     assert (tmp_path / "one" / "made.txt").read_text() == "xy"
@@ -244,7 +224,7 @@ def test_another_command_state_of_the_code_or_input_makes_a_part_anew(
     assert (tmp_path / "reading" / "made.txt").read_text() == "xx"
 
 
-def test_documents_and_results_are_no_code(tmp_path: Path) -> None:
+def test_documents_and_results_are_no_code(tmp_path):
     for name in ("bem/solve.py", "bench/page.toml", "bench/results/a.toml", "docs/conf.py"):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text("a")
@@ -265,8 +245,8 @@ def test_documents_and_results_are_no_code(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("full", "minutes"), [([], 10), (["--full"], 150)])
 def test_runs_take_ten_minutes_or_two_hours_and_a_half_by_the_published_times(
-    full: list[str], minutes: int, tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+    full, minutes, tmp_path, capfd
+):
     assert main(["run", "-o", str(tmp_path / "report"), "--plan", *full]) == 0
     *_, last = capfd.readouterr().out.splitlines()
     time = re.search(r"(\d+) min by earlier records", last)

@@ -2,21 +2,18 @@
 
 import csv
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-import bem
 from bench import __main__ as command
 from bench.stability import case as tables
 from bench.stability import checks, models, random_contacts, surfaces
 from bench.stability import setup as topographies
 from bench.stability.case import TABLES, Answer, Case, Finding, Refusal, cases_of, run_case
-from bench.stability.checks import Check, contact_case, has_force, judge
+from bench.stability.checks import contact_case, has_force, judge
 from bench.stability.models import fitted, ordinary, solves_its_equations
 from bench.stability.random_contacts import examine
 from bench.stability.setup import Setup
@@ -28,7 +25,7 @@ LARGE = {"k = 9", "k = 10", "k = 11"}
 SOME = {"Decision Tree", "SVM Regressor", "Kernel Ridge", "GP Regressor"}
 
 
-def is_fast(table: str, case: Case) -> bool:
+def is_fast(table, case):
     """Whether a case takes seconds at most; tests/bem has some of the random contacts."""
     if table == "models":
         return case.name in SOME or case.family == "models: few rows"
@@ -44,7 +41,7 @@ FAST = [case for table in TABLES for case in cases_of(table) if is_fast(table, c
 
 @pytest.mark.long
 @pytest.mark.parametrize("case", FAST, ids=lambda case: f"{case.family}: {case.name}")
-def test_case(case: Case) -> None:
+def test_case(case):
     result = run_case(case)
     assert result.passed, result.failed
 
@@ -52,13 +49,13 @@ def test_case(case: Case) -> None:
 # ---------------------------------------------------------------- cases and the command
 
 
-def test_what_was_to_be_refused_fails_without_an_error() -> None:
+def test_what_was_to_be_refused_fails_without_an_error():
     refusal = Refusal(InputError, ("give less",))
 
-    def refuse() -> None:
+    def refuse():
         raise InputError("too much: give less")
 
-    def in_two_lines() -> None:
+    def in_two_lines():
         raise InputError("too much:\ngive less")
 
     assert run_case(Case("test", "test", "", refuse, refusal)).passed
@@ -67,8 +64,8 @@ def test_what_was_to_be_refused_fails_without_an_error() -> None:
     assert not run_case(Case("test", "test", "", refuse, Refusal(ValueError, ()))).passed
 
 
-def test_warnings_and_errors_fail() -> None:
-    def warn() -> Answer:
+def test_warnings_and_errors_fail():
+    def warn():
         np.float64(1.0) / np.float64(0.0)
         return Answer("", [Finding("nothing", 0, 0)])
 
@@ -89,9 +86,7 @@ BROKEN = contact_case("two", "broken", SMALL, 12.0, checks=WRONG_FORCE)
 SLOW = replace(SOUND, family="two", name="slow", slow=True)
 
 
-def test_command_writes_the_table_and_fails_with_a_case(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_command_writes_the_table_and_fails_with_a_case(tmp_path, monkeypatch, capsys):
     cases = [SOUND, REFUSED, SLOW]
     monkeypatch.setattr(tables, "cases_of", lambda _name: cases)
     solver = ["stability", "--of", "solver"]
@@ -122,7 +117,7 @@ ASKED = Setup(SMALL(), 12.0)
 CONTACT = ASKED.solve()
 
 
-def with_pressure(change: Callable[[np.ndarray], np.ndarray]) -> bem.Contact:
+def with_pressure(change):
     """The contact with another pressure, and all that it states about it made to fit."""
     pressure = change(CONTACT.pressure.copy())
     share = 100 * float((pressure > 0).mean())
@@ -131,7 +126,7 @@ def with_pressure(change: Callable[[np.ndarray], np.ndarray]) -> bem.Contact:
     return replace(CONTACT, pressure=pressure, force=force, area_percent=share, residual=residual)
 
 
-def without_smallest(pressure: np.ndarray) -> np.ndarray:
+def without_smallest(pressure):
     pressure.flat[np.nanargmin(np.where(pressure > 0, pressure, np.nan))] = 0.0
     return pressure
 
@@ -144,12 +139,12 @@ WRONG = {
 }
 
 
-def verdict(check: Check, asked: Setup, contact: bem.Contact) -> bool:
+def verdict(check, asked, contact):
     return all(finding.passed for finding in check(asked, contact))
 
 
 @pytest.mark.parametrize("wrong", WRONG)
-def test_another_pressure_is_told(wrong: str) -> None:
+def test_another_pressure_is_told(wrong):
     spoilt = with_pressure(WRONG[wrong])
     assert verdict(checks.complementarity, ASKED, CONTACT)
     assert not verdict(checks.complementarity, ASKED, spoilt)
@@ -157,7 +152,7 @@ def test_another_pressure_is_told(wrong: str) -> None:
     assert not verdict(checks.complementarity, ASKED, other)
 
 
-def failed(asked: Setup, contact: bem.Contact, **more: float) -> list[str]:
+def failed(asked, contact, **more):
     """Names of the findings that an answer fails by."""
     return [
         finding.what for finding in judge(asked, contact, **more).findings if not finding.passed
@@ -172,14 +167,12 @@ def failed(asked: Setup, contact: bem.Contact, **more: float) -> list[str]:
         ({"area_percent": CONTACT.area_percent + 1e-6}, "area off its nodes"),
     ],
 )
-def test_numbers_that_the_pressure_does_not_bear_out_fail(
-    stated: dict[str, float], told: str
-) -> None:
+def test_numbers_that_the_pressure_does_not_bear_out_fail(stated, told):
     assert not failed(ASKED, CONTACT)
     assert told in failed(ASKED, replace(CONTACT, **stated))
 
 
-def test_many_iterations_fail_unless_a_case_takes_them() -> None:
+def test_many_iterations_fail_unless_a_case_takes_them():
     slow = replace(CONTACT, iterations=200)
     assert failed(ASKED, slow) == ["times ordinary"]
     assert not failed(ASKED, slow, most=math.inf)
@@ -194,9 +187,7 @@ def test_many_iterations_fail_unless_a_case_takes_them() -> None:
         (lambda c: replace(c, pressure=0.999 * c.pressure), "nodes off least squares"),
     ],
 )
-def test_wrong_contacts_that_yield_are_told(
-    monkeypatch: pytest.MonkeyPatch, spoil: Callable[[bem.Contact], bem.Contact], words: str
-) -> None:
+def test_wrong_contacts_that_yield_are_told(monkeypatch, spoil, words):
     case = range(11, 12), random_contacts.yielding_problem, random_contacts.judge_both_ways
     assert examine(*case).passed
     solve = Setup.solve
@@ -204,7 +195,7 @@ def test_wrong_contacts_that_yield_are_told(
     assert words in examine(*case).failed
 
 
-def turned(contact: bem.Contact) -> bem.Contact:
+def turned(contact):
     return replace(contact, pressure=np.ascontiguousarray(contact.pressure[::-1]))
 
 
@@ -226,16 +217,11 @@ def turned(contact: bem.Contact) -> bem.Contact:
         (random_contacts.periodic_problem, random_contacts.judge_shift, turned, "pressure off"),
     ],
 )
-def test_wrong_contacts_without_edges_are_told(
-    draw: Callable[[int], Setup],
-    compare: Check,
-    spoil: Callable[[bem.Contact], bem.Contact],
-    words: str,
-) -> None:
+def test_wrong_contacts_without_edges_are_told(draw, compare, spoil, words):
     seeds = range(16, 17)
     assert examine(seeds, draw, compare).passed
 
-    def spoilt(asked: Setup, contact: bem.Contact):
+    def spoilt(asked, contact):
         return compare(asked, spoil(contact))
 
     assert words in examine(seeds, draw, spoilt).failed
@@ -245,7 +231,7 @@ def test_wrong_contacts_without_edges_are_told(
 
 
 @pytest.mark.parametrize("name", NAMES[::8])
-def test_a_statistic_that_is_wrong_fails(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_statistic_that_is_wrong_fails(name, monkeypatch):
     rough = surfaces.rough(17)
     found = statistics.describe(rough, 2.0)
     assert surfaces.described(rough, (2.0, 2.0)).passed
@@ -257,10 +243,10 @@ def test_a_statistic_that_is_wrong_fails(name: str, monkeypatch: pytest.MonkeyPa
 
 
 @pytest.mark.parametrize("generator", surface.GENERATORS)
-def test_a_generator_that_is_wrong_fails(generator: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_generator_that_is_wrong_fails(generator, monkeypatch):
     right = surface._displaced
 
-    def taller(nodes: int, hurst: float, sigma0: float, *more: object, **kind: bool) -> np.ndarray:
+    def taller(nodes, hurst, sigma0, *more, **kind):
         heights = right(nodes, hurst, sigma0, *more, **kind)
         heights[nodes // 2, 0] += 1e-9 * sigma0 * nodes
         return heights
@@ -271,7 +257,7 @@ def test_a_generator_that_is_wrong_fails(generator: str, monkeypatch: pytest.Mon
     assert not run_case(case).passed
 
 
-def test_wrong_coefficients_an_unflagged_row_and_silent_nonsense_fail() -> None:
+def test_wrong_coefficients_an_unflagged_row_and_silent_nonsense_fail():
     ridge = fitted("kernel-ridge", "tuned", ordinary())
     assert all(finding.passed for finding in models.flagged(ridge))
     low, high = ridge.surrogate.low - np.inf, ridge.surrogate.high + np.inf

@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,14 +16,14 @@ Curves = dict[tuple[str, int | str], list[dict[str, Any]]]
 
 
 @pytest.fixture(scope="module")
-def curves() -> Curves:
+def curves():
     found: Curves = {}
     for row in theory.hertz(steps=2):
         found.setdefault((row["solution"], row["nodes"]), []).append(row)
     return found
 
 
-def test_forces_of_the_papers_example(curves: Curves) -> None:
+def test_forces_of_the_papers_example(curves):
     """At Delta = 1; other numbers mean that solver or kernels have changed."""
     forces = {key: curve[-1]["force_uN"] for key, curve in curves.items()}
     exact = 4 / 3 * np.sqrt(5000)
@@ -39,7 +38,7 @@ def test_forces_of_the_papers_example(curves: Curves) -> None:
         assert forces[key] / exact == pytest.approx(share, abs=1e-6)
 
 
-def test_help_imports_no_numerics(tmp_path: Path) -> None:
+def test_help_imports_no_numerics(tmp_path):
     code = "import sys; from bench.__main__ import main; assert main(['hertz', '--help']) == 0;"
     code += "assert not {'numpy', 'scipy', 'pyfftw', 'h5py', 'matplotlib'} & sys.modules.keys()"
     command = [sys.executable, "-c", code]
@@ -51,16 +50,16 @@ NODES = 128
 
 
 @pytest.fixture(scope="module")
-def rows() -> list[dict[str, Any]]:
+def rows():
     return theory.theory(NODES, surfaces=1).tables["theory"]
 
 
-def column(rows: list[dict[str, Any]], name: str) -> np.ndarray:
+def column(rows, name):
     """One value for each spectrum and load, (spectra, loads)."""
     return np.array([row[name] for row in rows]).reshape(len(theory.SPECTRA), -1)
 
 
-def test_areas_lie_between_the_theories(rows: list[dict[str, Any]]) -> None:
+def test_areas_lie_between_the_theories(rows):
     """Of medium loads; on a grid the areas of light loads are a few nodes."""
     pressure, area = column(rows, "pressure"), column(rows, "corrected_percent")
     assert (area < column(rows, "area_percent")).all()
@@ -72,7 +71,7 @@ def test_areas_lie_between_the_theories(rows: list[dict[str, Any]]) -> None:
     assert area[:, -1] == pytest.approx(column(rows, "persson_percent")[:, -1], rel=0.03)
 
 
-def test_gaps_and_stiffness_are_those_of_perssons_relation(rows: list[dict[str, Any]]) -> None:
+def test_gaps_and_stiffness_are_those_of_perssons_relation(rows):
     """To 10 % where a patch holds many waves, which are those of the narrow band."""
     narrow, medium = 0, slice(3, 10)
     for name in ("mean_gap", "stiffness"):
@@ -81,7 +80,7 @@ def test_gaps_and_stiffness_are_those_of_perssons_relation(rows: list[dict[str, 
         assert computed == pytest.approx(expected, rel=0.1)
 
 
-def test_yielding_spots_conduct_as_cooper_mikic_and_yovanovich_say() -> None:
+def test_yielding_spots_conduct_as_cooper_mikic_and_yovanovich_say():
     """With the exponent 0.95, on surfaces of many waves of one length."""
     spectrum = theory.SelfAffineSpectrum(0.8, 8 / 256, 8 / 256)
     found = theory.conductance([theory.random_surface(spectrum, 256, seed) for seed in range(3)])
@@ -91,16 +90,16 @@ def test_yielding_spots_conduct_as_cooper_mikic_and_yovanovich_say() -> None:
 
 
 @pytest.fixture(scope="module")
-def costs() -> list[dict[str, Any]]:
+def costs():
     return cost((65, 129), surfaces=1, percents=(5.0,))
 
 
 @pytest.fixture(scope="module")
-def pressed() -> list[dict[str, Any]]:
+def pressed():
     return pressures((65, 129), 1)
 
 
-def test_rows_reach_their_contact_and_say_what_it_took(costs: list[dict[str, Any]]) -> None:
+def test_rows_reach_their_contact_and_say_what_it_took(costs):
     assert [row["nodes"] for row in costs] == [65, 129]
     for row in costs:
         assert row["area_percent"] == pytest.approx(5, rel=0.2)
@@ -114,7 +113,7 @@ def test_rows_reach_their_contact_and_say_what_it_took(costs: list[dict[str, Any
     assert costs[1]["growth"] == pytest.approx(ratio)
 
 
-def test_a_hardness_bounds_the_mean_pressure(pressed: list[dict[str, Any]]) -> None:
+def test_a_hardness_bounds_the_mean_pressure(pressed):
     assert [row["hardness"] for row in pressed] == [each for each in HARDNESSES for _ in range(2)]
     elastic = pressed[:2]
     assert elastic[0]["area_percent"] > elastic[1]["area_percent"]
@@ -125,6 +124,6 @@ def test_a_hardness_bounds_the_mean_pressure(pressed: list[dict[str, Any]]) -> N
 
 
 @pytest.mark.parametrize("nodes", [100, 33])
-def test_grids_that_cannot_be_nested_are_refused(nodes: int) -> None:
+def test_grids_that_cannot_be_nested_are_refused(nodes):
     with pytest.raises(InputError, match=f"nodes {nodes}: give 2"):
         growth((nodes,), 1)

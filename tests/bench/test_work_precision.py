@@ -3,27 +3,26 @@
 import sys
 from dataclasses import dataclass, field
 from itertools import pairwise
-from pathlib import Path
 
 import pytest
 
 from bench.__main__ import main
-from bench.solvers.solver import Answer, Case, Failure, find_exact
+from bench.solvers.solver import Answer, Failure, find_exact
 from bench.work_precision import DECADES, Row, compare, curves, paper_case, solver
 from gen.runtime.installation import command_for
 
 
 @pytest.fixture(scope="module")
-def done() -> list[Row]:
+def done():
     return list(solver(quick=True).tables["solver"])
 
 
 @pytest.fixture(scope="module")
-def small() -> Case:
+def small():
     return paper_case(0, 33)
 
 
-def test_errors_fall_and_work_grows_with_the_tolerance(done: list[Row]) -> None:
+def test_errors_fall_and_work_grows_with_the_tolerance(done):
     groups: dict[tuple[str, str], list[Row]] = {}
     for point in done:
         if point["study"] == "tolerance":
@@ -52,16 +51,14 @@ class Stub:
     asked: list[tuple[str, float]] = field(default_factory=list)
     seconds: list[float] = field(default_factory=list)
 
-    def solve(self, case: Case, rtol: float) -> Answer:
+    def solve(self, case, rtol):
         self.asked.append((self.name, rtol))
         if rtol < self.fails_below:
             raise Failure("stalled")
         return Answer(find_exact(case).pressure, seconds=self.seconds.pop(0))
 
 
-def test_who_fails_at_one_tolerance_is_named_and_keeps_the_others(
-    small: Case, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_who_fails_at_one_tolerance_is_named_and_keeps_the_others(small, capsys):
     stub = Stub(fails_below=1e-3, seconds=[1.0] * 4, control="force")
     points = list(compare("peers", [stub], [small], [1e-1, 1e-2, 1e-4], 1))
     assert [point["rtol"] for point in points] == [1e-1, 1e-2]
@@ -71,7 +68,7 @@ def test_who_fails_at_one_tolerance_is_named_and_keeps_the_others(
     assert [rtol for _, rtol in stub.asked].count(1e-4) == 1
 
 
-def test_tasks_run_back_and_forth_and_the_shortest_time_counts(small: Case) -> None:
+def test_tasks_run_back_and_forth_and_the_shortest_time_counts(small):
     asked: list[tuple[str, float]] = []
     a = Stub(name="A", asked=asked, seconds=[9.0, 3.0, 2.0, 4.0])
     b = Stub(name="B", asked=asked, seconds=[9.0, 5.0, 6.0, 7.0])
@@ -82,7 +79,7 @@ def test_tasks_run_back_and_forth_and_the_shortest_time_counts(small: Case) -> N
     assert points[0]["convolutions"] is None
 
 
-def test_curves_are_means_over_the_cases(done: list[Row]) -> None:
+def test_curves_are_means_over_the_cases(done):
     tolerance = [point for point in done if point["study"] == "tolerance"]
     uniform = [row for row in curves(tolerance) if row["curve"] == "uniform-pressure"]
     assert [row["setting"] for row in uniform] == list(DECADES[::2])
@@ -94,9 +91,7 @@ def test_curves_are_means_over_the_cases(done: list[Row]) -> None:
     assert [row["setting"] for row in others].count(0.1) == 1, "no mean of other cases"
 
 
-def test_missing_matplotlib_is_said_before_anything_is_solved(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_missing_matplotlib_is_said_before_anything_is_solved(tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     for command in ("solver", "peers"):
         assert main([command, "-o", str(tmp_path / "new")]) == 2

@@ -34,7 +34,7 @@ def test_the_solvers_defaults_are_said_alike_everywhere():
         assert command[name].default == default
 
 
-def refusal(text: str) -> str:
+def refusal(text):
     """The one line with which a scene's TOML is refused."""
     with pytest.raises(InputError) as refused:
         Scene.parse(text, "some.toml")
@@ -45,7 +45,7 @@ def refusal(text: str) -> str:
     return message
 
 
-def changed(key: str, value: object) -> dict[str, Any]:
+def changed(key, value):
     """The paper's scene with another value for one dotted key."""
     content: dict[str, Any] = json.loads(json.dumps(FULL))
     *tables, name = key.split(".")
@@ -316,7 +316,7 @@ def test_any_value_of_any_key_is_taken_or_refused_in_one_line(text, value, data)
 
 @pytest.mark.parametrize("text", FULL_SCENES)
 def test_the_text_of_a_scene_is_that_scene_in_any_order_of_its_keys(text):
-    def turned(value: Any) -> Any:
+    def turned(value):
         if not isinstance(value, dict):
             return value
         return {key: turned(value[key]) for key in reversed(value)}

@@ -14,7 +14,7 @@ from gen.spectral import SelfAffineSpectrum, generate_spectral
 SPECTRUM = SelfAffineSpectrum(0.7, roll_off=40.0, cut_off=4.0)
 
 
-def random(seed: int = 1) -> np.random.Generator:
+def random(seed=1):
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed)))
 
 

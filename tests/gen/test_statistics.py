@@ -24,7 +24,7 @@ coarse_heights = st.integers(0, 3).map(float)  # many plateaus and equal peaks
 spacings = st.sampled_from([0.5, 1.0, 8.0])  # powers of two: ratios are exact
 
 
-def surfaces(smallest: int = 9, largest: int = 17) -> st.SearchStrategy[np.ndarray]:
+def surfaces(smallest=9, largest=17):
     """Odd, even, square and oblong grids."""
     shapes = st.tuples(st.integers(smallest, largest), st.integers(smallest, largest))
     return shapes.flatmap(
@@ -35,7 +35,7 @@ def surfaces(smallest: int = 9, largest: int = 17) -> st.SearchStrategy[np.ndarr
     )
 
 
-def profile_peaks(profile: list[float], spacing: float) -> list[tuple[float, float]]:
+def profile_peaks(profile, spacing):
     """Height and curvature of each peak."""
     return [
         (here, -(before - 2 * here + after) / spacing**2)
@@ -44,7 +44,7 @@ def profile_peaks(profile: list[float], spacing: float) -> list[tuple[float, flo
     ]
 
 
-def asperities(z: list[list[float]], spacing: tuple[float, float]) -> list[tuple[float, float]]:
+def asperities(z, spacing):
     """Height and mean curvature of each node above its four neighbours."""
     found = []
     for i in range(1, len(z) - 1):
@@ -57,7 +57,7 @@ def asperities(z: list[list[float]], spacing: tuple[float, float]) -> list[tuple
     return found
 
 
-def moments(values: list[float]) -> tuple[float, float, float, float]:
+def moments(values):
     """Mean, standard deviation, skewness and Pearson's kurtosis."""
     if not values:
         return (math.nan,) * 4
@@ -70,7 +70,7 @@ def moments(values: list[float]) -> tuple[float, float, float, float]:
     return mean, math.sqrt(second), third / second**1.5, fourth / second**2
 
 
-def nayak(variance: float, profiles: list[list[float]], spacing: float) -> float:
+def nayak(variance, profiles, spacing):
     slopes = [(b - a) / spacing for p in profiles for a, b in pairwise(p)]
     curvatures = [
         (a - 2 * b + c) / spacing**2
@@ -84,7 +84,7 @@ def nayak(variance: float, profiles: list[list[float]], spacing: float) -> float
     return variance * m4 / m2**2
 
 
-def plain(heights: np.ndarray, spacing: tuple[float, float]) -> dict[str, float]:
+def plain(heights, spacing):
     """All statistics by loops over nodes, in the order of Table 1."""
     lowest = float(heights.min())
     z = [[float(height) - lowest for height in row] for row in heights]
@@ -110,7 +110,7 @@ def plain(heights: np.ndarray, spacing: tuple[float, float]) -> dict[str, float]
     return dict(zip(TABLE_1, values, strict=True))
 
 
-def assert_same(ours: dict[str, float], theirs: dict[str, float], tolerance: float = 1e-9) -> None:
+def assert_same(ours, theirs, tolerance=1e-09):
     assert list(ours) == list(theirs)
     assert ours == pytest.approx(theirs, rel=tolerance, abs=tolerance, nan_ok=True)
 
@@ -157,7 +157,7 @@ def test_last_bits_do_not_depend_on_the_threads_of_blas():
     assert len(set(outputs)) == 1
 
 
-def spike(rows: int, columns: int, at: tuple[int, int]) -> np.ndarray:
+def spike(rows, columns, at):
     heights = np.zeros((rows, columns))
     heights[at] = 1.0
     return heights
@@ -214,7 +214,7 @@ def test_heights_and_spacings_that_have_no_statistics_are_refused(heights):
 
 
 @pytest.fixture(scope="module")
-def database() -> dict[str, np.ndarray]:
+def database():
     """Statistics of 2,000 surfaces drawn as the paper's: k = 7, L = 1000, H from 0.5 to 0.8."""
     random = np.random.default_rng(7)
     rows = []

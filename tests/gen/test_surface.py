@@ -18,15 +18,15 @@ from gen.surface import GENERATORS, generate
 names = pytest.mark.parametrize("generator", sorted(GENERATORS))
 
 
-def surface(generator: str, nodes: int, seed: int = 5, hurst: float = 0.7, sigma0: float = 12.0):
+def surface(generator, nodes, seed=5, hurst=0.7, sigma0=12.0):
     return generate(generator, nodes, hurst, sigma0, np.random.default_rng(seed))
 
 
-def plain(generator: str, nodes: int, hurst: float, sigma0: float, random: np.random.Generator):
+def plain(generator, nodes, hurst, sigma0, random):
     """The definitions node by node: centres, then edges along x, then edges along y."""
     z = np.zeros((nodes, nodes))
 
-    def displace(i: int, j: int, neighbours: list[tuple[int, int]], deviation: float) -> None:
+    def displace(i, j, neighbours, deviation):
         inside = [z[k, m] for k, m in neighbours if 0 <= k < nodes and 0 <= m < nodes]
         z[i, j] = math.fsum(inside) / len(inside) + deviation * random.standard_normal()
 

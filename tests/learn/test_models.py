@@ -20,14 +20,7 @@ from gen.runtime.memory import free
 from learn import Surrogate, cli, models
 from learn.comparison.paper import OPTIMA
 from learn.features.sets import UNSCALED
-from learn.models import (
-    AT_BOUND,
-    MODELS,
-    UNFINISHED,
-    pipeline,
-    remarks,
-    scaling_of,
-)
+from learn.models import AT_BOUND, MODELS, UNFINISHED, pipeline, remarks, scaling_of
 
 
 @pytest.mark.parametrize("model", MODELS)

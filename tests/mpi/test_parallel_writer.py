@@ -4,8 +4,6 @@ Where h5py has MPI, the other tests of this folder run with the parallel writer 
 number of ranks, of growing, of signals and of a second writer among them.
 """
 
-from pathlib import Path
-
 import h5py
 import numpy as np
 import pytest
@@ -83,7 +81,7 @@ def test_either_writer_goes_on_with_what_the_other_has_left(folder, first, secon
     assert deterministic_bytes(folder / output) == deterministic_bytes(folder / "serial.h5")
 
 
-def assert_done_rows_are_right(path: Path, whole: Path) -> int:
+def assert_done_rows_are_right(path, whole):
     """Compare every done row with an undisturbed run's; return their number."""
     found = columns_of(path)
     assert row_fault(None, found, columns_of(whole)) == ""

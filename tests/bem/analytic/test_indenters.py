@@ -7,7 +7,6 @@ from scipy.integrate import quad
 from bem.analytic import (
     Cone,
     FlatPunch,
-    Indenter,
     Paraboloid,
     PerssonInterface,
     PowerLaw,
@@ -30,11 +29,11 @@ INDENTERS = [*SNEDDON, FlatPunch(40.0)]
 MODULUS = 2.5
 
 
-def angle_integral(indenter: Indenter, delta: float, power: int) -> float:
+def angle_integral(indenter, delta, power):
     """Integral of p r^power dr over the contact, r = a sin t to tame the ends."""
     radius = indenter.contact_radius(delta)
 
-    def integrand(angle: float) -> float:
+    def integrand(angle):
         r = radius * np.sin(angle)
         pressure = float(indenter.pressure(np.array(r), delta, MODULUS))
         return pressure * r**power * radius * np.cos(angle)
@@ -49,10 +48,10 @@ def test_pressure_carries_the_force(indenter, delta):
     assert carried == pytest.approx(indenter.force(delta, MODULUS), rel=1e-8)
 
 
-def abel_transform(indenter: Indenter, x: float) -> float:
+def abel_transform(indenter, x):
     """g(x) = x times the integral of f'(r) / sqrt(x^2 - r^2) from 0 to x, r = x sin t; f = -z."""
 
-    def steepness(r: float) -> float:
+    def steepness(r):
         below, above = indenter.heights(np.array([r * (1 - 1e-6), r * (1 + 1e-6)])).tolist()
         return float((below - above) / (2e-6 * r)) if r else 0.0
 

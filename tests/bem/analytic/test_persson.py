@@ -13,11 +13,11 @@ LONGEST, SHORTEST = 0.2, 12.8  # 1/um
 REDUCED = np.array([1e-3, 0.05, 0.3, 1.0, 3.0])
 
 
-def power_law(q: float) -> float:
+def power_law(q):
     return 1e-4 * q ** (-2 - 2 * HURST)
 
 
-def interface(gamma: float) -> PerssonInterface:
+def interface(gamma):
     q = np.geomspace(LONGEST, SHORTEST, 4000)
     return PerssonInterface(q, power_law(q), gamma)
 
@@ -49,7 +49,7 @@ def test_mean_gap_is_perssons_double_integral(gamma):
     w(q) = (pi times the integral of q^3 C up to q)^(-1/2).
     """
 
-    def rate(pressure: float, log_q: float) -> float:
+    def rate(pressure, log_q):
         q, power = np.exp(log_q), 2 - 2 * HURST
         squared = np.pi * 1e-4 * (q**power - LONGEST**power) / power
         x = pressure / (MODULUS * np.sqrt(squared))

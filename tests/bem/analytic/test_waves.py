@@ -61,7 +61,7 @@ def test_flat_surfaces_are_refused(value):
         WAVE.mean_pressure(0.3)
 
 
-def pressed(surface: np.ndarray, pressure: float) -> bem.Contact:
+def pressed(surface, pressure):
     """Return the contact of one period of a surface, (n, m), with cells of 40 / n um."""
     nodes = surface.shape
     side = (40.0, 40.0 * nodes[1] / nodes[0])
@@ -101,7 +101,7 @@ def test_doubly_sinusoidal_contact_at_light_load_is_hertz_at_every_peak():
     assert CROSSED.approach_at_light_load(load, MODULUS) == pytest.approx(delta, rel=3e-3)
 
 
-def crossed(load: float) -> bem.Contact:
+def crossed(load):
     """Return the solved contact of the doubly sinusoidal surface at a share of p*."""
     x = np.arange(192) * 40 / 192
     heights = CROSSED.heights(x[:, None], x[None, :])

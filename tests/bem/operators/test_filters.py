@@ -15,7 +15,7 @@ SHAPES = [(64, 40), (100, 30), (129, 64), (40, 90), (33, 33), (1, 17), (31, 1)]
 FREE = "free", "uniform-pressure", 1.0
 
 
-def spectrum_of(shape: tuple[int, int], even: bool = True) -> tuple[np.ndarray, tuple[int, int]]:
+def spectrum_of(shape, even=True):
     """The spectrum of an even kernel with periods that hold the padded field, or those of it."""
     periods = (fast_period(shape[0]), fast_period(shape[1])) if even else shape
     distances = [np.minimum(np.arange(p), -np.arange(p) % p) for p in periods]
@@ -23,13 +23,7 @@ def spectrum_of(shape: tuple[int, int], even: bool = True) -> tuple[np.ndarray, 
     return np.fft.rfft2(kernel).real[: periods[0] // 2 + 1], periods
 
 
-def made(
-    monkeypatch: pytest.MonkeyPatch,
-    shape: tuple[int, int],
-    dtype: str,
-    large: int,
-    even: bool = True,
-) -> Filter | LargeFilter:
+def made(monkeypatch, shape, dtype, large, even=True):
     with monkeypatch.context() as patch:
         patch.setattr(filters, "LARGE", large)
         spectrum, periods = spectrum_of(shape, even)
@@ -89,7 +83,7 @@ def test_an_interrupted_transform_leaves_nothing_behind(monkeypatch, large):
     field = np.random.default_rng(5).standard_normal((64, 40))
     expected = filtered(operator, field).copy()
 
-    def interrupt(*_: object, **__: object) -> None:
+    def interrupt(*_, **__):
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
@@ -121,10 +115,10 @@ def test_what_filters_occupy_is_bounded_for_all_threads_together(monkeypatch):
     ready, done = threading.Barrier(4), threading.Event()
     earlier = set(filters._MEMORIES)  # this thread keeps filters of earlier tests
 
-    def occupied_here() -> int:
+    def occupied_here():
         return sum(each.bytes for each in filters._MEMORIES if each not in earlier)
 
-    def solve() -> None:
+    def solve():
         for nodes in range(20, 60):
             displacement_filter((nodes, nodes), *FREE)
         ready.wait(600)

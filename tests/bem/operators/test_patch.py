@@ -12,19 +12,19 @@ EDGELESS: list[Boundary] = ["periodic", "mirror"]
 SHAPES = [(1, 1), (1, 2), (2, 1), (1, 17), (23, 1), (2, 3), (8, 8), (9, 9), (16, 33), (37, 10)]
 
 
-def random_field(shape: tuple[int, int]) -> np.ndarray:
+def random_field(shape):
     return np.random.default_rng(shape).standard_normal(shape)
 
 
-def relative_error(computed: np.ndarray, expected: np.ndarray) -> float:
+def relative_error(computed, expected):
     return float(np.abs(computed - expected).max() / np.abs(expected).max())
 
 
-def exact(patch: Patch, pressure: np.ndarray) -> np.ndarray:
+def exact(patch, pressure):
     return patch.displace(pressure, exactly=True)
 
 
-def matrix_of(patch: Patch) -> np.ndarray:
+def matrix_of(patch):
     """The influence matrix of all nodes, column by column."""
     units = np.eye(patch.shape[0] * patch.shape[1]).reshape(-1, *patch.shape)
     return np.array([exact(patch, unit).reshape(-1).copy() for unit in units]).T

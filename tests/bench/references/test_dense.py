@@ -7,20 +7,20 @@ from scipy.optimize import nnls
 
 import bem
 import bem.influence
-from bem.influence import KERNELS, Kernel
+from bem.influence import KERNELS
 from bench.references import dense, half_space
 from bench.references.surfaces import SURFACES, surface
 
 Shape = tuple[int, int]
 
 
-def random_heights(shape: Shape = (9, 11), seed: int = 0) -> np.ndarray:
+def random_heights(shape=(9, 11), seed=0):
     return np.random.default_rng(seed).standard_normal(shape)
 
 
 @pytest.mark.parametrize("aspect", [1.0, 64.0])
 @pytest.mark.parametrize("offset", [(1, 0), (3, 1)])
-def test_coefficients_are_the_integral_over_a_cell(offset: Shape, aspect: float) -> None:
+def test_coefficients_are_the_integral_over_a_cell(offset, aspect):
     x, y = offset[0], offset[1] * aspect
     expected, _ = dblquad(
         lambda v, u: 1 / (np.pi * np.hypot(x - u, y - v)),
@@ -34,7 +34,7 @@ def test_coefficients_are_the_integral_over_a_cell(offset: Shape, aspect: float)
 
 @pytest.mark.parametrize("kernel", KERNELS)
 @pytest.mark.parametrize("seed", range(3))
-def test_dense_solve_is_nonnegative_least_squares(seed: int, kernel: Kernel) -> None:
+def test_dense_solve_is_nonnegative_least_squares(seed, kernel):
     heights = random_heights(seed=seed)
     matrix = dense.influence_matrix(heights.shape, kernel)
     interference = (heights - heights.max()).reshape(-1) + 0.5 * (seed + 1)
@@ -45,7 +45,7 @@ def test_dense_solve_is_nonnegative_least_squares(seed: int, kernel: Kernel) -> 
         np.testing.assert_allclose(found, expected, atol=1e-10 * expected.max())
 
 
-def test_dense_solve_certifies_what_it_returns(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_dense_solve_certifies_what_it_returns(monkeypatch):
     heights = random_heights()
     monkeypatch.setattr(dense, "EXCHANGES", 1)
     with pytest.raises(ArithmeticError, match="still wrong"):
@@ -56,7 +56,7 @@ def test_dense_solve_certifies_what_it_returns(monkeypatch: pytest.MonkeyPatch) 
         dense.press(np.zeros((3, 3)), 1.0, "uniform-pressure")
 
 
-def rough(nodes: int = 33, seed: int = 0) -> np.ndarray:
+def rough(nodes=33, seed=0):
     """A random walk with a range of heights of 10."""
     random = np.random.default_rng(seed)
     walk = np.cumsum(np.cumsum(random.standard_normal((nodes, nodes)), axis=0), axis=1)
@@ -65,9 +65,7 @@ def rough(nodes: int = 33, seed: int = 0) -> np.ndarray:
 
 @pytest.mark.parametrize("kernel", KERNELS)
 @pytest.mark.parametrize("delta", [0.5, 5.0])
-def test_pressure_is_that_of_the_solver_and_of_the_dense_reference(
-    delta: float, kernel: Kernel
-) -> None:
+def test_pressure_is_that_of_the_solver_and_of_the_dense_reference(delta, kernel):
     heights = rough()
     pressure = dense.press_by_nnls(heights, delta, kernel=kernel, rtol=1e-12)
     contact = bem.solve(heights, 320.0, delta, kernel=kernel, rtol=1e-12)
@@ -79,14 +77,14 @@ def test_pressure_is_that_of_the_solver_and_of_the_dense_reference(
 SHAPE = (9, 7)
 
 
-def press(kind: str, hardness: float, delta: float = 0.6, kernel: Kernel = "uniform-pressure"):
+def press(kind, hardness, delta=0.6, kernel="uniform-pressure"):
     heights = surface(kind, SHAPE, seed=3)
     return heights, *dense.press_yielding(heights, delta, hardness, kernel)
 
 
 @pytest.mark.parametrize("share", [0.9, 0.1])
 @pytest.mark.parametrize("kind", SURFACES)
-def test_conditions_of_contact_hold(kind: str, share: float) -> None:
+def test_conditions_of_contact_hold(kind, share):
     elastic = press(kind, 1e3)[1].max()
     _, pressure, gap = press(kind, share * elastic)
     yielded = pressure == share * elastic

@@ -12,7 +12,7 @@ SHAPES = [(6, 7), (5, 8), (1, 4), (9, 1), (1, 1)]
 
 
 @pytest.mark.parametrize("shape", SHAPES)
-def test_periodic_matrix_is_a_product_of_transforms(shape: tuple[int, int]) -> None:
+def test_periodic_matrix_is_a_product_of_transforms(shape):
     pressure = np.random.default_rng(0).random(shape)
     found = Patch(pressure, SIDES, "periodic").matrix @ pressure.reshape(-1)
     axes = [np.fft.fftfreq(nodes, side / nodes) for nodes, side in zip(shape, SIDES, strict=True)]
@@ -25,7 +25,7 @@ def test_periodic_matrix_is_a_product_of_transforms(shape: tuple[int, int]) -> N
 @pytest.mark.parametrize("ratio", [2.0, None])
 @pytest.mark.parametrize("boundary", BOTH)
 @pytest.mark.parametrize("kind", SURFACES)
-def test_conditions_of_contact_hold(kind: str, boundary: Boundary, ratio: float | None) -> None:
+def test_conditions_of_contact_hold(kind, boundary, ratio):
     """The hardness is over the mean pressure."""
     shape = (9, 6)
     load = 0.1 * max(Patch(surface(kind, shape), SIDES, boundary).full_contact_load, 1.0)

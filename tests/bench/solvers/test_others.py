@@ -6,12 +6,12 @@ import pytest
 
 from bench.peers import find_errors, sample
 from bench.solvers.others import OTHERS, installed, missing
-from bench.solvers.solver import BEM, PAPERS, Answer, Case, Failure, Press, Solver, find_exact
+from bench.solvers.solver import BEM, PAPERS, Failure, Solver, find_exact
 
 
 @pytest.mark.parametrize("peer", OTHERS, ids=lambda peer: peer.name)
 @pytest.mark.parametrize("delta", [5.0, 25.0])
-def test_peers_solve_the_same_problem(peer: Solver, delta: float) -> None:
+def test_peers_solve_the_same_problem(peer, delta):
     """To eight digits: the same coefficients, spacing, units and free boundaries."""
     if not peer.version:
         pytest.skip(f"{peer.package} is not installed: {peer.install}")
@@ -25,7 +25,7 @@ def test_peers_solve_the_same_problem(peer: Solver, delta: float) -> None:
 
 @pytest.mark.parametrize("hardness", [0.3, 0.05, 0.005])
 @pytest.mark.parametrize("delta", [5.0, 25.0])
-def test_solvers_that_know_a_hardness_agree(delta: float, hardness: float) -> None:
+def test_solvers_that_know_a_hardness_agree(delta, hardness):
     """With one another and with the dense reference, on nodes in contact and on yielded ones."""
     case = sample(33, delta, hardness)
     exact = find_exact(case)
@@ -42,10 +42,10 @@ def test_solvers_that_know_a_hardness_agree(delta: float, hardness: float) -> No
         PAPERS.solve(case, 1e-8)
 
 
-def broken(nodes: int, spacing: float) -> Press:
+def broken(nodes, spacing):
     """A peer that raises what nobody expects."""
 
-    def press(case: Case, force: float, tolerance: float) -> Answer:
+    def press(case, force, tolerance):
         raise RuntimeError("nan encountered")
 
     return press
@@ -54,7 +54,7 @@ def broken(nodes: int, spacing: float) -> Press:
 ABSENT = Solver("Absent", broken, "no_such_package", "pip install no-such-package")
 
 
-def test_faults_of_peers_are_failures() -> None:
+def test_faults_of_peers_are_failures():
     case = sample(33, 25.0)
     with pytest.raises(Failure, match="RuntimeError: nan encountered"):
         ABSENT.solve(case, 1e-3)
@@ -64,7 +64,7 @@ def test_faults_of_peers_are_failures() -> None:
         replace(ABSENT, install="").solve(case, 1e-3)
 
 
-def test_absent_peers_are_left_out_with_how_to_get_them() -> None:
+def test_absent_peers_are_left_out_with_how_to_get_them():
     assert installed([ABSENT, BEM]) == [BEM]
     assert missing([ABSENT, BEM, replace(ABSENT, name="again")]) == {
         "no_such_package": "pip install no-such-package"

@@ -12,7 +12,7 @@ from bench.work_precision import paper_case
 
 
 @pytest.mark.parametrize("kernel", ["uniform-pressure", "concentrated-force"])
-def test_exact_solutions_are_exact(kernel: str) -> None:
+def test_exact_solutions_are_exact(kernel):
     case = paper_case(3, 17, kernel)
     dense, _ = press(case.heights, case.delta, case.kernel)
     exact = find_exact(case)
@@ -21,7 +21,7 @@ def test_exact_solutions_are_exact(kernel: str) -> None:
 
 
 @pytest.mark.parametrize("hardness", [None, 0.05])
-def test_exact_solutions_are_proved(hardness: float | None) -> None:
+def test_exact_solutions_are_proved(hardness):
     """A solve that is off by a relative error of 1e-8 is found out."""
     case = replace(sample(33, 25.0, hardness))  # another object: not found in the cache
     right = case.solve(EXACT_RTOL)

@@ -8,20 +8,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gen.generation.plan import CHUNK, Parameters, parameters
+from gen.generation.plan import CHUNK, parameters
 from gen.generation.run import BLOCK_BYTES, blocks_of
 from gen.scene import Scene, load
 
 
-def scene(samples: int = 1000, m: int = 1, extra: str = "") -> Scene:
+def scene(samples=1000, m=1, extra=""):
     return Scene.parse(f"samples = {samples}\nsamples_per_surface = {m}\n{extra}", "test")
 
 
-def columns(rows: Parameters) -> tuple[np.ndarray, ...]:
+def columns(rows):
     return rows.surface, rows.drawn["hurst"], rows.drawn["sigma0"], rows.load
 
 
-def assert_slice(part: Parameters, whole: Parameters, start: int, stop: int) -> None:
+def assert_slice(part, whole, start, stop):
     for column, expected in zip(columns(part), columns(whole), strict=True):
         assert column.shape == (stop - start,)
         np.testing.assert_array_equal(column, expected[start:stop], strict=True)
@@ -66,7 +66,7 @@ def test_any_slice_equals_the_whole(m):
         assert_slice(parameters(scene(m=m), start, end), whole, start, end)
 
 
-def hardness(limits: str, m: int = 1, key: str = "hardness") -> Scene:
+def hardness(limits, m=1, key="hardness"):
     return scene(m=m, extra=f"[contact]\n{key} = {limits}")
 
 
@@ -87,7 +87,7 @@ def test_hardness_shifts_no_other_number(m):
 
 
 @st.composite
-def pending_plans(draw: st.DrawFn) -> tuple[list[tuple[int, int]], int, int]:
+def pending_plans(draw):
     """Ascending ranges of pending rows, the number of planned rows, and of rows a surface."""
     samples = draw(st.integers(1, 500))
     borders = sorted(draw(st.lists(st.integers(0, samples), max_size=20)))

@@ -16,7 +16,7 @@ from gen.statistics import describe
 STORE_ALL = "{mean_gap=true, largest_pressure=true, perimeter=true, heights=true, pressure=true}"
 
 
-def scene(text: str = "", samples: int = 12) -> Scene:
+def scene(text="", samples=12):
     return Scene.parse(f"samples = {samples}\n{text}\n[surface]\nnodes = 17\n", "test")
 
 

@@ -20,12 +20,12 @@ STEEL = ["--young", "210e3", "--poisson", "0.3"]
 
 
 @pytest.fixture
-def surface(here: Path) -> str:
+def surface(here):
     np.save(here / "rough.npy", ROUGH)
     return "rough.npy"
 
 
-def pressed(surface: str, *arguments: str) -> int:
+def pressed(surface, *arguments):
     return cli.main(["contact", surface, "--side", "200", *arguments])
 
 
@@ -66,7 +66,7 @@ WIDE = generate("diamond-square", 33, 0.7, 5.0, np.random.default_rng(6))[:, :30
 SIDES = ["--side", "330,300"]
 
 
-def solved(capsys, *arguments: str) -> tuple[str, pd.Series]:
+def solved(capsys, *arguments):
     """What a command says on standard error, and its table."""
     assert cli.main(["contact", "wide.npy", *SIDES, *arguments, "--csv", "out.csv"]) == 0
     return capsys.readouterr().err, pd.read_csv("out.csv").iloc[-1]
@@ -115,7 +115,7 @@ def test_a_map_that_is_not_periodic_is_warned_of(capsys):
 def test_a_load_without_equilibrium_is_refused_before_any_is_solved(
     surface, capsys, monkeypatch, loads, refusal
 ):
-    def never(*_: object, **__: object) -> None:
+    def never(*_, **__):
         raise AssertionError
 
     monkeypatch.setattr(bem, "ladder", never)

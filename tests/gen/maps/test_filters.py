@@ -5,18 +5,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gen.maps.filters import (
-    ALPHA,
-    fitted_polynomial,
-    long_waves,
-)
+from gen.maps.filters import ALPHA, fitted_polynomial, long_waves
 from gen.maps.prepare import WINDOW, despiked, local_medians
 from gen.maps.read import Topography
 
 SHAPES = [(30, 41), (41, 30), (21, 21), (100, 22)]
 
 
-def polynomial(shape: tuple[int, int], degree: int, random: np.random.Generator) -> np.ndarray:
+def polynomial(shape, degree, random):
     """A random polynomial of a total degree on a map, with coefficients of any sign."""
     x, y = np.meshgrid(*(np.linspace(-1, 2, nodes) for nodes in shape), indexing="ij")
     heights = np.zeros(shape)
@@ -37,7 +33,7 @@ def test_a_polynomial_is_its_own_fit(shape, degree, holes):
     np.testing.assert_allclose(fit[measured], heights[measured], atol=1e-12 * np.ptp(heights))
 
 
-def planted_nodes(shape: tuple[int, int], random: np.random.Generator) -> np.ndarray:
+def planted_nodes(shape, random):
     """Some nodes, alone in their neighbourhoods as dust is; borders and corners too."""
     nodes = np.zeros(shape, dtype=bool)
     for x in range(0, shape[0], WINDOW):
@@ -46,7 +42,7 @@ def planted_nodes(shape: tuple[int, int], random: np.random.Generator) -> np.nda
     return nodes
 
 
-def without_spikes(heights: np.ndarray, threshold: float) -> tuple[np.ndarray, np.ndarray]:
+def without_spikes(heights, threshold):
     """Heights without spikes, and where they were."""
     clear = despiked(Topography("map", heights, (1.0, 1.0)), threshold).heights
     return clear, (clear != heights) & ~np.isnan(heights)
@@ -81,7 +77,7 @@ def test_holes_are_neither_spikes_nor_neighbours(seed):
 SPACING = (0.5, 0.8)  # um
 
 
-def wave(shape: tuple[int, int], wavelength: float, angle: float) -> np.ndarray:
+def wave(shape, wavelength, angle):
     """A cosine of unit amplitude along a direction, with a crest at node (0, 0)."""
     x, y = np.meshgrid(
         *(step * np.arange(nodes) for nodes, step in zip(shape, SPACING, strict=True)),

@@ -3,7 +3,6 @@
 import os
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -71,7 +70,7 @@ PATCHES = {
 }
 
 
-def drawn(contacts: list[bem.Contact], **changes: Any) -> Any:
+def drawn(contacts, **changes):
     """A figure as it would be written, without the work of drawing its pixels."""
     figure = new_figure(11, 8.2, dpi=110)
     subject = {"name": NAME, "load": "delta", "material": True, "warnings": (), **changes}
@@ -81,7 +80,7 @@ def drawn(contacts: list[bem.Contact], **changes: Any) -> Any:
     return figure
 
 
-def titled(figure: Any, text: str) -> Any:
+def titled(figure, text):
     """The axes with a text in their title or label."""
     return next(
         axis

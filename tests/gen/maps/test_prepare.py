@@ -1,7 +1,6 @@
 """Holes, levels, crops: what they leave as it is, what they change; and Hertz from a scan."""
 
 from dataclasses import fields, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,24 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bem.problem import Boundary
 from gen import cli
 from gen.generators.scans import PreparationTable, ReadingTable
-from gen.maps.filters import (
-    filled_harmonically,
-    filtered,
-    is_same,
-    resampled,
-    without_form,
-)
+from gen.maps.filters import filled_harmonically, filtered, is_same, resampled, without_form
 from gen.maps.prepare import STEPS as TAKEN
-from gen.maps.prepare import (
-    downsampled,
-    masked,
-    prepare,
-    surface_warnings,
-    tilt,
-)
+from gen.maps.prepare import downsampled, masked, prepare, surface_warnings, tilt
 from gen.maps.read import Topography
 from gen.maps.settings import KEYS, Reading, keys, markdown_table, said
 from gen.material import combined_modulus
@@ -39,7 +25,7 @@ X, Y = np.meshgrid(np.arange(12) * 2.0, np.arange(9) * 0.5, indexing="ij")  # um
 SIDES = (22.0, 4.0)
 
 
-def topography(heights: np.ndarray, sides: tuple[float, float] = SIDES) -> Topography:
+def topography(heights, sides=SIDES):
     return Topography("scan", heights, sides, asked="option")
 
 
@@ -54,7 +40,7 @@ def shaped(shape, spacing, height, boundary="free"):
     )
 
 
-def spaced(heights: np.ndarray, boundary: Boundary = "free") -> Topography:
+def spaced(heights, boundary="free"):
     """A map with a spacing of 0.5 x 2 um."""
     return shaped(heights.shape, (0.5, 2.0), lambda *_: heights, boundary)
 
@@ -136,7 +122,7 @@ def test_spikes_are_told_from_peaks(seed):
     assert "(30, 20) is a spike" in warning
 
 
-def rough(nodes: int = 64, *, tilt: float = 0.0, spike: int = 0) -> Topography:
+def rough(nodes=64, *, tilt=0.0, spike=0):
     """A rough map, perhaps on a slope and with a spike of that many nodes a side."""
     spectrum = SelfAffineSpectrum(0.8, nodes / 6, 4.0)
     heights = generate_spectral(
@@ -214,7 +200,7 @@ def test_much_that_is_missing_is_warned_of_and_more_refused():
         assert len(told) == warned
 
 
-def test_a_scanned_sphere_is_hertz(here: Path, capsys):
+def test_a_scanned_sphere_is_hertz(here, capsys):
     """R = 5 mm on 160 x 120 um: tilted, noisy, 2 % missing and a hole; heights in nm."""
     random = np.random.default_rng(0)
     x, y = np.meshgrid(np.linspace(-80, 80, 161), np.linspace(-60, 60, 161), indexing="ij")

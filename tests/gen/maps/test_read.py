@@ -3,7 +3,6 @@
 import re
 import struct
 import zipfile
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,7 +23,7 @@ HIGHEST = float(HEIGHTS[~HOLES].max())
 PIXEL = 2.0, 0.5  # um
 
 
-def written(path: Path, unit: str | None, per_um: float) -> Path:
+def written(path, unit, per_um):
     """HEIGHTS with HOLES as SurfaceTopography's own writers put them into a file."""
     sizes = tuple(nodes * pixel * per_um for nodes, pixel in zip(HEIGHTS.shape, PIXEL, strict=True))
     masked = np.ma.array(HEIGHTS * per_um, mask=HOLES)
@@ -143,7 +142,7 @@ SMOOTH = np.random.default_rng(4).normal(scale=0.1, size=(9, 7))  # um
 DASH = "ISO5436 \N{EN DASH} 2000".encode()
 
 
-def nms(path: Path, step: float, lowest: float, highest: float) -> Path:
+def nms(path, step, lowest, highest):
     """Write SMOOTH as NanoFocus does: 16-bit numbers behind a header with the spacing in nm."""
     header = bytearray(3468)
     header[:16] = struct.pack("<4i", 2, 1, 0, 65535)
@@ -177,7 +176,7 @@ def test_the_number_that_is_absurd_is_named(tmp_path):
     assert all("overruled" in said for said in read(tmp_path / "wide.nc", **scale).warnings)
 
 
-def x3p(path: Path, replaced: tuple[bytes, bytes] = (b"", b""), folder: str = "") -> Path:
+def x3p(path, replaced=(b"", b""), folder=""):
     """Write SMOOTH as x3p; replace a text in the XML, and put the entries into a folder."""
     plain = path.with_name("plain.x3p")
     SurfaceTopography.Topography(SMOOTH, (9.0, 7.0), unit="um").to_x3p(str(plain))

@@ -34,21 +34,21 @@ NUMBERED = np.block([[np.zeros((1, 1)), np.arange(NX)[None]], [np.arange(NY)[:, 
 MATRIX = HEIGHTS.T  # x along the lines, as under headers
 
 
-def rows(numbers: np.ndarray, separator: str = " ", number: str = "{:.6f}", end: str = "\n") -> str:
+def rows(numbers, separator=" ", number="{:.6f}", end="\n"):
     return "".join(separator.join(map(number.format, row)) + end for row in numbers)
 
 
-def comma(text: str) -> str:
+def comma(text):
     return text.replace(".", ",")
 
 
-def npy(array: object) -> bytes:
+def npy(array):
     stream = io.BytesIO()
     np.save(stream, array, allow_pickle=True)
     return stream.getvalue()
 
 
-def header(width: str = "6 um", height: str = "2.25 um", unit: str = "um") -> str:
+def header(width="6 um", height="2.25 um", unit="um"):
     return f"# Width: {width}\n# Height: {height}\n# Value units: {unit}\n"
 
 

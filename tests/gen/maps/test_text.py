@@ -1,7 +1,6 @@
 """Text from microscopes' programs: headers are read, profiles and lists of points refused."""
 
 import warnings
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gen import cli
-from gen.maps.read import Topography
 from gen.runtime.errors import InputError
 from tests.maps import read
 
@@ -34,12 +32,12 @@ HEADERS = {
 }
 
 
-def written(folder: Path, content: str, encoding: str = "utf-8") -> Path:
+def written(folder, content, encoding="utf-8"):
     (folder / "scan.txt").write_text(content, encoding=encoding)
     return folder / "scan.txt"
 
 
-def same(topography: Topography, um: float) -> None:
+def same(topography, um):
     """4 x 3 pixels on 10 x 6 um, x along the lines, heights in units of so many um."""
     assert topography.sides == pytest.approx((7.5, 4.0))
     np.testing.assert_allclose(topography.heights, um * LINES.T, rtol=1e-12)

@@ -145,7 +145,7 @@ EVIL = "a\x1b[2J\x1b]0;owned\x07\x9b31m\u202eb\r\nx.h5: sound"
 """Clears the screen, names the window, colours, turns the direction, and forges a line."""
 
 
-def assert_harmless(text: str) -> None:
+def assert_harmless(text):
     assert re.search(r"a\?\[2J\?\]0;owned\?{1,2}31m\?b\?{1,2}x\.h5: sound", text)
     assert not [line for line in text.splitlines() if line.startswith("x.h5: sound")]
     assert all(character.isprintable() or character == "\n" for character in text)

@@ -116,7 +116,7 @@ with Interruption(listening=True):
 """
 
 
-def _open_files() -> int:
+def _open_files():
     return sum(1 for _ in Path("/dev/fd").iterdir())
 
 

@@ -47,7 +47,7 @@ def folder(made, tmp_path, monkeypatch):
     return tmp_path / "found"
 
 
-def refusal(capsys, *arguments: str) -> str:
+def refusal(capsys, *arguments):
     """The one line with which a command refuses a damaged file."""
     assert cli.main(list(arguments)) == 2
     (said,) = re.findall("^learn: .*", capsys.readouterr().err, flags=re.MULTILINE)

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 from comparisons import numbers_of
@@ -40,7 +39,7 @@ class Killed(BaseException):
     """The end of a process, which nothing catches."""
 
 
-def order(folder: Path, mark: float = MARK, most: int = 2000, **keys) -> Order:
+def order(folder, mark=MARK, most=2000, **keys):
     request = Request(
         databases=(folder / "my.h5",),
         output=folder / "my.surrogate",
@@ -53,13 +52,13 @@ def order(folder: Path, mark: float = MARK, most: int = 2000, **keys) -> Order:
     return Order(replace(request, **keys), mark, most)
 
 
-def grow(wanted: Order, *, limit=None, scene=SCENE, stopping=lambda: False):
+def grow(wanted, *, limit=None, scene=SCENE, stopping=lambda: False):
     said: list[str] = []
     grown = rounds.grow(wanted, scene, Executor(), Pace(limit, 1), said.append, stopping)
     return grown, said
 
 
-def parts(path: Path):
+def parts(path):
     """Models of a surrogate, as numbers, and what its card says of the growth."""
     return numbers_of(path), Surrogate.load(path).card["grown"]
 

@@ -10,12 +10,7 @@ from hypothesis import strategies as st
 
 from learn.features import SETS
 from learn.features.sets import Rows
-from learn.surrogate.flag import (
-    INSIDE,
-    from_maps,
-    from_surfaces,
-    reasons_of,
-)
+from learn.surrogate.flag import INSIDE, from_maps, from_surfaces, reasons_of
 
 
 def correlated(rows, seed, size=3):
