@@ -247,7 +247,17 @@ def surface_warnings(topography: Topography) -> list[str]:
     """List reasons to distrust contacts of a surface: spikes, slopes, wrong units, borders."""
     warnings, heights = list(topography.warnings), topography.heights
     row, column = map(int, np.unravel_index(int(np.argmax(heights)), heights.shape))
-    above, usual = _above_neighbours(heights)
+    # How far nodes are above the median of their neighbours, and usually are [um]; the odd
+    # reflection continues slopes beyond the border.
+    padded = np.pad(heights, 1, mode="reflect", reflect_type="odd")
+    windows = np.lib.stride_tricks.sliding_window_view(padded, (3, 3))
+    above = np.empty(heights.shape)
+    for first in range(0, len(heights), ROWS):
+        block = windows[first : first + ROWS].reshape(-1, heights.shape[1], 9)
+        neighbours = np.delete(block, 4, axis=-1)
+        above[first : first + ROWS] = block[..., 4] - np.median(neighbours, axis=-1)
+    above -= np.median(above)
+    usual = max(1.4826 * float(np.median(np.abs(above))), ROUNDING * float(np.ptp(heights)))
     if above[row, column] > SPIKE * usual:
         fault = f"the highest node ({row}, {column}) is a spike from whose tip Delta counts,"
         fault += f" {above[row, column]:.4g} um above its neighbours"
@@ -271,21 +281,6 @@ def surface_warnings(topography: Topography) -> list[str]:
             fault += f" {rms:.4g} um: the map is not periodic"
             warnings.append(advised(topography, fault, ("boundary mirror", "takes it as it is")))
     return warnings
-
-
-def _above_neighbours(heights: Heights) -> tuple[Heights, float]:
-    """Return how far nodes are above the median of their neighbours, and usually are [um]."""
-    # The odd reflection continues slopes beyond the border.
-    padded = np.pad(heights, 1, mode="reflect", reflect_type="odd")
-    windows = np.lib.stride_tricks.sliding_window_view(padded, (3, 3))
-    above = np.empty(heights.shape)
-    for first in range(0, len(heights), ROWS):
-        block = windows[first : first + ROWS].reshape(-1, heights.shape[1], 9)
-        neighbours = np.delete(block, 4, axis=-1)
-        above[first : first + ROWS] = block[..., 4] - np.median(neighbours, axis=-1)
-    above -= np.median(above)
-    usual = 1.4826 * float(np.median(np.abs(above)))
-    return above, max(usual, ROUNDING * float(np.ptp(heights)))
 
 
 def read_surface(

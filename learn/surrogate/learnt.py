@@ -205,7 +205,11 @@ def write_parts(path: Path, surrogate: Surrogate) -> None:
 
 
 def _packed(learnt: Learnt, distance: Distance) -> dict[str, Any]:
-    """Return the model of a target as a pipeline of the libraries' types, arrays and numbers."""
+    """Return the model of a target as a pipeline of the libraries' types, arrays and numbers.
+
+    Ensembles of scikit-learn keep their first tree only, and all trees are in arrays: each of some
+    thousand trees would take ten small files in the archive, and a millisecond.
+    """
     intervals, own = learnt.calibration, learnt.calibration.distance
     if own is not None and not np.array_equal(own.centres, distance.centres):
         raise ValueError("errors grow with other distances than those of the surrogate")
@@ -217,9 +221,19 @@ def _packed(learnt: Learnt, distance: Distance) -> dict[str, Any]:
     if hasattr(kept, "L_"):  # the factor of a Gaussian process, as large as its rows squared
         kept.L_ = None
     vars(kept).pop("left_out_", None)  # predictions of the training rows
-    estimator, trees = _without_trees(kept)
+    trees = None
+    if hasattr(kept, "estimators_"):
+        members = np.ravel(np.array(kept.estimators_, dtype=object)).tolist()
+        states = [each.tree_.__getstate__() for each in members]
+        trees = {
+            "counts": np.array([each["node_count"] for each in states]),
+            "depths": np.array([each["max_depth"] for each in states]),
+            "nodes": np.concatenate([each["nodes"] for each in states]),
+            "values": np.concatenate([each["values"] for each in states]),
+        }
+        kept.estimators_ = kept.estimators_[:1]
     pipeline = copy(learnt.pipeline)
-    pipeline.steps = [pipeline.steps[0], (STEP, estimator)]
+    pipeline.steps = [pipeline.steps[0], (STEP, kept)]
     return {
         "column": learnt.column,
         "unit": learnt.unit,
@@ -235,28 +249,8 @@ def _packed(learnt: Learnt, distance: Distance) -> dict[str, Any]:
     }
 
 
-def _without_trees(estimator: Any) -> tuple[Any, dict[str, Values] | None]:
-    """Return an ensemble of scikit-learn with its first tree only, and all trees in two arrays.
-
-    Each of some thousand trees would take ten small files in the archive, and a millisecond.
-    """
-    if not hasattr(estimator, "estimators_"):
-        return estimator, None
-    members = np.ravel(np.array(estimator.estimators_, dtype=object)).tolist()
-    states = [each.tree_.__getstate__() for each in members]
-    trees = {
-        "counts": np.array([each["node_count"] for each in states]),
-        "depths": np.array([each["max_depth"] for each in states]),
-        "nodes": np.concatenate([each["nodes"] for each in states]),
-        "values": np.concatenate([each["values"] for each in states]),
-    }
-    alone = copy(estimator)
-    alone.estimators_ = estimator.estimators_[:1]
-    return alone, trees
-
-
 def _with_trees(estimator: Any, trees: dict[str, Values]) -> None:
-    """Put all trees into an ensemble that `_without_trees` has left its first one."""
+    """Put all trees into an ensemble that `_packed` has left its first one."""
     first = np.ravel(np.array(estimator.estimators_, dtype=object))[0]
     kind, sizes, _ = first.tree_.__reduce__()
     members, start = [], 0
