@@ -212,13 +212,8 @@ def test_the_extra_of_a_module_brings_it(module):
 def test_every_library_is_always_there_or_of_an_extra():
     """Without it a command says what to install; mpi4py has words of its own."""
     needed = [re.split(r"[<>=]", each)[0] for each in PROJECT["dependencies"]]
-    beside = {
-        "PIL",
-        "cycler",
-        "joblib",
-        "pydantic_core",
-        "markupsafe",
-    }  # come with those that need them
+    # What comes with those that need it.
+    beside = {"PIL", "cycler", "joblib", "pydantic_core", "markupsafe"}
     known = {*needed, *command_line.EXTRAS, *beside, "mpi4py", *PACKAGES}
     for package in PACKAGES:
         for path in (ROOT / package).rglob("*.py"):

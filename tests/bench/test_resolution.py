@@ -45,15 +45,6 @@ def test_every_way_and_grid_has_a_row(rows):
     assert refined == sorted(refined, reverse=True)
 
 
-def test_waves_are_the_same_surface_at_any_places():
-    surface = resolution.random_waves(1, 5, 0.7, np.random.default_rng(0))
-    coarse, fine = (surface(np.arange(n) / n) for n in (32, 64))
-    assert fine[::2, ::2] == pytest.approx(coarse, abs=1e-15)
-    along, across = np.gradient(np.pad(fine, 2, mode="wrap"), 1 / 64)
-    slope = np.sqrt(np.mean(along[2:-2, 2:-2] ** 2 + across[2:-2, 2:-2] ** 2))
-    assert slope == pytest.approx(resolution.SLOPE, rel=0.05)
-
-
 @pytest.mark.parametrize("kind", grid_error.KINDS)
 def test_samples_are_one_surface_on_two_grids(kind):
     sample = grid_error.KINDS[kind](np.random.default_rng(1))

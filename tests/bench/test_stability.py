@@ -46,9 +46,6 @@ def test_case(case):
     assert result.passed, result.failed
 
 
-# ---------------------------------------------------------------- cases and the command
-
-
 def test_what_was_to_be_refused_fails_without_an_error():
     refusal = Refusal(InputError, ("give less",))
 
@@ -108,9 +105,6 @@ def test_command_writes_the_table_and_fails_with_a_case(tmp_path, monkeypatch, c
     printed = capsys.readouterr().out
     assert "3 cases, 1 failed" in printed
     assert "two, broken: force off nothing" in printed
-
-
-# ---------------------------------------------------------------- checks of contacts
 
 
 ASKED = Setup(SMALL(), 12.0)
@@ -199,35 +193,26 @@ def turned(contact):
     return replace(contact, pressure=np.ascontiguousarray(contact.pressure[::-1]))
 
 
+EDGELESS = random_contacts.edgeless_problem, random_contacts.judge_edgeless
+PERIODIC = random_contacts.periodic_problem, random_contacts.judge_shift
+
+
 @pytest.mark.parametrize(
-    ("draw", "compare", "spoil", "words"),
+    ("case", "spoil", "words"),
     [
-        (
-            random_contacts.edgeless_problem,
-            random_contacts.judge_edgeless,
-            lambda c: replace(c, delta=1.001 * c.delta),
-            "gap",
-        ),
-        (
-            random_contacts.edgeless_problem,
-            random_contacts.judge_edgeless,
-            turned,
-            "pressure off the reference",
-        ),
-        (random_contacts.periodic_problem, random_contacts.judge_shift, turned, "pressure off"),
+        (EDGELESS, lambda c: replace(c, delta=1.001 * c.delta), "gap"),
+        (EDGELESS, turned, "pressure off the reference"),
+        (PERIODIC, turned, "pressure off"),
     ],
 )
-def test_wrong_contacts_without_edges_are_told(draw, compare, spoil, words):
-    seeds = range(16, 17)
+def test_wrong_contacts_without_edges_are_told(case, spoil, words):
+    seeds, (draw, compare) = range(16, 17), case
     assert examine(seeds, draw, compare).passed
 
     def spoilt(asked, contact):
         return compare(asked, spoil(contact))
 
     assert words in examine(seeds, draw, spoilt).failed
-
-
-# ---------------------------------------------------------------- checks of surfaces and models
 
 
 @pytest.mark.parametrize("name", NAMES[::8])

@@ -155,6 +155,9 @@ def small(tmp_path_factory):
     return folder
 
 
+AT = ["--at", "hurst=0.7,rms_height=1", "--pressure", "0.01"]
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [
@@ -162,11 +165,8 @@ def small(tmp_path_factory):
         (["--at", "hurst=0.7,rms_height=1,roll=2", "--pressure", "0.01"], "roll: unknown"),
         (["--at", "hurst=much,rms_height=1", "--pressure", "0.01"], "give NAME=NUMBER"),
         (["--at", "hurst=0.7,hurst=0.8,rms_height=1", "--pressure", "0.01"], "once a name"),
-        (
-            ["--at", "hurst=0.7,rms_height=1", "--pressure", "0.01", "--young", "2e5"],
-            "that of its scene",
-        ),
-        (["--at", "hurst=0.7,rms_height=1", "--pressure", "0.01", "--fill"], "reads no surfaces"),
+        ([*AT, "--young", "2e5"], "that of its scene"),
+        ([*AT, "--fill"], "reads no surfaces"),
         (["asked.csv", "--at", "hurst=0.7", "--pressure", "0.01"], "has its own hurst"),
         (["surface.npy", "--delta", "1"], "not for surfaces: ask"),
     ],

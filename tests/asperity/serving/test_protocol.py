@@ -210,21 +210,15 @@ def test_bad_questions_get_the_protocols_error(served, route, body, kind, word):
     assert "\n" not in answer["error"]["message"]
 
 
-NUMBERS = '{"name": "small", "input": [[0.7, 12.0], [9.0]], %s}'
-DEEP = b'{"name": "small", "input": [[0.7, 12.0], [9.0]], "config": %s}'
-
-
-def deep(depth):
-    """A configuration that is nested so deeply."""
-    return DEEP % (b'{"a": ' * depth + b"1" + b"}" * depth)
+ASKED = b'{"name": "small", "input": [[0.7, 12.0], [9.0]], %s}'
 
 
 @pytest.mark.parametrize(
     "raw",
     [
         *(b"{", b"[]", b"\xff\xfe", b'{"name": "small", "input": [[NaN]]}', b"[" * 10**5),
-        *(deep(depth) for depth in (3, 3000)),
-        (NUMBERS % '"outWrt": 1, "inWrt": 1, "sens": [-Infinity]').encode(),
+        *(ASKED % (b'"config": ' + b'{"a": ' * n + b"1" + b"}" * n) for n in (3, 3000)),
+        ASKED % b'"outWrt": 1, "inWrt": 1, "sens": [-Infinity]',
         b'{"name": "small", "input": [[0.7, 12.0], [1e400]]}',
     ],
     ids=repr,

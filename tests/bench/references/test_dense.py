@@ -1,4 +1,4 @@
-"""Contact by the dense matrix: elastic, with a hardness, and the paper's algorithm."""
+"""Contact by dense matrices: elastic, with a hardness, without edges; the paper's algorithm."""
 
 import numpy as np
 import pytest
@@ -9,9 +9,8 @@ import bem
 import bem.influence
 from bem.influence import KERNELS
 from bench.references import dense, half_space
+from bench.references.edgeless import Patch
 from bench.references.surfaces import SURFACES, surface
-
-Shape = tuple[int, int]
 
 
 def random_heights(shape=(9, 11), seed=0):
@@ -94,3 +93,35 @@ def test_conditions_of_contact_hold(kind, share):
     assert gap[pressure == 0].min(initial=0.0) >= -1e-11
     assert gap[yielded].max() <= 1e-11
     assert np.abs(gap[(pressure > 0) & ~yielded]).max(initial=0.0) < 1e-11
+
+
+SIDES = (3.0, 5.0)
+
+
+@pytest.mark.parametrize("shape", [(6, 7), (5, 8), (1, 4), (9, 1), (1, 1)])
+def test_periodic_matrix_is_a_product_of_transforms(shape):
+    pressure = np.random.default_rng(0).random(shape)
+    found = Patch(pressure, SIDES, "periodic").matrix @ pressure.reshape(-1)
+    axes = [np.fft.fftfreq(nodes, side / nodes) for nodes, side in zip(shape, SIDES, strict=True)]
+    wave_numbers = 2 * np.pi * np.hypot.outer(*axes)
+    wave_numbers[0, 0] = np.inf
+    moved = np.fft.ifft2(np.fft.fft2(pressure) * (2 / wave_numbers)).real
+    np.testing.assert_allclose(found.reshape(shape), moved, atol=1e-14)
+
+
+@pytest.mark.parametrize("ratio", [2.0, None])
+@pytest.mark.parametrize("boundary", ["periodic", "mirror"])
+@pytest.mark.parametrize("kind", SURFACES)
+def test_conditions_of_contact_without_edges_hold(kind, boundary, ratio):
+    """The hardness is over the mean pressure."""
+    shape = (9, 6)
+    load = 0.1 * max(Patch(surface(kind, shape), SIDES, boundary).full_contact_load, 1.0)
+    hardness = np.inf if ratio is None else ratio * load / 54
+    patch = Patch(surface(kind, shape), SIDES, boundary, hardness)
+    pressure = patch.press(load).reshape(-1)
+    assert pressure.sum() == pytest.approx(load, rel=1e-11)
+    assert 0 <= pressure.min() <= pressure.max() <= hardness
+    gap = patch.matrix @ pressure - patch.below
+    touching, yielded = pressure > 0, pressure >= hardness
+    # Gaps from the displacement on: at most 0 under pressure, at least 0 where nothing yields.
+    assert gap[touching].max() <= gap[~yielded].min(initial=np.inf) + 1e-10

@@ -1,6 +1,5 @@
 """Laws by the solver, on the command line: closure, conductance, populations, refusals."""
 
-import json
 import re
 from functools import partial
 from pathlib import Path
@@ -8,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from strict import json_of
 
 import bem
 from bem.contact import mean_conductivity
@@ -37,7 +37,7 @@ def test_a_law_is_that_of_a_piece_between_its_mirror_images(surfaces, run, capsy
     """One command writes it in every format, with the command."""
     np.save("s0.npy", np.load("many/s0.npy") + np.linspace(0, 15, 20)[:, None])
     run("s0.npy", "--pressure", "0.001,10", "--json", "law.json")
-    tilted = json.loads(Path("law.json").read_text())
+    tilted = json_of("law.json")
     assert tilted["surfaces"] == ["s0.npy"]
     notes = tilted["notes"]
     assert any(note.startswith("warning: s0.npy: tilted by") for note in notes)
@@ -46,7 +46,7 @@ def test_a_law_is_that_of_a_piece_between_its_mirror_images(surfaces, run, capsy
     wrote = [line.split()[1] for line in capsys.readouterr().out.splitlines() if "wrote" in line]
     files = ["law.csv", "law.json", "law.h", "law-calculix.inp", "law-abaqus.inp", "law_4c.py"]
     assert wrote == ["law.json", *files]
-    command = json.loads(Path("law.json").read_text())["command"]
+    command = json_of("law.json")["command"]
     assert re.match(r"python -m gen law many/s0.npy --pressure 1:100:5:log", command)
     found = table("law.csv")
     contacts = contacts_of("many/s0.npy", "mirror", pressures=np.geomspace(1, 100, 5))
@@ -58,9 +58,7 @@ def test_a_law_is_that_of_a_piece_between_its_mirror_images(surfaces, run, capsy
     conductance = [1e-6 * each.conductance(50, 20) / (100e-3) ** 2 for each in contacts]
     np.testing.assert_allclose(found.conductance_W_per_mm2_K, conductance, rtol=1e-9)
     heights = np.load("many/s0.npy")
-    rest = (
-        heights.max() - heights.mean()
-    )  # with zero mean displacement the gap falls by the closure
+    rest = heights.max() - heights.mean()  # at no mean displacement the gap falls by the closure
     np.testing.assert_allclose(found.mean_gap_um + found.closure_um, rest, rtol=1e-6)
 
 
@@ -234,9 +232,7 @@ def test_the_area_in_the_continuum_has_the_error_of_the_grid(run, tmp_path, monk
         assert row.continuum_area_percent == pytest.approx(area, rel=1e-6)
         assert row.continuum_area_percent_high - area == pytest.approx(error.area_percent, rel=0.01)
         assert row.continuum_area_percent_low < area
-    assert (
-        "continuum_area_percent" in json.loads(Path("law.json").read_text())["tables"][1]["curves"]
-    )
+    assert "continuum_area_percent" in json_of("law.json")["tables"][1]["curves"]
     run("waves.npy", *loads, "--csv", "law.csv", "--no-grid-error")
     assert not [name for name in table("law.csv").columns if "continuum" in name]
 
@@ -280,7 +276,7 @@ def test_a_gas_in_the_gap_is_a_part_of_the_conductance(surfaces, run, make):
         assert f"Gas in the gap: conductivity {k:g} W/(m K), jump distance {jump:g} um" in text
         numbers = np.fromstring(text.partition("PRESSURE\n")[2].replace("\n", ","), sep=",")
         np.testing.assert_allclose(numbers[::2] / 1e3, [rest, *conductances], rtol=1e-9)
-    assert json.loads(Path("law.json").read_text())["gas_jump_distance_um"] == jump
+    assert json_of("law.json")["gas_jump_distance_um"] == jump
     assert "asperity_law_joint_conductance_at_pressure(" in Path("law.h").read_text()
     order = {"e_star": E_STAR, "gas": plates, "reading": Reading(side="100")}
     many = make("many", pressure="1,10", conductivities=(50.0, 20.0), **order)

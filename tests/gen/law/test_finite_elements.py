@@ -17,7 +17,7 @@ from strict import json_of, rows_of
 from bench.calculix import QUANTITIES, pressed
 from gen import cli
 from gen.law import finite_elements
-from gen.law.curves import KNOWN, Curve
+from gen.law.curves import KNOWN
 from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
 from tests.maps import waves
@@ -270,23 +270,13 @@ def test_calculix_follows_the_last_slope_past_the_end_of_the_table(law):
                 assert row[f"{name}_calculix"] == pytest.approx(row[name], rel=1e-3)
 
 
-@pytest.fixture
-def imported(monkeypatch):
-    """Import a Python file as 4C does: by its name, from its folder."""
-
-    def by_name(path):
-        monkeypatch.syspath_prepend(path.parent)
-        return importlib.import_module(path.stem)
-
-    return by_name
-
-
-def test_4c_gets_the_monotone_cubic_with_its_tangent_in_its_signs(law, imported):
+def test_4c_gets_the_monotone_cubic_with_its_tangent_in_its_signs(law, monkeypatch):
     folder, table = law
     path = folder / "joint_4c.py"
     lines = ast.walk(ast.parse(path.read_text(encoding="ascii")))
     assert [each.module for each in lines if isinstance(each, ast.ImportFrom)] == ["bisect"]
-    module = imported(path)
+    monkeypatch.syspath_prepend(path.parent)
+    module = importlib.import_module(path.stem)  # as 4C does
     offset = 0.25  # mm, by which the bodies overlap at first touch
     at = 1e-3 * table.closure_um.to_numpy()  # mm
     pressures = [module.evaluate(-each - offset, offset) for each in at[:-1].tolist()]
@@ -306,20 +296,6 @@ def test_4c_gets_the_monotone_cubic_with_its_tangent_in_its_signs(law, imported)
         for function in (module.evaluate, module.evaluate_derivative):
             with pytest.raises(ValueError, match="this law goes from 0 to"):
                 function(gap, moved)
-
-
-def test_4c_s_own_linear_example_is_reproduced(surfaces, make, imported):
-    """Its test of a law of slope 1.5 asks for -0.375 and 1.5 at the gap -0.75, offset 0.5."""
-    made = make("many/s0.npy", pressure="1,2,4", e_star=2e5, reading=Reading(side="100"))
-    at = np.array([0.75, 1.5, 3.0])
-    curves = {**made.over_pressure.curves, "closure_um": Curve(at / 1.5, *[at * np.nan] * 3)}
-    linear = replace(made, over_pressure=replace(made.over_pressure, at=at, curves=curves))
-    module = imported(*finite_elements.write_for_4c(surfaces / "linear.py", linear, "um"))
-    assert module.evaluate(-0.75, 0.5) == -0.375
-    assert module.evaluate_derivative(-0.75, 0.5) == 1.5
-    for gap in (1.0, -0.25):
-        with pytest.raises(ValueError, match="closure"):
-            module.evaluate(gap, 0.5)
 
 
 def test_a_file_that_4c_could_not_import_is_refused_before_any_work(surfaces, run, capsys):
@@ -358,19 +334,13 @@ def test_a_closure_beyond_the_points_far_away_is_refused():
 
 
 COMPILER = ["cc", "-std=c99", "-Wall", "-Wextra", "-Werror"]
-
-
 needs_compiler = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
 
 
 def compiled(texts, *headers):
     """How the compiler ends on a program that prints some numbers."""
-    lines = [
-        "#include <stdio.h>",
-        *(f'#include "{name}"' for name in headers),
-        "int main(void)",
-        "{",
-    ]
+    lines = ["#include <stdio.h>", *(f'#include "{name}"' for name in headers)]
+    lines += ["int main(void)", "{"]
     lines += [f'printf("%.17g\\n", (double)({text}));' for text in texts]
     Path("main.c").write_text("\n".join([*lines, "return 0;", "}", ""]))
     compiling = [*COMPILER, "main.c", "-o", "main"]

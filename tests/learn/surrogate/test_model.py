@@ -274,10 +274,6 @@ def test_a_surrogate_knows_the_boundary_of_its_patches(cells, ridge, heights, tm
     assert beyond.startswith(f"no equilibrium: the contact is full at delta = {full:.6g} um")
 
 
-def note(surrogate, shape, sides):
-    return grid_note(surrogate, shape, sides)
-
-
 @pytest.fixture(scope="module")
 def oblong(populations):
     """A surrogate of patches of 18 x 33 nodes on 700 x 1200 um."""
@@ -291,9 +287,9 @@ def test_a_surrogate_of_oblong_patches_knows_their_shape(oblong, tmp_path):
     assert loaded.card["side"] == [700.0, 1200.0]
     assert loaded.card["spacing"] == pytest.approx([700 / 17, 1200 / 32])
     assert "18 x 33 nodes, sides 700 x 1200 um" in " ".join(lines(loaded.card))
-    assert note(loaded, (18, 33), (700.0, 1200.0)) == ""
-    assert note(loaded, (18, 33), (7.0, 12.0)) == "", "without units any size is alike"
-    assert note(loaded, (33, 18), (1200.0, 700.0)) == (
+    assert grid_note(loaded, (18, 33), (700.0, 1200.0)) == ""
+    assert grid_note(loaded, (18, 33), (7.0, 12.0)) == "", "without units any size is alike"
+    assert grid_note(loaded, (33, 18), (1200.0, 700.0)) == (
         "33 x 18 nodes, trained on 18 x 33; 1200 x 700 um, trained on 700 x 1200 um"
     )
     heights = np.random.default_rng(0).normal(size=(18, 33))
@@ -305,6 +301,6 @@ def test_a_surrogate_of_oblong_patches_knows_their_shape(oblong, tmp_path):
 
 def test_a_surrogate_with_units_knows_the_spacing_along_both_axes(populations):
     paper = fitted(populations / "spectral.h5", features="paper")
-    assert note(paper, (18, 33), (700.0, 1200.0)) == ""
-    assert "side 7 um, trained on 700 um" in note(paper, (18, 33), (7.0, 12.0))
-    assert "spacing 19.05 um, trained on 37.5 um" in note(paper, (18, 64), (700.0, 1200.0))
+    assert grid_note(paper, (18, 33), (700.0, 1200.0)) == ""
+    assert "side 7 um, trained on 700 um" in grid_note(paper, (18, 33), (7.0, 12.0))
+    assert "spacing 19.05 um, trained on 37.5 um" in grid_note(paper, (18, 64), (700.0, 1200.0))
