@@ -213,7 +213,7 @@ def _read_stored(path: Path, targets: Sequence[str], load: str, scenic: bool) ->
         ratio: Values | float | None = None
         if (limits := limits_of([scene])) is not None:
             ratio = reader.column("hardness") / modulus(scene) if drawn else limits[0]
-        size = math.sqrt(math.prod(scene.sides)), ratio, math.sqrt(math.prod(scene.shape))
+        size = math.sqrt(math.prod(scene.grid.sides)), ratio, math.sqrt(math.prod(scene.grid.shape))
         given = given_values(scene, reader.column) if scenic else {}
         return Stored(
             path,
@@ -355,7 +355,7 @@ def _require_compatible(parts: Sequence[Stored], *, scaled: bool) -> None:
 
 def _must_agree(scene: Scene, *, scaled: bool) -> dict[str, Any]:
     """Return what all scenes of a fit have in common, by the keys of the scene that decide it."""
-    contact, (along, across) = scene.contact, scene.sides
+    contact, (along, across) = scene.contact, scene.grid.sides
     common: dict[str, Any] = {
         "contact.boundary": contact.boundary,
         "contact.kernel": contact.kernel,

@@ -191,7 +191,7 @@ def _population(scene: Scene, text: str, number: int) -> Iterator[LawSurface]:
 
     contact = scene.contact
     names = "kernel", "far_field", "rtol", "max_iterations"
-    settings = {"spacing": scene.spacing, **{name: getattr(contact, name) for name in names}}
+    settings = {"spacing": scene.grid.spacing, **{name: getattr(contact, name) for name in names}}
     step = scene.samples_per_surface
     plan = parameters(scene, 0, step * number)
     for surface in range(number):
@@ -199,7 +199,7 @@ def _population(scene: Scene, text: str, number: int) -> Iterator[LawSurface]:
         yield LawSurface(
             f"{text}, surface {surface}",
             heights,
-            scene.sides,
+            scene.grid.sides,
             boundary=contact.boundary,
             settings=settings,
         )

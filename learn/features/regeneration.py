@@ -122,8 +122,8 @@ def _read(path: Path, *, pressed: bool) -> tuple[Scene, int, Any, Values]:
         scene, done = reader.scene, reader.column("status") == Status.DONE
         inputs = np.stack([reader.column(name) for name in _inputs(scene)], axis=1)
         if pressed:
-            pressure = reader.column("force") / float(np.prod(scene.sides))
-            length = math.sqrt(math.prod(scene.sides))
+            pressure = reader.column("force") / float(np.prod(scene.grid.sides))
+            length = math.sqrt(math.prod(scene.grid.sides))
             inputs[:, 0] = by_pressure(pressure, length, modulus(scene))
         return scene, reader.rows.start, done, inputs
 
@@ -152,7 +152,8 @@ def compute_block(shared: tuple[Scene, Path, int, bool], block: Block) -> tuple[
         try:
             if row == 0 or plan.surface[row] != plan.surface[row - 1]:
                 surface = None
-                own = scene.sides, scene.spacing, f"row {start + row}", scene.contact.boundary
+                grid, name = scene.grid, f"row {start + row}"
+                own = grid.sides, grid.spacing, name, scene.contact.boundary
                 surface = SurfaceFeatures(surface_of(scene, plan, row), *own)
             if surface is None:  # failed rows of the database: they have no inputs either
                 continue

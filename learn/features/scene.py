@@ -68,7 +68,7 @@ def plain(column: str) -> str:
 
 def given_values(scene: Scene, column: Callable[[str], Values]) -> dict[str, Values]:
     """Return the numbers of all rows of a database, (n,) each, by their names; see `inputs`."""
-    patch = float(np.prod(scene.shape) * np.prod(scene.spacing))
+    patch = float(np.prod(scene.grid.shape) * np.prod(scene.grid.spacing))
     found = {name: column(own) for name, own in parameter_columns(scene).items()}
     contact = scene.contact
     if (ends := contact.hardness_limits) is not None:

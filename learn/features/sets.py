@@ -403,7 +403,7 @@ def chosen(
         elastic = any(scene.contact.hardness_limits is None for scene in scenes)
         added.append(SCALED_HARDNESS if features.scaled else HARDNESS)
         added += [PLASTIC] if elastic and features.needs_surface else []
-    added += [NODES] if len({math.prod(scene.shape) for scene in scenes}) > 1 else []
+    added += [NODES] if len({math.prod(scene.grid.shape) for scene in scenes}) > 1 else []
     columns = (*features.columns, *added)
     return replace(
         features,

@@ -64,8 +64,8 @@ def make(
             "sha256": origin.sha256,
             "rows": origin.rows,
             "generator": str(getattr(origin.scene.surface, "generator", "")),
-            "nodes": list(origin.scene.shape),
-            "side": list(origin.scene.sides),
+            "nodes": list(origin.scene.grid.shape),
+            "side": list(origin.scene.grid.sides),
             "scene": origin.scene.text(),
         }
         for origin in rows.origins
@@ -87,9 +87,9 @@ def make(
         "normalisation": request.normalisation,
         "targets": judged,
         "scene": scene.text(),
-        "nodes": list(scene.shape),
-        "side": list(scene.sides),
-        "spacing": list(scene.spacing),
+        "nodes": list(scene.grid.shape),
+        "side": list(scene.grid.sides),
+        "spacing": list(scene.grid.spacing),
         "modulus": modulus(scene),
         **{name: value for name, value in sometimes.items() if value},
         "delta": np.quantile(rows.described[train, 0], (0, 1)).tolist(),

@@ -105,10 +105,10 @@ def of_parameters(surrogate: Surrogate, order: Order, numbers: Mapping[str, floa
     settings = {name: getattr(scene.contact, name) for name in ("kernel", "far_field")}
     patch = LawSurface(
         ", ".join(f"{name} {value:g}" for name, value in numbers.items()) or "any surface",
-        np.zeros(scene.shape),
-        scene.sides,
+        np.zeros(scene.grid.shape),
+        scene.grid.sides,
         boundary=surrogate.boundary,
-        settings={"spacing": scene.spacing, **settings},
+        settings={"spacing": scene.grid.spacing, **settings},
     )
     unit = patch.nominal if load == "force" else 1.0
     if at is None:
