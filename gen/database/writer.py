@@ -44,8 +44,6 @@ class HeldFile(ExitStack):
         except FileNotFoundError:
             raise InputError(f"{path} does not exist; check the name") from None
         self.callback(os.close, self._descriptor)
-        status = os.fstat(self._descriptor)
-        self.place = status.st_ino, status.st_size
 
     def check(self) -> None:
         """Refuse to continue if the file has been replaced, moved, deleted or overwritten."""
@@ -89,14 +87,16 @@ class Writer(Reader):
                 held = opened.enter_context(HeldFile(path))
                 file = opened.enter_context(open_file(path, True))
             else:
-                held = opened.enter_context(_on_all(communicator, lambda: HeldFile(path)))
-                places = communicator.allgather((held.place, socket.gethostname()))
-                for rank, (place, host) in enumerate(places):
-                    if place != places[0][0]:
+                status = path.stat() if path.exists() else None  # a rank may see another folder
+                place = status and (status.st_ino, status.st_size)
+                places = communicator.allgather((place, socket.gethostname()))
+                for rank, (there, host) in enumerate(places):
+                    if there != places[0][0]:
                         raise InputError(
-                            f"{path}: on {host}, rank {rank} has not the file that rank 0 has made:"
+                            f"{path}: rank {rank} on {host} has not the file that rank 0 has made:"
                             " give a path that all machines share, or --writer single"
                         )
+                held = opened.enter_context(_on_all(communicator, lambda: HeldFile(path)))
                 file = _on_all(communicator, lambda: open_file(path, True, communicator))
                 opened.enter_context(file)
             self._take(file, scene, force=force)
