@@ -200,15 +200,11 @@ LEAVES_OUT = {
     "learn --help": QUICK,
     "learn predict --help": NUMERICS,
     "gen --version": QUICK | {"learn"},
+    "bench hertz --help": NUMERICS,
     "gen run --help": NUMERICS,
     "gen describe surface.npy --side 100": NUMERICS - {"numpy"},
-    "gen contact surface.npy --side 9 --delta 1": {
-        *(NUMERICS - {"numpy", "scipy", "pyfftw"}),
-        "bem.derived.flow",
-    },
-    "gen run small.toml -o small.h5": {
-        *("mpi4py", "matplotlib", "sklearn", "pandas", "bem.derived.flow")
-    },
+    "gen contact surface.npy --side 9 --delta 1": NUMERICS - BEM_NEEDS | {"bem.derived.flow"},
+    "gen run small.toml -o small.h5": NUMERICS - BEM_NEEDS - {"h5py"} | {"bem.derived.flow"},
     "gen info made.h5": {"mpi4py", "pyfftw", "matplotlib", "sklearn"},
 }
 """What a statement, or a command line of `asperity`, must not import."""

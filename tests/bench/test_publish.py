@@ -15,17 +15,14 @@ from gen.runtime.errors import InputError
 
 def pictured(folder):
     """Files of each kind: shown and not, large, inside of a folder that stays behind."""
-    written("small.csv", [["x"], [1]], folder)
+    small = written("small.csv", [["x"], [1]], folder)
     written("large.csv", [["x"], *([n] for n in range(60_000))], folder)
     written("inside.csv", [["x"], [1]], folder / "databases")
     (folder / "data.h5").write_bytes(b"\x89HDF")
     (folder / "trials.jsonl").write_text("{}\n")
     save(new_figure(1, 1), folder / "other.png")
     picture = save(new_figure(1, 1), folder / "shown.png")
-    return [
-        Figure(picture, "Nothing.", data=(folder / "small.csv",)),
-        Table(folder / "small.csv", ""),
-    ]
+    return [Figure(picture, "Nothing.", data=(small,)), Table(small, "")]
 
 
 @pytest.fixture

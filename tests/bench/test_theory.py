@@ -1,7 +1,5 @@
 """The reports on theories and on grids: what their rows hold."""
 
-import subprocess
-import sys
 from typing import Any
 
 import numpy as np
@@ -36,14 +34,6 @@ def test_forces_of_the_papers_example(curves):
     }
     for key, share in shares.items():
         assert forces[key] / exact == pytest.approx(share, abs=1e-6)
-
-
-def test_help_imports_no_numerics(tmp_path):
-    code = "import sys; from bench.__main__ import main; assert main(['hertz', '--help']) == 0;"
-    code += "assert not {'numpy', 'scipy', 'pyfftw', 'h5py', 'matplotlib'} & sys.modules.keys()"
-    command = [sys.executable, "-c", code]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
 
 
 NODES = 128

@@ -219,12 +219,8 @@ def relined(data: bytes, random: Random) -> bytes:
     lines = data.split(b"\n")
     place = int(random.integers(len(lines)))
     name, sign, _ = lines[place].partition(b"=" if b"=" in lines[place] else b",")
-    changed: tuple[list[bytes], ...] = (
-        [],
-        2 * [lines[place]],
-        [name + sign + b" " + _text(random)],
-    )
-    lines[place : place + 1] = changed[int(random.integers(3))]
+    odd = name + sign + b" " + _text(random)
+    lines[place : place + 1] = ([], 2 * [lines[place]], [odd])[int(random.integers(3))]
     return b"\n".join(lines)
 
 

@@ -100,10 +100,8 @@ def plain(heights, spacing):
     height = moments(every)
     values = [peak[0], peak[1], peak[3], peak[2], len(peaks) / (2 * len(every))]
     values += [peak_curvature[0], peak_curvature[3] - 3, peak_curvature[2]]
-    values += [
-        nayak(height[1] ** 2, along_x, spacing[0]),
-        nayak(height[1] ** 2, along_y, spacing[1]),
-    ]
+    pairs = zip((along_x, along_y), spacing, strict=True)
+    values += [nayak(height[1] ** 2, profiles, step) for profiles, step in pairs]
     values += [asperity[0], asperity[1], asperity[3] - 3, asperity[2], len(summits) / len(every)]
     values += [*asperity_curvature[:2], asperity_curvature[3], asperity_curvature[2]]
     values += [height[0], max(every), height[1]]
@@ -197,12 +195,7 @@ def test_any_finite_surface_has_statistics_or_a_reason(heights):
 
 
 @pytest.mark.parametrize(
-    "heights",
-    [
-        np.zeros((1, 9)),
-        np.array([[0.0, np.nan], [1.0, 2.0]]),
-        np.array([[-1.7e308, 1.7e308], [1.0, 2.0]]),
-    ],
+    "heights", [np.zeros((1, 9)), np.diag([0.0, np.nan]), np.diag([-1.7e308, 1.7e308])]
 )
 def test_heights_and_spacings_that_have_no_statistics_are_refused(heights):
     with pytest.raises(InputError, match=r"^heights .*: give .*"):

@@ -219,7 +219,8 @@ def test_a_flat_surface_has_no_law(surfaces, capsys):
     assert [path.name for path in Path().glob("flat*")] == ["flat.npy"]
 
 
-def test_the_area_in_the_continuum_has_the_error_of_the_grid(run, tmp_path, monkeypatch):
+def test_the_area_in_the_continuum_has_the_error_of_the_grid(run, tmp_path, monkeypatch, capsys):
+    """And the loads are named whose area is that of the grid."""
     monkeypatch.chdir(tmp_path)
     np.save("waves.npy", 100 * random_waves(1, 4, 0.8, 1)(48))
     loads = ["--pressure", "50,500,2000", "--boundary", "periodic"]
@@ -235,11 +236,7 @@ def test_the_area_in_the_continuum_has_the_error_of_the_grid(run, tmp_path, monk
     assert "continuum_area_percent" in json_of("law.json")["tables"][1]["curves"]
     run("waves.npy", *loads, "--csv", "law.csv", "--no-grid-error")
     assert not [name for name in table("law.csv").columns if "continuum" in name]
-
-
-def test_a_law_names_the_loads_whose_area_is_that_of_the_grid(run, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    np.save("waves.npy", 100 * random_waves(1, 4, 0.8, 1)(48))
+    capsys.readouterr()
     run("waves.npy", "--pressure", "0.001,0.002,500,2000", "--csv", "law.csv")
     (note,) = (line for line in capsys.readouterr().out.splitlines() if "of the grid at" in line)
     known = table("law.csv").continuum_area_percent_high.notna().tolist()

@@ -92,16 +92,8 @@ def test_steps_are_taken_in_their_order_whatever_is_asked_for():
     heights[10, 12] -= 50  # masked: it is below -40
     heights[20, 8] += 9  # a spike
     heights[30:33, 20:24] = np.nan
-    settings = Reading(
-        crop="0:39,0:32",
-        invert=True,
-        mask=":40",
-        despike=12,
-        form=3,
-        fill=True,
-        filter="4:30",
-        downsample=3,
-    )
+    settings = Reading(crop="0:39,0:32", invert=True, mask=":40", despike=12)
+    settings = replace(settings, form=3, fill=True, filter="4:30", downsample=3)
     prepared = prepare(topography(heights, (40.0, 32.0)), settings)
     words = ["cropped", "turned", "masked", "despiked", "form", "filled", "filtered", "downsampled"]
     assert [step.split()[0].strip(":") for step in prepared.steps] == words

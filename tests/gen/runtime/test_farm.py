@@ -143,14 +143,11 @@ def test_compiled_code_is_ended_by_the_second_signal(number):
     with subprocess.Popen(
         [sys.executable, "-c", DEAF], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as process:
-        assert process.stdout is not None
-        assert process.stderr is not None
         assert process.stdout.readline() == "begun\n"
         time.sleep(0.5)
         process.send_signal(number)
-        assert (
-            process.stderr.readline() == "stopping after the step under way; again, to stop now\n"
-        )
+        said = "stopping after the step under way; again, to stop now\n"
+        assert process.stderr.readline() == said
         time.sleep(0.5)
         assert process.poll() is None
         process.send_signal(number)

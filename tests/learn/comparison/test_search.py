@@ -58,11 +58,7 @@ REDUCED = {
         "cache_size": [200, 500],
     },
     "gaussian-process": {"alpha": [1e-3, 0.0374, 1.0]},
-    "kernel-ridge": {
-        "alpha": [1e-5, 1e-2, 1.0],
-        "gamma": [0.01, 5.0, 150.0],
-        "kernel": ["rbf", "linear"],
-    },
+    "kernel-ridge": {"alpha": [1e-5, 1.0], "gamma": [0.01, 5.0], "kernel": ["rbf", "linear"]},
     "mlp": {
         "activation": ["tanh"],
         "alpha": [1e-3],
