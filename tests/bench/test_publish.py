@@ -48,6 +48,9 @@ def test_what_is_shown_and_behind_it_is_published(made):
     ]
     large = made.parent / "results" / "two" / "large.csv.xz"
     assert lzma.decompress(large.read_bytes()) == (made / "two" / "large.csv").read_bytes()
+    record = (made.parent / "results" / "one" / "one.part.json").read_text()
+    assert "report/one" in record
+    assert str(made) not in record
 
 
 def test_a_folder_made_anew_loses_what_it_held_and_others_do_not(made):
