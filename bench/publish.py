@@ -42,11 +42,7 @@ def publish(parts: Sequence[Part], inputs: Inputs, target: Path) -> list[Path]:
         for folder, those in folders.items():
             made = [part for part in those if _finished(part, inputs)]
             home = target / (those[0].folder or those[0].name)
-            place = str(inputs.output.resolve()).encode()  # which tells readers nothing
-            new |= {
-                home / name: content.replace(place, b"report")
-                for name, content in _published(made, folder)
-            }
+            new |= {home / name: content for name, content in _published(made, folder)}
             if len(made) == len(those):
                 gone |= {path for path in home.rglob("*") if path.is_file()}
         if not new:
@@ -86,5 +82,5 @@ def _published(made: Sequence[Part], folder: Path) -> Iterator[tuple[Path, bytes
             content = path.read_bytes()
             if path.suffix == ".jsonl" or (path.suffix == ".csv" and len(content) >= LARGE):
                 yield name.with_name(name.name + COMPRESSED), lzma.compress(content)
-            else:
-                yield name, content
+            else:  # where the folder lay tells readers nothing
+                yield name, content.replace(bytes(folder.resolve().parent), b"report")
