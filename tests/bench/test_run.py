@@ -6,7 +6,6 @@ import re
 import signal
 import time
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 from page_parts import WRITE, inputs, makes, part, record, shows_made, written
@@ -173,7 +172,6 @@ def test_commands_make_and_rewrite_a_page(tmp_path, capfd):
 )
 def test_bad_input_is_one_line(arguments, message, tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
-    Path("file").touch()
     assert main(arguments) == 2
     said = capfd.readouterr().err
     assert message in said
@@ -197,10 +195,8 @@ def test_a_command_that_was_run_elsewhere_names_no_folder_of_that_machine(tmp_pa
         "python -m bench one --database report/databases/paper.h5 -o report/one"
     )
     own = f"python -m bench one -o {tmp_path / 'one'}"
-    assert here.command(one, own) == own
-    assert here.command(one, "python -m bench other /data/one.csv") == (
-        "python -m bench other /data/one.csv"
-    )
+    for command in (own, "python -m bench other /data/one.csv"):
+        assert here.command(one, command) == command
     assert here.command(one, "") == ""
 
 

@@ -25,9 +25,8 @@ def paper(tmp_path_factory):
 
 
 def test_the_papers_break_even_follows_from_its_times():
-    assert of_the_paper()["break_even_searched"] == pytest.approx(
-        15_893, abs=1
-    )  # as the paper says
+    """As the paper says."""
+    assert of_the_paper()["break_even_searched"] == pytest.approx(15_893, abs=1)
 
 
 def test_databases_are_resumed_and_others_are_refused(tmp_path, capsys):

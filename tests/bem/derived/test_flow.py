@@ -95,9 +95,8 @@ def test_one_open_channel_of_one_node_is_found_and_islands_are_not():
 def test_a_spiral_around_a_patch_that_repeats_flows_along_both_axes():
     gap = np.eye(5) + np.roll(np.eye(5), 1, axis=1)
     for axis in (0, 1):
-        assert flow_through(gap, (1.0, 1.0), axis, periodic=True).aperture ** 3 == pytest.approx(
-            0.1
-        )
+        flow = flow_through(gap, (1.0, 1.0), axis, periodic=True)
+        assert flow.aperture**3 == pytest.approx(0.1)
         assert flow_through(np.eye(5), (1.0, 1.0), axis, periodic=True).factor == 0
 
 

@@ -176,15 +176,8 @@ def test_loads_in_every_quantity_are_those_of_bem_solve(boundary, quantity, span
             "pressure/(E* slope_rms)": {"pressure": load * modulus * slope},
             "force": {"force": load},
         }[quantity]
-        contact = bem.solve(
-            heights,
-            scene.sides,
-            modulus=3.0,
-            poisson=0.3,
-            boundary=boundary,
-            hardness=plan.hardness_of(row),
-            **pressed,
-        )
+        body = {"modulus": 3.0, "poisson": 0.3, "hardness": plan.hardness_of(row)}
+        contact = bem.solve(heights, scene.sides, boundary=boundary, **body, **pressed)
         assert rows["delta"][row] == pytest.approx(contact.delta, rel=1e-5, abs=1e-9)
         assert rows["force"][row] == pytest.approx(contact.force, rel=1e-5, abs=1e-9)
         assert rows["contact_nodes"][row] == contact.contact_nodes

@@ -368,11 +368,8 @@ def test_two_laws_in_one_program_have_the_values_bands_and_tangents_of_their_tab
     run("many", *loads, *conducting, "--csv", "many.csv", "--header", "many-2.h")
     run("many/s0.npy", "--delta", "0.1:0.5:5", *conducting, "--csv", "one.csv", "--header", "one.h")
     texts, expected = [], []
-    for table, law, ends in (
-        ("many.csv", "many_2", ("", "_low", "_high")),
-        ("one.csv", "one", ("",)),
-    ):
-        rows = pd.read_csv(table)
+    for law, ends in (("many_2", ("", "_low", "_high")), ("one", ("",))):
+        rows = pd.read_csv(f"{law.removesuffix('_2')}.csv")
         for against, names in NAMES.items():
             for _, row in rows[rows.against == against].iterrows():
                 for name in names:

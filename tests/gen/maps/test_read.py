@@ -133,9 +133,8 @@ def test_a_scale_can_be_overruled(tmp_path):
     assert unit.sides == pytest.approx((12, 2))
     assert np.nanmax(unit.heights) == pytest.approx(HIGHEST)
     assert unit.warnings == ("the file's own scale is overruled: unit m, taken as um",)
-    assert not any(
-        "overruled:" in each for each in read(scan, unit="m", override_scale=True).warnings
-    )
+    warnings = read(scan, unit="m", override_scale=True).warnings
+    assert not any("overruled:" in each for each in warnings)
 
 
 SMOOTH = np.random.default_rng(4).normal(scale=0.1, size=(9, 7))  # um

@@ -70,10 +70,7 @@ def test_modules_may_define_dataclasses_and_import_their_neighbours(here):
     ("text", "fault"),
     [
         ("def g():\n    pass\n", "of_the_user.py has no function f"),
-        (
-            "raise ValueError('two\\nlines')\n",
-            "importing of_the_user failed: ValueError: two lines",
-        ),
+        ("raise ValueError('two\\nlines')\n", "of_the_user failed: ValueError: two lines"),
         ("import sys\nsys.exit(3)\n", "importing of_the_user failed: SystemExit: 3"),
     ],
 )
@@ -83,7 +80,7 @@ def test_a_function_that_cannot_be_loaded_is_one_line(here, text, fault):
         load_function("of_the_user:f", source)
     assert fault in str(refused.value)
     assert "\n" not in str(refused.value)
-    assert "of_the_user" not in sys.modules or "importing" not in fault
+    assert "of_the_user" not in sys.modules or "failed" not in fault
 
 
 @pytest.mark.parametrize("name", ["no_such_module_here:f", "sys:exit", "gen.no_such_module:f"])

@@ -274,14 +274,8 @@ def test_a_surrogate_knows_the_boundary_of_its_patches(cells, ridge, heights, tm
     assert beyond.startswith(f"no equilibrium: the contact is full at delta = {full:.6g} um")
 
 
-@pytest.fixture(scope="module")
-def oblong(populations):
-    """A surrogate of patches of 18 x 33 nodes on 700 x 1200 um."""
-    return fitted(populations / "spectral.h5", features="hybrid")
-
-
-def test_a_surrogate_of_oblong_patches_knows_their_shape(oblong, tmp_path):
-    oblong.save(tmp_path / "oblong.surrogate")
+def test_a_surrogate_of_oblong_patches_knows_their_shape(populations, tmp_path):
+    fitted(populations / "spectral.h5", features="hybrid").save(tmp_path / "oblong.surrogate")
     loaded = Surrogate.load(tmp_path / "oblong.surrogate")
     assert loaded.card["nodes"] == [18, 33]
     assert loaded.card["side"] == [700.0, 1200.0]
@@ -297,9 +291,7 @@ def test_a_surrogate_of_oblong_patches_knows_their_shape(oblong, tmp_path):
     large = loaded.predict(1000 * heights, (700e3, 1200e3), [1e3, 2e3])
     np.testing.assert_allclose(large.area, small.area, rtol=1e-6)
     np.testing.assert_allclose(large.force, 1e6 * small.force, rtol=1e-6)
-
-
-def test_a_surrogate_with_units_knows_the_spacing_along_both_axes(populations):
+    # One with units knows the spacing along both axes.
     paper = fitted(populations / "spectral.h5", features="paper")
     assert grid_note(paper, (18, 33), (700.0, 1200.0)) == ""
     assert "side 7 um, trained on 700 um" in grid_note(paper, (18, 33), (7.0, 12.0))
