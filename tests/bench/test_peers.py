@@ -19,9 +19,7 @@ SMALL = sample(33, 25.0)
 
 def test_another_displacement_under_the_same_force_shows_in_the_displacement():
     exact = find_exact(SMALL)
-    assert find_errors(exact.pressure, "force", SMALL, exact).load_error == pytest.approx(
-        0, abs=1e-12
-    )
+    assert abs(find_errors(exact.pressure, "force", SMALL, exact).load_error) < 1e-12
     other = replace(SMALL, delta=SMALL.delta * 1.01)
     found = find_errors(exact.pressure, "force", other, exact)
     assert found.load_error == pytest.approx(0.01 / 1.01, rel=1e-9)

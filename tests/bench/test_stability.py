@@ -148,9 +148,7 @@ def test_another_pressure_is_told(wrong):
 
 def failed(asked, contact, **more):
     """Names of the findings that an answer fails by."""
-    return [
-        finding.what for finding in judge(asked, contact, **more).findings if not finding.passed
-    ]
+    return [each.what for each in judge(asked, contact, **more).findings if not each.passed]
 
 
 @pytest.mark.parametrize(

@@ -56,9 +56,7 @@ def changed(key, value):
     return content
 
 
-SPECTRAL = (
-    "samples = 3\n[surface]\ngenerator = 'spectral'\nroll_off = 90.0\nnodes = 20\nside = 90.0\n"
-)
+SPECTRAL = "samples = 3\n[surface]\ngenerator = 'spectral'\nroll_off = 90\nnodes = 20\nside = 90\n"
 PRESSURE = "samples = 3\n[load]\nquantity = 'pressure'\n"
 PIECES = "one or more { share = ..., range = [low, high] }, their shares sum to 1"
 BAD_SCENES = [

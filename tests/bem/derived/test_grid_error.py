@@ -19,9 +19,7 @@ def fractal(nodes, hurst, seed):
 @pytest.mark.parametrize("nodes", [16, 17, 23, 24, 40])
 def test_the_coarser_grid_reads_the_same_surface(boundary, nodes):
     """Waves far from the grid's own are the same wherever they are read."""
-    problem = pose(
-        np.zeros((nodes, nodes + 1)), (2.0, 3.0), force=0.1, delta=None, boundary=boundary
-    )
+    problem = pose(np.zeros((nodes, nodes + 1)), (2.0, 3.0), None, force=0.1, boundary=boundary)
 
     def surface(shape, spacing):
         ends = 0.5 if boundary == "mirror" else 0.0

@@ -179,9 +179,7 @@ def test_loads_that_are_not_solved_are_named_and_cost_no_others(
         run(name, "--pressure", "500:600:3", ends=2)
         assert re.search(r"s0.npy: 600 MPa: residual .* after", capsys.readouterr().err)
     one = table("few.csv")
-    lost = [
-        each for each in np.geomspace(1, 3000, 9) if not np.isclose(each, one.pressure_MPa).any()
-    ]
+    lost = [p for p in np.geomspace(1, 3000, 9) if not np.isclose(p, one.pressure_MPa).any()]
     assert 0 < len(lost) < 9
     for each in lost:
         assert any(f"{each:.6g} MPa: residual" in line for line in lines)

@@ -129,9 +129,7 @@ def test_a_load_that_is_not_solved_is_named_and_costs_no_others(surface, capsys)
     warned = [line for line in capsys.readouterr().err.splitlines() if "not solved" in line]
     table = pd.read_csv("few.csv")
     assert 0 < len(warned) == 6 - len(table) < 6
-    lost = [
-        each for each in np.geomspace(1, 30000, 6) if not np.isclose(each, table.pressure_MPa).any()
-    ]
+    lost = [p for p in np.geomspace(1, 30000, 6) if not np.isclose(p, table.pressure_MPa).any()]
     for each, line in zip(lost, warned, strict=True):
         assert line.startswith(f"warning: not solved, left out: {each:.6g} MPa: residual")
     assert table.warnings.str.contains("not solved, left out").all()
@@ -229,9 +227,7 @@ def test_the_area_in_the_continuum_stands_beside_the_count_of_nodes(tmp_path, mo
     assert cli.main([*given, "--pressure", "300", "--csv", "one.csv"]) == 0
     lines = [line.split() for line in capsys.readouterr().out.splitlines()]
     (area,) = (line for line in lines if line[:4] == ["area", "in", "the", "continuum"])
-    expected = bem.solve(
-        np.load("waves.npy"), 1000.0, pressure=300.0, modulus=1e4, boundary="periodic"
-    )
+    expected = bem.solve(np.load("waves.npy"), 1e3, pressure=300, modulus=1e4, boundary="periodic")
     bar = expected.grid_error().area_percent
     assert float(area[6]) == pytest.approx(bar, rel=0.06)
     assert float(area[4]) == pytest.approx(expected.continuum_area_percent, abs=bar / 10)

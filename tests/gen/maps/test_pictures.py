@@ -161,9 +161,8 @@ def test_predictions_over_decades_have_logarithmic_axes_and_none_is_lost(truth, 
     assert panel.get_xlim()[0] < truth.min() < truth.max() < panel.get_xlim()[1]
     draw_parity(panel, truth, np.array([-1e9, truth[1], 1e9]), label="model", ls="none")
     drawn = panel.lines[-1]
-    np.testing.assert_allclose(
-        drawn.get_ydata(), [panel.get_ylim()[0], truth[1], panel.get_ylim()[1]]
-    )
+    low, high = panel.get_ylim()
+    np.testing.assert_allclose(drawn.get_ydata(), [low, truth[1], high])
     assert drawn.get_label() == "model\n2 beyond the axes"
 
 

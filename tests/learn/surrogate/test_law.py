@@ -180,9 +180,8 @@ def test_what_follows_from_predictions_is_withheld_outside_the_training(work, ca
     behaviour, _, _ = Path("law-abaqus.inp").read_text().partition("*GAP")
     lines = [line.split(",")[0] for line in behaviour.splitlines() if not line.startswith("*")]
     assert set(lines) - {"0"} <= kept
-    assert re.search(
-        rf"define ASPERITY_LAW_PRESSURES {len(kept | {'0'})}\b", Path("law.h").read_text()
-    )
+    told = f"define ASPERITY_LAW_PRESSURES {len(kept | {'0'})}"
+    assert re.search(rf"{told}\b", Path("law.h").read_text())
     for path in Path().glob("law*"):
         path.unlink()
     capsys.readouterr()
