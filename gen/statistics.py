@@ -204,10 +204,7 @@ def refuse_masked(name: str, given: Any) -> None:
 
 
 def _normalised(heights: Values) -> tuple[Values, float, float]:
-    """Scale heights by a power of two, exactly, to a range between 0.5 and 1, keeping their offset.
-
-    Return them, the unit [um], and the spacing of numbers at the largest height [unit].
-    """
+    """Return heights scaled by a power of two, the unit [um], and the spacing of numbers there."""
     if heights.ndim != 2 or min(heights.shape) < 2:
         raise InputError(f"heights of shape {heights.shape}: give 2-D heights, 2 x 2 nodes or more")
     if heights.dtype.kind not in "buif":

@@ -158,11 +158,7 @@ def _before_gap(high: Values, share: float, least: float) -> int:
 
 
 def common_threshold(found: Sequence[Spikes]) -> float | None:
-    """Choose one threshold for several maps, None if none has a spike.
-
-    It is in the middle between all surfaces and all spikes, of logarithms. Where no number parts
-    them it is just below the nearest spike, and some nodes of other maps are taken for spikes.
-    """
+    """Choose a threshold between all surfaces and spikes, or just below the nearest spike."""
     nearest = min((each.nearest for each in found), default=math.inf)
     if math.isinf(nearest):
         return None
@@ -290,11 +286,7 @@ COARSE = 4.0  # spacing over the median one from which maps are left out, howeve
 
 
 def common_spacing(spacings: Sequence[Sides]) -> float | None:
-    """Choose the spacing that all maps are resampled to [um]; None if all have the same.
-
-    It is the one that the share `FINE` of the maps have or are finer than, without those that are
-    coarser than `COARSE` times the median: coarser maps cannot gain detail and are left out.
-    """
+    """Choose the spacing [um] that `FINE` of the maps reach, None if all have the same."""
     first = spacings[0]
     if all(is_same(*pair) for each in spacings for pair in zip(each, first, strict=True)):
         return None

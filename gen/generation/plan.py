@@ -117,11 +117,7 @@ def _drawn(
     per: int = 1,
     before: int = 0,
 ) -> Values:
-    """Draw the numbers of the items start to stop - 1 in [0, 1), shape (stop - start, per).
-
-    `chunk` items share a stream, whose key is their chunk's number followed by `key`, so that none
-    is a surface's; `before` numbers of each stream belong to something else.
-    """
+    """Draw `per` numbers in [0, 1) for each item from streams of `chunk` items, past `before`."""
     uniform = np.empty((stop - start, per))
     begin = start
     while begin < stop:

@@ -291,12 +291,7 @@ def _possible(
 def _contacts(
     order: Order, surface: LawSurface, bodies: Bodies, load: Load, loads: Values, *, judged: bool
 ) -> Iterator[tuple[dict[str, float], float, str, str, tuple[float, float, int] | None]]:
-    """Solve the law of one surface at ascending loads, and yield for each load what is known.
-
-    That are the quantities, none where the solver did not converge, the error of the area by the
-    grid, NaN where it is not known, why there is no contact, why the error is not known, and what
-    `contact_warnings` takes.
-    """
+    """Yield quantities, the error of the grid, two faults, and what warnings take at each load."""
     settings = {"modulus": bodies.e_star, "hardness": bodies.hardness, **surface.settings}
     compliance = surface.patch_compliance(bodies.e_star)
     nominal = math.prod(surface.spacing) * surface.heights.size

@@ -248,10 +248,7 @@ def _for_calculix(pressures: Values, closures: Values) -> tuple[Values, Values]:
 
 
 def _cubic(pressures: Values, closures: Values) -> tuple[Values, Values, Values]:
-    """Return closures, pressures, and relative curvatures of a law at `FINE` points an interval.
-
-    Up to the first load, where nothing was computed, the law is a straight line.
-    """
+    """Return closures, pressures and curvatures of a law, straight up to its first load."""
     from scipy.interpolate import PchipInterpolator
 
     last = closures.size - 1

@@ -337,11 +337,7 @@ class Tiling:
 
 
 def _cut(nodes: int, width: int) -> list[Shape]:
-    """Cut an axis into tiles at least twice as wide as a window if that leaves two of them.
-
-    A shorter axis has two narrower ones, so that one can train and the other test, and one that
-    does not hold two windows side by side is one tile.
-    """
+    """Cut an axis into tiles twice as wide as a window, or two narrower ones, or a single one."""
     if nodes < width:  # `gen.maps.library` says it in words
         raise ValueError(f"an axis of {nodes} nodes holds no window of {width}")
     count = max(nodes // (WIDE * width), min(FEWEST, nodes // width))

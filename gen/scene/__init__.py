@@ -1,32 +1,16 @@
 """Scenes: the TOML files that describe a database, read and checked in this one room."""
 
-from gen.generators import DisplacedSurface, PythonSurface, ScanSurface
-from gen.scene.faults import differences
-from gen.scene.scene import (
-    ALL_COLUMNS,
-    Scene,
-    columns_for,
-    load,
-    parameter_columns,
-    preset_names,
-    require_own_names,
-    row_bytes,
-)
-from gen.scene.tables import Piece, Store
-
-__all__ = [
-    "ALL_COLUMNS",
-    "DisplacedSurface",
-    "Piece",
-    "PythonSurface",
-    "ScanSurface",
-    "Scene",
-    "Store",
-    "columns_for",
-    "differences",
-    "load",
-    "parameter_columns",
-    "preset_names",
-    "require_own_names",
-    "row_bytes",
-]
+from gen.generators import DisplacedSurface as DisplacedSurface
+from gen.generators import PythonSurface as PythonSurface
+from gen.generators import ScanSurface as ScanSurface
+from gen.scene.faults import differences as differences
+from gen.scene.scene import ALL_COLUMNS as ALL_COLUMNS
+from gen.scene.scene import Scene as Scene
+from gen.scene.scene import columns_for as columns_for
+from gen.scene.scene import load as load
+from gen.scene.scene import parameter_columns as parameter_columns
+from gen.scene.scene import preset_names as preset_names
+from gen.scene.scene import require_own_names as require_own_names
+from gen.scene.scene import row_bytes as row_bytes
+from gen.scene.tables import Piece as Piece
+from gen.scene.tables import Store as Store
