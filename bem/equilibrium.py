@@ -28,17 +28,17 @@ FEW_NODES = 250
 
 # Nodes a side from which on a solve starts from a loose solve on a coarser grid, and the tolerance
 # of that one. Under the mean pressure below, over E* times the rms slope, or at the Delta below,
-# over the mean depth of the surface, that pays from more nodes on: 1 % of some 500 nodes a side in
-# contact would take a fifth more time (`python -m bench growth`).
+# over the mean depth of the surface, little comes into contact and it pays from more nodes on (seen
+# on diamond-square surfaces of 512 and 513 nodes a side).
 NESTED, NESTED_FAINT, NESTED_RTOL = 500, 1000, 6e-2
 FAINT_PRESSURE, FAINT_DELTA = 4e-3, 0.6
 
-# Share of the Delta of full contact up to which a coarser grid is told by it: beyond, the coarser
-# grid may be full already.
+# The coarser grid is solved up to this share of its own largest Delta, that of full contact or
+# Delta*: it has no equilibrium beyond it, where the finer one still may.
 NESTED_BELOW = 0.9999
 
-# Share of the largest set worth factorising from which on no first step is taken: a step of a patch
-# without edges gains less, and the sets of a ladder change little.
+# Contact set up to which no first step is taken before dense algebra, as a share of the largest one
+# worth factorising: on free patches from a first guess, and else, where a step gains less.
 ENOUGH_FREE, ENOUGH = 0.5, 0.9
 
 # Mean pressure, over E* times the rms slope, up to which a start on the highest nodes of a patch

@@ -205,15 +205,15 @@ def _agreed_sides(
 def sides_from(text: str, asked: Asked = "option") -> Sides:
     """Return the scan lengths along x and y [um] from "1000" or "1000,500".
 
-    Raises InputError if the text is anything else, or a length is not above 0.
+    Raises InputError if the text is anything else, or a length is not within `MAGNITUDES`.
     """
     with suppress(ValueError):
         lengths = [float(part) for part in text.split(",")]
         if len(lengths) in {1, 2} and all(MAGNITUDES[0] < each < MAGNITUDES[1] for each in lengths):
             return lengths[0], lengths[-1]
     raise InputError(
-        f"{said('side', asked)} {text!r}: give the scan length in um, a number above 0, or two as"
-        " 1000,500"
+        f"{said('side', asked)} {text!r}: give the scan length in um, a number from"
+        f" {MAGNITUDES[0]:g} to {MAGNITUDES[1]:g}, or two as 1000,500"
     )
 
 

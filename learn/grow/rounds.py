@@ -110,62 +110,54 @@ def grow(
     InputError is raised if the input cannot be used, or the budget is too small for a first
     surrogate.
     """
-    path = order.request.databases[0]
+    path, per_surface = order.request.databases[0], scene.samples_per_surface
     whole = completed(scene, path.parent, rehearsed=True)
-    known = results(whole, order.request.load or "delta")
+    with database.lock(path):
+        _refuse_others(order, whole)
+        wanted = max(stock(path).length, min(size(0, per_surface), order.most))
+        last, errors = None, dict[int, dict[str, Accuracy]]()
+        while True:
+            rows = generate(path, whole, wanted, executor, pace, stopping)
+            began, found, fault = time.monotonic(), None, "no fit has ended"
+            if last is not None and rows == last.rows and not stopping():
+                return Growth("budget", last)  # it does not suffice for another row
+            try:
+                if not stopping():
+                    until = time.time() + pace.left
+                    found = look(order, rows, errors, executor, say, stopping, until)
+            except InputError as error:
+                if last is not None or rows >= order.most or rows >= size(PATIENT, per_surface):
+                    raise
+                fault = str(error)
+            last, pace.look = found or last, (max(rows, 1), time.monotonic() - began)
+            ending = "interrupted" if stopping() else _ending(order, rows, last, pace)
+            if last is None and ending == "budget":
+                raise InputError(
+                    f"the budget sufficed for {rows} rows, but for no surrogate ({fault}); the same"
+                    " command goes on"
+                )
+            if ending is not None:
+                return Growth(ending, last)
+            if last is None:
+                say(f"{rows} rows are too few: {fault}")
+            wanted = min(size(size_with(rows + 1, per_surface), per_surface), order.most)
+
+
+def _refuse_others(order: Order, scene: Scene) -> None:
+    """Refuse targets that the scene does not store, and a database of another scene."""
+    path, known = order.request.databases[0], results(scene, order.request.load or "delta")
     for target in order.request.targets:
         if TARGETS.get(target, target) not in known:
             names = ", ".join(short_name(column) for column in known)
             raise InputError(f"--target {target!r}: the scene stores {names}")
-    with database.lock(path):
-        if path.exists():  # refuse another scene, also where the database has rows enough
-            with Reader(path) as reader:
-                different = differences(reader.scene, whole)
-            if different:
-                raise InputError(
-                    f"{path} holds another scene ({'; '.join(different)}); give another --output,"
-                    " or the file's own scene"
-                )
-        return _rounds(order, whole, executor, pace, say, stopping)
-
-
-def _rounds(
-    order: Order,
-    scene: Scene,
-    executor: Executor,
-    pace: Pace,
-    say: Callable[[str], None],
-    stopping: Callable[[], bool],
-) -> Growth:
-    """Go on until there is a reason to end; the caller holds the lock of the database."""
-    path, per_surface = order.request.databases[0], scene.samples_per_surface
-    wanted = max(stock(path).length, min(size(0, per_surface), order.most))
-    last, errors = None, dict[int, dict[str, Accuracy]]()
-    while True:
-        rows = generate(path, scene, wanted, executor, pace, stopping)
-        began, found, fault = time.monotonic(), None, "no fit has ended"
-        if last is not None and rows == last.rows and not stopping():
-            return Growth("budget", last)  # it does not suffice for another row
-        try:
-            if not stopping():
-                until = time.time() + pace.left
-                found = look(order, rows, errors, executor, say, stopping, until)
-        except InputError as error:
-            if last is not None or rows >= order.most or rows >= size(PATIENT, per_surface):
-                raise
-            fault = str(error)
-        last, pace.look = found or last, (max(rows, 1), time.monotonic() - began)
-        ending = "interrupted" if stopping() else _ending(order, rows, last, pace)
-        if last is None and ending == "budget":
+    if path.exists():  # also where it has rows enough
+        with Reader(path) as reader:
+            different = differences(reader.scene, scene)
+        if different:
             raise InputError(
-                f"the budget sufficed for {rows} rows, but for no surrogate ({fault}); the same"
-                " command goes on"
+                f"{path} holds another scene ({'; '.join(different)}); give another --output,"
+                " or the file's own scene"
             )
-        if ending is not None:
-            return Growth(ending, last)
-        if last is None:
-            say(f"{rows} rows are too few: {fault}")
-        wanted = min(size(size_with(rows + 1, per_surface), per_surface), order.most)
 
 
 def _ending(order: Order, rows: int, last: Look | None, pace: Pace) -> Ending | None:
