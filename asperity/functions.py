@@ -142,6 +142,7 @@ class Function(ABC):
         job_id: object = None,
         num_procs: object = None,
         experiment_dir: object = None,
+        experiment_name: object = None,
         **numbers: ArrayLike,
     ) -> Values:
         """Answer one question, or one for each element of arrays.
@@ -154,7 +155,7 @@ class Function(ABC):
             Nodes a side, the fidelity; those of the scene if left out.
         seed : int, optional
             Seed of the surfaces; that of the scene if left out.
-        job_id, num_procs, experiment_dir : object
+        job_id, num_procs, experiment_dir, experiment_name : object
             What drivers of many jobs pass along; ignored.
         **numbers : float or array
             A value for each of `names`: parameters of the surface, load, hardness [MPa].

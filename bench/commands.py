@@ -15,6 +15,7 @@ from gen.runtime import command_line
 from gen.runtime.errors import InputError
 from gen.runtime.figure import new_figure
 from gen.runtime.files import check_folder
+from gen.runtime.terminal import echo
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None)
 
@@ -70,10 +71,10 @@ def run(
 
     inputs, chosen = Inputs(output, database, comparison, full), names or ()
     if plan:
-        typer.echo(running.planned(inputs, chosen))
+        _print(running.planned(inputs, chosen))
         return 0
     path, outcome = running.run(inputs, chosen)
-    typer.echo(path)
+    echo(str(path))
     if outcome.signal:
         remark("bench: interrupted; the same command goes on")
         return 128 + outcome.signal
@@ -95,7 +96,7 @@ def page(
 
     if not folder.is_dir():
         raise InputError(f"{folder} is not a folder; `python -m bench run -o {folder}` makes one")
-    typer.echo(write_page(PARTS, Inputs(folder, None, comparison, full)))
+    echo(str(write_page(PARTS, Inputs(folder, None, comparison, full))))
 
 
 @app.command()
@@ -114,7 +115,7 @@ def publish(
     from bench.record import Inputs
 
     for path in copy(PARTS, Inputs(folder, None, comparison, full=True), target):
-        typer.echo(path)
+        echo(str(path))
 
 
 def add(part: Part) -> None:
@@ -130,7 +131,7 @@ def add(part: Part) -> None:
         report = found if isinstance(found, Report) else Report({part.name: found})
         _tell(part, report)
         for path in report.write(output, part.contents) if output is not None else ():
-            typer.echo(path)
+            echo(str(path))
         return 0 if report.passed or not part.judges else 1
 
     place = inspect.Parameter("output", KEYWORD, annotation=Folder)
@@ -184,9 +185,15 @@ def _tell(part: Part, report: Report) -> None:
         if f"{name}.csv" in shown and lines and len(lines) <= LONGEST:
             columns = shown[f"{name}.csv"].get("columns", list(lines[0]))
             texts = ([cell("" if r[c] is None else str(r[c])).text for c in columns] for r in lines)
-            typer.echo(f"{markdown(columns, texts)}\n")
+            _print(f"{markdown(columns, texts)}\n\n")
     if report.text:
-        typer.echo(report.text)
+        _print(report.text)
+
+
+def _print(text: str) -> None:
+    """Print a text of several lines."""
+    for line in text.splitlines():
+        echo(line)
 
 
 for _part in PARTS:

@@ -11,16 +11,15 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import typer
-
 from bench.contents import Content, contents_of
 from bench.files import Row, read_toml, write_rows
 from gen.runtime.files import make_folder
+from gen.runtime.terminal import echo
 
 
 def remark(line: str) -> None:
     """Print a line to standard error: how far a report is."""
-    typer.echo(line, err=True)
+    echo(line, err=True)
 
 
 @dataclass(frozen=True, eq=False)

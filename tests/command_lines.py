@@ -160,6 +160,12 @@ def commands(program: str) -> dict[str, Any]:
     return dict(group.commands)
 
 
+def good(program: str) -> dict[str, list[str]]:
+    """The good command line of every command of a program."""
+    known = COMMANDS[program].items()
+    return {name: [name, *map(_right, command.good.split())] for name, command in known}
+
+
 def cases(program: str) -> Iterator[tuple[list[str], str]]:
     """All bad command lines of a program, and a word that the line which refuses them has to hold.
 

@@ -241,6 +241,11 @@ def test_the_commit_is_that_of_the_checkout():
     assert installation.git_commit() == asked.stdout.strip()
 
 
+def test_the_page_on_installing_names_the_wheel_of_this_version():
+    named = re.findall(r"asperity-(\S+?)-py3-none-any\.whl", text("docs/install.md"))
+    assert named == [VERSION]
+
+
 def test_the_recipe_asks_for_what_the_package_asks_for():
     recipe = (ROOT / "recipe" / "recipe.yaml").read_text(encoding="utf-8")
     assert f'version: "{VERSION}"' in recipe

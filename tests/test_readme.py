@@ -37,6 +37,22 @@ def test_links_lead_somewhere(page):
             assert heading in anchors(path.relative_to(ROOT).as_posix()), link
 
 
+PATH = re.compile(
+    r"(?<![\w./-])(?:\.ci|asperity|bem|bench|docs|examples|gen|learn|recipe|slurm|tests)/[\w./-]+\w"
+)
+"""A file or folder of a clone."""
+
+NOT_THERE = {"docs/_build/html", "bench/reports/NAME.toml"}
+"""What is made, or stands for several files."""
+
+
+@pytest.mark.parametrize("page", [*PAGES, "CONTRIBUTING.md"])
+def test_paths_that_a_page_names_are_there(page):
+    quoted = re.findall(r"`([^`\n]+)`", (ROOT / page).read_text(encoding="utf-8"))
+    named = {path for words in quoted for path in PATH.findall(words)} - NOT_THERE
+    assert not [path for path in named if not (ROOT / path).exists()]
+
+
 def test_the_scenes_shown_are_scenes():
     shown = [Scene.parse(text, "a page") for text in codes("toml")]
     assert [scene.samples for scene in shown] == [2000, 3000, 300, 200]

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from gen.runtime.errors import InputError
 from gen.runtime.files import require_file
+from gen.runtime.terminal import to_type
 from gen.scene import Scene, columns_for, differences
 from gen.schema import (
     DRAWN_NAMES,
@@ -190,7 +191,13 @@ def checked(
             )
         if missing := [name for name in (*TEXTS, *NUMBERS) if name not in attributes]:
             raise ValueError(f"it lacks the attribute {missing[0]!r}")
-        scene = Scene.from_text(str(attributes["scene"]), str(path))
+        try:
+            scene = Scene.from_text(str(attributes["scene"]), str(path))
+        except InputError as error:
+            raise InputError(
+                f"{error}: this version makes no such scene; change it, and make the database anew:"
+                f" {to_type('gen run SCENE -o NEW.h5')}"
+            ) from None
         own = (attributes["scene_hash"], attributes["samples"])
         if own != (scene.fingerprint(), scene.samples):
             raise ValueError("its scene is not the one that it was made with")
@@ -207,7 +214,8 @@ def checked(
     if physics != PHYSICS and not force:
         raise InputError(
             f"{path} holds results of physics {physics}, this version computes physics {PHYSICS}; "
-            "give another name, or --force to have rows of both in one file"
+            f"give another name to make it anew, or have rows of both in one file by"
+            f" {to_type('gen run')} --force"
         )
     return scene
 

@@ -21,7 +21,7 @@ import typer
 
 from gen.runtime import VERSION, farm, memory
 from gen.runtime.errors import InputError
-from gen.runtime.terminal import drop, echo, put, to_type
+from gen.runtime.terminal import LOST, drop, echo, put, to_type
 
 CommandLineError: Any = typer.BadParameter.__mro__[2]
 """Base class of typer's errors about a command line; typer has moved it twice."""
@@ -170,6 +170,7 @@ def main(
     docs/compatibility.md.
     """
     world = farm.World()
+    LOST.clear()
     try:
         code, message = 0, ""
         try:
@@ -188,7 +189,7 @@ def main(
                 with _built(app).make_context(name, list(arguments)) as context:
                     returned = context.command.invoke(context)
                 code = returned if isinstance(returned, int) else 0
-                put("", sys.stdout)  # so that errors of what is left of the output are raised here
+            put("", sys.stdout, last=True)
         except (Exception, SystemExit, KeyboardInterrupt) as error:
             code, message = _end_after(error, name)
         if world.is_master and message:

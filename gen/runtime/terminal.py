@@ -25,6 +25,9 @@ RENEWAL = 0.1  # least time between two states of a line of progress on a termin
 CLEAR = "\r\x1b[K"  # what empties a terminal's line
 COMMAND = "asperity"  # name of the installed command, under which all programs run too
 
+LOST: list[OSError] = []
+"""Errors of standard output since the command began."""
+
 
 def printable(text: str) -> str:
     """Replace characters that control, end lines or turn the direction of writing by ?."""
@@ -67,10 +70,11 @@ def print_columns(
     print_table(table)
 
 
-def put(text: str, stream: Any) -> None:
+def put(text: str, stream: Any, *, last: bool = False) -> None:
     """Write a text without strangers' control characters on a standard stream, if there is one.
 
-    Errors of standard error are ignored; those of standard output are raised with its name.
+    Errors of standard error are ignored. The first one of standard output is raised by the `last`
+    call of a command, so that it writes its files although nobody reads what it prints any more.
     """
     if stream is None:
         return
@@ -80,7 +84,9 @@ def put(text: str, stream: Any) -> None:
     except OSError as error:
         drop(stream)
         if stream is not sys.stderr:
-            raise OSError(error.errno, error.strerror, OUTPUT) from None
+            LOST.append(OSError(error.errno, error.strerror, OUTPUT))
+    if last and LOST:
+        raise LOST[0]
 
 
 def drop(stream: Any) -> None:

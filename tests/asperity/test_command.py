@@ -1,15 +1,24 @@
 """The command `asperity`, alone and under mpiexec: what it runs, refuses, completes."""
 
+import contextlib
+import io
+import shutil
 import sys
 from importlib.util import find_spec
 from pathlib import Path
 
+import command_lines
+import numpy as np
 import pytest
 from launch import ended, environment, launch, mpiexec, python
 
 import asperity
 from asperity import command
+from bench import __main__ as bench
+from gen import cli as gen
 from gen.runtime import VERSION
+from gen.surface import generate
+from learn import cli as learn
 
 ALONE = [
     ("", "asperity: Missing command. (see asperity --help)"),
@@ -60,6 +69,68 @@ def test_messages_name_commands_as_they_were_typed(typed, tmp_path):
     assert typed("gen run scene.toml -o rows.h5")[0] == 0
     _, _, errors = typed("learn predict rows.h5 rows.npy --side 9 --delta 1")
     assert "it is a database: asperity learn fit makes" in errors
+
+
+PROGRAMS = {"gen": gen, "learn": learn, "bench": bench}
+BRIEF = {
+    "compare": "--model decision-tree",
+    "tune": "--model kernel-ridge --budget 3s",
+    "importance": "--model decision-tree",
+    "grow": "--nmae 900 --rows 60",
+}
+"""Options with which commands take a second or two."""
+
+LINES = {
+    f"{program}-{name}": f"{program} {' '.join(line)} {BRIEF.get(name, '')}"
+    for program in command_lines.COMMANDS
+    for name, line in command_lines.good(program).items()
+}
+LINES |= {
+    "gen-scene": "gen scene map.npy --side 500 -o new.toml",
+    "learn-law": "learn law good.s good.npy --side 9 --delta 1:2:3 --csv new",
+    "bench-hertz": "bench hertz -o new-folder",
+}
+
+
+class Unread(io.StringIO):
+    """A stream whose reader has ended."""
+
+    def write(self, text):
+        if text:
+            raise BrokenPipeError(32, "Broken pipe")
+
+
+@pytest.fixture(scope="module")
+def inputs(tmp_path_factory):
+    """A folder with a good file of each kind."""
+    folder = tmp_path_factory.mktemp("inputs")
+    command_lines.prepare(folder)
+    (folder / "pipe").unlink()
+    (folder / "socket").unlink()
+    np.save(folder / "map.npy", generate("midpoint", 129, 0.7, 5.0, np.random.default_rng(0)))
+    names = {"new": "good.s", "new-folder": "comparison", "new.h5": "good.h5"}
+    with contextlib.chdir(folder):
+        for name in ("gen-run", "learn-fit", "learn-compare"):
+            program, *line = (names.get(word, word) for word in LINES[name].split())
+            assert PROGRAMS[program].main(line) == 0
+    return folder
+
+
+@pytest.mark.few(4)
+@pytest.mark.parametrize("name", LINES)
+def test_a_command_whose_reader_has_ended_writes_all_its_files(
+    inputs, name, tmp_path, monkeypatch, capsys
+):
+    """As in `asperity gen describe map.npy --csv table.csv | head -1`, which lost the table."""
+    program, *line = LINES[name].split()
+    files = {}
+    for output in (sys.stdout, Unread()):
+        folder = shutil.copytree(inputs, tmp_path / str(len(files)), symlinks=True)
+        monkeypatch.chdir(folder)
+        monkeypatch.setattr(sys, "stdout", output)
+        assert PROGRAMS[program].main(line) == (141 if files else 0), capsys.readouterr().err
+        files[folder.name] = {each.relative_to(folder) for each in folder.rglob("*")}
+    assert files["0"] == files["1"]
 
 
 def installed(*words):

@@ -37,7 +37,7 @@ def test_the_solver_is_a_function_of_what_a_scene_draws():
     outputs = "delta", "area_percent", "stiffness", "hydraulic_aperture_x", "mean_gap"
     function = asperity.SceneFunction(scene, outputs)
     assert (function.names, function.outputs) == (("hurst", "sigma0", "delta"), outputs)
-    found = function(**POINT, delta=9.0, surface=3, nodes=33, job_id=7, experiment_dir="here")
+    found = function(**POINT, delta=9.0, surface=3, nodes=33)
     asked = scene.with_parameters(POINT, nodes=33)
     contact = solve_contact(asked, surface_numbered(asked, 3), 9.0)
     aperture = contact.flow().aperture
@@ -46,9 +46,14 @@ def test_the_solver_is_a_function_of_what_a_scene_draws():
     many = function(hurst=[0.6, 0.7], sigma0=12.0, delta=[[9.0], [3.0]], surface=[0, 3], nodes=33)
     assert many.shape == (2, 2, 5)
     assert many[0, 1].tolist() == list(of)
-    assert {"job_id", "num_procs", "experiment_dir"} <= inspect.signature(
-        function
-    ).parameters.keys()
+
+
+def test_what_drivers_pass_along_changes_nothing():
+    """As QUEENS does where a function takes further keywords, which it finds out in this way."""
+    function = partial(asperity.SceneFunction("quick"), **POINT, nodes=9)
+    assert inspect.getfullargspec(function).varkw
+    passed = {"job_id": 7, "num_procs": 2, "experiment_dir": "here", "experiment_name": "first"}
+    assert function(delta=np.float64(9.0), **passed).tolist() == function(delta=9.0).tolist()
 
 
 def test_wrong_questions_are_refused():

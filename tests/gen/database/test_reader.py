@@ -1,5 +1,8 @@
 """The reader: columns, ranges, and other programs that read the same file."""
 
+import json
+
+import h5py
 import numpy as np
 import pytest
 from databases import PHYSICS, block, filled, raise_physics, small
@@ -77,12 +80,26 @@ def test_other_layout_is_refused(path, monkeypatch):
             opening(path)
 
 
+def test_a_scene_that_no_version_makes_any_more_says_how_the_database_is_made_anew(path):
+    """As with `store.corrected_area_percent` of 1.0.0rc1."""
+    create(path, small())
+    with h5py.File(path, "r+") as file:
+        scene = json.loads(file.attrs["scene"])
+        scene["store"]["corrected_area_percent"] = True
+        text = json.dumps(scene, sort_keys=True).encode()
+        file.attrs.create("scene", text, dtype=h5py.string_dtype("utf-8", len(text)))
+    known = "the closest known key is store.continuum_area_percent"
+    with pytest.raises(InputError, match=rf"{known}: .* make the database anew: .* gen run SCENE"):
+        Reader(path)
+
+
 def test_other_physics_is_refused_unless_forced(path, monkeypatch):
     create(path, small())
     before = path.read_bytes()
     raise_physics(monkeypatch)
     now, later = f"physics {PHYSICS}", f"physics {PHYSICS + 1}"
-    with pytest.raises(InputError, match=f"{now}, this version computes {later}"):
+    told = rf"{now}, this version computes {later}; give another name .* gen run --force"
+    with pytest.raises(InputError, match=told):
         open_or_create(path, small())
     with pytest.raises(InputError, match="physics"):
         Writer(path, small())
