@@ -20,24 +20,15 @@ from numpy.typing import ArrayLike
 import bem
 from gen.arrays import Heights, Values
 from gen.distribution import is_drawn
-from gen.generation.sample import (
-    ANSWERS,
-    FURTHER_ANSWERS,
-    OPTIONAL_ANSWERS,
-    completed,
-    load_of,
-    solve_contact,
-    surface_numbered,
-)
+from gen.generation.sample import ANSWERS, completed, load_of, solve_contact, surface_numbered
+from gen.generators.function import PythonSurface
+from gen.generators.scans import ScanSurface
 from gen.runtime.errors import InputError
 from gen.runtime.user_code import TRUSTED
-from gen.scene import PythonSurface, ScanSurface, Scene, load
+from gen.scene import Scene, load
 
 OUTPUTS = ("area_percent", "force", "delta")
-KNOWN = (
-    *OUTPUTS,
-    *sorted({*ANSWERS, *OPTIONAL_ANSWERS, *FURTHER_ANSWERS} - {*OUTPUTS, "pressure"}),
-)
+KNOWN = (*OUTPUTS, *sorted(ANSWERS.keys() - {*OUTPUTS, "pressure"}))
 """Outputs that the solver may be asked for: columns that have one number of each contact."""
 
 STEP = 1e-4
@@ -279,12 +270,7 @@ class SceneFunction(Function):
         """Solve one contact problem."""
         contact, _ = self._solved(numbers, where)
         try:
-            return [
-                float(FURTHER_ANSWERS[name](contact))
-                if name in FURTHER_ANSWERS
-                else float(getattr(contact, name))
-                for name in self.outputs
-            ]
+            return [float(ANSWERS[name](contact)) for name in self.outputs]
         except ArithmeticError as error:
             raise Unsolved(str(error)) from None
 

@@ -33,7 +33,7 @@ from bench.files import Row
 from bench.report import remark
 from gen import database
 from gen.arrays import Columns
-from gen.generation.run import Block, Target, blocks_of, generate_database, opened
+from gen.generation.run import Block, blocks_of, generate_database, opened
 from gen.generation.sample import compute_rows
 from gen.runtime import farm
 from gen.runtime.errors import InputError
@@ -189,32 +189,40 @@ def time_writers(spec: Spec, path: Path, world: farm.World) -> Seconds:
     template = template_of(spec.scene, blocks)
     for number in range(spec.rounds):
         for writer in writers[:: (-1) ** number]:  # A B B A: drifts cancel
-            target = Target(path, spec.scene, parallel=writer == "parallel")
             if world.is_master:
-                target.path.unlink(missing_ok=True)
-                database.create(target.path, target.scene)
+                path.unlink(missing_ok=True)
+                database.create(path, spec.scene)
             world.broadcast(None)
-            seconds[writer].append(write(target, blocks, template, world))
+            own = writer == "parallel"
+            seconds[writer].append(write(path, spec.scene, blocks, template, world, parallel=own))
             if world.is_master:
                 require_rows(path, blocks, template)
     return seconds
 
 
-def write(target: Target, blocks: Sequence[Block], template: Columns, world: farm.World) -> float:
+def write(
+    path: Path,
+    scene: Scene,
+    blocks: Sequence[Block],
+    template: Columns,
+    world: farm.World,
+    *,
+    parallel: bool = False,
+) -> float:
     """Write the rows of a template into a file that is there; every process has to call it.
 
     Return the time from the first task to the closed file [s].
     """
-    with opened(target, world) as writer:
+    with opened(path, scene, world, parallel=parallel) as writer:
 
         def work(block: Block) -> Any:
             rows = {name: values[: block[1] - block[0]] for name, values in template.items()}
-            if writer is not None and target.parallel:
+            if writer is not None and parallel:
                 writer.write_block(*block, rows)
-            return rows["status"] if target.parallel else rows
+            return rows["status"] if parallel else rows
 
         def take(block: Block, result: Any) -> None:
-            if writer is not None and not target.parallel:
+            if writer is not None and not parallel:
                 writer.write_block(*block, result)
 
         world.broadcast(None)

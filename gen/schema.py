@@ -7,7 +7,8 @@ Lengths are in um, pressures in MPa, forces in uN.
 import math
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Literal
+from functools import partial
+from typing import Any, Literal
 
 SCHEMA = 1  # number of the file layout: a file of another layout is refused
 
@@ -102,46 +103,41 @@ class Column:
         return int(self.dtype[1:]) * math.prod(self.shape(1, grid))
 
 
-def _statistic(name: str, unit: str, long_name: str, lowest: float, highest: float) -> Column:
-    """Make the column of one of the 22 statistics, with its range in Table 1."""
-    return Column(name, "f8", unit, long_name, paper_range=(lowest, highest))
-
-
 # The 22 statistics in the paper's order. Which kurtosis is Pearson's (normal: 3) and which is the
 # excess (normal: 0) is what the table's ranges show; the names say it, as the paper does not.
-TABLE_1 = (
-    _statistic("peak_mean", "um", "mean height of profile peaks", 8.20, 47.51),
-    _statistic("peak_rms", "um", "standard deviation of profile peak heights", 2.54, 15.49),
-    _statistic("peak_kurtosis_pearson", "1", "Pearson kurtosis of peak heights", 1.56, 7.13),
-    _statistic("peak_skewness", "1", "skewness of profile peak heights", -1.34, 1.36),
-    _statistic("peak_density", "1", "profile peaks per node and direction", 0.19, 0.27),
-    _statistic("peak_curvature_mean", "um-1", "mean curvature of profile peaks", 0.015, 0.066),
-    _statistic(
-        "peak_curvature_kurtosis_excess", "1", "excess kurtosis of peak curvatures", -0.07, 5.35
-    ),
-    _statistic("peak_curvature_skewness", "1", "skewness of peak curvatures", 0.55, 1.15),
-    _statistic("bandwidth_x", "1", "Nayak's bandwidth parameter along x", 4.06, 46.19),
-    _statistic("bandwidth_y", "1", "Nayak's bandwidth parameter along y", 4.19, 48.52),
-    _statistic("asperity_mean", "um", "mean height of asperities", 8.54, 48.18),
-    _statistic("asperity_rms", "um", "standard deviation of asperity heights", 2.56, 15.60),
-    _statistic("asperity_kurtosis_excess", "1", "excess kurtosis of asperity heights", -1.45, 4.26),
-    _statistic("asperity_skewness", "1", "skewness of asperity heights", -1.34, 1.48),
-    _statistic("asperity_density", "1", "asperities per node", 0.08, 0.13),
-    _statistic("asperity_curvature_mean", "um-1", "mean curvature of asperities", 0.017, 0.072),
-    _statistic(
-        "asperity_curvature_rms", "um-1", "standard deviation of asperity curvatures", 0.007, 0.031
-    ),
-    _statistic(
+_STATISTICS = (
+    ("peak_mean", "um", "mean height of profile peaks", 8.20, 47.51),
+    ("peak_rms", "um", "standard deviation of profile peak heights", 2.54, 15.49),
+    ("peak_kurtosis_pearson", "1", "Pearson kurtosis of peak heights", 1.56, 7.13),
+    ("peak_skewness", "1", "skewness of profile peak heights", -1.34, 1.36),
+    ("peak_density", "1", "profile peaks per node and direction", 0.19, 0.27),
+    ("peak_curvature_mean", "um-1", "mean curvature of profile peaks", 0.015, 0.066),
+    ("peak_curvature_kurtosis_excess", "1", "excess kurtosis of peak curvatures", -0.07, 5.35),
+    ("peak_curvature_skewness", "1", "skewness of peak curvatures", 0.55, 1.15),
+    ("bandwidth_x", "1", "Nayak's bandwidth parameter along x", 4.06, 46.19),
+    ("bandwidth_y", "1", "Nayak's bandwidth parameter along y", 4.19, 48.52),
+    ("asperity_mean", "um", "mean height of asperities", 8.54, 48.18),
+    ("asperity_rms", "um", "standard deviation of asperity heights", 2.56, 15.60),
+    ("asperity_kurtosis_excess", "1", "excess kurtosis of asperity heights", -1.45, 4.26),
+    ("asperity_skewness", "1", "skewness of asperity heights", -1.34, 1.48),
+    ("asperity_density", "1", "asperities per node", 0.08, 0.13),
+    ("asperity_curvature_mean", "um-1", "mean curvature of asperities", 0.017, 0.072),
+    ("asperity_curvature_rms", "um-1", "standard deviation of asperity curvatures", 0.007, 0.031),
+    (
         "asperity_curvature_kurtosis_pearson",
         "1",
         "Pearson kurtosis of asperity curvatures",
         2.81,
         15.14,
     ),
-    _statistic("asperity_curvature_skewness", "1", "skewness of asperity curvatures", 0.41, 1.6),
-    _statistic("height_mean", "um", "mean height of the surface", 7.71, 45.36),
-    _statistic("height_max", "um", "largest height of the surface", 16.36, 79.25),
-    _statistic("height_rms", "um", "standard deviation of the surface's heights", 2.62, 15.55),
+    ("asperity_curvature_skewness", "1", "skewness of asperity curvatures", 0.41, 1.6),
+    ("height_mean", "um", "mean height of the surface", 7.71, 45.36),
+    ("height_max", "um", "largest height of the surface", 16.36, 79.25),
+    ("height_rms", "um", "standard deviation of the surface's heights", 2.62, 15.55),
+)
+TABLE_1 = tuple(
+    Column(name, "f8", unit, long_name, paper_range=(low, high))
+    for name, unit, long_name, low, high in _STATISTICS
 )
 
 DRAWN_NAMES = {"rms_height": "drawn_rms_height", "rms_slope": "drawn_rms_slope"}
@@ -152,30 +148,23 @@ STATUS = Column("status", "u1", "1", "0 pending, 1 done, 2 failed; written last"
 REASON = Column("reason", "u1", "1", "why the sample failed, or lacks statistics: a code")
 
 
-def _stored(
-    name: str,
-    unit: str,
-    long_name: str,
-    bounds: tuple[float, float] = (-math.inf, math.inf),
-    *,
-    dtype: str = "f8",
-    shape_of: Literal["", "nodes"] = "",
-) -> Column:
+def _stored(name: str, dtype: str, unit: str, long_name: str, **more: Any) -> Column:
     """Make the column of a quantity that is stored if the scene's `[store]` asks for it."""
-    key = f"`store.{name}`"
-    return Column(name, dtype, unit, long_name, shape_of=shape_of, optional=key, bounds=bounds)
+    return Column(name, dtype, unit, long_name, optional=f"`store.{name}`", **more)
 
 
-def _runtime(name: str, dtype: str, unit: str, long_name: str) -> Column:
-    """Make a column that differs from run to run."""
-    return Column(name, dtype, unit, long_name, RUNTIME, deterministic=False)
-
-
+_runtime = partial(Column, group=RUNTIME, deterministic=False)  # a column of every run's own
 _LOAD = "load in the unit of the scene's quantity"
+_DELTA = "far-field displacement Delta"
+_HARDNESS = "hardness of the softer body"
+_AREA = "effective contact area"
 _FORCE = "normal force at the scene's modulus (1 uN = 1 MPa um2)"
 _STIFFNESS = "stiffness of unloading, infinite at full contact without edges"
 _INTERFACE = "the same without the patch's own compliance, infinite at full contact"
+_YIELDED = "share of nodes at the hardness"
+_LARGEST = "share of the contact area in the largest spot"
 _CONNECTS = "opposite sides that contact connects: 0 none, 1 along x, 2 along y, 3 both"
+_GAP_CONNECTS = "opposite sides that the gap connects, in the same way"
 _APERTURE = "distance of plates with the same flow along {} as the gap, 0 where it seals"
 _CONTINUUM = "contact area in the continuum: less what the grid adds along its borders"
 
@@ -184,54 +173,30 @@ COLUMNS: tuple[Column, ...] = (
     REASON,
     Column("surface", "i8", "1", "index of the surface, shared by its samples"),
     Column("load", "f8", "1", _LOAD, optional="a `[load]` other than Delta"),
-    Column(
-        "delta",
-        "f8",
-        "um",
-        "far-field displacement Delta",
-        paper_range=(5.0, 45.0),
-        bounds=AMOUNT,
-    ),
-    Column(
-        "hardness",
-        "f8",
-        "MPa",
-        "hardness of the softer body",
-        optional="a range of `contact.hardness`",
-    ),
+    Column("delta", "f8", "um", _DELTA, paper_range=(5.0, 45.0), bounds=AMOUNT),
+    Column("hardness", "f8", "MPa", _HARDNESS, optional="a range of `contact.hardness`"),
     *TABLE_1,
-    Column(
-        "area_percent", "f8", "%", "effective contact area", paper_range=(0.01, 16.56), bounds=SHARE
-    ),
+    Column("area_percent", "f8", "%", _AREA, paper_range=(0.01, 16.56), bounds=SHARE),
     Column("force", "f8", "uN", _FORCE, bounds=AMOUNT),
     Column("contact_nodes", "i4", "1", "nodes under pressure", bounds=AMOUNT),
-    Column(
-        "yielded_percent",
-        "f8",
-        "%",
-        "share of nodes at the hardness",
-        optional="`contact.hardness`",
-        bounds=SHARE,
-    ),
+    Column("yielded_percent", "f8", "%", _YIELDED, optional="`contact.hardness`", bounds=SHARE),
     Column("iterations", "i4", "1", "iterations of the solver"),
     Column("convolutions", "i4", "1", "applications of the influence operator"),
     Column("residual", "f8", "1", "relative residual of the solution"),
-    _stored("mean_gap", "um", "mean gap over all nodes", AMOUNT),
-    _stored("largest_pressure", "MPa", "largest pressure", AMOUNT),
-    _stored("perimeter", "um", "length of the contact's edges", AMOUNT),
-    _stored("stiffness", "N/m", _STIFFNESS, AMOUNT),
-    _stored("interface_stiffness", "N/m", _INTERFACE, AMOUNT),
-    _stored("contact_spots", "1", "spots of contact", AMOUNT, dtype="i4"),
-    _stored("largest_spot_percent", "%", "share of the contact area in the largest spot", SHARE),
-    _stored("contact_connects", "1", _CONNECTS, dtype="u1"),
-    _stored(
-        "gap_connects", "1", "opposite sides that the gap connects, in the same way", dtype="u1"
-    ),
-    _stored("continuum_area_percent", "%", _CONTINUUM, SHARE),
-    _stored("hydraulic_aperture_x", "um", _APERTURE.format("x"), AMOUNT),
-    _stored("hydraulic_aperture_y", "um", _APERTURE.format("y"), AMOUNT),
-    _stored("heights", "um", "surface heights", shape_of="nodes"),
-    _stored("pressure", "MPa", "contact pressure", shape_of="nodes"),
+    _stored("mean_gap", "f8", "um", "mean gap over all nodes", bounds=AMOUNT),
+    _stored("largest_pressure", "f8", "MPa", "largest pressure", bounds=AMOUNT),
+    _stored("perimeter", "f8", "um", "length of the contact's edges", bounds=AMOUNT),
+    _stored("stiffness", "f8", "N/m", _STIFFNESS, bounds=AMOUNT),
+    _stored("interface_stiffness", "f8", "N/m", _INTERFACE, bounds=AMOUNT),
+    _stored("contact_spots", "i4", "1", "spots of contact", bounds=AMOUNT),
+    _stored("largest_spot_percent", "f8", "%", _LARGEST, bounds=SHARE),
+    _stored("contact_connects", "u1", "1", _CONNECTS),
+    _stored("gap_connects", "u1", "1", _GAP_CONNECTS),
+    _stored("continuum_area_percent", "f8", "%", _CONTINUUM, bounds=SHARE),
+    _stored("hydraulic_aperture_x", "f8", "um", _APERTURE.format("x"), bounds=AMOUNT),
+    _stored("hydraulic_aperture_y", "f8", "um", _APERTURE.format("y"), bounds=AMOUNT),
+    _stored("heights", "f8", "um", "surface heights", shape_of="nodes"),
+    _stored("pressure", "f8", "MPa", "contact pressure", shape_of="nodes"),
     # "s", not "seconds": xarray would turn the word into a time difference.
     _runtime("surface_seconds", "f8", "s", "time for the surface"),
     _runtime("solve_seconds", "f8", "s", "time for the contact problem"),

@@ -126,11 +126,21 @@ def generate_spectral(
         If the grid is too coarse for the cut-off, the sides hold no wave, or not exactly one rms
         value of 0 or more is given.
     """
+    if (rms_height is None) == (rms_slope is None):
+        raise InputError("give either an rms height or an rms slope")
+    name, rms = ("height", rms_height) if rms_slope is None else ("slope", rms_slope)
+    if rms is None or not 0.0 <= rms < math.inf:
+        raise InputError(f"rms {name} {rms}: give 0 or more")
     sides = side if isinstance(side, tuple) else (side, side)
     qx, qy = _wavevectors(shape, sides, spectrum)
     half = spectrum.density(qx[: len(qx) // 2 + 1], qy)
-    density = np.concatenate((half, half[:0:-1]))  # the same along -x
-    powers = _scaled(density, qx, qy, rms_height, rms_slope)
+    powers = np.concatenate((half, half[:0:-1]))  # the same along -x
+    powers[len(half) :, 0] = 0.0  # opposites of the first half of the column qy = 0
+    powers[0, 0] = 0.0
+    total = float((powers if rms_slope is None else powers * (qx**2 + qy**2)).sum())
+    if not total:
+        raise InputError("no wave between the cut-off and the sides: give a shorter cut-off")
+    powers *= rms**2 / total  # mean square height of each wave, (2 kx + 1, ky + 1) [um^2]
     phases = random.uniform(0.0, 2 * math.pi, powers.shape)
     return _synthesis(np.sqrt(powers / 2), phases, shape)
 
@@ -159,25 +169,6 @@ def _wavevectors(
     qx = 2 * math.pi / sides[0] * np.fft.ifftshift(np.arange(-kx, kx + 1)).reshape(-1, 1)
     qy = 2 * math.pi / sides[1] * np.arange(ky + 1).reshape(1, -1)
     return np.asarray(qx, dtype=np.float64), np.asarray(qy, dtype=np.float64)
-
-
-def _scaled(
-    density: Values, qx: Values, qy: Values, rms_height: float | None, rms_slope: float | None
-) -> Values:
-    """Return the mean square height of each wave, (2 kx + 1, ky + 1) [um^2]."""
-    powers = density.copy()  # of the column qy = 0 the second half are opposites of the first
-    powers[len(powers) // 2 + 1 :, 0] = 0.0
-    powers[0, 0] = 0.0
-    if (rms_height is None) == (rms_slope is None):
-        raise InputError("give either an rms height or an rms slope")
-    name, rms = ("height", rms_height) if rms_slope is None else ("slope", rms_slope)
-    if rms is None or not 0.0 <= rms < math.inf:
-        raise InputError(f"rms {name} {rms}: give 0 or more")
-    squares = powers if rms_slope is None else powers * (qx**2 + qy**2)
-    total = float(squares.sum())
-    if not total:
-        raise InputError("no wave between the cut-off and the sides: give a shorter cut-off")
-    return np.asarray(powers * (rms**2 / total))
 
 
 def _synthesis(amplitudes: Values, phases: Values, shape: tuple[int, int]) -> Heights:

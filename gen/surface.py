@@ -78,10 +78,8 @@ class GeneratedSurface(Table):
     """Parameters that every scene of this generator may draw, by their keys."""
 
     PLACES: ClassVar[Mapping[str, str]] = {}
-    """Columns that say where a surface was taken from, with their meanings."""
-
-    WINDOWS: ClassVar[bool] = False
-    """Whether surfaces are pieces of larger ones: without edges, and with loads of their own."""
+    """Columns that say where in a larger surface each one was cut out, with their meanings; such
+    pieces have no edges, and loads of their own."""
 
     # Without the key the other body is flat.
     against: Literal["another"] | None = Field(

@@ -21,7 +21,7 @@ from gen.schema import REASONS, TABLE_1, Column, Reason, Status
 from learn.executor import Executor
 from learn.features import FeatureSet, chosen
 from learn.features.scene import BY_FORCE, SCENE, given_values, load_of
-from learn.features.sets import Rows, limits_of, modulus
+from learn.features.sets import Rows, limits_of
 from learn.split import MAP, TILE, Population, populations_of, related
 
 INPUTS: tuple[str, ...] = ("delta", *(column.name for column in TABLE_1))
@@ -180,7 +180,8 @@ def read(
         _require_compatible(found, scaled=wanted.scaled)
     if wanted.load == "pressure" and wanted.name != SCENE:
         for place, part in enumerate(found):
-            numbers = part.numbers.under(part.numbers.given["pressure"], modulus(part.scene))
+            pressures, e_star = part.numbers.given["pressure"], part.scene.contact.e_star
+            numbers = part.numbers.under(pressures, e_star)
             inputs = np.column_stack([numbers.delta, part.inputs[:, 1:]])
             found[place] = part._replace(inputs=inputs, numbers=numbers)
     if wanted.needs_surface:
@@ -212,7 +213,7 @@ def _read_stored(path: Path, targets: Sequence[str], load: str, scenic: bool) ->
         inputs = np.stack([reader.column(name) for name in INPUTS], axis=1)
         ratio: Values | float | None = None
         if (limits := limits_of([scene])) is not None:
-            ratio = reader.column("hardness") / modulus(scene) if drawn else limits[0]
+            ratio = reader.column("hardness") / scene.contact.e_star if drawn else limits[0]
         size = math.sqrt(math.prod(scene.grid.sides)), ratio, math.sqrt(math.prod(scene.grid.shape))
         given = given_values(scene, reader.column) if scenic else {}
         return Stored(
@@ -251,7 +252,7 @@ def _usable(
         reasons = _reasons_against(part, made, decide, wanted.name, area_max)
         dropped.update(reasons[reasons != ""].tolist())
         kept = np.flatnonzero(reasons == "")
-        scale = wanted.scale(column.name, part.numbers, modulus(part.scene))[kept]
+        scale = wanted.scale(column.name, part.numbers, part.scene.contact.e_star)[kept]
         target, inputs = values[number], part.inputs
         arrays.append((made[kept], target[kept] / scale, part.rows[kept], inputs[kept], scale))
         drawn = [part.columns[name] for name in ("hardness",) if name in part.columns]
@@ -367,7 +368,7 @@ def _must_agree(scene: Scene, *, scaled: bool) -> dict[str, Any]:
         common |= {
             "contact.hardness": "none" if contact.hardness_limits is None else "given",
             "surface.side": float(f"{along:.6g}"),
-            "contact.modulus / (1 - contact.poisson^2)": float(f"{modulus(scene):.9g}"),
+            "contact.modulus / (1 - contact.poisson^2)": float(f"{scene.contact.e_star:.9g}"),
         }
     return common
 

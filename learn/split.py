@@ -20,8 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Indices
+from gen.generators.scans import ScanSurface
 from gen.runtime.errors import InputError
-from gen.scene import ScanSurface, Scene
+from gen.scene import Scene
 
 if TYPE_CHECKING:
     from learn.dataset import Dataset, Stored

@@ -9,8 +9,9 @@ from launch import python
 
 from gen import cli, database, schema
 from gen.database import Writer, create
-from gen.scene import ALL_COLUMNS, DisplacedSurface, Scene, columns_for
+from gen.scene import ALL_COLUMNS, Scene, columns_for
 from gen.schema import Reason, Status
+from gen.surface import DisplacedSurface
 
 
 def deterministic_bytes(path: Path) -> dict[str, bytes]:

@@ -78,10 +78,10 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
         ('borders, pairs[:, 0], side="right")', 'borders, pairs[:, 1], side="right")'),
     ),
     "gen/generation/sample.py": (
-        ("scene.contact.modulus, scene.contact.poisson)", "scene.contact.modulus, 0.0)"),
         ("    heights -= heights.min()\n    return heights\n", "    return heights\n"),
         ("if not np.isfinite(contact.force):", "if False:"),
     ),
+    "gen/scene/tables.py": (("(self.modulus, self.poisson)", "(self.modulus, 0.0)"),),
     "gen/statistics.py": (
         ("peaks[1].kurtosis - 3.0,", "peaks[1].kurtosis,"),
         ("(pair[0] / pair[1]) ** 2", "pair[0] / pair[1]"),

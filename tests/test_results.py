@@ -29,7 +29,7 @@ def test_every_table_stands_on_a_page_and_every_page_shows_tables_that_there_are
     assert sorted(reports) == sorted(part.name for part in PARTS)
 
 
-@pytest.mark.parametrize("name", [*TABLES, "columns"])
+@pytest.mark.parametrize("name", [*TABLES, "columns", "preparation"])
 def test_tables_of_the_pages_are_filled(name):
     """The rows come from `bench/results` when the pages are built: none is typed a second time."""
     header, rule, *rows = markdown_of(name).splitlines()

@@ -12,9 +12,9 @@ from bench.picture import COLOURS, new_figure
 from bench.report import Report
 from gen.arrays import Heights
 from gen.distribution import limits
-from gen.scene import DisplacedSurface, load
+from gen.scene import load
 from gen.statistics import describe
-from gen.surface import GENERATORS, generate
+from gen.surface import GENERATORS, DisplacedSurface, generate
 from learn import dataset, split
 from learn.dataset import Request
 from learn.metrics import scores

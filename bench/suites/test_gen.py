@@ -20,7 +20,7 @@ from bench.farm import write as write_rows
 from bench.references import exact
 from gen import database
 from gen.generation.plan import parameters
-from gen.generation.run import Target, blocks_of
+from gen.generation.run import blocks_of
 from gen.generation.sample import surface_of
 from gen.maps.library import PreparedMap, Tiling, cut, drawn, stored_maps, write_maps
 from gen.runtime import farm
@@ -37,8 +37,8 @@ def test_write_by_one(benchmark: Any, tmp_path: Path, size: str) -> None:
     """Rows with their pressure fields, to the kernel; creating the file is not timed."""
     spec, path = SPECS[size], tmp_path / "rows.h5"
     blocks = list(blocks_of(spec.scene, [(0, spec.rows)], World().workers))
-    template, target = template_of(spec.scene, blocks), Target(path, spec.scene, parallel=False)
-    arguments = (target, blocks, template, World())
+    template = template_of(spec.scene, blocks)
+    arguments = (path, spec.scene, blocks, template, World())
 
     def create() -> None:
         path.unlink(missing_ok=True)
@@ -88,16 +88,16 @@ def test_window(benchmark: BenchmarkFixture, nodes: int, tmp_path: Path) -> None
     stored = stored_maps(path, "key", verify=True)
     assert stored is not None
     (prepared,) = stored.maps
-    tiling = Tiling((heights.shape,), (nodes, nodes))
+    tiling = Tiling((heights.shape,), (nodes, nodes), square=True)
 
     def window() -> np.ndarray:
-        place = drawn(stream(5), tiling, square=True)
+        place = drawn(stream(5), tiling)
         return cut(prepared.heights, place, tiling.window)
 
     surface = benchmark(window)
     assert surface.shape == (nodes, nodes)
     assert surface.min() == 0.0
-    (x, y) = drawn(stream(5), tiling, square=True).corner
+    (x, y) = drawn(stream(5), tiling).corner
     own = heights[x : x + nodes, y : y + nodes]
     assert np.ptp(surface) == np.ptp(own)
 

@@ -27,9 +27,9 @@ from bench.report import Report, remark
 from bench.surrogates.fitting import fit, read, request_for
 from gen.arrays import Indices, Values
 from gen.database import Reader
+from gen.generators.scans import ScanSurface
 from gen.runtime.errors import InputError
 from gen.runtime.figure import draw_parity, parity_axes
-from gen.scene import ScanSurface
 from learn.dataset import Dataset
 from learn.metrics import scores
 from learn.split import FOLDS

@@ -12,7 +12,7 @@ from bench.answers import lines as answers
 from bench.record import Inputs
 from bench.report import PARTS
 from gen.commands.databases import COLUMNS
-from gen.maps.settings import markdown_table as preparation
+from gen.maps.settings import PREPARED, keys, said
 from learn.comparison.grid import LEAST_JUDGED, LIBRARY
 from learn.models import MODELS
 
@@ -635,6 +635,15 @@ TABLES = {
     ),
 }
 """The tables that a page shows by `{result} NAME`."""
+
+
+def preparation() -> str:
+    """Return the steps of the preparation of maps as a table in Markdown."""
+    lines = ["| option | what it does |", "|---|---|"]
+    for name, key in keys(PREPARED).items():
+        option = f"{said(name, 'option')} {key.metavar}".rstrip()
+        lines.append(f"| `{option}` | {key.help} |")
+    return "\n".join(lines)
 
 
 def markdown_of(name: str) -> str:

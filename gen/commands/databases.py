@@ -180,12 +180,12 @@ def export(
     The same command continues an interrupted export, and renews one of a database that has grown.
     """
     from gen.database import Reader
+    from gen.export import About
     from gen.export import export as export_to
-    from gen.export.description import About
     from gen.runtime.memory import size
 
     with Reader(file) as reader:
         about = About.of(reader, title, creator, licence, doi)
-        exported = export_to(reader, output, about)
-    left_out = f"; {exported.left_out} failed or pending" if exported.left_out else ""
-    echo(f"{output}: {exported.rows} rows{left_out}, {size(exported.size_bytes)}")
+        rows, rest, count = export_to(reader, output, about)
+    left_out = f"; {rest} failed or pending" if rest else ""
+    echo(f"{output}: {rows} rows{left_out}, {size(count)}")

@@ -10,14 +10,7 @@ import numpy as np
 
 from gen.runtime.memory import size
 from gen.runtime.terminal import echo, print_columns
-from gen.schema import (
-    PHYSICS_CHANGES,
-    REASONS,
-    RUNTIME,
-    TABLE_1,
-    Status,
-    made_by_another,
-)
+from gen.schema import PHYSICS_CHANGES, REASONS, RUNTIME, TABLE_1, Status, made_by_another
 
 if TYPE_CHECKING:  # each command imports no more than it needs
     from collections.abc import Sequence

@@ -7,13 +7,11 @@ apart by name, and a run writes only into the file that it has opened (`HeldFile
 one process, or all processes of an MPI run together; either continues the work of the other.
 """
 
-from gen.database.creation import Opened as Opened
 from gen.database.creation import create as create
 from gen.database.creation import merge as merge
 from gen.database.creation import open_or_create as open_or_create
 from gen.database.reader import Counts as Counts
 from gen.database.reader import Reader as Reader
-from gen.database.reader import is_database as is_database
 from gen.database.writer import Writer as Writer
 from gen.database.writer import coherent as coherent
 from gen.database.writer import parallel_hdf5 as parallel_hdf5

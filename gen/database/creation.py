@@ -35,13 +35,6 @@ from gen.scene import Scene, columns_for, differences, row_bytes
 from gen.schema import PART, PHYSICS, RUNTIME, SCHEMA, STATUS, Column, Status
 
 
-class Opened(NamedTuple):
-    """What `open_or_create` has done, and the number of rows of the file."""
-
-    how: Literal["created", "resumed", "extended"]
-    samples: int
-
-
 def create(path: Path, scene: Scene, rows: range | None = None) -> None:
     """Create a database of some rows, all pending; the caller holds `lock(path)`."""
     numerics = versions(("asperity", "numpy", "scipy", "pyfftw", "h5py"))
@@ -58,7 +51,7 @@ def create(path: Path, scene: Scene, rows: range | None = None) -> None:
 
 def open_or_create(
     path: Path, scene: Scene, rows: range | None = None, *, force: bool = False
-) -> Opened:
+) -> Literal["created", "resumed", "extended"]:
     """Create, resume or extend a database for a run; the caller holds `lock(path)`.
 
     A file with more rows keeps them; rows between those of a part and the wanted ones become
@@ -68,7 +61,7 @@ def open_or_create(
     wanted = range(scene.samples) if rows is None else rows
     if not path.exists():
         create(path, scene, wanted)
-        return Opened("created", len(wanted))
+        return "created"
     with HeldFile(path) as held, open_file(path, writing=force) as old:
         present = checked(old, path, scene, force=force)
         attributes = read_attributes(old)
@@ -78,11 +71,11 @@ def open_or_create(
             attributes["physics_forced"] = PHYSICS
         rows = range(min(there.start, wanted.start), max(there.stop, wanted.stop))
         if rows == there:
-            return Opened("resumed", len(there))
+            return "resumed"
         wider = scene if scene.samples > present.samples else present
         part = Part(path, old, there)
         _assemble(path, wider, rows, attributes, [part], replaced=held)
-    return Opened("extended", len(rows))
+    return "extended"
 
 
 def merge(target: Path, sources: Sequence[Path]) -> Counts:

@@ -374,12 +374,3 @@ class Reader(ExitStack):
                     float(np.fmax(high, np.fmax.reduce(values))),
                 )
         return ranges
-
-
-def is_database(path: Path) -> bool:
-    """Tell whether there is a file that is a readable database."""
-    try:
-        with Reader(path):
-            return True
-    except (OSError, InputError):
-        return False

@@ -1,25 +1,24 @@
 """Draft a scene for measured maps: survey them, choose, print, write it.
 
-`gen.draft.proposal` looks at maps, and chooses windows or a law, and loads.
+`gen.draft.proposal` looks at maps, and chooses windows or a law.
 """
 
 from __future__ import annotations
 
 import json
 import re
+import statistics
+from collections.abc import Sequence
 from pathlib import Path
 
 from gen.draft.proposal import (
     AROUND,
     EXPONENTS,
-    FEWEST_NODES,
     FORM,
-    KAPPA,
     LOADS_PER_SURFACE,
     NODES,
     SURFACES,
     Likeness,
-    Loads,
     Proposal,
     print_looks,
     propose,
@@ -38,6 +37,12 @@ from gen.runtime.terminal import RunProgress, echo, printable, to_type
 from gen.scene import Scene
 
 FEW_TILES = 10  # tiles from which the part that tests a surrogate, a fifth, holds two or more
+# nodes in contact under the smallest load; fewer count the grid rather than the area
+FEWEST_NODES = 50
+LARGEST_AREA = 0.4  # share of the patch in contact under the largest load, about
+YIELDING = 0.5  # largest mean pressure over the hardness; at 1 there is no equilibrium
+# contact area times E* rms slope over the load for light loads; the theories say 1.6 and 2.5
+KAPPA = 2.0
 
 
 def draft(
@@ -58,17 +63,17 @@ def draft(
     check_outputs([Output(output, "--output")])
     doubts: list[str] = []
     if like is not None:
-        found = propose_like(like, reading, bodies)
+        found = propose_like(like, reading)
         print_looks([found.look])
-        scene = write(output, scene_like(found, command, output))
+        scene = write(output, scene_like(found, bodies, command, output))
         made = f"self-affine surfaces like {like.name}"
         doubts += [f"{found.doubt}: windows of the map are safer"] if found.doubt else []
     else:
         paths = map_files(inputs, Path.cwd())
         with RunProgress(2 * len(paths), noun="readings") as progress:
-            proposed = propose(paths, reading, bodies, lambda: progress.advance(1, 0))
+            proposed = propose(paths, reading, lambda: progress.advance(1, 0))
         print_looks(proposed.looks)
-        scene = write(output, scene_of_windows(proposed, inputs, command, output))
+        scene = write(output, scene_of_windows(proposed, bodies, inputs, command, output))
         made = (
             f"{proposed.windows} windows of {proposed.nodes} x {proposed.nodes} nodes of"
             f" {len(proposed.used)} of {len(paths)} maps, {scene.samples} samples"
@@ -78,7 +83,9 @@ def draft(
     echo(f"wrote {output}: {made}")
 
 
-def scene_of_windows(proposal: Proposal, inputs: list[str], command: str, output: Path) -> str:
+def scene_of_windows(
+    proposal: Proposal, bodies: Bodies, inputs: list[str], command: str, output: Path
+) -> str:
     """Return a scene of windows of maps, with comments that say why it has its values."""
     nodes, tiles = proposal.nodes, proposal.tiles
     few = "\n# That is few: scores of a surrogate on them mean little." * (tiles < FEW_TILES)
@@ -119,10 +126,10 @@ nodes = {nodes}
 {spacing}
 
 {_preparation(proposal)}{reading}
-{_loads(proposal.loads, proposal.bodies)}
+{_loads(bodies, [look.rms_slope for look in proposal.used], nodes**2)}
 # A window is a piece of a larger surface: mirrored, it has no edges that carry too much. "free" is
 # for bodies that end where the map does.
-{_contact(proposal.bodies)}"""
+{_contact(bodies)}"""
 
 
 def _head(title: str, output: Path, surfaces: int, then: str = "") -> str:
@@ -189,7 +196,7 @@ level = {quoted(steps.level)}
 """
 
 
-def scene_like(likeness: Likeness, command: str, output: Path) -> str:
+def scene_like(likeness: Likeness, bodies: Bodies, command: str, output: Path) -> str:
     """Return a scene of self-affine surfaces like a map, with comments."""
     name, steps = likeness.look.path.name, likeness.reading
     taken = [f"despike {steps.despike:g}"] if steps.despike is not None else []
@@ -230,18 +237,31 @@ cut_off = {spectrum.cut_off!r}
 # (medians).{doubt}
 rms_slope = {span(rounded(likeness.slope / AROUND, 3), rounded(likeness.slope * AROUND, 3))}
 {stretch if spectrum.stretch != 1.0 else ""}
-{_loads(likeness.loads, likeness.bodies)}
+{_loads(bodies, [likeness.look.rms_slope], NODES**2)}
 # As for windows of maps. "periodic" would make each surface its own period.
-{_contact(likeness.bodies)}"""
+{_contact(bodies)}"""
 
 
-def _loads(loads: Loads, bodies: Bodies) -> str:
-    """Return the table of the loads."""
-    small, large = loads.areas
-    why = f"""\
+def _loads(bodies: Bodies, slopes: Sequence[float], nodes: int) -> str:
+    """Return the table of loads, from first contacts that the grid resolves to a large part of it.
+
+    The contact area under a mean pressure p is about KAPPA p / (E* rms slope) of an elastic
+    body, and at least p / hardness: with a hardness there are two scales, and loads are pressures.
+    """
+    smallest = min(FEWEST_NODES / nodes, LARGEST_AREA / 10)
+    if bodies.hardness is None:
+        quantity = "pressure/(E* slope_rms)"
+        low, high = rounded(smallest / KAPPA), rounded(LARGEST_AREA / KAPPA)
+        small = 100 * KAPPA * low
+        why = f"""\
 # Mean pressure over E* times the surface's rms slope: light loads bring about {KAPPA:g} times this
 # share of a surface into contact, rough or smooth, from about {small:.2g} % on."""
-    if loads.quantity == "pressure":
+    else:
+        quantity = "pressure"
+        bearing = min(bodies.hardness, bodies.e_star * statistics.median(slopes) / KAPPA)
+        low = rounded(smallest * bearing)
+        high = rounded(min(LARGEST_AREA * bearing, YIELDING * bodies.hardness))
+        small, large = 100 * low / bearing, 100 * high / bearing
         why = f"""\
 # MPa, mean pressure over the patch.
 # These loads bring about {small:.2g} to {large:.2g} % of a middling surface into contact.
@@ -249,11 +269,11 @@ def _loads(loads: Loads, bodies: Bodies) -> str:
     return f"""\
 [load]
 {why}
-quantity = {quoted(loads.quantity)}
+quantity = {quoted(quantity)}
 
 # From some {FEWEST_NODES} nodes in contact, where areas begin to be more than a count of nodes, to
 # a large part of the surface; log-uniform: small areas as often as large ones.
-range = {{ log_uniform = {span(loads.low, loads.high)} }}
+range = {{ log_uniform = {span(low, high)} }}
 
 [contact]"""
 
@@ -307,7 +327,6 @@ def write(path: Path, text: str) -> Scene:
     """Write a scene, never over another file, and return it as `gen run` reads it."""
     text = re.sub(r"\n{3,}", "\n\n", text)
     scene = Scene.parse(text, str(path))
-    require_new(path)
     with atomic(path, replace=False) as file:
         file.write(text.encode())
     if path.read_bytes() != text.encode():

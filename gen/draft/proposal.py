@@ -1,4 +1,4 @@
-"""Survey measured maps, and propose a scene for them: windows, or surfaces like one, and loads."""
+"""Survey measured maps, and propose a scene for them: windows, or surfaces like one."""
 
 from __future__ import annotations
 
@@ -19,7 +19,6 @@ from gen.maps.prepare import FLAT, MANY_SPIKES, STEEP, local_medians, prepare, t
 from gen.maps.read import Sides, Topography, in_words, read
 from gen.maps.settings import SPIKE, Reading
 from gen.maps.texture import SelfAffineFit, areal_parameters, fit_self_affine, radial_spectrum
-from gen.material import Bodies
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import print_columns
 from gen.spectral import SelfAffineSpectrum, generate_spectral
@@ -167,30 +166,24 @@ def common_threshold(found: Sequence[Spikes]) -> float | None:
     return float(f"{middle:.2g}") if surface < float(f"{middle:.2g}") < nearest else middle
 
 
-TITLES = (
-    *("map", "nodes", "spacing um", "unit", "holes %", "spikes", "tilt", "rms height um"),
-    *("rms slope", "use"),
-)
-
-
 def print_looks(looks: Sequence[MapSurvey]) -> None:
     """Print a line for each file: its content, and whether it is used or why not."""
     rows = []
     for look in looks:
-        known = [
-            f"{look.shape[0]} x {look.shape[1]}",
-            in_words(look.spacing, 4),
-            look.unit or "um?",
-            f"{100 * look.missing / max(1, math.prod(look.shape)):.2g}",
-            str(look.spikes.number) if look.spikes else "-",
-            f"{max(map(abs, look.tilt)):.2g}",
-            f"{look.rms_height:.3g}",
-            f"{look.rms_slope:.3g}",
-        ]
-        cells = [cell.replace("nan", "-") if look.shape[0] else "-" for cell in known]
+        known = {
+            "nodes": f"{look.shape[0]} x {look.shape[1]}",
+            "spacing um": in_words(look.spacing, 4),
+            "unit": look.unit or "um?",
+            "holes %": f"{100 * look.missing / max(1, math.prod(look.shape)):.2g}",
+            "spikes": str(look.spikes.number) if look.spikes else "-",
+            "tilt": f"{max(map(abs, look.tilt)):.2g}",
+            "rms height um": f"{look.rms_height:.3g}",
+            "rms slope": f"{look.rms_slope:.3g}",
+        }
+        cells = [cell.replace("nan", "-") if look.shape[0] else "-" for cell in known.values()]
         use = f"no: {look.fault}" if look.fault else "; ".join(["yes", *remarks(look)])
         rows.append([look.path.name, *cells, use])
-    print_columns(rows, TITLES, right=set(TITLES) - {"map", "unit", "use"})
+    print_columns(rows, ["map", *known, "use"], right=known.keys() - {"unit"})
 
 
 # loads of each surface: a ladder of loads on one surface costs less than as many surfaces
@@ -211,17 +204,12 @@ class Proposal:
     width: float  # length of a window along x [um]
     windows: int  # number of windows
     tiles: int  # number of tiles of the maps that are used
-    loads: Loads  # loads of the scene
-    bodies: Bodies  # elastic constants and hardness
 
 
 def propose(
-    paths: Sequence[Path],
-    reading: Reading,
-    bodies: Bodies,
-    looked: Callable[[], None] = lambda: None,
+    paths: Sequence[Path], reading: Reading, looked: Callable[[], None] = lambda: None
 ) -> Proposal:
-    """Look at maps twice, raw and prepared, and choose windows and loads."""
+    """Look at maps twice, raw and prepared, and choose windows."""
     looks = survey(paths, reading, looked)
     require_used(looks)
     spacing = common_spacing([look.spacing for look in looks if not look.fault])
@@ -247,12 +235,11 @@ def propose(
         if min(shape := look.prepared) < nodes:
             look.fault = f"{shape[0]} x {shape[1]} nodes hold no window of {nodes} x {nodes}"
     used = require_used(looks)
-    loads = choose_loads(bodies, [each.rms_slope for each in used], nodes**2)
     beside = sum(math.prod(each.prepared) for each in used) / nodes**2
     windows = 10 * round(min(max(OVERLAP * beside, WINDOWS[0]), WINDOWS[1]) / 10)
     width = nodes * (used[0].spacing[0] if spacing is None else spacing)
     tiles = Tiling(tuple(each.prepared for each in used), (nodes, nodes)).total
-    return Proposal(looks, used, reading, spacing, nodes, width, windows, tiles, loads, bodies)
+    return Proposal(looks, used, reading, spacing, nodes, width, windows, tiles)
 
 
 def require_used(looks: Sequence[MapSurvey]) -> list[MapSurvey]:
@@ -313,43 +300,6 @@ def window_nodes(shapes: Sequence[tuple[int, int]], length: float) -> int | None
     return None
 
 
-# nodes in contact under the smallest load; fewer count the grid rather than the area
-FEWEST_NODES = 50
-LARGEST_AREA = 0.4  # share of the patch in contact under the largest load, about
-YIELDING = 0.5  # largest mean pressure over the hardness; at 1 there is no equilibrium
-# contact area times E* rms slope over the load for light loads; the theories say 1.6 and 2.5
-KAPPA = 2.0
-
-
-@dataclass(frozen=True)
-class Loads:
-    """Loads of a scene, and how they were found."""
-
-    quantity: str  # {"pressure", "pressure/(E* slope_rms)"}: what is given
-    # ends of the range, [MPa] or [1]
-    low: float
-    high: float
-    # contact area expected at both ends on a surface of middling slope [%]
-    areas: tuple[float, float]
-
-
-def choose_loads(bodies: Bodies, slopes: Sequence[float], nodes: int) -> Loads:
-    """Choose loads from first contacts that the grid resolves to a large part of the patch.
-
-    The contact area under a mean pressure p is about KAPPA p / (E* rms slope) of an elastic
-    body, and at least p / hardness: with a hardness there are two scales, and loads are pressures.
-    """
-    smallest = min(FEWEST_NODES / nodes, LARGEST_AREA / 10)
-    if bodies.hardness is None:
-        low, high = rounded(smallest / KAPPA), rounded(LARGEST_AREA / KAPPA)
-        areas = 100 * KAPPA * low, 100 * KAPPA * high
-        return Loads("pressure/(E* slope_rms)", low, high, areas)
-    bearing = min(bodies.hardness, bodies.e_star * statistics.median(slopes) / KAPPA)
-    low = rounded(smallest * bearing)
-    high = rounded(min(LARGEST_AREA * bearing, YIELDING * bodies.hardness))
-    return Loads("pressure", low, high, (100 * low / bearing, 100 * high / bearing))
-
-
 def rounded(value: float, digits: int = 2) -> float:
     """Round a number to some significant digits."""
     return float(f"{value:.{digits}g}")
@@ -385,11 +335,9 @@ class Likeness:
     windows: tuple[float, float]
     height: float  # rms height of the generated surfaces, median [um]
     doubt: str  # why the surfaces are not like the map, "" if they are
-    loads: Loads  # loads of the scene
-    bodies: Bodies  # elastic constants and hardness
 
 
-def propose_like(path: Path, reading: Reading, bodies: Bodies) -> Likeness:
+def propose_like(path: Path, reading: Reading) -> Likeness:
     """Fit a self-affine law to a map, and generate a few surfaces to see how like they are."""
     [look] = require_used(survey([path], reading))
     reading = with_steps(reading, [look])
@@ -426,19 +374,8 @@ def propose_like(path: Path, reading: Reading, bodies: Bodies) -> Likeness:
         doubt = f"rms heights of generated surfaces are off the map's by a factor of {off:.2g}"
     elif fit.scatter > UNLIKE:
         doubt = f"the map's spectrum is off the law by a factor of {fit.scatter:.2g}"
-    return Likeness(
-        look=look,
-        reading=reading,
-        fit=fit,
-        spectrum=spectrum,
-        step=step,
-        slope=rounded(slope, 3),
-        windows=windows,
-        height=height,
-        doubt=doubt,
-        loads=choose_loads(bodies, [look.rms_slope], NODES**2),
-        bodies=bodies,
-    )
+    slope = rounded(slope, 3)
+    return Likeness(look, reading, fit, spectrum, step, slope, windows, height, doubt)
 
 
 def _stretch(topography: Topography) -> float:

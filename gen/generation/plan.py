@@ -26,7 +26,6 @@ from numpy.typing import NDArray
 from gen.arrays import Columns, Values
 from gen.distribution import log_within, quantiles
 from gen.scene import Scene
-from gen.scene.tables import Quantity
 from gen.schema import DRAWN_NAMES
 
 CHUNK = 65_536  # surfaces that share a stream: one a row would take minutes for millions of rows
@@ -40,7 +39,6 @@ class Parameters:
     surface: NDArray[np.int64]  # index of the row's surface
     drawn: dict[str, Values]  # parameters of that surface by their names, as "hurst"
     load: Values  # in the scene's quantity, one of `gen.scene.tables.UNITS`
-    quantity: Quantity
     hardness: Values | None = None  # of the softer body [MPa]; None for elastic bodies
     first: int = 0  # number of the first row
     places: dict[str, NDArray[np.int32]] = field(default_factory=dict)  # of the row's surface
@@ -77,14 +75,11 @@ def parameters(scene: Scene, start: int, stop: int) -> Parameters:
         else:
             uniform = draw((3, zlib.crc32(name.encode())))[:, 0]
         drawn[name] = quantiles(distribution, uniform)[surface - first]
-    taken = {}
-    if scene.surface.PLACES:
-        taken = scene.surface.places(surface_random(scene, each) for each in range(first, last))
+    taken = scene.surface.places(surface_random(scene, each) for each in range(first, last))
     return Parameters(
         surface=surface,
         drawn=drawn,
         load=load,
-        quantity=scene.quantity,
         hardness=_hardness(scene, start, stop) if scene.contact.hardness_limits else None,
         first=start,
         places={name: values[surface - first] for name, values in taken.items()},
@@ -95,7 +90,7 @@ def planned_columns(scene: Scene, plan: Parameters) -> Columns:
     """Return the columns of a scene's database that its plan decides."""
     drawn = {DRAWN_NAMES.get(name, name): values for name, values in plan.drawn.items()}
     columns: Columns = {"surface": plan.surface, **drawn, **plan.places}
-    columns["delta" if plan.quantity == "delta" else "load"] = plan.load
+    columns["delta" if scene.quantity == "delta" else "load"] = plan.load
     if plan.hardness is not None and scene.contact.draws_hardness:
         columns["hardness"] = plan.hardness
     return columns

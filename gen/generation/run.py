@@ -45,23 +45,15 @@ class RunResult(NamedTuple):
     overdue: int = 0  # rows left pending because they took longer than the limit
 
 
-class Target(NamedTuple):
-    """The file to write and its writer: the master's decision, the same on every process."""
-
-    path: Path
-    scene: Scene  # of the file
-    parallel: bool  # whether every worker writes its own rows
-    force: bool = False  # whether rows may be added to those of another physics number
-
-
-def opened(target: Target, world: farm.World) -> AbstractContextManager[Writer | None]:
-    """Open the file of a run where rows are written: on the master, or on all processes."""
-    if not (target.parallel or world.is_master):  # other workers need no HDF5
+def opened(
+    path: Path, scene: Scene, world: farm.World, *, parallel: bool, force: bool = False
+) -> AbstractContextManager[Writer | None]:
+    """Open the file of a run where rows are written: on the master, or in parallel everywhere."""
+    if not (parallel or world.is_master):  # other workers need no HDF5
         return nullcontext()
     from gen.database import Writer
 
-    together = world.communicator if target.parallel else None
-    return Writer(target.path, target.scene, together, force=target.force)
+    return Writer(path, scene, world.communicator if parallel else None, force=force)
 
 
 def in_parallel(choice: Choice, path: Path, world: farm.World) -> bool:
@@ -104,24 +96,24 @@ def generate_database(
                 scene, path, world, choice, rows, retry_failed=retry_failed, force=force
             )
             job, pending, said = stack.enter_context(settings)
-        target: Target = world.broadcast(job)
+        own, parallel = world.broadcast(job)  # the file's scene, and whether every worker writes
 
         # If all processes have opened the file, all of them have to close it: between here and the
         # farm the master does nothing that can fail.
         with ExitStack() as inner:
-            writer = inner.enter_context(opened(target, world))
+            writer = inner.enter_context(opened(path, own, world, parallel=parallel, force=force))
 
             def work(block: Block) -> Columns:
-                target.scene.surface.make_ready(target.path.parent, verify=False)
-                made = compute_rows(target.scene, *block, rank=world.rank, limit=limit)
-                if not target.parallel or writer is None:
+                own.surface.make_ready(path.parent, verify=False)
+                made = compute_rows(own, *block, rank=world.rank, limit=limit)
+                if not parallel or writer is None:
                     return made
                 writer.write_block(*block, made)
                 return {"status": made["status"]}
 
             def take(block: Block, made: Columns) -> None:
                 nonlocal overdue
-                if not target.parallel and writer is not None:
+                if not parallel and writer is not None:
                     writer.write_block(*block, made)
                 late = int(np.count_nonzero(made["status"] == Status.PENDING))
                 failed = int(np.count_nonzero(made["status"] == Status.FAILED))
@@ -133,7 +125,7 @@ def generate_database(
                 progress = inner.enter_context(RunProgress(sum(b - a for a, b in pending)))
                 for line in said:
                     progress.say(line)
-                blocks = blocks_of(target.scene, pending, world.workers)
+                blocks = blocks_of(own, pending, world.workers)
             farm.run(work, blocks, take, world, stopping=lambda: interruption.signal != 0)
             if job is not None and writer is not None:
                 writer.confirm()
@@ -157,7 +149,7 @@ def _prepared(
     *,
     retry_failed: bool,
     force: bool,
-) -> Iterator[tuple[Target, list[Block], list[str]]]:
+) -> Iterator[tuple[tuple[Scene, bool], list[Block], list[str]]]:
     """Lock the file, create or check it, and find its pending rows and what there is to say."""
     from gen import database
 
@@ -170,9 +162,9 @@ def _prepared(
             f" {asked_for.samples}, as 0:{asked_for.samples}"
         )
     with database.lock(path):
-        opened = database.open_or_create(path, asked_for, range(first, last), force=force)
+        how = database.open_or_create(path, asked_for, range(first, last), force=force)
         with database.Writer(path, asked_for, force=force) as writer:
-            scene = writer.scene
+            scene, held = writer.scene, len(writer.rows)
             retried = writer.retry_failed(first, last) if retry_failed else 0
             pending = writer.pending(first, last)
         scene.surface.make_ready(path.parent)
@@ -180,15 +172,14 @@ def _prepared(
         again = f", {retried} failed ones among them" if retried else ""
         workers = "1 worker" if world.workers == 1 else f"{world.workers} workers"
         functions = {getattr(scene.surface, "function", None), scene.store.function} - {None}
-        begun = f"{path}: {opened.how}, {opened.samples} rows, {todo} to do{again}"
+        begun = f"{path}: {how}, {held} rows, {todo} to do{again}"
         remarks = [
             f"{begun}; {workers}, {'parallel' if parallel else 'single'} writer",
             *(f"runs {each} of {source_of(each)}" for each in sorted(map(str, functions))),
             *(f"  warning: {doubt}" for doubt in scene.contact.doubts),
         ]
-        if scene.surface.PLACES:
-            remarks += [f"  {line}" for line in scene.surface.remarks()]
-        yield Target(path, scene, parallel, force), pending, remarks
+        remarks += [f"  {line}" for line in scene.surface.remarks()]
+        yield (scene, parallel), pending, remarks
 
 
 def blocks_of(scene: Scene, pending: Sequence[Block], workers: int) -> Iterator[Block]:

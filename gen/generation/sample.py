@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from numbers import Real
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -19,31 +20,29 @@ import numpy as np
 import bem
 from gen.arrays import Columns, Heights
 from gen.generation.plan import OPPOSITE, Parameters, parameters, planned_columns, surface_random
-from gen.material import plane_strain_modulus
+from gen.generators.function import PythonSurface
 from gen.runtime.errors import InputError, SourceError
 from gen.runtime.farm import Overtime, at_most
 from gen.runtime.memory import too_little_for_solve
 from gen.runtime.user_code import faults_of, load_function, source_hash
-from gen.scene import PythonSurface, Scene, Store, columns_for, require_own_names
+from gen.scene import Scene, Store, columns_for, require_own_names
 from gen.schema import DONE_REASONS, Reason, Status
 from gen.statistics import describe, rms_slope
 
 TRIED_ROWS = 16  # rows, the first one with a solution of which shows a user's function's outputs
 Output = tuple[float, str | None]  # a value of a user's function, and its unit if given
 EFFORT = ("iterations", "convolutions", "residual")  # of a solve, converged or not
-ANSWERS = ("area_percent", "force", "contact_nodes")  # results of `bem.solve` under the same name
-
-OPTIONAL_ANSWERS = frozenset(
-    (
-        *("yielded_percent", "mean_gap", "largest_pressure", "perimeter", "pressure"),
-        *("stiffness", "interface_stiffness", "continuum_area_percent"),
-    )
-)
-"""Optional columns that are results of `bem.solve` under the same name."""
-
 SIDES = (1, 2)  # codes of opposite sides along x and y; that of both is their sum
 
-FURTHER_ANSWERS: dict[str, Callable[[bem.Contact], float]] = {
+SAME = (
+    *("area_percent", "force", "contact_nodes", "yielded_percent", "mean_gap", "largest_pressure"),
+    *("perimeter", "pressure", "stiffness", "interface_stiffness", "continuum_area_percent"),
+    "delta",
+)
+"""Columns that are results of `bem.solve` under the same name."""
+
+ANSWERS: dict[str, Callable[[bem.Contact], Any]] = {
+    **{name: attrgetter(name) for name in SAME},
     "contact_spots": lambda contact: contact.spots.number,
     "largest_spot_percent": lambda contact: 100 * contact.spots.largest_share,
     "contact_connects": lambda contact: int(np.dot(contact.spots.contact_connects, SIDES)),
@@ -51,13 +50,9 @@ FURTHER_ANSWERS: dict[str, Callable[[bem.Contact], float]] = {
     "hydraulic_aperture_x": lambda contact: contact.flow(0).aperture,
     "hydraulic_aperture_y": lambda contact: contact.flow(1).aperture,
 }
-"""Optional columns that follow from the spots of a contact, or from the flow through its gap."""
+"""Columns that follow from a contact, in the order in which a row is filled."""
 
-
-UNSOLVED = (
-    *(ArithmeticError, np.linalg.LinAlgError, InputError),
-    *(bem.NoSolution, bem.NotConverged),
-)
+UNSOLVED = (ArithmeticError, np.linalg.LinAlgError, InputError, bem.NoSolution, bem.NotConverged)
 """Exceptions of samples that have no solution."""
 
 
@@ -143,21 +138,23 @@ def solve_contact(
 
     A scene that draws its hardness needs that of the sample [MPa]. `bem.solve` may raise.
     """
-    settings = settings_of(scene, hardness)
-    return bem.solve(heights, scene.grid.sides, delta, pressure=pressure, force=force, **settings)
-
-
-def settings_of(scene: Scene, hardness: float | None) -> dict[str, Any]:
-    """Return the arguments of `bem.solve` that are not the surface, its sides and the load."""
     given = scene.contact
     if hardness is None and given.hardness_limits is not None:
         if given.draws_hardness:
             raise ValueError("every sample of this scene has a hardness of its own: give it")
         hardness = given.hardness_limits[0]
     names = ("modulus", "poisson", "kernel", "far_field", "boundary", "rtol", "max_iterations")
-    settings = {name: getattr(given, name) for name in names}
+    settings: dict[str, Any] = {name: getattr(given, name) for name in names}
+    settings |= {"delta": delta, "pressure": pressure, "force": force, "hardness": hardness}
     # The ranks of a run share the processor already: one thread.
-    return settings | {"spacing": scene.grid.spacing, "hardness": hardness, "threads": 1}
+    settings |= {"spacing": scene.grid.spacing, "threads": 1}
+    return bem.solve(heights, scene.grid.sides, **settings)
+
+
+def solve_row(scene: Scene, heights: Heights, plan: Parameters, row: int) -> bem.Contact:
+    """Solve the contact of a row of a plan, whose surface is given [um]; `bem.solve` may raise."""
+    load = load_of(scene, heights, float(plan.load[row]))
+    return solve_contact(scene, heights, hardness=plan.hardness_of(row), **load)
 
 
 def load_of(scene: Scene, heights: Heights, load: float) -> dict[str, float]:
@@ -166,8 +163,8 @@ def load_of(scene: Scene, heights: Heights, load: float) -> dict[str, float]:
         case "delta/height_rms":
             return {"delta": load * float(heights.std())}
         case "pressure/(E* slope_rms)":
-            modulus = plane_strain_modulus(scene.contact.modulus, scene.contact.poisson)
-            return {"pressure": load * modulus * rms_slope(heights, scene.grid.spacing)}
+            slope = rms_slope(heights, scene.grid.spacing)
+            return {"pressure": load * scene.contact.e_star * slope}
     return {scene.quantity: load}
 
 
@@ -201,19 +198,16 @@ def _make_surface(
 def _solve(scene: Scene, heights: Heights, plan: Parameters, rows: Columns, row: int) -> Reason:
     """Solve one contact problem and fill in its row; return the reason if that is impossible."""
     try:
-        given = settings_of(scene, plan.hardness_of(row))
-        given |= load_of(scene, heights, float(plan.load[row]))
-        contact = bem.solve(heights, scene.grid.sides, **given)
+        contact = solve_row(scene, heights, plan, row)
         for name in EFFORT:
             rows[name][row] = getattr(contact, name)
         if not np.isfinite(contact.force):
             return Reason.NOT_FINITE
         store = scene.store
         outputs = outputs_of(store, contact, plan.first + row) if store.function else {}
-        for name in (*ANSWERS, *(OPTIONAL_ANSWERS & rows.keys()), *({"delta"} - {scene.quantity})):
-            rows[name][row] = getattr(contact, name)
-        for name in FURTHER_ANSWERS.keys() & rows.keys():
-            rows[name][row] = FURTHER_ANSWERS[name](contact)
+        for name, answer in ANSWERS.items():
+            if name in rows and not name == scene.quantity == "delta":  # the plan has filled that
+                rows[name][row] = answer(contact)
         for name, value in outputs.items():
             rows[name][row] = value
         return Reason.NONE if np.isfinite(list(outputs.values())).all() else Reason.NOT_FINITE
@@ -234,9 +228,7 @@ def first_contact(scene: Scene) -> tuple[int, bem.Contact] | None:
     plan = parameters(scene, 0, TRIED_ROWS)
     for row in range(TRIED_ROWS):
         try:
-            heights = surface_of(scene, plan, row)
-            load = load_of(scene, heights, float(plan.load[row]))
-            return row, solve_contact(scene, heights, hardness=plan.hardness_of(row), **load)
+            return row, solve_row(scene, surface_of(scene, plan, row), plan, row)
         except SourceError:
             raise
         except UNSOLVED:

@@ -9,8 +9,6 @@ from gen.generators.scans import ScanSurface
 from gen.spectral import SpectralSurface
 from gen.surface import DisplacedSurface, GeneratedSurface
 
-__all__ = ["DisplacedSurface", "PythonSurface", "ScanSurface", "SpectralSurface"]
-
 GENERATORS: tuple[type[GeneratedSurface], ...] = (
     DisplacedSurface,
     SpectralSurface,

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable, Mapping
-from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeAlias
 
@@ -19,6 +18,8 @@ from pydantic_core import PydanticCustomError
 
 from gen.arrays import Heights
 from gen.distribution import Positive, Table
+from gen.maps import library
+from gen.maps.read import in_words
 from gen.maps.settings import Key, Reading, keys
 from gen.runtime.errors import InputError, SourceError
 from gen.surface import (
@@ -35,10 +36,7 @@ from gen.surface import (
     pair,
 )
 
-if TYPE_CHECKING:  # scenes of other surfaces need nothing of maps
-    from gen.maps.library import Library, Tiling, Wanted, Window
-
-_OPEN: dict[ScanSurface, Library] = {}  # prepared maps of the scenes of this process
+_OPEN: dict[ScanSurface, library.Library] = {}  # prepared maps of the scenes of this process
 
 MOST_PATTERNS = 1000  # largest number of names in the list of files
 
@@ -140,7 +138,6 @@ AnotherOrFiles = Annotated[
 class ScanSurface(GeneratedSurface):
     """Windows of measured maps."""
 
-    WINDOWS: ClassVar[bool] = True
     PLACES: ClassVar[Mapping[str, str]] = {
         "map": "index of the surface's map",
         "tile": "index of the tile of all maps, or of paired tiles",
@@ -212,8 +209,6 @@ class ScanSurface(GeneratedSurface):
 
     def _search(self, home: Path | None) -> Found:
         """Search for the maps of one body, and prepare them unless that has been done."""
-        from gen.maps import library
-
         paths = library.map_files(self.files, Path.cwd())
         sha256s = library.digests(paths)
         maps = library.prepared(paths, sha256s, self._wanted(), home)
@@ -232,8 +227,6 @@ class ScanSurface(GeneratedSurface):
         alone = self.alone()
         if alone in _OPEN and not sources:
             return
-        from gen.maps import library
-
         found = self.known()
         sha256s = [each.sha256 for each in found.maps]
         try:
@@ -253,19 +246,15 @@ class ScanSurface(GeneratedSurface):
             )
         _OPEN[alone] = maps
 
-    def _wanted(self) -> Wanted:
+    def _wanted(self) -> library.Wanted:
         """Return how the files are to be read and prepared."""
-        from gen.maps.library import Wanted
-
         spacing = None if self.spacing is None else pair(self.spacing)
         given = {**self.reading.model_dump(), **self.preparation.model_dump()}
         given = {name: value for name, value in given.items() if value is not None}
-        return Wanted(pair(self.nodes), spacing, Reading(**given, asked="key"))
+        return library.Wanted(pair(self.nodes), spacing, Reading(**given, asked="key"))
 
     def remarks(self) -> list[str]:
         """Return lines about the maps for the user of a run: numbers, place and warnings."""
-        from gen.maps.read import in_words
-
         bodies = [self.alone(), *([self.opposite()] if isinstance(self.against, tuple) else [])]
         lines = []
         for number, body in enumerate(bodies, start=1):
@@ -281,8 +270,8 @@ class ScanSurface(GeneratedSurface):
 
     def places(self, randoms: Iterable[Random]) -> dict[str, NDArray[np.int32]]:
         """Return the maps and tiles of surfaces, from the random numbers of each."""
-        groups = self.tile_groups()
-        windows = [self._window(random) for random in randoms]
+        groups, tiling = self.tile_groups(), self._tiling()
+        windows = [library.drawn(random, tiling) for random in randoms]
         return {
             "map": np.array([window.map for window in windows], dtype=np.int32),
             "tile": np.array([window.tile % groups for window in windows], dtype=np.int32),
@@ -299,50 +288,32 @@ class ScanSurface(GeneratedSurface):
 
     def heights(self, grid: Grid, surface: int, parameters: Parameters, random: Random) -> Heights:
         """Cut a window out; see `GeneratedSurface.heights`."""
-        return self._cut(self._window(random))
+        return self._cut(library.drawn(random, self._tiling()))
 
     def opposite_heights(
         self, grid: Grid, surface: int, parameters: Parameters, first: Random, random: Random
     ) -> Heights:
         """Cut the second body's window out of a tile that is paired with the first body's."""
-        from gen.maps.library import facing
-
         other, groups = self.opposite(), self.tile_groups()
         tiling = other._tiling()
-        tiles = range(self._window(first).tile % groups, tiling.total, groups)
-        return other._cut(facing(random, tiling, tiles, square=other._is_square()))
+        tile = library.drawn(first, self._tiling()).tile
+        tiles = range(tile % groups, tiling.total, groups)
+        return other._cut(library.facing(random, tiling, tiles))
 
-    def _window(self, random: Random) -> Window:
-        """Draw the window of the first body."""
-        from gen.maps.library import drawn
-
-        return drawn(random, self._tiling(), square=self._is_square())
-
-    def _cut(self, window: Window) -> Heights:
+    def _cut(self, window: library.Window) -> Heights:
         """Cut a window of the first body's maps out."""
-        from gen.maps.library import cut
-
         alone = self.alone()
         if alone not in _OPEN:
             alone.make_ready(None)
-        return cut(_OPEN[alone].maps[window.map].heights, window, pair(self.nodes))
+        heights = _OPEN[alone].maps[window.map].heights
+        return library.cut(heights, window, pair(self.nodes))
 
-    def _tiling(self) -> Tiling:
+    def _tiling(self) -> library.Tiling:
         """Return the tiles of the first body's maps."""
-        return _tiled(tuple(each.nodes for each in self.known().maps), pair(self.nodes))
-
-    def _is_square(self) -> bool:
-        """Tell whether a window has the symmetries of the square."""
-        (nx, ny), (dx, dy) = pair(self.nodes), self.known().spacing
-        return nx == ny and dx == dy
-
-
-@lru_cache(maxsize=8)
-def _tiled(shapes: tuple[tuple[int, int], ...], window: tuple[int, int]) -> Tiling:
-    """Return the tiles of maps, the same ones for every surface of a run."""
-    from gen.maps.library import Tiling
-
-    return Tiling(shapes, window)
+        (nx, ny), (dx, dy), found = pair(self.nodes), self.known().spacing, self.known()
+        return library.tiled(
+            tuple(each.nodes for each in found.maps), (nx, ny), nx == ny and dx == dy
+        )
 
 
 def _require_company(first: Found, second: Found) -> None:

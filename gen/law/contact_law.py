@@ -295,7 +295,7 @@ def _contacts(
     settings = {"modulus": bodies.e_star, "hardness": bodies.hardness, **surface.settings}
     compliance = surface.patch_compliance(bodies.e_star)
     nominal = math.prod(surface.spacing) * surface.heights.size
-    for contact, _, fault in solve_loads(surface, load, loads.tolist(), **settings):
+    for contact, fault in solve_loads(surface, load, loads.tolist(), **settings):
         if contact is None:
             yield {}, np.nan, fault, "", None
             continue

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from io import BytesIO
@@ -190,7 +190,6 @@ def nominal_area(contact: Contact) -> float:
     return contact.pressure.size * math.prod(contact.problem.spacing)
 
 
-LOADS = ("delta", "force", "pressure")
 ADVICE = "give a number, several as 1,2,5, or start:stop:count[:log]"
 
 OUTER = 0.05  # share of the lines of nodes on each side whose load is told apart
@@ -201,17 +200,9 @@ SHOWN = {"delta": "Delta = {:.6g} um", "force": "{:.6g} uN", "pressure": "{:.6g}
 YIELDING = 100
 
 
-class Solution(NamedTuple):
-    """What the solver found under one load."""
-
-    contact: Contact | None  # the contact; None if the solver did not converge
-    seconds: float  # time that it took [s]
-    fault: str = ""  # the load and why it was not solved; "" if it was
-
-
 def chosen_load(given: dict[str, str]) -> tuple[str, list[float]]:
     """Return the name and the values of the load that the user gave by one of the options."""
-    chosen = [name for name in LOADS if given[name]]
+    chosen = [name for name in SHOWN if given[name]]
     if len(chosen) != 1:
         said = " and ".join(f"--{name}" for name in chosen) or "no load"
         raise InputError(f"{said} given: give one of --delta, --force and --pressure")
@@ -221,8 +212,8 @@ def chosen_load(given: dict[str, str]) -> tuple[str, list[float]]:
 
 def solve_loads(
     topography: Topography, load: str, values: Sequence[float], **settings: Any
-) -> Iterator[Solution]:
-    """Solve the contact problem of a surface under one load after another.
+) -> Iterator[tuple[Contact | None, str]]:
+    """Solve a surface under one load after another; yield no contact but a fault if one fails.
 
     A load under which the solver does not converge costs only itself, unless none does. Raises
     InputError if a number is not allowed, there is no solution, or memory is too short.
@@ -233,24 +224,21 @@ def solve_loads(
     heights, sides = topography.heights, topography.sides
     settings["boundary"] = topography.boundary
     loads: dict[str, Any] = {f"{load}s": values}
-    contact: Contact | None
-    solved, fault = 0, ""
+    solved = 0
     try:
         if len(values) > 1:  # the largest load is refused before the first is solved
             largest: dict[str, Any] = {"delta": None, load: max(values)}
             pose(heights, sides, **largest, **settings)
         contacts = bem.ladder(heights, sides, **loads, **settings)
         for value in values:
-            began = time.perf_counter()
             try:
-                contact, fault = next(contacts), ""
+                yield next(contacts), ""
                 solved += 1
             except bem.NotConverged as error:
                 shown = f"{SHOWN[load].format(value)}: " if len(values) > 1 else ""
-                contact, fault = None, f"{shown}{error}"
                 if not solved and value == values[-1]:
-                    raise ValueError(fault) from None
-            yield Solution(contact, time.perf_counter() - began, fault)
+                    raise ValueError(f"{shown}{error}") from None
+                yield None, f"{shown}{error}"
     except ValueError as error:
         raise InputError(f"{topography.name}: {error}") from None
     except MemoryError:
@@ -259,7 +247,7 @@ def solve_loads(
 
 
 def follow(
-    solutions: Iterable[Solution], many: int, wanted: Wanted
+    solutions: Iterator[tuple[Contact | None, str]], many: int, wanted: Wanted
 ) -> tuple[list[Contact], list[str], float]:
     """Solve under many loads and show the progress, with all that is wanted of each contact.
 
@@ -269,15 +257,17 @@ def follow(
     found, faults, seconds = [], [], 0.0
     with RunProgress(many, "loads") if many > 1 else nullcontext() as progress:
         # Nothing is printed before the first contact is solved, since its load may be refused.
-        for solution in solutions:
-            seconds = solution.seconds
-            if solution.contact is None:
-                faults.append(f"not solved, left out: {solution.fault}")
+        for _ in range(many):
+            began = time.perf_counter()
+            contact, fault = next(solutions)
+            seconds = time.perf_counter() - began
+            if contact is None:
+                faults.append(f"not solved, left out: {fault}")
             else:
-                found.append(solution.contact)
-                further(solution.contact, wanted)  # computed here, kept by the contact
+                found.append(contact)
+                further(contact, wanted)  # computed here, kept by the contact
             if progress is not None:
-                progress.advance(1, solution.contact is None)
+                progress.advance(1, contact is None)
     return found, faults, seconds
 
 

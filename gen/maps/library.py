@@ -22,7 +22,7 @@ from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import accumulate, product
 from pathlib import Path
 from typing import Any
@@ -35,7 +35,7 @@ from gen.maps.prepare import prepare
 from gen.maps.read import Sides, files_in, in_words, read
 from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
-from gen.runtime.files import MAPS, atomic, kind_of
+from gen.runtime.files import MAPS, atomic
 from gen.runtime.installation import versions
 
 Shape = tuple[int, int]  # nodes along x and y
@@ -159,10 +159,7 @@ def prepared(
             )
         key = wanted.key(sha256s)
         path = home / f"asperity-{key[:16]}.maps"
-        damaged = path.exists()
-        if damaged and not (path.is_file() and kind_of(path) in {"maps", ""}):
-            raise InputError(f"{path}: is no file of prepared maps; move it away")
-        write_maps(path, key, _each(paths, wanted), replace=damaged)
+        write_maps(path, key, _each(paths, wanted), replace=path.exists())  # a damaged one
         library = stored_maps(path, key, verify=False)
         if library is None:
             raise InputError(f"{path}: was damaged while it was written; delete it and try again")
@@ -316,6 +313,7 @@ class Tiling:
 
     shapes: tuple[Shape, ...]  # nodes of each map along x and y
     window: Shape  # nodes of a window along x and y
+    square: bool = False  # whether a window has the symmetries of the square, not the rectangle's
 
     @cached_property
     def tiles(self) -> list[list[tuple[Shape, Shape]]]:
@@ -334,6 +332,9 @@ class Tiling:
     def total(self) -> int:
         """Number of tiles of all maps."""
         return self.starts[-1]
+
+
+tiled = lru_cache(maxsize=8)(Tiling)  # the same tiles for every surface of a run
 
 
 def _cut(nodes: int, width: int) -> list[Shape]:
@@ -360,21 +361,21 @@ class Window:
     symmetry: int
 
 
-def drawn(random: np.random.Generator, tiling: Tiling, *, square: bool) -> Window:
+def drawn(random: np.random.Generator, tiling: Tiling) -> Window:
     """Draw a window: all maps alike, all tiles of a map, all places in a tile, all symmetries."""
     numbers = random.random(DRAWS)
     index = _among(numbers[0], len(tiling.shapes))
     place = _among(numbers[1], len(tiling.tiles[index]))
-    return _placed(numbers[2:], tiling, tiling.starts[index] + place, square=square)
+    return _placed(numbers[2:], tiling, tiling.starts[index] + place)
 
 
-def facing(random: np.random.Generator, tiling: Tiling, tiles: range, *, square: bool) -> Window:
+def facing(random: np.random.Generator, tiling: Tiling, tiles: range) -> Window:
     """Draw the window of a second body: all tiles that may face the first one alike."""
     numbers = random.random(DRAWS)
-    return _placed(numbers[2:], tiling, tiles[_among(numbers[0], len(tiles))], square=square)
+    return _placed(numbers[2:], tiling, tiles[_among(numbers[0], len(tiles))])
 
 
-def _placed(numbers: Values, tiling: Tiling, tile: int, *, square: bool) -> Window:
+def _placed(numbers: Values, tiling: Tiling, tile: int) -> Window:
     """Turn three numbers in [0, 1) into a window of a tile: two for its place, one to turn it."""
     index = bisect_right(tiling.starts, tile) - 1
     ends = tiling.tiles[index][tile - tiling.starts[index]]
@@ -382,7 +383,7 @@ def _placed(numbers: Values, tiling: Tiling, tile: int, *, square: bool) -> Wind
         start + _among(number, stop - start - nodes + 1)
         for number, (start, stop), nodes in zip(numbers[:2], ends, tiling.window, strict=True)
     )
-    symmetry = _among(numbers[2], 2 * TRANSPOSED if square else TRANSPOSED)
+    symmetry = _among(numbers[2], 2 * TRANSPOSED if tiling.square else TRANSPOSED)
     return Window(index, tile, (x, y), symmetry)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -72,31 +72,26 @@ def contact_maps(contact: Contact, height_title: str, pressure_title: str) -> tu
     )
 
 
-def spot_maps(contact: Contact) -> tuple[Map, Map]:
-    """Return the maps of the gap, open or closed, and of the spots by size."""
-    spots, sides = contact.spots, patch_sides(contact)
-    gap = np.ma.masked_where(spots.labels > 0, contact.gap)
-    crossing = spots.open_gap.any()
-    closed = (spots.labels == 0) & ~spots.open_gap if crossing else None
+def gap_maps(contact: Contact, where: str, *, spots: bool, flow: bool) -> tuple[Map, Map]:
+    """Return two maps: of the gap, the spots by size and, by decades, the flux over its mean."""
+    found, sides = contact.spots, patch_sides(contact)
+    crossing, apart = found.open_gap.any(), found.labels == 0
     state = "connects opposite sides, closed pockets in cyan" if crossing else "connects no sides"
-    colours = np.ma.masked_where(spots.labels == 0, (spots.labels - 1.0) % COLOURS)
-    title = (
-        f"{spots.number} spots, the largest with {100 * spots.largest_share:.3g} % of the contact"
-    )
-    return (
-        Map(gap, sides, f"gap: {state}", "gap", "µm", "viridis", closed),
-        Map(colours, sides, title, "", "", "tab20"),
-    )
-
-
-def flow_map(contact: Contact) -> Map:
-    """Return the map of the flux along x over its mean, by decades."""
-    flow = contact.flow(0)
-    share = np.hypot(*flow.flux) / (flow.aperture**3 or 1.0)
+    closed = apart & ~found.open_gap if crossing else None
+    gap = np.ma.masked_where(~apart, contact.gap)
+    open_gap = Map(gap, sides, f"gap: {state}{where}", "gap", "µm", "viridis", closed)
+    title = f"{found.number} spots, the largest with {100 * found.largest_share:.3g} % of the"
+    title += f" contact{where if flow else ''}"
+    colours = np.ma.masked_where(apart, (found.labels - 1.0) % COLOURS)
+    by_size = Map(colours, sides, title, "", "", "tab20")
+    if not flow:
+        return open_gap, by_size
+    along_x = contact.flow(0)
+    share = np.hypot(*along_x.flux) / (along_x.aperture**3 or 1.0)
     decades = np.ma.log10(np.ma.masked_less(share, FAINT))
-    state = f"flow factor {flow.factor:.3g}" if flow.factor else "no flow, the contact seals"
-    title = f"flux along x: {state}"
-    return Map(decades, patch_sides(contact), title, "flux over its mean", "decades", "viridis")
+    state = f"flow factor {along_x.factor:.3g}" if along_x.factor else "no flow, the contact seals"
+    flux = Map(decades, sides, f"flux along x: {state}", "flux over its mean", "decades", "viridis")
+    return by_size if spots else open_gap, flux
 
 
 def patch_sides(contact: Contact) -> tuple[float, float]:
@@ -263,10 +258,7 @@ def draw_contacts(
         figure.supxlabel(told, fontsize=8, color="tab:red", parse_math=False)
     where = f" at {load_text(last, load)}" if law else ""
     if spots or flow:
-        first, second = spot_maps(last)
-        if flow:
-            first, second = second if spots else first, flow_map(last)
-        first = replace(first, title=f"{first.title}{where}")
+        first, second = gap_maps(last, where, spots=spots, flow=flow)
     else:
         share = f"{last.area_percent:.3g} % of {last.pressure.size} nodes"
         first, second = contact_maps(last, "heights", f"contact{where}: {share}")

@@ -163,12 +163,3 @@ class Reading(FileReading):
 def keys(table: str) -> dict[str, Key]:
     """Return the keys of a table of scenes, in the order in which they are followed."""
     return {name: key for name, key in KEYS.items() if key.table == table}
-
-
-def markdown_table() -> str:
-    """Write the steps of the preparation as a table in Markdown."""
-    lines = ["| option | what it does |", "|---|---|"]
-    for name, key in keys(PREPARED).items():
-        option = f"{said(name, 'option')} {key.metavar}".rstrip()
-        lines.append(f"| `{option}` | {key.help} |")
-    return "\n".join(lines)

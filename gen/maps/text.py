@@ -10,10 +10,9 @@ from __future__ import annotations
 import codecs
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 
@@ -22,25 +21,23 @@ from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
 
 # labels of a header, in lower case, for each quantity that we read from it
-LABELS: Mapping[str, str] = MappingProxyType(
-    {
-        "channel": "channel|channel name|display|kanál|kanal|canal|canale|チャネル|채널|канал",
-        "width": "width|x-length|x amplitude|šířka|breite|anchura|largeur|larghezza|largura"
-        "|幅|폭|ширина",
-        "height": "height|y-length|y amplitude|výška|höhe|altura|hauteur|altezza|高さ|높이|высота",
-        "value unit": "value units|z-unit|unit data|jednotky hodnot|einheiten|unités|unità valore"
-        "|unidades de valor|値の単位|값 단위|единицы измерения",
-        "x unit": "x-unit|unit x|lateral units",
-        "y unit": "y-unit|unit y",
-        "columns": "x-pixels|nx",
-        "lines": "y-pixels|ny",
-        "x spacing": "scale x",
-        "y spacing": "scale y",
-        "nm per value": "bit2nm",
-        "to be scaled": "datascaleneeded",
-        "format": "file format",
-    }
-)
+LABELS = {
+    "channel": "channel|channel name|display|kanál|kanal|canal|canale|チャネル|채널|канал",
+    "width": "width|x-length|x amplitude|šířka|breite|anchura|largeur|larghezza|largura"
+    "|幅|폭|ширина",
+    "height": "height|y-length|y amplitude|výška|höhe|altura|hauteur|altezza|高さ|높이|высота",
+    "value unit": "value units|z-unit|unit data|jednotky hodnot|einheiten|unités|unità valore"
+    "|unidades de valor|値の単位|값 단위|единицы измерения",
+    "x unit": "x-unit|unit x|lateral units",
+    "y unit": "y-unit|unit y",
+    "columns": "x-pixels|nx",
+    "lines": "y-pixels|ny",
+    "x spacing": "scale x",
+    "y spacing": "scale y",
+    "nm per value": "bit2nm",
+    "to be scaled": "datascaleneeded",
+    "format": "file format",
+}
 # quantity of each label
 MEANINGS = {word: meaning for meaning, words in LABELS.items() for word in words.split("|")}
 

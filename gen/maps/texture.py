@@ -333,7 +333,7 @@ def fit_self_affine(
     topography: Topography, spectrum: RadialSpectrum, aspect: float = math.nan
 ) -> SelfAffineFit | str:
     """Fit the self-affine law to the radial power spectrum of a surface."""
-    if reason := _without_law(topography, spectrum) or _lay(topography, aspect):
+    if reason := _without_law(topography, spectrum, aspect):
         return reason
     largest = float(spectrum.density.max())
     q = np.log(spectrum.wavenumbers)
@@ -367,9 +367,9 @@ def fit_self_affine(
     return fit if slope > 2.0 else "the spectrum is flatter than any Hurst exponent's, as of noise"
 
 
-def _without_law(topography: Topography, spectrum: RadialSpectrum) -> str:
-    """Say why a spectrum cannot be fitted, "" if it can."""
-    heights = topography.heights
+def _without_law(topography: Topography, spectrum: RadialSpectrum, aspect: float) -> str:
+    """Say why a surface has no law: no spectrum to fit, or a lay; "" if it may have one."""
+    heights, (dx, dy) = topography.heights, topography.spacing
     if np.ptp(heights) == 0.0:
         return "flat surface"
     if is_lost(heights):
@@ -378,12 +378,6 @@ def _without_law(topography: Topography, spectrum: RadialSpectrum) -> str:
         return "too few nodes: give 16 x 16 or more"
     if not 0.0 < float(spectrum.density.max()) < math.inf:
         return "its power spectrum is beyond what numbers hold"
-    return ""
-
-
-def _lay(topography: Topography, aspect: float) -> str:
-    """Say that a surface is directional, "" if it is not."""
-    heights, (dx, dy) = topography.heights, topography.spacing
     along_x, along_y = np.diff(heights, axis=0) / dx, np.diff(heights, axis=1) / dy
     at_cells = along_x[:, 1:] + along_x[:, :-1], along_y[1:] + along_y[:-1]
     low, high = np.linalg.eigvalsh(np.cov(np.stack([each.ravel() for each in at_cells])))

@@ -1,8 +1,5 @@
 """Scenes: the TOML files that describe a database, read and checked in this one room."""
 
-from gen.generators import DisplacedSurface as DisplacedSurface
-from gen.generators import PythonSurface as PythonSurface
-from gen.generators import ScanSurface as ScanSurface
 from gen.scene.faults import differences as differences
 from gen.scene.scene import ALL_COLUMNS as ALL_COLUMNS
 from gen.scene.scene import Scene as Scene

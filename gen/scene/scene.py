@@ -20,14 +20,15 @@ from pydantic import (
 )
 
 from gen.distribution import Distribution, Table, conflict, limits
-from gen.generators import GENERATORS, DisplacedSurface, ScanSurface, Surface
+from gen.generators import GENERATORS, Surface
+from gen.generators.scans import ScanSurface
 from gen.runtime.errors import InputError
 from gen.runtime.files import read_bytes
 from gen.runtime.terminal import printable
 from gen.scene.faults import DOTTED, first_fault
 from gen.scene.tables import UNITS, Contact, Delta, Load, Piece, Quantity, Store
 from gen.schema import COLUMNS, DRAWN_NAMES, RUNTIME, Column
-from gen.surface import Grid
+from gen.surface import DisplacedSurface, Grid
 
 INERT = {"samples", "title", "creator", "licence"}  # keys of a scene that change no row
 
@@ -119,7 +120,7 @@ class Scene(Table):
     def _without_absent_keys(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         """Leave out absent keys, and free boundaries unless another one is the default."""
         content: dict[str, Any] = handler(self)
-        if self.contact.boundary == "free" and not self.surface.WINDOWS:
+        if self.contact.boundary == "free" and not self.surface.PLACES:
             content.get("contact", {}).pop("boundary", None)
         return {name: value for name, value in content.items() if value is not None}
 
@@ -419,7 +420,7 @@ RESERVED = frozenset(
 def columns_for(scene: Scene) -> tuple[Column, ...]:
     """Return a scene's columns in the file's order: common, asked for, the user's own."""
     store, contact = scene.store, scene.contact
-    parameters = [DRAWN_NAMES.get(name, name) for name in scene.surface.drawn()]
+    parameters = parameter_columns(scene).values()
     asked_for = {*parameters, *scene.surface.PLACES}
     asked_for |= {name for name, wanted in store if wanted is True}
     asked_for |= {"load"} if scene.quantity != "delta" else set()

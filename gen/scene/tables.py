@@ -97,11 +97,14 @@ class Contact(Table):
         return self
 
     @property
+    def e_star(self) -> float:
+        """Plane-strain modulus E* of the elastic half-space on a rigid body [MPa]."""
+        return plane_strain_modulus(self.modulus, self.poisson)
+
+    @property
     def hardness_unit(self) -> float:
         """Unit of the hardness as it is given: E* for a ratio, otherwise 1 [MPa]."""
-        if self.hardness_ratio is None:
-            return 1.0
-        return plane_strain_modulus(self.modulus, self.poisson)
+        return 1.0 if self.hardness_ratio is None else self.e_star
 
     @property
     def hardness_limits(self) -> tuple[float, float] | None:
@@ -117,9 +120,8 @@ class Contact(Table):
         if self.hardness is None and self.modulus == 1.0:  # nothing was given
             return []
         ends = (None,) if self.hardness is None else limits(self.hardness)
-        e_star = plane_strain_modulus(self.modulus, self.poisson)
         known = "modulus" in self.model_fields_set
-        return [line for end in ends for line in Bodies(e_star, end, known).doubts][:1]
+        return [line for end in ends for line in Bodies(self.e_star, end, known).doubts][:1]
 
     @property
     def draws_hardness(self) -> bool:

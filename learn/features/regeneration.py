@@ -28,15 +28,7 @@ from gen.runtime.terminal import RunProgress
 from gen.scene import Scene
 from gen.schema import PHYSICS, Status
 from learn.executor import Executor
-from learn.features.sets import (
-    BLOCKS,
-    HYBRID,
-    SETS,
-    STATISTICS,
-    FeatureSet,
-    by_pressure,
-    modulus,
-)
+from learn.features.sets import BLOCKS, HYBRID, SETS, STATISTICS, FeatureSet, by_pressure
 from learn.features.surface import LOOSE, SurfaceFeatures
 
 VERSION = 4
@@ -124,7 +116,7 @@ def _read(path: Path, *, pressed: bool) -> tuple[Scene, int, Any, Values]:
         if pressed:
             pressure = reader.column("force") / float(np.prod(scene.grid.sides))
             length = math.sqrt(math.prod(scene.grid.sides))
-            inputs[:, 0] = by_pressure(pressure, length, modulus(scene))
+            inputs[:, 0] = by_pressure(pressure, length, scene.contact.e_star)
         return scene, reader.rows.start, done, inputs
 
 
@@ -140,11 +132,12 @@ def compute_block(shared: tuple[Scene, Path, int, bool], block: Block) -> tuple[
     scene.surface.make_ready(folder, verify=False)
     start, stop, found = block
     plan = parameters(scene, start, stop)
-    deltas = plan.load if plan.quantity == "delta" and not pressed else np.array(found)
+    deltas = plan.load if scene.quantity == "delta" and not pressed else np.array(found)
     inputs = np.full((stop - start, len(_inputs(scene))), np.nan)
     values = np.full((stop - start, len(HYBRID) + pressed), np.nan)
     inputs[:, 0] = deltas
-    ratios = None if plan.hardness is None else np.asarray(plan.hardness) / modulus(scene)
+    e_star = scene.contact.e_star
+    ratios = None if plan.hardness is None else np.asarray(plan.hardness) / e_star
     if scene.contact.draws_hardness:
         inputs[:, -1] = plan.hardness
     surface: SurfaceFeatures | None = None

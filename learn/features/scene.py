@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 from gen.arrays import Values
 from gen.distribution import limits
 from gen.generators import GENERATORS
-from gen.material import plane_strain_modulus
 from gen.runtime.errors import InputError
 from gen.scene import Scene, parameter_columns
 from gen.statistics import refuse_masked
@@ -72,9 +71,8 @@ def given_values(scene: Scene, column: Callable[[str], Values]) -> dict[str, Val
     found = {name: column(own) for name, own in parameter_columns(scene).items()}
     contact = scene.contact
     if (ends := contact.hardness_limits) is not None:
-        modulus = plane_strain_modulus(contact.modulus, contact.poisson)
         hardness = column("hardness") if contact.draws_hardness else ends[0] + 0 * column("delta")
-        found |= {"hardness": hardness, "hardness_ratio": hardness / modulus}
+        found |= {"hardness": hardness, "hardness_ratio": hardness / contact.e_star}
     force = column("force")
     found |= {"delta": column("delta"), "force": force, "pressure": force / patch}
     if scene.quantity != "delta":
@@ -156,8 +154,7 @@ def _limits(scene: Scene, name: str) -> tuple[float, float] | None:
         ends, contact = scene.contact.hardness_limits, scene.contact
         if ends is None or name == "hardness":
             return ends
-        modulus = plane_strain_modulus(contact.modulus, contact.poisson)
-        return ends[0] / modulus, ends[1] / modulus
+        return ends[0] / contact.e_star, ends[1] / contact.e_star
     if name != load_of(scene):
         return None
     ranges = [limits(piece.range) for piece in scene.pieces]

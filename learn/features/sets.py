@@ -30,7 +30,6 @@ from functools import cached_property, partial
 import numpy as np
 
 from gen.arrays import Values
-from gen.material import plane_strain_modulus
 from gen.runtime.errors import InputError
 from gen.scene import Scene
 from gen.schema import TABLE_1
@@ -423,12 +422,11 @@ def by_pressure(pressure: Values, length: Values | float, modulus: float) -> Val
     return np.asarray(pressure * length / modulus)
 
 
-def modulus(scene: Scene) -> float:
-    """Return the E* of a scene [MPa]."""
-    return plane_strain_modulus(scene.contact.modulus, scene.contact.poisson)
-
-
 def limits_of(scenes: Sequence[Scene]) -> Limits | None:
     """Return the smallest and largest hardness over E* of scenes; None if all are elastic."""
-    ends = [end / modulus(scene) for scene in scenes for end in scene.contact.hardness_limits or ()]
+    ends = [
+        end / contact.e_star
+        for contact in (scene.contact for scene in scenes)
+        for end in contact.hardness_limits or ()
+    ]
     return (min(ends), max(ends)) if ends else None

@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 
 from gen.arrays import Indices, Values
 from gen.database import Reader
+from gen.generators.scans import ScanSurface
 from gen.runtime.errors import InputError
-from gen.scene import ScanSurface
 from learn import dataset
 from learn.dataset import Dataset, Request
 from learn.executor import Executor, within

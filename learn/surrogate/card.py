@@ -15,7 +15,7 @@ from gen.runtime.errors import InputError
 from gen.runtime.terminal import printable
 from learn.dataset import Dataset, Request
 from learn.features.scene import SCENE, plain, shown
-from learn.features.sets import limits_of, modulus
+from learn.features.sets import limits_of
 from learn.metrics import magnitude, no_better, scores
 from learn.models import EVERY, versions
 from learn.surrogate import flag
@@ -90,7 +90,7 @@ def make(
         "nodes": list(scene.grid.shape),
         "side": list(scene.grid.sides),
         "spacing": list(scene.grid.spacing),
-        "modulus": modulus(scene),
+        "modulus": scene.contact.e_star,
         **{name: value for name, value in sometimes.items() if value},
         "delta": np.quantile(rows.described[train, 0], (0, 1)).tolist(),
         "area_max": request.area_max,

@@ -32,7 +32,7 @@ import numpy as np
 
 from gen.arrays import Indices, Values
 from gen.runtime.errors import InputError
-from gen.runtime.files import SURROGATE, atomic, require_file
+from gen.runtime.files import SURROGATE, atomic, kind_of, require_file
 from gen.runtime.terminal import printable, to_type
 from learn.features.sets import PURE, SETS, SKEWNESS, Scaling
 from learn.models import STEP
@@ -315,9 +315,7 @@ def read(path: Path) -> tuple[dict[str, Any], Values, Values, bytes]:
         raise InputError(f"{path} cannot be read: {error.strerror or error}") from None
     head = HEAD.match(data)
     if head is None:
-        from gen.database import is_database
-
-        what = "; it is a database" if is_database(path) else ""
+        what = "; it is a database" if kind_of(path) == "database" else ""
         raise InputError(
             f"{path}: is no surrogate{what}: {to_type('learn fit')} makes one of a database"
         )

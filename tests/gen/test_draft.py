@@ -183,13 +183,14 @@ def proposed(folder, spectrum):
     random = np.random.default_rng(0)
     whole = generate_spectral((600, 600), 300.0, spectrum, random, rms_slope=0.1)
     np.save(folder / "scan.npy", whole[:400, :400] + 0.01 * np.arange(400))
-    return propose_like(folder / "scan.npy", Reading(side="199.5"), Bodies(1.0))
+    return propose_like(folder / "scan.npy", Reading(side="199.5"))
 
 
 @pytest.mark.parametrize("hurst", [0.5, 0.8])
 def test_the_scene_holds_the_law_that_the_map_was_made_by(tmp_path, hurst):
     like = proposed(tmp_path, SelfAffineSpectrum(hurst, 30.0, 2.5))
-    scene = write_scene(tmp_path / "a.toml", scene_like(like, "a command", Path("a.toml")))
+    text = scene_like(like, Bodies(1.0), "a command", Path("a.toml"))
+    scene = write_scene(tmp_path / "a.toml", text)
     surface = scene.surface
     assert surface.generator == "spectral"
     assert surface.hurst[0] < hurst < surface.hurst[1]
@@ -209,20 +210,21 @@ def test_a_lay_becomes_a_stretch(tmp_path):
     assert like.spectrum.hurst == pytest.approx(0.7, abs=0.1)
     assert like.spectrum.roll_off == pytest.approx(60.0, rel=0.3)
     assert like.height == pytest.approx(like.windows[0], rel=0.25)
-    write_scene(tmp_path / "a.toml", scene_like(like, "a command", Path("a.toml")))
+    text = scene_like(like, Bodies(1.0), "a command", Path("a.toml"))
+    write_scene(tmp_path / "a.toml", text)
 
 
 def test_a_map_of_scratches_brings_a_doubt(tmp_path):
-    like = propose_like(write(MADE["ground-2"], tmp_path), Reading(), Bodies(1.0))
+    like = propose_like(write(MADE["ground-2"], tmp_path), Reading())
     assert like.doubt
     scene = tmp_path / "a.toml"
-    write_scene(scene, scene_like(like, "a command", Path("a.toml")))
+    write_scene(scene, scene_like(like, Bodies(1.0), "a command", Path("a.toml")))
     assert "DOUBTFUL" in scene.read_text()
 
 
 def test_a_law_over_less_than_a_decade_feeds_no_scene(tmp_path):
     with pytest.raises(InputError, match=r"no self-affine law fits it: .* over 0\.\d+ decades"):
-        propose_like(write(MADE["honed-0"], tmp_path), Reading(), Bodies(1.0))
+        propose_like(write(MADE["honed-0"], tmp_path), Reading())
 
 
 @pytest.fixture

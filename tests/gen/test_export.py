@@ -12,8 +12,8 @@ from databases import block, database_of, filled, small
 from markdown_it import MarkdownIt
 
 from gen import cli, schema
+from gen import export as exporting
 from gen.database import Reader, Writer
-from gen.export import parquet_files
 from gen.runtime.files import lock_folder
 from gen.runtime.terminal import printable
 from gen.schema import Status
@@ -49,7 +49,7 @@ def test_every_value_and_unit_is_in_the_parquet_files(folder):
     table = pq.read_table(folder / "out" / "rows.parquet")
     with Reader(folder / "a.h5") as reader:
         assert table["sample"].to_pylist() == list(range(40))
-        for column in parquet_files.scalars(reader):
+        for column in exporting.scalars(reader):
             assert np.array_equal(table[column.name].to_numpy(), reader.column(column.name))
             metadata = table.schema.field(column.name).metadata
             assert metadata[b"unit"].decode() == column.unit
@@ -107,9 +107,9 @@ def test_only_done_rows_are_exported_and_the_others_counted(tmp_path, capsys):
 
 
 def test_an_interrupted_export_goes_on_and_keeps_whole_files(folder, tmp_path, monkeypatch):
-    monkeypatch.setattr(parquet_files, "FILE_BYTES", 9 * 9 * 8 * 10)
+    monkeypatch.setattr(exporting, "FILE_BYTES", 9 * 9 * 8 * 10)
     path, out = folder / "a.h5", tmp_path / "out"
-    write, calls = parquet_files.write, []
+    write, calls = exporting.write_piece, []
 
     def interrupted(piece, *arguments):
         calls.append(piece.name)
@@ -117,11 +117,11 @@ def test_an_interrupted_export_goes_on_and_keeps_whole_files(folder, tmp_path, m
             raise KeyboardInterrupt
         write(piece, *arguments)
 
-    monkeypatch.setattr(parquet_files, "write", interrupted)
+    monkeypatch.setattr(exporting, "write_piece", interrupted)
     assert cli.main(["export", str(path), "-o", str(out)]) == 130
     kept = {name: (out / name).stat().st_ino for name in calls[:3]}
     assert not (out / "croissant.json").exists()
-    monkeypatch.setattr(parquet_files, "write", write)
+    monkeypatch.setattr(exporting, "write_piece", write)
     assert cli.main(["export", str(path), "-o", str(out)]) == 0
     assert {name: (out / name).stat().st_ino for name in kept} == kept
     assert cli.main(["export", str(path), "-o", str(tmp_path / "whole")]) == 0

@@ -44,7 +44,7 @@ def test_more_samples_extend_the_file(path):
     with Reader(path) as reader:
         created = reader.attributes["created"]
     more = small(15, store=Store(heights=True))
-    assert open_or_create(path, more) == ("extended", 15)
+    assert open_or_create(path, more) == "extended"
     with Writer(path, more) as writer:
         assert writer.pending() == [(0, 2), (5, 7), (8, 15)]
     wanted = block(scene, 2, 5)
@@ -64,7 +64,7 @@ def test_kill_while_extending_leaves_the_old_file(path):
     before = path.read_bytes()
     assert run(KILLED_WHILE_EXTENDING, path).returncode == -signal.SIGKILL
     assert path.read_bytes() == before
-    assert open_or_create(path, small(15)) == ("extended", 15)
+    assert open_or_create(path, small(15)) == "extended"
     assert list(path.parent.iterdir()) == [path]
 
 

@@ -10,8 +10,9 @@ from databases import PHYSICS, block, filled, raise_physics, small
 from gen import database, schema
 from gen.database import Reader, Writer, create, open_or_create
 from gen.runtime.errors import InputError
-from gen.scene import DisplacedSurface, Scene, Store, columns_for
+from gen.scene import Scene, Store, columns_for
 from gen.schema import Reason, Status
+from gen.surface import DisplacedSurface
 
 
 def test_ranges_pass_over_undefined_values(path):
@@ -104,7 +105,7 @@ def test_other_physics_is_refused_unless_forced(path, monkeypatch):
     with pytest.raises(InputError, match="physics"):
         Writer(path, small())
     assert path.read_bytes() == before
-    assert open_or_create(path, small(), force=True) == ("resumed", 10)
+    assert open_or_create(path, small(), force=True) == "resumed"
     with Writer(path, small(), force=True):
         pass
     with Reader(path) as reader:

@@ -47,7 +47,7 @@ def test_kill_between_columns_and_status_leaves_rows_pending(path):
     with Reader(path) as reader:
         assert reader.counts() == (6, 4, 0)
         assert (reader.column("force", 0, 4) == 1.0).all()
-    assert open_or_create(path, scene) == ("resumed", 10)
+    assert open_or_create(path, scene) == "resumed"
     with Writer(path, scene) as writer:
         assert writer.pending() == [(4, 10)]
 
@@ -225,7 +225,7 @@ def test_an_extension_keeps_owner_group_and_mode(held):
     if root:
         os.chown(held, 1234, 4321)
     before = held.stat()
-    assert open_or_create(held, LARGER).how == "extended"
+    assert open_or_create(held, LARGER) == "extended"
     after = held.stat()
     assert stat.S_IMODE(after.st_mode) == 0o620
     assert (after.st_uid, after.st_gid) == (before.st_uid, before.st_gid)

@@ -11,12 +11,12 @@ from gen.database import Reader
 from gen.generation.plan import parameters, surface_random
 from gen.generation.sample import surface_of
 from gen.generators import scans
-from gen.generators.scans import Found, ScannedMap
+from gen.generators.scans import Found, ScannedMap, ScanSurface
 from gen.maps.library import Tiling, cut, drawn
 from gen.maps.prepare import prepare
 from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
-from gen.scene import ScanSurface, Scene, differences, load
+from gen.scene import Scene, differences, load
 from tests.maps import read
 
 MAPS = (
@@ -74,10 +74,10 @@ def test_a_surface_is_a_window_of_a_prepared_map(folder, nodes, symmetries):
     files = sorted((folder / "maps").iterdir())
     maps = [prepare(read(path), asked).heights for path in files]
     assert scene.spacing == pytest.approx((1.0, 1.0), rel=1e-12)
-    tiling = Tiling(tuple(each.shape for each in maps), scene.shape)
+    tiling = Tiling(tuple(each.shape for each in maps), scene.shape, square=symmetries == 8)
     seen = set()
     for row in range(0, scene.samples, 2):
-        window = drawn(surface_random(scene, row // 2), tiling, square=symmetries == 8)
+        window = drawn(surface_random(scene, row // 2), tiling)
         assert (plan.places["map"][row], plan.places["tile"][row]) == (window.map, window.tile)
         own = cut(maps[window.map], window, scene.shape)
         assert np.array_equal(surface_of(scene, plan, row), own)
