@@ -9,7 +9,6 @@ alike on every processor, so that a plan is the same everywhere.
 import functools
 import math
 import sys
-from dataclasses import dataclass
 from typing import Annotated, Any, Self, TypeVar
 
 import numpy as np
@@ -33,6 +32,7 @@ T = TypeVar("T")
 
 LEAST_INSIDE = 1e-9  # smallest share of a normal distribution that its range may hold
 REACH = 3.0  # deviations from the mean at which a normal distribution ends unless a range is given
+LARGEST = sys.float_info.max  # number
 DIGITS = 53  # binary digits of a random number in [0, 1)
 
 KNOTS = 2**16  # intervals inside which a normal distribution's quantiles are linear
@@ -178,16 +178,10 @@ _READERS: dict[str, TypeAdapter[Any]] = {
 """What reads a number, an array, and each table."""
 
 
-@dataclass(frozen=True)
-class Drawn:
-    """Validator of a number or a distribution whose values are all within limits."""
+def within(low: float = -LARGEST, high: float = LARGEST, *, beyond: bool = False) -> PlainValidator:
+    """Read a number or a distribution whose values are all within limits, or `beyond` the lower."""
 
-    low: float = -sys.float_info.max
-    high: float = sys.float_info.max
-    beyond: bool = False  # whether values have to be above `low`, not only at least `low`
-
-    def __call__(self, value: object) -> Distribution:
-        """Read a number, a range or a table; errors of a union of types would name its members."""
+    def read(value: object) -> Distribution:  # errors of a union of types would name its members
         distribution: Distribution
         if isinstance(value, LogUniform | Normal | Choice):
             distribution = value
@@ -202,14 +196,15 @@ class Drawn:
             except ValidationError as error:
                 raise _refusal(keys[0], error) from None
         smallest, largest = limits(distribution)
-        inside = smallest > self.low if self.beyond else smallest >= self.low
-        if inside and largest <= self.high:
+        if (smallest > low if beyond else smallest >= low) and largest <= high:
             return distribution
         if isinstance(distribution, Normal) and distribution.range is None:
             raise ValueError(
                 f"without range = [low, high] its values are {smallest:g} to {largest:g}"
             )
         raise PydanticCustomError("distribution", "a value is outside the limits")
+
+    return PlainValidator(read)
 
 
 def _refusal(key: str, error: ValidationError) -> Exception:
@@ -225,10 +220,10 @@ def _refusal(key: str, error: ValidationError) -> Exception:
     return ValueError(f"{inner} {said}")
 
 
-AnyNumber = Annotated[Distribution, PlainValidator(Drawn()), SerializeAsAny()]
-AtLeastZero = Annotated[Distribution, PlainValidator(Drawn(0.0)), SerializeAsAny()]
-AboveZero = Annotated[Distribution, PlainValidator(Drawn(0.0, beyond=True)), SerializeAsAny()]
-FromZeroToOne = Annotated[Distribution, PlainValidator(Drawn(0.0, 1.0)), SerializeAsAny()]
+AnyNumber = Annotated[Distribution, within(), SerializeAsAny()]
+AtLeastZero = Annotated[Distribution, within(0.0), SerializeAsAny()]
+AboveZero = Annotated[Distribution, within(0.0, beyond=True), SerializeAsAny()]
+FromZeroToOne = Annotated[Distribution, within(0.0, 1.0), SerializeAsAny()]
 
 
 def limits(distribution: Distribution) -> tuple[float, float]:

@@ -10,11 +10,10 @@ import hashlib
 import json
 import math
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
-from functools import partial
 from pathlib import Path
 from typing import NamedTuple, Self
 
@@ -123,8 +122,7 @@ def export(reader: Reader, folder: Path, about: About) -> tuple[int, int, int]:
             make_folder(folder / FIELDS)
         with RunProgress(sum(len(piece.rows) for piece in files), "rows") as progress:
             for piece in files:
-                advance = partial(progress.advance, failed=0)
-                write_piece(piece, folder, reader, done, advance)
+                write_piece(piece, folder, reader, done, progress)
         write(folder / SCENE_NAME, scene_text(reader))
         write(folder / CARD_NAME, card(reader, about, done))
         write(folder / CROISSANT_NAME, describe(reader, about, folder, files))
@@ -179,11 +177,7 @@ def pieces(reader: Reader) -> list[Piece]:
 
 
 def write_piece(
-    piece: Piece,
-    folder: Path,
-    reader: Reader,
-    done: NDArray[np.bool_],
-    advance: Callable[[int], None],
+    piece: Piece, folder: Path, reader: Reader, done: NDArray[np.bool_], progress: RunProgress
 ) -> None:
     """Write a file of an export with the rows that are done, unless it is there already."""
     path, before, names = folder / piece.name, reader.rows.start, piece.schema.names[1:]
@@ -191,7 +185,7 @@ def write_piece(
     number = int(done[part.start - before : part.stop - before].sum())
     origin = identity(reader) | {"rows": [part.start, part.stop], "done": number}
     if origin_of(path) == origin:
-        advance(len(part))
+        progress.advance(len(part), 0)
         return
     schema = piece.schema.with_metadata({KEY: json.dumps(origin)})
     columns = [column for column in reader.columns() if column.name in names]
@@ -212,7 +206,7 @@ def write_piece(
                 size = field.type.list_size if listed else 0
                 arrays.append(pa.FixedSizeListArray.from_arrays(flat, size) if listed else flat)
             writer.write_table(pa.Table.from_arrays(arrays, schema=schema))
-            advance(len(arrays[0]))
+            progress.advance(len(arrays[0]), 0)
 
 
 def identity(reader: Reader) -> dict[str, object]:

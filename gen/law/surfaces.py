@@ -11,7 +11,6 @@ from gen.law.curves import APERTURES, GAS, JOINT, Gas
 from gen.maps.bodies import Opposite
 from gen.maps.prepare import read_surface
 from gen.maps.read import Sides, Topography, files_in
-from gen.material import plane_strain_modulus
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import echo
 from gen.scene import Scene, preset_names
@@ -93,7 +92,7 @@ class LawSurfaces:
 
     def modulus(self) -> float | None:
         """Return the E* of all scenes [MPa], which have one; None if a surface is from a file."""
-        moduli = {_modulus(scene) for scene in self.scenes}
+        moduli = {scene.contact.e_star for scene in self.scenes}
         if len(self.scenes) == len(self.origins) and len(moduli) > 1:
             said = " and ".join(f"{each:g}" for each in sorted(moduli))
             raise InputError(f"the scenes have E* = {said} MPa: give one with --e-star")
@@ -104,7 +103,7 @@ class LawSurfaces:
         ratios: set[float | None] = set()
         for scene in self.scenes:
             ends = scene.contact.hardness_limits or (None,)
-            ratios |= {None if end is None else end / _modulus(scene) for end in ends}
+            ratios |= {None if end is None else end / scene.contact.e_star for end in ends}
         if len(self.scenes) == len(self.origins) and len(ratios) > 1:
             raise InputError("the scenes have more than one hardness: give one with --hardness")
         return ratios.pop() if len(self.scenes) == len(self.origins) else None
@@ -177,11 +176,6 @@ def scene_of(text: str) -> Scene | None:
     with Reader(Path(text)) as reader:
         reader.scene.surface.make_ready(Path(text).parent)
         return reader.scene
-
-
-def _modulus(scene: Scene) -> float:
-    """Return the E* of a scene [MPa]."""
-    return plane_strain_modulus(scene.contact.modulus, scene.contact.poisson)
 
 
 def _population(scene: Scene, text: str, number: int) -> Iterator[LawSurface]:

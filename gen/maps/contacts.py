@@ -272,10 +272,7 @@ def follow(
 
 
 def contact_warnings(
-    topography: Topography,
-    bodies: Bodies,
-    load: str,
-    solved: Sequence[tuple[float, float, int]],
+    topography: Topography, bodies: Bodies, load: str, solved: Sequence[tuple[float, float, int]]
 ) -> Iterator[str]:
     """Yield reasons to distrust contacts of a surface: full contact, and pressures that yield.
 

@@ -68,10 +68,7 @@ FINEST = 4.0
 
 
 def long_waves(
-    heights: Heights,
-    spacing: tuple[float, float],
-    cutoff: float,
-    boundary: Boundary = "free",
+    heights: Heights, spacing: tuple[float, float], cutoff: float, boundary: Boundary = "free"
 ) -> Heights:
     """Smooth a map by the Gaussian weights of ISO 16610-61, normalised at the borders it has.
 
