@@ -5,7 +5,7 @@ become columns, and the heights of a surface. `gen.generators.GENERATORS` lists 
 """
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self, TypeVar, get_args
 
@@ -25,8 +25,8 @@ MOST_NODES = 4097  # largest number of nodes along an axis
 ANOTHER = "another"  # second rough body of the same population
 
 
-def _one_or_two(kind: Any, most: float, least: float = 0.0) -> PlainValidator:
-    """Accept a number for both axes or one for each, above `least` and up to `most`."""
+def one_or_two(kind: Any, most: float, least: float = 0.0) -> Callable[[Any], Any]:
+    """Return what reads a number for both axes or one for each, above `least` and up to `most`."""
     kinds = (int,) if kind is int else (int, float)
 
     def read(value: Any) -> Any:
@@ -38,11 +38,11 @@ def _one_or_two(kind: Any, most: float, least: float = 0.0) -> PlainValidator:
             raise PydanticCustomError("pair", "not a number or a pair of them")
         return tuple(map(kind, numbers)) if several else kind(value)
 
-    return PlainValidator(read)
+    return read
 
 
-Nodes = Annotated[int | tuple[int, int], _one_or_two(int, MOST_NODES, least=1)]
-Side = Annotated[float | tuple[float, float], _one_or_two(float, 1e300)]
+Nodes = Annotated[int | tuple[int, int], PlainValidator(one_or_two(int, MOST_NODES, least=1))]
+Side = Annotated[float | tuple[float, float], PlainValidator(one_or_two(float, 1e300))]
 NODES = f"a whole number from 2 to {MOST_NODES}, or one for each axis, [nx, ny]"
 SIDE = "a finite number above 0, or one for each axis, [x, y] [um]"
 

@@ -6,7 +6,6 @@ maps' nodes only, which the scene of a database holds.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeAlias
@@ -33,6 +32,7 @@ from gen.surface import (
     Patch,
     Random,
     Side,
+    one_or_two,
     pair,
 )
 
@@ -66,11 +66,9 @@ def lengths(value: object) -> str:
     """Accept scan lengths as a text, a number, or a pair of numbers, and return their text."""
     if isinstance(value, str) and len(value) <= 200:
         return value  # checked where the maps are looked for
-    pair = isinstance(value, list | tuple) and len(value) == 2
-    numbers: list[Any] = list(value) if pair else [value]  # type: ignore[call-overload]
-    if not all(type(each) in {int, float} and 0 < each <= sys.float_info.max for each in numbers):
-        raise PydanticCustomError("lengths", "not a length or a pair of lengths")
-    return ",".join(repr(float(each)).removesuffix(".0") for each in numbers)
+    read = one_or_two(float, 1e300)(value)
+    numbers = read if isinstance(read, tuple) else (read,)
+    return ",".join(repr(each).removesuffix(".0") for each in numbers)
 
 
 Lengths = Annotated[str, PlainValidator(lengths)]
