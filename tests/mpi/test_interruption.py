@@ -143,7 +143,7 @@ missing = ModuleNotFoundError("No module named 'matplotlib'", name="matplotlib")
 FAULTS = {
     "a disk full while rows come in": (0, Writer, "write_block", full),
     "a package that is missing": (0, run, "blocks_of", missing),
-    "an error of the system at the start": (0, run, "Target", full),
+    "an error of the system at the start": (0, run, "completed", full),
     "a refusal after the start": (0, run, "opened", InputError("no file")),
     "a worker alone": (1, run, "opened", InputError("no file")),
 }
