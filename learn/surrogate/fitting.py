@@ -14,7 +14,7 @@ from gen.arrays import Indices, Values
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import to_type
 from learn import dataset, split
-from learn.comparison.folder import Folder
+from learn.comparison.folder import Folder, targets
 from learn.comparison.paper import OPTIMA
 from learn.dataset import TARGETS, Dataset, Request, results, short_name
 from learn.executor import Executor
@@ -129,9 +129,10 @@ def _tuned(folder: Folder, model: str) -> Settings:
     """Return the settings of a search's winner."""
     winner = folder.winner(model)
     if winner is None:
-        raise InputError(
-            f"--from: {folder.path} has no tuned {model}: {to_type(f'learn tune --model {model}')}"
-        )
+        others = [part.path.name for part in targets(folder.path.parent) if part.winner(model)]
+        instead = f"give --target {','.join(others)}, or first " if others else ""
+        tune = to_type(f"learn tune --model {model} --target {folder.path.name}")
+        raise InputError(f"--from: {folder.path} has no tuned {model}: {instead}{tune}")
     origin = f"tuned in {folder.path}" if winner.of_grid else f"the baseline, by {folder.path}"
     return Settings(winner.settings, winner.of_grid, origin)
 
@@ -139,15 +140,17 @@ def _tuned(folder: Folder, model: str) -> Settings:
 def with_conditions(request: Request, choice: Any) -> Request:
     """Take features, scaling, rows and seed of a request from a comparison's folder.
 
-    InputError is raised if the folder lacks the model, or contradicts an option that the user has
-    chosen.
+    InputError is raised if the folder lacks the model for a target, or contradicts an option that
+    the user has chosen.
     """
     source: Path = choice.source
     given = {**choice._asdict(), "normalisation": choice.normalise}
-    column = TARGETS.get(request.targets[0], request.targets[0])
-    folder = Folder(source / short_name(column))
+    folder, *others = (
+        Folder(source / short_name(TARGETS.get(target, target))) for target in request.targets
+    )
     conditions = {"features": "paper", "load": request.load, **folder.record()["conditions"]}
-    _tuned(folder, request.models[0])
+    for part in (folder, *others):
+        _tuned(part, request.models[0])
     names = ("features", "load", "normalisation", "area_max", "seed")
     for name in names:
         if given.get(name) not in {None, "", conditions[name]}:

@@ -33,6 +33,11 @@ def test_a_tuned_winner_is_taken_with_what_it_rests_on(work, capsys, monkeypatch
     assert "made with features 'dimensionless', not 'paper'" in capsys.readouterr().err
     assert run(*fit, "--model", "svm") == 2
     assert "no tuned svm" in capsys.readouterr().err
+    assert run(*fit, "--target", "both") == 2
+    said = "out/force has no tuned kernel-ridge: give --target area, or first "
+    assert f"{said}python -m learn tune --model kernel-ridge --target force" in (
+        capsys.readouterr().err
+    )
 
 
 SCENES = {
