@@ -79,13 +79,9 @@ def main() -> int:
     if COMPLETING in os.environ:  # print the words that can complete a command line, and end
         command: Any = typer.main.get_command(app)
         command(prog_name="asperity")
-    command_line.start(default_sigint=program is None or program.default_sigint)
-    try:
+    with farm.process(default_sigint=program is None or program.default_sigint):
         if program:
             code: int = import_module(program.module).main(rest, name=f"asperity {name}")
         else:
             code = command_line.main(app, sys.argv[1:], "asperity")
-        farm.leave()
-    except Exception:
-        farm.abort_all()
     return code

@@ -3,13 +3,11 @@
 import sys
 
 from bench.commands import app, main
-from gen.runtime import command_line
-from gen.runtime import farm as processes
+from gen.runtime import farm
 
 __all__ = ["app", "main"]
 
 if __name__ == "__main__":
-    command_line.start(default_sigint=False)
-    code = main(sys.argv[1:])
-    processes.leave()
+    with farm.process(default_sigint=False):
+        code = main(sys.argv[1:])
     sys.exit(code)

@@ -264,7 +264,6 @@ def main(program: str, specification: str) -> None:
         result = time_writers(Spec(**arguments), Path("writers.h5"), world)
     if world.is_master:
         sys.stdout.write(json.dumps(result) + "\n")
-    farm.leave()
 
 
 if __name__ == "__main__":

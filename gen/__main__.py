@@ -2,18 +2,15 @@
 
 import sys
 
-from gen.runtime import command_line
+from gen.runtime import farm
 
 
 def main() -> int:
-    """Get ready, join the other ranks if there are any, and run the command."""
-    command_line.start(default_sigint=True)
-    from gen import cli
-    from gen.runtime import farm
+    """Run the command line, with the other ranks if there are any."""
+    with farm.process():
+        from gen import cli
 
-    code = cli.main(sys.argv[1:])
-    farm.leave()
-    return code
+        return cli.main(sys.argv[1:])
 
 
 if __name__ == "__main__":

@@ -1,10 +1,29 @@
-"""The material of the bodies: plane-strain modulus E* of one or of two, and hardness."""
+"""What users give to a contact by numbers: its loads, and the material of the bodies.
 
+Loads are typed as numbers or series of them; the material is E* of one body or of two, and the
+hardness. The same numbers are refused everywhere.
+"""
+
+import math
+import re
 from collections.abc import Sequence
 from typing import NamedTuple, Self
 
 from gen.runtime.errors import InputError
-from gen.runtime.numbers import magnitude
+from gen.runtime.terminal import shown
+
+SMALLEST, LARGEST = 1e-60, 1e60  # useful lengths [um] and moduli [MPa]: their squares stay finite
+
+MOST = 100_000  # most values of one option
+DIGITS = 18  # most digits of a whole number: enough for 2^59, and few enough for 64 bits
+SERIES = re.compile(rf"([^:]+):([^:]+):\s*([0-9]{{1,{DIGITS}}})\s*(:\s*log\s*)?")
+"""Start, stop and count of a series, and perhaps the mark of an even ratio."""
+
+LOADS = {
+    "delta": f"give numbers from {SMALLEST:g} to {LARGEST:g} um, as 2, 1,2,5 or 5:45:9",
+    "pressure": f"give pressures from 0 to {LARGEST:g} MPa, not all 0, as 0:100:20",
+}
+"""Advice for the loads of a law and of predictions."""
 
 HARDNESSES = (1e-4, 0.2)
 """Hardness over E* of solids: soft metals have some 1e-3, glasses and polymers up to 0.1."""
@@ -19,6 +38,39 @@ SLIPS = (
     (1e6, "is the modulus in Pa"),
 )
 """Likely slips of a unit: the factor that corrects hardness over E*, and the question to ask."""
+
+
+def loads_from(load: str, text: str, advice: str = "") -> list[float]:
+    """Parse loads: numbers, start:stop:count, or start:stop:count:log, with commas between them.
+
+    They are displacements above 0 [um], or nominal pressures of 0 or more, not all 0 [MPa]; any
+    numbers, where the caller has other `advice` for messages, and refuses numbers itself. Raise
+    InputError for anything else, or more than `MOST` numbers.
+    """
+    allowed, values = advice or LOADS[load], list[float]()
+    for part in text.split(","):
+        series = SERIES.fullmatch(part)
+        start, stop, count, log = series.groups() if series else (part, part, "1", None)
+        try:
+            ends = [float(start), float(stop)]
+        except ValueError:
+            raise InputError(f"--{load} {shown(text)}: {allowed}") from None
+        finite = all(map(math.isfinite, ends)) and (not log or min(ends) > 0)
+        if series and not (finite and int(count) > 1):
+            raise InputError(f"--{load} {shown(text)}: {allowed}")
+        if len(values) + int(count) > MOST:
+            raise InputError(f"--{load} {shown(text)}: give {MOST:,} values at most")
+        if not series:
+            values.append(ends[0])
+            continue
+        import numpy as np  # here, so that --help does not wait for it
+
+        values += (np.geomspace if log else np.linspace)(ends[0], ends[1], int(count)).tolist()
+    zero = load == "pressure"  # whether 0 is allowed
+    within = all(SMALLEST < value < LARGEST or (zero and value == 0) for value in values)
+    if not advice and not (within and any(values)):
+        raise InputError(f"--{load} {shown(text)}: {allowed}")
+    return values
 
 
 class Bodies(NamedTuple):
@@ -40,7 +92,7 @@ class Bodies(NamedTuple):
     ) -> Self:
         """Return the bodies of the options, with an E* of 1 MPa without any."""
         known = bool(young) or e_star is not None
-        if hardness is not None and not magnitude(hardness):
+        if hardness is not None and not SMALLEST < hardness < LARGEST:
             raise InputError(
                 f"--hardness {hardness:g}: the hardness must be above 0 MPa, and finite"
             )
@@ -87,23 +139,19 @@ class Bodies(NamedTuple):
         return f"E* = {self.e_star:.6g} MPa{hardness}"
 
 
-def plane_strain_modulus(young: float, poisson: float) -> float:
-    """Compute E* = E / (1 - nu^2) of one elastic body [MPa]."""
-    return young / (1 - poisson**2)
-
-
 def combined_modulus(
     young: Sequence[float] | None, poisson: Sequence[float] | None, e_star: float | None = None
 ) -> float | None:
     """Compute E* of a contact [MPa], 1/E* = 1/E1* + 1/E2*, or 1/E1* if one body is rigid.
 
-    Without numbers it is None; `e_star` stands in place of moduli and ratios.
+    That of a body is its plane-strain modulus, E1* = E1 / (1 - nu1^2). Without numbers it is None;
+    `e_star` stands in place of moduli and ratios.
     """
     young, poisson = young or (), poisson or ()
     if e_star is not None:
         if young or poisson:
             raise InputError("--e-star stands in place of --young and --poisson: give one of them")
-        if not magnitude(e_star):
+        if not SMALLEST < e_star < LARGEST:
             raise InputError(f"--e-star {e_star:g}: the modulus must be above 0 MPa, and finite")
         return e_star
     if not (young or poisson):
@@ -116,8 +164,8 @@ def combined_modulus(
             " or twice for two elastic bodies"
         )
     for modulus, ratio in zip(moduli, ratios, strict=True):
-        if not magnitude(modulus):
+        if not SMALLEST < modulus < LARGEST:
             raise InputError(f"--young {modulus:g}: the modulus must be above 0 MPa, and finite")
         if not -1 < ratio <= 0.5:
             raise InputError(f"--poisson {ratio:g}: must be above -1 and at most 0.5")
-    return 1 / sum(1 / plane_strain_modulus(e, nu) for e, nu in zip(moduli, ratios, strict=True))
+    return 1 / sum(1 / (e / (1 - nu**2)) for e, nu in zip(moduli, ratios, strict=True))

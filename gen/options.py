@@ -13,7 +13,7 @@ from gen.maps.settings import Reading
 from gen.runtime import command_line
 from gen.runtime.errors import InputError
 from gen.runtime.files import Output, check_outputs
-from gen.runtime.numbers import shown
+from gen.runtime.terminal import shown
 
 if TYPE_CHECKING:
     from gen.maps.bodies import Opposite

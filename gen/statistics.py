@@ -70,7 +70,8 @@ class Moments(NamedTuple):
 
     number: int
     mean: float
-    rms: float  # standard deviation of the population: squares are divided by their number
+    variance: float  # of the population: squares are divided by their number
+    rms: float  # root of the variance
     skewness: float
     kurtosis: float  # Pearson's (normal distribution: 3)
 
@@ -127,11 +128,11 @@ def describe(heights: Values, spacing: float | tuple[float, float]) -> Descripti
     noise, ratio = ROUNDING * rounding, (pair[0] / pair[1]) ** 2
     along_x, along_y = _profiles(nodes, axis=0), _profiles(nodes, axis=1)
     lowest, highest = float(nodes.min()), float(nodes.max())
-    mean, _, variance = _spread(nodes.ravel(), lowest)
+    whole = _moments(nodes.ravel(), lowest, math.inf)  # Table 1 has no shape of all heights
     bandwidths = [
         math.nan
         if along.slope_square <= noise * noise  # flat to rounding
-        else (variance / along.slope_square) * (along.curvature_square / along.slope_square)
+        else (whole.variance / along.slope_square) * (along.curvature_square / along.slope_square)
         for along in (along_x, along_y)
     ]
     peaks, asperities = (
@@ -148,7 +149,7 @@ def describe(heights: Values, spacing: float | tuple[float, float]) -> Descripti
         *(asperities[0].kurtosis - 3.0, asperities[0].skewness),
         *(asperities[0].number / nodes.size, asperities[1].mean * per_length),
         *(asperities[1].rms * per_length, asperities[1].kurtosis, asperities[1].skewness),
-        *(mean * unit, (highest - lowest) * unit, math.sqrt(variance) * unit),
+        *(whole.mean * unit, (highest - lowest) * unit, whole.rms * unit),
     )
     if per_length < np.finfo(np.float64).tiny or any(map(math.isinf, values)):
         raise InputError(
@@ -156,7 +157,7 @@ def describe(heights: Values, spacing: float | tuple[float, float]) -> Descripti
             " beyond what numbers hold; give other units"
         )
     named = dict(zip(NAMES, values, strict=True))
-    if 0.0 < variance <= (LOST * rounding) ** 2:
+    if 0.0 < whole.variance <= (LOST * rounding) ** 2:
         kept = {name: named[name] for name in ("height_mean", "height_max", "height_rms")}
         return Description(
             dict.fromkeys(NAMES, math.nan) | kept,
@@ -263,21 +264,12 @@ def _summits(
 
 
 def _moments(values: Values, origin: float, noise: float) -> Moments:
-    """Compute the moments of values (count,); no skewness or kurtosis if their rms is noise."""
+    """Compute the moments of values (count,), with the mean counted from an origin.
+
+    There is no skewness or kurtosis if the rms is not above that of noise.
+    """
     if not values.size:
-        return Moments(0, math.nan, math.nan, math.nan, math.nan)
-    mean, deviations, variance = _spread(values, origin)
-    rms = math.sqrt(variance)
-    if rms <= noise:
-        return Moments(values.size, mean, rms, math.nan, math.nan)
-    squares = deviations * deviations
-    third = float(np.einsum(DOT, squares, deviations)) / values.size
-    fourth = float(np.einsum(DOT, squares, squares)) / values.size
-    return Moments(values.size, mean, rms, third / (variance * rms), fourth / (variance * variance))
-
-
-def _spread(values: Values, origin: float) -> tuple[float, Values, float]:
-    """Compute the mean over an origin, the deviations and the variance of values (count,)."""
+        return Moments(0, *[math.nan] * 5)
     mean = float(values.sum()) / values.size
     deviations = values - mean
     variance = float(np.einsum(DOT, deviations, deviations)) / values.size
@@ -286,4 +278,10 @@ def _spread(values: Values, origin: float) -> tuple[float, Values, float]:
         rest = float(deviations.sum()) / values.size
         deviations -= rest
         variance = float(np.einsum(DOT, deviations, deviations)) / values.size
-    return (mean - origin) + rest, deviations, variance
+    mean, rms = (mean - origin) + rest, math.sqrt(variance)
+    if rms <= noise:
+        return Moments(values.size, mean, variance, rms, math.nan, math.nan)
+    squares = deviations * deviations
+    third = float(np.einsum(DOT, squares, deviations)) / values.size / (variance * rms)
+    fourth = float(np.einsum(DOT, squares, squares)) / values.size / (variance * variance)
+    return Moments(values.size, mean, variance, rms, third, fourth)

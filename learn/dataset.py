@@ -180,8 +180,7 @@ def read(
         _require_compatible(found, scaled=wanted.scaled)
     if wanted.load == "pressure" and wanted.name != SCENE:
         for place, part in enumerate(found):
-            pressures, e_star = part.numbers.given["pressure"], part.scene.contact.e_star
-            numbers = part.numbers.under(pressures, e_star)
+            numbers = part.numbers.under(part.numbers.given["pressure"], part.scene.contact.e_star)
             inputs = np.column_stack([numbers.delta, part.inputs[:, 1:]])
             found[place] = part._replace(inputs=inputs, numbers=numbers)
     if wanted.needs_surface:

@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from importlib import import_module
 from typing import Any, TypeVar
@@ -33,9 +33,6 @@ Shared = TypeVar("Shared")
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 
-ALONE = farm.World()
-"""The world of a process that works without MPI."""
-
 
 @dataclass(eq=False)
 class Executor:
@@ -45,7 +42,7 @@ class Executor:
     `led`.
     """
 
-    world: farm.World = ALONE
+    world: farm.World = field(default_factory=farm.World)
     _held: object = None
 
     @property

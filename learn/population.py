@@ -245,7 +245,9 @@ class Alike(NamedTuple):
         """Return the triangular roots of the correlations of rows in blocks, (b, k, k) each."""
         found = []
         for block in blocks:
-            alike = np.exp(-((_apart(X[block]) / self.length) ** self.power))
+            rows = X[block]
+            apart = np.sqrt(np.square(rows[:, :, None, :] - rows[:, None, :, :]).sum(axis=-1))
+            alike = np.exp(-((apart / self.length) ** self.power))
             whole = (1 - self.own) * alike + self.own * np.eye(block.shape[1])
             found.append(np.asarray(np.linalg.cholesky(whole)))
         return found
@@ -379,11 +381,6 @@ def dealt(surfaces: Indices, random: np.random.Generator) -> Indices:
     """Deal surfaces, by the numbers of their rows, (n,), into parts of about the same size."""
     _, place = np.unique(surfaces, return_inverse=True)
     return np.asarray(random.permutation(place.max() + 1)[place] % PARTS)
-
-
-def _apart(X: Values) -> Values:
-    """Return the distances of rows of one block, (..., k, d), from each other: (..., k, k)."""
-    return np.asarray(np.sqrt(np.square(X[..., :, None, :] - X[..., None, :, :]).sum(axis=-1)))
 
 
 def _plane(X: Values) -> Values:

@@ -81,7 +81,7 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
         ("    heights -= heights.min()\n    return heights\n", "    return heights\n"),
         ("if not np.isfinite(contact.force):", "if False:"),
     ),
-    "gen/scene/tables.py": (("(self.modulus, self.poisson)", "(self.modulus, 0.0)"),),
+    "gen/scene/tables.py": (("self.modulus / (1 - self.poisson**2)", "self.modulus"),),
     "gen/statistics.py": (
         ("peaks[1].kurtosis - 3.0,", "peaks[1].kurtosis,"),
         ("(pair[0] / pair[1]) ** 2", "pair[0] / pair[1]"),
@@ -97,7 +97,7 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
     "gen/maps/read.py": (
         ("self.sides[0] / nx, self.sides[1] / ny", "self.sides[0] / ny, self.sides[1] / nx"),
     ),
-    "gen/material.py": (("return young / (1 - poisson**2)", "return young / (1 + poisson**2)"),),
+    "gen/material.py": (("(e / (1 - nu**2))", "(e / (1 + nu**2))"),),
     "gen/runtime/terminal.py": (('character if character.isprintable() else "?"', "character"),),
     "learn/split.py": (
         ("train, test = shuffled[cut:]", "train, test = shuffled[cut - 1 :]"),
@@ -212,7 +212,6 @@ def mutation(
 
 
 if __name__ == "__main__":
-    command_line.start(default_sigint=False)
-    code = command_line.main(app, sys.argv[1:], "mutation", alone=True)
-    farm.leave()
+    with farm.process(default_sigint=False):
+        code = command_line.main(app, sys.argv[1:], "mutation", alone=True)
     sys.exit(code)

@@ -33,8 +33,8 @@ class Counts(NamedTuple):
 MOST = {
     "heights": Counts(8, 49, 8),  # heights to the pressure on a free patch
     "scene": Counts(29, 180, 18),  # a scene to the rows of a database
-    "fit": Counts(28, 130, 15),  # a database to a surrogate
-    "predict": Counts(18, 71, 9),  # a surrogate and a map to a prediction
+    "fit": Counts(26, 126, 15),  # a database to a surrogate
+    "predict": Counts(15, 60, 9),  # a surrogate and a map to a prediction
     "law": Counts(32, 208, 18),  # a map to its contact law
 }
 """Most of each that a walk may pass."""

@@ -26,8 +26,7 @@ from gen.schema import Status
 from learn.comparison import paper, tables
 from learn.comparison.folder import Folder
 from learn.comparison.paper import OPTIMA, SPACES
-from learn.comparison.pictures import DOTS
-from learn.comparison.tables import NOT_SEARCHED
+from learn.comparison.tables import DOTS, NOT_SEARCHED
 from learn.models import MODELS
 
 # So far may the paper's nMSE and R2 of a model be from those of its others, relatively.

@@ -13,7 +13,6 @@ from bem.influence import Kernel
 from bem.problem import MAX_ITERATIONS, Boundary, FarField, node_spacing
 from bench.references.half_space import Field
 from gen.generation.plan import parameters, surface_random
-from gen.material import plane_strain_modulus
 from gen.scene import load
 from gen.surface import generate
 
@@ -151,7 +150,7 @@ class Setup:
     @property
     def compliance(self) -> float:
         """First side of a cell over E* = E / (1 - nu^2) [um / MPa]."""
-        return self.cell[0] / plane_strain_modulus(self.modulus, self.poisson)
+        return self.cell[0] / (self.modulus / (1 - self.poisson**2))
 
     def describe(self) -> str:
         """Return the input in one line: grid, lengths in um, and what is not the default."""

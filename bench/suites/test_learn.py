@@ -135,10 +135,11 @@ SIDE, DELTA = 1000.0, 12.0
 def test_features(benchmark: Any, name: str, size: str) -> None:
     """Cold: statistics, and all else that a surface is asked for, anew in every round."""
     heights = generate("diamond-square", NODES[size], 0.65, 12.0, np.random.default_rng(7))
-    wanted, deltas = chosen(name), np.array([DELTA])
+    wanted, deltas, step = chosen(name), np.array([DELTA]), SIDE / (NODES[size] - 1)
 
     def features() -> NDArray[np.float64]:
-        return wanted.of(SurfaceFeatures(heights, (SIDE, SIDE)).rows(wanted, deltas))
+        surface = SurfaceFeatures(heights, (SIDE, SIDE), (step, step))
+        return wanted.of(surface.rows(wanted, deltas))
 
     found = benchmark(features)
     assert found.shape == (1, len(wanted.columns))
@@ -148,7 +149,8 @@ def test_features(benchmark: Any, name: str, size: str) -> None:
         bearing = found[0, places]
         assert bearing == pytest.approx([np.mean(above > 0), above.mean() / DELTA], rel=1e-12)
     lengths = 1.0 if wanted.scaled else 2.0
-    doubled = wanted.of(SurfaceFeatures(2 * heights, (2 * SIDE, 2 * SIDE)).rows(wanted, 2 * deltas))
+    large = SurfaceFeatures(2 * heights, (2 * SIDE, 2 * SIDE), (2 * step, 2 * step))
+    doubled = wanted.of(large.rows(wanted, 2 * deltas))
     assert doubled[0, 0] == pytest.approx(lengths * found[0, 0], rel=1e-12)
 
 

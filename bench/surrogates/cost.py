@@ -110,17 +110,21 @@ def measure_surrogate(fitted: Fitted, features: str, contacts: Contacts) -> Time
     Of the features of a new `surface`, and of one more `load` on it; of the prediction of a
     `single` row, and of one among `BATCH` (`batched`).
     """
-    sides, wanted = (SIDE, SIDE), chosen(features, roots=True)
+    wanted = chosen(features, roots=True)
+
+    def surface_of(heights: Heights) -> SurfaceFeatures:
+        step = SIDE / (len(heights) - 1)
+        return SurfaceFeatures(heights, (SIDE, SIDE), (step, step))
 
     def features_of(surface: SurfaceFeatures, deltas: Values) -> Values:
         return wanted.of(surface.rows(wanted, deltas))
 
     def unknown(heights: Heights, delta: float) -> Values:
-        return features_of(SurfaceFeatures(heights, sides), np.array([delta]))
+        return features_of(surface_of(heights), np.array([delta]))
 
     surface = mean_seconds(partial(unknown, *each) for each in contacts)
     # What does not depend on Delta is computed once: these have it.
-    known = [SurfaceFeatures(heights, sides) for heights, _ in contacts]
+    known = [surface_of(heights) for heights, _ in contacts]
     deltas = np.linspace(*DELTAS, LOADS)
     rows = np.concatenate([features_of(each, deltas) for each in known])
     many = np.resize(rows, (BATCH, rows.shape[1]))

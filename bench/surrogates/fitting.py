@@ -13,7 +13,7 @@ from learn.features import chosen
 from learn.metrics import Scores, scores
 from learn.surrogate.calibration import measured
 from learn.surrogate.fitting import Fit, Settings, fit_target
-from learn.surrogate.flag import Distance
+from learn.surrogate.interval import Distance
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,8 +10,7 @@ from gen.runtime import farm
 from gen.runtime.command_line import Trust
 from gen.runtime.errors import InputError
 from gen.runtime.files import Output, check_outputs
-from gen.runtime.numbers import shown
-from gen.runtime.terminal import echo, to_type
+from gen.runtime.terminal import echo, shown, to_type
 
 COLUMNS = Path(__file__).parents[1] / "columns.md"  # written down: a test compares it with all
 

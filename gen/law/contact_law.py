@@ -37,9 +37,8 @@ from gen.law.surfaces import LawSurface, LawSurfaces, Load, read_subjects
 from gen.maps.bodies import Opposite
 from gen.maps.contacts import contact_warnings, solve_loads
 from gen.maps.settings import Reading
-from gen.material import Bodies
+from gen.material import Bodies, loads_from
 from gen.runtime.errors import InputError
-from gen.runtime.numbers import loads_from
 from gen.runtime.terminal import RunProgress, shortened
 
 ARGUMENTS: dict[Load, str] = {"delta": "delta_um", "pressure": "pressure_MPa"}

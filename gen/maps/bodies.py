@@ -22,7 +22,7 @@ from gen.maps.prepare import prepare
 from gen.maps.read import Sides, Topography, read
 from gen.maps.settings import Reading, numbers_in
 from gen.runtime.errors import InputError
-from gen.runtime.numbers import shown
+from gen.runtime.terminal import shown
 
 if TYPE_CHECKING:
     from bem.problem import Boundary

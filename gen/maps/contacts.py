@@ -15,11 +15,10 @@ import numpy as np
 
 from gen.maps.prepare import is_tilted
 from gen.maps.read import Topography
-from gen.material import Bodies
+from gen.material import Bodies, loads_from
 from gen.runtime import memory
 from gen.runtime.errors import InputError
 from gen.runtime.files import write
-from gen.runtime.numbers import values_from
 from gen.runtime.terminal import RunProgress
 
 if TYPE_CHECKING:
@@ -207,7 +206,7 @@ def chosen_load(given: dict[str, str]) -> tuple[str, list[float]]:
         said = " and ".join(f"--{name}" for name in chosen) or "no load"
         raise InputError(f"{said} given: give one of --delta, --force and --pressure")
     name = chosen[0]
-    return name, values_from(given[name], f"--{name}", ADVICE)
+    return name, loads_from(name, given[name], ADVICE)
 
 
 def solve_loads(

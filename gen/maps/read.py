@@ -17,9 +17,9 @@ import numpy as np
 from gen.arrays import Heights
 from gen.maps.scan import MOST_COLUMNS, NAMED_UNITS, UNITS, Scan, arranged, factor_of, unit_of
 from gen.maps.settings import Asked, Reading, said
+from gen.material import LARGEST, SMALLEST
 from gen.runtime.errors import InputError
 from gen.runtime.files import require_file
-from gen.runtime.numbers import MAGNITUDES
 
 if TYPE_CHECKING:  # surfaces are described without the solver
     from bem.problem import Boundary
@@ -92,7 +92,7 @@ def read(path: Path, reading: Reading, boundary: Boundary = "free") -> Topograph
     if holes == heights.size:
         raise InputError(f"{path}: all of its {holes} heights are missing; measure again")
     low, high = float(np.nanmin(heights)), float(np.nanmax(heights))
-    if (largest := max(-low, high)) > MAGNITUDES[1]:
+    if (largest := max(-low, high)) > LARGEST:
         raise InputError(f"{path}: heights of {largest:.3g} um; check their unit")
     if not all(0 < length < np.inf for length in sides):
         raise InputError(f"{path}: its lengths are beyond what numbers hold; give others")
@@ -205,40 +205,51 @@ def _agreed_sides(
 def sides_from(text: str, asked: Asked = "option") -> Sides:
     """Return the scan lengths along x and y [um] from "1000" or "1000,500".
 
-    Raises InputError if the text is anything else, or a length is not within `MAGNITUDES`.
+    Raises InputError if the text is anything else, or a length is below `SMALLEST` or above
+    `LARGEST`.
     """
     with suppress(ValueError):
         lengths = [float(part) for part in text.split(",")]
-        if len(lengths) in {1, 2} and all(MAGNITUDES[0] < each < MAGNITUDES[1] for each in lengths):
+        if len(lengths) in {1, 2} and all(SMALLEST < each < LARGEST for each in lengths):
             return lengths[0], lengths[-1]
     raise InputError(
         f"{said('side', asked)} {text!r}: give the scan length in um, a number from"
-        f" {MAGNITUDES[0]:g} to {MAGNITUDES[1]:g}, or two as 1000,500"
+        f" {SMALLEST:g} to {LARGEST:g}, or two as 1000,500"
     )
 
 
 def _scan(path: Path, reading: Reading) -> Scan:
-    """Read a .npy or text file, whatever its suffix, or a file of an instrument."""
-    own, found, reason = path.suffix.lower() in OWN_SUFFIXES, list[Scan](), ""
+    """Read a .npy or text file, whatever its suffix, or a file of an instrument.
+
+    Objects are never unpickled.
+    """
     try:
-        found = matrices_in(path)
-    except InputError as error:
-        if own:
-            raise
-        reason = str(error)
-    if found and path.suffix.lower() == ".npy" and not reading.channel:
-        [scan] = found
-    elif found:
-        from gen.maps.text import chosen
-
-        scan = chosen(path, found, reading)
-    elif own and path.suffix.lower() != ".dat":
-        raise InputError(f"{path}: is neither .npy nor text; give one of them")
+        content = require_file(path).read_bytes()
+    except (OSError, ValueError) as error:
+        fault = error.strerror if isinstance(error, OSError) else str(error)
+        raise InputError(f"{path}: cannot be read ({fault}); give a map of heights") from error
+    if path.suffix.lower() != ".npy" and not content.startswith(np.lib.format.MAGIC_PREFIX):
+        scan = _of_text_or_instrument(path, content, reading)
     else:
-        from gen.maps.instruments import instruments_scan
+        try:
+            with np.errstate(all="ignore"):  # of the numbers of nodes in a broken header
+                array = np.lib.format.read_array(BytesIO(content), allow_pickle=False)
+        except Exception as error:  # a broken header makes numpy raise nearly anything
+            fault = " ".join(str(error).split())[:120]
+            message = f"{path}: not a whole .npy file ({fault}); save real numbers"
+            raise InputError(message) from error
+        if array.dtype.kind not in "iuf":
+            raise InputError(f"{path}: holds {array.dtype} values; save real numbers (float64)")
+        with np.errstate(over="ignore"):  # wider floats become infinite, and are counted below
+            scan = Scan(np.asarray(array, dtype=np.float64, order="C"), unit="")
+        if reading.channel:
+            from gen.maps.text import chosen
 
-        scan = instruments_scan(path, reading, reason)
+            scan = chosen(path, [scan], reading)
     heights = scan.heights
+    if heights.ndim != 2 or min(heights.shape) < 2:
+        shape = " x ".join(map(str, heights.shape)) or "a single number"
+        raise InputError(f"{path}: holds {shape}; give 2-D heights, 2 x 2 or more")
     if refused := int(np.count_nonzero(np.isinf(heights))):
         raise InputError(
             f"{path}: {refused} of {heights.size} heights are infinite; give finite heights"
@@ -253,36 +264,24 @@ def _scan(path: Path, reading: Reading) -> Scan:
     return scan
 
 
-def matrices_in(path: Path) -> list[Scan]:
-    """Read the matrices of a .npy or text file, none of another one; never unpickle objects."""
-    require_file(path)
-    try:
-        content = path.read_bytes()
-    except (OSError, ValueError) as error:
-        fault = error.strerror if isinstance(error, OSError) else str(error)
-        raise InputError(f"{path}: cannot be read ({fault}); give a .npy or text file") from error
-    if path.suffix.lower() != ".npy" and not content.startswith(np.lib.format.MAGIC_PREFIX):
-        from gen.maps.text import matrices
+def _of_text_or_instrument(path: Path, content: bytes, reading: Reading) -> Scan:
+    """Read the map of a text, or of an instrument's file if it is none."""
+    from gen.maps.text import chosen, matrices
 
+    own, found, reason = path.suffix.lower() in OWN_SUFFIXES, list[Scan](), ""
+    try:
         found = matrices(content, path)
-    else:
-        try:
-            with np.errstate(all="ignore"):  # of the numbers of nodes in a broken header
-                array = np.lib.format.read_array(BytesIO(content), allow_pickle=False)
-        except Exception as error:  # a broken header makes numpy raise nearly anything
-            fault = " ".join(str(error).split())[:120]
-            message = f"{path}: not a whole .npy file ({fault}); save real numbers"
-            raise InputError(message) from error
-        if array.dtype.kind not in "iuf":
-            raise InputError(f"{path}: holds {array.dtype} values; save real numbers (float64)")
-        with np.errstate(over="ignore"):  # wider floats become infinite, and are counted later
-            found = [Scan(np.asarray(array, dtype=np.float64, order="C"), unit="")]
-    for heights in (each.heights for each in found):
-        if heights.ndim != 2 or min(heights.shape) < 2:
-            shape = " x ".join(map(str, heights.shape)) or "a single number"
-            held = shape if heights.size else "no heights"
-            raise InputError(f"{path}: holds {held}; give 2-D heights, 2 x 2 or more")
-    return found
+    except InputError as error:
+        if own:
+            raise
+        reason = str(error)
+    if found:
+        return chosen(path, found, reading)
+    if own and path.suffix.lower() != ".dat":
+        raise InputError(f"{path}: is neither .npy nor text; give one of them")
+    from gen.maps.instruments import instruments_scan
+
+    return instruments_scan(path, reading, reason)
 
 
 # suffixes of files that stand in folders of maps and hold none

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar, Literal, NamedTuple
 
 from gen.runtime.errors import InputError
-from gen.runtime.numbers import shown
+from gen.runtime.terminal import shown
 
 Asked = Literal["option", "key"]  # who asks, for the words of messages: a command line, or a scene
 # height of the highest node above the median of its neighbours from which it is called a spike, in

@@ -179,9 +179,10 @@ def _matrix(
 ) -> Scan:
     """Return the numbers under a header; refuse more or fewer of them than it states."""
     numbers = np.array(rows, dtype=np.float64)
-    if not rows:
-        return Scan(numbers, unit="")
     found = numbers.shape
+    if min(found) < 2:
+        held = " x ".join(map(str, found)) if rows else "no"
+        raise InputError(f"{path}: holds {held} heights; give 2-D heights, 2 x 2 or more")
     widths, axis_units = _widths(entries, found)
     if widths is None:  # for example, one of the two lengths is missing
         halves = [f"{name}: {entries[name]}" for name in ("width", "height") if name in entries]

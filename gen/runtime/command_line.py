@@ -1,13 +1,11 @@
 """Run a command so that it ends with one clear line and the same exit code on all ranks.
 
-`start` prepares the process, `grouped` lets commands share options, `main` runs a command line.
+`grouped` lets commands share options, `main` runs a command line in a `gen.runtime.farm.process`.
 """
 
-import io
 import os
 import re
 import shlex
-import signal
 import sys
 import time
 from collections.abc import Callable, Collection, Sequence
@@ -73,21 +71,6 @@ Trust = Annotated[
     ),
 ]
 """The option `--trust` of commands that may run functions of users."""
-
-
-def start(*, default_sigint: bool) -> None:
-    """Prepare this process for a command, before NumPy is imported.
-
-    With `default_sigint` Ctrl-C ends the process until a run listens to signals: a
-    KeyboardInterrupt on one rank alone would leave the others waiting.
-    """
-    # More threads would compete for the cores, and sums could depend on their number.
-    for library in ("OMP", "OPENBLAS", "MKL", "BLIS", "VECLIB_MAXIMUM"):
-        os.environ[f"{library}_NUM_THREADS"] = "1"
-    if default_sigint:
-        signal.signal(signal.SIGINT, signal.SIG_DFL)
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(errors="replace")  # characters that the encoding lacks, in a title
 
 
 def grouped(command: Callable[..., Any]) -> Callable[..., Any]:

@@ -6,6 +6,7 @@ alarms between two of its own steps; while compiled code takes minutes for one s
 answers requests to stop, and an alarm waits.
 """
 
+import io
 import os
 import select
 import signal
@@ -155,21 +156,33 @@ def _check_launcher() -> None:
             )
 
 
-def leave() -> None:
-    """Finalise MPI if joined: `python -m mpi4py` would abort for codes above 0 otherwise."""
+@contextmanager
+def process(*, default_sigint: bool = True) -> Iterator[None]:
+    """Prepare this process for a command, before NumPy is imported, and end MPI after it.
+
+    With `default_sigint` Ctrl-C ends the process until a run listens to signals: a
+    KeyboardInterrupt on one rank alone would leave the others waiting. A bug ends all processes at
+    once, as `python -m mpi4py` does.
+    """
+    # More threads would compete for the cores, and sums could depend on their number.
+    for library in ("OMP", "OPENBLAS", "MKL", "BLIS", "VECLIB_MAXIMUM"):
+        os.environ[f"{library}_NUM_THREADS"] = "1"
+    if default_sigint:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")  # characters that the encoding lacks, in a title
+    try:
+        yield
+    except Exception:
+        communicator = None
+        with suppress(InputError):  # also if this process has not joined MPI
+            communicator = this_world().communicator
+        World(communicator=communicator).abort()
     if "mpi4py.MPI" in sys.modules:
         from mpi4py import MPI
 
         if MPI.Is_initialized() and not MPI.Is_finalized():
-            MPI.Finalize()
-
-
-def abort_all() -> NoReturn:
-    """Do what `python -m mpi4py` does for a bug, also if this process has not joined MPI."""
-    communicator = None
-    with suppress(InputError):
-        communicator = this_world().communicator
-    World(communicator=communicator).abort()
+            MPI.Finalize()  # `python -m mpi4py` would abort for exit codes above 0 otherwise
 
 
 def run(

@@ -102,6 +102,11 @@ def shortened(name: str) -> str:
     return name if len(name) <= LETTERS else f"{name[: LETTERS // 3]} ... {name[-LETTERS // 2 :]}"
 
 
+def shown(text: str, most: int = 60) -> str:
+    """Quote a text of the user's, shortened if it is too long to be typed by hand."""
+    return repr(text) if len(text) <= most else f"{text[:most]!r}... ({len(text)} characters)"
+
+
 def brief(reasons: str) -> str:
     """Shorten reasons to the first one and the number of the others, for a narrow column."""
     first, _, others = reasons.partition("; ")

@@ -17,7 +17,7 @@ from gen.distribution import (
     limits,
 )
 from gen.generators.function import FUNCTION_WORDS, Function, Hash, named
-from gen.material import Bodies, plane_strain_modulus
+from gen.material import Bodies
 
 Quantity = Literal["delta", "delta/height_rms", "pressure", "pressure/(E* slope_rms)", "force"]
 
@@ -98,8 +98,8 @@ class Contact(Table):
 
     @property
     def e_star(self) -> float:
-        """Plane-strain modulus E* of the elastic half-space on a rigid body [MPa]."""
-        return plane_strain_modulus(self.modulus, self.poisson)
+        """Plane-strain modulus E* = E / (1 - nu^2) [MPa]."""
+        return self.modulus / (1 - self.poisson**2)
 
     @property
     def hardness_unit(self) -> float:

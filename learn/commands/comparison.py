@@ -164,11 +164,8 @@ def _write_and_print(folder: Path, *, pictures: bool) -> None:
         found = tables.read(part)
         tables.write(found)
         tables.show(found)
-        if pictures:
-            from learn.comparison.pictures import draw
-
-            for path in draw(found):
-                echo(f"wrote {path}")
+        for path in tables.draw(found) if pictures else ():
+            echo(f"wrote {path}")
 
 
 @grouped

@@ -15,7 +15,6 @@ from learn.commands.fit import SEEDS, Blocks, Load, note, request_of
 
 if TYPE_CHECKING:
     from gen.scene import Scene
-    from learn.executor import Executor
     from learn.grow.accuracy import Order
 
 SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A shipped scene, or a TOML file.")]
@@ -69,43 +68,37 @@ def grow(scene: SceneName, output: SurrogateFile, *, goal: Goal, trust: Trust = 
     surrogate stand an ordinary database (.h5) and a picture of the learning curve and the
     predictions (.png).
     """
-    from learn.executor import led
+    from learn.executor import led, seconds
 
     with led() as executor:
-        return _grow(output, scene, goal, executor)
+        from gen.runtime.farm import Interruption
+        from gen.runtime.figure import new_figure, save
+        from gen.scene import load
+        from learn.grow import rounds
+        from learn.surrogate.fitting import require_better
 
-
-def _grow(output: Path, name: str, goal: Goal, executor: Executor) -> int:
-    """Grow on the master; return the exit code."""
-    from gen.runtime.farm import Interruption
-    from gen.runtime.figure import new_figure, save
-    from gen.scene import load
-    from learn.executor import seconds
-    from learn.grow import report, rounds
-    from learn.surrogate.fitting import require_better
-
-    pace = rounds.Pace(seconds(goal.budget) if goal.budget else None, executor.workers)
-    database, drawing = (_beside(output, suffix) for suffix in (".h5", ".png"))
-    check_outputs(
-        [Output(output, "--output", "surrogate"), Output(drawing, "--output", "picture")],
-        [name] if Path(name).is_file() else [],
-    )
-    _require_own(database, output, drawing)
-    figure = new_figure(report.WIDTH, report.HEIGHT, dpi=110)
-    with Interruption(listening=True) as interruption:
-        scene = load(name)
-        order = _order(output, goal, scene)
-        for doubt in scene.contact.doubts:
-            note(f"warning: {doubt}")
-        ending, last = rounds.grow(order, scene, executor, pace, note, interruption.requested)
-    if ending == "interrupted" or last is None:
-        note(f"stopped; {database} is kept, the same command goes on")
-        return 128 + interruption.signal
-    report.show(order, ending, last)
-    report.draw(figure, last)
-    echo(f"wrote {output}, {database} and {save(figure, drawing)}")
-    require_better(last.surrogate, str(output))
-    return 0
+        pace = rounds.Pace(seconds(goal.budget) if goal.budget else None, executor.workers)
+        database, drawing = (_beside(output, suffix) for suffix in (".h5", ".png"))
+        check_outputs(
+            [Output(output, "--output", "surrogate"), Output(drawing, "--output", "picture")],
+            [scene] if Path(scene).is_file() else [],
+        )
+        _require_own(database, output, drawing)
+        figure = new_figure(rounds.WIDTH, rounds.HEIGHT, dpi=110)
+        with Interruption(listening=True) as interruption:
+            wanted = load(scene)
+            order = _order(output, goal, wanted)
+            for doubt in wanted.contact.doubts:
+                note(f"warning: {doubt}")
+            ending, last = rounds.grow(order, wanted, executor, pace, note, interruption.requested)
+        if ending == "interrupted" or last is None:
+            note(f"stopped; {database} is kept, the same command goes on")
+            return 128 + interruption.signal
+        rounds.show(order, ending, last)
+        rounds.draw(figure, last)
+        echo(f"wrote {output}, {database} and {save(figure, drawing)}")
+        require_better(last.surrogate, str(output))
+        return 0
 
 
 def _require_own(database: Path, surrogate: Path, drawing: Path) -> None:

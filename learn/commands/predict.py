@@ -8,13 +8,12 @@ import typer
 
 from gen import options
 from gen.maps.settings import Reading
-from gen.material import combined_modulus
+from gen.material import combined_modulus, loads_from
 from gen.runtime.command_line import Trust, grouped, typed
 from gen.runtime.errors import InputError
 from gen.runtime.figure import empty_figure
 from gen.runtime.files import Output, check_outputs, kind_of
-from gen.runtime.numbers import loads_from, shown
-from gen.runtime.terminal import echo
+from gen.runtime.terminal import echo, shown
 
 File = Annotated[Path, typer.Argument(metavar="FILE", help="A surrogate made by learn fit.")]
 Inputs = Annotated[

@@ -12,7 +12,7 @@ import json
 import math
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from time import perf_counter
 from typing import Annotated, Any, Self
@@ -27,7 +27,7 @@ from gen.runtime.errors import InputError
 from learn import kernel_ridge
 from learn.comparison.folder import Count, Seconds, require_same
 from learn.comparison.grid import Task, shared_fit
-from learn.features.sets import UNSCALED, Scaling
+from learn.features.sets import Scaling
 from learn.models import (
     EVERY,
     POPULATION,
@@ -55,14 +55,14 @@ class Training:
     test_target: Values  # not scaled, (m,)
     normalisation: str = "l2"  # see `learn.models.pipeline`
     seed: int = 0  # of the models' random draws
-    scaling: Scaling = UNSCALED
+    scaling: Scaling = field(default_factory=Scaling)
     groups: Indices | None = None  # surfaces of the training rows, (n,)
 
     def seen_by(self, model: str) -> Self:
         """Return the training as a model sees it: targets as they are for means over surfaces."""
         if model != POPULATION.name:
             return replace(self, groups=None)
-        return replace(self, target=self.scaling.restored(self.target), scaling=UNSCALED)
+        return replace(self, target=self.scaling.restored(self.target), scaling=Scaling())
 
     def beside(self, rows: Indices | slice) -> dict[str, Indices]:
         """Return what the fit of a pipeline takes beside inputs and target of some rows."""
@@ -72,11 +72,6 @@ class Training:
     def rows(self) -> int:
         """Number of training rows."""
         return self.target.size
-
-    @property
-    def columns(self) -> int:
-        """Number of inputs."""
-        return int(self.inputs.shape[1])
 
     def first(self, rows: int) -> Self:
         """Return the same with the first training rows only."""

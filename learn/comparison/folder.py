@@ -46,20 +46,15 @@ Setting = bool | int | float | str | list[int] | None
 
 
 class Conditions(Document):
-    """The conditions of results."""
+    """The conditions of results, as far as they are read; all of them are compared."""
 
-    database_sha256: str
     target: str
     features: str
-    inputs: list[str]
     load: str = ""
     normalisation: str
-    target_scaling: str
     seed: Annotated[int, Field(ge=0, lt=2**32)]
-    folds: Count
     train_rows: Count
     test_rows: Count
-    versions: dict[str, str]
     area_max: Annotated[float, Field(gt=0, le=100)] | None
 
 
@@ -109,9 +104,7 @@ class Search(Document):
     grid_r2_folds: list[Score] = Field(default_factory=list)
     optimum_r2_folds: list[Score] = Field(default_factory=list)
     baseline_r2_folds: list[Score] = Field(default_factory=list)
-    baseline_fits: Count = 0
     failures: dict[str, Count]
-    remarks: dict[str, Count]
 
 
 Nothing = Annotated[dict[str, object], Field(max_length=0)]
@@ -269,17 +262,10 @@ class Folder:
 
     def prediction(self, kind: str, model: str) -> tuple[Values, Values]:
         """Read truth and prediction of the test rows, each of shape (m,), in the target's unit."""
-        truth, prediction = self._numbers(f"{kind}/{model}.csv", "truth", "prediction").T
+        truth, prediction = self.numbers(f"{kind}/{model}.csv", "truth", "prediction").T
         return truth, prediction
 
-    def test_groups(self) -> Values:
-        """Read the group of each test row, in the order of the predictions; shape (m,).
-
-        Rows of one surface, or of one tile of a map, are of one group.
-        """
-        return self._numbers("rows.csv", "group", part="test")[:, 0]
-
-    def _numbers(self, name: str, *columns: str, part: str = "") -> Values:
+    def numbers(self, name: str, *columns: str, part: str = "") -> Values:
         """Read columns of a table, (rows, columns), or of the rows of one part of it."""
         path = self.path / name
         try:

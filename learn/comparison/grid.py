@@ -57,9 +57,6 @@ SCALED_OPTIMA: dict[str, Settings] = {
 TABLE_2 = "Table 2"
 """Name of the paper's grids in results and tables."""
 
-SCALED_GRID = "for features without units"
-"""Name of the grids `SCALED` in results and tables."""
-
 WHOLE = "whole grid"
 """The words in a result for a search that left no candidate out."""
 
@@ -74,7 +71,7 @@ def space_of(model: str, features: str) -> tuple[str, Space]:
     if model == POPULATION.name:
         return "none: chooses by itself", {}
     if standard(features) and model in SCALED:
-        return SCALED_GRID, SCALED[model]
+        return "for features without units", SCALED[model]
     return TABLE_2, SPACES[model]
 
 

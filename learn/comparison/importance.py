@@ -20,8 +20,8 @@ from gen.runtime.figure import new_figure, save
 from learn import dataset, split
 from learn.comparison.folder import Folder
 from learn.comparison.grid import standard, untuned
-from learn.comparison.pictures import DPI
-from learn.comparison.results import repeated
+from learn.comparison.jobs import repeated
+from learn.comparison.tables import DPI
 from learn.dataset import Request, short_name
 from learn.metrics import scores
 from learn.models import EVERY, POPULATION, check_memory, models_named, pipeline, remarks

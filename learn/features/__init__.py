@@ -11,7 +11,6 @@ Surrogates see more: square roots with both sets without units, and more of the 
 `hybrid` (`learn.features.sets.chosen`).
 """
 
-from learn.features.sets import OF_SURFACES, SETS, FeatureSet, chosen
-from learn.features.surface import SurfaceFeatures, Undefined
+from learn.features.sets import OF_SURFACES, SETS, FeatureSet, SurfaceFeatures, Undefined, chosen
 
 __all__ = ["OF_SURFACES", "SETS", "FeatureSet", "SurfaceFeatures", "Undefined", "chosen"]

@@ -28,11 +28,19 @@ from gen.runtime.terminal import RunProgress
 from gen.scene import Scene
 from gen.schema import PHYSICS, Status
 from learn.executor import Executor
-from learn.features.sets import BLOCKS, HYBRID, SETS, STATISTICS, FeatureSet, by_pressure
-from learn.features.surface import LOOSE, SurfaceFeatures
+from learn.features.sets import (
+    BLOCKS,
+    HYBRID,
+    SETS,
+    STATISTICS,
+    FeatureSet,
+    SurfaceFeatures,
+    by_pressure,
+)
+from learn.features.surface import LOOSE
 
 VERSION = 4
-"""Raised whenever `SurfaceFeatures.hybrid` changes its values."""
+"""Raised whenever `CoarseContact.hybrid` changes its values."""
 
 BLOCK_ROWS = 32
 SAVE_SECONDS = 20.0
@@ -136,8 +144,7 @@ def compute_block(shared: tuple[Scene, Path, int, bool], block: Block) -> tuple[
     inputs = np.full((stop - start, len(_inputs(scene))), np.nan)
     values = np.full((stop - start, len(HYBRID) + pressed), np.nan)
     inputs[:, 0] = deltas
-    e_star = scene.contact.e_star
-    ratios = None if plan.hardness is None else np.asarray(plan.hardness) / e_star
+    ratios = None if plan.hardness is None else np.asarray(plan.hardness) / scene.contact.e_star
     if scene.contact.draws_hardness:
         inputs[:, -1] = plan.hardness
     surface: SurfaceFeatures | None = None
@@ -155,8 +162,8 @@ def compute_block(shared: tuple[Scene, Path, int, bool], block: Block) -> tuple[
                 ratio = None if ratios is None else float(ratios[row])
                 delta = float(deltas[row])
                 if pressed:
-                    values[row, -1] = delta = surface.reached(delta, ratio, blocks)
-                values[row, : len(HYBRID)] = surface.hybrid(delta, ratio, blocks)
+                    values[row, -1] = delta = surface.coarse.reached(delta, ratio, blocks)
+                values[row, : len(HYBRID)] = surface.coarse.hybrid(delta, ratio, blocks)
         except SourceError:
             raise
         except (ArithmeticError, InputError):

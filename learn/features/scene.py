@@ -45,8 +45,6 @@ HARDNESSES: Mapping[str, str] = {"hardness": "MPa", "hardness_ratio": "1"}
 SPAN = 3.0
 """Ratio of the largest over the smallest value from which on a number is learnt as a logarithm."""
 
-LOG = "log({})"
-
 
 def load_of(scene: Scene) -> str:
     """Return the name of the load that a scene draws, of `LOADS`."""
@@ -135,7 +133,7 @@ def columns_of(scenes: Sequence[Scene], load: str) -> tuple[str, ...]:
 
 def _column(name: str, ends: tuple[float, float]) -> str:
     """Return the feature of a number with these ends."""
-    return LOG.format(name) if ends[0] > 0 and ends[1] >= SPAN * ends[0] else name
+    return f"log({name})" if ends[0] > 0 and ends[1] >= SPAN * ends[0] else name
 
 
 def _ends(scenes: Sequence[Scene], name: str) -> tuple[float, float] | None:

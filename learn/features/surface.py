@@ -1,11 +1,10 @@
-"""Features of one surface, computed once for any number of displacements.
+"""Features of the hybrid set, from the heights of a surface and a coarse contact solve.
 
-The hybrid set uses the heights themselves. Bearing area and bearing interference are those of a
-surface that does not deform. A contact solve on 33 x 33 blocks (or 65 x 65), each with the mean
-height of its nodes, gives area, force and a smooth displacement. The displacement is interpolated
-to the nodes; the `refined` features count the nodes that stand above it, so that the highest nodes
-are not lost in the means of their blocks (there are none where every node is a block). Delta is
-measured from the highest node throughout.
+Bearing area and bearing interference are those of a surface that does not deform. A contact solve
+on 33 x 33 blocks (or 65 x 65), each with the mean height of its nodes, gives area, force and a
+smooth displacement. The displacement is interpolated to the nodes; the `refined` features count the
+nodes that stand above it, so that the highest nodes are not lost in the means of their blocks
+(there are none where every node is a block). Delta is measured from the highest node throughout.
 
 Surrogates see more of the same solve, at hardly any cost (`learn.features.sets.LOCAL`): the area
 in contact inside the blocks by Persson's theory, the nodes that stand above shifted displacements,
@@ -23,22 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import bem
-from bem.problem import Boundary, node_spacing
+from bem.problem import Boundary
 from gen.arrays import Values
 from gen.runtime.errors import InputError
-from gen.statistics import Description, describe
-from learn.features.sets import (
-    BLOCKS,
-    FACTORS,
-    HYBRID,
-    POWERS,
-    SHIFTS,
-    FeatureSet,
-    Rows,
-    by_pressure,
-)
-
-Sides = tuple[float, float]
+from learn.features.sets import BLOCKS, FACTORS, POWERS, SHIFTS, Sides
 
 NEARLY_FULL = 0.999
 """Largest displacement of a coarse solve without edges, over that of full contact: elastic bodies
@@ -53,10 +40,6 @@ ROUNDING = 1e-12
 PERSSON = math.sqrt(2.0)
 """Persson's share of the area in contact is erf(sqrt(2) p / (E* h')), with the pressure p and the
 rms slope h'."""
-
-
-class Undefined(InputError):
-    """Features that need statistics which the surface does not define."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,70 +135,19 @@ def _squares(heights: Values, step: float) -> Values:
 
 
 @dataclass(frozen=True, eq=False)
-class SurfaceFeatures:
-    """A surface whose features can be computed at any Delta."""
+class CoarseContact:
+    """A surface in blocks, pressed at any Delta; its fields are those of `SurfaceFeatures`."""
 
-    heights: Values  # (nx, ny), 2 x 2 or more, finite [um]
-    sides: Sides  # scan lengths along x and y [um]
-    spacing: Sides | None = None  # of the nodes; by sides and boundary unless given [um]
-    name: str = "the surface"  # in messages
-    boundary: Boundary = "free"  # of the patch, also in the coarse solve
+    heights: Values  # (nx, ny) [um]
+    sides: Sides  # [um]
+    spacing: Sides  # [um]
+    name: str
+    boundary: Boundary
 
-    @property
-    def steps(self) -> Sides:
-        """Spacing of the nodes along x and y [um]."""
-        if self.spacing is not None:
-            return self.spacing
-        (nx, ny), (width, length) = self.heights.shape, self.sides
-        along_x = node_spacing(nx, width, self.boundary)
-        return along_x, node_spacing(ny, length, self.boundary)
-
-    @property
+    @cached_property
     def length(self) -> float:
         """Scan length L, the geometric mean of both sides [um]."""
         return math.sqrt(math.prod(self.sides))
-
-    @cached_property
-    def description(self) -> Description:
-        """The 22 statistics by name, and why some of them are undefined."""
-        return describe(self.heights, self.steps)
-
-    def rows(
-        self,
-        features: FeatureSet,
-        loads: Values,
-        hardness_ratio: float | None = None,
-        e_star: float = 1.0,
-    ) -> Rows:
-        """Return the numbers that features of a set are computed from, at k loads.
-
-        Loads are displacements [um], or pressures [MPa] on bodies of an E* [MPa] if the set is for
-        these. `Undefined` is raised if the surface does not define all statistics, InputError if a
-        load is not above 0.
-        """
-        pressed, nodes = features.load == "pressure", math.sqrt(self.heights.size)
-        deltas = by_pressure(loads, self.length, e_star) if pressed else loads
-        wrong = deltas[~((deltas > 0) & (deltas < np.inf))]
-        if wrong.size:
-            raise InputError(f"{self.name}: Delta {wrong[0]:g} um: give finite numbers above 0")
-        described, notes = self.description, tuple[str, ...]()
-        if described.reason:
-            raise Undefined(f"{self.name}: statistics undefined: {described.reason}")
-        if self.boundary != "free" and hardness_ratio is None and not pressed:
-            limit = float((self.heights.max() - self.heights).mean())
-            full = f"no equilibrium: the contact is full at delta = {limit:.6g} um"
-            notes = tuple(full * bool(each >= limit) for each in deltas)
-        hybrid = None
-        if features.needs_surface:
-            blocks = features.blocks or BLOCKS
-            if pressed:
-                deltas = np.array([self.reached(each, hardness_ratio, blocks) for each in deltas])
-            every = [self.hybrid(float(delta), hardness_ratio, blocks) for delta in deltas]
-            hybrid = np.array(every).reshape(-1, len(HYBRID))
-        statistics = np.tile(list(described.values.values()), (deltas.size, 1))
-        own = self.length, hardness_ratio, nodes, hybrid, notes
-        grid = self.heights.shape, self.sides
-        return Rows(statistics, deltas, *own, {"pressure": loads} if pressed else {}, (grid,))
 
     def reached(self, load: float, hardness_ratio: float | None, blocks: int) -> float:
         """Return the Delta at which the coarse solve carries a pressure times L / E* [um]."""
@@ -257,7 +189,7 @@ class SurfaceFeatures:
         force: float | None = None,
     ) -> bem.Contact:
         """Solve the contact of the block means with E* = 1 MPa."""
-        means, (step_x, step_y), (nx, ny) = coarse.means, self.steps, self.heights.shape
+        means, (step_x, step_y), (nx, ny) = coarse.means, self.spacing, self.heights.shape
         blocks_x, blocks_y = means.shape
         steps = step_x * nx / blocks_x, step_y * ny / blocks_y
         if self.boundary != "free" and hardness_ratio is None and depth is not None:
@@ -277,9 +209,7 @@ class SurfaceFeatures:
         except (bem.NotConverged, ArithmeticError, ValueError) as error:
             raise InputError(f"{self.name}: coarse contact: {error}") from None
 
-    def coarse_means(
-        self, delta: float, hardness_ratio: float | None = None
-    ) -> tuple[float, float]:
+    def means(self, delta: float, hardness_ratio: float | None = None) -> tuple[float, float]:
         """Return the coarse solve's mean displacement over F / (E* L) and mean yielded depth [um].
 
         Multiplied by F / (E* L) with the force of a finer solve, the first gives the mean
@@ -308,7 +238,7 @@ class SurfaceFeatures:
         """Return the surface in a number of blocks per side, one less without edges."""
         if number not in self._in_blocks:
             most = number if self.boundary == "free" else number - 1
-            self._in_blocks[number] = Blocks(self.heights, self.steps, most)
+            self._in_blocks[number] = Blocks(self.heights, self.spacing, most)
         return self._in_blocks[number]
 
     @cached_property

@@ -33,14 +33,8 @@ VALUE = re.compile(r" \S+ outside")
 UNDEFINED = "statistics undefined: {}"
 """Reason of a row whose surface does not define all statistics that the features need."""
 
-WIDTH = 160
-"""Width of the table without a terminal [characters]."""
-
 SHOWN = 40
 """Rows that are printed at most; a file gets all of them."""
-
-SIDE_NAMES = ("side_x_um", "side_y_um")
-NODE_NAMES = ("nodes_x", "nodes_y")
 
 
 class Question(NamedTuple):
@@ -84,12 +78,8 @@ def answers(surrogate: Surrogate, path: Path, question: Question) -> Iterator[Ro
         except InputError as error:
             named = str(error).startswith(("--", str(file)))
             raise InputError(f"{'' if named else f'{file}: '}{error}") from None
-        asked: list[Row] = [
-            {"input": str(file), heading(load, LOADS[load]): float(each)}
-            for each in answer.given.get(load, answer.delta)
-        ]
-        for row in _answered(surrogate, answer, asked):
-            yield {**row, "warnings": "; ".join(warnings)}
+        for row in _answered(surrogate, answer):
+            yield {"input": str(file), **row, "warnings": "; ".join(warnings)}
 
 
 def _header(path: Path) -> list[str]:
@@ -143,30 +133,28 @@ def answers_of_parameters(
         except InputError as error:
             raise InputError(f"{table}: {error}" if table else str(error)) from None
         prediction = surrogate.predict_rows(rows, level=level, mean=mean)
-        asked: list[Row] = [
-            {"input": str(table or "")}
-            | further[k // most]
-            | {heading(n, unit_of(n)): float(prediction.given[n][k]) for n in prediction.given}
-            for k in range(len(prediction.delta))
-        ]
-        yield from _answered(surrogate, prediction, asked)
+        for place, row in enumerate(_answered(surrogate, prediction)):
+            yield {"input": str(table or ""), **further[place // most], **row}
 
 
-def _answered(surrogate: Surrogate, prediction: Prediction, asked: Sequence[Row]) -> Iterator[Row]:
-    """Yield rows of what was asked with the answers, their intervals and flags."""
-    for place, (row, reason) in enumerate(zip(asked, prediction.reasons, strict=True)):
-        for target, learnt in surrogate.learnt.items():
-            key = heading(learnt.column, learnt.unit)
-            row[key] = float(prediction.values[target][place])
+def _answered(surrogate: Surrogate, prediction: Prediction) -> Iterator[Row]:
+    """Yield rows of what was asked, with the answers, their intervals and flags.
+
+    Columns have their units: delta_um, area_percent, force_uN, mean_gap_um.
+    """
+    asked = prediction.given or {"delta": prediction.delta}
+    columns = [(name, LOADS.get(name) or unit_of(name), each, "") for name, each in asked.items()]
+    for target, learnt in surrogate.learnt.items():
+        columns.append((learnt.column, learnt.unit, prediction.values[target], target))
+    for place, reason in enumerate(prediction.reasons):
+        row: Row = {}
+        for name, unit, values, target in columns:
+            key = name if unit in {"%", "1"} else f"{name}_{unit}"
+            row[key] = float(values[place])
             if target in prediction.low:  # outside the training no interval holds: empty cells
                 row[f"{key}_low"] = "" if reason else float(prediction.low[target][place])
                 row[f"{key}_high"] = "" if reason else float(prediction.high[target][place])
         yield {**row, "flag": "outside" if reason else "inside", "reason": reason}
-
-
-def heading(column: str, unit: str) -> str:
-    """Return the name of a target's column with its unit: area_percent, force_uN, mean_gap_um."""
-    return column if unit in {"%", "1"} else f"{column}_{unit}"
 
 
 def rows_of_table(surrogate: Surrogate, path: Path, question: Question) -> Rows:
@@ -182,7 +170,8 @@ def rows_of_table(surrogate: Surrogate, path: Path, question: Question) -> Rows:
                 f"{path}: has a {boundary:.20} boundary, the surrogate was trained on patches with"
                 f" a {surrogate.boundary} one: fit one to a database whose scene has this boundary"
             )
-    statistics, sides = (_numbers(path, cells, names) for names in (STATISTICS, SIDE_NAMES))
+    wanted = STATISTICS, ("side_x_um", "side_y_um")
+    statistics, sides = (_numbers(path, cells, names) for names in wanted)
     if question.reading.side:
         given = sides_from(question.reading.side)
         if not np.allclose(sides[~np.isnan(sides[:, 0])], given, rtol=1e-3):
@@ -195,7 +184,7 @@ def rows_of_table(surrogate: Surrogate, path: Path, question: Question) -> Rows:
     undefined = [bool(np.isnan(row).any()) for row in statistics]
     if all(undefined):
         raise InputError(f"{path}: every row lacks statistics: nothing can be predicted")
-    nodes = _numbers(path, cells, NODE_NAMES, 0.0)
+    nodes = _numbers(path, cells, ("nodes_x", "nodes_y"), 0.0)
     usual, unknown = surrogate.card, np.isnan(sides).any(axis=1, keepdims=True)
     shapes = np.where(nodes.all(axis=1, keepdims=True), nodes, usual["nodes"]).astype(int)
     patches = np.where(unknown, usual["side"], sides)
@@ -276,7 +265,7 @@ def show(rows: Sequence[Row], title: str, doubts: Sequence[str] = ()) -> None:
                 text += " (-)" if flagged else f" ({low:.4g} to {high:.4g})"
             cells.append(brief(text) if name == "reason" else text)
         table.add_row(*cells, style="dim" if flagged else "")
-    print_table(table, WIDTH)
+    print_table(table)
     for doubt in doubts:
         echo(f"warning: {doubt}")
     outside = [row for row in rows if row["flag"] == "outside"]

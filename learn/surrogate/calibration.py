@@ -18,9 +18,16 @@ from gen.runtime.errors import InputError
 from learn.dataset import Dataset
 from learn.features.scene import SCENE
 from learn.split import FOLDS
-from learn.surrogate import flag
-from learn.surrogate.flag import Distance
-from learn.surrogate.interval import GROWTH, Calibration, Scores, fit_scale, quadratic
+from learn.surrogate.interval import (
+    GROWTH,
+    Calibration,
+    Distance,
+    Scores,
+    fit_scale,
+    from_maps,
+    from_surfaces,
+    quadratic,
+)
 
 Scheme = Literal["surfaces", "each", "others"]
 """What intervals hold for: further surfaces of the one database; of each of the known maps or
@@ -142,11 +149,12 @@ def measured(rows: Dataset) -> Measured:
     groups, size = groups_of(rows), rows.inputs.shape[1]
     if rows.features.name == SCENE:  # drawn independently of each other: ranges say all
         nothing = np.zeros(rows.size)
-        return Measured(flag.nowhere(size), nothing, nothing.astype(np.int64))
+        distance = Distance(np.zeros((1, size)), np.zeros((1, size, size)), np.inf)
+        return Measured(distance, nothing, nothing.astype(np.int64))
     if groups.scheme == "others":
-        distance = flag.from_maps(rows.inputs, groups.labels)
+        distance = from_maps(rows.inputs, groups.labels)
         return Measured(distance, *distance.measured(rows.inputs))
-    return Measured(*flag.from_surfaces(rows.inputs, groups.labels, groups.left_out(rows)))
+    return Measured(*from_surfaces(rows.inputs, groups.labels, groups.left_out(rows)))
 
 
 def calibrate(
@@ -218,7 +226,7 @@ def planned(train: Dataset, others: Sequence[Dataset] | None, *, every: bool) ->
         how = "each predicted without it" if whole else "by surfaces that the model has not seen"
         remark = f"intervals by {groups.number} {groups.kind}s, {how}"
     if whole and others is not None and train.features.name != SCENE:
-        distance = flag.from_maps(train.inputs, groups.labels, others[0].inputs)
+        distance = from_maps(train.inputs, groups.labels, others[0].inputs)
     else:
         distance = seen.distance
     entry |= {"database": database, "sha256": sha256}

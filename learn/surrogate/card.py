@@ -18,9 +18,8 @@ from learn.features.scene import SCENE, plain, shown
 from learn.features.sets import limits_of
 from learn.metrics import magnitude, no_better, scores
 from learn.models import EVERY, versions
-from learn.surrogate import flag
 from learn.surrogate.calibration import FEWEST
-from learn.surrogate.interval import calibrated_by
+from learn.surrogate.interval import between, calibrated_by
 from learn.surrogate.learnt import Learnt
 
 if TYPE_CHECKING:
@@ -28,13 +27,8 @@ if TYPE_CHECKING:
 
     from learn.surrogate.fitting import Fit
 
-WIDTH = 120
-"""Width of the tables without a terminal [characters]."""
-
 LEVELS = (0.5, 0.9, 0.95)
 """Intervals whose coverage is reported."""
-
-LICENCE = "BSD-3-Clause"
 
 MEASURED = (
     "          measured on 27 kinds of surfaces that were not trained on (bench coverage): 94 % of"
@@ -103,7 +97,7 @@ def make(
         "database": rows.name,
         "database_sha256": rows.sha256,
         "versions": {"asperity": VERSION, **versions()},
-        "licence": LICENCE,
+        "licence": "BSD-3-Clause",
         "made": datetime.now(UTC).isoformat(timespec="seconds"),
     }
 
@@ -184,7 +178,7 @@ def show(card: Mapping[str, Any], low: Values, high: Values) -> None:
     for text in texts:
         echo(text)
     for table in tables:
-        print_table(table, WIDTH)
+        print_table(table)
 
 
 def lines(card: Mapping[str, Any]) -> Iterator[str]:
@@ -209,7 +203,13 @@ def lines(card: Mapping[str, Any]) -> Iterator[str]:
     if (card["model"], card["features"]) == ("kernel-ridge", "hybrid"):
         yield MEASURED
     if "grown" in card:
-        yield f"grown     {_grown(card['grown'])}"
+        grown = card["grown"]
+        bounds = ", ".join(f"{name} {bound:.3g} %" for name, bound in grown["bounds"].items())
+        met = "met" if grown["met"] else "not met"
+        yield (
+            f"grown     to an nMAE of {grown['mark']:g} %: {met}, with {grown['rows']} rows; at"
+            f" most {bounds}"
+        )
     alone = {**card, "sha256": card["database_sha256"]}
     for entry in card.get("databases", [alone]):
         yield f"data      {entry['database']}, sha256 {entry['sha256'][:16]}"
@@ -234,7 +234,7 @@ def _training(card: Mapping[str, Any]) -> str:
         text += f", areas to {card['area_max']:g} %"
     if (limits := card.get("hardness_ratio")) is not None:
         also = ", and elastic bodies" if card.get("elastic") else ""
-        text += f", hardness {flag.between(limits)} E*{also}"
+        text += f", hardness {between(limits)} E*{also}"
     boundary = card.get("boundary", "free")
     return text if boundary == "free" else f"{text}, {boundary} boundary"
 
@@ -248,15 +248,6 @@ def _calibration(card: Mapping[str, Any]) -> str:
     if entry["scheme"] == "each":
         return f"{text} further surfaces of these {kinds}; for others, {FEWEST} or more are needed"
     return f"{text} other {kinds} like these, up to {100 * groups / (groups + 1):.1f} %"
-
-
-def _grown(record: dict[str, Any]) -> str:
-    """State the accuracy that a growth aimed at, and the accuracy that it reached."""
-    bounds = ", ".join(f"{name} {bound:.3g} %" for name, bound in record["bounds"].items())
-    met = "met" if record["met"] else "not met"
-    return (
-        f"to an nMAE of {record['mark']:g} %: {met}, with {record['rows']} rows; at most {bounds}"
-    )
 
 
 def _table(title: str, names: str, numbers: str, rows: Iterable[Sequence[object]]) -> Table:

@@ -21,15 +21,7 @@ from learn.executor import Executor
 from learn.features.scene import SCENE, training_ranges
 from learn.kernel_ridge import left_out_errors
 from learn.metrics import no_better
-from learn.models import (
-    EVERY,
-    POPULATION,
-    STEP,
-    check_memory,
-    pipeline,
-    remarks,
-    scaling_of,
-)
+from learn.models import EVERY, POPULATION, STEP, check_memory, pipeline, remarks, scaling_of
 from learn.split import Folds
 from learn.surrogate import calibration as calibrating
 from learn.surrogate import card
@@ -66,19 +58,18 @@ CANDIDATES: dict[str, list[dict[str, Any]]] = {
 }
 """Settings of the small searches, by model."""
 
-NETWORK: dict[str, Any] = {
-    "hidden_layer_sizes": (100, 50),
-    "activation": "tanh",
-    "solver": "lbfgs",
-    "alpha": 1e-2,
-    "max_iter": 3000,
-    "max_fun": 6000,
+BUILT_IN: dict[str, dict[str, Any]] = {
+    "mlp": {  # for features without units two layers suffice
+        "hidden_layer_sizes": (100, 50),
+        "activation": "tanh",
+        "solver": "lbfgs",
+        "alpha": 1e-2,
+        "max_iter": 3000,
+        "max_fun": 6000,
+    },
+    POPULATION.name: {},
 }
-"""The perceptron for features without units, for which two layers suffice."""
-
-BUILT_IN: dict[str, dict[str, Any]] = {"mlp": NETWORK, POPULATION.name: {}}
 """Settings where nothing is searched; the mean of a population chooses its own."""
-
 
 SCORED = "R2 {r2:.3f} %, nMAE {nmae:.2f} %"
 """The scores that a user is told."""

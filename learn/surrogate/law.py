@@ -9,11 +9,18 @@ Delta plus the mean displacement. The latter is linear in the pressures and, for
 nearly F / (E* L) times a number that depends on the place of the load, and that comes from the
 coarse contact solve.
 
-A surrogate that has learnt Delta has the law at pressures by inversion
-(`learn.surrogate.inversion`). One that has learnt pressures has the law of each surface at these,
-and a scene's surrogate that of a new surface of given parameters at the loads that it has learnt.
-Bands are the intervals at such a load. The other table is that of the same contacts, without a band
-for one surface.
+A surrogate that has learnt Delta has the law at pressures by inversion. At a given pressure p,
+Delta is the point at which the curve of the pressure reaches p; area and mean gap are the values of
+their curves at that Delta. The interval follows by inversion of the ends of the pressure's
+interval: Delta is at least the point at which the upper end reaches p, and at most the point at
+which the lower end does. Area and mean gap lie between the ends of their own intervals at these two
+Deltas. This holds whenever both intervals do; it is wider than an interval made for given
+pressures, because the errors of area and force are correlated. For a population the curves of each
+surface are inverted, and the band is that of the results.
+
+A surrogate that has learnt pressures has the law of each surface at these, and a scene's surrogate
+that of a new surface of given parameters at the loads that it has learnt. Bands are the intervals
+at such a load. The other table is that of the same contacts, without a band for one surface.
 """
 
 import math
@@ -23,6 +30,7 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 
 from bem.derived.stiffness import without_patch
 from gen.arrays import Values
@@ -36,24 +44,19 @@ from gen.runtime.terminal import RunProgress
 from gen.scene import Scene
 from learn.features import SurfaceFeatures, Undefined
 from learn.features.scene import SCENE, shown
-from learn.surrogate.inversion import at_pressures, read_at
 from learn.surrogate.model import OnSurface, Prediction, Surrogate
 
 BEYOND = (1.15, 1.4, 2.0, 3.0)
 """Further Deltas to predict, over the last one: some surfaces reach a pressure late."""
 
-ESTIMATED_GAP = (
-    "warning: the mean gap of bodies that yield is a coarse estimate: fit one with --target"
-    " area,force,mean_gap"
-)
-
-YIELDING_STIFFNESS = (
-    "the conductance of bodies that yield follows from their stiffness of unloading, which is no"
-    " slope of the force: fit a surrogate with --target area,force,stiffness, or solve the law"
-)
-
 CORRECTED = 0.01
 """Correction for monotone curves, over the largest value, above which there is a warning."""
+
+FINE = 20
+"""Steps into which an interval of Delta is divided to invert the cubic in it."""
+
+ROUNDING = 1e-12
+"""Relative distance beyond the last pressure within which a pressure counts as the last one."""
 
 
 def make(surrogate: Surrogate, order: Order) -> Law:
@@ -269,7 +272,10 @@ def _tables(
             line += "; outside, neither closure nor stiffness is given (-)"
         notes.insert(0, line)
     if bodies.hardness is not None and "mean_gap" not in surrogate.learnt:
-        notes.append(ESTIMATED_GAP)
+        notes.append(
+            "warning: the mean gap of bodies that yield is a coarse estimate: fit one with --target"
+            " area,force,mean_gap"
+        )
     chosen, late = _pressures(over_delta, whole, pressures)
     inverted = [at_pressures(each, chosen) for each in whole]
     over_pressure = tabulated("pressure_MPa", chosen, inverted, order.level, rest)
@@ -295,10 +301,10 @@ def _predicted_points(
 def _mean_gap(surface: SurfaceFeatures, deltas: Values, force: Values, bodies: Bodies) -> Values:
     """Return the mean gap from forces over E*, (k,) [um]."""
     rest = float(surface.heights.max()) - float(surface.heights.mean())
-    coarse = [surface.coarse_means(float(delta), bodies.hardness_ratio) for delta in deltas]
+    coarse = [surface.coarse.means(float(delta), bodies.hardness_ratio) for delta in deltas]
     compliance, yielded = np.array(coarse).reshape(-1, 2).T
     free = surface.boundary == "free"
-    mean = compliance * force / surface.length if free else 0.0  # displacement
+    mean = compliance * force / surface.coarse.length if free else 0.0  # displacement
     return np.asarray(np.maximum(rest - deltas + mean + yielded, 0.0))
 
 
@@ -314,7 +320,11 @@ def _with_stiffness(points: Points, subject: LawSurface, order: Order, bodies: B
     if not asked or STIFFNESS in points.values:
         return points
     if bodies.hardness is not None:
-        raise InputError(YIELDING_STIFFNESS)
+        raise InputError(
+            "the conductance of bodies that yield follows from their stiffness of unloading, which"
+            " is no slope of the force: fit a surrogate with --target area,force,stiffness, or"
+            " solve the law"
+        )
     rising = slopes(points.values["delta_um"], points.values["pressure_MPa"], 0.0)
     found = _of_interface(rising, subject.patch_compliance(bodies.e_star))
     return replace(points, values={**points.values, STIFFNESS: found})
@@ -362,3 +372,82 @@ def _pressures(
             f" Delta = {over_delta.at[-1]:.4g} um: give a larger --delta, or smaller pressures"
         )
     return asked, []
+
+
+def at_pressures(points: Points, pressures: Values) -> Points:
+    """Evaluate the law of one surface at ascending pressures that it reaches, (m,) [MPa].
+
+    The points are monotone, from first touch on. Where an end of an interval lies beyond the law or
+    outside the training, the interval is NaN and the reason says so.
+    """
+    deltas = points.values["delta_um"]
+    at = _inverse(deltas, points.values["pressure_MPa"], pressures, first=True)
+    known = ("area_percent", "mean_gap_um", "closure_um", STIFFNESS)
+    values = {"delta_um": at} | {
+        name: _read(deltas, points.values[name], at) for name in known if name in points.values
+    }
+    reasons = _reasons(points, at)
+    if not points.low:
+        return Points(values, reasons=reasons)
+    least = most = np.full_like(at, np.nan)  # beyond the law
+    if np.isfinite(points.high["pressure_MPa"]).all():
+        least = np.minimum(_inverse(deltas, points.high["pressure_MPa"], pressures, first=True), at)
+    if np.isfinite(points.low["pressure_MPa"]).all():
+        most = np.maximum(_inverse(deltas, points.low["pressure_MPa"], pressures, first=False), at)
+    low, high = {"delta_um": least}, {"delta_um": most}
+    for name in points.low.keys() & {*known}:
+        one, other = (most, least) if name == "mean_gap_um" else (least, most)
+        low[name] = _read(deltas, points.low[name], one)
+        high[name] = _read(deltas, points.high[name], other)
+    unknown = np.isnan(least) | np.isnan(most)
+    said = []
+    ends = zip(_reasons(points, least), _reasons(points, most), unknown, strict=True)
+    for lower, upper, nowhere in ends:
+        end = "beyond the last displacement" if nowhere else lower or upper
+        said.append(f"its interval ends {end if nowhere else f'where {end}'}" if end else "")
+    return Points(values, low, high, reasons, tuple(said))
+
+
+def read_at(points: Points, argument: str, over: Values) -> Points:
+    """Read the points of one surface at other arguments, (m,)."""
+    place = np.searchsorted(points.values[argument], over).clip(0, len(points.reasons) - 1)
+    return points.changed(
+        lambda _, each: _read(points.values[argument], each, over),
+        *np.array(points.reasons, dtype=object)[place],
+    )
+
+
+def _inverse(deltas: Values, reach: Values, pressures: Values, *, first: bool) -> Values:
+    """Return the Delta at which a rising pressure reaches given ones, (m,); NaN beyond its end.
+
+    The curve is given by pressures `reach` at `deltas`, each (k,) [MPa, um]. Of a level stretch it
+    is the beginning if `first`, else the end. No pressure is at first touch.
+    """
+    shares = np.arange(FINE) / FINE
+    fine = np.append((deltas[:-1, None] + np.diff(deltas)[:, None] * shares).ravel(), deltas[-1])
+    curve = np.maximum.accumulate(PchipInterpolator(deltas, reach)(fine))
+    rises = np.diff(curve) > 0
+    kept = np.concatenate([[True], rises] if first else [rises, [True]])
+    end = curve[-1]
+    asked = np.where(pressures <= end * (1 + ROUNDING), np.minimum(pressures, end), pressures)
+    deltas_at = np.interp(asked, curve[kept], fine[kept], right=np.nan)
+    return np.where(pressures > 0, deltas_at, 0.0)
+
+
+def _read(deltas: Values, values: Values, at: Values) -> Values:
+    """Interpolate between points, (m,); NaN at NaN, and next to an interval without an end."""
+    if np.isfinite(values).all():
+        return PchipInterpolator(deltas, values)(at)
+    with np.errstate(invalid="ignore"):
+        return np.interp(at, deltas, values)
+
+
+def _reasons(points: Points, at: Values) -> tuple[str, ...]:
+    """Return why Deltas between points lie outside the training: because a neighbour does."""
+    deltas = points.values["delta_um"]
+    above = np.searchsorted(deltas, at).clip(0, deltas.size - 1)
+    below = np.where(deltas[above] == at, above, (above - 1).clip(0))
+    return tuple(
+        points.reasons[one] or points.reasons[other]
+        for one, other in zip(below, above, strict=True)
+    )

@@ -22,6 +22,7 @@ import re
 import shlex
 import warnings
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from copy import copy
 from dataclasses import dataclass
 from pathlib import Path
@@ -36,8 +37,7 @@ from gen.runtime.files import SURROGATE, atomic, kind_of, require_file
 from gen.runtime.terminal import printable, to_type
 from learn.features.sets import PURE, SETS, SKEWNESS, Scaling
 from learn.models import STEP
-from learn.surrogate.flag import Distance
-from learn.surrogate.interval import EARLIER, Calibration, ErrorScale, Growth, Scores
+from learn.surrogate.interval import EARLIER, Calibration, Distance, ErrorScale, Growth, Scores
 
 if TYPE_CHECKING:
     from learn.dataset import Dataset
@@ -169,8 +169,9 @@ def _parts(inputs: Values) -> Iterator[Indices]:
         yield known[start : start + PART]
 
 
-def _skops() -> Any:
-    """Import skops, without the list of all estimators that it would trust too.
+@contextmanager
+def _quick_import() -> Iterator[None]:
+    """Let skops be imported without the list of all estimators that it would trust too.
 
     To make this list it imports all of scikit-learn.
     """
@@ -179,15 +180,16 @@ def _skops() -> Any:
     every = utils.all_estimators
     utils.all_estimators = lambda *_, **__: []
     try:
-        from skops import io
+        yield
     finally:
         utils.all_estimators = every
-    return io
 
 
 def write_parts(path: Path, surrogate: Surrogate) -> None:
     """Write a surrogate, whole or not at all."""
-    io, distance = _skops(), surrogate.distance
+    with _quick_import():
+        from skops import io
+    distance = surrogate.distance
     models = {
         "distance": vars(distance),
         "targets": {name: _packed(each, distance) for name, each in surrogate.learnt.items()},
@@ -277,7 +279,8 @@ def load_parts(path: Path) -> tuple[dict[str, Any], dict[str, Learnt], Values, V
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")  # models of another version of their library
-            io = _skops()
+            with _quick_import():
+                from skops import io
             models = io.loads(archive, trusted=list(REVIEWED))
             distance = Distance(**models["distance"])
             for name in card["targets"]:

@@ -10,7 +10,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bem.problem import Boundary
+from bem.problem import Boundary, node_spacing
 from gen.arrays import Values
 from gen.material import Bodies
 from gen.runtime.errors import InputError
@@ -18,8 +18,7 @@ from gen.statistics import refuse_masked
 from learn.features import SETS, FeatureSet, SurfaceFeatures
 from learn.features.scene import SCENE, checked_numbers, plain
 from learn.features.sets import Rows
-from learn.surrogate import flag
-from learn.surrogate.flag import Distance
+from learn.surrogate.interval import Distance, between, reasons_of
 from learn.surrogate.learnt import Learnt, load_parts, write_parts
 
 LARGEST = 1e38
@@ -263,7 +262,7 @@ class Surrogate:
             if limits[0] < limits[1]:
                 raise InputError(
                     "give --hardness: the surrogate was trained on bodies that yield at"
-                    f" {flag.between(limits)} E*"
+                    f" {between(limits)} E*"
                 )
             hardness = limits[0] * modulus
         return Bodies(modulus, hardness, known=e_star is not None)
@@ -323,8 +322,8 @@ class Surrogate:
             raise InputError(f"{name}: give 2-D heights, 2 x 2 or more, all finite")
         if not all(0 < each < np.inf for each in sides):
             raise InputError(f"{name}: side {sides}: give lengths above 0 um")
-        features = SurfaceFeatures(heights, sides, name=name, boundary=self.boundary)
-        return OnSurface(self, features)
+        dx, dy = map(node_spacing, heights.shape, sides, [self.boundary] * 2)
+        return OnSurface(self, SurfaceFeatures(heights, sides, (dx, dy), name, self.boundary))
 
     def of_statistics(
         self,
@@ -406,7 +405,7 @@ class Surrogate:
                     f"row {bad[0] + 1} of {number}: statistics and Delta must be finite, densities,"
                     f" curvatures and Delta above 0, and no feature beyond {LARGEST:.0e}"
                 )
-        said = flag.reasons_of(self, rows, inputs)
+        said = reasons_of(self, rows, inputs)
         delta = rows.delta.copy() if "pressure" not in rows.given else np.nan * rows.delta
         found = Prediction(delta, {}, given=dict(rows.given))
         for name, learnt in self.learnt.items():

@@ -143,7 +143,6 @@ def faults(
 
 
 if __name__ == "__main__":
-    command_line.start(default_sigint=False)
-    code = command_line.main(app, sys.argv[1:], "faults", alone=True)
-    farm.leave()
+    with farm.process(default_sigint=False):
+        code = command_line.main(app, sys.argv[1:], "faults", alone=True)
     sys.exit(code)

@@ -155,7 +155,6 @@ def fuzz(
 
 
 if __name__ == "__main__":
-    command_line.start(default_sigint=False)
-    code = command_line.main(app, sys.argv[1:], "fuzz", alone=True)
-    farm.leave()
+    with farm.process(default_sigint=False):
+        code = command_line.main(app, sys.argv[1:], "fuzz", alone=True)
     sys.exit(code)

@@ -19,7 +19,7 @@ from gen.runtime.errors import InputError
 from gen.runtime.memory import free
 from learn import Surrogate, cli, models
 from learn.comparison.paper import OPTIMA
-from learn.features.sets import UNSCALED
+from learn.features.sets import Scaling
 from learn.models import AT_BOUND, MODELS, UNFINISHED, pipeline, remarks, scaling_of
 
 
@@ -87,7 +87,7 @@ def test_targets_of_another_size_are_brought_to_an_areas_by_a_power_of_two(
     forces = read(database, "force")
     scaling = scaling_of(forces, np.arange(forces.size))
     if factor == 1:
-        assert scaling == UNSCALED
+        assert scaling == Scaling()
         return
     assert scaling.mean == 0
     assert np.log2(scaling.deviation) % 1 == 0

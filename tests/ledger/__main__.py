@@ -51,7 +51,6 @@ def ledger(
 
 
 if __name__ == "__main__":
-    command_line.start(default_sigint=False)
-    code = command_line.main(app, sys.argv[1:], "ledger", alone=True)
-    farm.leave()
+    with farm.process(default_sigint=False):
+        code = command_line.main(app, sys.argv[1:], "ledger", alone=True)
     sys.exit(code)

@@ -85,6 +85,7 @@ def test_without_the_extra_the_message_names_it(tmp_path):
         "import sys; sys.modules['SurfaceTopography'] = None\n"
         "from gen.cli import main; sys.exit(main(['describe', 'scan.x3p']))"
     )
+    (tmp_path / "scan.x3p").write_bytes(b"PK\3\4")
     run = python("-c", program, folder=tmp_path)
     assert run.returncode == 2
     assert run.stderr.strip().endswith(f"without SurfaceTopography: {command_for('instruments')}")

@@ -35,7 +35,7 @@ def searching(training, trials):
     """Make a search of a grid in this process: searching(model, space)."""
 
     def begin(model, space, trials=trials):
-        grid = grids.grid(MODELS[model], space, training.columns)
+        grid = grids.grid(MODELS[model], space, training.inputs.shape[1])
         return GridSearch(MODELS[model], grid, training, trials, Executor())
 
     return begin

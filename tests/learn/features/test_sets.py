@@ -19,6 +19,11 @@ def surface(seed, nodes=33):
     return generate("diamond-square", nodes, 0.7, 12.0, np.random.default_rng(seed))
 
 
+def patch(heights, side):
+    step = side / (len(heights) - 1)
+    return SurfaceFeatures(heights, (side, side), (step, step))
+
+
 def test_the_sets_have_unique_columns_and_the_papers_are_the_23():
     assert SETS["paper"].columns == INPUTS
     assert [len(each.columns) for each in SETS.values()] == [23, 23, 30, 0]
@@ -38,9 +43,9 @@ def test_what_surrogates_see_has_no_units_either(name, blocks):
     assert wanted.rooted
     assert wanted.blocks == (blocks or 0)
     z, deltas = surface(4, 129), np.array([0.5, 6.0, 30.0])
-    first = wanted.of(SurfaceFeatures(z, (1000.0, 1000.0)).rows(wanted, deltas))
+    first = wanted.of(patch(z, 1000.0).rows(wanted, deltas))
     assert first.shape == (3, len(wanted.columns))
-    again = wanted.of(SurfaceFeatures(z / 1024, (8.0, 8.0)).rows(wanted, deltas / 1024))
+    again = wanted.of(patch(z / 1024, 8.0).rows(wanted, deltas / 1024))
     np.testing.assert_allclose(again, first, rtol=1e-12, atol=1e-13)
     roots = [name for name in wanted.columns if name.startswith("sqrt(")]
     for root in roots:
@@ -53,7 +58,7 @@ def test_force_over_its_scale_has_no_unit():
     found = []
     for up, side, e_star in ((1.0, 1000.0, 1.0), (1e-3, 4.0, 210e3)):
         contact = bem.solve(z * up, side, 8.0 * up, modulus=e_star)
-        described = SurfaceFeatures(z * up, (side, side)).description
+        described = patch(z * up, side).description
         statistics = np.array([list(described.values.values())])
         delta = np.array([8.0 * up])
         for target, value in (
@@ -106,7 +111,7 @@ def test_no_elastic_pressure_reaches_the_ceiling_of_the_hardness(seed, hurst, no
 @pytest.mark.parametrize("name", [name for name, each in SETS.items() if each.scaled])
 def test_elastic_bodies_have_the_feature_of_very_hard_ones(name):
     wanted = chosen(name, [scene(VARIED), scene("")])
-    on_surface = SurfaceFeatures(surface(4), (1000.0, 1000.0))
+    on_surface = patch(surface(4), 1000.0)
     elastic = wanted.of(on_surface.rows(wanted, DELTA))
     np.testing.assert_allclose(
         wanted.of(on_surface.rows(wanted, DELTA, 1e9)), elastic, rtol=1e-9, atol=1e-4

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 from comparisons import numbers_of
@@ -54,8 +55,8 @@ def order(folder, mark=MARK, most=2000, **keys):
 
 def grow(wanted, *, limit=None, scene=SCENE, stopping=lambda: False):
     said: list[str] = []
-    grown = rounds.grow(wanted, scene, Executor(), Pace(limit, 1), said.append, stopping)
-    return grown, said
+    ending, last = rounds.grow(wanted, scene, Executor(), Pace(limit, 1), said.append, stopping)
+    return SimpleNamespace(ending=ending, last=last), said
 
 
 def parts(path):

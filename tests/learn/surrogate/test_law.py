@@ -11,7 +11,7 @@ from strict import json_of
 
 from gen.law.curves import Points
 from learn import cli
-from learn.surrogate.inversion import at_pressures
+from learn.surrogate.law import at_pressures
 
 STEEL = ["--young", "210e3", "--poisson", "0.3"]
 

@@ -22,8 +22,7 @@ from gen.runtime.errors import InputError
 from learn import Surrogate, cli
 from learn.features.sets import Rows
 from learn.models import MODELS, pipeline
-from learn.surrogate.flag import reasons_of
-from learn.surrogate.interval import EARLIER, GROWTH
+from learn.surrogate.interval import EARLIER, GROWTH, reasons_of
 from learn.surrogate.learnt import FORMAT, HEAD, REVIEWED
 
 

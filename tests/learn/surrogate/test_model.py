@@ -20,7 +20,7 @@ from learn.features.sets import ROOTED_LOCAL
 from learn.models import MODELS
 from learn.surrogate import fitting, law
 from learn.surrogate.card import lines
-from learn.surrogate.flag import grid_note
+from learn.surrogate.interval import grid_note
 from learn.surrogate.learnt import Learnt
 
 
@@ -86,7 +86,7 @@ def test_every_model_fits_saves_loads_and_predicts_the_same(
 ):
     if "n_estimators" in OPTIMA[model]:
         monkeypatch.setitem(OPTIMA[model], "n_estimators", 30)
-    monkeypatch.setitem(fitting.NETWORK, "max_iter", 200)
+    monkeypatch.setitem(fitting.BUILT_IN["mlp"], "max_iter", 200)
     surrogate = fitted(solved, model, "hybrid")
     deltas = np.array([6.0, 20.0, 44.0])
     first = surrogate.for_surface(heights, 1000.0).predict(deltas)
@@ -265,7 +265,7 @@ def test_a_surrogate_knows_the_boundary_of_its_patches(cells, ridge, heights, tm
     assert loaded.card["boundary"] == loaded.boundary == "mirror"
     on_surface = loaded.for_surface(heights[:-1, :-1], 1000.0)
     assert on_surface.surface.boundary == "mirror"
-    assert on_surface.surface.steps == (1000.0 / 32,) * 2
+    assert on_surface.surface.spacing == (1000.0 / 32,) * 2
     answer = on_surface.predict([2.0, 4.0])
     assert not any("spacing" in reason or "nodes" in reason for reason in answer.reasons)
     full = float((heights[:-1, :-1].max() - heights[:-1, :-1]).mean())

@@ -1,4 +1,4 @@
-"""Numbers as users type them, and what memory they may ask for."""
+"""Memory that contacts need: what does not fit is refused, and says what it needs."""
 
 from unittest import mock
 
@@ -10,36 +10,7 @@ from databases import database_of
 from gen import cli
 from gen.runtime import memory
 from gen.runtime.errors import InputError
-from gen.runtime.numbers import MOST, values_from
 from gen.schema import RUNTIME
-
-HUGE = "9" * 5000
-
-
-def test_values_are_those_of_linspace():
-    assert values_from("5", "--delta", "") == [5.0]
-    assert values_from("1,2:3:5,-7", "--delta", "") == [1.0, *np.linspace(2, 3, 5), -7.0]
-    decades = values_from("0.1:100:4:log", "--delta", "")
-    assert (decades[0], *decades[1:3], decades[3]) == (0.1, *map(pytest.approx, (1, 10)), 100)
-    assert values_from("8:2:3:log,1", "--delta", "") == pytest.approx([8, 4, 2, 1])
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        *("", "1:2", "1:2:1", "1:inf:3", "1,", ":" * 3000, "1:2:1_0", "1:2:٣"),
-        *("0:1:3:log", "1:log", f"1:2:{HUGE}"),
-    ],
-)
-def test_what_is_no_value_is_refused(text):
-    with pytest.raises(InputError, match=r"^--delta .*: advice$"):
-        values_from(text, "--delta", "advice")
-
-
-@pytest.mark.parametrize("text", ["1:2:2000000000", f"1:2:{MOST},1:2:3", "1," * MOST + "1"])
-def test_more_values_than_any_use_are_refused_before_they_take_memory(text):
-    with pytest.raises(InputError, match="give 100,000 values at most"):
-        values_from(text, "--delta", "advice")
 
 
 def test_more_loads_than_memory_holds_are_refused_before_the_first(monkeypatch):
