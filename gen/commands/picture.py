@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gen.database import Reader
 from gen.generation.plan import parameters
-from gen.generation.sample import solve_row, surface_of
+from gen.generation.sample import load_of, solve_contact, surface_of
 from gen.maps.pictures import DECADES, LETTERS, contact_maps, draw_map, load_text
 from gen.material import Bodies
 from gen.runtime.errors import InputError
@@ -53,7 +53,8 @@ def _draw_sample(axes: NDArray[Any], scene: Scene, row: int) -> None:
     plan = parameters(scene, row, row + 1)
     heights, hardness = surface_of(scene, plan, 0), plan.hardness_of(0)
     boundary = scene.contact.boundary
-    contact = solve_row(scene, heights, plan, 0)
+    load = load_of(scene, heights, float(plan.load[0]))
+    contact = solve_contact(scene, heights, hardness=hardness, **load)
     columns = parameter_columns(scene)
     units = {column.name: column.unit.replace("um", "µm") for column in columns_for(scene)}
     drawn = ", ".join(

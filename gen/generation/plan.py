@@ -75,7 +75,9 @@ def parameters(scene: Scene, start: int, stop: int) -> Parameters:
         else:
             uniform = draw((3, zlib.crc32(name.encode())))[:, 0]
         drawn[name] = quantiles(distribution, uniform)[surface - first]
-    taken = scene.surface.places(surface_random(scene, each) for each in range(first, last))
+    taken = {}
+    if scene.surface.PLACES:
+        taken = scene.surface.places(surface_random(scene, each) for each in range(first, last))
     return Parameters(
         surface=surface,
         drawn=drawn,

@@ -178,7 +178,8 @@ def _prepared(
             *(f"runs {each} of {source_of(each)}" for each in sorted(map(str, functions))),
             *(f"  warning: {doubt}" for doubt in scene.contact.doubts),
         ]
-        remarks += [f"  {line}" for line in scene.surface.remarks()]
+        if scene.surface.PLACES:
+            remarks += [f"  {line}" for line in scene.surface.remarks()]
         yield (scene, parallel), pending, remarks
 
 

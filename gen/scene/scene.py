@@ -420,7 +420,7 @@ RESERVED = frozenset(
 def columns_for(scene: Scene) -> tuple[Column, ...]:
     """Return a scene's columns in the file's order: common, asked for, the user's own."""
     store, contact = scene.store, scene.contact
-    parameters = parameter_columns(scene).values()
+    parameters = [DRAWN_NAMES.get(name, name) for name in scene.surface.drawn()]
     asked_for = {*parameters, *scene.surface.PLACES}
     asked_for |= {name for name, wanted in store if wanted is True}
     asked_for |= {"load"} if scene.quantity != "delta" else set()
