@@ -77,8 +77,7 @@ def pressures(nodes: Sequence[int], surfaces: int) -> list[Row]:
         row: Row = {"hardness": hardness, "nodes": size}
         for name in ("area_percent", "yielded_percent"):
             row[name] = float(np.mean([getattr(contact, name) for contact in contacts]))
-        shares = [contact.area_percent for contact in contacts]
-        row["mean_pressure"] = float(np.mean([100 * PRESSURE / share for share in shares]))
+        row["mean_pressure"] = float(np.mean([100 * PRESSURE / c.area_percent for c in contacts]))
         row["convolutions"] = float(np.mean([contact.convolutions for contact in contacts]))
         remark(f"hardness {hardness}, {size} nodes: {row['area_percent']:.3g} %")
         rows.append(row)

@@ -53,7 +53,6 @@ PAPERS_HURST = 0.8
 PAPERS_NODES = 129
 PAPERS_DELTAS = (5.0, 15.0, 25.0)  # um
 
-
 PERIODIC_HURST = 0.8
 # Mean pressures over E* times the rms slope: some 1, 10, 50, 90 and 99 % of the nodes touch.
 LOADS = (0.004, 0.04, 0.26, 0.75, 1.2)

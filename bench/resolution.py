@@ -1,9 +1,8 @@
-"""The error that a grid makes: the area of contact by the nodes in the shortest wave, and its bar.
+"""The error that a grid makes: the area of contact by the nodes in the shortest wave.
 
 `resolution` presses the same random surfaces without edges on ever finer grids, and compares the
 area in the continuum with counts of nodes: as they are, less a share of the perimeter, extrapolated
-from two grids. `grid_error` asks how many true errors lie inside
-the bars of `Contact.grid_error`, on surfaces of twelve kinds.
+from two grids.
 """
 
 import math

@@ -11,16 +11,7 @@ import numpy as np
 import pandas as pd
 
 from bench.files import Row
-from bench.paper.facts import (
-    AREA_MAX,
-    FINE,
-    FINE_ROWS,
-    RANGES,
-    few,
-    ratio,
-    rows_of,
-    why,
-)
+from bench.paper.facts import AREA_MAX, FINE, FINE_ROWS, RANGES, few, ratio, rows_of, why
 from bench.picture import COLOURS, new_figure
 from bench.report import Report
 from bench.surrogates.fitting import fit, parted, read, request_for
@@ -34,8 +25,6 @@ from learn.dataset import Dataset
 from learn.features import OF_SURFACES
 from learn.metrics import Scores, scores
 
-# Share of rows inside the paper's range from which on only its ends differ [%].
-ENOUGH_INSIDE = 99.0
 UNEXPLAINED = {"bandwidth_x", "bandwidth_y"}  # columns that the paper defines otherwise
 SHOWN = [column for column in ALL_COLUMNS if column.name in RANGES]  # columns of Table 1
 

@@ -24,7 +24,6 @@ FINE = Scores(1.46, 3.95, 7.56, 99.16)  # scores of kernel ridge on the finer gr
 RANGES = {column.name: column.paper_range for column in ALL_COLUMNS if column.paper_range}
 AREA_MAX = RANGES["area_percent"][1]  # largest area in the paper's database [%]
 
-
 DIGITS = 4  # significant digits of dots of pictures
 
 WHY = {name: " ".join(text.split()) for name, text in read_toml("paper/why").items()}

@@ -7,15 +7,7 @@ from typing import Any
 import pandas as pd
 
 from bench.paper.database import finished
-from bench.paper.facts import (
-    AREA_MAX,
-    LONGEST_SOLVE,
-    TRAIN_ROWS,
-    few,
-    ratio,
-    rows_of,
-    why,
-)
+from bench.paper.facts import AREA_MAX, LONGEST_SOLVE, TRAIN_ROWS, few, ratio, rows_of, why
 from bench.picture import COLOURS, new_figure
 from bench.report import Report
 from bench.surrogates.cost import PAPER_ROWS, PAPER_SOLVE, PAPER_TESTS

@@ -19,8 +19,6 @@ from bench.references import dense, half_space
 from bench.references.half_space import Field
 from gen.runtime.installation import versions
 
-Nodes = NDArray[np.bool_]
-
 EXACT_RTOL = 1e-14  # a hundredth of the tightest tolerance that is measured, near rounding
 PERIODIC_RTOL = 1e-13  # of the exact solution of a periodic patch
 PROVED = 1e-10  # what two convolutions of an exact solution may differ by [Delta]
@@ -66,7 +64,7 @@ class Case:
         heights[: self.nodes, : self.nodes] = self.heights
         return replace(self, heights=heights, side=self.spacing * (nodes - 1))
 
-    def yielded(self, pressure: Field) -> Nodes:
+    def yielded(self, pressure: Field) -> NDArray[np.bool_]:
         """Return which nodes of a pressure [MPa] have yielded."""
         return pressure >= YIELDED * (self.hardness or math.inf)
 

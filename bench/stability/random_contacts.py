@@ -207,14 +207,13 @@ def edgeless_problem(seed: int, most: int | None = None) -> Setup:
     return replace(asked, delta=delta) if delta > ROUNDING else replace(asked, pressure=pressure)
 
 
-def mirrored_problem(seed: int) -> Setup:
-    """Draw a mirrored patch of any grid."""
-    return replace(edgeless_problem(seed, MOST_MIRRORED), boundary="mirror", rtol=1e-12)
+def _compared_problem(boundary: Boundary, seed: int) -> Setup:
+    """Draw a patch of any grid that is compared with its images or shifted."""
+    return replace(edgeless_problem(seed, MOST_MIRRORED), boundary=boundary, rtol=1e-12)
 
 
-def periodic_problem(seed: int) -> Setup:
-    """Draw a periodic patch of any grid."""
-    return replace(edgeless_problem(seed, MOST_MIRRORED), boundary="periodic", rtol=1e-12)
+mirrored_problem = partial(_compared_problem, "mirror")
+periodic_problem = partial(_compared_problem, "periodic")
 
 
 def patch_of(asked: Setup) -> Patch:

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from bench.references import exact
 from bench.references.half_space import Field
 from bench.stability.case import Answer, Case, Finding
+from bench.stability.setup import checkerboard
 from gen.statistics import NAMES, Description, describe
 from gen.surface import GENERATORS, generate
 
@@ -193,7 +194,7 @@ def _cancellation() -> Iterator[Case]:
     for spread in (1e-3, 1e-6, 1e-9, 1e-11):
         asked = f"high nodes of a checkerboard differ by {spread:g} of their height"
         noise = 1.0 + spread * np.random.default_rng(5).random((NODES, NODES))
-        yield case(f"asperities within {spread:g}", asked, _board() * noise)
+        yield case(f"asperities within {spread:g}", asked, checkerboard(NODES) * noise)
     asked = "the others σ0 = 12 um"
     for depth in (1e4, 1e8, 1e10):
         yield case(f"one node {depth:g} um deep", asked, _with(stepped(), -depth))
@@ -201,11 +202,6 @@ def _cancellation() -> Iterator[Case]:
     for slope in (1e3, 1e6):
         asked, plane = "σ0 = 12 um in steps of 1/1024 um", slope * np.arange(NODES)[:, None]
         yield case(f"tilted by {slope:g} um a node", asked, stepped() + plane)
-
-
-def _board(nodes: int = NODES) -> Field:
-    """Make a checkerboard of 0 and 1."""
-    return np.where(np.indices((nodes, nodes)).sum(axis=0) % 2 == 0, 1.0, 0.0)
 
 
 def _with(heights: Field, height: float, at: tuple[int, int] = (5, 7)) -> Field:
@@ -252,11 +248,11 @@ def _features() -> Iterator[Case]:
     ):
         yield case(name, asked, heights)
         yield case(f"{name}: said", asked, heights, word)
-    apart = _board() * (0.1 + 0.2) + 0.1
+    apart = checkerboard(NODES) * (0.1 + 0.2) + 0.1
     plain, spike = np.zeros((NODES, NODES)), _with(np.zeros((9, 9)), 1.0, (2, 2))
     noise = np.random.default_rng(1).standard_normal((NODES, NODES))
     for name, asked, heights in (
-        ("exact ties", "a checkerboard of 0 and 1 um", _board()),
+        ("exact ties", "a checkerboard of 0 and 1 um", checkerboard(NODES)),
         ("ties of 0.1 + 0.2", "a checkerboard of 0.1 and 0.1 + 0.2 um", apart),
         ("plateaus", "each node four times", np.kron(stepped(17), np.ones((2, 2)))),
         ("ties and steps", "heights in steps of 5 um", stepped(step=5.0)),

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import bem
 from bem.active_set import ActiveSet
 from bem.far_field import critical_delta
-from bem.influence import Kernel
+from bem.influence import KERNELS
 from bem.operators.patch import Patch
 from bench.references import dense
 from bench.references.surfaces import SURFACES, surface
@@ -18,7 +18,6 @@ from gen.runtime.farm import at_most
 
 pytestmark = pytest.mark.usefixtures("both_ways")
 
-KERNELS: list[Kernel] = ["uniform-pressure", "concentrated-force"]
 CELLS = [("concentrated-force", 1.0), *((KERNELS[0], a) for a in (1.0, 2.0, 0.5, 1 / 64))]
 RTOL = 1e-10
 UNDECIDED = 1e-8  # reduced pressure and gap below which a node may count as in contact or not

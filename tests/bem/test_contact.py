@@ -11,21 +11,20 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 import bem
-from bem.influence import Kernel
+from bem.influence import KERNELS
 from bem.operators.patch import fast_period
-from bem.problem import FarField
+from bem.problem import FAR_FIELDS
 from bench.references import dense
 from bench.references.half_space import flat_punch
 from bench.references.surfaces import SURFACES, surface
 from gen.surface import generate
-from tests.bem.waves import random_walk
 
 pytestmark = pytest.mark.usefixtures("both_ways")
 
 SIDE = (240.0, 320.0)
 
 
-HEIGHTS = random_walk((25, 33), 0)
+HEIGHTS = 10 * surface("random walk", (25, 33))
 
 
 def test_perimeter_goes_on_past_the_borders_of_a_periodic_patch():
@@ -47,7 +46,7 @@ def test_results_cannot_be_rewritten():
 
 
 @pytest.mark.parametrize("delta", [0.0, -0.0, -1e300, 0])
-@pytest.mark.parametrize("far_field", ["rigid", "compliant"])
+@pytest.mark.parametrize("far_field", FAR_FIELDS)
 def test_nothing_touches_up_to_delta_zero(delta, far_field):
     contact = bem.solve(HEIGHTS, SIDE, delta, far_field=far_field)
     assert not contact.pressure.any()
@@ -73,8 +72,6 @@ def test_memory_is_at_most_twelve_padded_arrays(percent):
     assert peak <= 12 * 8 * fast_period(nodes) ** 2
 
 
-KERNELS: list[Kernel] = ["uniform-pressure", "concentrated-force"]
-FAR_FIELDS: list[FarField] = ["rigid", "compliant"]
 ASPECTS = [1.0, 2.0, 0.3]
 
 

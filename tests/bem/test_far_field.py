@@ -10,13 +10,12 @@ from hypothesis import strategies as st
 
 import bem
 from bem.far_field import critical_delta, flat_punch
-from bem.influence import Kernel
+from bem.influence import KERNELS
 from bench.references import dense
-from tests.bem.waves import random_walk
+from bench.references.surfaces import surface
 
 pytestmark = pytest.mark.usefixtures("both_ways")
 
-KERNELS: list[Kernel] = ["uniform-pressure", "concentrated-force"]
 SIDE = 1000.0  # um
 MODULUS = 1 / (2 * (1 - 0.3**2))  # two bodies with E = 1 and nu = 0.3 [MPa]
 
@@ -85,7 +84,7 @@ def test_compliant_solves_the_limit_of_mircos_loop(name, delta, kernel):
 @pytest.mark.parametrize("kernel", KERNELS)
 @pytest.mark.parametrize("excess", [1.0, 1 + 1e-12, 1.5, 1e6])
 def test_no_equilibrium_from_the_critical_delta_on(excess, kernel):
-    heights = random_walk((17, 17), 2)
+    heights = 10 * surface("random walk", (17, 17), 2)
     critical = critical_delta(heights, kernel)
     with pytest.raises(bem.NoSolution) as refused:
         compliant(heights, excess * critical, kernel)
@@ -100,7 +99,7 @@ def test_no_equilibrium_from_the_critical_delta_on(excess, kernel):
 @pytest.mark.parametrize("kernel", KERNELS)
 def test_the_last_node_comes_to_touch_at_the_critical_delta(kernel):
     """With all nodes in contact, nothing resists the displacement of the far field."""
-    heights = random_walk((17, 17), 3)
+    heights = 10 * surface("random walk", (17, 17), 3)
     critical = critical_delta(heights, kernel)
     contacts = [compliant(heights, (1 - short) * critical, kernel) for short in (0.1, 1e-3, 1e-6)]
     nodes = [contact.contact_nodes for contact in contacts]
@@ -122,14 +121,12 @@ def test_flat_punch_is_the_dense_solution(shape, aspect):
     seed=st.integers(0, 2**32 - 1),
     shape=st.tuples(st.integers(2, 21), st.integers(2, 21)),
     kernel=st.sampled_from(KERNELS),
-    noise=st.booleans(),
+    kind=st.sampled_from(["white noise", "random walk"]),
     share=st.floats(0.01, 0.999),
 )
-def test_any_equilibrium_is_that_of_its_own_approach(seed, shape, kernel, noise, share):
+def test_any_equilibrium_is_that_of_its_own_approach(seed, shape, kernel, kind, share):
     """The dense reference has the same force and nodes at Delta + F / K on a rigid far field."""
-    heights = (
-        np.random.default_rng(seed).standard_normal(shape) if noise else random_walk(shape, seed)
-    )
+    heights = 10 * surface(kind, shape, seed)
     delta = share * critical_delta(heights, kernel)
     contact = bem.solve(
         heights, 1.0, delta, spacing=1.0, kernel=kernel, far_field="compliant", rtol=1e-11

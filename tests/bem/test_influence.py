@@ -66,7 +66,7 @@ def test_oblong_cells_follow_loves_closed_form(aspect):
         assert float(abs(table[i, j] / love(i, j, aspect) - 1)) < 1e-12, (i, j)
 
 
-@pytest.mark.parametrize("kernel", ["uniform-pressure", "concentrated-force"])
+@pytest.mark.parametrize("kernel", KERNELS)
 @pytest.mark.parametrize("shape", [(1, 9), (33, 70), (300, 7)])
 def test_oblong_grids_transpose_and_nest(kernel, shape):
     """A coefficient depends on its offset, not on the grid it was tabulated for."""

@@ -13,17 +13,15 @@ from hypothesis import strategies as st
 import bem
 from bem.active_set import ActiveSet
 from bem.far_field import critical_delta
-from bem.influence import Kernel
+from bem.influence import KERNELS
 from bem.operators.patch import Patch
-from bem.problem import FarField
+from bem.problem import FAR_FIELDS
 from bench.references import dense
 from bench.references.surfaces import SURFACES, surface
 from bench.stability.random_contacts import judge_yielding, yielding_problem
 
 pytestmark = pytest.mark.usefixtures("both_ways")
 
-KERNELS: list[Kernel] = ["uniform-pressure", "concentrated-force"]
-FAR_FIELDS: list[FarField] = ["rigid", "compliant"]
 RTOL = 1e-10
 UNDECIDED = 1e-7  # pressure or gap over Delta below which a node may count as in contact or not
 

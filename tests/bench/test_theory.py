@@ -1,7 +1,5 @@
 """The reports on theories and on grids: what their rows hold."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -10,20 +8,11 @@ from bench import theory
 from bench.growth import HARDNESSES, cost, growth, pressures
 from gen.runtime.errors import InputError
 
-Curves = dict[tuple[str, int | str], list[dict[str, Any]]]
 
-
-@pytest.fixture(scope="module")
-def curves():
-    found: Curves = {}
-    for row in theory.hertz(steps=2):
-        found.setdefault((row["solution"], row["nodes"]), []).append(row)
-    return found
-
-
-def test_forces_of_the_papers_example(curves):
-    """At Delta = 1; other numbers mean that solver or kernels have changed."""
-    forces = {key: curve[-1]["force_uN"] for key, curve in curves.items()}
+def test_forces_of_the_papers_example():
+    """At Delta = 1, the last of each; other numbers mean that solver or kernels have changed."""
+    rows = theory.hertz(steps=2)
+    forces = {(row["solution"], row["nodes"]): row["force_uN"] for row in rows}
     exact = 4 / 3 * np.sqrt(5000)
     assert forces["hertz", ""] == pytest.approx(exact, rel=1e-14)
     shares = {
@@ -36,12 +25,9 @@ def test_forces_of_the_papers_example(curves):
         assert forces[key] / exact == pytest.approx(share, abs=1e-6)
 
 
-NODES = 128
-
-
 @pytest.fixture(scope="module")
 def rows():
-    return theory.theory(NODES, surfaces=1).tables["theory"]
+    return theory.theory(128, surfaces=1).tables["theory"]
 
 
 def column(rows, name):
@@ -79,17 +65,8 @@ def test_yielding_spots_conduct_as_cooper_mikic_and_yovanovich_say():
     assert ratios == pytest.approx([1] * len(found), abs=0.15)
 
 
-@pytest.fixture(scope="module")
-def costs():
-    return cost((65, 129), surfaces=1, percents=(5.0,))
-
-
-@pytest.fixture(scope="module")
-def pressed():
-    return pressures((65, 129), 1)
-
-
-def test_rows_reach_their_contact_and_say_what_it_took(costs):
+def test_rows_reach_their_contact_and_say_what_it_took():
+    costs = cost((65, 129), surfaces=1, percents=(5.0,))
     assert [row["nodes"] for row in costs] == [65, 129]
     for row in costs:
         assert row["area_percent"] == pytest.approx(5, rel=0.2)
@@ -103,7 +80,8 @@ def test_rows_reach_their_contact_and_say_what_it_took(costs):
     assert costs[1]["growth"] == pytest.approx(ratio)
 
 
-def test_a_hardness_bounds_the_mean_pressure(pressed):
+def test_a_hardness_bounds_the_mean_pressure():
+    pressed = pressures((65, 129), 1)
     assert [row["hardness"] for row in pressed] == [each for each in HARDNESSES for _ in range(2)]
     elastic = pressed[:2]
     assert elastic[0]["area_percent"] > elastic[1]["area_percent"]

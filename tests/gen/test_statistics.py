@@ -1,7 +1,6 @@
-"""The 22 statistics against a plain version, closed forms, scaling laws and the paper's Table 1."""
+"""The 22 statistics against whole numbers, closed forms, scaling laws and the paper's Table 1."""
 
 import math
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -10,6 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from launch import python
 
+from bench.references import exact
 from gen.runtime.errors import InputError
 from gen.schema import TABLE_1
 from gen.statistics import NAMES, UNDEFINED, describe
@@ -35,79 +35,6 @@ def surfaces(smallest=9, largest=17):
     )
 
 
-def profile_peaks(profile, spacing):
-    """Height and curvature of each peak."""
-    return [
-        (here, -(before - 2 * here + after) / spacing**2)
-        for before, here, after in zip(profile, profile[1:], profile[2:], strict=False)
-        if here > before and here > after
-    ]
-
-
-def asperities(z, spacing):
-    """Height and mean curvature of each node above its four neighbours."""
-    found = []
-    for i in range(1, len(z) - 1):
-        for j in range(1, len(z[0]) - 1):
-            along_x, along_y = z[i - 1][j] + z[i + 1][j], z[i][j - 1] + z[i][j + 1]
-            if z[i][j] > max(z[i - 1][j], z[i + 1][j], z[i][j - 1], z[i][j + 1]):
-                curvature_x = (2 * z[i][j] - along_x) / spacing[0] ** 2
-                curvature_y = (2 * z[i][j] - along_y) / spacing[1] ** 2
-                found.append((z[i][j], (curvature_x + curvature_y) / 2))
-    return found
-
-
-def moments(values):
-    """Mean, standard deviation, skewness and Pearson's kurtosis."""
-    if not values:
-        return (math.nan,) * 4
-    mean = math.fsum(values) / len(values)
-    second, third, fourth = (
-        math.fsum((value - mean) ** power for value in values) / len(values) for power in (2, 3, 4)
-    )
-    if second <= (1e-12 * max(abs(value) for value in values)) ** 2:
-        return mean, math.sqrt(second), math.nan, math.nan
-    return mean, math.sqrt(second), third / second**1.5, fourth / second**2
-
-
-def nayak(variance, profiles, spacing):
-    slopes = [(b - a) / spacing for p in profiles for a, b in pairwise(p)]
-    curvatures = [
-        (a - 2 * b + c) / spacing**2
-        for p in profiles
-        for a, b, c in zip(p, p[1:], p[2:], strict=False)
-    ]
-    if not any(slopes) or not curvatures:
-        return math.nan
-    m2 = math.fsum(slope**2 for slope in slopes) / len(slopes)
-    m4 = math.fsum(curvature**2 for curvature in curvatures) / len(curvatures)
-    return variance * m4 / m2**2
-
-
-def plain(heights, spacing):
-    """All statistics by loops over nodes, in the order of Table 1."""
-    lowest = float(heights.min())
-    z = [[float(height) - lowest for height in row] for row in heights]
-    along_x, along_y = [list(column) for column in zip(*z, strict=True)], z
-    peaks = [peak for p in along_x for peak in profile_peaks(p, spacing[0])]
-    peaks += [peak for p in along_y for peak in profile_peaks(p, spacing[1])]
-    summits = asperities(z, spacing)
-    every = [height for row in z for height in row]
-    peak = moments([height for height, _ in peaks])
-    peak_curvature = moments([curvature for _, curvature in peaks])
-    asperity = moments([height for height, _ in summits])
-    asperity_curvature = moments([curvature for _, curvature in summits])
-    height = moments(every)
-    values = [peak[0], peak[1], peak[3], peak[2], len(peaks) / (2 * len(every))]
-    values += [peak_curvature[0], peak_curvature[3] - 3, peak_curvature[2]]
-    pairs = zip((along_x, along_y), spacing, strict=True)
-    values += [nayak(height[1] ** 2, profiles, step) for profiles, step in pairs]
-    values += [asperity[0], asperity[1], asperity[3] - 3, asperity[2], len(summits) / len(every)]
-    values += [*asperity_curvature[:2], asperity_curvature[3], asperity_curvature[2]]
-    values += [height[0], max(every), height[1]]
-    return dict(zip(TABLE_1, values, strict=True))
-
-
 def assert_same(ours, theirs, tolerance=1e-09):
     assert list(ours) == list(theirs)
     assert ours == pytest.approx(theirs, rel=tolerance, abs=tolerance, nan_ok=True)
@@ -115,9 +42,9 @@ def assert_same(ours, theirs, tolerance=1e-09):
 
 @settings(max_examples=60, deadline=None)
 @given(heights=surfaces(), spacing=st.tuples(spacings, spacings))
-def test_agrees_with_plain_loops_on_any_grid(heights, spacing):
+def test_agrees_with_whole_numbers_on_any_grid(heights, spacing):
     description = describe(heights, spacing)
-    assert_same(description.values, plain(heights, spacing))
+    assert_same(description.values, exact.statistics(heights, spacing))
     undefined = any(math.isnan(value) for value in description.values.values())
     assert undefined == bool(description.reason)
 
@@ -174,7 +101,7 @@ def spike(rows, columns, at):
 def test_degenerate_surfaces_give_nan_with_a_reason(heights, reason):
     description = describe(heights, 1.0)
     assert description.reason == reason
-    assert_same(description.values, plain(heights, (1.0, 1.0)))
+    assert_same(description.values, exact.statistics(heights, (1.0, 1.0)))
     assert any(math.isnan(value) for value in description.values.values())
 
 
