@@ -145,9 +145,10 @@ def edges_of(
     """Yield the edges that face each of four ways, with the compliance of a node [um / MPa]."""
     free = problem.boundary == "free"
     compliance = COMPLIANCE["uniform-pressure" if free else "spectral"] / problem.modulus
-    pressures, gaps = (_with_rim(field, CONTINUED[problem.boundary]) for field in (pressure, gap))
-    depths = np.zeros_like(pressures) if depth is None else _with_rim(depth, "constant")
-    patch = _with_rim(np.ones(pressure.shape, dtype=bool), "constant")
+    beyond, zeros = CONTINUED[problem.boundary], np.zeros(pressure.shape)
+    fields: list[tuple[NDArray[Any], Any]] = [(pressure, beyond), (gap, beyond)]
+    fields += [(zeros if depth is None else depth, "constant"), (zeros == 0, "constant")]
+    pressures, gaps, depths, patch = (np.pad(one, RIM, mode).ravel() for one, mode in fields)
     contact = pressures > 0
     touching = np.flatnonzero(contact & patch)
     row = pressure.shape[1] + 2 * RIM
@@ -168,31 +169,20 @@ def edges_of(
             yield found, compliance * spacing
 
 
-def _with_rim(field: NDArray[Any], mode: Any) -> NDArray[Any]:
-    """Return a field with two nodes more on every side, flat."""
-    return np.pad(field, RIM, mode).ravel()
-
-
-def terms(edges: Edges, compliance: float) -> Field:
-    """Return what the weights of an edge count: one, the share f and both ratios, (e, 4)."""
-    elastic = compliance * edges.pressure
-    found = np.empty((len(elastic), 4))
-    found[:, 0] = 1.0
-    found[:, 1] = edges.gap / (edges.gap + elastic + edges.depth)
-    found[:, 2:] = USUAL_RATIOS
-    np.divide(edges.pressure, edges.pressure + edges.behind, out=found[:, 2], where=edges.inside)
-    known = edges.outside & (edges.gap + edges.beyond > 0)
-    np.divide(edges.gap, edges.gap + edges.beyond, out=found[:, 3], where=known)
-    return found
-
-
 def _offsets(edges: Edges, weights: Field, compliance: float) -> Values:
     """Return the distance from each edge back to the border, (e,) [spacing across the edge]."""
-    found = terms(edges, compliance)
-    offsets: Values = np.einsum("ij,ij->i", weights[edges.aligned], found)
+    elastic = compliance * edges.pressure
+    terms = np.empty((len(elastic), 4))  # one, the share f and both ratios
+    terms[:, 0] = 1.0
+    terms[:, 1] = edges.gap / (edges.gap + elastic + edges.depth)
+    terms[:, 2:] = USUAL_RATIOS
+    np.divide(edges.pressure, edges.pressure + edges.behind, out=terms[:, 2], where=edges.inside)
+    known = edges.outside & (edges.gap + edges.beyond > 0)
+    np.divide(edges.gap, edges.gap + edges.beyond, out=terms[:, 3], where=known)
+    offsets: Values = np.einsum("ij,ij->i", weights[edges.aligned], terms)
     if edges.depth.any():
-        cut = edges.depth / (edges.depth + YIELDED * compliance * edges.pressure)
-        offsets = (1 - cut) * offsets + cut * (found[:, 1] - 0.5)
+        cut = edges.depth / (edges.depth + YIELDED * elastic)
+        offsets = (1 - cut) * offsets + cut * (terms[:, 1] - 0.5)
     return offsets
 
 
