@@ -230,7 +230,8 @@ def _solved(
             )
             points.append(Points(values, low, high, ("",) * loads.size))
             faults_of.append(faults)
-            notes += _of_the_grid(surface, UNITS[ARGUMENTS[load]], loads, doubts)
+            if judged:
+                notes += _of_the_grid(surface, UNITS[ARGUMENTS[load]], loads, doubts)
             solved = [each for each in pressed if each]
             warned += list(contact_warnings(surface, bodies, load, solved))[:1]
             if told is not None:
