@@ -96,7 +96,7 @@ CHAPTERS = {
     "Cores": ("threads", "speedup"),
     "The farm": ("databases", "outputs", "scale", "writers", "faults"),
     "Surrogates: errors and costs": (
-        *("comparison", "tuning", "grids", "comparison-hybrid", "comparison-concentrated"),
+        *("comparison", "tuning", "search", "comparison-hybrid", "comparison-concentrated"),
         *("models", "features", "scene-surrogate", "tolerance", "grow"),
         *("cost", "throughput", "memory"),
     ),

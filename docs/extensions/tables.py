@@ -5,6 +5,7 @@ import json
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from statistics import mean
 
@@ -46,8 +47,11 @@ def pair(row: Row, first: str, second: str) -> str:
 def models() -> list[str]:
     """Scores of the nine models beside the paper's Table 4."""
     names = "nmse", "nmae", "nmaxe", "r2"
+    found = {**scores("search"), **scores("comparison")}  # whole grids come from the run itself
     lines, searched = [], ways_of_search()
-    for (model, result), row in scores("comparison").items():
+    for model, result in product(MODELS, ("baseline", "library", "tuned")):
+        if (row := found.get((model, result))) is None:
+            continue
         tuned = ", tuned" if model in searched else ", tuned on too few candidates"
         fixed = ", the paper's kernel" if model in LIBRARY else ""
         added = {"tuned": tuned, "baseline": fixed, "library": ", its library's own"}[result]
@@ -61,7 +65,8 @@ def ways_of_search() -> dict[str, str]:
     """Say how each model was searched of which enough candidates were judged."""
     return {
         row["model"]: row["searched"]
-        for row in table("comparison/area/tuning.csv")
+        for name in ("search", "comparison")
+        for row in table(f"{name}/area/tuning.csv")
         if int(row["candidates_scored"]) >= min(LEAST_JUDGED, int(row["candidates_differing"]))
     }
 
@@ -217,7 +222,7 @@ def grids() -> list[str]:
     """What whole grids of the search take, beside the paper's times."""
     searched = ways_of_search()
     lines = []
-    for row in table("comparison/area/whole-grids.csv"):
+    for row in table("search/area/whole-grids.csv"):
         ours, theirs = hours(float(row["seconds"])), hours(float(row["paper_s"]))
         if row["fits"] != row["of"]:
             error = 100 * float(row["error"]) / float(row["seconds"]) if row["error"] else None
@@ -471,7 +476,7 @@ TABLES = {
             "R2",
         ),
         models,
-        ("comparison/area/scores.csv",),
+        ("comparison/area/scores.csv", "search/area/scores.csv"),
     ),
     "hybrid": PageTable(
         (
@@ -543,8 +548,8 @@ TABLES = {
         ),
         grids,
         (
-            "comparison/area/whole-grids.csv",
-            "comparison/area/tuning.csv",
+            "search/area/whole-grids.csv",
+            "search/area/tuning.csv",
         ),
     ),
     "unstated": PageTable(
