@@ -14,11 +14,12 @@ from bench.record import NOT_READ, RECORD, Inputs, read
 from bench.report import Part
 from gen.runtime.errors import InputError
 from gen.runtime.files import lock_folder, make_folder, write
+from learn.comparison.folder import KINDS as OF_EACH_ROW
 
 LARGE = 200_000  # bytes from which on a table is compressed
 KINDS = frozenset({".csv", ".json", ".jsonl", ".toml", ".txt"})
 # Folders inside of a part's that are not published.
-INSIDE = frozenset({"baseline", "databases", "decks", "maps", "predictions", "tuned"})
+INSIDE = frozenset({*OF_EACH_ROW, "databases", "decks", "maps", "predictions"})
 
 
 def publish(parts: Sequence[Part], inputs: Inputs, target: Path) -> list[Path]:

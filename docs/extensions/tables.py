@@ -14,6 +14,7 @@ from bench.record import Inputs
 from bench.report import PARTS
 from gen.commands.databases import COLUMNS
 from gen.maps.settings import PREPARED, keys, said
+from learn.comparison.folder import KINDS
 from learn.comparison.grid import LEAST_JUDGED, LIBRARY
 from learn.models import MODELS
 
@@ -49,7 +50,7 @@ def models() -> list[str]:
     names = "nmse", "nmae", "nmaxe", "r2"
     found = {**scores("search"), **scores("comparison")}  # whole grids come from the run itself
     lines, searched = [], ways_of_search()
-    for model, result in product(MODELS, ("baseline", "library", "tuned")):
+    for model, result in product(MODELS, KINDS):
         if (row := found.get((model, result))) is None:
             continue
         tuned = ", tuned" if model in searched else ", tuned on too few candidates"

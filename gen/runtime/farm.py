@@ -38,8 +38,8 @@ LAUNCHERS = ("PMI_SIZE", "PMIX_RANK", "OMPI_COMM_WORLD_SIZE", "MPI_LOCALNRANKS")
 
 LONGEST_NAP = 0.01  # between two looks for a message [s]; MPI's own waiting would keep a core busy
 
-# Longest pause of a worker between two looks whether its result has left [s]: MPICH passes on some
-# 8 kB at a look, so that mpi4py's own 1 ms would hold a field of 129 x 129 nodes up by 18 ms.
+# Longest pause of a worker while it sends a result [s]. MPICH passes on some 8 kB at each look of
+# the worker: with mpi4py's own 1 ms a field of 129 x 129 nodes took 18 ms (`bench writers`).
 SENDING_NAP = "1e-4"
 
 FORWARDING = 0.5  # time for the launcher to pass on a last line [s]; an abort would lose it

@@ -17,7 +17,8 @@ def pictured(folder):
     """Files of each kind: shown and not, large, inside of a folder that stays behind."""
     small = written("small.csv", [["x"], [1]], folder)
     written("large.csv", [["x"], *([n] for n in range(60_000))], folder)
-    written("inside.csv", [["x"], [1]], folder / "databases")
+    for inside in ("databases", "library"):
+        written("inside.csv", [["x"], [1]], folder / inside)
     (folder / "data.h5").write_bytes(b"\x89HDF")
     (folder / "trials.jsonl").write_text("{}\n")
     save(new_figure(1, 1), folder / "other.png")
