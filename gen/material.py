@@ -13,7 +13,7 @@ from gen.runtime.errors import InputError
 from gen.runtime.terminal import shown
 
 SMALLEST, LARGEST = 1e-60, 1e60  # useful lengths [um] and moduli [MPa]: their squares stay finite
-MPA = f"give a number of MPa from {SMALLEST:g} to {LARGEST:g}"  # advice for moduli and hardness
+ALLOWED = f"must be between {SMALLEST:g} and {LARGEST:g} MPa"  # of moduli and hardness
 
 MOST = 100_000  # most values of one option
 DIGITS = 18  # most digits of a whole number: enough for 2^59, and few enough for 64 bits
@@ -94,7 +94,7 @@ class Bodies(NamedTuple):
         """Return the bodies of the options, with an E* of 1 MPa without any."""
         known = bool(young) or e_star is not None
         if hardness is not None and not SMALLEST < hardness < LARGEST:
-            raise InputError(f"--hardness {hardness:g}: {MPA}")
+            raise InputError(f"--hardness {hardness:g}: the hardness {ALLOWED}")
         if hardness is not None and not known:
             raise InputError(
                 f"--hardness {hardness:g}: give the modulus too (--young or --e-star), which is 1"
@@ -151,7 +151,7 @@ def combined_modulus(
         if young or poisson:
             raise InputError("--e-star stands in place of --young and --poisson: give one of them")
         if not SMALLEST < e_star < LARGEST:
-            raise InputError(f"--e-star {e_star:g}: {MPA}")
+            raise InputError(f"--e-star {e_star:g}: the modulus {ALLOWED}")
         return e_star
     if not (young or poisson):
         return None
@@ -164,7 +164,7 @@ def combined_modulus(
         )
     for modulus, ratio in zip(moduli, ratios, strict=True):
         if not SMALLEST < modulus < LARGEST:
-            raise InputError(f"--young {modulus:g}: {MPA}")
+            raise InputError(f"--young {modulus:g}: the modulus {ALLOWED}")
         if not -1 < ratio <= 0.5:
             raise InputError(f"--poisson {ratio:g}: must be above -1 and at most 0.5")
     return 1 / sum(1 / (e / (1 - nu**2)) for e, nu in zip(moduli, ratios, strict=True))
