@@ -20,7 +20,6 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
-from importlib import import_module
 from typing import Any, TypeVar
 
 import typer
@@ -59,7 +58,6 @@ class Executor:
         *,
         stopping: Callable[[], bool] = lambda: False,
         until: float = math.inf,
-        longest: float = math.inf,
     ) -> None:
         """Do tasks on the workers and pass on each result, with its task, as it comes.
 
@@ -70,9 +68,9 @@ class Executor:
         `on_result` here, is raised here.
         """
         fresh = shared is not self._held
-        self.world.broadcast((work, until, longest, fresh, shared if fresh else None))
+        self.world.broadcast((work, until, fresh, shared if fresh else None))
         self._held = shared
-        do = partial(within, work, shared, until=until, longest=longest)
+        do = partial(within, work, shared, until=until)
         farm.run(do, iter(tasks), on_result, self.world, stopping=stopping)
 
     def call(
@@ -103,10 +101,9 @@ def led() -> Iterator[Executor]:
     shared: Any = None  # the workers keep it from round to round
     with Interruption(listening=False):
         while (announced := world.broadcast(None)) is not None:
-            work, until, longest, fresh, sent = announced
+            work, until, fresh, sent = announced
             shared = sent if fresh else shared
-            do = partial(within, work, shared, until=until, longest=longest)
-            farm.run(do, iter(()), lambda *_: None, world)
+            farm.run(partial(within, work, shared, until=until), iter(()), lambda *_: None, world)
     raise typer.Exit
 
 
@@ -133,17 +130,13 @@ def seconds(text: str) -> float:
 
 
 def within(
-    work: Callable[[Shared, Task], Result],
-    shared: Shared,
-    task: Task,
-    until: float,
-    longest: float = math.inf,
+    work: Callable[[Shared, Task], Result], shared: Shared, task: Task, until: float
 ) -> Result | None:
     """Do a task, a function of shared data and of the task at the top of a module, until a time.
 
-    The work is stopped at `until`, a time of `time.time`, or after `longest`, which does not count
-    the start of the process [s]; the result is None then. With an infinite `until` it is done here.
-    InputError is raised if `work` raises it, or its process ends by itself.
+    The work is stopped at `until`, a time of `time.time` [s]; the result is None then. With an
+    infinite `until` it is done here. InputError is raised if `work` raises it, or its process ends
+    by itself.
     """
     if math.isinf(until):
         return work(shared, task)
@@ -154,9 +147,8 @@ def within(
     own = {"initializer": _begin, "initargs": (os.getpid(),)}
     process = get_reusable_executor(1, timeout=None, **own)
     try:
-        process.submit(_load, work.__module__).result(until - time.time())
         ended: Future[Result] = process.submit(work, shared, task)
-        return ended.result(min(until - time.time(), longest))
+        return ended.result(until - time.time())
     except TimeoutError:
         process.shutdown(kill_workers=True)
         return None
@@ -183,8 +175,3 @@ def _begin(parent: int) -> None:
     for stream in (0, 1):
         os.dup2(os.open(os.devnull, os.O_RDWR), stream)
     threading.Thread(target=end, daemon=True).start()
-
-
-def _load(module: str) -> None:
-    """Import a module before the time of its work counts."""
-    import_module(module)

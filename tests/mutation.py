@@ -127,7 +127,12 @@ FAULTS: dict[str, tuple[tuple[str, str], ...]] = {
     "learn/grow/accuracy.py": (
         ("math.sqrt(number / (number - 1) * squares)", "math.sqrt(squares)"),
     ),
-    "learn/comparison/search.py": (("int(np.nanargmax(means))", "int(np.nanargmin(means))"),),
+    "learn/comparison/search.py": (
+        (
+            "means = self.means(self.grid.differing)\n        return max(",
+            "means = self.means(self.grid.differing)\n        return min(",
+        ),
+    ),
 }
 """Faults by the files of the code: what stands there once, and what stands there instead."""
 

@@ -17,8 +17,8 @@ from bench.stability.models import SIDE as MADE_SIDE
 from bench.stability.models import fitted, ordinary
 from gen.runtime.errors import InputError
 from gen.surface import generate
-from learn.comparison import grid as grids
 from learn.comparison.fits import Training, Trials
+from learn.comparison.grid import Grid
 from learn.comparison.paper import Space
 from learn.comparison.search import GridSearch
 from learn.executor import Executor
@@ -72,11 +72,12 @@ def best_of_ours(name: str, size: str, samples: Samples, folds: Folds, path: Pat
     inputs, target = samples
     training = Training(inputs, target, folds, inputs[:2], target[:2])
     model = MODELS[name]
-    grid = grids.grid(model, space_of(name, size), inputs.shape[1])
+    grid = Grid(model, space_of(name, size), inputs.shape[1])
     path.unlink(missing_ok=True)
     with Trials(path, {}) as trials:
-        scores = GridSearch(model, grid, training, trials, Executor()).exhaustive()
-        return float(scores.means.max())
+        search = GridSearch(model, grid, training, trials, Executor())
+        search.fit_all()
+        return max(search.means(grid.differing).values())
 
 
 @pytest.mark.parametrize("size", NUMBERS)

@@ -154,21 +154,22 @@ def fit(training: Training, task: Task) -> list[Trial]:
     if this machine lacks the memory.
     """
     training = training.seen_by(task.model)
-    outside, model, candidates = training.folds == task.fold, EVERY[task.model], task.candidates
+    outside, model = training.folds == task.fold, EVERY[task.model]
+    candidates = [*task.candidates.values()]
     inside = np.flatnonzero(~outside)[: task.rows]
     data = training.inputs[inside], training.target[inside], training.inputs[outside]
     check_memory(task.model, inside.size)
-    name = "" if task.baseline else shared_fit(model)
-    common = {k: v for k, v in candidates[0].items() if k != name}
+    shared = "" if task.baseline else shared_fit(model)
+    common = {k: v for k, v in candidates[0].items() if k != shared}
     how: dict[str, Any] = {"normalisation": training.normalisation, "seed": training.seed}
     found: list[Values | str]
     with remarks() as said:
         began = perf_counter()
         try:
             unfitted = pipeline(model, common, tuned=not task.baseline, **how)
-            if name and name in candidates[0]:
-                values = [candidate[name] for candidate in candidates]
-                found = [*shared_predictions(model, unfitted, data, name, values)]
+            if shared in candidates[0]:
+                values = [candidate[shared] for candidate in candidates]
+                found = [*shared_predictions(model, unfitted, data, shared, values)]
             else:
                 fitted = unfitted.fit(*data[:2], **training.beside(inside))
                 found = [fitted.predict(data[2])]
@@ -178,12 +179,12 @@ def fit(training: Training, task: Task) -> list[Trial]:
         seconds = (perf_counter() - began) / len(candidates)
     if isinstance(found[0], str) and len(candidates) > 1:
         # A shared fit may fail late, after candidates that are fine: fit them one by one.
-        alone = (replace(task, candidates=(candidate,)) for candidate in candidates)
-        return [trial for each in alone for trial in fit(training, each)]
+        alone = ({name: settings} for name, settings in task.candidates.items())
+        return [trial for own in alone for trial in fit(training, replace(task, candidates=own))]
     remark = "; ".join(said)
     return [
         Trial(
-            candidate=candidate,
+            candidate=name,
             fold=task.fold,
             rows=task.rows,
             r2=None if isinstance(score, str) else score,
@@ -191,7 +192,7 @@ def fit(training: Training, task: Task) -> list[Trial]:
             remark=remark,
             seconds=seconds,
         )
-        for candidate, score in zip(task.names, scores, strict=True)
+        for name, score in zip(task.candidates, scores, strict=True)
     ]
 
 

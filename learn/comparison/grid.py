@@ -11,9 +11,9 @@ features without units, whose targets have mean 0 and deviation 1 over the train
 the tables name the grid that was searched.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from itertools import pairwise, product
+from itertools import pairwise
 from math import log2, sqrt
 from typing import Any
 
@@ -136,28 +136,55 @@ def reach(name: str, values: list[Any]) -> list[Any]:
     return chain
 
 
-@dataclass(frozen=True)
 class Grid:
-    """A grid of candidates of a model, and those of them that differ."""
+    """A grid of candidates of a model: those of them that differ, and what one fit serves.
 
-    model: Model
-    space: Space  # values by setting
-    inputs: int  # number of the data's
-    candidates: tuple[Settings, ...]  # in the order of scikit-learn's ParameterGrid, then others
-    canonical: tuple[int, ...]  # number of the canonical settings of each candidate
-    differing: tuple[Settings, ...]  # canonical settings, in the order of their first candidate
-    families: tuple[tuple[int, ...], ...]  # numbers of those that one fit serves
+    Boosting whose first trees are no model of their own (DART, linear, stopped early) must not be
+    among them: one fit serves all numbers of trees. The number of inputs decides which
+    `max_features` are the same: the square root of 23 and its logarithm are both 4.
 
-    def number_of(self, settings: Settings) -> int | None:
-        """Return the number of the canonical settings of others, None if the grid lacks them."""
-        reduced = canonical_settings(self.model, settings, self.inputs)
-        return self.differing.index(reduced) if reduced in self.differing else None
+    Attributes
+    ----------
+    candidates : list of Settings
+        In the order of scikit-learn's ParameterGrid, then those beyond the ends of the space.
+    canonical : list of str
+        Name of the canonical settings of each candidate, as `key` writes them.
+    differing : dict
+        Canonical settings by name, in the order of their first candidate.
+    families : list of tuple of str
+        Names of those that one fit serves.
+    """
 
-    def first(self, number: int) -> Settings:
-        """Return the first candidate with these canonical settings."""
-        return self.candidates[self.canonical.index(number)]
+    def __init__(
+        self, model: Model, space: Space, inputs: int, candidates: Iterable[Settings] = ()
+    ) -> None:
+        from sklearn.model_selection import ParameterGrid
 
-    def beyond(self, settings: Settings) -> Settings:
+        self.model, self.space, self.inputs = model, space, inputs
+        self.candidates: list[Settings] = [*(candidates or ParameterGrid(space))]
+        self.canonical: list[str] = []
+        self.differing: dict[str, Settings] = {}
+        families: dict[str, list[str]] = {}
+        for candidate in self.candidates:
+            settings = canonical_settings(model, candidate, inputs)
+            name = key(settings)
+            self.canonical.append(name)
+            if name not in self.differing:
+                self.differing[name] = settings
+                family = key({k: v for k, v in settings.items() if k != shared_fit(model)})
+                families.setdefault(family, []).append(name)
+        self.families = [tuple(names) for names in families.values()]
+
+    def name_of(self, settings: Settings) -> str:
+        """Return the name of the canonical settings of others, "" if the grid lacks them."""
+        name = key(canonical_settings(self.model, settings, self.inputs))
+        return name if name in self.differing else ""
+
+    def first(self, name: str) -> Settings:
+        """Return the first candidate with the canonical settings of a name."""
+        return self.candidates[self.canonical.index(name)]
+
+    def ends(self, settings: Settings) -> Settings:
         """Return the next value of each setting with which a candidate lies at an end of it all."""
         found = {}
         for name in settings.keys() & canonical_settings(self.model, settings, self.inputs).keys():
@@ -169,18 +196,17 @@ class Grid:
         return dict(sorted(found.items()))
 
     def extended(self, winner: Settings) -> "Grid":
-        """Return a grid with further candidates where a winner lies at an end, else this one.
+        """Return the grid with further candidates where a winner lies at an end.
 
         They have the winner's settings but for the one that goes on, and all values that one fit
         serves.
         """
-        shared, further = shared_fit(self.model), []
-        for name, value in self.beyond(winner).items():
+        shared, further = shared_fit(self.model), [*self.candidates]
+        for name, value in self.ends(winner).items():
             next_one = {**winner, name: value}
             served = self.space[shared] if shared in winner and shared != name else []
             further += [{**next_one, shared: each} for each in served] or [next_one]
-        every = [*self.candidates, *further]
-        return _grid(self.model, self.space, every, self.inputs) if further else self
+        return Grid(self.model, self.space, self.inputs, further)
 
 
 @dataclass(frozen=True)
@@ -188,45 +214,10 @@ class Task:
     """One fit: the candidates that it serves, and the fold that it leaves out."""
 
     model: str
-    candidates: tuple[Settings, ...]  # differ only in the setting whose values one fit serves
+    candidates: dict[str, Settings]  # by name; differ only in the setting that one fit serves
     fold: int  # left out of the training, and predicted
     rows: int  # for training at most
     baseline: bool = False  # True for the baseline, without the settings that candidates share
-
-    @property
-    def names(self) -> list[str]:
-        """The name of each candidate in its trials."""
-        return [key(each, baseline=self.baseline) for each in self.candidates]
-
-
-def grid(model: Model, space: Space, inputs: int) -> Grid:
-    """Find the candidates of a grid that differ.
-
-    Boosting whose first trees are no model of their own (DART, linear, stopped early) must not be
-    among them: one fit serves all numbers of trees. The number of inputs decides which
-    `max_features` are the same: the square root of 23 and its logarithm are both 4.
-    """
-    names = sorted(space)
-    points = product(*(space[name] for name in names))
-    return _grid(model, space, [dict(zip(names, point, strict=True)) for point in points], inputs)
-
-
-def _grid(model: Model, space: Space, candidates: list[Settings], inputs: int) -> Grid:
-    """Find which candidates differ, and which of these one fit serves."""
-    differing: dict[str, Settings] = {}
-    numbers: dict[str, int] = {}
-    families: dict[str, list[int]] = {}
-    canonical = []
-    for candidate in candidates:
-        settings = canonical_settings(model, candidate, inputs)
-        name = key(settings)
-        if name not in differing:
-            differing[name], numbers[name] = settings, len(numbers)
-            family = key({k: v for k, v in settings.items() if k != shared_fit(model)})
-            families.setdefault(family, []).append(numbers[name])
-        canonical.append(numbers[name])
-    own = tuple(candidates), tuple(canonical), tuple(differing.values())
-    return Grid(model, space, inputs, *own, tuple(map(tuple, families.values())))
 
 
 def shared_fit(model: Model) -> str:
@@ -270,9 +261,8 @@ def key(settings: Mapping[str, Any], *, baseline: bool = False) -> str:
 
 def expected_work(task: Task) -> float:
     """Guess the relative cost of a task of one model, for the order of tasks and the time left."""
-    most = {
-        name: max((c[name] for c in task.candidates), key=_magnitude) for name in task.candidates[0]
-    }
+    served = [*task.candidates.values()]
+    most = {name: max((each[name] for each in served), key=_magnitude) for name in served[0]}
     work = float(task.rows)
     for name in ("n_estimators", "max_features", "C"):
         work *= _magnitude(most.get(name, 1.0)) ** (0.5 if name == "C" else 1.0)
@@ -288,7 +278,7 @@ def expected_work(task: Task) -> float:
         work *= sum(a * b for a, b in pairwise(sizes)) + 23 * sizes[0]
         work *= 20 if most.get("solver") == "lbfgs" else 1  # others end by themselves long before
     if task.model == "kernel-ridge":
-        work *= len(task.candidates) if most.get("kernel") == "rbf" else 0.01
+        work *= len(served) if most.get("kernel") == "rbf" else 0.01
     return work
 
 

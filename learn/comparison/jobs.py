@@ -26,7 +26,7 @@ from learn.comparison import grid as grids
 from learn.comparison.fits import Training, Trials, reason
 from learn.comparison.folder import Folder
 from learn.comparison.grid import Settings
-from learn.comparison.search import Found, GridSearch, halved, whole
+from learn.comparison.search import GridSearch
 from learn.comparison.tables import WHY_BASELINE
 from learn.dataset import Request, short_name
 from learn.executor import Executor
@@ -114,15 +114,18 @@ def tune(request: Request, executor: Executor) -> int:
             agreed, until = folder.record()["conditions"], time.time() + share
             with Trials(folder.path / "trials" / f"{model.name}.jsonl", agreed) as trials:
                 source, space = grids.space_of(model.name, agreed["features"])
-                grid = grids.grid(model, space, training.inputs.shape[1])
+                grid = grids.Grid(model, space, training.inputs.shape[1])
                 search = GridSearch(
                     *(model, grid, training, trials, executor, interruption.requested, source),
                     baseline=grids.baseline(model.name, agreed["features"]),
-                    optimum=grid.number_of(grids.untuned(model.name, agreed["features"])[1]),
+                    optimum=grid.name_of(grids.untuned(model.name, agreed["features"])[1]),
                 )
-                found = whole(search) if math.isinf(until) else halved(search, until)
+                if math.isinf(until):
+                    search.exhaust()
+                else:
+                    search.halve(until)
                 if not interruption.requested():
-                    finish(folder, found, until, again=request.again)
+                    finish(folder, search, until, again=request.again)
     return interruption.signal
 
 
@@ -232,24 +235,20 @@ def repeated(
     return taken
 
 
-def finish(folder: Folder, found: Found, until: float, *, again: bool) -> None:
+def finish(folder: Folder, search: GridSearch, until: float, *, again: bool) -> None:
     """Fit the winner of a search until a time [s], and write and print what came of both.
 
     The winner is a candidate of the grid or the baseline. Nothing is done, except `again`, where
     the folder has the result of this very search and winner.
     """
-    search, scores, name = found.search, found.scores, found.search.model.name
-    why = found.fault
+    name, title, why = search.model.name, search.model.title, search.fault
     if not why:
-        task, report = TimedFit(name, search.baseline or {}, "tuned", until=until), _report(found)
-        if not scores.baseline_wins:
-            task = replace(task, settings=search.grid.first(scores.winner), of_grid=True)
+        report, task = search.report(), TimedFit(name, search.baseline or {}, "tuned", until=until)
+        if search.winner in search.grid.differing:
+            task = replace(task, settings=search.grid.first(search.winner), of_grid=True)
         there = folder.result("tuned", name) or {}
-        there = {"settings": there.get("settings"), **(there.get("search") or {})}
-        same = {each: report[each] for each in ("winner", "how", "grid", "candidates_scored")}
-        same["settings"] = task.settings
-        stored = json.dumps({each: there.get(each) for each in same})
-        if not again and stored == json.dumps(same):
+        found = json.loads(json.dumps([task.settings, report]))
+        if not again and found == [there.get("settings"), there.get("search")]:
             return
         result = search.executor.call(fit_and_time, search.training, task, until)
         if not result:
@@ -257,60 +256,30 @@ def finish(folder: Folder, found: Found, until: float, *, again: bool) -> None:
             why += ": give a larger --budget"
     with RunProgress(1) as progress:
         if why:
-            content = {"model": name, "failure": why, "remarks": []}
-            folder.write_json(f"tuned/{name}.json", content)
-            progress.say(f"warning: {search.model.title}: {why}")
+            folder.write_json(f"tuned/{name}.json", {"model": name, "failure": why, "remarks": []})
+            progress.say(f"warning: {title}: {why}")
             return
-        _write_grid(folder, found)
-        for text, number in [*scores.failures.items(), *scores.remarks.items()]:
-            progress.say(f"{search.model.title}: {number} of {scores.folds.size} scores: {text}")
-        write_fit(folder, task, search.training, result, progress.say, report, found.seconds)
-        if scores.baseline_wins:
-            progress.say(f"{search.model.title}: {WHY_BASELINE}")
+        _write_grid(folder, search)
+        number = FOLDS * len(search.grid.differing)
+        for text, few in [*report["failures"].items(), *report["remarks"].items()]:
+            progress.say(f"{title}: {few} of {number} scores: {text}")
+        write_fit(folder, task, search.training, result, progress.say, report, search.seconds)
+        if report["winner"] == "baseline":
+            progress.say(f"{title}: {WHY_BASELINE}")
 
 
-def _write_grid(folder: Folder, found: Found) -> None:
+def _write_grid(folder: Folder, search: GridSearch) -> None:
     """Write the candidates of a search with their scores."""
-    scores, grid, means = found.scores, found.search.grid, found.scores.means
-    names, folds = list(grid.candidates[0]), [f"r2_fold_{fold}" for fold in range(FOLDS)]
+    grid, numbers = search.grid, {name: place for place, name in enumerate(search.grid.differing)}
+    means, folds = search.means(numbers), [f"r2_fold_{fold}" for fold in range(FOLDS)]
     folder.write_table(
-        f"tuned/{found.search.model.name}-grid.csv",
-        [*names, "differing_candidate", "r2_mean", *folds],
+        f"tuned/{search.model.name}-grid.csv",
+        [*grid.candidates[0], "differing_candidate", "r2_mean", *folds],
         (
-            [*candidate.values(), number, float(means[number]), *scores.folds[number]]
-            for candidate, number in zip(grid.candidates, grid.canonical, strict=True)
+            [*candidate.values(), numbers[name], means.get(name, ""), *search.folds(name)]
+            for candidate, name in zip(grid.candidates, grid.canonical, strict=True)
         ),
     )
-
-
-def _report(found: Found) -> dict[str, Any]:
-    """Describe a search in the result of its winner."""
-    search, scores, grid, means = found.search, found.scores, found.search.grid, found.scores.means
-    own = [] if np.isnan(scores.baseline).any() else scores.baseline.tolist()
-    of_folds = {
-        "r2_folds": own if scores.baseline_wins else scores.of(scores.winner),
-        "grid_r2_folds": scores.of(scores.winner),
-        "optimum_r2_folds": scores.of(search.optimum),
-        "baseline_r2_folds": own,
-    }
-    place = "optimum" if scores.winner == search.optimum else "grid"
-    best = grid.first(max(scores.winner, 0))
-    return {
-        "how": found.how,
-        "grid": search.source,
-        "rows": search.training.rows,
-        "candidates": len(grid.candidates),
-        "candidates_differing": len(grid.differing),
-        "candidates_scored": int(np.isfinite(means).sum()),
-        "fits_nominal": FOLDS * len(grid.candidates),
-        "fits": scores.fits,
-        "baseline_fits": int(np.count_nonzero(~np.isnan(scores.baseline))),
-        "winner": "baseline" if scores.baseline_wins else place,
-        "ends": [*grid.beyond(best)],
-        **{name: [100 * score for score in folds] for name, folds in of_folds.items()},
-        "failures": scores.failures,
-        "remarks": scores.remarks,
-    }
 
 
 def write_fit(

@@ -276,7 +276,7 @@ def grid_counts() -> dict[Key, int]:
     counts = {}
     for model in MODELS.values():
         _, space = grids.space_of(model.name, "paper")
-        grid = grids.grid(model, space, INPUTS)
+        grid = grids.Grid(model, space, INPUTS)
         item = f"grid of Table 2, {model.name}"
         counts[Key(item, "candidates")] = len(grid.candidates)
         counts[Key(item, "candidates that differ")] = len(grid.differing)

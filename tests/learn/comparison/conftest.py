@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from learn.comparison import grid as grids
 from learn.comparison.fits import Training, Trials
+from learn.comparison.grid import Grid
 from learn.comparison.search import GridSearch
 from learn.executor import Executor
 from learn.models import MODELS
@@ -35,7 +35,7 @@ def searching(training, trials):
     """Make a search of a grid in this process: searching(model, space)."""
 
     def begin(model, space, trials=trials):
-        grid = grids.grid(MODELS[model], space, training.inputs.shape[1])
+        grid = Grid(MODELS[model], space, training.inputs.shape[1])
         return GridSearch(MODELS[model], grid, training, trials, Executor())
 
     return begin

@@ -42,31 +42,31 @@ def test_a_staged_fit_that_fails_late_keeps_its_good_beginnings(searching, monke
 
     monkeypatch.setattr(GradientBoostingRegressor, "fit", limited)
     search = searching("gradient-boost", {"n_estimators": [2, 5, 9]})
-    scores = search.exhaustive()
-    assert np.isfinite(scores.means[:2]).all()
-    assert np.isnan(scores.means[2])
-    assert scores.failures == {"diverged": 5}
-    assert search.grid.first(scores.winner)["n_estimators"] == 5
+    search.fit_all()
+    assert [*search.means(search.grid.differing)] == ["n_estimators=2", "n_estimators=5"]
+    assert search.counted("failure") == {"diverged": 5}
+    assert search.winner == "n_estimators=5"
 
 
 @pytest.mark.filterwarnings("ignore:overflow encountered:RuntimeWarning")
 def test_a_fit_that_diverges_is_a_failure_that_the_next_run_can_read(searching, trials):
     """Steps of 50 times the gradient: 49 times the residual after each, with other signs."""
     space = {"learning_rate": [0.1, 50.0], "n_estimators": [2, 60]}
-    scores = searching("gradient-boost", space).exhaustive()
-    assert scores.failures == {"prediction diverged": 5}
-    assert np.isnan(scores.means).sum() == 1
+    search = searching("gradient-boost", space)
+    search.fit_all()
+    assert search.counted("failure") == {"prediction diverged": 5}
+    assert len(search.means(search.grid.differing)) == len(search.grid.differing) - 1
     trials.__exit__(None, None, None)
     with Trials(trials.path, {}) as again:
         assert again.finished == trials.finished
 
 
 def test_a_finished_fit_is_in_its_file_at_once(searching, trials):
-    searching("decision-tree", {"max_depth": [2, 3]}).exhaustive()
+    searching("decision-tree", {"max_depth": [2, 3]}).fit_all()
     assert trials.path.read_bytes().count(b"\n") == 1 + len(trials.finished) > 5
 
 
 def test_a_machine_without_the_memory_for_a_fit_ends_the_search(searching, monkeypatch):
     monkeypatch.setattr(models, "free", lambda: models.PROCESS)
     with pytest.raises(InputError, match=r"svm needs about .* fewer workers"):
-        searching("svm", {"C": [1.0]}).exhaustive()
+        searching("svm", {"C": [1.0]}).fit_all()

@@ -12,7 +12,7 @@ from sklearn.model_selection import GridSearchCV, PredefinedSplit
 
 from learn.comparison import search as searches
 from learn.comparison.fits import Training, Trials
-from learn.comparison.grid import canonical_settings, reach
+from learn.comparison.grid import reach
 from learn.models import MODELS, STEP, pipeline
 
 # Every kind of synonym and of shared fit, small enough for a test.
@@ -85,7 +85,8 @@ def test_scores_and_winner_are_those_of_scikit_learns_grid_search(
     model, space, training, searching
 ):
     search = searching(model, space)
-    grid, scores = search.grid, search.exhaustive()
+    search.fit_all()
+    grid, report = search.grid, search.report()
     theirs = pipeline(MODELS[model], tuned=True)
     if model == "kernel-ridge":
         theirs.set_params(**{STEP: KernelRidge()})
@@ -99,12 +100,13 @@ def test_scores_and_winner_are_those_of_scikit_learns_grid_search(
     results = reference.cv_results_
     expected = np.stack([results[f"split{fold}_test_score"] for fold in range(5)], axis=1)
     assert np.isfinite(expected).all()
-    canonical = list(grid.canonical)
-    np.testing.assert_allclose(scores.folds[canonical], expected, rtol=0, atol=1e-10)
-    np.testing.assert_allclose(scores.means[canonical], results["mean_test_score"], atol=1e-10)
+    folds, means = [*map(search.folds, grid.canonical)], search.means(grid.differing)
+    np.testing.assert_allclose(folds, expected, rtol=0, atol=1e-10)
+    means = [means[name] for name in grid.canonical]
+    np.testing.assert_allclose(means, results["mean_test_score"], atol=1e-10)
     best = results["params"][int(np.argmin(results["rank_test_score"]))]
-    assert grid.first(scores.winner) == {key.partition("__")[2]: best[key] for key in best}
-    assert scores.fits == 5 * len(grid.families)
+    assert grid.first(search.winner) == {key.partition("__")[2]: best[key] for key in best}
+    assert report["fits"] == 5 * len(grid.families)
     if space is REDUCED[model] and model != "gaussian-process":
         assert len(grid.families) < len(grid.candidates)
 
@@ -113,18 +115,21 @@ def test_finished_fits_are_not_done_again(searching, tmp_path):
     trees = REDUCED["decision-tree"]
     path = tmp_path / "cut.jsonl"
     with Trials(path, {"seed": 0}) as opened:
-        first = searching("decision-tree", trees, opened).exhaustive()
+        first = searching("decision-tree", trees, opened)
+        first.fit_all()
+    done = len(first.trials.finished)
     whole = path.read_bytes()
     # A kill in the midst of a line.
     path.write_bytes(whole[: int(0.6 * len(whole))])
     with Trials(path, {"seed": 0}) as opened:
         left = len(opened.finished)
-        assert 0 < left < first.folds.size
+        assert 0 < left < done
         search = searching("decision-tree", trees, opened)
-        tasks = search.tasks(range(len(search.grid.families)), 80)
-        assert sum(len(task.candidates) for task in tasks) == first.folds.size - left
-        again = search.exhaustive()
-    np.testing.assert_array_equal(first.folds, again.folds)
+        tasks = search.tasks(search.grid.families, 80)
+        assert sum(len(task.candidates) for task in tasks) == done - left
+        search.fit_all()
+    names = search.grid.differing
+    assert [*map(first.folds, names)] == [*map(search.folds, names)]
     for line in path.read_text().splitlines():
         json.loads(line)
 
@@ -151,12 +156,13 @@ def test_the_best_on_few_rows_are_judged_first_after_the_optimum(searching, tria
     space = {"max_depth": [1, 2, 3, 4, 30], "min_samples_leaf": [1, 40, 80]}
     search = replace(searching("decision-tree", space), training=levels(720), baseline={})
     settings = {"max_depth": 30, "min_samples_leaf": 1}
-    deep = search.grid.number_of(canonical_settings(search.model, settings, 2))
-    found = searches.halved(limited(replace(search, optimum=deep), 11 * 5), math.inf)
-    few = search.scores(26, 2).means
-    assert few[deep] < np.sort(few)[-3]
+    deep = search.grid.name_of(settings)
+    found = limited(replace(search, optimum=deep), 11 * 5)
+    found.halve(math.inf)
+    few = search.means(search.grid.differing, 26, 2)
+    assert few[deep] < sorted(few.values())[-3]
     assert found.fault == ""
-    assert (found.scores.judged, found.scores.winner) == (10, deep)
+    assert (found.judged, found.best) == (10, deep)
     assert found.how.startswith("successive halving: 15 candidates on 26 rows, 2 folds, ")
     assert found.how.endswith(" 2 folds, 10 candidates on 720 rows, 5 folds")
     assert {trial.fold for trial in trials.finished.values() if trial.rows == 26} == {0, 1}
@@ -173,25 +179,28 @@ def test_a_model_of_which_too_few_candidates_were_judged_is_not_searched(
     monkeypatch.setattr(searches, "LEAST_ROWS", 20)
     space = {"max_depth": [1, 2, 3, 4, 30], "min_samples_leaf": [1, 40, 80]}
     search = replace(searching("decision-tree", space), training=levels(720), baseline={})
-    found = searches.halved(limited(search, fits), math.inf)
+    found = limited(search, fits)
+    found.halve(math.inf)
     assert found.fault.startswith("not searched: ")
     assert words in found.fault
-    assert searches.halved(search, math.inf).fault == "", "with more time it goes on"
+    search.halve(math.inf)
+    assert search.fault == "", "with more time it goes on"
 
 
 def test_a_search_goes_on_beyond_the_end_at_which_its_winner_lies(searching, trials):
     """The smallest trees of the grid are too small: deeper ones are tried, and only the needed."""
     space = {"max_depth": [1, 2, 3], "min_samples_leaf": [1, 2, 4]}
     search = replace(searching("decision-tree", space), training=levels(720), baseline=None)
-    found = searches.whole(search)
-    added = found.search.grid.candidates[9:]
-    best = found.search.grid.first(found.scores.winner)
+    found = replace(search)
+    found.exhaust()
+    added = found.grid.candidates[9:]
+    best = found.grid.first(found.winner)
     assert [each["max_depth"] for each in added if each["min_samples_leaf"] == 1][:3] == [4, 5, 6]
     assert best["max_depth"] == 6
-    inside = search.grid.first(int(np.argmax(found.scores.means[:9])))
-    assert inside["max_depth"] == 3
+    assert search.grid.first(search.best)["max_depth"] == 3
     before = dict(trials.finished)
-    assert searches.whole(search).scores.means == pytest.approx(found.scores.means)
+    search.exhaust()
+    assert search.means(search.grid.differing) == found.means(found.grid.differing)
     assert trials.finished == before, "the next call finds the fits beyond the grid done"
 
 
