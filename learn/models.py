@@ -9,12 +9,11 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from importlib import import_module
-from inspect import signature
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -39,47 +38,34 @@ the default."""
 
 @dataclass(frozen=True)
 class Model:
-    """One kind of surrogate."""
+    """One kind of surrogate; settings that a library has to make are functions."""
 
     name: str  # on the command line and in files
     title: str  # in tables and pictures, as the paper writes it
-    estimator: Callable[[int], Any]  # makes the baseline's estimator from a seed
+    path: str  # of the estimator's class
+    own: Mapping[str, Any] = field(default_factory=dict)  # the baseline's, on top of the library's
     # Settings that all candidates of a search share, in their last fit too.
     tuned: Mapping[str, Any] = field(default_factory=dict)
     staged: str = ""  # setting of which one fit yields the predictions of all smaller numbers
     ignored: str = ""  # setting of the paper's grid that the library ignores today, and warns of
 
+    def estimator(self, seed: int) -> Any:
+        """Make the baseline's estimator, with the seed if it draws at random."""
+        home, _, name = self.path.rpartition(".")
+        estimator = getattr(import_module(home), name)(**_made(self.own))
+        drawn = "random_state" in estimator.get_params(deep=False)
+        return estimator.set_params(random_state=seed) if drawn else estimator
 
-def _made(path: str, seed: int) -> Any:
-    """Make an estimator by its path, with the seed if it has one."""
-    home, _, name = path.rpartition(".")
-    kind = getattr(import_module(home), name)
-    return kind(**({"random_state": seed} if "random_state" in signature(kind).parameters else {}))
+
+def _made(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Return settings with those made that a library has to make."""
+    return {name: value() if callable(value) else value for name, value in settings.items()}
 
 
-def _ada_boost(seed: int) -> Any:
-    from sklearn.ensemble import AdaBoostRegressor
+def _tree() -> Any:
     from sklearn.tree import DecisionTreeRegressor
 
-    # The library's default tree, written out so that a search can set its depth.
-    return AdaBoostRegressor(DecisionTreeRegressor(max_depth=3), random_state=seed)
-
-
-def _xgboost(seed: int) -> Any:
-    try:
-        from xgboost import XGBRegressor
-    except ImportError:
-        from gen.runtime.installation import command_for
-
-        raise InputError(f"XGBoost is not installed: {command_for('learn')}") from None
-    # The library's own defaults, written out so that a search finds them among the settings.
-    return XGBRegressor(n_estimators=100, max_depth=6, learning_rate=0.3, n_jobs=1, seed=seed)
-
-
-def _gaussian_process(seed: int) -> Any:
-    from sklearn.gaussian_process import GaussianProcessRegressor
-
-    return GaussianProcessRegressor(_kernel("fixed"), optimizer=None, random_state=seed)
+    return DecisionTreeRegressor(max_depth=3)
 
 
 def _kernel(bounds: Any = (1e-5, 1e5)) -> Any:
@@ -89,39 +75,48 @@ def _kernel(bounds: Any = (1e-5, 1e5)) -> Any:
     return RBF(1.0, bounds)
 
 
+_BOOSTED = {"n_estimators": 100, "max_depth": 6, "learning_rate": 0.3, "n_jobs": 1}
+"""XGBoost's own defaults, written out so that a search finds them among the settings, as AdaBoost's
+tree is; and one thread."""
+
 MODELS: dict[str, Model] = {
     model.name: model
     for model in (
-        Model(
-            "decision-tree", "Decision Tree", partial(_made, "sklearn.tree.DecisionTreeRegressor")
-        ),
+        Model("decision-tree", "Decision Tree", "sklearn.tree.DecisionTreeRegressor"),
         Model(
             "random-forest",
             "Random Forest",
-            partial(_made, "sklearn.ensemble.RandomForestRegressor"),
+            "sklearn.ensemble.RandomForestRegressor",
             staged="n_estimators",
         ),
-        Model("adaboost", "AdaBoost", _ada_boost, staged="n_estimators"),
-        Model("xgboost", "XGBoost", _xgboost, staged="n_estimators"),
+        Model(
+            "adaboost",
+            "AdaBoost",
+            "sklearn.ensemble.AdaBoostRegressor",
+            {"estimator": _tree},
+            staged="n_estimators",
+        ),
+        Model("xgboost", "XGBoost", "xgboost.XGBRegressor", _BOOSTED, staged="n_estimators"),
         Model(
             "gradient-boost",
             "Gradient Boost",
-            partial(_made, "sklearn.ensemble.GradientBoostingRegressor"),
+            "sklearn.ensemble.GradientBoostingRegressor",
             staged="n_estimators",
             ignored="criterion",
         ),
-        Model("svm", "SVM Regressor", partial(_made, "sklearn.svm.SVR")),
+        Model("svm", "SVM Regressor", "sklearn.svm.SVR"),
         Model(
             "gaussian-process",
             "GP Regressor",
-            _gaussian_process,
-            tuned={"kernel": _kernel, "optimizer": "fmin_l_bfgs_b"},
+            "sklearn.gaussian_process.GaussianProcessRegressor",
+            {"kernel": partial(_kernel, "fixed"), "optimizer": None},
+            {"kernel": _kernel, "optimizer": "fmin_l_bfgs_b"},
         ),
-        Model("kernel-ridge", "Kernel Ridge", partial(_made, "learn.kernel_ridge.SafeKernelRidge")),
+        Model("kernel-ridge", "Kernel Ridge", "learn.kernel_ridge.SafeKernelRidge"),
         Model(
             "mlp",
             "MLP Regressor",
-            partial(_made, "sklearn.neural_network.MLPRegressor"),
+            "sklearn.neural_network.MLPRegressor",
             # L-BFGS counts evaluations too, and its default would end the training before.
             tuned={"max_iter": LONG_TRAINING, "max_fun": 2 * LONG_TRAINING},
         ),
@@ -130,7 +125,7 @@ MODELS: dict[str, Model] = {
 """All nine models by name, in the order of the paper's Table 4."""
 
 
-POPULATION = Model("population", "Population Mean", partial(_made, "learn.population.Population"))
+POPULATION = Model("population", "Population Mean", "learn.population.Population")
 """The model of a scene's own features, beside the nine, which fit these too."""
 
 EVERY = MODELS | {POPULATION.name: POPULATION}
@@ -185,14 +180,9 @@ def pipeline(
 
     scalings = {"l2": Normalizer, "standard": StandardScaler, "min-max": MinMaxScaler}
     scaling = "passthrough" if normalisation == "none" else scalings[normalisation]()
-    estimator = model.estimator(seed)
-    shared = {
-        name: value() if callable(value) else value
-        for name, value in (model.tuned if tuned else {}).items()
-    }
-    given = {**shared, **(settings or {})}
-    estimator.set_params(**{name: given[name] for name in given if name != model.ignored})
-    return Pipeline([("scaling", scaling), (STEP, estimator)])
+    given = {**(_made(model.tuned) if tuned else {}), **(settings or {})}
+    given.pop(model.ignored, None)
+    return Pipeline([("scaling", scaling), (STEP, model.estimator(seed).set_params(**given))])
 
 
 UNFINISHED = "the training ended at its largest number of steps, before it had converged"

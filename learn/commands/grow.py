@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -15,7 +17,7 @@ from learn.commands.fit import SEEDS, Blocks, Load, note, request_of
 
 if TYPE_CHECKING:
     from gen.scene import Scene
-    from learn.grow.accuracy import Order
+    from learn.dataset import Request
 
 SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A shipped scene, or a TOML file.")]
 SurrogateFile = Annotated[
@@ -74,28 +76,30 @@ def grow(scene: SceneName, output: SurrogateFile, *, goal: Goal, trust: Trust = 
         from gen.runtime.farm import Interruption
         from gen.runtime.figure import new_figure, save
         from gen.scene import load
-        from learn.grow import rounds
+        from learn.grow.rounds import Growth, draw, show
         from learn.surrogate.fitting import require_better
 
-        pace = rounds.Pace(seconds(goal.budget) if goal.budget else None, executor.workers)
+        until = time.time() + seconds(goal.budget) if goal.budget else inf
         database, drawing = (_beside(output, suffix) for suffix in (".h5", ".png"))
         check_outputs(
             [Output(output, "--output", "surrogate"), Output(drawing, "--output", "picture")],
             [scene] if Path(scene).is_file() else [],
         )
         _require_own(database, output, drawing)
-        figure = new_figure(rounds.WIDTH, rounds.HEIGHT, dpi=110)
+        figure = new_figure(10.0, 4.6, dpi=110)
         with Interruption(listening=True) as interruption:
             wanted = load(scene)
-            order = _order(output, goal, wanted)
+            request = _request(output, goal, wanted)
             for doubt in wanted.contact.doubts:
                 note(f"warning: {doubt}")
-            ending, last = rounds.grow(order, wanted, executor, pace, note, interruption.requested)
+            how = executor, note, interruption.requested, until
+            growth = Growth(request, goal.nmae, goal.rows, wanted, *how)
+            ending, last = growth.grow()
         if ending == "interrupted" or last is None:
             note(f"stopped; {database} is kept, the same command goes on")
             return 128 + interruption.signal
-        rounds.show(order, ending, last)
-        rounds.draw(figure, last)
+        show(growth, ending, last)
+        draw(figure, last)
         echo(f"wrote {output}, {database} and {save(figure, drawing)}")
         require_better(last.surrogate, str(output))
         return 0
@@ -116,10 +120,9 @@ def _require_own(database: Path, surrogate: Path, drawing: Path) -> None:
         note(f"{database}: is there already; its rows count, and more are added to it")
 
 
-def _order(output: Path, goal: Goal, scene: Scene) -> Order:
-    """Check the options, and return the growth that they describe."""
+def _request(output: Path, goal: Goal, scene: Scene) -> Request:
+    """Check the options, and return the request for a surrogate that they describe."""
     from learn.features.scene import SCENE, load_of
-    from learn.grow.accuracy import Order
     from learn.models import POPULATION, default_model, models_named
 
     if not 0 < goal.nmae <= LARGEST_NMAE:
@@ -135,8 +138,7 @@ def _order(output: Path, goal: Goal, scene: Scene) -> Order:
         )
     drawn: Any = load_of(scene) if of_scene else ""
     options = goal._replace(model=model.name, load=goal.load or drawn)
-    request = request_of(options, [_beside(output, ".h5")], output, goal.features, roots=True)
-    return Order(request, goal.nmae, goal.rows)
+    return request_of(options, [_beside(output, ".h5")], output, goal.features, roots=True)
 
 
 def _beside(output: Path, suffix: str) -> Path:

@@ -5,26 +5,26 @@ The worth of an input is the loss of R2 when its values are shuffled over the te
 therefore also fitted anew to fewer and fewer inputs.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 from statistics import median
 from typing import Any
 
 import numpy as np
-from sklearn.compose import TransformedTargetRegressor
 from sklearn.inspection import permutation_importance
-from sklearn.preprocessing import StandardScaler
 
+from gen.arrays import Indices
 from gen.runtime.figure import new_figure, save
-from learn import dataset, split
+from learn.comparison.fits import Training
 from learn.comparison.folder import Folder
-from learn.comparison.grid import standard, untuned
-from learn.comparison.jobs import repeated
+from learn.comparison.grid import untuned
+from learn.comparison.jobs import repeated, targets
 from learn.comparison.tables import DPI
-from learn.dataset import Request, short_name
+from learn.dataset import Request
+from learn.executor import Executor
 from learn.metrics import scores
-from learn.models import EVERY, POPULATION, check_memory, models_named, pipeline, remarks
+from learn.models import Model, check_memory, models_named, pipeline, remarks
 
 SHUFFLES = 5
 """Times that an input is shuffled: enough for a mean and its scatter."""
@@ -36,72 +36,68 @@ COLUMNS = ("inputs", "nmse", "nmae", "nmaxe", "r2", "fit_s", "predict_test_s", "
 """Columns of selection.csv after the model."""
 
 
-def write_report(request: Request, say: Callable[[str], None]) -> list[Path]:
-    """Rank the inputs, fit the model to fewer of them, and write tables and a picture.
+def write_report(request: Request, say: Callable[[str], None]) -> Iterator[Path]:
+    """Rank the inputs, fit the model to fewer of them; yield the tables and the picture written.
 
     InputError is raised for input that cannot be used, or too little memory.
     """
     (model,) = models_named(list(request.models), request.features)
-    (rows,) = dataset.read(request)
-    parts = split.draw(rows, request.seed, request.train_rows)
-    check_memory(model.name, parts.train.size)
-    folder = Folder(request.output / short_name(rows.target_name))
-    folder.begin(rows, parts, request)
-    names, unfitted = rows.features.columns, _unfitted(model.name, folder, request, say)
-    train, test = ((rows.inputs[each], rows.target[each]) for each in (parts.train, parts.test))
-    with remarks() as said:
-        losses = permutation_importance(
-            unfitted.fit(*train), *test, scoring="r2", n_repeats=SHUFFLES, random_state=parts.seed
-        )
-        means, deviations = 100 * losses.importances_mean, 100 * losses.importances_std
-        ranked = np.argsort(-means, kind="stable")
-        kept = _selections(unfitted, train, test, names, ranked)
-    worths = [(names[each], float(means[each]), float(deviations[each])) for each in ranked]
-    for name, mean, deviation in worths:
-        say(f"  {name:38} {mean:9.4f} +- {deviation:.4f} % of R2")
-    for each in kept:
-        say(
-            f"  {each['inputs']:2} inputs: R2 {each['r2']:.3f} %, nMAE {each['nmae']:.2f} %, fit"
-            f" {each['fit_s']:.3g} s, prediction {each['predict_test_s']:.3g} s; without"
-            f" {', '.join(each['dropped'].split()) or '-'}"
-        )
-    for remark in said:
-        say(f"  warning: {remark}")
-    lines = [[model.name, *(each[name] for name in COLUMNS)] for each in kept]
-    return [
-        folder.write_table("importance.csv", ["input", "r2_loss_percent", "deviation"], worths),
-        folder.write_table("selection.csv", ["model", *COLUMNS], lines),
-        _draw(worths, kept, model.title, folder.path / "importance.png"),
-    ]
+    for folder, whole in targets(request, [model], Executor()):
+        check_memory(model.name, whole.rows)
+        training, names = whole.seen_by(model.name), folder.record()["conditions"]["inputs"]
+        unfitted = _unfitted(model, folder, training, say)
+        with remarks() as said:
+            losses = permutation_importance(
+                unfitted.fit(training.inputs, training.target, **training.beside(slice(None))),
+                *(training.test_inputs, training.scaling.scaled(training.test_target)),
+                scoring="r2",
+                n_repeats=SHUFFLES,
+                random_state=training.seed,
+            )
+            means, deviations = 100 * losses.importances_mean, 100 * losses.importances_std
+            ranked = np.argsort(-means, kind="stable")
+            kept = _selections(unfitted, training, names, ranked)
+        worths = [(names[each], float(means[each]), float(deviations[each])) for each in ranked]
+        for name, mean, deviation in worths:
+            say(f"  {name:38} {mean:9.4f} +- {deviation:.4f} % of R2")
+        for each in kept:
+            say(
+                f"  {each['inputs']:2} inputs: R2 {each['r2']:.3f} %, nMAE {each['nmae']:.2f} %,"
+                f" fit {each['fit_s']:.3g} s, prediction {each['predict_test_s']:.3g} s; without"
+                f" {', '.join(each['dropped'].split()) or '-'}"
+            )
+        for remark in said:
+            say(f"  warning: {remark}")
+        header = ["input", "r2_loss_percent", "deviation"]
+        yield folder.write_table("importance.csv", header, worths)
+        lines = [[model.name, *(each[name] for name in COLUMNS)] for each in kept]
+        yield folder.write_table("selection.csv", ["model", *COLUMNS], lines)
+        yield _draw(worths, kept, model.title, folder.path / "importance.png")
 
 
-def _unfitted(model: str, folder: Folder, request: Request, say: Callable[[str], None]) -> Any:
-    """Return the model with tuned settings, or untuned ones, on the target as a search sees it."""
-    result, tuned = folder.result("tuned", model), folder.winner(model)
-    origin, settings = untuned(model, request.features)
+def _unfitted(model: Model, folder: Folder, training: Training, say: Callable[[str], None]) -> Any:
+    """Return the model with tuned settings, or untuned ones."""
+    result, tuned = folder.result("tuned", model.name), folder.winner(model.name)
+    origin, settings = untuned(model.name, folder.record()["conditions"]["features"])
     if tuned and tuned.of_grid and result and result["test"]:
         origin, settings = "tuned here", tuned.settings
-    say(f"{EVERY[model].title}, {origin}: {settings}")
-    how: dict[str, Any] = {
-        "normalisation": request.normalisation,
-        "seed": request.seed,
-        "tuned": True,
-    }
-    scaled = standard(request.features) and model != POPULATION.name
-    scaler = StandardScaler() if scaled else None
-    return TransformedTargetRegressor(pipeline(EVERY[model], settings, **how), transformer=scaler)
+    say(f"{model.title}, {origin}: {settings}")
+    scaling, seed = training.normalisation, training.seed
+    return pipeline(model, settings, normalisation=scaling, seed=seed, tuned=True)
 
 
 def _selections(
-    model: Any, train: Any, test: Any, names: tuple[str, ...], ranked: Any
+    model: Any, training: Training, names: list[str], ranked: Indices
 ) -> list[dict[str, Any]]:
     """Fit a model to fewer and fewer of its inputs, which are given by their rank."""
-    selections, before = [], [*ranked]
+    selections, before, beside = [], [*ranked], training.beside(slice(None))
     for size in (size for size in SIZES if size <= len(ranked)):
         kept = sorted(ranked[:size])
-        fit = repeated(partial(model.fit, train[0][:, kept], train[1]), (3, 3))
-        predict = repeated(partial(model.predict, test[0][:, kept]), (3, 3))
-        found = vars(scores(test[1], model.predict(test[0][:, kept])))
+        own = training.inputs[:, kept], training.target
+        fit = repeated(partial(model.fit, *own, **beside), (3, 3))
+        answer = partial(model.predict, training.test_inputs[:, kept])
+        predict = repeated(answer, (3, 3))
+        found = vars(scores(training.test_target, training.scaling.restored(answer())))
         times = {"fit_s": median(fit), "predict_test_s": median(predict)}
         dropped = " ".join(names[each] for each in before if each not in kept)
         selections.append({"inputs": size, **found, **times, "dropped": dropped})

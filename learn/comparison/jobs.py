@@ -82,7 +82,7 @@ def compare(request: Request, executor: Executor) -> int:
         if each.name in grids.LIBRARY
     ]
     with Interruption(listening=True) as interruption:
-        for folder, training in _targets(request, models, executor, interruption, searched=False):
+        for folder, training in targets(request, models, executor, interruption.requested):
             with RunProgress(len(tasks), "models") as progress:
                 for task in tasks:
                     if interruption.requested():
@@ -104,8 +104,8 @@ def tune(request: Request, executor: Executor) -> int:
     """
     models = models_named(list(request.models), request.features)
     with Interruption(listening=True) as interruption:
-        targets = [*_targets(request, models, executor, interruption, searched=True)]
-        searches = [(*target, model) for target in targets for model in models]
+        found = [*targets(request, models, executor, interruption.requested, searched=True)]
+        searches = [(*target, model) for target in found for model in models]
         for place, (folder, training, model) in enumerate(searches):
             if interruption.requested():
                 break
@@ -129,20 +129,20 @@ def tune(request: Request, executor: Executor) -> int:
     return interruption.signal
 
 
-def _targets(
+def targets(
     request: Request,
     models: list[Model],
     executor: Executor,
-    interruption: Interruption,
+    stopping: Callable[[], bool] = lambda: False,
     *,
-    searched: bool,
+    searched: bool = False,
 ) -> Iterator[tuple[Folder, Training]]:
     """Read the database; split the rows of each target and open its folder, until a signal comes.
 
     InputError is raised if there are too few rows, or this machine lacks the memory for a model.
     """
-    for rows in dataset.read(request, executor, interruption.requested):
-        if interruption.requested():
+    for rows in dataset.read(request, executor, stopping):
+        if stopping():
             return
         parts = split.draw(rows, request.seed, request.train_rows)
         if searched:

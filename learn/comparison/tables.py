@@ -51,9 +51,11 @@ DECIDED = {
 }
 """Columns of tuning.csv, and the R2 over the folds of a result whose means [%] they are."""
 
-TIMES = ("model", "result", "fit_s", "fits", "predict_test_s", "predict_row_s")
+TIMES = {"fit_s": "fit", "fits": "fits", "predict_test_s": "test", "predict_row_s": "row"}
+"""Columns of times.csv after model and result, and the times of a result that they have."""
+
 TUNING = ("model", "grid", "searched", *EXTENT, "winner", *DECIDED, "settings")
-"""Columns of times.csv and of tuning.csv."""
+"""Columns of tuning.csv."""
 
 COLOURS = {"baseline": "tab:blue", "tuned": "tab:orange"}
 """Colours of the kinds of results."""
@@ -78,15 +80,17 @@ Row = dict[str, Any]
 
 @dataclass(frozen=True, eq=False)
 class Tables:
-    """The tables of a target, by the columns of their files; cells without a value are empty."""
+    """The tables of a target: a row for each result, by the columns of its files.
+
+    Cells without a value are empty. A row has no times where there are none, and its "search" is
+    the row of tuning.csv, {} if there was none.
+    """
 
     folder: Folder
     target: str
     drawn: str  # what the intervals are drawn from, as "12 surfaces"; "" if there are none
     spread: float  # variance of the solved test values over their mean, in the target's unit
-    scores: list[Row]
-    times: list[Row]
-    searches: list[Row]
+    rows: list[Row]
 
     @property
     def how_drawn(self) -> str:
@@ -113,46 +117,48 @@ def columns(target: str) -> list[str]:
 def read(folder: Folder) -> Tables:
     """Make the tables of a folder; InputError is raised if predictions or groups are damaged."""
     record = folder.record()
-    target, header = str(record["conditions"]["target"]), columns(record["conditions"]["target"])
-    drawn, middle = "", 0.0
-    scores, times, searches = [], [], []
+    target = str(record["conditions"]["target"])
+    drawn, middle, rows = "", 0.0, []
     for model, kind, result in folder.results():
         search = result.get("search") or {}
-        known = {"model": model, "result": kind, "failure": result.get("failure", "")}
-        known |= {"winner": search.get("winner") or "", **(result.get("test") or {})}
-        known |= {f"train_{name}": value for name, value in (result.get("train") or {}).items()}
+        row: Row = dict.fromkeys(columns(target), "")
+        row |= {"model": model, "result": kind, "failure": result.get("failure", "")}
+        row |= {"winner": search.get("winner") or "", **(result.get("test") or {})}
+        row |= {f"train_{name}": value for name, value in (result.get("train") or {}).items()}
         if theirs := paper.TEST.get(kind, {}).get(model):
-            known |= {f"paper_{name}": value for name, value in vars(theirs).items()}
+            row |= {f"paper_{name}": value for name, value in vars(theirs).items()}
         if result.get("test"):
             truth, prediction, groups = _predictions(folder, kind, model)
-            known["variance_over_mean"] = middle = spread(truth)
+            row["variance_over_mean"] = middle = spread(truth)
             if ends := bootstrap(truth, prediction, LEVEL, groups):
                 by = "surface" if record.get("split_by_surface", True) else "row"
                 drawn = f"{np.unique(groups).size} {'tile' if record.get('split_by_tile') else by}s"
-                known |= {"level": LEVEL, "resamples": BOOTSTRAP, "drawn": drawn}
+                row |= {"level": LEVEL, "resamples": BOOTSTRAP, "drawn": drawn}
                 for name, (low, high) in ends.items():
-                    known |= {f"{name}_low": low, f"{name}_high": high}
-        scores.append({name: known.get(name, "") for name in header})
+                    row |= {f"{name}_low": low, f"{name}_high": high}
         if own := result.get("times"):
-            values = model, kind, own["fit"], own["fits"], own["test"], own["row"]
-            times.append(dict(zip(TIMES, values, strict=True)))
-        if kind == "tuned" and search:
-            settings = (f"{name}={value}" for name, value in sorted(result["settings"].items()))
-            folds = {column: search.get(name) or [] for column, name in DECIDED.items()}
-            searches.append(
-                {
-                    "model": model,
-                    "grid": search.get("grid", TABLE_2),
-                    "searched": search["how"],
-                    **{name: search[name] for name in EXTENT},
-                    "winner": winner_of(search),
-                    **{column: sum(own) / len(own) if own else "" for column, own in folds.items()},
-                    "settings": ", ".join(settings) or "those of the library",
-                    "fit_seconds": result["times"]["search"],
-                    "paper_s": paper.TUNING_SECONDS.get(model, ""),
-                }
-            )
-    return Tables(folder, target, drawn, middle, scores, times, searches)
+            row |= {column: own[name] for column, name in TIMES.items()}
+        row["search"] = _search_row(model, result) if kind == "tuned" and search else {}
+        rows.append(row)
+    return Tables(folder, target, drawn, middle, rows)
+
+
+def _search_row(model: str, result: Row) -> Row:
+    """Return the row of tuning.csv of a search, with the columns of tuning-times.csv."""
+    search = result["search"]
+    settings = (f"{name}={value}" for name, value in sorted(result["settings"].items()))
+    folds = {column: search.get(name) or [] for column, name in DECIDED.items()}
+    return {
+        "model": model,
+        "grid": search.get("grid", TABLE_2),
+        "searched": search["how"],
+        **{name: search[name] for name in EXTENT},
+        "winner": winner_of(search),
+        **{column: sum(own) / len(own) if own else "" for column, own in folds.items()},
+        "settings": ", ".join(settings) or "those of the library",
+        "fit_seconds": result["times"]["search"],
+        "paper_s": paper.TUNING_SECONDS.get(model, ""),
+    }
 
 
 def _predictions(folder: Folder, kind: str, model: str) -> tuple[Values, Values, Values]:
@@ -177,11 +183,13 @@ def winner_of(search: Row) -> str:
 
 def write(tables: Tables) -> None:
     """Write scores.csv, times.csv, tuning.csv and tuning-times.csv."""
+    searches = [row["search"] for row in tables.rows if row["search"]]
+    timed = [row for row in tables.rows if "fits" in row]
     files = {
-        "scores.csv": (columns(tables.target), tables.scores),
-        "times.csv": (TIMES, tables.times),
-        "tuning.csv": (TUNING, tables.searches),
-        "tuning-times.csv": (("model", "fit_seconds", "paper_s"), tables.searches),
+        "scores.csv": (columns(tables.target), tables.rows),
+        "times.csv": (("model", "result", *TIMES), timed),
+        "tuning.csv": (TUNING, searches),
+        "tuning-times.csv": (("model", "fit_seconds", "paper_s"), searches),
     }
     for name, (header, rows) in files.items():
         tables.folder.write_table(name, header, ([row[key] for key in header] for row in rows))
@@ -202,7 +210,7 @@ def show(tables: Tables) -> None:
         echo(f"{100 * LEVEL:g} % intervals of the scores on the test rows [%]: {how}")
     if tables.spread and tables.target == OUR_AREA:
         echo(nmse_note(tables.spread))
-    if any(row["result"] == "tuned" for row in tables.scores):
+    if any(row["result"] == "tuned" for row in tables.rows):
         print_table(_search_table(tables))
     for line in _remarks(tables):
         echo(line)
@@ -229,7 +237,7 @@ def _remarks(tables: Tables) -> Iterator[str]:
             yield f"{title}: {WHY_BASELINE}"
         elif search:
             yield from (f"{title}: {odd}" for odd in _at_ends(result, space_of(model, features)[1]))
-    known = [row for row in tables.scores if row["nmae"] != ""]
+    known = [row for row in tables.rows if row["nmae"] != ""]
     if len({row["model"] for row in known}) > 1:
         best = min(known, key=lambda row: float(row["nmae"]))
         name = f"{EVERY[best['model']].title}, {label(best['model'], best['result'])}"
@@ -275,8 +283,7 @@ def _score_table(tables: Tables) -> Table:
     title = "Scores on the test rows [%] with their intervals, times [s]; the paper's in brackets"
     numbers = (*(SCORES[name] for name in names(tables.target)), "fit", "test set", "one row")
     table = new_table(title, ("Model", ""), numbers)
-    times = {(row["model"], row["result"]): row for row in tables.times}
-    for row in tables.scores:
+    for row in tables.rows:
         model, kind = row["model"], row["result"]
         won = row["winner"] == "baseline"
         cells = [EVERY[model].title, f"{kind}: baseline" if won else label(model, kind)]
@@ -289,11 +296,10 @@ def _score_table(tables: Tables) -> Table:
             ends = row.get(f"{name}_low", ""), row.get(f"{name}_high", "")
             below = "" if "" in ends else "\n{:.2f} to {:.2f}".format(*ends)
             cells.append(f"{row[name]:.2f}{published}{below}")
-        own = times[model, kind]
         for place, name in enumerate(("fit_s", "predict_test_s")):
             published = f" ({paper.TIMES[kind][model][place]:.3g})" if theirs else ""
-            cells.append(f"{_seconds(own[name])}{published}")
-        table.add_row(*cells, _seconds(own["predict_row_s"]))
+            cells.append(f"{_seconds(row[name])}{published}")
+        table.add_row(*cells, _seconds(row["predict_row_s"]))
     return table
 
 
@@ -305,18 +311,17 @@ def _search_table(tables: Tables) -> Table:
     )
     texts = ("Model", "Grid", "Searched", "Winner", "Best settings")
     numbers = ("R2", "baseline", "candidates", "differ", "fits", "of", "time")
-    table, searches = new_table(title, texts, numbers), {r["model"]: r for r in tables.searches}
-    for row in (row for row in tables.scores if row["result"] == "tuned"):
-        model = row["model"]
-        if (search := searches.get(model)) is None:
-            table.add_row(EVERY[model].title, "", row["failure"].partition(":")[0])
+    table = new_table(title, texts, numbers)
+    for row in (row for row in tables.rows if row["result"] == "tuned"):
+        if not (search := row["search"]):
+            table.add_row(EVERY[row["model"]].title, "", row["failure"].partition(":")[0])
             continue
         published = tables.target == OUR_AREA and search["paper_s"] != ""
         theirs = f" ({search['paper_s']:.0f})" if published else ""
         means = (search[name] for name in ("winner_r2", "baseline_r2"))
         extent = ("candidates", "candidates_differing", "fits", "fits_nominal")
         table.add_row(
-            *(EVERY[model].title, search["grid"], search["searched"]),
+            *(EVERY[row["model"]].title, search["grid"], search["searched"]),
             *(WINNERS.get(search["winner"], search["winner"]), search["settings"]),
             *("" if mean == "" else f"{mean:.2f}" for mean in means),
             *(str(search[name]) for name in extent),
@@ -345,16 +350,15 @@ def draw(tables: Tables) -> list[Path]:
     Nothing is drawn if the folder of the target has no results.
     """
     folder = tables.folder
-    shown = [row for row in tables.scores if row["r2"] != "" and row["result"] in COLOURS]
+    shown = [row for row in tables.rows if row["r2"] != "" and row["result"] in COLOURS]
     if not shown:
         return []
     quantity = f"{tables.target.replace('_percent', '')} [{folder.record()['unit']}]"
     places = [(row["model"], row["result"]) for row in shown]
-    timed = [row for row in tables.times if (row["model"], row["result"]) in places]
     figures = {
         "parity.png": _parity(folder, places, quantity),
         "scores.png": _bars(shown, [_score(name) for name in names(tables.target)]),
-        "times.png": _bars(timed, SECONDS),
+        "times.png": _bars(shown, SECONDS),
     }
     figures["scores.png"].axes[0].set_title(_said(tables, shown), fontsize=8, loc="left")
     return [save(figure, folder.path / name, dpi=DPI) for name, figure in figures.items()]

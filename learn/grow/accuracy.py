@@ -16,8 +16,7 @@ The errors of all looks give the learning curve, a power of the rows.
 """
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -28,13 +27,10 @@ from gen.arrays import Indices, Values
 from gen.database import Reader
 from gen.generators.scans import ScanSurface
 from gen.runtime.errors import InputError
-from learn import dataset
-from learn.dataset import Dataset, Request
-from learn.executor import Executor, within
+from learn.dataset import Dataset
 from learn.features.scene import SCENE
 from learn.metrics import no_better
-from learn.split import FOLDS, TILE, Split, require_tiles
-from learn.surrogate import fitting
+from learn.split import FOLDS, TILE, Split
 from learn.surrogate.calibration import surfaces_of
 from learn.surrogate.learnt import Learnt
 from learn.surrogate.model import Surrogate
@@ -218,14 +214,10 @@ def judge(learnt: Learnt, rows: Dataset) -> Judged:
     low, high = (np.clip(each * rows.scale, *learnt.bounds) for each in ends)
     predicted = np.clip(raw * rows.scale, *learnt.bounds)
     truth = rows.target * rows.scale
-    if rows.features.name == SCENE:
-        return Judged(truth, predicted, low, high, accuracy_of_mean(learnt, rows))
-    found = accuracy(np.abs(predicted - truth), truth, rows.groups)
+    of_mean = rows.features.name == SCENE
+    errors = np.abs(predicted - truth)
+    found = accuracy_of_mean(learnt, rows) if of_mean else accuracy(errors, truth, rows.groups)
     return Judged(truth, predicted, low, high, found)
-
-
-Errors = dict[int, dict[str, Accuracy]]
-"""Errors of all looks, by the rows of the database and the target."""
 
 
 class Curve(NamedTuple):
@@ -294,81 +286,14 @@ class Look:
         return f"{said}{': ' if self.met else '; ' if end else ''}{end}"
 
 
-class Order(NamedTuple):
-    """A request for a surrogate, with the largest nMAE of every target [%], and the most rows."""
-
-    request: Request
-    mark: float
-    most: int
-
-
-def look(
-    order: Order,
-    rows: int,
-    errors: Errors,
-    executor: Executor,
-    say: Callable[[str], None],
-    stopping: Callable[[], bool],
-    until: float = math.inf,
-) -> Look | None:
-    """Fit a surrogate to the finished rows, judge it and save it; None after a stop.
-
-    Its errors join those of the looks before. The fit is stopped at the time `until` of `time.time`
-    [s]. InputError is raised if there are too few rows to fit or to judge.
-    """
-    request = order.request
-    sets = dataset.read(request, executor, stopping, common=True)
-    if not sets:
-        return None
-    require_tiles(sets[0])
-    sets = [each.at(np.flatnonzero(each.rows < rows)) for each in sets]
-    parts = parted(sets, request.seed)
-    done = within(_fitted, (request, sets, parts), None, until)
-    if done is None:
-        return None
-    surrogate, lines = done
-    for line in lines:
-        say(line)
-    judged = {
-        target: judge(surrogate.learnt[target], each.at(parts.test))
-        for target, each in zip(request.targets, sets, strict=True)
-    }
-    number = size_with(rows, sets[0].origins[0].scene.samples_per_surface)
-    found = Look(rows, number, order.mark, surrogate, judged, parts)
-    surrogate.card["grown"] = {
-        "mark": order.mark,
-        "met": found.met,
-        "rows": rows,
-        "errors": {name: each.accuracy.error for name, each in judged.items()},
-        "bounds": {name: found.bound(name) for name in judged},
-    }
-    surrogate.save(request.output)
-    errors[rows] = {name: each.accuracy for name, each in judged.items()}
-    if len(errors) >= POINTS:
-        nmae = np.array([each[found.worst].nmae for each in errors.values()])
-        curve = Curve(np.array([*errors], dtype=float), nmae)
-        advice = None if found.met else advise(found, curve, order.most, sets[0])
-        found = replace(found, curve=curve, advice=advice)
-    say(found.in_words())
-    return found
-
-
-def _fitted(data: tuple[Request, list[Dataset], Split], task: None) -> tuple[Surrogate, list[str]]:
-    """Fit a surrogate to rows that are divided; return the lines for the user too."""
-    lines: list[str] = []
-    return fitting.fit_parts(*data, lines.append), lines
-
-
 def advise(found: Look, curve: Curve, most: int, rows: Dataset) -> float:
     """Return how many rows meet the mark, of the sizes that the database can have up to the most.
 
     It is the first size at which the bound is expected to be below the mark; infinite if none is.
     More rows of maps have the same tiles, whose errors differ as before.
     """
-    error, per_surface = (
-        found.judged[found.worst].accuracy,
-        rows.origins[0].scene.samples_per_surface,
-    )
+    per_surface = rows.origins[0].scene.samples_per_surface
+    error = found.judged[found.worst].accuracy
     for number in range(found.number + 1, size_with(most, per_surface) + 1):
         wanted = min(size(number, per_surface), most)
         share = float(curve.at(np.array([wanted]))[0]) / curve.nmae[-1]

@@ -6,7 +6,7 @@ The processes of the run compute the rows, as many as the time allows, and the m
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -23,16 +23,30 @@ from gen.runtime.figure import draw_parity, log_axis, parity_axes
 from gen.runtime.terminal import RunProgress, echo, print_table, printable, to_type
 from gen.scene import Scene, differences
 from gen.schema import Status
-from learn.dataset import TARGETS, results, short_name
-from learn.executor import Executor
+from learn import dataset
+from learn.dataset import TARGETS, Dataset, Request, results, short_name
+from learn.executor import Executor, within
 from learn.features.scene import SCENE
-from learn.grow.accuracy import EXPONENTS, LEVEL, RISK, Accuracy, Look, Order, look, size, size_with
+from learn.grow.accuracy import (
+    EXPONENTS,
+    LEVEL,
+    POINTS,
+    RISK,
+    Accuracy,
+    Curve,
+    Look,
+    advise,
+    judge,
+    parted,
+    size,
+    size_with,
+)
+from learn.split import Split, require_tiles
+from learn.surrogate import fitting
+from learn.surrogate.model import Surrogate
 
 GROWTH = 2.0
 """Exponent with which the time of a look grows with the rows."""
-
-WORTH = 0.05
-"""Rows of a round over those that there are, at least, if the budget is to be spent on them."""
 
 EARLIEST = 7
 """Number of the smallest size at which a growth gives up by its learning curve."""
@@ -43,9 +57,6 @@ PATIENT = 4
 Ending = Literal["met", "budget", "rows", "hopeless", "interrupted"]
 """Why a growth ends: the mark is met, the budget or the allowed rows are used up, the learning
 curve does not come to the mark, or a signal has come."""
-
-WIDTH, HEIGHT = 10.0, 4.6
-"""Size of the picture [inches]."""
 
 COLOUR, MARK = "tab:blue", "tab:red"
 
@@ -58,129 +69,12 @@ WORDS: dict[Ending, str] = {
 """Why a growth has ended."""
 
 
-@dataclass
-class Pace:
-    """The clock of a growth with a budget or without."""
-
-    limit: float | None  # wall-clock time of the budget [s]; None for no budget
-    workers: int  # processes that compute
-    row: float = 0.0  # time in which all workers together make one row, 0 if not known [s]
-    look: tuple[int, float] = (1, 0.0)  # rows of the last look, and its time [s]
-
-    def __post_init__(self) -> None:
-        """Start the clock."""
-        self._end = time.monotonic() + (math.inf if self.limit is None else self.limit)
-
-    @property
-    def left(self) -> float:
-        """Time left of the budget, infinite without one [s]."""
-        return self._end - time.monotonic()
-
-    def after(self, rows: int) -> float:
-        """Return the time left once a number of rows has been looked at [s]."""
-        seen, seconds = self.look
-        return float(self.left - seconds * max(rows / seen, 1.0) ** GROWTH)
-
-    def affords(self, rows: int) -> bool:
-        """Tell whether the budget allows another round that is worth its look."""
-        new = max(WORTH * rows, 1.0)
-        return self.left > 0 and self.after(int(rows + new)) >= new * self.row
-
-    def is_over(self, rows: int) -> bool:
-        """Tell whether another row would end after the budget.
-
-        Rows in the hands of the workers are finished first.
-        """
-        hands = farm.IN_FLIGHT if self.workers > 1 else 1
-        return self.after(rows) < hands * self.row * self.workers
-
-
 class Stock(NamedTuple):
     """The rows and times of a database."""
 
     rows: int  # before the first one that is pending
     length: int  # all rows
     seconds: float  # that the finished rows took, surfaces included
-
-
-def grow(
-    order: Order,
-    scene: Scene,
-    executor: Executor,
-    pace: Pace,
-    say: Callable[[str], None],
-    stopping: Callable[[], bool],
-) -> tuple[Ending, Look | None]:
-    """Grow a database and its surrogate until the surrogate is as accurate as asked for.
-
-    Return why it ends, and the last surrogate with its errors. The executor computes rows and
-    features, `say` is called with lines for the user, and `stopping` is asked between rows. The
-    state is the database: the same call goes on after a stop or a kill. InputError is raised if the
-    input cannot be used, or the budget is too small for a first surrogate.
-    """
-    path, per_surface = order.request.databases[0], scene.samples_per_surface
-    whole = completed(scene, path.parent, rehearsed=True)
-    with database.lock(path):
-        _refuse_others(order, whole)
-        wanted = max(stock(path).length, min(size(0, per_surface), order.most))
-        last, errors = None, dict[int, dict[str, Accuracy]]()
-        while True:
-            rows = generate(path, whole, wanted, executor, pace, stopping)
-            began, found, fault = time.monotonic(), None, "no fit has ended"
-            if last is not None and rows == last.rows and not stopping():
-                return "budget", last  # it does not suffice for another row
-            try:
-                if not stopping():
-                    until = time.time() + pace.left
-                    found = look(order, rows, errors, executor, say, stopping, until)
-            except InputError as error:
-                if last is not None or rows >= order.most or rows >= size(PATIENT, per_surface):
-                    raise
-                fault = str(error)
-            last, pace.look = found or last, (max(rows, 1), time.monotonic() - began)
-            ending = "interrupted" if stopping() else _ending(order, rows, last, pace)
-            if last is None and ending == "budget":
-                raise InputError(
-                    f"the budget sufficed for {rows} rows, but for no surrogate ({fault}); the same"
-                    " command goes on"
-                )
-            if ending is not None:
-                return ending, last
-            if last is None:
-                say(f"{rows} rows are too few: {fault}")
-            wanted = min(size(size_with(rows + 1, per_surface), per_surface), order.most)
-
-
-def _refuse_others(order: Order, scene: Scene) -> None:
-    """Refuse targets that the scene does not store, and a database of another scene."""
-    path, known = order.request.databases[0], results(scene, order.request.load or "delta")
-    for target in order.request.targets:
-        if TARGETS.get(target, target) not in known:
-            names = ", ".join(short_name(column) for column in known)
-            raise InputError(f"--target {target!r}: the scene stores {names}")
-    if path.exists():  # also where it has rows enough
-        with Reader(path) as reader:
-            different = differences(reader.scene, scene)
-        if different:
-            raise InputError(
-                f"{path} holds another scene ({'; '.join(different)}); give another --output,"
-                " or the file's own scene"
-            )
-
-
-def _ending(order: Order, rows: int, last: Look | None, pace: Pace) -> Ending | None:
-    """Return why a growth ends after a look, None if it goes on."""
-    if last is not None and last.met:
-        return "met"
-    if last is not None and rows >= order.most:
-        return "rows"
-    if last is not None and last.advice is not None and math.isinf(last.advice):
-        # The mark is out of reach for the curve; at first only if it is for the steepest one.
-        error = last.judged[last.worst].accuracy.nmae
-        steepest = error * (rows / order.most) ** EXPONENTS[1]
-        if steepest > order.mark or last.number >= EARLIEST:
-            return "hopeless"
-    return None if pace.affords(rows) else "budget"
 
 
 def stock(path: Path) -> Stock:
@@ -200,56 +94,203 @@ def stock(path: Path) -> Stock:
     )
 
 
-def generate(
-    path: Path,
-    scene: Scene,
-    rows: int,
-    executor: Executor,
-    pace: Pace,
-    stopping: Callable[[], bool],
-) -> int:
-    """Give a database a number of rows at least, or make it; return how many have been finished.
+@dataclass
+class Growth:
+    """A growth of a database, which is all its state, and of the surrogate of its rows."""
 
-    The caller holds `gen.database.lock(path)`. The scene is one from
-    `gen.generation.sample.completed`, whose number of samples does not count. The clock learns the
-    time of a row. A stop, or a kill, leaves a database that the same call goes on with. InputError
-    is raised if the file is of another scene, or cannot be written.
-    """
-    there = stock(path)
-    before, wider = there.rows, scene.model_copy(update={"samples": rows})
-    if before and not pace.row:
-        pace.row = there.seconds / before / pace.workers
-    if before >= rows:
-        return before
-    database.open_or_create(path, wider)
-    scene.surface.make_ready(path.parent)
-    with Writer(path, wider) as writer:
-        pending = writer.pending()
-        todo = sum(stop - start for start, stop in pending)
-        with RunProgress(todo, "rows") as progress:
-            progress.say(f"{path}: {todo} new rows, {before} there")
-            made, began = 0, time.monotonic()
+    request: Request
+    mark: float  # largest nMAE of every target that is asked for [%]
+    most: int  # rows of the database at most
+    scene: Scene
+    executor: Executor  # computes rows and features
+    say: Callable[[str], None]  # called with lines for the user
+    stopping: Callable[[], bool] = lambda: False  # asked between rows
+    until: float = math.inf  # time of `time.time` at which the budget ends [s]
+    row: float = 0.0  # time in which all workers together make one row, 0 if not known [s]
+    seen: tuple[int, float] = (1, 0.0)  # rows of the last look, and its time [s]
+    # Errors of all looks, by the rows of the database and the target.
+    errors: dict[int, dict[str, Accuracy]] = field(default_factory=dict)
 
-            def take(block: Block, columns: Columns) -> None:
-                nonlocal made
-                writer.write_block(*block, columns)
-                made += block[1] - block[0]
-                pace.row = (time.monotonic() - began) / made
-                failed = int(np.count_nonzero(columns["status"] == Status.FAILED))
-                progress.advance(block[1] - block[0], failed)
+    @property
+    def path(self) -> Path:
+        """The database."""
+        return self.request.databases[0]
 
-            blocks = blocks_of(writer.scene, pending, executor.workers)
-            if pace.limit is not None:  # a stop waits for the tasks under way
-                blocks = ((row, row + 1) for start, stop in blocks for row in range(start, stop))
-            executor.run(
-                _compute,
-                (writer.scene, path.parent),
-                blocks,
-                take,
-                stopping=lambda: stopping() or pace.is_over(before + made),
+    def grow(self) -> tuple[Ending, Look | None]:
+        """Grow until the surrogate is as accurate as asked for.
+
+        Return why it ends, and the last surrogate with its errors. The same call goes on after a
+        stop or a kill. InputError is raised if the input cannot be used, or the budget is too small
+        for a first surrogate.
+        """
+        path, most, per_surface = self.path, self.most, self.scene.samples_per_surface
+        whole = completed(self.scene, path.parent, rehearsed=True)
+        with database.lock(path):
+            _refuse_others(self.request, whole)
+            wanted = max(stock(path).length, min(size(0, per_surface), most))
+            last = None
+            while True:
+                rows = self.generate(whole, wanted)
+                began, found, fault = time.time(), None, "no fit has ended"
+                if last is not None and rows == last.rows and not self.stopping():
+                    return "budget", last  # it does not suffice for another row
+                try:
+                    if not self.stopping():
+                        found = self.look(rows)
+                except InputError as error:
+                    if last is not None or rows >= min(most, size(PATIENT, per_surface)):
+                        raise
+                    fault = str(error)
+                last, self.seen = found or last, (max(rows, 1), time.time() - began)
+                ending = self._ending(rows, wanted, last)
+                if last is None and ending == "budget":
+                    raise InputError(
+                        f"the budget sufficed for {rows} rows, but for no surrogate ({fault}); the"
+                        " same command goes on"
+                    )
+                if ending is not None:
+                    return ending, last
+                if last is None:
+                    self.say(f"{rows} rows are too few: {fault}")
+                wanted = min(size(size_with(rows + 1, per_surface), per_surface), most)
+
+    def _ending(self, rows: int, wanted: int, last: Look | None) -> Ending | None:
+        """Return why a growth ends after a look, None if it goes on."""
+        if self.stopping():
+            return "interrupted"
+        if last is not None and last.met:
+            return "met"
+        if last is not None and rows >= self.most:
+            return "rows"
+        if last is not None and last.advice is not None and math.isinf(last.advice):
+            # The mark is out of reach for the curve; at first only if it is for the steepest one.
+            error = last.judged[last.worst].accuracy.nmae
+            steepest = error * (rows / self.most) ** EXPONENTS[1]
+            if steepest > self.mark or last.number >= EARLIEST:
+                return "hopeless"
+        return "budget" if rows < wanted or time.time() >= self.until else None
+
+    def look(self, rows: int) -> Look | None:
+        """Fit a surrogate to the finished rows, judge it and save it; None after a stop.
+
+        Its errors join those of the looks before. InputError is raised if there are too few rows to
+        fit or to judge.
+        """
+        request = self.request
+        sets = dataset.read(request, self.executor, self.stopping, common=True)
+        if not sets:
+            return None
+        require_tiles(sets[0])
+        sets = [each.at(np.flatnonzero(each.rows < rows)) for each in sets]
+        parts = parted(sets, request.seed)
+        done = within(_fitted, (request, sets, parts), None, self.until)
+        if done is None:
+            return None
+        surrogate, lines = done
+        for line in lines:
+            self.say(line)
+        judged = {
+            target: judge(surrogate.learnt[target], each.at(parts.test))
+            for target, each in zip(request.targets, sets, strict=True)
+        }
+        number = size_with(rows, self.scene.samples_per_surface)
+        found = Look(rows, number, self.mark, surrogate, judged, parts)
+        surrogate.card["grown"] = {
+            "mark": self.mark,
+            "met": found.met,
+            "rows": rows,
+            "errors": {name: each.accuracy.error for name, each in judged.items()},
+            "bounds": {name: found.bound(name) for name in judged},
+        }
+        surrogate.save(request.output)
+        self.errors[rows] = {name: each.accuracy for name, each in judged.items()}
+        if len(self.errors) >= POINTS:
+            nmae = np.array([each[found.worst].nmae for each in self.errors.values()])
+            curve = Curve(np.array([*self.errors], dtype=float), nmae)
+            advice = None if found.met else advise(found, curve, self.most, sets[0])
+            found = replace(found, curve=curve, advice=advice)
+        self.say(found.in_words())
+        return found
+
+    def is_over(self, rows: int) -> bool:
+        """Tell whether another row, and the look after it, would end after the budget.
+
+        Rows in the hands of the workers are finished first.
+        """
+        workers, (seen, seconds) = self.executor.workers, self.seen
+        hands = farm.IN_FLIGHT if workers > 1 else 1
+        look = seconds * max(rows / seen, 1.0) ** GROWTH
+        return bool(self.until - time.time() < look + hands * self.row * workers)
+
+    def generate(self, scene: Scene, rows: int) -> int:
+        """Give the database a number of rows at least, or make it; return how many are finished.
+
+        The caller holds `gen.database.lock`. The scene is one from
+        `gen.generation.sample.completed`, whose number of samples does not count. A stop, or a
+        kill, leaves a database that the same call goes on with. InputError is raised if the file is
+        of another scene, or cannot be written.
+        """
+        path = self.path
+        there, wider = stock(path), scene.model_copy(update={"samples": rows})
+        before, workers = there.rows, self.executor.workers
+        if before and not self.row:
+            self.row = there.seconds / before / workers
+        if before >= rows:
+            return before
+        database.open_or_create(path, wider)
+        scene.surface.make_ready(path.parent)
+        with Writer(path, wider) as writer:
+            pending = writer.pending()
+            todo = sum(stop - start for start, stop in pending)
+            with RunProgress(todo, "rows") as progress:
+                progress.say(f"{path}: {todo} new rows, {before} there")
+                made, began = 0, time.time()
+
+                def take(block: Block, columns: Columns) -> None:
+                    nonlocal made
+                    writer.write_block(*block, columns)
+                    made += block[1] - block[0]
+                    self.row = (time.time() - began) / made
+                    failed = int(np.count_nonzero(columns["status"] == Status.FAILED))
+                    progress.advance(block[1] - block[0], failed)
+
+                blocks = blocks_of(writer.scene, pending, workers)
+                if self.until < math.inf:  # a stop waits for the tasks under way
+                    blocks = (
+                        (row, row + 1) for start, stop in blocks for row in range(start, stop)
+                    )
+                self.executor.run(
+                    _compute,
+                    (writer.scene, path.parent),
+                    blocks,
+                    take,
+                    stopping=lambda: self.stopping() or self.is_over(before + made),
+                )
+            writer.confirm()
+        return stock(path).rows
+
+
+def _fitted(data: tuple[Request, list[Dataset], Split], task: None) -> tuple[Surrogate, list[str]]:
+    """Fit a surrogate to rows that are divided; return the lines for the user too."""
+    lines: list[str] = []
+    return fitting.fit_parts(*data, lines.append), lines
+
+
+def _refuse_others(request: Request, scene: Scene) -> None:
+    """Refuse targets that the scene does not store, and a database of another scene."""
+    path, known = request.databases[0], results(scene, request.load or "delta")
+    for target in request.targets:
+        if TARGETS.get(target, target) not in known:
+            names = ", ".join(short_name(column) for column in known)
+            raise InputError(f"--target {target!r}: the scene stores {names}")
+    if path.exists():  # also where it has rows enough
+        with Reader(path) as reader:
+            different = differences(reader.scene, scene)
+        if different:
+            raise InputError(
+                f"{path} holds another scene ({'; '.join(different)}); give another --output,"
+                " or the file's own scene"
             )
-        writer.confirm()
-    return stock(path).rows
 
 
 def _compute(shared: tuple[Scene, Path], block: Block) -> Columns:
@@ -259,16 +300,16 @@ def _compute(shared: tuple[Scene, Path], block: Block) -> Columns:
     return compute_rows(scene, *block, rank=farm.this_world().rank)
 
 
-def show(order: Order, ending: Ending, found: Look) -> None:
+def show(growth: Growth, ending: Ending, found: Look) -> None:
     """Print the end of a growth with its last surrogate."""
     from rich.table import Table
 
-    card, request = found.surrogate.card, order.request
+    card = found.surrogate.card
     rows, worst = card["rows"], found.worst
     echo(
-        f"{request.output}: {card['title']}, {card['features']} features; {found.rows} rows of"
-        f" {request.databases[0]}: {rows['train']} train, {rows['calibration']} calibrate,"
-        f" {rows['test']} held out by {rows.get('split_by', 'surface')},"
+        f"{growth.request.output}: {card['title']}, {card['features']} features;"
+        f" {found.rows} rows of {growth.path}: {rows['train']} train, {rows['calibration']}"
+        f" calibrate, {rows['test']} held out by {rows.get('split_by', 'surface')},"
         f" {sum(rows['left_out'].values())} left out"
     )
     accuracy, bound = found.judged[worst].accuracy, found.bound(worst)
@@ -282,8 +323,8 @@ def show(order: Order, ending: Ending, found: Look) -> None:
     echo(said)
     if ending == "hopeless":
         echo(
-            f"Within {order.most} rows, the most that are allowed, the learning curve does not come"
-            " to it: ask for less, allow more --rows, or try other --features."
+            f"Within {growth.most} rows, the most that are allowed, the learning curve does not"
+            " come to it: ask for less, allow more --rows, or try other --features."
         )
     elif not found.met and found.asked_for():
         asked = found.asked_for()
@@ -316,10 +357,7 @@ def show(order: Order, ending: Ending, found: Look) -> None:
 
 
 def draw(figure: Any, found: Look) -> None:
-    """Draw the worst target, with its learning curve if there is one, into an empty figure.
-
-    The figure is of `WIDTH` x `HEIGHT`.
-    """
+    """Draw the worst target, with its learning curve if there is one, into an empty figure."""
     learning, parity = figure.subplots(1, 2)
     _draw_learning(learning, found)
     _draw_parity(parity, found)

@@ -16,9 +16,8 @@ from gen.scene import Scene
 from learn import Surrogate
 from learn.dataset import Request
 from learn.executor import Executor
-from learn.grow import accuracy, rounds
-from learn.grow.accuracy import Order
-from learn.grow.rounds import Pace
+from learn.grow import rounds
+from learn.grow.rounds import Growth
 
 SCENE = Scene.parse("samples = 10\nsamples_per_surface = 1\n[surface]\nnodes = 9\n", "scene")
 MARK = 25.0
@@ -30,10 +29,8 @@ class Clock:
 
     now = 1000.0
 
-    def monotonic(self):
+    def time(self):
         return self.now
-
-    time = monotonic
 
 
 class Killed(BaseException):
@@ -41,6 +38,7 @@ class Killed(BaseException):
 
 
 def order(folder, mark=MARK, most=2000, **keys):
+    """The request, the mark and the most rows of a growth."""
     request = Request(
         databases=(folder / "my.h5",),
         output=folder / "my.surrogate",
@@ -50,12 +48,13 @@ def order(folder, mark=MARK, most=2000, **keys):
         features="dimensionless",
         roots=True,
     )
-    return Order(replace(request, **keys), mark, most)
+    return replace(request, **keys), mark, most
 
 
 def grow(wanted, *, limit=None, scene=SCENE, stopping=lambda: False):
     said: list[str] = []
-    ending, last = rounds.grow(wanted, scene, Executor(), Pace(limit, 1), said.append, stopping)
+    until = math.inf if limit is None else rounds.time.time() + limit
+    ending, last = Growth(*wanted, scene, Executor(), said.append, stopping, until).grow()
     return SimpleNamespace(ending=ending, last=last), said
 
 
@@ -100,7 +99,7 @@ def test_the_holdout_never_train(whole):
 
 STAGES = {
     "in later rows": (Writer, "write_block", 4),
-    "before a fit": (rounds, "look", 2),
+    "before a fit": (Growth, "look", 2),
     "before a surrogate is written": (Surrogate, "save", 1),
     "between two databases": (database.creation, "_lay_out", 2),
 }
@@ -151,7 +150,7 @@ def test_a_budget_ends_a_growth_by_the_clock_of_its_rows(limit, tmp_path, monkey
 
     monkeypatch.setattr(rounds, "time", clock)
     monkeypatch.setattr(Writer, "write_block", written)
-    monkeypatch.setattr(accuracy, "within", lambda work, shared, task, until: work(shared, task))
+    monkeypatch.setattr(rounds, "within", lambda work, shared, task, until: work(shared, task))
     if limit < 0.6:  # fewer rows than a first look needs
         with pytest.raises(InputError, match="the budget sufficed for"):
             grow(order(tmp_path, mark=12.0), limit=limit)
