@@ -42,7 +42,7 @@ class Model:
 
     name: str  # on the command line and in files
     title: str  # in tables and pictures, as the paper writes it
-    path: str  # of the estimator's class
+    path: str  # of the estimator's class, or of a function that makes it
     own: Mapping[str, Any] = field(default_factory=dict)  # the baseline's, on top of the library's
     # Settings that all candidates of a search share, in their last fit too.
     tuned: Mapping[str, Any] = field(default_factory=dict)
@@ -62,7 +62,15 @@ def _made(settings: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value() if callable(value) else value for name, value in settings.items()}
 
 
+def boosted() -> Any:
+    """Make XGBoost's estimator on one thread, its defaults written out for searches to find."""
+    from xgboost import XGBRegressor
+
+    return XGBRegressor(n_estimators=100, max_depth=6, learning_rate=0.3, n_jobs=1)
+
+
 def _tree() -> Any:
+    """Return AdaBoost's default tree, written out so that a search can set its depth."""
     from sklearn.tree import DecisionTreeRegressor
 
     return DecisionTreeRegressor(max_depth=3)
@@ -74,10 +82,6 @@ def _kernel(bounds: Any = (1e-5, 1e5)) -> Any:
 
     return RBF(1.0, bounds)
 
-
-_BOOSTED = {"n_estimators": 100, "max_depth": 6, "learning_rate": 0.3, "n_jobs": 1}
-"""XGBoost's own defaults, written out so that a search finds them among the settings, as AdaBoost's
-tree is; and one thread."""
 
 MODELS: dict[str, Model] = {
     model.name: model
@@ -96,7 +100,7 @@ MODELS: dict[str, Model] = {
             {"estimator": _tree},
             staged="n_estimators",
         ),
-        Model("xgboost", "XGBoost", "xgboost.XGBRegressor", _BOOSTED, staged="n_estimators"),
+        Model("xgboost", "XGBoost", "learn.models.boosted", staged="n_estimators"),
         Model(
             "gradient-boost",
             "Gradient Boost",

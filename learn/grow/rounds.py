@@ -48,6 +48,9 @@ from learn.surrogate.model import Surrogate
 GROWTH = 2.0
 """Exponent with which the time of a look grows with the rows."""
 
+WORTH = 0.05
+"""Rows of a round over those that there are, at least, if the budget is to be spent on them."""
+
 EARLIEST = 7
 """Number of the smallest size at which a growth gives up by its learning curve."""
 
@@ -142,7 +145,7 @@ class Growth:
                         raise
                     fault = str(error)
                 last, self.seen = found or last, (max(rows, 1), time.time() - began)
-                ending = self._ending(rows, wanted, last)
+                ending = self._ending(rows, last)
                 if last is None and ending == "budget":
                     raise InputError(
                         f"the budget sufficed for {rows} rows, but for no surrogate ({fault}); the"
@@ -154,7 +157,7 @@ class Growth:
                     self.say(f"{rows} rows are too few: {fault}")
                 wanted = min(size(size_with(rows + 1, per_surface), per_surface), most)
 
-    def _ending(self, rows: int, wanted: int, last: Look | None) -> Ending | None:
+    def _ending(self, rows: int, last: Look | None) -> Ending | None:
         """Return why a growth ends after a look, None if it goes on."""
         if self.stopping():
             return "interrupted"
@@ -168,7 +171,8 @@ class Growth:
             steepest = error * (rows / self.most) ** EXPONENTS[1]
             if steepest > self.mark or last.number >= EARLIEST:
                 return "hopeless"
-        return "budget" if rows < wanted or time.time() >= self.until else None
+        more = max(WORTH * rows, 1.0)
+        return None if self.left_after(rows + more) >= more * self.row else "budget"
 
     def look(self, rows: int) -> Look | None:
         """Fit a surrogate to the finished rows, judge it and save it; None after a stop.
@@ -212,15 +216,19 @@ class Growth:
         self.say(found.in_words())
         return found
 
+    def left_after(self, rows: float) -> float:
+        """Return the time of the budget that is left once some rows have been looked at [s]."""
+        seen, seconds = self.seen
+        return float(self.until - time.time() - seconds * max(rows / seen, 1.0) ** GROWTH)
+
     def is_over(self, rows: int) -> bool:
         """Tell whether another row, and the look after it, would end after the budget.
 
         Rows in the hands of the workers are finished first.
         """
-        workers, (seen, seconds) = self.executor.workers, self.seen
+        workers = self.executor.workers
         hands = farm.IN_FLIGHT if workers > 1 else 1
-        look = seconds * max(rows / seen, 1.0) ** GROWTH
-        return bool(self.until - time.time() < look + hands * self.row * workers)
+        return self.left_after(rows) < hands * self.row * workers
 
     def generate(self, scene: Scene, rows: int) -> int:
         """Give the database a number of rows at least, or make it; return how many are finished.
