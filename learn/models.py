@@ -49,17 +49,14 @@ class Model:
     staged: str = ""  # setting of which one fit yields the predictions of all smaller numbers
     ignored: str = ""  # setting of the paper's grid that the library ignores today, and warns of
 
-    def estimator(self, seed: int) -> Any:
-        """Make the baseline's estimator, with the seed if it draws at random."""
+    def estimator(self, seed: int, *, tuned: bool = False) -> Any:
+        """Make the baseline's estimator, or that of a search, with the seed if it draws."""
         home, _, name = self.path.rpartition(".")
-        estimator = getattr(import_module(home), name)(**_made(self.own))
+        given = {**self.own, **(self.tuned if tuned else {})}
+        made = {name: value() if callable(value) else value for name, value in given.items()}
+        estimator = getattr(import_module(home), name)(**made)
         drawn = "random_state" in estimator.get_params(deep=False)
         return estimator.set_params(random_state=seed) if drawn else estimator
-
-
-def _made(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Return settings with those made that a library has to make."""
-    return {name: value() if callable(value) else value for name, value in settings.items()}
 
 
 def boosted() -> Any:
@@ -184,9 +181,9 @@ def pipeline(
 
     scalings = {"l2": Normalizer, "standard": StandardScaler, "min-max": MinMaxScaler}
     scaling = "passthrough" if normalisation == "none" else scalings[normalisation]()
-    given = {**(_made(model.tuned) if tuned else {}), **(settings or {})}
-    given.pop(model.ignored, None)
-    return Pipeline([("scaling", scaling), (STEP, model.estimator(seed).set_params(**given))])
+    given = {name: value for name, value in (settings or {}).items() if name != model.ignored}
+    estimator = model.estimator(seed, tuned=tuned).set_params(**given)
+    return Pipeline([("scaling", scaling), (STEP, estimator)])
 
 
 UNFINISHED = "the training ended at its largest number of steps, before it had converged"
