@@ -18,6 +18,7 @@ from gen.runtime.terminal import echo, to_type
 from learn.commands.fit import SEEDS, AreaMax, Features, Load, Normalise, TrainRows, request_of
 
 if TYPE_CHECKING:
+    from learn.comparison.tables import Tables
     from learn.dataset import Request
     from learn.executor import Executor
 
@@ -134,7 +135,6 @@ def _led(
     so: they are what the libraries' settings give, whatever that is.
     """
     from learn.comparison import jobs, tables
-    from learn.comparison.folder import targets
     from learn.executor import led, seconds
     from learn.models import MODELS
 
@@ -147,25 +147,27 @@ def _led(
                 name = signal.Signals(number).name
                 echo(f"stopped by {name}; the same command goes on with what is left")
                 return 128 + number
-            _write_and_print(output, pictures=False)
+            shown = _write_and_print(output, pictures=False)
             echo(f"pictures: {to_type(f'learn show {output}')}")
-            for part in targets(output) if work is jobs.tune else ():
-                for model, kind, said in tables.no_better_than_constant(part):
-                    if kind == "tuned" and model in (request.models or MODELS):
-                        raise InputError(f"{part.path}: {said}; the tables are still written")
+            for each in shown if work is jobs.tune else ():
+                for row, said in tables.no_better_than_constant(each):
+                    if row["result"] == "tuned" and row["model"] in (request.models or MODELS):
+                        where = each.folder.path
+                        raise InputError(f"{where}: {said}; the tables are still written")
     return 0
 
 
-def _write_and_print(folder: Path, *, pictures: bool) -> None:
+def _write_and_print(folder: Path, *, pictures: bool) -> list[Tables]:
     from learn.comparison import tables
     from learn.comparison.folder import targets
 
-    for part in targets(folder):
-        found = tables.read(part)
+    shown = [tables.read(part) for part in targets(folder)]
+    for found in shown:
         tables.write(found)
         tables.show(found)
         for path in tables.draw(found) if pictures else ():
             echo(f"wrote {path}")
+    return shown
 
 
 @grouped

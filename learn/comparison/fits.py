@@ -26,7 +26,7 @@ from gen.runtime import documents, files
 from gen.runtime.errors import InputError
 from learn import kernel_ridge
 from learn.comparison.folder import Count, Seconds, require_same
-from learn.comparison.grid import Task, shared_fit
+from learn.comparison.grid import Settings, Task, shared_fit
 from learn.features.sets import Scaling
 from learn.models import (
     EVERY,
@@ -64,7 +64,12 @@ class Training:
             return replace(self, groups=None)
         return replace(self, target=self.scaling.restored(self.target), scaling=Scaling())
 
-    def beside(self, rows: Indices | slice) -> dict[str, Indices]:
+    def unfitted(self, model: str, settings: Settings, *, tuned: bool) -> Any:
+        """Return the pipeline of a model; see `learn.models.pipeline`."""
+        scaling, seed = self.normalisation, self.seed
+        return pipeline(EVERY[model], settings, normalisation=scaling, seed=seed, tuned=tuned)
+
+    def beside(self, rows: Indices | slice = slice(None)) -> dict[str, Indices]:
         """Return what the fit of a pipeline takes beside inputs and target of some rows."""
         return {} if self.groups is None else {f"{STEP}__surfaces": self.groups[rows]}
 
@@ -108,18 +113,18 @@ class Trials(AbstractContextManager["Trials"]):
     def __init__(self, path: Path, conditions: dict[str, object]) -> None:
         self.path = path
         self.finished: dict[tuple[str, int, int], Trial] = {}
+        content = files.read_bytes(path) if path.exists() else b""
+        whole = content[: content.rfind(b"\n") + 1]  # a kill may have cut the last line short
+        agreed = json.dumps(conditions, sort_keys=True)
+        first, *lines = whole.split(b"\n")[:-1] or [agreed.encode()]
+        stored = documents.checked(path, first, documents.Document)
+        require_same(path, stored, json.loads(agreed))
+        for number, line in enumerate(lines, start=2):
+            trial = Trial(**documents.checked(f"{path}, line {number}", line, Trial))
+            self.finished[trial.place] = trial
         files.make_folder(path.parent)
-        try:
-            content = files.read_bytes(path) if path.exists() else b""
-            whole = content[: content.rfind(b"\n") + 1]  # a kill may have cut the last line short
-            self._read(whole, conditions)
-            self._file = path.open("r+b" if content else "wb")
-        except OSError as error:
-            raise InputError(f"{path} cannot be written: {error.strerror}") from None
-        self._file.truncate(len(whole))
-        self._file.seek(len(whole))
-        if not whole:
-            self._file.write(json.dumps(conditions, sort_keys=True).encode() + b"\n")
+        files.write(path, b"\n".join([first, *lines, b""]))
+        self._file = path.open("ab")
 
     def __exit__(self, *_: object) -> None:
         """Close the file."""
@@ -134,17 +139,6 @@ class Trials(AbstractContextManager["Trials"]):
         except OSError as error:
             raise InputError(f"{self.path} cannot be written: {error.strerror}") from None
         self.finished.update((trial.place, trial) for trial in trials)
-
-    def _read(self, content: bytes, conditions: dict[str, object]) -> None:
-        """Take the trials of a file, and refuse those that were made under other conditions."""
-        first, *lines = content.split(b"\n")[:-1] or [b""]
-        if not first:
-            return
-        stored = documents.checked(self.path, first, documents.Document)
-        require_same(self.path, stored, json.loads(json.dumps(conditions)))
-        for number, line in enumerate(lines, start=2):
-            trial = Trial(**documents.checked(f"{self.path}, line {number}", line, Trial))
-            self.finished[trial.place] = trial
 
 
 def fit(training: Training, task: Task) -> list[Trial]:
@@ -161,12 +155,11 @@ def fit(training: Training, task: Task) -> list[Trial]:
     check_memory(task.model, inside.size)
     shared = "" if task.baseline else shared_fit(model)
     common = {k: v for k, v in candidates[0].items() if k != shared}
-    how: dict[str, Any] = {"normalisation": training.normalisation, "seed": training.seed}
     found: list[Values | str]
     with remarks() as said:
         began = perf_counter()
         try:
-            unfitted = pipeline(model, common, tuned=not task.baseline, **how)
+            unfitted = training.unfitted(task.model, common, tuned=not task.baseline)
             if shared in candidates[0]:
                 values = [candidate[shared] for candidate in candidates]
                 found = [*shared_predictions(model, unfitted, data, shared, values)]

@@ -262,25 +262,21 @@ def key(settings: Mapping[str, Any], *, baseline: bool = False) -> str:
 def expected_work(task: Task) -> float:
     """Guess the relative cost of a task of one model, for the order of tasks and the time left."""
     served = [*task.candidates.values()]
-    most = {name: max((each[name] for each in served), key=_magnitude) for name in served[0]}
-    work = float(task.rows)
-    for name in ("n_estimators", "max_features", "C"):
-        work *= _magnitude(most.get(name, 1.0)) ** (0.5 if name == "C" else 1.0)
-    depth = most.get("max_depth", most.get("estimator__max_depth"))
-    if depth is not None:
-        work *= min(depth, 20)
-    if most.get("criterion") == "absolute_error":
-        work *= 5
-    if most.get("loss") == "huber":  # gradient boosting evaluates it leaf by leaf
-        work *= 15
-    if "hidden_layer_sizes" in most:
-        sizes = most["hidden_layer_sizes"]
+    common = served[0]
+
+    def most(name: str) -> float:
+        numbers = [each[name] for each in served if isinstance(each.get(name), int | float)]
+        return float(max(map(abs, numbers), default=1.0))
+
+    work = task.rows * most("n_estimators") * most("max_features") * sqrt(most("C"))
+    for name in ("max_depth", "estimator__max_depth"):
+        work *= min(most(name), 20)
+    work *= 5 if common.get("criterion") == "absolute_error" else 1
+    work *= 15 if common.get("loss") == "huber" else 1  # boosting evaluates it leaf by leaf
+    if "hidden_layer_sizes" in common:
+        sizes = common["hidden_layer_sizes"]
         work *= sum(a * b for a, b in pairwise(sizes)) + 23 * sizes[0]
-        work *= 20 if most.get("solver") == "lbfgs" else 1  # others end by themselves long before
+        work *= 20 if common.get("solver") == "lbfgs" else 1  # others end by themselves long before
     if task.model == "kernel-ridge":
-        work *= len(served) if most.get("kernel") == "rbf" else 0.01
+        work *= len(served) if common.get("kernel") == "rbf" else 0.01
     return work
-
-
-def _magnitude(value: Any) -> float:
-    return abs(float(value)) if isinstance(value, int | float) else 1.0

@@ -24,7 +24,7 @@ from learn.comparison.tables import DPI
 from learn.dataset import Request
 from learn.executor import Executor
 from learn.metrics import scores
-from learn.models import Model, check_memory, models_named, pipeline, remarks
+from learn.models import Model, check_memory, models_named, remarks
 
 SHUFFLES = 5
 """Times that an input is shuffled: enough for a mean and its scatter."""
@@ -48,7 +48,7 @@ def write_report(request: Request, say: Callable[[str], None]) -> Iterator[Path]
         unfitted = _unfitted(model, folder, training, say)
         with remarks() as said:
             losses = permutation_importance(
-                unfitted.fit(training.inputs, training.target, **training.beside(slice(None))),
+                unfitted.fit(training.inputs, training.target, **training.beside()),
                 *(training.test_inputs, training.scaling.scaled(training.test_target)),
                 scoring="r2",
                 n_repeats=SHUFFLES,
@@ -82,15 +82,14 @@ def _unfitted(model: Model, folder: Folder, training: Training, say: Callable[[s
     if tuned and tuned.of_grid and result and result["test"]:
         origin, settings = "tuned here", tuned.settings
     say(f"{model.title}, {origin}: {settings}")
-    scaling, seed = training.normalisation, training.seed
-    return pipeline(model, settings, normalisation=scaling, seed=seed, tuned=True)
+    return training.unfitted(model.name, settings, tuned=True)
 
 
 def _selections(
     model: Any, training: Training, names: list[str], ranked: Indices
 ) -> list[dict[str, Any]]:
     """Fit a model to fewer and fewer of its inputs, which are given by their rank."""
-    selections, before, beside = [], [*ranked], training.beside(slice(None))
+    selections, before, beside = [], [*ranked], training.beside()
     for size in (size for size in SIZES if size <= len(ranked)):
         kept = sorted(ranked[:size])
         own = training.inputs[:, kept], training.target

@@ -38,7 +38,6 @@ from learn.models import (
     Model,
     check_memory,
     models_named,
-    pipeline,
     remarks,
     scaling_of,
 )
@@ -76,11 +75,8 @@ def compare(request: Request, executor: Executor) -> int:
     """Fit, score and time the baselines of all models that are asked for; see `tune`."""
     models = models_named(list(request.models), request.features)
     tasks = [TimedFit(each.name, grids.baseline(each.name, request.features)) for each in models]
-    tasks += [
-        TimedFit(each.name, grids.LIBRARY[each.name], "library")
-        for each in models
-        if each.name in grids.LIBRARY
-    ]
+    libraries = [each.name for each in models if each.name in grids.LIBRARY]
+    tasks += [TimedFit(name, grids.LIBRARY[name], "library") for name in libraries]
     with Interruption(listening=True) as interruption:
         for folder, training in targets(request, models, executor, interruption.requested):
             with RunProgress(len(tasks), "models") as progress:
@@ -180,15 +176,11 @@ def targets(
 def fit_and_time(training: Training, task: TimedFit) -> FitResult:
     """Fit, score and time a model."""
     training = training.seen_by(task.model)
-    model, how, restored = EVERY[task.model], training.normalisation, training.scaling.restored
-    unfitted = pipeline(
-        model, task.settings, normalisation=how, seed=training.seed, tuned=task.of_grid
-    )
-    prediction = np.empty(0)
+    unfitted = training.unfitted(task.model, task.settings, tuned=task.of_grid)
+    prediction, restored = np.empty(0), training.scaling.restored
     found: dict[str, Any] = {"fitted": {}, "test": None, "train": None, "failure": ""}
     found["times"] = {"fit": None, "fits": 0, "test": None, "row": None}
-    beside = training.beside(slice(None))
-    fit = partial(unfitted.fit, training.inputs, training.target, **beside)
+    fit = partial(unfitted.fit, training.inputs, training.target, **training.beside())
     with remarks() as said:
         try:
             began = perf_counter()

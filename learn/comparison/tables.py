@@ -7,7 +7,7 @@ paper's figures 8 to 10.
 """
 
 import textwrap
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -82,15 +82,20 @@ Row = dict[str, Any]
 class Tables:
     """The tables of a target: a row for each result, by the columns of its files.
 
-    Cells without a value are empty. A row has no times where there are none, and its "search" is
-    the row of tuning.csv, {} if there was none.
+    Beside the cells of scores.csv, which are "" without a value, a row has those of times.csv if
+    there are times, and "settings" and "search" of the result.
     """
 
     folder: Folder
-    target: str
+    record: dict[str, Any]  # the folder's description
     drawn: str  # what the intervals are drawn from, as "12 surfaces"; "" if there are none
     spread: float  # variance of the solved test values over their mean, in the target's unit
     rows: list[Row]
+
+    @property
+    def target(self) -> str:
+        """Column of the target."""
+        return str(self.record["conditions"]["target"])
 
     @property
     def how_drawn(self) -> str:
@@ -117,15 +122,15 @@ def columns(target: str) -> list[str]:
 def read(folder: Folder) -> Tables:
     """Make the tables of a folder; InputError is raised if predictions or groups are damaged."""
     record = folder.record()
-    target = str(record["conditions"]["target"])
-    drawn, middle, rows = "", 0.0, []
+    target, drawn, middle, rows = record["conditions"]["target"], "", 0.0, []
     for model, kind, result in folder.results():
         search = result.get("search") or {}
         row: Row = dict.fromkeys(columns(target), "")
         row |= {"model": model, "result": kind, "failure": result.get("failure", "")}
         row |= {"winner": search.get("winner") or "", **(result.get("test") or {})}
         row |= {f"train_{name}": value for name, value in (result.get("train") or {}).items()}
-        if theirs := paper.TEST.get(kind, {}).get(model):
+        theirs = paper.TEST.get(kind, {}).get(model)
+        if theirs is not None and target == OUR_AREA:
             row |= {f"paper_{name}": value for name, value in vars(theirs).items()}
         if result.get("test"):
             truth, prediction, groups = _predictions(folder, kind, model)
@@ -138,27 +143,9 @@ def read(folder: Folder) -> Tables:
                     row |= {f"{name}_low": low, f"{name}_high": high}
         if own := result.get("times"):
             row |= {column: own[name] for column, name in TIMES.items()}
-        row["search"] = _search_row(model, result) if kind == "tuned" and search else {}
-        rows.append(row)
-    return Tables(folder, target, drawn, middle, rows)
-
-
-def _search_row(model: str, result: Row) -> Row:
-    """Return the row of tuning.csv of a search, with the columns of tuning-times.csv."""
-    search = result["search"]
-    settings = (f"{name}={value}" for name, value in sorted(result["settings"].items()))
-    folds = {column: search.get(name) or [] for column, name in DECIDED.items()}
-    return {
-        "model": model,
-        "grid": search.get("grid", TABLE_2),
-        "searched": search["how"],
-        **{name: search[name] for name in EXTENT},
-        "winner": winner_of(search),
-        **{column: sum(own) / len(own) if own else "" for column, own in folds.items()},
-        "settings": ", ".join(settings) or "those of the library",
-        "fit_seconds": result["times"]["search"],
-        "paper_s": paper.TUNING_SECONDS.get(model, ""),
-    }
+            row["fit_seconds"] = own["search"]
+        rows.append(row | {"settings": result.get("settings", {}), "search": search})
+    return Tables(folder, record, drawn, middle, rows)
 
 
 def _predictions(folder: Folder, kind: str, model: str) -> tuple[Values, Values, Values]:
@@ -183,7 +170,7 @@ def winner_of(search: Row) -> str:
 
 def write(tables: Tables) -> None:
     """Write scores.csv, times.csv, tuning.csv and tuning-times.csv."""
-    searches = [row["search"] for row in tables.rows if row["search"]]
+    searches = [_searched(row) for row in tables.rows if row["search"]]
     timed = [row for row in tables.rows if "fits" in row]
     files = {
         "scores.csv": (columns(tables.target), tables.rows),
@@ -195,14 +182,30 @@ def write(tables: Tables) -> None:
         tables.folder.write_table(name, header, ([row[key] for key in header] for row in rows))
 
 
+def _searched(row: Row) -> Row:
+    """Return the row of tuning.csv of a search's result, with the columns of tuning-times.csv."""
+    search = row["search"]
+    folds = {column: search.get(name) or [] for column, name in DECIDED.items()}
+    settings = (f"{name}={value}" for name, value in sorted(row["settings"].items()))
+    return {
+        **row,
+        **search,
+        "grid": search.get("grid", TABLE_2),
+        "searched": search["how"],
+        "winner": winner_of(search),
+        **{column: sum(own) / len(own) if own else "" for column, own in folds.items()},
+        "settings": ", ".join(settings) or "those of the library",
+        "paper_s": paper.TUNING_SECONDS.get(row["model"], ""),
+    }
+
+
 def show(tables: Tables) -> None:
     """Print the tables of a folder, and what there is to say of them."""
-    folder, record = tables.folder, tables.folder.record()
-    conditions, area_max = record["conditions"], record["conditions"]["area_max"]
+    conditions, area_max = tables.record["conditions"], tables.record["conditions"]["area_max"]
     limited = "" if area_max is None else f", areas to {area_max:g} %"
     echo(
-        f"{folder.path}: {tables.target}, {conditions['train_rows']} training rows,"
-        f" {conditions['test_rows']} test rows{limited}; {record['threads']} thread"
+        f"{tables.folder.path}: {tables.target}, {conditions['train_rows']} training rows,"
+        f" {conditions['test_rows']} test rows{limited}; {tables.record['threads']} thread"
     )
     print_table(_score_table(tables))
     if tables.drawn:
@@ -218,13 +221,14 @@ def show(tables: Tables) -> None:
 
 def _remarks(tables: Tables) -> Iterator[str]:
     """Yield the lines below the tables: useless models, failures, what is odd, and the best."""
-    folder, features = tables.folder, tables.folder.record()["conditions"]["features"]
-    for *_, said in no_better_than_constant(folder):
+    features = tables.record["conditions"]["features"]
+    for _, said in no_better_than_constant(tables):
         yield f"warning: {said}"
-    for model, kind, result in folder.results():
-        title, search = EVERY[model].title, result.get("search") or {}
-        if result.get("failure"):
-            yield f"{title}, {label(model, kind)}: {result['failure']}"
+    for row in tables.rows:
+        model, kind, search = row["model"], row["result"], row["search"]
+        title = EVERY[model].title
+        if row["failure"]:
+            yield f"{title}, {label(model, kind)}: {row['failure']}"
         elif kind == "library":
             yield (
                 f"Its library fits amplitude and length of a Gaussian process ({LIBRARY_ROWS:,}"
@@ -236,7 +240,7 @@ def _remarks(tables: Tables) -> Iterator[str]:
         elif search.get("winner") == "baseline":
             yield f"{title}: {WHY_BASELINE}"
         elif search:
-            yield from (f"{title}: {odd}" for odd in _at_ends(result, space_of(model, features)[1]))
+            yield from (f"{title}: {odd}" for odd in _at_ends(row, space_of(model, features)[1]))
     known = [row for row in tables.rows if row["nmae"] != ""]
     if len({row["model"] for row in known}) > 1:
         best = min(known, key=lambda row: float(row["nmae"]))
@@ -245,12 +249,12 @@ def _remarks(tables: Tables) -> Iterator[str]:
         yield f"smallest nMAE: {name}; {to_type('learn fit')} takes {usual} unless told otherwise"
 
 
-def _at_ends(result: Row, space: paper.Space) -> Iterator[str]:
+def _at_ends(row: Row, space: paper.Space) -> Iterator[str]:
     """Say which settings of a search's winner lie beyond the grid, or at an end of all values."""
-    for name, value in result["settings"].items():
+    for name, value in row["settings"].items():
         if isinstance(value, int | float) and value not in space.get(name, [value]):
             yield f"{name} = {value} lies beyond the grid, where the search went on"
-        if name in result["search"].get("ends", ()):
+        if name in row["search"].get("ends", ()):
             yield f"{name} = {value} at an end of what was tried: a better one may lie beyond"
 
 
@@ -270,12 +274,11 @@ def nmse_note(spread: float) -> str:
     )
 
 
-def no_better_than_constant(folder: Folder) -> Iterator[tuple[str, str, str]]:
-    """Yield the models and kinds of results that a constant predicts as well, and say so."""
-    for model, kind, result in folder.results():
-        said = no_better(result["test"]["r2"]) if result.get("test") else ""
-        if said:
-            yield model, kind, f"{EVERY[model].title}, {kind}: {said}"
+def no_better_than_constant(tables: Tables) -> Iterator[tuple[Row, str]]:
+    """Yield the rows of models that a constant predicts as well, and say so."""
+    for row in tables.rows:
+        if row["r2"] != "" and (said := no_better(row["r2"])):
+            yield row, f"{EVERY[row['model']].title}, {row['result']}: {said}"
 
 
 def _score_table(tables: Tables) -> Table:
@@ -313,9 +316,10 @@ def _search_table(tables: Tables) -> Table:
     numbers = ("R2", "baseline", "candidates", "differ", "fits", "of", "time")
     table = new_table(title, texts, numbers)
     for row in (row for row in tables.rows if row["result"] == "tuned"):
-        if not (search := row["search"]):
+        if not row["search"]:
             table.add_row(EVERY[row["model"]].title, "", row["failure"].partition(":")[0])
             continue
+        search = _searched(row)
         published = tables.target == OUR_AREA and search["paper_s"] != ""
         theirs = f" ({search['paper_s']:.0f})" if published else ""
         means = (search[name] for name in ("winner_r2", "baseline_r2"))
@@ -353,12 +357,12 @@ def draw(tables: Tables) -> list[Path]:
     shown = [row for row in tables.rows if row["r2"] != "" and row["result"] in COLOURS]
     if not shown:
         return []
-    quantity = f"{tables.target.replace('_percent', '')} [{folder.record()['unit']}]"
+    quantity = f"{tables.target.replace('_percent', '')} [{tables.record['unit']}]"
     places = [(row["model"], row["result"]) for row in shown]
     figures = {
         "parity.png": _parity(folder, places, quantity),
-        "scores.png": _bars(shown, [_score(name) for name in names(tables.target)]),
-        "times.png": _bars(shown, SECONDS),
+        "scores.png": _bars(shown, names(tables.target)),
+        "times.png": _bars(shown, [name for name in TIMES if name != "fits"]),
     }
     figures["scores.png"].axes[0].set_title(_said(tables, shown), fontsize=8, loc="left")
     return [save(figure, folder.path / name, dpi=DPI) for name, figure in figures.items()]
@@ -385,27 +389,20 @@ def _parity(folder: Folder, places: list[tuple[str, str]], quantity: str) -> Any
 
 
 class Panel(NamedTuple):
-    """What a panel of bars shows: a column, its title, and how its numbers are written."""
+    """What a panel of bars shows: its title, and how its numbers are written."""
 
-    column: str
     title: str
     form: str = "{:.2f}"
-    of: Callable[[float], float] = float  # makes the height of a bar of the column's value
     log: bool = False
 
 
-SECONDS = [
-    Panel("fit_s", "fit [s]", "{:.2g}", log=True),
-    Panel("predict_test_s", "prediction of the test set [s]", "{:.2g}", log=True),
-    Panel("predict_row_s", "of one row [s]", "{:.2g}", log=True),
-]
-
-
-def _score(name: str) -> Panel:
-    """Return the panel of a score: of R2 what is left of it, since R2 of good models look alike."""
-    if name == "r2":
-        return Panel(name, "1 - R2 [%]", "{:.3g}", lambda value: 100 - value, log=True)
-    return Panel(name, f"{SCORES[name]} [%]")
+PANELS = {name: Panel(f"{title} [%]") for name, title in SCORES.items()} | {
+    "r2": Panel("1 - R2 [%]", "{:.3g}", log=True),
+    "fit_s": Panel("fit [s]", "{:.2g}", log=True),
+    "predict_test_s": Panel("prediction of the test set [s]", "{:.2g}", log=True),
+    "predict_row_s": Panel("of one row [s]", "{:.2g}", log=True),
+}
+"""Panels of bars by their column."""
 
 
 def _said(tables: Tables, shown: list[Row]) -> str:
@@ -421,24 +418,30 @@ def _said(tables: Tables, shown: list[Row]) -> str:
     return "\n".join(textwrap.fill(line, 150) for line in lines)
 
 
-def _bars(rows: list[Row], panels: list[Panel]) -> Any:
+def _left(value: float, column: str) -> float:
+    """Return the height of a bar: of R2 what is left of it, since R2 of good models look alike."""
+    return 100 - value if column == "r2" else value
+
+
+def _bars(rows: list[Row], columns: list[str]) -> Any:
     """Draw a pair of bars for each model, baseline and tuned, in panels, with their intervals."""
-    figure = new_figure(1.6 + 1.15 * len(MODELS), 2.3 * len(panels))
-    axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+    figure = new_figure(1.6 + 1.15 * len(MODELS), 2.3 * len(columns))
+    axes = figure.subplots(len(columns), 1, sharex=True, squeeze=False)[:, 0]
     models = list(dict.fromkeys(row["model"] for row in rows))
-    for axis, panel in zip(axes, panels, strict=True):
+    for axis, column in zip(axes, columns, strict=True):
+        panel = PANELS[column]
         for kind, shift in SHIFTS.items():
             own = [row for row in rows if row["result"] == kind]
-            places = np.array([models.index(row["model"]) for row in own]) + shift
-            heights = [panel.of(row[panel.column]) for row in own]
             if not own:
                 continue
+            places = np.array([models.index(row["model"]) for row in own]) + shift
+            heights = [_left(row[column], column) for row in own]
             bars = axis.bar(places, heights, 0.38, color=COLOURS[kind], label=kind)
             axis.bar_label(bars, [panel.form.format(height) for height in heights], fontsize=7)
             for place, height, row in zip(places, heights, own, strict=True):
-                ends = [row.get(f"{panel.column}_{end}", "") for end in ("low", "high")]
-                if "" not in ends:
-                    low, high = sorted(map(panel.of, ends))
+                if row.get(f"{column}_low", "") != "":
+                    ends = (_left(row[f"{column}_{end}"], column) for end in ("low", "high"))
+                    low, high = sorted(ends)
                     reach = [[max(height - low, 0.0)], [max(high - height, 0.0)]]
                     axis.errorbar(place + BESIDE, height, reach, color="0.2", lw=1, capsize=2)
         axis.set_xticks(range(len(models)), [EVERY[m].title.replace(" ", "\n") for m in models])
