@@ -1,15 +1,17 @@
 """Arguments and options of the commands of `python -m gen`, and groups that commands share."""
 
+import math
 import shlex
 import sys
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import typer
 from typer import Argument, Option
 
-from gen.maps.settings import Reading
+from gen.maps.settings import Reading, numbers_in
 from gen.runtime import command_line
 from gen.runtime.errors import InputError
 from gen.runtime.files import Output, check_outputs
@@ -140,8 +142,7 @@ class Material(NamedTuple):
 class Against(NamedTuple):
     """A second rough body that surfaces are pressed against.
 
-    It is read by the options of the first body, or by those of its own alone;
-    `gen.maps.bodies.Placement` says how it is laid on the first body.
+    It is read by the options of the first body, or by those of its own alone.
     """
 
     against: Annotated[
@@ -178,11 +179,16 @@ class Against(NamedTuple):
             for option in (name for name, value in given.items() if value):
                 raise InputError(f"{option}: needs --against, the second rough body")
             return None
-        from gen.maps.bodies import Opposite, Placement
+        from gen.maps.bodies import TURNS, Opposite
 
-        placement = Placement.parse(turned, shift)
+        if (turned := turned or TURNS[0]) not in TURNS:
+            raise InputError(f"--turned {shown(turned)}: give one of {', '.join(TURNS)}")
+        distances = numbers_in(shift or "0,0")
+        if len(distances) != 2 or not all(map(math.isfinite, distances)):
+            raise InputError(f"--shift {shown(shift)}: give the distances along x and y in um: 5,0")
+        laid = Opposite(path, first, turned, (distances[0], distances[1]))
         if text is None:
-            return Opposite(path, first, placement)
+            return laid
         named = f"--against-options {shown(text)}"
         alone = typer.Typer(add_completion=False, rich_markup_mode=None)
         alone.command()(command_line.grouped(_one_body))
@@ -195,7 +201,7 @@ class Against(NamedTuple):
         except ValueError as error:  # a quotation mark that is not closed
             raise InputError(f"{named}: {error}") from None
         own = {name: value for name, value in context.params.items() if name != "surface"}
-        return Opposite(path, Reading(**own), placement, shared=False)
+        return replace(laid, reading=Reading(**own), shared=False)
 
 
 def _one_body(surface: SurfaceFile, *, reading: Reading) -> None:

@@ -132,7 +132,7 @@ def print_preparation(topography: Topography, warnings: list[str]) -> None:
 
 def print_statistics(topography: Topography, found: Description, areal: Description) -> None:
     """Print the 22 statistics of a surface and its areal parameters, and its tilt unless level."""
-    from gen.maps.prepare import tilt
+    from gen.maps.prepare import least_squares
     from gen.maps.texture import PARAMETERS
 
     heights, spacing = topography.heights, topography.spacing
@@ -141,7 +141,7 @@ def print_statistics(topography: Topography, found: Description, areal: Descript
         f" {spacing[1]:.6g} um, heights {heights.min():.6g} to {heights.max():.6g} um"
     )
     if not topography.followed & {"level plane", "level quadratic", "form"}:
-        said += ", tilt {:.4g} along x, {:.4g} along y".format(*tilt(topography))
+        said += ", tilt {:.4g} along x, {:.4g} along y".format(*least_squares(topography)[1])
     echo(said)
     own = [(each.name, each.unit, each.long_name) for each in TABLE_1]
     for title, known, names in (

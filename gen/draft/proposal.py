@@ -15,7 +15,7 @@ import numpy as np
 from gen.arrays import Heights, Values
 from gen.maps.filters import MOST_HOLES, fitted_polynomial, is_same, resampled
 from gen.maps.library import Tiling, digest
-from gen.maps.prepare import FLAT, MANY_SPIKES, STEEP, local_medians, prepare, tilt
+from gen.maps.prepare import FLAT, MANY_SPIKES, STEEP, least_squares, local_medians, prepare
 from gen.maps.read import Sides, Topography, in_words, read
 from gen.maps.settings import SPIKE, Reading
 from gen.maps.texture import SelfAffineFit, areal_parameters, fit_self_affine, radial_spectrum
@@ -86,7 +86,7 @@ def _look(look: MapSurvey, topography: Topography) -> None:
             float(np.nanvar(heights - fitted_polynomial(heights, degree))) for degree in (1, 2)
         )
         look.form = 1.0 - quadratic / plane if plane else 0.0
-        look.spikes, look.tilt = find_spikes(heights), tilt(topography)
+        look.spikes, (_, look.tilt) = find_spikes(heights), least_squares(topography)
 
 
 def _without_name(error: InputError, path: Path) -> str:

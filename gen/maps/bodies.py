@@ -20,9 +20,8 @@ import numpy as np
 from gen.arrays import Heights, Values
 from gen.maps.prepare import prepare
 from gen.maps.read import Sides, Topography, read
-from gen.maps.settings import Reading, numbers_in
+from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
-from gen.runtime.terminal import shown
 
 if TYPE_CHECKING:
     from bem.problem import Boundary
@@ -36,30 +35,6 @@ COARSE = 10.0  # ratio of the spacings of two maps above which one of them proba
 # nodes by which a map without edges is continued before it is interpolated: a spline forgets what
 # is further away, by a factor of 0.27 a node
 REACH = 24
-
-
-@dataclass(frozen=True)
-class Placement:
-    """How a second body is laid on the first one."""
-
-    # {"x", "y", "none"}: axis of its map that runs backwards as it is turned over; none for a map
-    # that is seen through its body
-    turned: str = "x"
-    # distance of its centre from that of the first map, along x and y of that map [um]
-    shift: Sides = (0.0, 0.0)
-
-    @classmethod
-    def parse(cls, turned: str, shift: str) -> Placement:
-        """Make a placement of the texts of `--turned` and `--shift`; "" takes the default."""
-        turned = turned or cls.turned
-        if turned not in TURNS:
-            raise InputError(f"--turned {shown(turned)}: give one of {', '.join(TURNS)}")
-        if not shift:
-            return cls(turned)
-        distances = numbers_in(shift)
-        if len(distances) != 2 or not all(map(math.isfinite, distances)):
-            raise InputError(f"--shift {shown(shift)}: give the distances along x and y in um: 5,0")
-        return cls(turned, (distances[0], distances[1]))
 
 
 class _Line(NamedTuple):
@@ -78,29 +53,30 @@ class _Line(NamedTuple):
 
 
 def composite(
-    first: Topography, second: Topography, placement: Placement | None = None
+    first: Topography, second: Topography, turned: str = "x", shift: Sides = (0.0, 0.0)
 ) -> Topography:
     """Add the heights of two bodies that face each other, where both have some.
+
+    `turned` and `shift` are those of `Opposite`.
 
     The sum stands on the finer of the two grids. The other map is interpolated there by cubic
     splines, and not at all where its nodes lie on those of the grid. Heights of the second body
     count from its highest node, so that a flat one changes nothing. Raises InputError if fewer
     than 2 x 2 nodes lie on both bodies.
     """
-    placement = placement or Placement()
     below = second.heights - second.heights.max()
-    if placement.turned != "none":
-        below = np.flip(below, axis=TURNS.index(placement.turned))
+    if turned != "none":
+        below = np.flip(below, axis=TURNS.index(turned))
     other = replace(second, heights=below)
     onto_first = math.prod(first.spacing) <= math.prod(other.spacing) * (1 + SAME)
     grid, added = (first, other) if onto_first else (other, first)
     sign = 1 if onto_first else -1
-    lines = [_line(grid, added, axis, sign * placement.shift[axis]) for axis in (0, 1)]
+    lines = [_line(grid, added, axis, sign * shift[axis]) for axis in (0, 1)]
     name = f"{first.name} against {second.name}"
     if min(line.places.size for line in lines) < 2:
         raise InputError(
             f"{name}: fewer than 2 x 2 nodes lie on both maps, of {_size(first.sides)} and"
-            f" {_size(other.sides)} um with their centres {_size(placement.shift)} um apart"
+            f" {_size(other.sides)} um with their centres {_size(shift)} um apart"
         )
     heights = grid.heights[lines[0].nodes, lines[1].nodes] + _at(added.heights, lines)
     x, y = (
@@ -111,11 +87,11 @@ def composite(
     )
     result = replace(grid, name=name, heights=heights, sides=(x, y))
     result = replace(result, followed=first.followed & second.followed)
-    turn = f"turned over (its {placement.turned} runs backwards)"
-    turn = "not turned over" if placement.turned == "none" else turn
+    turn = f"turned over (its {turned} runs backwards)"
+    turn = "not turned over" if turned == "none" else turn
     said = [f"pressed against body 2 ({second.name}), {turn}"]
-    if any(placement.shift):
-        said.append("its centre shifted by {:g} and {:g} um".format(*placement.shift))
+    if any(shift):
+        said.append("its centre shifted by {:g} and {:g} um".format(*shift))
     said.append("heights added on {} x {} nodes".format(*heights.shape))
     if not all(np.allclose((x, y), body.sides, rtol=SAME, atol=0) for body in (first, other)):
         shared = f"{_size(first.sides)} and {_size(other.sides)} um share"
@@ -178,11 +154,15 @@ def _size(lengths: Sides) -> str:
 
 @dataclass(frozen=True)
 class Opposite:
-    """The second of two rough bodies."""
+    """The second of two rough bodies, and how it is laid on the first one."""
 
     path: Path  # file of its surface
     reading: Reading  # how it is read and prepared
-    placement: Placement  # how it is laid on the first one
+    # {"x", "y", "none"}: axis of its map that runs backwards as it is turned over; none for a map
+    # that is seen through its body
+    turned: str = "x"
+    # distance of its centre from that of the first map, along x and y of that map [um]
+    shift: Sides = (0.0, 0.0)
     # whether it is read as the first body: lengths and unit that its own file states then stand
     shared: bool = True
 
@@ -190,13 +170,10 @@ class Opposite:
         """Read the surface as a patch of a boundary, and prepare it."""
         reading = self.reading
         try:
-            surface = read(self.path, reading, boundary)
+            return prepare(read(self.path, reading, boundary), reading)
         except InputError:
-            if not self.shared or reading.override_scale or not (reading.side or reading.unit):
-                raise
-            with suppress(InputError):
-                return prepare(
-                    read(self.path, replace(reading, side="", unit=""), boundary), reading
-                )
+            if self.shared and not reading.override_scale and (reading.side or reading.unit):
+                own = replace(reading, side="", unit="")
+                with suppress(InputError):
+                    return prepare(read(self.path, own, boundary), own)
             raise
-        return prepare(surface, reading)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from gen.arrays import Heights, Values
 from gen.maps.filters import filled, filtered, without_form
-from gen.maps.read import WIDEST, Topography, read
+from gen.maps.read import WIDEST, Sides, Topography, read
 from gen.maps.settings import KEYS, SPIKE, Reading, numbers_in, said
 from gen.runtime.errors import InputError
 from gen.statistics import rms_slope
@@ -63,7 +63,7 @@ def prepare(topography: Topography, settings: Reading) -> Topography:
         topography = step(topography, settings)
     if not is_tilted(topography):
         return topography
-    x, y = tilt(topography)
+    _, (x, y) = least_squares(topography)
     fault = f"tilted by {x:.2g} along x and {y:.2g} along y, more than it is rough, so one edge"
     fault += " carries the load"  # as the map lay under its instrument
     warning = advised(topography, fault, ("level plane", "takes the tilt out"))
@@ -180,11 +180,12 @@ def despiked(topography: Topography, threshold: float) -> Topography:
     return replace(clean, warnings=(*clean.warnings, warning))
 
 
-def least_squares(heights: Heights, degree: int) -> tuple[Heights, Values]:
-    """Fit a plane or a quadratic to the measured nodes; return the fit and its coefficients [um].
+def least_squares(topography: Topography, degree: int = 1) -> tuple[Heights, Sides]:
+    """Fit a plane or a quadratic to the measured nodes; return it [um], and its tilt.
 
-    Coordinates of the coefficients go from -1 to 1 along both axes.
+    The tilt is the pair of slopes along x and y in the middle of the map [1].
     """
+    heights = topography.heights
     x, y = np.meshgrid(*(np.linspace(-1, 1, nodes) for nodes in heights.shape), indexing="ij")
     columns = [np.ones_like(x), x, y, *([x * x, x * y, y * y] if degree == 2 else [])]
     measured = ~np.isnan(heights)
@@ -194,7 +195,8 @@ def least_squares(heights: Heights, degree: int) -> tuple[Heights, Values]:
     fit = np.full_like(heights, offset)
     for coefficient, column in zip(coefficients, columns, strict=True):
         fit = fit + coefficient * column
-    return fit, np.asarray(coefficients)
+    slopes = 2 * coefficients[1:3] / (np.subtract(heights.shape, 1) * topography.spacing)
+    return fit, (float(slopes[0]), float(slopes[1]))
 
 
 def levelled(topography: Topography, level: str) -> Topography:
@@ -203,8 +205,9 @@ def levelled(topography: Topography, level: str) -> Topography:
     if level == "mean":
         mean = float(np.nanmean(heights))
         return topography.changed(heights - mean, f"levelled by the mean, {mean:.6g} um")
-    x, y = tilt(topography)
-    fit, _ = least_squares(heights, 1 if level == "plane" else 2)
+    fit, (x, y) = least_squares(topography)
+    if level == "quadratic":
+        fit, _ = least_squares(topography, 2)
     step = f"levelled by a {level} (tilt was {x:.4g} along x, {y:.4g} along y)"
     return topography.changed(heights - fit, step)
 
@@ -292,7 +295,8 @@ def read_surface(
         if opposite is not None:
             from gen.maps.bodies import composite
 
-            surface = composite(surface, opposite.prepared(boundary), opposite.placement)
+            body = opposite.prepared(boundary)
+            surface = composite(surface, body, opposite.turned, opposite.shift)
     except InputError as error:
         named = opposite is not None or str(error).startswith(("--", str(path)))
         raise InputError(f"{'' if named else f'{path}: '}{error}") from None
@@ -321,15 +325,3 @@ def is_tilted(topography: Topography) -> bool:
         slope = places @ heights.mean(axis=1 - axis) / (places @ places)
         held += float(slope**2 * np.mean(places**2))
     return held > TILTED * float(heights.var())
-
-
-def tilt(topography: Topography) -> tuple[float, float]:
-    """Fit a plane to the measured nodes and return its slopes along x and y [1]."""
-    _, (_, *slopes) = least_squares(topography.heights, 1)
-    x, y = (
-        2 * float(slope) / (side * ((nodes - 1) / (nodes - (topography.boundary == "free"))))
-        for side, nodes, slope in zip(
-            topography.sides, topography.heights.shape, slopes, strict=True
-        )
-    )
-    return x, y

@@ -9,8 +9,10 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from gen import cli
-from gen.maps.bodies import Placement, composite
+from gen.maps.bodies import Opposite, composite
 from gen.maps.read import Topography
+from gen.maps.settings import Reading
+from gen.options import Against
 from gen.runtime.errors import InputError
 
 BOUNDARIES = ("free", "periodic", "mirror")
@@ -33,7 +35,7 @@ def test_a_body_faces_the_other_one_with_one_axis_turned():
     first, second = rough((6, 5)), rough((6, 5), 1)
     below = second - second.max()
     for turned, facing in (("x", below[::-1]), ("y", below[:, ::-1]), ("none", below)):
-        made = composite(surface(first), surface(second), Placement(turned))
+        made = composite(surface(first), surface(second), turned)
         np.testing.assert_array_equal(made.heights, first + facing)
     default = composite(surface(first), surface(second))
     np.testing.assert_array_equal(default.heights, first + below[::-1])
@@ -59,7 +61,7 @@ def test_the_map_with_the_wider_spacing_is_interpolated(boundary):
 
 def test_a_periodic_body_is_shifted_round():
     first, second = (surface(rough((8, 8), seed), boundary="periodic") for seed in (0, 1))
-    made = composite(first, second, Placement("none", (3.0, -21.0)))
+    made = composite(first, second, "none", (3.0, -21.0))
     below = second.heights - second.heights.max()
     np.testing.assert_array_equal(made.heights, first.heights + np.roll(below, (3, -21), (0, 1)))
     assert made.sides == (8.0, 8.0)
@@ -81,8 +83,8 @@ def test_who_is_pressed_against_whom_does_not_matter(shapes, sides, shift, bound
     cells = [np.prod(each.spacing) for each in (first, second)]
     assume(not np.isclose(*cells, rtol=1e-5))  # else the first one's grid is taken
     assume(max(first.spacing + second.spacing) < 0.9)  # two nodes of either lie on both
-    made = composite(first, second, Placement("x", shift))
-    again = composite(second, first, Placement("x", (shift[0], -shift[1])))
+    made = composite(first, second, "x", shift)
+    again = composite(second, first, "x", (shift[0], -shift[1]))
     assert again.sides == pytest.approx(made.sides)
     difference = again.heights[::-1] - made.heights
     assert np.ptp(difference) < 1e-9 * (1 + np.abs(made.heights).max())
@@ -93,10 +95,12 @@ def test_who_is_pressed_against_whom_does_not_matter(shapes, sides, shift, bound
     [("z", "", "--turned 'z'"), ("", "5", "--shift '5'"), ("", "inf,0", "--shift")],
 )
 def test_placements_that_are_none_are_refused(turned, shift, word):
+    path, first = Path("b.npy"), Reading()
     with pytest.raises(InputError, match=word):
-        Placement.parse(turned, shift)
-    assert Placement.parse("", "") == Placement()
-    assert Placement.parse("y", "1,-2.5") == Placement("y", (1.0, -2.5))
+        Against(path, None, turned, shift).body(first)
+    assert Against(path).body(first) == Opposite(path, first)
+    laid = Against(path, None, "y", "1,-2.5").body(first)
+    assert laid == Opposite(path, first, "y", (1.0, -2.5))
 
 
 @pytest.fixture(autouse=True)

@@ -13,7 +13,7 @@ from gen import cli
 from gen.generators.scans import PreparationTable, ReadingTable
 from gen.maps.filters import filled_harmonically, filtered, is_same, resampled, without_form
 from gen.maps.prepare import STEPS as TAKEN
-from gen.maps.prepare import downsampled, masked, prepare, surface_warnings, tilt
+from gen.maps.prepare import downsampled, least_squares, masked, prepare, surface_warnings
 from gen.maps.read import Topography
 from gen.maps.settings import KEYS, Reading, keys, said
 from gen.material import combined_modulus
@@ -77,7 +77,7 @@ def test_a_level_takes_its_shape_away_whatever_is_missing(level, shape):
 def test_a_crop_without_edges_keeps_the_pixels(boundary):
     heights = np.add.outer(np.arange(10.0), 3 * np.arange(8.0))
     whole = Topography("scan", heights, (20.0, 4.0), boundary=boundary)
-    assert tilt(whole) == pytest.approx((0.5, 6.0))
+    assert least_squares(whole)[1] == pytest.approx((0.5, 6.0))
     part = prepare(whole, Reading(crop="4:12,1:3"))
     assert part.heights.shape == (5, 5)
     assert part.sides == (10.0, 2.5)
