@@ -22,12 +22,12 @@ spots do to f. All lengths are in spacings across the edge, so that oblong cells
 
 import math
 from collections.abc import Iterator
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bem.arrays import Field, Mask, Values
+from bem.arrays import Field, Values
 from bem.problem import Boundary, Problem
 
 # Weights of an edge for one, f, p / (p + p2) and g / (g + g2), by how many of the two edges beside
@@ -78,33 +78,6 @@ CONTINUED: dict[Boundary, Literal["edge", "wrap", "symmetric"]] = {
 RIM = 2
 
 
-class Edges(NamedTuple):
-    """Cell edges between contact and gap that face one way, with the nodes on a line across them.
-
-    Attributes
-    ----------
-    aligned : ndarray of int, shape (e,)
-        How many of the two edges beside it lie in line with an edge.
-    pressure, behind : ndarray, shape (e,)
-        Pressure of the node in contact, and of the one behind it [MPa].
-    gap, beyond : ndarray, shape (e,)
-        Gap of the node out of contact, and of the one beyond it [um].
-    depth : ndarray, shape (e,)
-        Yielded depth of the node in contact [um].
-    inside, outside : ndarray of bool, shape (e,)
-        Whether the node behind, and the one beyond, lie on the patch.
-    """
-
-    aligned: NDArray[np.intp]
-    pressure: Values
-    behind: Values
-    gap: Values
-    beyond: Values
-    depth: Values
-    inside: Mask
-    outside: Mask
-
-
 def continuum_nodes(problem: Problem, pressure: Field, gap: Field, depth: Field | None) -> float:
     """Return the area of contact in the continuum, in cells.
 
@@ -127,26 +100,29 @@ def continuum_nodes(problem: Problem, pressure: Field, gap: Field, depth: Field 
     count = int(np.count_nonzero(pressure > 0))
     if count in (0, pressure.size):
         return float(count)
-    sides = list(edges_of(problem, pressure, gap, depth))
+    offsets = list(_offsets(problem, pressure, gap, depth))
     if problem.boundary == "free" and problem.kernel == "concentrated-force":
-        return _of_concentrated_forces(count, sum(len(edges.gap) for edges, _ in sides))
-    weights = WEIGHTS.copy()
-    if problem.boundary == "free":
-        weights[:, 0] -= UNIFORM_PRESSURE
-    excess = sum(float(_offsets(edges, weights, compliance).sum()) for edges, compliance in sides)
+        return _of_concentrated_forces(count, sum(map(len, offsets)))
+    excess = sum(float(each.sum()) for each in offsets)
     # No area bears more than the hardness.
     least = 0.0 if problem.hardness is None else float(pressure.sum()) / problem.hardness
     return min(max(count - excess, least), float(pressure.size))
 
 
-def edges_of(
+def _offsets(
     problem: Problem, pressure: Field, gap: Field, depth: Field | None
-) -> Iterator[tuple[Edges, float]]:
-    """Yield the edges that face each of four ways, with the compliance of a node [um / MPa]."""
+) -> Iterator[Values]:
+    """Yield how far the border lies behind the edges, (e,), that face each of four ways [spacing].
+
+    An edge is that of a cell between contact and gap. Its offset follows from the nodes on the line
+    across it: the one in contact and the one behind it, the open one and the one beyond it.
+    """
     free = problem.boundary == "free"
     compliance = COMPLIANCE["uniform-pressure" if free else "spectral"] / problem.modulus
-    beyond, zeros = CONTINUED[problem.boundary], np.zeros(pressure.shape)
-    fields: list[tuple[NDArray[Any], Any]] = [(pressure, beyond), (gap, beyond)]
+    weights = WEIGHTS.copy()
+    weights[:, 0] -= UNIFORM_PRESSURE * free
+    continued, zeros = CONTINUED[problem.boundary], np.zeros(pressure.shape)
+    fields: list[tuple[NDArray[Any], Any]] = [(pressure, continued), (gap, continued)]
     fields += [(zeros if depth is None else depth, "constant"), (zeros == 0, "constant")]
     pressures, gaps, depths, patch = (np.pad(one, RIM, mode).ravel() for one, mode in fields)
     contact = pressures > 0
@@ -156,34 +132,23 @@ def edges_of(
         for step in (along, -along):
             here = touching[~contact[touching - step]]
             beside = np.array([here + across, here - across])
-            found = Edges(
-                aligned=np.count_nonzero(contact[beside] & ~contact[beside - step], axis=0),
-                pressure=pressures[here],
-                behind=pressures[here + step],
-                gap=gaps[here - step],
-                beyond=gaps[here - 2 * step],
-                depth=depths[here],
-                inside=patch[here + step] | (not free),
-                outside=patch[here - 2 * step] | (not free),
-            )
-            yield found, compliance * spacing
-
-
-def _offsets(edges: Edges, weights: Field, compliance: float) -> Values:
-    """Return the distance from each edge back to the border, (e,) [spacing across the edge]."""
-    elastic = compliance * edges.pressure
-    terms = np.empty((len(elastic), 4))  # one, the share f and both ratios
-    terms[:, 0] = 1.0
-    terms[:, 1] = edges.gap / (edges.gap + elastic + edges.depth)
-    terms[:, 2:] = USUAL_RATIOS
-    np.divide(edges.pressure, edges.pressure + edges.behind, out=terms[:, 2], where=edges.inside)
-    known = edges.outside & (edges.gap + edges.beyond > 0)
-    np.divide(edges.gap, edges.gap + edges.beyond, out=terms[:, 3], where=known)
-    offsets: Values = np.einsum("ij,ij->i", weights[edges.aligned], terms)
-    if edges.depth.any():
-        cut = edges.depth / (edges.depth + YIELDED * elastic)
-        offsets = (1 - cut) * offsets + cut * (terms[:, 1] - 0.5)
-    return offsets
+            aligned = np.count_nonzero(contact[beside] & ~contact[beside - step], axis=0)
+            pressed, opened, yielded = pressures[here], gaps[here - step], depths[here]
+            elastic = compliance * spacing * pressed
+            terms = np.empty((len(here), 4))  # one, the share f and both ratios
+            terms[:, 0] = 1.0
+            terms[:, 1] = opened / (opened + elastic + yielded)
+            terms[:, 2:] = USUAL_RATIOS
+            both = pressed + pressures[here + step]
+            np.divide(pressed, both, out=terms[:, 2], where=patch[here + step] | (not free))
+            both = opened + gaps[here - 2 * step]
+            known = (patch[here - 2 * step] | (not free)) & (both > 0)
+            np.divide(opened, both, out=terms[:, 3], where=known)
+            offsets: Values = np.einsum("ij,ij->i", weights[aligned], terms)
+            if yielded.any():
+                cut = yielded / (yielded + YIELDED * elastic)
+                offsets = (1 - cut) * offsets + cut * (terms[:, 1] - 0.5)
+            yield offsets
 
 
 def _of_concentrated_forces(count: int, edges: int) -> float:

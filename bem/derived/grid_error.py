@@ -151,8 +151,13 @@ class GridError:
 def grid_error_of(contact: Contact) -> GridError:
     """Return the errors of a contact, which is solved once more on about every second node."""
     heights, percent = contact.problem.heights, contact.continuum_area_percent
-    order = slope_order(heights, contact.problem.boundary)
-    summit = OF_SUMMIT * _remaining(order) * _second_difference(heights)
+    order, lower = slope_order(heights, contact.problem.boundary), 0.0
+    row, column = np.unravel_index(int(heights.argmax()), heights.shape)
+    for line, place in ((heights[:, column], row), (heights[row], column)):
+        # The nodes on both sides of the highest one; at a border the inner one twice.
+        beside = np.pad(line, 1, mode="reflect")[[place, place + 2]]
+        lower += float(2 * line[place] - beside.sum())
+    summit = OF_SUMMIT * _remaining(order) * lower
     growth = 0.0 if contact.problem.delta is None else _growth(contact, summit)
     counted = abs(contact.area_percent / percent - 1) if percent else 0.0
     coarse, (resolved, reason) = None, (False, "half of the nodes are in full contact")
@@ -160,7 +165,7 @@ def grid_error_of(contact: Contact) -> GridError:
         reason = f"{heights.shape[0]} x {heights.shape[1]} nodes are too few to tell"
     else:
         try:
-            coarse = contact.again(*_posed(contact, coarser(contact.problem), summit))
+            coarse = contact.again(*_posed(contact, summit))
             there = area_within(coarse, contact.problem.spacing)
             resolved, reason = _verdict(contact, there, order)
         except NoSolution:
@@ -218,22 +223,20 @@ def _steepening(contact: Contact) -> float:
     return 1 + STEEPENING * contact.area_percent / 100 * edgeless
 
 
-def _posed(contact: Contact, half: Problem, summit: float) -> tuple[Problem, Field | None]:
+def _posed(contact: Contact, summit: float) -> tuple[Problem, Field | None]:
     """Return the coarser problem under the contact's load, and a pressure to start from.
 
     A full contact without edges needs no start: the coarser one is known where it is full too.
     Raises NoSolution also where a given Delta would close it if the summit were that much higher.
     """
-    places = (
-        np.rint(_places(nodes, half.boundary)).astype(np.intp) for nodes in contact.pressure.shape
-    )
+    half, near = coarser(contact.problem, contact.pressure)
     full = half.boundary != "free" and contact.contact_nodes == contact.pressure.size
-    near = None if full else np.ascontiguousarray(contact.pressure[np.ix_(*places)])
+    start = None if full else near
     if contact.problem.delta is None:
-        return replace(half, delta=None, force=contact.force), near
+        return replace(half, delta=None, force=contact.force), start
     delta = contact.delta - float(contact.problem.heights.max() - half.heights.max())
     check_solvable(replace(half, delta=delta + summit))
-    return replace(half, delta=delta), near
+    return replace(half, delta=delta), start
 
 
 def area_within(contact: Contact, spacing: tuple[float, float] | None = None) -> float:
@@ -285,46 +288,31 @@ def _remaining(order: float) -> float:
     return 1 / (2 ** min(max(order, math.log2(1.4)), 2.0) - 1)
 
 
-def _second_difference(heights: Field) -> float:
-    """Return by how much the nodes beside the highest one lie below it, over both axes [um]."""
-    top = np.unravel_index(int(heights.argmax()), heights.shape)
-    total = 0.0
-    for axis in (0, 1):
-        line = heights[top[0]] if axis else heights[:, top[1]]
-        place, nodes = int(top[axis]), heights.shape[axis]
-        if nodes > 1:
-            beside = [line[abs(place - 1)], line[min(place + 1, 2 * (nodes - 1) - place - 1)]]
-            total += float(2 * line[place] - sum(beside))
-    return total
-
-
-def coarser(problem: Problem) -> Problem:
-    """Return the same problem on about every second node along each axis.
+def coarser(problem: Problem, pressure: Field) -> tuple[Problem, Field]:
+    """Return the same problem on about every second node along each axis, and a pressure there.
 
     Every second node is taken where they cover the patch: an even number of nodes on a patch that
     repeats itself, an odd one on a free patch. Elsewhere the surface is read between its nodes, by
-    its own waves where the patch has no edges, and by cubic splines on free patches.
+    its own waves where the patch has no edges, and by cubic splines on free patches; the pressure
+    is that of the nearest node.
     """
-    heights, spacing = problem.heights, list(problem.spacing)
+    heights, spacing, free = problem.heights, list(problem.spacing), problem.boundary == "free"
     for axis in (0, 1):
         nodes = heights.shape[axis]
         if nodes == 1:
             continue
-        places = _places(nodes, problem.boundary)
+        number = (nodes + 1) // 2
+        step = (nodes - 1) / (number - 1) if free else nodes / number
+        first = 0.5 * step - 0.5 if problem.boundary == "mirror" else 0.0
+        places = first + step * np.arange(number)  # of its nodes, (number,) [spacing]
         heights = _read(heights, axis, places, problem.boundary)
+        pressure = pressure.take(np.rint(places).astype(np.intp), axis)
         spacing[axis] *= places[1] - places[0]
     if problem.kernel == "concentrated-force":  # which needs square cells, to the last digit
         spacing = [float(np.sqrt(spacing[0] * spacing[1]))] * 2
     rtol = max(problem.rtol, COARSE_RTOL)
-    return replace(problem, heights=heights, spacing=(spacing[0], spacing[1]), rtol=rtol)
-
-
-def _places(nodes: int, boundary: Boundary) -> Field:
-    """Return where the nodes of the coarser grid lie, (m,) [spacing of the finer one]."""
-    number = (nodes + 1) // 2
-    step = (nodes - 1) / (number - 1) if boundary == "free" else nodes / number
-    first = 0.5 * step - 0.5 if boundary == "mirror" else 0.0
-    return np.asarray(first + step * np.arange(number), dtype=np.float64)
+    half = replace(problem, heights=heights, spacing=(spacing[0], spacing[1]), rtol=rtol)
+    return half, pressure
 
 
 def _read(heights: Field, axis: int, places: Field, boundary: Boundary) -> Field:

@@ -28,7 +28,8 @@ def test_the_coarser_grid_reads_the_same_surface(boundary, nodes):
         return np.cos(turns[0] * x)[:, None] * np.cos(turns[1] * y)
 
     fine = surface(problem.heights.shape, problem.spacing)
-    half = coarser(pose(fine, (2.0, 3.0), None, force=0.1, boundary=boundary))
+    half, nearest = coarser(pose(fine, (2.0, 3.0), None, force=0.1, boundary=boundary), fine)
+    assert nearest == pytest.approx(half.heights, abs=2 * max(half.spacing))
     assert half.heights.shape == ((nodes + 1) // 2, (nodes + 2) // 2)
     sides = [n - (boundary == "free") for n in half.heights.shape]
     lengths = [n * h for n, h in zip(sides, half.spacing, strict=True)]
@@ -167,7 +168,7 @@ def test_bars_at_displacements_far_from_one_stay_within_double_precision(delta, 
 
 
 def test_nothing_is_solved_unless_it_is_asked_for(monkeypatch):
-    monkeypatch.setattr("bem.derived.grid_error.coarser", lambda _: pytest.fail("a coarser grid"))
+    monkeypatch.setattr("bem.derived.grid_error.coarser", lambda *_: pytest.fail("a coarser grid"))
     contact = bem.solve(fractal(32, 0.8, 0), 1.0, pressure=0.01, boundary="periodic")
     assert contact.continuum_area_percent > 0
     with pytest.raises(pytest.fail.Exception):
