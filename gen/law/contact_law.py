@@ -115,7 +115,7 @@ def by_solver(order: Order) -> Law:
     under = partial(_solved, order, subjects.surfaces, bodies, lost)
     asked: dict[Load, Values | None] = {"delta": deltas, "pressure": pressures}
     solved = {load: under(load, loads) for load, loads in asked.items() if loads is not None}
-    over_delta, over_pressure = _tables(order, subjects.surfaces, solved, under)
+    over_delta, over_pressure = _tables(order, subjects.surfaces, bodies, solved, under)
     lines = [line for _, _, said in solved.values() for line in said]
     tables = over_delta, over_pressure, list(dict.fromkeys([*lines, *lost]))
     one = "none, one surface was solved"
@@ -170,6 +170,7 @@ def law_of(
 def _tables(
     order: Order,
     surfaces: Sequence[LawSurface],
+    bodies: Bodies,
     solved: Mapping[Load, Solved],
     under: Callable[..., Solved],
 ) -> tuple[Curves, Curves]:
@@ -184,7 +185,15 @@ def _tables(
         loads, parts, _ = solved.get(load) or next(iter(solved.values()))
         if load not in solved and len(surfaces) > 1:  # solved at the means of the other one's
             means = np.sort(np.mean([part.values[argument] for part in parts], axis=0))
-            loads, parts, _ = under(load, means[risen(means)], derived=True)
+            means = means[risen(means)]
+            if load == "pressure" and bodies.hardness is not None:
+                means = means[means < (1 - APART) * bodies.hardness]
+                if not means.size:
+                    raise InputError(
+                        f"every node yields: the pressure is the hardness, {bodies.hardness:.4g}"
+                        " MPa, at all displacements: give smaller ones"
+                    )
+            loads, parts, _ = under(load, means)
         elif load not in solved:
             order_of = np.argsort(parts[0].values[argument], kind="stable")
             rising = order_of[risen(parts[0].values[argument][order_of])]
@@ -208,11 +217,10 @@ def _solved(
     lost: list[str],
     load: Load,
     loads: Values,
-    *,
-    derived: bool = False,
 ) -> Solved:
     """Solve every surface; return the loads solved on all, the points, and warnings."""
-    loads = _possible(load, loads, surfaces, bodies, lost, derived=derived)
+    if load == "delta" and bodies.hardness is None:
+        loads = _below_full_contact(loads, surfaces, lost)
     points, faults_of, warned, notes = list[Points](), [], list[str](), list[str]()
     many = len(surfaces) > 1
     with RunProgress(len(surfaces), f"surfaces at given {load}") if many else nullcontext() as told:
@@ -230,8 +238,11 @@ def _solved(
             )
             points.append(Points(values, low, high, ("",) * loads.size))
             faults_of.append(faults)
-            if judged:
-                notes += _of_the_grid(surface, UNITS[ARGUMENTS[load]], loads, doubts)
+            if judged and (doubted := loads[np.array(doubts) != ""]).size:
+                up_to = f"{doubted[-1]:.4g} {UNITS[ARGUMENTS[load]]}"
+                at = f"{doubted.size} of {loads.size} loads, up to {up_to}; at the first"
+                why = next(filter(None, doubts))
+                notes.append(f"{surface.name}: the area is that of the grid at {at}, {why}")
             solved = [each for each in pressed if each]
             warned += list(contact_warnings(surface, bodies, load, solved))[:1]
             if told is not None:
@@ -250,42 +261,15 @@ def _solved(
     return loads[kept], [each.chosen(kept) for each in points], [*lines, *notes]
 
 
-def _of_the_grid(surface: LawSurface, unit: str, loads: Values, doubts: Sequence[str]) -> list[str]:
-    """Say in at most one line at which loads the area is that of the grid, and why at the first."""
-    doubted = loads[[bool(each) for each in doubts]]
-    if not doubted.size:
-        return []
-    at = f"{doubted.size} of {loads.size} loads, up to {doubted[-1]:.4g} {unit}"
-    why = next(filter(None, doubts))
-    return [f"{surface.name}: the area is that of the grid at {at}; at the first, {why}"]
-
-
-def _possible(
-    load: Load,
-    loads: Values,
-    surfaces: Sequence[LawSurface],
-    bodies: Bodies,
-    lost: list[str],
-    *,
-    derived: bool,
-) -> Values:
-    """Return the loads below full contact, and for derived pressures below the hardness."""
+def _below_full_contact(loads: Values, surfaces: Sequence[LawSurface], lost: list[str]) -> Values:
+    """Return the displacements [um] below full contact of elastic patches without edges."""
     full = min((each.gap_at_rest for each in surfaces if each.boundary != "free"), default=np.inf)
-    if load == "delta" and np.isfinite(full) and bodies.hardness is None:
-        possible, beyond = loads[loads < (1 - APART) * full], f"full contact from {full:.4g} um on"
-        if not possible.size:
-            raise InputError(f"{beyond}: give smaller loads")
-        if possible.size < loads.size:
-            lost.append(f"{beyond}: the table against delta_um ends below it")
-        return possible
-    if load == "pressure" and derived and bodies.hardness is not None:
-        loads = loads[loads < (1 - APART) * bodies.hardness]
-        if not loads.size:
-            raise InputError(
-                f"every node yields: the pressure is the hardness, {bodies.hardness:.4g} MPa, at"
-                " all displacements: give smaller ones"
-            )
-    return loads
+    possible, beyond = loads[loads < (1 - APART) * full], f"full contact from {full:.4g} um on"
+    if not possible.size:
+        raise InputError(f"{beyond}: give smaller loads")
+    if possible.size < loads.size:
+        lost.append(f"{beyond}: the table against delta_um ends below it")
+    return possible
 
 
 def _contacts(
