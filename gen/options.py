@@ -50,9 +50,11 @@ Writer = Annotated[
     Option(help="Who writes: rank 0, or every worker its own rows (needs an h5py with MPI)."),
 ]
 DryRun = Annotated[bool, Option("--dry-run", help="Show the plan and write nothing.")]
-Delta = Annotated[str, Option(metavar="UM", help="Far-field displacement from first touch in um.")]
-NormalForce = Annotated[str, Option(metavar="UN", help="Or normal force in uN.")]
-Pressure = Annotated[str, Option(metavar="MPA", help="Or mean pressure over the patch in MPa.")]
+Delta = Annotated[
+    str, Option(metavar="UM", help="Displacements in um: 2, 1,2,5 or start:stop:count[:log].")
+]
+NormalForce = Annotated[str, Option(metavar="UN", help="Normal forces in uN, likewise.")]
+Pressure = Annotated[str, Option(metavar="MPA", help="Pressures over the patch in MPa, likewise.")]
 Spots = Annotated[bool, Option("--spots", help="Count spots; see if contact and gap cross.")]
 Flow = Annotated[bool, Option("--flow", help="Let a fluid flow through the gap along x and y.")]
 GridError = Annotated[bool, Option(help="Give the area in the continuum, and the grid's error.")]
@@ -96,21 +98,13 @@ NewPicture = Annotated[Path, Option(*OUT, metavar="PNG", help="The picture to wr
 Recompute = Annotated[int, Option(metavar="N", min=0, help="Rows to recompute and compare.")]
 Seed = Annotated[int, Option(min=0, help="Seed of the choice of rows.")]
 Databases = Annotated[list[Path], Argument(metavar="FILES", help="Databases of one scene.")]
-SceneName = Annotated[str, Argument(metavar="SCENE", help="A scene's name, or a TOML file.")]
 Ranks = Annotated[int, Option(min=1, help="Processes of the run; rank 0 computes nothing.")]
 
 Surfaces = Annotated[
     list[str],
     Argument(metavar="INPUT...", help="A surface; or several, folders, databases or scenes."),
 ]
-Deltas = Annotated[
-    str, Option(metavar="UM", help="Displacements: 2, 1,2,5 or start:stop:count[:log].")
-]
-Pressures = Annotated[str, Option(metavar="MPA", help="Nominal pressures, in the same notation.")]
 Population = Annotated[int, Option(min=2, max=10_000, help="Surfaces of a scene or database.")]
-LawBoundary = Annotated[
-    Literal["mirror", "periodic", "free"], Option(help="Boundary of the patches, see gen contact.")
-]
 Band = Annotated[float, Option(metavar="SHARE", help="Share of a population in its band.")]
 LawFiles = Annotated[
     Path | None,

@@ -77,7 +77,7 @@ def run(
     return 128 + result.signal if result.signal and result.counts.pending else 0
 
 
-def estimate(scene: options.SceneName, ranks: options.Ranks = 1, trust: Trust = False) -> None:
+def estimate(scene: options.Scene, ranks: options.Ranks = 1, trust: Trust = False) -> None:
     """Measure a few samples and predict time, memory and disk space of a run."""
     from gen.commands import printer
     from gen.generation.run import measured_time

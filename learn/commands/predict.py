@@ -34,10 +34,6 @@ At = Annotated[
 Mean = Annotated[
     bool, typer.Option("--mean", help="Predict the mean over all surfaces of the parameters.")
 ]
-Deltas = Annotated[
-    str,
-    typer.Option(metavar="UM", help="Far-field displacement: 2, 1,2,5 or start:stop:count[:log]."),
-]
 Coverage = Annotated[
     float, typer.Option(metavar="SHARE", help="Coverage of the intervals, as 0.9.")
 ]
@@ -73,8 +69,8 @@ LawBoundary = Annotated[
 def predict(
     file: File,
     inputs: Inputs = None,
-    delta: Deltas = "",
-    pressure: options.Pressures = "",
+    delta: options.Delta = "",
+    pressure: options.Pressure = "",
     at: At = "",
     output: TableFile = None,
     interval: Coverage = 0.9,
@@ -162,8 +158,8 @@ def card(file: File) -> None:
 def law(
     context: typer.Context,
     inputs: SurrogateAndInputs,
-    delta: Deltas = "",
-    pressure: options.Pressures = "",
+    delta: options.Delta = "",
+    pressure: options.Pressure = "",
     conductivity: options.Conductivity = None,
     at: At = "",
     solver: Solver = False,
