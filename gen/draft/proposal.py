@@ -95,21 +95,23 @@ def _without_name(error: InputError, path: Path) -> str:
     return fault.replace(", or overrule the file by --override-scale", "")
 
 
-def measure(look: MapSurvey, reading: Reading, spacing: Sides | None) -> None:
-    """Prepare a map as the scene will, and note its roughness."""
+def measure(look: MapSurvey, reading: Reading, spacing: Sides | None = None) -> Topography | None:
+    """Prepare a map as the scene will, note its roughness, and return it; None at a fault."""
     try:
         topography = prepare(read(look.path, reading), reading)
         if spacing is not None:
             topography = resampled(topography, spacing)
     except InputError as error:
         look.fault = _without_name(error, look.path)
-        return
+        return None
     heights, slope = topography.heights, rms_slope(topography.heights, topography.spacing)
     look.prepared = heights.shape[0], heights.shape[1]
     look.rms_height, look.rms_slope = float(heights.std()), slope
     look.length = areal_parameters(topography).values["Sal"]
     if slope < FLAT:
         look.fault = f"its rms slope is {slope:.2g}: check the unit of its heights"
+        return None
+    return topography
 
 
 def remarks(look: MapSurvey) -> list[str]:
@@ -341,9 +343,8 @@ def propose_like(path: Path, reading: Reading) -> Likeness:
     """Fit a self-affine law to a map, and generate a few surfaces to see how like they are."""
     [look] = require_used(survey([path], reading))
     reading = with_steps(reading, [look])
-    measure(look, reading, None)
-    require_used([look])
-    topography = prepare(read(path, reading), reading)
+    if (topography := measure(look, reading)) is None:
+        raise InputError(f"no map can be used: {path}: {look.fault}")
     stretch = _stretch(topography)
     # Wavelengths of a stretched spectrum are those along y, which stay as they are.
     isotropic = replace(topography, sides=(topography.sides[0] / stretch, topography.sides[1]))

@@ -126,7 +126,7 @@ def generate_database(
                 for line in said:
                     progress.say(line)
                 blocks = blocks_of(own, pending, world.workers)
-            farm.run(work, blocks, take, world, stopping=lambda: interruption.signal != 0)
+            farm.run(work, blocks, take, world, stopping=interruption.requested)
             if job is not None and writer is not None:
                 writer.confirm()
         # Every writer has closed the file: its rows can be counted now.

@@ -263,10 +263,8 @@ def called(store: Store, contact: bem.Contact, row: int) -> dict[Any, Output]:
     """Call the user's function for a contact, whose arrays cannot be changed."""
     contact.pressure.setflags(write=False)
     place = f"{store.function}, row {row}"
-    if store.function is None or store.source is None:  # only a file that no run has made lacks it
-        raise SourceError(f"{store.function}: the scene lacks the hash of its source")
     with faults_of(place):
-        returned = load_function(store.function, store.source)(contact)
+        returned = load_function(str(store.function), store.source)(contact)
         if not isinstance(returned, Mapping):
             kind = type(returned).__name__
             raise SourceError(f"{place}: returned a {kind}, not a dictionary of numbers by names")
@@ -297,7 +295,7 @@ def completed(scene: Scene, home: Path | None = None, *, rehearsed: bool = False
     require_own_names(scene)
     scene, function = scene.resolved(home), scene.store.function
     if isinstance(scene.surface, PythonSurface):
-        load_function(scene.surface.function, str(scene.surface.source))
+        load_function(scene.surface.function, scene.surface.source)
         if rehearsed and function is None:
             first_contact(scene)
     if function is None:

@@ -57,8 +57,6 @@ class PythonSurface(GridSurface):
 
     def heights(self, grid: Grid, surface: int, parameters: Parameters, random: Random) -> Heights:
         """Call the function; see `GeneratedSurface.heights`."""
-        if self.source is None:  # only a file that was not made by a run lacks it
-            raise SourceError(f"{self.function}: the scene lacks the hash of its source")
         place = f"{self.function}, surface {surface}"
         function = load_function(self.function, self.source)
         with faults_of(place):

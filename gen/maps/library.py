@@ -339,8 +339,6 @@ tiled = lru_cache(maxsize=8)(Tiling)  # the same tiles for every surface of a ru
 
 def _cut(nodes: int, width: int) -> list[Shape]:
     """Cut an axis into tiles twice as wide as a window, or two narrower ones, or a single one."""
-    if nodes < width:  # `gen.maps.library` says it in words
-        raise ValueError(f"an axis of {nodes} nodes holds no window of {width}")
     count = max(nodes // (WIDE * width), min(FEWEST, nodes // width))
     return [(place * nodes // count, (place + 1) * nodes // count) for place in range(count)]
 

@@ -35,8 +35,10 @@ def source_hash(name: str) -> str:
 
 
 @functools.lru_cache(maxsize=16)
-def load_function(name: str, source: str) -> Function:
+def load_function(name: str, source: str | None) -> Function:
     """Import a user's function "module:function" of a source with this SHA-256, or say why not."""
+    if source is None:  # only a file that no run has made lacks it
+        raise SourceError(f"{name}: the scene lacks the hash of its source")
     with faults_of(name):
         path = source_of(name)
         content = path.read_bytes()
