@@ -161,10 +161,9 @@ def contact(
             picture,
             name=topography.name,
             load=load,
-            material=bodies.known,
+            bodies=bodies,
             warnings=warnings,
-            spots=spots,
-            flow=flow,
+            wanted=wanted,
         )
 
 

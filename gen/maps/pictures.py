@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Heights, Values
-from gen.maps.contacts import nominal_area
+from gen.maps.contacts import Wanted, nominal_area
 from gen.maps.read import Sides, Topography
 from gen.maps.texture import RadialSpectrum, SelfAffineFit
 from gen.material import Bodies
@@ -72,7 +72,7 @@ def contact_maps(contact: Contact, height_title: str, pressure_title: str) -> tu
     )
 
 
-def gap_maps(contact: Contact, where: str, *, spots: bool, flow: bool) -> tuple[Map, Map]:
+def gap_maps(contact: Contact, where: str, wanted: Wanted) -> tuple[Map, Map]:
     """Return two maps: of the gap, the spots by size and, by decades, the flux over its mean."""
     found, sides = contact.spots, patch_sides(contact)
     crossing, apart = found.open_gap.any(), found.labels == 0
@@ -81,17 +81,17 @@ def gap_maps(contact: Contact, where: str, *, spots: bool, flow: bool) -> tuple[
     gap = np.ma.masked_where(~apart, contact.gap)
     open_gap = Map(gap, sides, f"gap: {state}{where}", "gap", "µm", "viridis", closed)
     title = f"{found.number} spots, the largest with {100 * found.largest_share:.3g} % of the"
-    title += f" contact{where if flow else ''}"
+    title += f" contact{where if wanted.flow else ''}"
     colours = np.ma.masked_where(apart, (found.labels - 1.0) % COLOURS)
     by_size = Map(colours, sides, title, "", "", "tab20")
-    if not flow:
+    if not wanted.flow:
         return open_gap, by_size
     along_x = contact.flow(0)
     share = np.hypot(*along_x.flux) / (along_x.aperture**3 or 1.0)
     decades = np.ma.log10(np.ma.masked_less(share, FAINT))
     state = f"flow factor {along_x.factor:.3g}" if along_x.factor else "no flow, the contact seals"
     flux = Map(decades, sides, f"flux along x: {state}", "flux over its mean", "decades", "viridis")
-    return by_size if spots else open_gap, flux
+    return by_size if wanted.spots else open_gap, flux
 
 
 def patch_sides(contact: Contact) -> tuple[float, float]:
@@ -227,16 +227,14 @@ def draw_contacts(
     *,
     name: str,
     load: str,
-    material: bool,
+    bodies: Bodies,
     warnings: Sequence[str],
-    spots: bool = False,
-    flow: bool = False,
+    wanted: Wanted,
 ) -> None:
     """Draw a surface, its contact and a section under the last load, and the law of several.
 
-    `load` is the quantity that was given: delta, force or pressure; `material` is whether a modulus
-    was. With `spots` or `flow` the spots, the open gap or the flux along x are drawn instead of
-    heights and pressure.
+    `load` is the quantity that was given: delta, force or pressure. If spots or flow are `wanted`,
+    the spots, the open gap or the flux along x are drawn instead of heights and pressure.
     """
     last, law = contacts[-1], len(contacts) > 1
     panels = [["heights"] * 3 + ["contact"] * 3, ["section"] * 6]
@@ -249,16 +247,16 @@ def draw_contacts(
     problem, pressed = last.problem, last.force / nominal_area(last)
     title = f"last of {len(contacts)} loads: " if law else ""
     title += f"Δ = {last.delta:.4g} µm, force {last.force:.4g} µN, mean pressure {pressed:.4g} MPa"
-    bodies = Bodies(problem.modulus, problem.hardness).text + ", no material given" * (not material)
-    bodies += "" if problem.boundary == "free" else f"; {problem.boundary} boundary"
-    lines = shortened(name), title, bodies
+    material = bodies.text + ", no material given" * (not bodies.known)
+    material += "" if problem.boundary == "free" else f"; {problem.boundary} boundary"
+    lines = shortened(name), title, material
     figure.suptitle("\n".join(lines), fontsize=11, parse_math=False)
     if warnings:
         told = "\n".join(textwrap.fill(f"warning: {warning}", 160) for warning in warnings)
         figure.supxlabel(told, fontsize=8, color="tab:red", parse_math=False)
     where = f" at {load_text(last, load)}" if law else ""
-    if spots or flow:
-        first, second = gap_maps(last, where, spots=spots, flow=flow)
+    if wanted.spots or wanted.flow:
+        first, second = gap_maps(last, where, wanted)
     else:
         share = f"{last.area_percent:.3g} % of {last.pressure.size} nodes"
         first, second = contact_maps(last, "heights", f"contact{where}: {share}")

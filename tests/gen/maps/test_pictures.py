@@ -20,7 +20,9 @@ pytest.importorskip("matplotlib", reason="needs the extra plot")
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from gen.maps import pictures
+from gen.maps.contacts import Wanted
 from gen.maps.pictures import draw_contacts
+from gen.material import Bodies
 
 ROUGH = generate_spectral(
     (129, 129), 1000.0, SelfAffineSpectrum(0.7, 250, 16.5), np.random.default_rng(1), rms_height=2.0
@@ -73,7 +75,9 @@ PATCHES = {
 def drawn(contacts, **changes):
     """A figure as it would be written, without the work of drawing its pixels."""
     figure = new_figure(11, 8.2, dpi=110)
-    subject = {"name": NAME, "load": "delta", "material": True, "warnings": (), **changes}
+    bodies = Bodies(E_STAR, contacts[0].problem.hardness, known=True)
+    subject = {"name": NAME, "load": "delta", "bodies": bodies, "warnings": (), **changes}
+    subject = {"wanted": Wanted(), **subject}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(pictures, "save", lambda *_: None)
         draw_contacts(figure, contacts, Path("contact.png"), **subject)
@@ -123,11 +127,11 @@ def test_laws_have_the_gap_and_logarithmic_axes_over_decades():
 
 def test_the_flow_takes_the_place_of_the_pressure():
     light, full = (bem.solve(FRACTAL, 100.0, pressure=p, modulus=E_STAR) for p in (1e-2, 1e7))
-    figure = drawn([light], flow=True)
+    figure = drawn([light], wanted=Wanted(flow=True))
     assert titled(figure, "gap: connects")
     assert titled(figure, f"flux along x: flow factor {light.flow().factor:.3g}")
-    assert titled(drawn([full], spots=True, flow=True), "1 spots")
-    assert titled(drawn([full], flow=True), "flux along x: no flow")
+    assert titled(drawn([full], wanted=Wanted(spots=True, flow=True)), "1 spots")
+    assert titled(drawn([full], wanted=Wanted(flow=True)), "flux along x: no flow")
 
 
 @pytest.mark.parametrize("values", [(2.1, 4.4), (7.0, 45.0), (1, 1e6)])
