@@ -165,7 +165,15 @@ def grid_error_of(contact: Contact) -> GridError:
         reason = f"{heights.shape[0]} x {heights.shape[1]} nodes are too few to tell"
     else:
         try:
-            coarse = contact.again(*_posed(contact, summit))
+            half, near = coarser(contact.problem, contact.pressure)
+            half = replace(half, delta=None, force=contact.force)
+            if contact.problem.delta is not None:
+                delta = contact.delta - float(heights.max() - half.heights.max())
+                half = replace(half, delta=delta, force=None)
+                check_solvable(replace(half, delta=delta + summit))  # also under a higher summit
+            # A full contact without edges needs no start: the coarser one is known to be full too.
+            full = half.boundary != "free" and contact.contact_nodes == heights.size
+            coarse = contact.again(half, None if full else near)
             there = area_within(coarse, contact.problem.spacing)
             resolved, reason = _verdict(contact, there, order)
         except NoSolution:
@@ -221,22 +229,6 @@ def _steepening(contact: Contact) -> float:
     """Return how much steeper forces grow than their mean power says, as a patch fills [1]."""
     edgeless = contact.problem.boundary != "free"
     return 1 + STEEPENING * contact.area_percent / 100 * edgeless
-
-
-def _posed(contact: Contact, summit: float) -> tuple[Problem, Field | None]:
-    """Return the coarser problem under the contact's load, and a pressure to start from.
-
-    A full contact without edges needs no start: the coarser one is known where it is full too.
-    Raises NoSolution also where a given Delta would close it if the summit were that much higher.
-    """
-    half, near = coarser(contact.problem, contact.pressure)
-    full = half.boundary != "free" and contact.contact_nodes == contact.pressure.size
-    start = None if full else near
-    if contact.problem.delta is None:
-        return replace(half, delta=None, force=contact.force), start
-    delta = contact.delta - float(contact.problem.heights.max() - half.heights.max())
-    check_solvable(replace(half, delta=delta + summit))
-    return replace(half, delta=delta), start
 
 
 def area_within(contact: Contact, spacing: tuple[float, float] | None = None) -> float:

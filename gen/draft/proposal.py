@@ -381,11 +381,8 @@ def propose_like(path: Path, reading: Reading) -> Likeness:
 
 def _stretch(topography: Topography) -> float:
     """Return wavelengths along x over those along y, from the rms slopes; 1 if it is near that."""
-    heights, spacing = topography.heights, topography.spacing
-    along_x, along_y = (
-        float(np.sqrt(np.mean((np.diff(heights, axis=axis) / spacing[axis]) ** 2)))
-        for axis in (0, 1)
-    )
+    heights, (dx, dy) = topography.heights, topography.spacing
+    along_x, along_y = rms_slope(heights, (dx, math.inf)), rms_slope(heights, (math.inf, dy))
     lay = along_y / along_x if along_x else 1.0
     return 1.0 if 1 / LAY < lay < LAY else rounded(lay)
 

@@ -48,15 +48,11 @@ FAR = np.linspace(10, POINTS + 0.5, POINTS + 2)
 FINE = 64
 """Parts of an interval of the law, at whose ends straight lines are set beside its cubic."""
 
-LINES = (
-    "The table is straight between its points: there its pressure is up to {off:.2g} % off the"
-    " monotone cubic through the law. {fewer}"
-)
 FEWER = {
     "abaqus": "More pressures bring it nearer.",
     "calculix": "A table that spans fewer decades of pressure comes nearer.",
 }
-"""How far straight lines are from the law, and what brings them nearer."""
+"""What brings straight lines nearer to the law."""
 
 CLOSER = 1e-6  # relative rise of the closure below which a point is left out
 
@@ -154,7 +150,9 @@ def _lines(path: Path, law: Law, program: Program, units: UnitSystem, side: str)
         points = _for_calculix(*points)
     yield from _comment(_description(law, program, units, pressures, side), "** ")
     off = 100 * _off(at, curve, points[1], points[0]).max()
-    yield from _comment([LINES.format(off=off, fewer=FEWER[program])], "** ")
+    straight = "The table is straight between its points: there its pressure is up to"
+    straight += f" {off:.2g} % off the monotone cubic through the law. {FEWER[program]}"
+    yield from _comment([straight], "** ")
     name = re.sub(r"[^0-9A-Za-z]+", "_", path.stem).strip("_").upper()[:LONGEST_NAME]
     name = name if name[:1].isalpha() else f"LAW_{name}".rstrip("_")  # a letter first
     yield f"*SURFACE INTERACTION, NAME={name}"
@@ -273,9 +271,6 @@ def _off(at: Values, curve: Values, points: Values, values: Values) -> Values:
     return np.asarray(np.abs(lines - curve) / np.where(curve > 0, curve, np.inf))
 
 
-ARGUMENTS = {"delta_um": ("delta", ""), "pressure_MPa": ("pressure", "_at_pressure")}
-"""Name of the argument, and end of the functions' names, for each table."""
-
 PER_LINE = 5  # numbers in a line of the C header
 
 
@@ -351,7 +346,8 @@ def _body(law: Law, name: str) -> Iterator[str]:
     yield "\n" + functions.replace("NAME", name)
     rest = law.over_delta.curves
     for curves in (law.over_delta, law.over_pressure):
-        argument, suffix = ARGUMENTS[curves.against]
+        argument = KNOWN[curves.against].short
+        suffix = "_at_pressure" if argument == "pressure" else ""
         missing = curves.at[:1] > 0  # first touch, where pressures were given
         columns = {}
         for quantity, curve in curves.curves.items():

@@ -180,19 +180,15 @@ def scene_of(text: str) -> Scene | None:
 
 def _population(scene: Scene, text: str, number: int) -> Iterator[LawSurface]:
     """Yield the first surfaces of a scene, with the solver's settings of the scene."""
-    from gen.generation.plan import parameters
-    from gen.generation.sample import surface_of
+    from gen.generation.sample import surface_numbered
 
     contact = scene.contact
     names = "kernel", "far_field", "rtol", "max_iterations"
     settings = {"spacing": scene.grid.spacing, **{name: getattr(contact, name) for name in names}}
-    step = scene.samples_per_surface
-    plan = parameters(scene, 0, step * number)
     for surface in range(number):
-        heights = surface_of(scene, plan, step * surface)
         yield LawSurface(
             f"{text}, surface {surface}",
-            heights,
+            surface_numbered(scene, surface),
             scene.grid.sides,
             boundary=contact.boundary,
             settings=settings,

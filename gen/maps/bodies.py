@@ -85,8 +85,6 @@ def composite(
             grid.sides, heights.shape, grid.heights.shape, grid.spacing, strict=True
         )
     )
-    result = replace(grid, name=name, heights=heights, sides=(x, y))
-    result = replace(result, followed=first.followed & second.followed)
     turn = f"turned over (its {turned} runs backwards)"
     turn = "not turned over" if turned == "none" else turn
     said = [f"pressed against body 2 ({second.name}), {turn}"]
@@ -108,6 +106,8 @@ def composite(
     if ratio > COARSE:
         apart = f"nodes of one body are {ratio:.3g} times as far apart as those of the other"
         warnings.append(f"{apart}: its short waves are not there; check --unit and --side")
+    both = first.followed & second.followed
+    result = replace(grid, name=name, heights=heights, sides=(x, y), followed=both)
     return replace(result, steps=(*steps, ", ".join(said)), warnings=tuple(warnings))
 
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gen.arrays import Heights
-from gen.maps.scan import NAMED_UNITS, UNITS, Scan, arranged, factor_of, unit_of
+from gen.maps.scan import MOST_COLUMNS, NAMED_UNITS, UNITS, Scan, arranged, factor_of, unit_of
 from gen.maps.settings import Asked, Reading, said
 from gen.material import LARGEST, SMALLEST
 from gen.runtime.errors import InputError
@@ -254,7 +254,14 @@ def _scan(path: Path, reading: Reading) -> Scan:
         raise InputError(
             f"{path}: {refused} of {heights.size} heights are infinite; give finite heights"
         )
-    return arranged(path, scan)
+    # Only a narrow table, or one whose first row or column rises or falls throughout, can hold
+    # anything but heights.
+    with np.errstate(over="ignore", invalid="ignore"):
+        axes = [np.diff(heights[0, 1:]), np.diff(heights[1:, 0])]
+    steady = any((each > 0).all() or (each < 0).all() for each in axes)
+    if scan.widths is None and (scan.names or steady or min(heights.shape) <= MOST_COLUMNS):
+        return arranged(path, scan)
+    return scan
 
 
 def _of_text_or_instrument(path: Path, content: bytes, reading: Reading) -> Scan:

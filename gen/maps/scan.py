@@ -48,9 +48,7 @@ def unit_of(name: str) -> str:
 class Scan:
     """The map of a channel, or the table of numbers that holds it, in the file's own units."""
 
-    heights: (
-        Heights  # heights, NaN at holes [factor unit], shape (nx, ny); of text (lines, columns)
-    )
+    heights: Heights  # NaN at holes [factor unit], shape (nx, ny); of text (lines, columns)
     # lengths along x and y, which count whole pixels [length_unit]; None if the file has none
     widths: tuple[float, float] | None = None
     # unit of the heights; if the file names none, "" for one in um by default, else None

@@ -103,7 +103,7 @@ def check_outputs(outputs: Iterable[Output], inputs: Iterable[Path | str] = ()) 
             if _is_same(path, other):
                 raise InputError(f"{option} {path}: is what {name} writes too; give another name")
         try:
-            _require_room(path, _place(path, kind).parent)
+            _place(path, kind)
         except InputError as error:
             raise InputError(f"{option} {error}") from None
 
@@ -111,7 +111,9 @@ def check_outputs(outputs: Iterable[Output], inputs: Iterable[Path | str] = ()) 
 def check_folder(folder: Path, *names: str) -> None:
     """Refuse an output folder that cannot be had, or names in it, pictures (.png) or texts."""
     real = place_of(folder, folder=True)
-    _require_room(folder, next(each for each in (real, *real.parents) if each.exists()))
+    home = next(each for each in (real, *real.parents) if each.exists())
+    if not os.access(home, os.W_OK | os.X_OK):
+        raise InputError(f"{folder} cannot be written: no file can be made in {home}")
     for name in names if real.is_dir() else ():
         _place(folder / name, "picture" if name.endswith(".png") else "text")
 
@@ -215,15 +217,14 @@ def require_writable(path: Path) -> None:
         os.close(os.open(path, os.O_WRONLY | os.O_NONBLOCK | os.O_CLOEXEC))
 
 
-def _require_room(path: Path, folder: Path) -> None:
-    """Refuse a path in a folder where no file can be made; a full disk shows only on writing."""
-    if not os.access(folder, os.W_OK | os.X_OK):
-        raise InputError(f"{path} cannot be written: no file can be made in {folder}")
-
-
 def _place(path: Path, kind: Kind) -> Path:
-    """Return the place of a file; refuse what is no regular file, of another kind, or read-only."""
+    """Return the place of a file; refuse what is no regular file, of another kind, or read-only.
+
+    So is a folder where no file can be made; a full disk shows only on writing.
+    """
     real = place_of(path)
+    if not os.access(real.parent, os.W_OK | os.X_OK):
+        raise InputError(f"{path} cannot be written: no file can be made in {real.parent}")
     if not real.exists():
         return real
     if not path.is_file():
