@@ -345,8 +345,11 @@ def propose_like(path: Path, reading: Reading) -> Likeness:
     reading = with_steps(reading, [look])
     if (topography := measure(look, reading)) is None:
         raise InputError(f"no map can be used: {path}: {look.fault}")
-    stretch = _stretch(topography)
-    # Wavelengths of a stretched spectrum are those along y, which stay as they are.
+    (dx, dy), heights = topography.spacing, topography.heights
+    along_x, along_y = rms_slope(heights, (dx, math.inf)), rms_slope(heights, (math.inf, dy))
+    lay = along_y / along_x if along_x else 1.0
+    # Wavelengths along x over those along y; those of a stretched spectrum are along y.
+    stretch = 1.0 if 1 / LAY < lay < LAY else rounded(lay)
     isotropic = replace(topography, sides=(topography.sides[0] / stretch, topography.sides[1]))
     aspect = areal_parameters(isotropic).values["Str"]
     fit = fit_self_affine(isotropic, radial_spectrum(isotropic), aspect)
@@ -364,8 +367,8 @@ def propose_like(path: Path, reading: Reading) -> Likeness:
         )[:NODES, :NODES]
         for seed in range(TRIED)
     ]
-    x, y = (range(0, max(1, nodes - NODES + 1), NODES) for nodes in topography.heights.shape)
-    cut = [topography.heights[i : i + NODES, j : j + NODES] for i in x for j in y]
+    x, y = (range(0, max(1, nodes - NODES + 1), NODES) for nodes in heights.shape)
+    cut = [heights[i : i + NODES, j : j + NODES] for i in x for j in y]
     windows = _medians(cut, topography.spacing)
     height, unscaled = _medians(generated, (step, step))
     slope = windows[1] / unscaled  # of the waves, where that between nodes is the map's
@@ -377,14 +380,6 @@ def propose_like(path: Path, reading: Reading) -> Likeness:
         doubt = f"the map's spectrum is off the law by a factor of {fit.scatter:.2g}"
     slope = rounded(slope, 3)
     return Likeness(look, reading, fit, spectrum, step, slope, windows, height, doubt)
-
-
-def _stretch(topography: Topography) -> float:
-    """Return wavelengths along x over those along y, from the rms slopes; 1 if it is near that."""
-    heights, (dx, dy) = topography.heights, topography.spacing
-    along_x, along_y = rms_slope(heights, (dx, math.inf)), rms_slope(heights, (math.inf, dy))
-    lay = along_y / along_x if along_x else 1.0
-    return 1.0 if 1 / LAY < lay < LAY else rounded(lay)
 
 
 def _medians(surfaces: list[Heights], spacing: tuple[float, float]) -> tuple[float, float]:

@@ -151,8 +151,8 @@ def prepared(
     """Return the prepared maps of files; prepare them unless a file has them already."""
     library = opened(sha256s, wanted, folder, verify=True)
     if library is None:
-        home = folder if folder and _is_writable(folder) else _temporary_folder(make=True)
-        if home is None:
+        own = folder is not None and os.access(folder, os.W_OK | os.X_OK)
+        if (home := folder if own else _temporary_folder(make=True)) is None:
             raise InputError(
                 f"there is no folder for prepared maps: {folder or tempfile.gettempdir()} cannot be"
                 " written to; set TMPDIR to a folder of yours"
@@ -217,13 +217,6 @@ def _require_window(path: Path, shape: tuple[int, ...], window: Shape) -> None:
             f"{path}: has {nx} x {ny} nodes after its preparation, less than the window of"
             f" {wx} x {wy}: give fewer nodes, or leave the map out"
         )
-
-
-def _is_writable(folder: Path) -> bool:
-    """Tell whether files can be made in a folder."""
-    with suppress(OSError), tempfile.TemporaryFile(dir=folder):
-        return True
-    return False
 
 
 def _temporary_folder(*, make: bool) -> Path | None:

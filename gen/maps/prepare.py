@@ -38,11 +38,9 @@ def prepare(topography: Topography, settings: Reading) -> Topography:
     waves that they would fold back. Raises InputError if a setting does not suit the map.
     """
     if settings.level and settings.form is not None:
-        words = (f"level {settings.level}", f"form {settings.form}")
-        level, form = (said(each, settings.asked) for each in words)
-        raise InputError(
-            f"{level} and {form} given: give one; forms of degree 1 and 2 are levels too"
-        )
+        words = f"level {settings.level}", f"form {settings.form}"
+        both = " and ".join(said(each, settings.asked) for each in words)
+        raise InputError(f"{both} given: give one; forms of degree 1 and 2 are levels too")
     followed = {key for key in STEPS if getattr(settings, key)} - {"level", "despike"}
     followed |= {f"level {settings.level}"} if settings.level else set()
     # a threshold of spikes counts as the one that is advised if it takes out as many

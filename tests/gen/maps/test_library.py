@@ -94,7 +94,7 @@ def test_a_pipe_or_a_folder_in_the_place_of_prepared_maps_is_refused(paths, home
 
 
 def test_a_temporary_folder_of_somebody_else_is_not_used(paths, home, tmp_path, monkeypatch):
-    monkeypatch.setattr(library, "_is_writable", lambda folder: False)
+    monkeypatch.setattr(os, "access", lambda folder, mode: folder != home)
     folder = tmp_path / "temporary" / f"asperity-{os.getuid()}"
     folder.mkdir()
     folder.chmod(0o777)
