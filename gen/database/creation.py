@@ -173,34 +173,27 @@ def _assemble(
     real = place_of(path)
     if replaced is None and real.exists():
         raise InputError(f"{path} exists; give another name")
-    try:
-        needed, free = len(rows) * row_bytes(scene), shutil.disk_usage(real.parent).free
-        if needed > free:  # quotas show only on writing
+    needed, free = len(rows) * row_bytes(scene), shutil.disk_usage(real.parent).free
+    if needed > free:  # quotas show only on writing
+        raise InputError(
+            f"{path}: {len(rows)} samples need {size(needed)}, {size(free)} are free; make room, or"
+            " ask for less"
+        )
+    trouble = disk_trouble(path, lambda: "nothing was changed")
+    with trouble, unfinished(real, "replace" if replaced else "refuse", SIGNATURE) as made:
+        old, new = (each.stat() for each in (real if replaced else made, made))
+        if (new.st_uid, new.st_gid) != (old.st_uid, old.st_gid):
             raise InputError(
-                f"{path}: {len(rows)} samples need {size(needed)}, {size(free)} are free; make"
-                " room, or ask for less"
+                f"{path} belongs to user {old.st_uid} and group {old.st_gid}: to extend it"
+                " would make it yours; let its owner do that, or copy it"
             )
-        with unfinished(real, "refuse" if replaced is None else "replace", SIGNATURE) as made:
-            old, new = (each.stat() for each in (real if replaced else made, made))
-            if (new.st_uid, new.st_gid) != (old.st_uid, old.st_gid):
-                raise InputError(
-                    f"{path} belongs to user {old.st_uid} and group {old.st_gid}: to extend it"
-                    " would make it yours; let its owner do that, or copy it"
-                )
-            _lay_out(made, scene, rows, attributes)
-            with open_file(made, True) as file:
-                widest = max(column.row_bytes(scene.grid.shape) for column in columns_for(scene))
-                for start, stop in chunks(rows.stop, widest, rows.start):
-                    _merge_rows(file, rows.start, parts, scene, start, stop)
-            if replaced is not None:
-                replaced.check()
-    except FileExistsError:
-        raise InputError(f"{path} has appeared meanwhile; give another name") from None
-    except (OSError, RuntimeError, ValueError) as error:
-        trouble = disk_trouble(error)
-        if trouble is None:
-            raise
-        raise InputError(f"{path}: {trouble}; nothing was changed") from None
+        _lay_out(made, scene, rows, attributes)
+        with open_file(made, True) as file:
+            widest = max(column.row_bytes(scene.grid.shape) for column in columns_for(scene))
+            for start, stop in chunks(rows.stop, widest, rows.start):
+                _merge_rows(file, rows.start, parts, scene, start, stop)
+        if replaced is not None:
+            replaced.check()
 
 
 def _lay_out(path: Path, scene: Scene, rows: range, attributes: Mapping[str, str | int]) -> None:

@@ -5,8 +5,8 @@ import os
 import re
 import socket
 import tempfile
-from collections.abc import Callable, Mapping
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -142,7 +142,8 @@ class Writer(Reader):
         self.confirm()
         status = arrays.pop(STATUS.name)
         edges = np.flatnonzero(np.diff(status != Status.PENDING, prepend=False, append=False))
-        try:
+        safe = "rows are done and safe: make room and run the same command again"
+        with disk_trouble(self.path, lambda: f"{self.counts().done} {safe}"):
             for first, last in edges.reshape(-1, 2).tolist():
                 place = start + first - self.rows.start
                 for name, values in arrays.items():
@@ -150,14 +151,6 @@ class Writer(Reader):
                 self._flush()
                 write_rows(self._status, place, status[first:last])
                 self._flush()
-        except (OSError, RuntimeError, ValueError) as error:
-            trouble = disk_trouble(error)
-            if trouble is None:
-                raise
-            raise InputError(
-                f"{self.path}: {trouble}; {self.counts().done} rows are done and safe: "
-                "make room and run the same command again"
-            ) from None
 
     def _flush(self) -> None:
         """Pass all data to the kernel, which keeps them if this process is killed."""
@@ -230,12 +223,19 @@ def coherent(path: Path) -> bool:
     return kind not in INCOHERENT
 
 
-def disk_trouble(error: Exception) -> str | None:
-    """Describe an error of the disk in words; None if the error is not about the disk."""
-    # h5py raises OSError, RuntimeError or ValueError for the same error, and writes its number out.
-    match = re.search(r"errno = (\d+)", str(error))
-    number = int(match[1]) if match else getattr(error, "errno", None)
-    if number is not None:
-        reason = os.strerror(number)
-        return f"the disk is full ({reason})" if number in FULL else f"cannot be written: {reason}"
-    return f"cannot be written: {first_line(error)}" if isinstance(error, OSError) else None
+@contextmanager
+def disk_trouble(path: Path, left: Callable[[], str]) -> Iterator[None]:
+    """Turn an error of the disk into an InputError that says in words what is `left`."""
+    try:
+        yield
+    except FileExistsError:
+        raise InputError(f"{path} has appeared meanwhile; give another name") from None
+    except (OSError, RuntimeError, ValueError) as error:
+        # h5py raises any of these for the same error, and writes its number out.
+        match = re.search(r"errno = (\d+)", str(error))
+        number = int(match[1]) if match else getattr(error, "errno", None)
+        if number is None and not isinstance(error, OSError):
+            raise
+        reason = first_line(error) if number is None else os.strerror(number)
+        fault = f"the disk is full ({reason})" if number in FULL else f"cannot be written: {reason}"
+        raise InputError(f"{path}: {fault}; {left()}") from None

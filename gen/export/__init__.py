@@ -113,7 +113,12 @@ def export(reader: Reader, folder: Path, about: About) -> tuple[int, int, int]:
     the folder holds something else, there are no done rows, or the disk is full.
     """
     with lock_folder(folder):
-        require_own_folder(folder, reader)
+        if any(not path.name.startswith(".asperity") for path in folder.iterdir()):
+            origin = origin_of(folder / ROWS)
+            if origin | identity(reader) != origin:
+                other = "holds the export of another database"
+                other = other if origin else "is not empty and no export"
+                raise InputError(f"{folder} {other}: give a new folder")
         done = np.asarray(reader.column("status") == Status.DONE)  # a run may go on meanwhile
         if not done.any():
             raise InputError(f"{reader.path} has no done rows to export")
@@ -221,16 +226,6 @@ def origin_of(path: Path) -> dict[str, object]:
         if path.is_file() and kind_of(path) == "parquet":
             return dict(json.loads((parquet.read_schema(path).metadata or {})[KEY]))
     return {}
-
-
-def require_own_folder(folder: Path, reader: Reader) -> None:
-    """Refuse a folder with other files than those of an export of this database."""
-    if any(not path.name.startswith(".asperity") for path in folder.iterdir()):
-        origin = origin_of(folder / ROWS)
-        if not origin:
-            raise InputError(f"{folder} is not empty and no export: give a new folder")
-        if origin | identity(reader) != origin:
-            raise InputError(f"{folder} holds the export of another database: give a new folder")
 
 
 def words(reader: Reader) -> str:
