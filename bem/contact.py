@@ -88,7 +88,7 @@ class Contact:
         heights = self.problem.heights
         gap: Field = self.displacement - ((heights - heights.max()) + self.approach)
         if self.problem.hardness is not None:
-            gap = np.where(self._yielded, np.maximum(gap, 0.0), gap)
+            gap = np.where(self.yielded, np.maximum(gap, 0.0), gap)
         gap.setflags(write=False)
         return gap
 
@@ -97,7 +97,7 @@ class Contact:
         """Depth by which the softer body has yielded, (nx, ny), zero without a hardness [um]."""
         heights = self.problem.heights
         interference = (heights - heights.max()) + self.approach
-        depth = np.where(self._yielded, np.maximum(interference - self.displacement, 0.0), 0.0)
+        depth = np.where(self.yielded, np.maximum(interference - self.displacement, 0.0), 0.0)
         depth.setflags(write=False)
         return depth
 
@@ -114,10 +114,10 @@ class Contact:
     @property
     def yielded_percent(self) -> float:
         """Share of all nodes whose pressure is the hardness; 0 without a hardness [%]."""
-        return 100.0 * int(np.count_nonzero(self._yielded)) / self.pressure.size
+        return 100.0 * int(np.count_nonzero(self.yielded)) / self.pressure.size
 
     @property
-    def _yielded(self) -> Mask:
+    def yielded(self) -> Mask:
         """Nodes whose pressure is the hardness, (nx, ny)."""
         hardness = np.inf if self.problem.hardness is None else self.problem.hardness
         yielded: Mask = self.pressure >= hardness
@@ -268,7 +268,7 @@ class Contact:
         """
         if self.problem.far_field == "compliant":  # Delta leaves out what the patch gives way
             return self.interface_stiffness
-        yielded = self._yielded
+        yielded = self.yielded
         if not yielded.any():
             return self.stiffness
         return punch_of(self.problem, np.flatnonzero((self.pressure > 0) & ~yielded)).stiffness

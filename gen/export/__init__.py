@@ -143,15 +143,12 @@ class Piece(NamedTuple):
     rows: range
 
 
-def scalars(reader: Reader) -> list[Column]:
-    """Return the columns with one value a row, in the order of the database."""
+def columns_of(reader: Reader) -> tuple[list[Column], list[Column]]:
+    """Return the columns with one value a row, and those with one field of nx x ny nodes a row."""
     wanted = [column for column in reader.columns() if column.name not in KEPT_BACK]
-    return [column for column in wanted if not column.shape_of]
-
-
-def fields(reader: Reader) -> list[Column]:
-    """Return the columns with one field of nx x ny nodes a row."""
-    return [column for column in reader.columns() if column.shape_of]
+    return [each for each in wanted if not each.shape_of], [
+        each for each in wanted if each.shape_of
+    ]
 
 
 def schema_of(reader: Reader, columns: list[Column]) -> pa.Schema:
@@ -171,8 +168,9 @@ def schema_of(reader: Reader, columns: list[Column]) -> pa.Schema:
 
 def pieces(reader: Reader) -> list[Piece]:
     """List the files of an export: the table of all rows, and the files of fields."""
-    found = [Piece(ROWS, schema_of(reader, scalars(reader)), reader.rows)]
-    for column in fields(reader):
+    scalars, fields = columns_of(reader)
+    found = [Piece(ROWS, schema_of(reader, scalars), reader.rows)]
+    for column in fields:
         schema = schema_of(reader, [column])
         step = max(1, FILE_BYTES // column.row_bytes(reader.scene.grid.shape))
         for first in range(reader.rows.start, reader.rows.stop, step):
@@ -262,7 +260,7 @@ def card(reader: Reader, about: About, done: NDArray[np.bool_]) -> str:
         keep_trailing_newline=True,
     )
     environment.filters |= {"json": _quoted, "form": _limit}
-    attributes, columns = reader.attributes, scalars(reader)
+    attributes, (columns, fields) = reader.attributes, columns_of(reader)
     failures = reader.reasons(Status.FAILED)
     text = environment.get_template("card.md.jinja").render(
         about=about,
@@ -274,7 +272,7 @@ def card(reader: Reader, about: About, done: NDArray[np.bool_]) -> str:
         failures={REASONS.get(code, str(code)): number for code, number in failures.items()},
         rows_file=ROWS,
         fields_folder=FIELDS,
-        fields=fields(reader),
+        fields=fields,
         nodes=reader.scene.grid.shape,
         first=reader.rows.start + int(done.argmax()),
         columns=columns,

@@ -62,7 +62,7 @@ def load_text(contact: Contact, quantity: str) -> str:
 def contact_maps(contact: Contact, height_title: str, pressure_title: str) -> tuple[Map, Map]:
     """Return the maps of the heights and of the pressure of a contact; yielded nodes are marked."""
     heights, sides = contact.problem.heights, patch_sides(contact)
-    yielded = yielded_nodes(contact)
+    yielded = contact.yielded
     pressure = np.ma.masked_where((contact.pressure == 0) | yielded, contact.pressure)
     if yielded.any():
         pressure_title += f", {contact.yielded_percent:.3g} % yielded (cyan)"
@@ -99,12 +99,6 @@ def patch_sides(contact: Contact) -> tuple[float, float]:
     (nx, ny), (dx, dy) = contact.pressure.shape, contact.problem.spacing
     outer = contact.problem.boundary == "free"
     return dx * (nx - outer), dy * (ny - outer)
-
-
-def yielded_nodes(contact: Contact) -> NDArray[np.bool_]:
-    """Return the mask of the nodes whose pressure is the hardness, shape (nx, ny)."""
-    hardness = contact.problem.hardness
-    return contact.pressure >= (math.inf if hardness is None else hardness)
 
 
 def draw_map(axis: Any, surface_map: Map, letters: int = LETTERS) -> None:
@@ -286,7 +280,7 @@ def _draw_section(axis: Any, contact: Contact, load: str) -> None:
     top, bottom = max(float(rough.max()), 0.0) + edge, float(deformed.min()) - edge
     axis.fill_between(position, rough, top, color="0.8", label="rough body")
     axis.fill_between(position, bottom, deformed, color="tab:blue", alpha=0.4, label="half-space")
-    yielded = yielded_nodes(contact)[line]
+    yielded = contact.yielded[line]
     touching = np.ma.masked_where((contact.pressure[line] == 0) | yielded, deformed)
     axis.plot(position, touching, ".", ms=4, color="tab:red", label="in contact")
     if yielded.any():

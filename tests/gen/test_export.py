@@ -49,7 +49,7 @@ def test_every_value_and_unit_is_in_the_parquet_files(folder):
     table = pq.read_table(folder / "out" / "rows.parquet")
     with Reader(folder / "a.h5") as reader:
         assert table["sample"].to_pylist() == list(range(40))
-        for column in exporting.scalars(reader):
+        for column in exporting.columns_of(reader)[0]:
             assert np.array_equal(table[column.name].to_numpy(), reader.column(column.name))
             metadata = table.schema.field(column.name).metadata
             assert metadata[b"unit"].decode() == column.unit
