@@ -146,9 +146,8 @@ class Piece(NamedTuple):
 def columns_of(reader: Reader) -> tuple[list[Column], list[Column]]:
     """Return the columns with one value a row, and those with one field of nx x ny nodes a row."""
     wanted = [column for column in reader.columns() if column.name not in KEPT_BACK]
-    return [each for each in wanted if not each.shape_of], [
-        each for each in wanted if each.shape_of
-    ]
+    fields = [column for column in wanted if column.shape_of]
+    return [column for column in wanted if not column.shape_of], fields
 
 
 def schema_of(reader: Reader, columns: list[Column]) -> pa.Schema:
