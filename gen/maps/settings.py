@@ -23,15 +23,6 @@ SPIKE = 7.0
 HIGHEST_DEGREE = 20
 READ, PREPARED = "reading", "preparation"  # tables of `[surface]` in a scene
 
-# keys whose values are two numbers, one of which may be left out: what both are above, and advice
-ENDS = {
-    "mask": (-math.inf, "give the lowest and the highest height to keep in um, as -5:3, :3 or -5:"),
-    "filter": (
-        0.0,
-        "give the cut-offs of the S-filter and the L-filter in um, as 2.5:80, 2.5: or :80",
-    ),
-}
-
 
 def said(phrase: str, asked: Asked) -> str:
     """Write a key, alone or with its value, in the words of who asks."""
@@ -75,7 +66,11 @@ KEYS = {
         *("X0:X1,Y0:Y1", PREPARED),
     ),
     "invert": Key("Turn upside down: heights point into the material.", "", PREPARED),
-    "mask": Key("Heights outside these, in um, become holes, as -5:3.", "BELOW:ABOVE", PREPARED),
+    "mask": Key(
+        "Heights outside these, in um, become holes, as -5:3.",
+        *("BELOW:ABOVE", PREPARED),
+        words="the lowest and the highest height to keep in um, as -5:3, :3 or -5:",
+    ),
     "despike": Key(
         "Replace nodes further from the local median than this times the scatter, as 7, by it.",
         *("THRESHOLD", PREPARED, "a number above 0, as 7"),
@@ -100,6 +95,7 @@ KEYS = {
         "Gaussian filter (ISO 16610-61): cut-offs of the S- and L-filter in um, as 2.5:80; one"
         " may be left out.",
         *("S:L", PREPARED),
+        words="the cut-offs of the S-filter and the L-filter in um, as 2.5:80, 2.5: or :80",
     ),
     "downsample": Key(
         "Take the means of N x N nodes as nodes.",
@@ -142,16 +138,15 @@ class Reading(FileReading):
 
     def ends(self, key: str) -> tuple[float | None, float | None]:
         """Return both ends of `mask`, or both cut-offs of `filter` [um]; None where one is open."""
-        text, (least, advice) = getattr(self, key), ENDS[key]
+        text, least = getattr(self, key), 0.0 if key == "filter" else -math.inf
         if not text:
             return None, None
         parts = [part.strip() for part in text.split(":")]
         given = numbers_in(":".join(filter(None, parts)), ":")
         rising = given == sorted(set(given)) and all(least < each < math.inf for each in given)
         if len(parts) != 2 or not given or not rising:
-            raise InputError(
-                f"{said(key, self.asked)} {shown(text)}: {advice}, the first below the second"
-            )
+            advice = f"give {KEYS[key].allowed}, the first below the second"
+            raise InputError(f"{said(key, self.asked)} {shown(text)}: {advice}")
         low, high = (float(part) if part else None for part in parts)
         return low, high
 
