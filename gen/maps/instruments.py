@@ -21,7 +21,6 @@ import numpy as np
 from gen.maps.scan import Channel, Scan, choose_channel
 from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
-from gen.runtime.files import require_file
 
 # spacing of the nodes above which a NanoFocus file was read in the wrong unit [um]
 WIDEST_NMS = 1e3
@@ -49,8 +48,6 @@ def instruments_scan(path: Path, reading: Reading, reason: str) -> Scan:
             f"{path}: only .npy and text can be read without SurfaceTopography:"
             f" {command_for('instruments')}"
         ) from None
-    if not require_file(path).is_file():
-        raise InputError(f"{path}: is no file that could be read")
     if not path.stat().st_size:
         raise InputError(f"{path}: is empty; give a file with a map of heights")
     logged = logging.root.manager.disable
