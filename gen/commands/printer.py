@@ -18,7 +18,7 @@ if TYPE_CHECKING:  # each command imports no more than it needs
 
     from bem import Contact
     from gen.database import Reader
-    from gen.maps.contacts import Wanted
+    from gen.maps.contacts import Answer
     from gen.maps.read import Topography
     from gen.maps.texture import SelfAffineFit
     from gen.scene import Scene
@@ -191,20 +191,17 @@ ONE_ONLY = {
 """Columns that a table of several loads has in its file alone."""
 
 
-def print_contacts(contacts: Sequence[Contact], seconds: float, wanted: Wanted) -> None:
+def print_contacts(rows: Sequence[Sequence[Answer]], contact: Contact, seconds: float) -> None:
     """Print one contact in full, with the time that it took [s]; several with a line for each."""
-    from gen.maps.contacts import answers
-
-    rows = [answers(contact, wanted) for contact in contacts]
     if len(rows) > 1:
         kept = [[each for each in row if each.column not in ONE_ONLY] for row in rows]
         titles = [each.column for each in kept[0]]
         print_columns([[each.shown for each in row] for row in kept], titles, right=titles)
         return
-    ([contact], [row]) = contacts, rows
-    row = [each for each in row if each.column != "continuum_area_error_percent"]  # with the area
-    if contact.approach == contact.delta:  # as it is on a rigid far field
-        row = [each for each in row if each.column != "approach_um"]
+    [row] = rows
+    left_out = {"continuum_area_error_percent"}  # it stands with the area
+    left_out |= {"approach_um"} if contact.approach == contact.delta else set()  # rigid far field
+    row = [each for each in row if each.column not in left_out]
     x, y = contact.problem.spacing
     mean = contact.force / (contact.contact_nodes * x * y or 1)
     print_columns(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import typer
 
 from gen import options
@@ -114,7 +116,6 @@ def contact(
     from gen.commands import printer
     from gen.maps import contacts
     from gen.maps.prepare import read_surface
-    from gen.runtime import memory
     from gen.runtime.documents import write_csv
 
     load, values = contacts.chosen_load({"delta": delta, "force": force, "pressure": pressure})
@@ -130,34 +131,34 @@ def contact(
     figure = empty_figure(picture, 11, 8.2)
     bodies = Bodies.of(*material)
     topography, doubts = read_surface(surface, reading, boundary, facing.body(reading))
-    memory.require_for_contacts(len(values), topography.heights.shape)
     settings = {"modulus": bodies.e_star, "hardness": bodies.hardness, "kernel": kernel}
     settings |= {"far_field": far_field, "rtol": rtol, "max_iterations": max_iterations}
     solutions = contacts.solve_loads(topography, load, values, **settings)
     with on_threads(threads or default_threads(cores())):
-        found, faults, seconds = contacts.follow(solutions, len(values), wanted)
-    solved = [(each.delta, each.largest_pressure, each.contact_nodes) for each in found]
+        found, last, faults, seconds = contacts.follow(solutions, len(values), wanted)
+    rows: list[dict[str, Any]] = [{each.column: each.value for each in row} for row in found]
+    solved = [(row["delta_um"], row["largest_pressure_MPa"], row["contact_nodes"]) for row in rows]
     warnings = [*bodies.doubts, *doubts]
     warnings += contacts.contact_warnings(topography, bodies, load, solved)
     warnings += faults
     printer.print_preparation(topography, warnings)
-    printer.print_contacts(found, seconds, wanted)
-    if remark := contacts.border_remark(topography, found):
+    printer.print_contacts(found, last, seconds)
+    if remark := contacts.border_remark(topography, last, len(found)):
         echo(f"{topography.name}: {remark}")
     if table is not None:
         said = {"prepared": "; ".join(topography.steps), "warnings": "; ".join(warnings)}
-        rows = (
-            {each.column: each.value for each in contacts.answers(one, wanted)} for one in found
-        )
         write_csv(table, [{**row, **said} for row in rows])
     if flattened is not None:
-        contacts.write_flattened(flattened, found, len(values))
+        if faults:
+            raise InputError(f"--flattened {flattened}: not written, as not every load was solved")
+        contacts.write_flattened(flattened, last)
     if picture is not None:
         from gen.maps.pictures import draw_contacts
 
         draw_contacts(
             figure,
-            found,
+            last,
+            rows,
             picture,
             name=topography.name,
             load=load,

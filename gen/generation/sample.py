@@ -138,23 +138,21 @@ def solve_contact(
 
     A scene that draws its hardness needs that of the sample [MPa]. `bem.solve` may raise.
     """
+    settings = settings_of(scene, hardness)
+    return bem.solve(heights, scene.grid.sides, delta, pressure=pressure, force=force, **settings)
+
+
+def settings_of(scene: Scene, hardness: float | None) -> dict[str, Any]:
+    """Return the arguments of `bem.solve` that are not the surface, its sides and the load."""
     given = scene.contact
     if hardness is None and given.hardness_limits is not None:
         if given.draws_hardness:
             raise ValueError("every sample of this scene has a hardness of its own: give it")
         hardness = given.hardness_limits[0]
     names = ("modulus", "poisson", "kernel", "far_field", "boundary", "rtol", "max_iterations")
-    return bem.solve(
-        heights,
-        scene.grid.sides,
-        delta,
-        pressure=pressure,
-        force=force,
-        hardness=hardness,
-        spacing=scene.grid.spacing,
-        threads=1,  # the ranks of a run share the processor already
-        **{name: getattr(given, name) for name in names},
-    )
+    settings = {name: getattr(given, name) for name in names}
+    # The ranks of a run share the processor already: one thread.
+    return settings | {"spacing": scene.grid.spacing, "hardness": hardness, "threads": 1}
 
 
 def load_of(scene: Scene, heights: Heights, load: float) -> dict[str, float]:
@@ -198,8 +196,9 @@ def _make_surface(
 def _solve(scene: Scene, heights: Heights, plan: Parameters, rows: Columns, row: int) -> Reason:
     """Solve one contact problem and fill in its row; return the reason if that is impossible."""
     try:
-        load = load_of(scene, heights, float(plan.load[row]))
-        contact = solve_contact(scene, heights, hardness=plan.hardness_of(row), **load)
+        given = settings_of(scene, plan.hardness_of(row))
+        given |= load_of(scene, heights, float(plan.load[row]))
+        contact = bem.solve(heights, scene.grid.sides, **given)
         for name in EFFORT:
             rows[name][row] = getattr(contact, name)
         if not np.isfinite(contact.force):

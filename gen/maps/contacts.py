@@ -247,13 +247,13 @@ def solve_loads(
 
 def follow(
     solutions: Iterator[tuple[Contact | None, str]], many: int, wanted: Wanted
-) -> tuple[list[Contact], list[str], float]:
-    """Solve under many loads and show the progress, with all that is wanted of each contact.
+) -> tuple[list[list[Answer]], Contact, list[str], float]:
+    """Solve under many loads and show the progress; the last contact alone is kept.
 
-    Returns the contacts, a line for each load that was not solved, and the time of the last solve
-    [s].
+    Returns what is known of each contact, the last one, a line for each load that was not solved,
+    and the time of the last solve [s].
     """
-    found, faults, seconds = [], [], 0.0
+    rows, faults, seconds, last = [], [], 0.0, None
     with RunProgress(many, "loads") if many > 1 else nullcontext() as progress:
         # Nothing is printed before the first contact is solved, since its load may be refused.
         for _ in range(many):
@@ -263,11 +263,12 @@ def follow(
             if contact is None:
                 faults.append(f"not solved, left out: {fault}")
             else:
-                found.append(contact)
-                further(contact, wanted)  # computed here, kept by the contact
+                rows.append(answers(contact, wanted))
+                last = contact
             if progress is not None:
                 progress.advance(1, contact is None)
-    return found, faults, seconds
+    assert last is not None  # else the last load is refused
+    return rows, last, faults, seconds
 
 
 def contact_warnings(
@@ -301,9 +302,9 @@ def contact_warnings(
         )
 
 
-def border_remark(topography: Topography, contacts: Sequence[Contact]) -> str:
+def border_remark(topography: Topography, last: Contact, loads: int) -> str:
     """Say which share of the last force the borders of a free patch carry, if that is known."""
-    pressure = contacts[-1].pressure
+    pressure = last.pressure
     outer = [int(OUTER * nodes) for nodes in pressure.shape]
     if topography.boundary != "free" or min(outer) < 1 or not pressure.any():
         return ""
@@ -312,17 +313,15 @@ def border_remark(topography: Topography, contacts: Sequence[Contact]) -> str:
     nodes = 1 - (nx - 2 * x) * (ny - 2 * y) / pressure.size
     said = (
         f"the outer 5 % on each side ({100 * nodes:.2g} % of the nodes) carry {100 * share:.3g} %"
-        f" of the {'last ' if len(contacts) > 1 else ''}force"
+        f" of the {'last ' if loads > 1 else ''}force"
     )
     if is_tilted(topography):  # whose mirror images are tilted too
         return said
     return f"{said}: if this is a piece of a larger surface, --boundary mirror leaves no edges"
 
 
-def write_flattened(path: Path, contacts: Sequence[Contact], loads: int) -> None:
-    """Write the heights that the last load leaves when it is taken off [um] to a .npy file."""
-    if len(contacts) < loads:
-        raise InputError(f"--flattened {path}: not written, as not every load was solved")
+def write_flattened(path: Path, contact: Contact) -> None:
+    """Write the heights that a load leaves when it is taken off [um] to a .npy file."""
     content = BytesIO()
-    np.save(content, contacts[-1].flattened)
+    np.save(content, contact.flattened)
     write(path, content.getvalue(), "heights")

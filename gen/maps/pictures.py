@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -216,7 +216,8 @@ def _draw_spectrum(axis: Any, spectrum: RadialSpectrum, fit: SelfAffineFit | str
 
 def draw_contacts(
     figure: Any,
-    contacts: Sequence[Contact],
+    last: Contact,
+    rows: Sequence[Mapping[str, Any]],
     picture: Path,
     *,
     name: str,
@@ -227,10 +228,11 @@ def draw_contacts(
 ) -> None:
     """Draw a surface, its contact and a section under the last load, and the law of several.
 
-    `load` is the quantity that was given: delta, force or pressure. If spots or flow are `wanted`,
+    `rows` are the numbers of each contact by the columns of `gen.maps.contacts.answers`. `load` is
+    the quantity that was given: delta, force or pressure. If spots or flow are `wanted`,
     the spots, the open gap or the flux along x are drawn instead of heights and pressure.
     """
-    last, law = contacts[-1], len(contacts) > 1
+    law = len(rows) > 1
     panels = [["heights"] * 3 + ["contact"] * 3, ["section"] * 6]
     heights = [4.4, 2.6]
     if law:
@@ -239,7 +241,7 @@ def draw_contacts(
     figure.set_size_inches(11.0, sum(heights) + 0.8)
     axes = figure.subplot_mosaic(panels, height_ratios=heights)
     problem, pressed = last.problem, last.force / nominal_area(last)
-    title = f"last of {len(contacts)} loads: " if law else ""
+    title = f"last of {len(rows)} loads: " if law else ""
     title += f"Δ = {last.delta:.4g} µm, force {last.force:.4g} µN, mean pressure {pressed:.4g} MPa"
     material = bodies.text + ", no material given" * (not bodies.known)
     material += "" if problem.boundary == "free" else f"; {problem.boundary} boundary"
@@ -258,7 +260,7 @@ def draw_contacts(
     draw_map(axes["contact"], second)
     _draw_section(axes["section"], last, where)
     if law:
-        _draw_law([axes[each] for each in ("area", "answer", "gap")], contacts, load)
+        _draw_law([axes[each] for each in ("area", "answer", "gap")], rows, load)
     save(figure, picture)
 
 
@@ -295,25 +297,22 @@ def _draw_section(axis: Any, contact: Contact, load: str) -> None:
     axis.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=4, fontsize="small", frameon=False)
 
 
-def _draw_law(axes: Sequence[Any], contacts: Sequence[Contact], load: str) -> None:
+def _draw_law(axes: Sequence[Any], rows: Sequence[Mapping[str, Any]], load: str) -> None:
     """Draw area, force or far-field displacement, and mean gap over the load that was given."""
-    deltas, forces, gaps, areas = np.array(
-        [(each.delta, each.force, each.mean_gap, each.area_percent) for each in contacts]
-    ).T
     quantities = {
-        "delta": (deltas, "displacement Δ [µm]"),
-        "force": (forces, "normal force [µN]"),
-        "pressure": (forces / nominal_area(contacts[0]), "mean pressure [MPa]"),
+        "delta": ("delta_um", "displacement Δ [µm]"),
+        "force": ("force_uN", "normal force [µN]"),
+        "pressure": ("pressure_MPa", "mean pressure [MPa]"),
     }
-    loads, label = quantities[load]
-    order = np.argsort(loads)
-    loads = loads[order]
+    column, label = quantities[load]
+    rows = sorted(rows, key=lambda row: row[column])
+    loads = np.array([row[column] for row in rows])
     decades = bool(loads[0] > 0 and loads[-1] >= DECADES * loads[0])
     answer = quantities["force" if load == "delta" else "delta"]
-    answers = (areas, "contact area [%]"), answer, (gaps, "mean gap [µm]")
+    answers = ("area_percent", "contact area [%]"), answer, ("mean_gap_um", "mean gap [µm]")
     colours = ("tab:blue", "tab:orange", "tab:green")
-    for axis, (numbers, name), colour in zip(axes, answers, colours, strict=True):
-        values = numbers[order]
+    for axis, (column, name), colour in zip(axes, answers, colours, strict=True):
+        values = np.array([row[column] for row in rows])
         axis.plot(loads, values, ".-", color=colour)
         axis.grid(alpha=0.3)
         axis.set(xlabel=label, ylabel=name)

@@ -11,8 +11,6 @@ MIB = 2**20
 
 SOLVE_BYTES = 400  # peak memory of a solve per node: 360 were measured on 513 to 2,049 a side
 
-CONTACT_BYTES = 32  # memory of a solution per node [bytes]: heights, pressure, displacement, gap
-
 
 def allowed() -> int:
     """Return the memory that machine, container, batch job and shell allow here [bytes]."""
@@ -34,17 +32,6 @@ def free() -> int:
         told = Path("/proc/meminfo").read_text(encoding="ascii").partition("MemAvailable:")[2]
         return int(told.split()[0]) * 1024
     return allowed()
-
-
-def require_for_contacts(loads: int, shape: tuple[int, ...]) -> None:
-    """Refuse several contacts of one surface that do not fit into memory together."""
-    nodes = shape[0] * shape[1]
-    needed = nodes * (SOLVE_BYTES + loads * CONTACT_BYTES)
-    if loads > 1 and needed > allowed():
-        raise InputError(
-            f"{loads} loads on {shape[0]} x {shape[1]} nodes need about {size(needed)} of memory,"
-            f" {size(allowed())} are allowed here: give fewer loads"
-        )
 
 
 def too_little_for_solve(shape: tuple[int, ...]) -> InputError:

@@ -20,7 +20,7 @@ pytest.importorskip("matplotlib", reason="needs the extra plot")
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from gen.maps import pictures
-from gen.maps.contacts import Wanted
+from gen.maps.contacts import Wanted, answers
 from gen.maps.pictures import draw_contacts
 from gen.material import Bodies
 
@@ -78,9 +78,10 @@ def drawn(contacts, **changes):
     bodies = Bodies(E_STAR, contacts[0].problem.hardness, known=True)
     subject = {"name": NAME, "load": "delta", "bodies": bodies, "warnings": (), **changes}
     subject = {"wanted": Wanted(), **subject}
+    rows = [{row.column: row.value for row in answers(each, Wanted())} for each in contacts]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(pictures, "save", lambda *_: None)
-        draw_contacts(figure, contacts, Path("contact.png"), **subject)
+        draw_contacts(figure, contacts[-1], rows, Path("contact.png"), **subject)
     return figure
 
 

@@ -4,20 +4,10 @@ from unittest import mock
 
 import h5py
 import numpy as np
-import pytest
 from databases import database_of
 
 from gen import cli
-from gen.runtime import memory
-from gen.runtime.errors import InputError
 from gen.schema import RUNTIME
-
-
-def test_more_loads_than_memory_holds_are_refused_before_the_first(monkeypatch):
-    monkeypatch.setattr(memory, "allowed", lambda: 100_000_000)
-    memory.require_for_contacts(3, (257, 257))
-    with pytest.raises(InputError, match=r"100 loads on 257 x 257 nodes need about 237.8 MB"):
-        memory.require_for_contacts(100, (257, 257))
 
 
 def test_what_is_out_of_memory_says_what_it_needs_and_fails_no_row(here, monkeypatch, capsys):
