@@ -43,6 +43,8 @@ Count = Annotated[int, Field(ge=0, le=2**53)]
 Seconds = Annotated[float, Field(ge=0, le=1e15)]
 Score = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 Setting = bool | int | float | str | list[int] | None
+Scored = Annotated[dict[Literal["nmse", "nmae", "nmaxe", "r2"], Score], Field(min_length=4)]
+"""The four scores [%]; see `learn.metrics.Scores`."""
 
 
 class Conditions(Document):
@@ -64,15 +66,6 @@ class Comparison(Document):
     conditions: Conditions
     unit: str
     threads: Count
-
-
-class Scored(Document):
-    """The four scores [%]; see `learn.metrics.Scores`."""
-
-    nmse: Score
-    nmae: Score
-    nmaxe: Score
-    r2: Score
 
 
 class Times(Document):
@@ -191,14 +184,11 @@ class Folder:
             return
         # Rows that were split one by one are groups of their own.
         groups = dataset.groups if split.by_surface else np.arange(dataset.size)
-        parts = [("train", split.train, split.folds.tolist())]
-        parts.append(("test", split.test, [""] * split.test.size))
-        lines = (
-            (int(dataset.rows[position]), part, fold, int(groups[position]))
-            for part, positions, folds in parts
-            for position, fold in zip(positions, folds, strict=True)
-        )
-        self.write_table("rows.csv", ("row", "part", "fold", "group"), lines)
+        places = np.concatenate([split.train, split.test])
+        parts = ["train"] * split.train.size + ["test"] * split.test.size
+        folds = split.folds.tolist() + [""] * split.test.size
+        columns = dataset.rows[places].tolist(), parts, folds, groups[places].tolist()
+        self.write_table("rows.csv", ("row", "part", "fold", "group"), zip(*columns, strict=True))
         self.write_json(
             "comparison.json",
             {

@@ -10,7 +10,7 @@ import json
 import math
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from functools import partial
 from statistics import median
 from time import perf_counter
@@ -20,7 +20,7 @@ import numpy as np
 
 from gen.arrays import Values
 from gen.runtime.farm import Interruption
-from gen.runtime.terminal import RunProgress
+from gen.runtime.terminal import RunProgress, echo
 from learn import dataset, split
 from learn.comparison import grid as grids
 from learn.comparison.fits import Training, Trials, reason
@@ -52,6 +52,9 @@ ENOUGH = 5.0
 TOO_LONG = 300.0
 """Seconds after which no further repetition is begun."""
 
+note = partial(echo, err=True)
+"""Print a line for the user on standard error."""
+
 
 @dataclass(frozen=True)
 class TimedFit:
@@ -62,13 +65,8 @@ class TimedFit:
     kind: str = "baseline"  # one of `learn.comparison.folder.KINDS`
     of_grid: bool = False  # whether it has the settings that all candidates of a grid share
     until: float = math.inf  # time of `time.time` at which the fit is stopped [s]
-
-
-FitResult = tuple[Values, dict[str, Any]]
-"""Predictions of the test rows, (m,), empty if the fit failed, and what a result says of it.
-
-Times are medians on one thread: of a "fit", of predicting the "test" set, and one "row" [s].
-"""
+    search: dict[str, Any] = field(default_factory=dict)  # report of the search that it has won
+    seconds: float = 0.0  # time of this search [s]
 
 
 def compare(request: Request, executor: Executor) -> int:
@@ -148,15 +146,14 @@ def targets(
         scaling = scaling_of(rows, parts.train, standard=rows.features.name == SCENE)
         folder = Folder(request.output / short_name(rows.target_name))
         folder.begin(rows, parts, request)
-        with RunProgress(1) as progress:
-            progress.say(
-                f"{request.databases[0]}: {rows.target_name}, {parts.train.size} training rows,"
-                f" {parts.test.size} test rows, {rows.features.name} features"
-            )
-            for line in dataset.remarks(rows, request.normalisation):
-                progress.say(f"  {line}")
-            if not parts.by_surface:
-                progress.say("  all rows share one surface: they are split one by one")
+        note(
+            f"{request.databases[0]}: {rows.target_name}, {parts.train.size} training rows,"
+            f" {parts.test.size} test rows, {rows.features.name} features"
+        )
+        for line in dataset.remarks(rows, request.normalisation):
+            note(f"  {line}")
+        if not parts.by_surface:
+            note("  all rows share one surface: they are split one by one")
         yield (
             folder,
             Training(
@@ -173,8 +170,12 @@ def targets(
         )
 
 
-def fit_and_time(training: Training, task: TimedFit) -> FitResult:
-    """Fit, score and time a model."""
+def fit_and_time(training: Training, task: TimedFit) -> tuple[Values, dict[str, Any]]:
+    """Fit, score and time a model.
+
+    Return predictions of the test rows, (m,), empty if the fit failed, and what a result says of
+    it. Times are medians on one thread: of a "fit", of predicting the "test" set, and one "row".
+    """
     training = training.seen_by(task.model)
     unfitted = training.unfitted(task.model, task.settings, tuned=task.of_grid)
     prediction, restored = np.empty(0), training.scaling.restored
@@ -235,9 +236,9 @@ def finish(folder: Folder, search: GridSearch, until: float, *, again: bool) -> 
     """
     name, title, why = search.model.name, search.model.title, search.fault
     if not why:
-        report, task = search.report(), TimedFit(name, search.baseline or {}, "tuned", until=until)
-        if search.winner in search.grid.differing:
-            task = replace(task, settings=search.grid.first(search.winner), of_grid=True)
+        of_grid, report = search.winner in search.grid.differing, search.report()
+        settings = search.grid.first(search.winner) if of_grid else search.baseline or {}
+        task = TimedFit(name, settings, "tuned", of_grid, until, report, search.seconds)
         there = folder.result("tuned", name) or {}
         found = json.loads(json.dumps([task.settings, report]))
         if not again and found == [there.get("settings"), there.get("search")]:
@@ -246,18 +247,17 @@ def finish(folder: Folder, search: GridSearch, until: float, *, again: bool) -> 
         if not result:
             why = "the winner's fit to all rows was not finished within the time"
             why += ": give a larger --budget"
-    with RunProgress(1) as progress:
-        if why:
-            folder.write_json(f"tuned/{name}.json", {"model": name, "failure": why, "remarks": []})
-            progress.say(f"warning: {title}: {why}")
-            return
-        _write_grid(folder, search)
-        number = FOLDS * len(search.grid.differing)
-        for text, few in [*report["failures"].items(), *report["remarks"].items()]:
-            progress.say(f"{title}: {few} of {number} scores: {text}")
-        write_fit(folder, task, search.training, result, progress.say, report, search.seconds)
-        if report["winner"] == "baseline":
-            progress.say(f"{title}: {WHY_BASELINE}")
+    if why:
+        folder.write_json(f"tuned/{name}.json", {"model": name, "failure": why, "remarks": []})
+        note(f"warning: {title}: {why}")
+        return
+    _write_grid(folder, search)
+    number = FOLDS * len(search.grid.differing)
+    for text, few in [*report["failures"].items(), *report["remarks"].items()]:
+        note(f"{title}: {few} of {number} scores: {text}")
+    write_fit(folder, task, search.training, result, note)
+    if report["winner"] == "baseline":
+        note(f"{title}: {WHY_BASELINE}")
 
 
 def _write_grid(folder: Folder, search: GridSearch) -> None:
@@ -278,10 +278,8 @@ def write_fit(
     folder: Folder,
     task: TimedFit,
     training: Training,
-    result: FitResult,
+    result: tuple[Values, dict[str, Any]],
     say: Callable[[str], None],
-    search: dict[str, Any] | None = None,
-    seconds: float = 0.0,
 ) -> None:
     """Write and print scores and times of a model, with the report and the time of its search."""
     prediction, found = result
@@ -291,10 +289,10 @@ def write_fit(
         ("test_row", "truth", "prediction"),
         ((number, *pair) for number, pair in enumerate(pairs)),
     )
-    times = {**found["times"], "search": seconds}
+    times = {**found["times"], "search": task.seconds}
     content = {"model": task.model, "settings": task.settings, **found}
     folder.write_json(
-        f"{task.kind}/{task.model}.json", {**content, "search": search or {}, "times": times}
+        f"{task.kind}/{task.model}.json", {**content, "search": task.search, "times": times}
     )
     title = f"{EVERY[task.model].title}, {task.kind}"
     title += ", which is the baseline" if task.kind == "tuned" and not task.of_grid else ""

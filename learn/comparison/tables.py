@@ -15,7 +15,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from rich.table import Table
 
-from gen.arrays import Values
 from gen.runtime.errors import InputError
 from gen.runtime.figure import draw_parity, new_figure, parity_axes, save
 from gen.runtime.terminal import echo, print_table, to_type
@@ -65,9 +64,6 @@ DOTS: dict[str, dict[str, Any]] = {
     "tuned": {"marker": ".", "ms": 2, "ls": "none", "zorder": 2},
 }
 """Looks of predictions: circles of the baseline stay visible round the dots of tuned models."""
-
-SHIFTS = {"baseline": -0.2, "tuned": 0.2}
-"""Distances of the bars from the middle of their model."""
 
 BESIDE = 0.13
 """Distance of a whisker from the middle of its bar, where the number stands."""
@@ -133,7 +129,14 @@ def read(folder: Folder) -> Tables:
         if theirs is not None and target == OUR_AREA:
             row |= {f"paper_{name}": value for name, value in vars(theirs).items()}
         if result.get("test"):
-            truth, prediction, groups = _predictions(folder, kind, model)
+            truth, prediction = folder.prediction(kind, model)
+            groups = folder.numbers("rows.csv", "group", part="test")[:, 0]
+            path = folder.path / kind / f"{model}.csv"
+            if truth.size != groups.size:
+                given = f"{truth.size} rows, rows.csv has {groups.size} test rows"
+                raise InputError(f"{path} has {given}: move it away")
+            if truth.size < 2 or np.ptp(truth) == 0:
+                raise InputError(f"{path} cannot be read: the truth does not vary: move it away")
             row["variance_over_mean"] = middle = spread(truth)
             if ends := bootstrap(truth, prediction, LEVEL, groups):
                 by = "surface" if record.get("split_by_surface", True) else "row"
@@ -146,20 +149,6 @@ def read(folder: Folder) -> Tables:
             row["fit_seconds"] = own["search"]
         rows.append(row | {"settings": result.get("settings", {}), "search": search})
     return Tables(folder, record, drawn, middle, rows)
-
-
-def _predictions(folder: Folder, kind: str, model: str) -> tuple[Values, Values, Values]:
-    """Read truth, prediction and group of the test rows, of which scores can be made."""
-    truth, prediction = folder.prediction(kind, model)
-    groups = folder.numbers("rows.csv", "group", part="test")[:, 0]
-    path = folder.path / kind / f"{model}.csv"
-    if truth.size != groups.size:
-        raise InputError(
-            f"{path} has {truth.size} rows, rows.csv has {groups.size} test rows: move it away"
-        )
-    if truth.size < 2 or np.ptp(truth) == 0:
-        raise InputError(f"{path} cannot be read: the truth does not vary: move it away")
-    return truth, prediction, groups
 
 
 def winner_of(search: Row) -> str:
@@ -430,7 +419,7 @@ def _bars(rows: list[Row], columns: list[str]) -> Any:
     models = list(dict.fromkeys(row["model"] for row in rows))
     for axis, column in zip(axes, columns, strict=True):
         panel = PANELS[column]
-        for kind, shift in SHIFTS.items():
+        for kind, shift in zip(COLOURS, (-0.2, 0.2), strict=True):
             own = [row for row in rows if row["result"] == kind]
             if not own:
                 continue

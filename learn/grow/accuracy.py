@@ -17,6 +17,7 @@ The errors of all looks give the learning curve, a power of the rows.
 
 import math
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 from typing import NamedTuple
 
@@ -74,10 +75,7 @@ def size(number: int, per_surface: int) -> int:
 
 def size_with(rows: int, per_surface: int) -> int:
     """Return the number of the smallest size that has some number of rows, or more."""
-    number = 0
-    while size(number, per_surface) < rows:
-        number += 1
-    return number
+    return next(number for number in count() if size(number, per_surface) >= rows)
 
 
 def risk(number: int) -> float:

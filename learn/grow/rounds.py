@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 
@@ -72,29 +72,21 @@ WORDS: dict[Ending, str] = {
 """Why a growth has ended."""
 
 
-class Stock(NamedTuple):
-    """The rows and times of a database."""
+def stock(path: Path) -> tuple[int, int, float]:
+    """Count a database's rows before the first one that is pending, and all; it may not exist yet.
 
-    rows: int  # before the first one that is pending
-    length: int  # all rows
-    seconds: float  # that the finished rows took, surfaces included
-
-
-def stock(path: Path) -> Stock:
-    """Count the finished rows of a database, which may not exist yet; a part is refused."""
+    The time that the finished ones took comes third, surfaces included [s]. A part is refused.
+    """
     if not path.exists():
-        return Stock(0, 0, 0.0)
+        return 0, 0, 0.0
     with Reader(path) as reader:
         if reader.rows != range(reader.scene.samples):
             raise InputError(f"{path}: is a part: {to_type('gen merge')} makes it whole")
         status = reader.column("status")
-        solving, making = reader.column("solve_seconds"), reader.column("surface_seconds")
+        seconds = reader.column("solve_seconds") + reader.column("surface_seconds")
     pending = np.flatnonzero(status == Status.PENDING)
-    return Stock(
-        rows=int(pending[0]) if pending.size else len(status),
-        length=len(status),
-        seconds=float(np.nansum((solving + making)[status != Status.PENDING])),
-    )
+    finished = int(pending[0]) if pending.size else len(status)
+    return finished, len(status), float(np.nansum(seconds[status != Status.PENDING]))
 
 
 @dataclass
@@ -130,7 +122,7 @@ class Growth:
         whole = completed(self.scene, path.parent, rehearsed=True)
         with database.lock(path):
             _refuse_others(self.request, whole)
-            wanted = max(stock(path).length, min(size(0, per_surface), most))
+            wanted = max(stock(path)[1], min(size(0, per_surface), most))
             last = None
             while True:
                 rows = self.generate(whole, wanted)
@@ -238,11 +230,10 @@ class Growth:
         kill, leaves a database that the same call goes on with. InputError is raised if the file is
         of another scene, or cannot be written.
         """
-        path = self.path
-        there, wider = stock(path), scene.model_copy(update={"samples": rows})
-        before, workers = there.rows, self.executor.workers
+        path, wider = self.path, scene.model_copy(update={"samples": rows})
+        (before, _, seconds), workers = stock(path), self.executor.workers
         if before and not self.row:
-            self.row = there.seconds / before / workers
+            self.row = seconds / before / workers
         if before >= rows:
             return before
         database.open_or_create(path, wider)
@@ -275,7 +266,7 @@ class Growth:
                     stopping=lambda: self.stopping() or self.is_over(before + made),
                 )
             writer.confirm()
-        return stock(path).rows
+        return stock(path)[0]
 
 
 def _fitted(data: tuple[Request, list[Dataset], Split], task: None) -> tuple[Surrogate, list[str]]:
