@@ -17,14 +17,13 @@ from sklearn.inspection import permutation_importance
 from gen.arrays import Indices
 from gen.runtime.figure import new_figure, save
 from learn.comparison.fits import Training
-from learn.comparison.folder import Folder
 from learn.comparison.grid import untuned
 from learn.comparison.jobs import repeated, targets
 from learn.comparison.tables import DPI
 from learn.dataset import Request
 from learn.executor import Executor
 from learn.metrics import scores
-from learn.models import Model, check_memory, models_named, remarks
+from learn.models import check_memory, models_named, remarks
 
 SHUFFLES = 5
 """Times that an input is shuffled: enough for a mean and its scatter."""
@@ -39,13 +38,19 @@ COLUMNS = ("inputs", "nmse", "nmae", "nmaxe", "r2", "fit_s", "predict_test_s", "
 def write_report(request: Request, say: Callable[[str], None]) -> Iterator[Path]:
     """Rank the inputs, fit the model to fewer of them; yield the tables and the picture written.
 
+    The settings are those of the folder's search, or untuned ones.
     InputError is raised for input that cannot be used, or too little memory.
     """
     (model,) = models_named(list(request.models), request.features)
     for folder, whole in targets(request, [model], Executor()):
         check_memory(model.name, whole.rows)
         training, names = whole.seen_by(model.name), folder.record()["conditions"]["inputs"]
-        unfitted = _unfitted(model, folder, training, say)
+        result, tuned = folder.result("tuned", model.name), folder.winner(model.name)
+        origin, settings = untuned(model.name, request.features)
+        if tuned and tuned.of_grid and result and result["test"]:
+            origin, settings = "tuned here", tuned.settings
+        say(f"{model.title}, {origin}: {settings}")
+        unfitted = training.unfitted(model.name, settings, tuned=True)
         with remarks() as said:
             losses = permutation_importance(
                 unfitted.fit(training.inputs, training.target, **training.beside()),
@@ -73,16 +78,6 @@ def write_report(request: Request, say: Callable[[str], None]) -> Iterator[Path]
         lines = [[model.name, *(each[name] for name in COLUMNS)] for each in kept]
         yield folder.write_table("selection.csv", ["model", *COLUMNS], lines)
         yield _draw(worths, kept, model.title, folder.path / "importance.png")
-
-
-def _unfitted(model: Model, folder: Folder, training: Training, say: Callable[[str], None]) -> Any:
-    """Return the model with tuned settings, or untuned ones."""
-    result, tuned = folder.result("tuned", model.name), folder.winner(model.name)
-    origin, settings = untuned(model.name, folder.record()["conditions"]["features"])
-    if tuned and tuned.of_grid and result and result["test"]:
-        origin, settings = "tuned here", tuned.settings
-    say(f"{model.title}, {origin}: {settings}")
-    return training.unfitted(model.name, settings, tuned=True)
 
 
 def _selections(

@@ -7,11 +7,11 @@ goes on beyond it. A killed search resumes where it was: the master keeps every 
 
 Within a given time, successive halving on the number of training rows says who is judged, as in
 scikit-learn's HalvingGridSearchCV: all candidates are fitted to few rows, the best third to three
-times as many, and so on. Each of these steps, the judgement over five folds of all rows and the
-winner's last fit have an equal share of the time; what does not end in it is left out. A model of
-which fewer than `LEAST_JUDGED` candidates were judged, or not the paper's, counts as not searched.
-scikit-learn's own halving knows rows, not hours, shares no fits, and can be neither spread over
-machines nor resumed.
+times as many, and so on. These steps, and the judgement over five folds of all rows, have equal
+shares of three quarters of the time, the winner's last fit has the rest; what does not end in its
+share is left out. A model of which fewer than `LEAST_JUDGED` candidates were judged, or not the
+paper's, counts as not searched. scikit-learn's own halving knows rows, not hours, shares no fits,
+and can be neither spread over machines nor resumed.
 """
 
 import math
@@ -35,6 +35,9 @@ from learn.split import FOLDS
 
 STEP_FOLDS = 2
 """Folds on which a step ranks its candidates."""
+
+JUDGED = 0.75
+"""Share of the time after which no candidate is judged any more."""
 
 FACTOR = 3
 """Of three candidates one goes on, with three times the rows."""
@@ -120,7 +123,7 @@ class GridSearch:
         The paper's optimum is on every step, and the first to be judged: few rows must not hide it.
         """
         total, began, sizes = self.training.rows, time.time(), steps(self.training.rows)
-        share = (until - began) / (len(sizes) + 1)
+        share = JUDGED * (until - began) / len(sizes)
         end = began + len(sizes) * share
         self.run(self.tasks([self.own], total), f"the baseline on {total} rows", end)
         told, optimum = [], [family for family in self.grid.families if self.optimum in family]
