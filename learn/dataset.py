@@ -173,7 +173,7 @@ def read(
         load_drawn(request.databases[0]) if request.features == SCENE else "delta"
     )
     scenic = request.features == SCENE or load != "delta"
-    found = [_read_stored(path, request.targets, load, scenic) for path in request.databases]
+    found = [stored(path, request.targets, load, scenic) for path in request.databases]
     scenes = [part.scene for part in found]
     wanted = chosen(request.features, scenes, roots=request.roots, blocks=request.blocks, load=load)
     if len(found) > 1:
@@ -188,7 +188,7 @@ def read(
 
         workers = executor or Executor()
         for place, part in enumerate(found):
-            deltas, hybrid = hybrid_rows(part.path, workers, stopping, wanted)
+            deltas, hybrid = hybrid_rows(part, workers, stopping, wanted)
             if stopping():
                 return []
             numbers = replace(part.numbers, delta=deltas, hybrid=hybrid)
@@ -197,7 +197,7 @@ def read(
     return [_usable(found, each, wanted, request.area_max, common=common) for each in targets]
 
 
-def _read_stored(path: Path, targets: Sequence[str], load: str, scenic: bool) -> Stored:
+def stored(path: Path, targets: Sequence[str], load: str, scenic: bool) -> Stored:
     """Read what learning needs of a database for a load; targets are short names or columns."""
     with Reader(path) as reader:
         scene, known = reader.scene, results(reader.scene, load)

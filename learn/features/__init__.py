@@ -11,6 +11,7 @@ Surrogates see more: square roots with both sets without units, and more of the 
 `hybrid` (`learn.features.sets.chosen`).
 """
 
-from learn.features.sets import OF_SURFACES, SETS, FeatureSet, SurfaceFeatures, Undefined, chosen
+from learn.features.sets import OF_SURFACES, SETS, FeatureSet, chosen
+from learn.features.surface import SurfaceFeatures, Undefined
 
 __all__ = ["OF_SURFACES", "SETS", "FeatureSet", "SurfaceFeatures", "Undefined", "chosen"]

@@ -6,6 +6,8 @@ database, `paper.h5` -> `paper.h5.pressed.npz`, together with the inputs that th
 rows that are new or have changed are computed, and an interrupted run continues.
 """
 
+from __future__ import annotations
+
 import hashlib
 import math
 import time
@@ -13,13 +15,12 @@ import zlib
 from collections.abc import Callable, Iterator
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from zipfile import BadZipFile
 
 import numpy as np
 
 from gen.arrays import Indices, Values
-from gen.database import Reader
 from gen.generation.plan import parameters
 from gen.generation.sample import surface_of
 from gen.runtime.errors import InputError, SourceError
@@ -28,19 +29,14 @@ from gen.runtime.terminal import RunProgress
 from gen.scene import Scene
 from gen.schema import PHYSICS, Status
 from learn.executor import Executor
-from learn.features.sets import (
-    BLOCKS,
-    HYBRID,
-    SETS,
-    STATISTICS,
-    FeatureSet,
-    SurfaceFeatures,
-    by_pressure,
-)
-from learn.features.surface import LOOSE
+from learn.features.sets import BLOCKS, HYBRID, SETS, STATISTICS, FeatureSet, by_pressure
+from learn.features.surface import LOOSE, SurfaceFeatures
+
+if TYPE_CHECKING:
+    from learn.dataset import Stored
 
 VERSION = 4
-"""Raised whenever `CoarseContact.hybrid` changes its values."""
+"""Raised whenever `SurfaceFeatures.hybrid` changes its values."""
 
 BLOCK_ROWS = 32
 SAVE_SECONDS = 20.0
@@ -52,7 +48,7 @@ Block = tuple[int, int, tuple[float, ...]]
 
 
 def hybrid_rows(
-    path: Path,
+    part: Stored,
     executor: Executor,
     stopping: Callable[[], bool],
     features: FeatureSet = SETS["hybrid"],
@@ -61,12 +57,10 @@ def hybrid_rows(
 
     At pressures Delta is the coarse solve's. They are NaN for rows that are not finished or were
     not reached before the stop, for which `stopping` is asked between blocks of rows. The executor
-    generates the surfaces. InputError is raised if the file is no database, or its surfaces cannot
-    be generated again.
+    generates the surfaces. InputError is raised if its surfaces cannot be generated again.
     """
-    pressed = features.load == "pressure"
-    scene, first, usable, inputs = _read(path, pressed=pressed)
-    blocks = features.blocks or BLOCKS
+    pressed, blocks = features.load == "pressure", features.blocks or BLOCKS
+    path, scene, first = part.path, part.scene, int(part.rows[0])
     finer = "" if blocks == BLOCKS else f"-{blocks}"
     finer += "-by-pressure" if pressed else ""
     cache = path.with_name(f"{path.name}.pressed{finer}.npz")
@@ -74,8 +68,14 @@ def hybrid_rows(
     text = f"{VERSION} {blocks} {LOOSE} {','.join(HYBRID)} {PHYSICS} {scene.fingerprint()}"
     text += " by pressure" * pressed
     key = hashlib.sha256(text.encode()).hexdigest()
+    drawn = [part.columns["hardness"]] if scene.contact.draws_hardness else []
+    inputs = np.column_stack([part.inputs, *drawn])
+    if pressed:
+        length, area = math.sqrt(math.prod(scene.grid.sides)), float(np.prod(scene.grid.sides))
+        pressure = part.numbers.given["force"] / area
+        inputs[:, 0] = by_pressure(pressure, length, scene.contact.e_star)
     values = kept(cache, key, inputs, len(HYBRID) + pressed)
-    usable &= np.isfinite(inputs).all(axis=1)
+    usable = (part.columns["status"] == Status.DONE) & np.isfinite(inputs).all(axis=1)
     left = usable & ~np.isfinite(values).all(axis=1)
     tasks = [
         (start, stop, tuple(inputs[start - first : stop - first, 0].tolist()))
@@ -116,18 +116,6 @@ def hybrid_rows(
     return (values[:, -1] if pressed else inputs[:, 0]), values[:, : len(HYBRID)]
 
 
-def _read(path: Path, *, pressed: bool) -> tuple[Scene, int, Any, Values]:
-    """Return a scene, the first row of its database, done rows, (n,), and inputs, (n, 23 or 24)."""
-    with Reader(path) as reader:
-        scene, done = reader.scene, reader.column("status") == Status.DONE
-        inputs = np.stack([reader.column(name) for name in _inputs(scene)], axis=1)
-        if pressed:
-            pressure = reader.column("force") / float(np.prod(scene.grid.sides))
-            length = math.sqrt(math.prod(scene.grid.sides))
-            inputs[:, 0] = by_pressure(pressure, length, scene.contact.e_star)
-        return scene, reader.rows.start, done, inputs
-
-
 def compute_block(shared: tuple[Scene, Path, int, bool], block: Block) -> tuple[Values, Values]:
     """Return inputs (k, 23 or 24) and features (k, 18) of a block's rows, NaN where undefined.
 
@@ -141,7 +129,8 @@ def compute_block(shared: tuple[Scene, Path, int, bool], block: Block) -> tuple[
     start, stop, found = block
     plan = parameters(scene, start, stop)
     deltas = plan.load if scene.quantity == "delta" and not pressed else np.array(found)
-    inputs = np.full((stop - start, len(_inputs(scene))), np.nan)
+    width = 1 + len(STATISTICS) + scene.contact.draws_hardness
+    inputs = np.full((stop - start, width), np.nan)
     values = np.full((stop - start, len(HYBRID) + pressed), np.nan)
     inputs[:, 0] = deltas
     ratios = None if plan.hardness is None else np.asarray(plan.hardness) / scene.contact.e_star
@@ -162,18 +151,13 @@ def compute_block(shared: tuple[Scene, Path, int, bool], block: Block) -> tuple[
                 ratio = None if ratios is None else float(ratios[row])
                 delta = float(deltas[row])
                 if pressed:
-                    values[row, -1] = delta = surface.coarse.reached(delta, ratio, blocks)
-                values[row, : len(HYBRID)] = surface.coarse.hybrid(delta, ratio, blocks)
+                    values[row, -1] = delta = surface.reached(delta, ratio, blocks)
+                values[row, : len(HYBRID)] = surface.hybrid(delta, ratio, blocks)
         except SourceError:
             raise
         except (ArithmeticError, InputError):
             continue
     return inputs, values
-
-
-def _inputs(scene: Scene) -> tuple[str, ...]:
-    """Return the columns of a database that decide the features of its rows."""
-    return ("delta", *STATISTICS, *(("hardness",) if scene.contact.draws_hardness else ()))
 
 
 def _save(cache: Path, **arrays: Any) -> str:

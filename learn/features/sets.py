@@ -26,21 +26,15 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bem.problem import Boundary
 from gen.arrays import Values
 from gen.runtime.errors import InputError
 from gen.scene import Scene
 from gen.schema import TABLE_1
-from gen.statistics import Description, describe
 from learn.features import scene as scenic
 from learn.features.scene import SCENE
-
-if TYPE_CHECKING:
-    from learn.features.surface import CoarseContact
 
 STATISTICS: tuple[str, ...] = tuple(column.name for column in TABLE_1)
 """The 22 statistics, in the order of the paper's Table 1."""
@@ -120,7 +114,7 @@ LOCAL = (
 """Columns of the same solve that surrogates see too."""
 
 HYBRID = (*COARSE, *LOCAL)
-"""All columns, in the order in which `CoarseContact.hybrid` returns them."""
+"""All columns, in the order in which `SurfaceFeatures.hybrid` returns them."""
 
 ROOTED = ("bearing_share", "coarse_area_percent", FORCE, *COARSE[-2:])
 """Columns of `COARSE` whose square roots surrogates see too: like the area they begin at first
@@ -309,70 +303,6 @@ class FeatureSet:
             "interface_stiffness": modulus * rows.length * ones,
         }
         return np.asarray(scales.get(target, ones), dtype=np.float64)
-
-
-class Undefined(InputError):
-    """Features that need statistics which the surface does not define."""
-
-
-@dataclass(frozen=True, eq=False)
-class SurfaceFeatures:
-    """A surface whose features can be computed at any Delta."""
-
-    heights: Values  # (nx, ny), 2 x 2 or more, finite [um]
-    sides: Sides  # scan lengths along x and y [um]
-    spacing: Sides  # of the nodes along x and y [um]
-    name: str = "the surface"  # in messages
-    boundary: Boundary = "free"  # of the patch, also in the coarse solve
-
-    @cached_property
-    def description(self) -> Description:
-        """The 22 statistics by name, and why some of them are undefined."""
-        return describe(self.heights, self.spacing)
-
-    @cached_property
-    def coarse(self) -> "CoarseContact":
-        """The surface in blocks, for the columns of `HYBRID`."""
-        from learn.features.surface import CoarseContact
-
-        return CoarseContact(self.heights, self.sides, self.spacing, self.name, self.boundary)
-
-    def rows(
-        self,
-        features: FeatureSet,
-        loads: Values,
-        hardness_ratio: float | None = None,
-        e_star: float = 1.0,
-    ) -> Rows:
-        """Return the numbers that features of a set are computed from, at k loads.
-
-        Loads are displacements [um], or pressures [MPa] on bodies of an E* [MPa] if the set is for
-        these. `Undefined` is raised if the surface does not define all statistics, InputError if a
-        load is not above 0.
-        """
-        pressed, length = features.load == "pressure", math.sqrt(math.prod(self.sides))
-        deltas = by_pressure(loads, length, e_star) if pressed else loads
-        wrong = deltas[~((deltas > 0) & (deltas < np.inf))]
-        if wrong.size:
-            raise InputError(f"{self.name}: Delta {wrong[0]:g} um: give finite numbers above 0")
-        described, notes = self.description, tuple[str, ...]()
-        if described.reason:
-            raise Undefined(f"{self.name}: statistics undefined: {described.reason}")
-        if self.boundary != "free" and hardness_ratio is None and not pressed:
-            limit = float((self.heights.max() - self.heights).mean())
-            full = f"no equilibrium: the contact is full at delta = {limit:.6g} um"
-            notes = tuple(full * bool(each >= limit) for each in deltas)
-        hybrid = None
-        if features.needs_surface:
-            coarse, how = self.coarse, (hardness_ratio, features.blocks or BLOCKS)
-            if pressed:
-                deltas = np.array([coarse.reached(each, *how) for each in deltas])
-            every = [coarse.hybrid(float(delta), *how) for delta in deltas]
-            hybrid = np.array(every).reshape(-1, len(HYBRID))
-        statistics = np.tile(list(described.values.values()), (deltas.size, 1))
-        own = length, hardness_ratio, math.sqrt(self.heights.size), hybrid, notes
-        grid = self.heights.shape, self.sides
-        return Rows(statistics, deltas, *own, {"pressure": loads} if pressed else {}, (grid,))
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,18 @@ import bem
 from bem.problem import Boundary
 from gen.arrays import Values
 from gen.runtime.errors import InputError
-from learn.features.sets import BLOCKS, FACTORS, POWERS, SHIFTS, Sides
+from gen.statistics import Description, describe
+from learn.features.sets import (
+    BLOCKS,
+    FACTORS,
+    HYBRID,
+    POWERS,
+    SHIFTS,
+    FeatureSet,
+    Rows,
+    Sides,
+    by_pressure,
+)
 
 NEARLY_FULL = 0.999
 """Largest displacement of a coarse solve without edges, over that of full contact: elastic bodies
@@ -134,20 +145,67 @@ def _squares(heights: Values, step: float) -> Values:
     return np.asarray((ends[1:] + ends[:-1]) / 2)
 
 
-@dataclass(frozen=True, eq=False)
-class CoarseContact:
-    """A surface in blocks, pressed at any Delta; its fields are those of `SurfaceFeatures`."""
+class Undefined(InputError):
+    """Features that need statistics which the surface does not define."""
 
-    heights: Values  # (nx, ny) [um]
-    sides: Sides  # [um]
-    spacing: Sides  # [um]
-    name: str
-    boundary: Boundary
+
+@dataclass(frozen=True, eq=False)
+class SurfaceFeatures:
+    """A surface whose features can be computed at any Delta."""
+
+    heights: Values  # (nx, ny), 2 x 2 or more, finite [um]
+    sides: Sides  # scan lengths along x and y [um]
+    spacing: Sides  # of the nodes along x and y [um]
+    name: str = "the surface"  # in messages
+    boundary: Boundary = "free"  # of the patch, also in the coarse solve
 
     @cached_property
     def length(self) -> float:
         """Scan length L, the geometric mean of both sides [um]."""
         return math.sqrt(math.prod(self.sides))
+
+    @cached_property
+    def description(self) -> Description:
+        """The 22 statistics by name, and why some of them are undefined."""
+        return describe(self.heights, self.spacing)
+
+    def statistics(self) -> Values:
+        """Return the statistics, (22,); `Undefined` is raised if one of them is undefined."""
+        if self.description.reason:
+            raise Undefined(f"{self.name}: statistics undefined: {self.description.reason}")
+        return np.array(list(self.description.values.values()))
+
+    def rows(
+        self,
+        features: FeatureSet,
+        loads: Values,
+        hardness_ratio: float | None = None,
+        e_star: float = 1.0,
+    ) -> Rows:
+        """Return the numbers that features of a set are computed from, at k loads.
+
+        Loads are displacements [um], or pressures [MPa] on bodies of an E* [MPa] if the set is for
+        these. `Undefined` is raised as by `statistics`, InputError if a load is not above 0.
+        """
+        pressed, notes, hybrid = features.load == "pressure", tuple[str, ...](), None
+        deltas = by_pressure(loads, self.length, e_star) if pressed else loads
+        wrong = deltas[~((deltas > 0) & (deltas < np.inf))]
+        if wrong.size:
+            raise InputError(f"{self.name}: Delta {wrong[0]:g} um: give finite numbers above 0")
+        statistics = np.tile(self.statistics(), (deltas.size, 1))
+        if self.boundary != "free" and hardness_ratio is None and not pressed:
+            limit = float((self.heights.max() - self.heights).mean())
+            full = f"no equilibrium: the contact is full at delta = {limit:.6g} um"
+            notes = tuple(full * bool(each >= limit) for each in deltas)
+        if features.needs_surface:
+            how = hardness_ratio, features.blocks or BLOCKS
+            if pressed:
+                deltas = np.array([self.reached(each, *how) for each in deltas])
+            every = [self.hybrid(float(delta), *how) for delta in deltas]
+            hybrid = np.array(every).reshape(-1, len(HYBRID))
+        own = self.length, hardness_ratio, math.sqrt(self.heights.size), hybrid, notes
+        grid = self.heights.shape, self.sides
+        return Rows(statistics, deltas, *own, {"pressure": loads} if pressed else {}, (grid,))
 
     def reached(self, load: float, hardness_ratio: float | None, blocks: int) -> float:
         """Return the Delta at which the coarse solve carries a pressure times L / E* [um]."""

@@ -35,7 +35,7 @@ from scipy.interpolate import PchipInterpolator
 from bem.derived.stiffness import without_patch
 from gen.arrays import Values
 from gen.law import Law, Order
-from gen.law.contact_law import ARGUMENTS, STEPS, law_of
+from gen.law.contact_law import ARGUMENTS, STEPS, Tables, law_of
 from gen.law.curves import STIFFNESS, Curves, Points, continued, monotone, risen, slopes, tabulated
 from gen.law.surfaces import LawSurface, LawSurfaces, Load, read_subjects
 from gen.material import Bodies
@@ -73,31 +73,24 @@ def make(surrogate: Surrogate, order: Order) -> Law:
         )
     deltas, pressures = order.loads()
     subjects = read_subjects(order, only=surrogate.boundary)
-    kept, left_out = _defined(subjects.surfaces)
-    subjects = replace(subjects, surfaces=kept)
+    kept, left_out = _defined(surrogate, subjects.surfaces)
+    subjects = replace(subjects, surfaces=[patch for patch, _ in kept])
     hardness = order.hardness
     if hardness is None and (given := subjects.hardness_ratio()) is not None:
         hardness = given * (order.e_star or surrogate.modulus)
     bodies = surrogate.bodies(order.e_star, hardness)
-    said = f"predicted by {surrogate.card['title']}", f"{100 * order.level:g} % conformal interval"
     low, high = surrogate.card["delta"]
     if kind == "pressure":
         scale = bodies.e_star / math.sqrt(math.prod(surrogate.card["side"]))
         at = np.geomspace(low, high, STEPS) * scale if asked is None else asked[asked > 0]
-        predicted = [
-            (
-                each,
-                OnSurface(surrogate, _features(each)).predict(
-                    at, e_star=bodies.e_star, hardness=bodies.hardness, level=order.level
-                ),
-            )
-            for each in kept
-        ]
-        tables, notes = _learnt_tables(predicted, kind, at, order, bodies)
-        return law_of(order, subjects, bodies, (*tables, [*left_out, *notes]), said)
-    if deltas is None:
-        deltas = np.unique(np.linspace(float(low), float(high), STEPS))
-    over_delta, over_pressure, notes = _tables(surrogate, kept, deltas, pressures, order, bodies)
+        points = [_predicted(*each, kind, order.level, bodies, at) for each in kept]
+        tables = _learnt_tables([patch for patch, _ in kept], points, kind, order, bodies)
+    else:
+        if deltas is None:
+            deltas = np.unique(np.linspace(float(low), float(high), STEPS))
+        tables = _tables(kept, deltas, pressures, order, bodies)
+    over_delta, over_pressure, notes = tables
+    said = f"predicted by {surrogate.card['title']}", f"{100 * order.level:g} % conformal interval"
     return law_of(order, subjects, bodies, (over_delta, over_pressure, [*left_out, *notes]), said)
 
 
@@ -124,10 +117,11 @@ def of_parameters(surrogate: Surrogate, order: Order, numbers: Mapping[str, floa
     if (limits := surrogate.hardness_limits) is not None and hardness is None:
         hardness = numbers.get("hardness_ratio", limits[0]) * surrogate.modulus
     bodies = Bodies(surrogate.modulus, hardness, known=True)
-    tables, remarks = _learnt_tables([(patch, answer)], kind, at, order, bodies)
+    points = _points_at(answer, kind, at, patch, bodies)
+    tables = _learnt_tables([patch], [points], kind, order, bodies)
     subjects = LawSurfaces([patch], [scene], [f"{order.inputs[0]}: {patch.name}"])
     said = f"predicted by {surrogate.card['title']}", f"{100 * order.level:g} % of new surfaces"
-    return law_of(order, subjects, bodies, (*tables, remarks), said)
+    return law_of(order, subjects, bodies, tables, said)
 
 
 def _asked(surrogate: Surrogate, order: Order) -> tuple[Load, Values | None]:
@@ -148,22 +142,21 @@ def _asked(surrogate: Surrogate, order: Order) -> tuple[Load, Values | None]:
 
 
 def _learnt_tables(
-    predicted: Sequence[tuple[LawSurface, Prediction]],
+    patches: Sequence[LawSurface],
+    points: Sequence[Points],
     kind: Load,
-    at: Values,
     order: Order,
     bodies: Bodies,
-) -> tuple[tuple[Curves, Curves], list[str]]:
-    """Tabulate predictions at learnt loads, (k,), against Delta and pressure, with remarks."""
-    parts, corrections = [], []
-    for patch, answer in predicted:
-        points, correction = monotone(_points_at(answer, kind, at, patch, bodies))
-        parts.append(_with_stiffness(points, patch, order, bodies))
-        corrections.append(correction)
+) -> Tables:
+    """Tabulate the points of surfaces at learnt loads against Delta and pressure, with remarks."""
+    smooth, corrections = zip(*map(monotone, points), strict=True)
+    parts = [
+        _with_stiffness(each, patch, order, bodies)
+        for each, patch in zip(smooth, patches, strict=True)
+    ]
     tables = _both_tables(parts, kind, order.level)
     alone = [f"only the table over {kind} has a band"] if len(parts) == 1 else []
-    remarks = [*_corrected(tables[kind], corrections), *alone]
-    return (tables["delta"], tables["pressure"]), remarks
+    return tables["delta"], tables["pressure"], [*_corrected(tables[kind], corrections), *alone]
 
 
 def _points_at(
@@ -190,7 +183,7 @@ def _points_at(
         found |= {"force_uN": ends["force"] if kind == "delta" else pressure * patch.nominal}
         if "mean_gap" in ends:
             found["mean_gap_um"] = ends["mean_gap"]
-        elif surface is not None:  # it rises with the force
+        elif kind == "delta" and surface is not None:  # it rises with the force
             found["mean_gap_um"] = _mean_gap(surface, at, ends["force"] / bodies.e_star, bodies)
         if "interface_stiffness" in ends:
             found[STIFFNESS] = ends["interface_stiffness"] / patch.nominal
@@ -226,14 +219,18 @@ def _both_tables(parts: Sequence[Points], kind: Load, level: float) -> dict[Load
     return made
 
 
-def _defined(surfaces: Sequence[LawSurface]) -> tuple[Sequence[LawSurface], list[str]]:
-    """Return the surfaces with all statistics, and a line if any were left out."""
+def _defined(
+    surrogate: Surrogate, surfaces: Sequence[LawSurface]
+) -> tuple[list[tuple[LawSurface, OnSurface]], list[str]]:
+    """Apply the surrogate to surfaces with all statistics; also return a line if any lack some."""
     kept, faults = [], []
-    for surface in surfaces:
-        if reason := _features(surface).description.reason:
-            faults.append(Undefined(f"{surface.name}: statistics undefined: {reason}"))
-        else:
-            kept.append(surface)
+    for each in surfaces:
+        own = SurfaceFeatures(each.heights, each.sides, each.spacing, each.name, each.boundary)
+        try:
+            own.statistics()
+            kept.append((each, OnSurface(surrogate, own)))
+        except Undefined as error:
+            faults.append(error)
     if not kept:
         raise faults[0]
     many = f"{len(faults)} of {len(surfaces)} surfaces were left out"
@@ -241,28 +238,26 @@ def _defined(surfaces: Sequence[LawSurface]) -> tuple[Sequence[LawSurface], list
 
 
 def _tables(
-    surrogate: Surrogate,
-    surfaces: Sequence[LawSurface],
+    surfaces: Sequence[tuple[LawSurface, OnSurface]],
     deltas: Values,
     pressures: Values | None,
     order: Order,
     bodies: Bodies,
-) -> tuple[Curves, Curves, list[str]]:
+) -> Tables:
     """Predict all surfaces; tabulate against Delta and against pressure, with lines of warnings."""
     parts, whole, corrections = [], [], []
     with RunProgress(len(surfaces), "surfaces") as progress:
-        for surface in surfaces:
-            on_surface = OnSurface(surrogate, _features(surface))
-            predicted = partial(_predicted_points, on_surface, surface, order.level, bodies)
-            smooth, correction = monotone(predicted(deltas).from_rest(surface.at_rest()))
+        for patch, on_surface in surfaces:
+            predicted = partial(_predicted, patch, on_surface, "delta", order.level, bodies)
+            smooth, correction = monotone(predicted(deltas).from_rest(patch.at_rest()))
             extended = smooth
             with suppress(InputError):  # larger displacements, where they can be predicted
                 extended = continued(smooth, predicted(deltas[-1] * np.array(BEYOND)))
-            parts.append(_with_stiffness(smooth, surface, order, bodies))
-            whole.append(_with_stiffness(extended, surface, order, bodies))
+            parts.append(_with_stiffness(smooth, patch, order, bodies))
+            whole.append(_with_stiffness(extended, patch, order, bodies))
             corrections.append(correction)
             progress.advance(1, 0)
-    rest = {"mean_gap_um": float(np.mean([surface.gap_at_rest for surface in surfaces]))}
+    rest = {"mean_gap_um": float(np.mean([patch.gap_at_rest for patch, _ in surfaces]))}
     over_delta = tabulated("delta_um", np.append(0.0, deltas), parts, order.level, rest)
     notes = _corrected(over_delta, corrections)
     if beyond := sum(share > 0 for share in over_delta.outside):
@@ -271,7 +266,7 @@ def _tables(
         if over_delta.flagged.any():
             line += "; outside, neither closure nor stiffness is given (-)"
         notes.insert(0, line)
-    if bodies.hardness is not None and "mean_gap" not in surrogate.learnt:
+    if bodies.hardness is not None and "mean_gap" not in surfaces[0][1].surrogate.learnt:
         notes.append(
             "warning: the mean gap of bodies that yield is a coarse estimate: fit one with --target"
             " area,force,mean_gap"
@@ -282,36 +277,31 @@ def _tables(
     return over_delta, over_pressure, [*notes, *late]
 
 
-def _predicted_points(
-    on_surface: OnSurface, subject: LawSurface, level: float, bodies: Bodies, deltas: Values
+def _predicted(
+    patch: LawSurface, on_surface: OnSurface, kind: Load, level: float, bodies: Bodies, at: Values
 ) -> Points:
-    """Predict the law of one surface at ascending displacements above 0, (k,) [um]."""
+    """Predict the law of one surface at ascending loads above 0, (k,)."""
     e_star, hardness = bodies.e_star, bodies.hardness
-    answer = on_surface.predict(deltas, e_star=e_star, hardness=hardness, level=level)
+    answer = on_surface.predict(at, e_star=e_star, hardness=hardness, level=level)
     for name, predictions in answer.values.items():
         if not np.isfinite(predictions).all():
-            place = int(np.argmin(np.isfinite(predictions)))
+            load = at[np.argmin(np.isfinite(predictions))]
+            where = f"Delta = {load:.4g} um" if kind == "delta" else f"{load:.4g} MPa"
             raise InputError(
-                f"{subject.name}: the surrogate has no finite {name} at Delta ="
-                f" {deltas[place]:.4g} um: no law can be made of it"
+                f"{patch.name}: the surrogate has no finite {name} at {where}: no law can be made"
+                " of it"
             )
-    return _points_at(answer, "delta", deltas, subject, bodies, on_surface.surface)
+    return _points_at(answer, kind, at, patch, bodies, on_surface.surface)
 
 
 def _mean_gap(surface: SurfaceFeatures, deltas: Values, force: Values, bodies: Bodies) -> Values:
     """Return the mean gap from forces over E*, (k,) [um]."""
     rest = float(surface.heights.max()) - float(surface.heights.mean())
-    coarse = [surface.coarse.means(float(delta), bodies.hardness_ratio) for delta in deltas]
+    coarse = [surface.means(float(delta), bodies.hardness_ratio) for delta in deltas]
     compliance, yielded = np.array(coarse).reshape(-1, 2).T
     free = surface.boundary == "free"
-    mean = compliance * force / surface.coarse.length if free else 0.0  # displacement
+    mean = compliance * force / surface.length if free else 0.0  # displacement
     return np.asarray(np.maximum(rest - deltas + mean + yielded, 0.0))
-
-
-def _features(subject: LawSurface) -> SurfaceFeatures:
-    """Return a surface as one whose features can be computed."""
-    heights, sides, spacing = subject.heights, subject.sides, subject.spacing
-    return SurfaceFeatures(heights, sides, spacing, subject.name, subject.boundary)
 
 
 def _with_stiffness(points: Points, subject: LawSurface, order: Order, bodies: Bodies) -> Points:
@@ -341,7 +331,7 @@ def _corrected(over_delta: Curves, corrections: Sequence[Points]) -> list[str]:
     lines = []
     for name in over_delta.curves.keys() & corrections[0].values.keys():  # slopes are not corrected
         change = np.mean([each.values[name] for each in corrections], axis=0)
-        largest = np.nanmax(np.abs(over_delta.curves[name].value)) or 1.0
+        largest = np.nanmax(np.abs(over_delta.curves[name].value), initial=0.0) or 1.0
         if np.abs(change).max() > CORRECTED * largest:
             fell, rising = ("rose", "falling") if name == "mean_gap_um" else ("fell", "rising")
             lines.append(

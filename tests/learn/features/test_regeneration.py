@@ -12,6 +12,7 @@ from gen.database import Reader
 from gen.generation.plan import parameters
 from gen.generation.sample import surface_of
 from gen.runtime.errors import InputError
+from learn import dataset
 from learn.executor import Executor
 from learn.features import SurfaceFeatures, regeneration
 from learn.features.sets import BLOCK_COUNTS, BLOCKS, HYBRID, SETS
@@ -23,7 +24,8 @@ def never():
 
 def hybrid_rows(database, executor, stopping, blocks=BLOCKS):
     features = replace(SETS["hybrid"], blocks=blocks)
-    return regeneration.hybrid_rows(database, executor, stopping, features)[1]
+    part = dataset.stored(database, ("area",), "delta", scenic=False)
+    return regeneration.hybrid_rows(part, executor, stopping, features)[1]
 
 
 @pytest.mark.parametrize("blocks", BLOCK_COUNTS)

@@ -25,14 +25,14 @@ def test_any_grid_has_features_and_few_nodes_are_their_own_blocks(shape):
     deltas = np.array([0.2, 3.0, 30.0])
     found = SETS["hybrid"].of(rough.rows(SETS["hybrid"], deltas))
     assert np.isfinite(found).all()
-    values = dict(zip(HYBRID, rough.coarse.hybrid(3.0), strict=True))
+    values = dict(zip(HYBRID, rough.hybrid(3.0), strict=True))
     assert values["bearing_share"] == np.mean(z > z.max() - 3.0)
     assert values["refined_share"] <= values["bearing_share"]
     if max(shape) <= 33:  # nothing stands above its own solution, whatever that leaves there
         assert values["refined_share"] == values["refined_interference/delta"] == 0
         solved = bem.solve(z, sides, 3.0)
         assert values["coarse_area_percent"] == pytest.approx(solved.area_percent, abs=0.5)
-        force = solved.force / (rough.coarse.length * 3.0)
+        force = solved.force / (rough.length * 3.0)
         assert values["coarse_force/(E*.L.delta)"] == pytest.approx(force, rel=0.02)
     else:
         assert values["refined_share"] > 0
@@ -42,7 +42,7 @@ def test_a_delta_that_reaches_no_block_still_has_features():
     z = np.zeros((66, 66))
     z[30, 30] = 10.0
     z += np.random.default_rng(0).uniform(0, 1e-3, z.shape)
-    values = SurfaceFeatures(z, (65.0, 65.0), (1.0, 1.0)).coarse.hybrid(0.5)
+    values = SurfaceFeatures(z, (65.0, 65.0), (1.0, 1.0)).hybrid(0.5)
     coarse, local = values[: len(COARSE)], dict(zip(LOCAL, values[len(COARSE) :], strict=True))
     assert coarse == (1 / 66**2, 0.5 / 66**2 / 0.5, 0.0, 0.0, 0.0, 1 / 66**2, 0.5 / 66**2 / 0.5)
     assert local["refined_share(+1s)"] == 1 / 66**2
@@ -54,12 +54,12 @@ def test_pits_that_blocks_do_not_resolve_skew_what_they_leave():
     rough, pits = surface(0, nodes=129), np.zeros((129, 129))
     pits[5::9, 5::9] = 5.0
     each = (SurfaceFeatures(rough + sign * pits, (128.0, 128.0), (1.0, 1.0)) for sign in (0, -1, 1))
-    flat, deep, high = (one.coarse.hybrid(3.0)[HYBRID.index(SKEWNESS)] for one in each)
+    flat, deep, high = (one.hybrid(3.0)[HYBRID.index(SKEWNESS)] for one in each)
     assert abs(flat) < 0.1
     assert deep < -1
     assert high > 1
     tiny = SurfaceFeatures(surface(0) + 1e9, (128.0, 128.0), (4.0, 4.0))
-    assert tiny.coarse.hybrid(3.0)[HYBRID.index(SKEWNESS)] == 0.0
+    assert tiny.hybrid(3.0)[HYBRID.index(SKEWNESS)] == 0.0
 
 
 @pytest.mark.parametrize("boundary", ["periodic", "mirror"])
@@ -71,15 +71,15 @@ def test_patches_without_edges_have_features_up_to_full_contact(shape, boundary)
     rough = SurfaceFeatures(z, sides, (1.0, 1.0), boundary=boundary)
     full = float(z.max() - z.mean())
     for share in (0.05, 0.5, 0.98, 0.9999):
-        values = dict(zip(HYBRID, rough.coarse.hybrid(share * full), strict=True))
+        values = dict(zip(HYBRID, rough.hybrid(share * full), strict=True))
         assert np.isfinite(list(values.values())).all()
         assert values["coarse_displacement/delta"] == 0.0
-        assert rough.coarse.means(share * full) == (0.0, 0.0)
+        assert rough.means(share * full) == (0.0, 0.0)
         if max(shape) <= 32 and share < 0.98:
             solved = bem.solve(z, rough.sides, share * full, boundary=boundary)
             assert values["coarse_area_percent"] == pytest.approx(solved.area_percent, abs=0.5)
     assert values["coarse_area_percent"] > 80
-    assert rough.coarse.means(0.9 * full, 0.05)[1] > 0
+    assert rough.means(0.9 * full, 0.05)[1] > 0
 
 
 @pytest.mark.parametrize("boundary", ["free", "periodic", "mirror"])
@@ -97,7 +97,7 @@ def test_what_surrogates_see_is_finite_on_any_patch(boundary, blocks, hardness_r
     assert found.shape == (3, len(wanted.columns))
     assert np.isfinite(found).all()
     turned = SurfaceFeatures(z.T.copy(), (130.0, 50.0), steps[::-1], boundary=boundary)
-    a, b = (s.coarse.hybrid(10.0, hardness_ratio, blocks) for s in (rough, turned))
+    a, b = (s.hybrid(10.0, hardness_ratio, blocks) for s in (rough, turned))
     np.testing.assert_allclose(a, b, rtol=1e-6)
 
 
