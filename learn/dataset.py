@@ -22,7 +22,7 @@ from learn.executor import Executor
 from learn.features import FeatureSet, chosen
 from learn.features.scene import BY_FORCE, SCENE, given_values, load_of
 from learn.features.sets import Rows, limits_of
-from learn.split import MAP, TILE, Population, populations_of, related
+from learn.split import MAP, TILE, populations_of, related
 
 INPUTS: tuple[str, ...] = ("delta", *(column.name for column in TABLE_1))
 """The 23 inputs: Delta and the 22 statistics, in the order of the paper's Table 1."""
@@ -111,7 +111,7 @@ class Dataset:
     rows: Indices  # (n,), numbers of the rows in their databases
     groups: Indices  # (n,), of rows that no split divides: of one surface, or tile of a map
     database: Indices  # (n,), number in `origins`
-    population: Indices  # (n,), number in `populations`
+    population: Indices  # (n,), number of the map, or the database of surfaces from no map
     features: FeatureSet  # what the d inputs are
     target_name: str  # the column of the target
     unit: str  # of the target, "1" if it was made free of units
@@ -121,13 +121,17 @@ class Dataset:
     origins: tuple[Origin, ...]
     name: str  # the databases' paths
     sha256: str = ""  # fingerprint of the columns that decide the results, of all databases
-    by_tile: bool = False  # whether the groups are tiles of maps
-    populations: tuple[Population, ...] = ()
+    by_tile: bool = False  # whether the groups are tiles of maps, from which all surfaces come
 
     @property
     def size(self) -> int:
         """Number of usable rows."""
         return self.target.size
+
+    @property
+    def surfaces(self) -> Indices:
+        """Surface, or tile, of each row, (n,); the row itself where all are of one."""
+        return self.groups if np.ptp(self.groups) else np.arange(self.size)
 
     def at(self, positions: Indices) -> "Dataset":
         """Return the rows at some positions, (k,), in their order; groups are numbered anew."""
@@ -285,7 +289,6 @@ def _usable(
         name=", ".join(origin.database for origin in origins),
         sha256=digests[0] if len(digests) == 1 else together,
         by_tile=all(TILE in part.columns for part in parts),
-        populations=tuple(numbers),
     )
 
 

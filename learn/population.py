@@ -38,6 +38,7 @@ from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.preprocessing import PolynomialFeatures
 
 from gen.arrays import Indices, Values
+from learn.split import dealt
 
 CENTRES = 500
 """Rows at most that functions of the mean are about."""
@@ -143,7 +144,7 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         centres = X[random.permutation(len(y))[: self.centres]]
         few = random.permutation(len(y)) < LIKELY_ROWS
         found = _likely(rows.at(few, _blocks(surfaces[few])), centres[:LIKELY_CENTRES])
-        self._solve(rows, centres, found, dealt(surfaces, random))
+        self._solve(rows, centres, found, dealt(surfaces, PARTS, random))
         return self
 
     def _fit_scatter(self, X: Values, ratio: Values, weights: Values, most: float) -> Values:
@@ -375,12 +376,6 @@ def _blocks(surfaces: Indices) -> list[Indices]:
             block = own[start : start + TOGETHER]
             of_size.setdefault(block.size, []).append(block)
     return [np.array(each) for each in of_size.values()]
-
-
-def dealt(surfaces: Indices, random: np.random.Generator) -> Indices:
-    """Deal surfaces, by the numbers of their rows, (n,), into parts of about the same size."""
-    _, place = np.unique(surfaces, return_inverse=True)
-    return np.asarray(random.permutation(place.max() + 1)[place] % PARTS)
 
 
 def _plane(X: Values) -> Values:

@@ -11,10 +11,10 @@ There are training and test rows, and the five folds of the grid search.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,8 +80,7 @@ def draw(
         raise InputError(f"--train-rows {train_rows}: give 2 rows at least")
     if dataset.by_tile:
         require_tiles(dataset, tiles)
-    by_surface = bool(np.ptp(dataset.groups) > 0)
-    groups = dataset.groups if by_surface else np.arange(dataset.size)
+    by_surface, groups = bool(np.ptp(dataset.groups) > 0), dataset.surfaces
     values, place = np.unique(groups, return_inverse=True)
     random, faults = np.random.default_rng(seed), []
     for _ in range(DRAWS):
@@ -138,26 +137,19 @@ def check_folds(dataset: Dataset, split: Split) -> None:
             )
 
 
-class Population(NamedTuple):
-    """Where surfaces come from: those of one population are more alike than those of others."""
-
-    database: str
-    generator: str
-    map: str = ""  # file name and hash of the map of a window
+def dealt(labels: Indices, parts: int, random: np.random.Generator) -> Indices:
+    """Deal groups, by the labels of their rows, (n,), at random into parts of about one size."""
+    values, place = np.unique(labels, return_inverse=True)
+    return np.asarray(random.permutation(values.size)[place] % parts)
 
 
-def populations_of(part: Stored) -> Iterator[Population]:
-    """Yield the population of each row of a database."""
+def populations_of(part: Stored) -> list[str]:
+    """Name where the surface of each row is from: its map, or the database if there is none."""
     surface = part.scene.surface
-    own = Population(str(part.path), str(getattr(surface, "generator", "")))
     if MAP not in part.columns or not isinstance(surface, ScanSurface):
-        yield from [own] * part.rows.size
-        return
-    maps = [
-        own._replace(map=f"{Path(each.file).name} {each.sha256[:DIGITS]}")
-        for each in surface.known().maps
-    ]
-    yield from (maps[index] for index in part.columns[MAP])
+        return [str(part.path)] * part.rows.size
+    maps = [f"{Path(each.file).name} {each.sha256[:DIGITS]}" for each in surface.known().maps]
+    return [maps[index] for index in part.columns[MAP]]
 
 
 def related(parts: Sequence[Stored]) -> Indices:

@@ -25,7 +25,7 @@ from learn.features import chosen
 from learn.features.sets import Rows
 from learn.models import MODELS, STEP
 from learn.surrogate import Surrogate
-from learn.surrogate.calibration import measured
+from learn.surrogate.calibration import planned
 from learn.surrogate.fitting import Fit, Settings, fit_target
 
 Change = Callable[[Dataset], Dataset]
@@ -174,12 +174,13 @@ def fitted(
     if way == "tuned":
         values = untuned(name, features.name)[1] | FEWER.get(name, {})
     wanted = Settings({**values, **(settings or {})}, way == "tuned", way)
-    fit = fit_target(request, train, calibration, np.zeros(train.size, np.int8), settings=wanted)
+    plan, folds = planned(name, train, calibration), np.zeros(train.size, np.int8)
+    fit = fit_target(request, train, plan, folds, settings=wanted, other=calibration)
     known: dict[str, Any] = {"features": features.name, "nodes": NODES, "side": SIDE}
     known |= {"spacing": SCENE.spacing, "modulus": 1.0}
     known["columns"] = [(each, "1") for each in features.columns]
     low, high = train.inputs.min(axis=0), train.inputs.max(axis=0)
-    surrogate = Surrogate(known, {"target": fit.learnt}, low, high, measured(train).distance)
+    surrogate = Surrogate(known, {"target": fit.learnt}, low, high, plan.distance)
     return Asked(name, fit, surrogate, train, test)
 
 

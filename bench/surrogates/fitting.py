@@ -11,7 +11,7 @@ from learn import dataset, split
 from learn.dataset import Dataset, Request
 from learn.features import chosen
 from learn.metrics import Scores, scores
-from learn.surrogate.calibration import measured
+from learn.surrogate.calibration import planned
 from learn.surrogate.fitting import Fit, Settings, fit_target
 from learn.surrogate.interval import Distance
 
@@ -91,6 +91,7 @@ def fit(
 
     An InputError is raised if this machine lacks the memory.
     """
-    fitted = fit_target(request, train, None, folds, settings=settings)
+    plan = planned(request.models[0], train, None)
+    fitted = fit_target(request, train, plan, folds, settings=settings)
     low, high = train.inputs.min(axis=0), train.inputs.max(axis=0)
-    return Fitted(**vars(fitted), low=low, high=high, distance=measured(train).distance)
+    return Fitted(**vars(fitted), low=low, high=high, distance=plan.distance)

@@ -32,7 +32,6 @@ from learn.dataset import Dataset
 from learn.features.scene import SCENE
 from learn.metrics import no_better
 from learn.split import FOLDS, TILE, Split
-from learn.surrogate.calibration import surfaces_of
 from learn.surrogate.learnt import Learnt
 from learn.surrogate.model import Surrogate
 
@@ -154,7 +153,7 @@ def holdout(rows: Dataset) -> NDArray[np.bool_]:
     No group has rows in both: a surface that repeats an earlier one follows that one, and so do
     tiles of which two windows are equal to the last bit.
     """
-    scene, groups, among = rows.origins[0].scene, surfaces_of(rows), SHARE
+    scene, groups, among = rows.origins[0].scene, rows.surfaces, SHARE
     numbers = rows.rows if np.ptp(rows.groups) == 0 else rows.rows // scene.samples_per_surface
     if rows.by_tile:
         assert isinstance(scene.surface, ScanSurface)
@@ -181,7 +180,7 @@ def parted(sets: list[Dataset], seed: int) -> Split:
                     f"{rows.name}: {each.target_name} does not vary over the"
                     f" {part.size} {name} rows of {rows.size}: more are needed"
                 )
-    groups, labels = np.unique(surfaces_of(rows)[train], return_inverse=True)
+    groups, labels = np.unique(rows.surfaces[train], return_inverse=True)
     place = np.random.default_rng(seed).permutation(groups.size)[labels]
     shuffled = np.argsort(place, kind="stable")
     folds = (place[shuffled] * FOLDS // groups.size).astype(np.int8)

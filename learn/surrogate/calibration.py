@@ -7,7 +7,7 @@ from no maps. What a new map is like, only whole maps tell that a model has not 
 are enough, each is left out as a whole.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from functools import partial
 from typing import Any, Literal, NamedTuple
 
@@ -17,7 +17,8 @@ from gen.arrays import Indices, Values
 from gen.runtime.errors import InputError
 from learn.dataset import Dataset
 from learn.features.scene import SCENE
-from learn.split import FOLDS
+from learn.models import POPULATION
+from learn.split import FOLDS, dealt
 from learn.surrogate.interval import (
     GROWTH,
     Calibration,
@@ -59,6 +60,9 @@ ENOUGH = 400
 inside intervals of 90 % then deviates by 1.5 %.
 """
 
+CLOSED = ("kernel-ridge", "gaussian-process", POPULATION.name)
+"""Models of which one fit tells the errors at rows that are left out."""
+
 SMALLEST_CALIBRATION = 20
 """Smallest number of rows of another database that calibrate."""
 
@@ -77,16 +81,10 @@ class Groups(NamedTuple):
         Whole groups where intervals shall hold for others, else a fifth of the surfaces or tiles,
         at random; each part gets about as many.
         """
-        labels, parts = surfaces_of(rows), FOLDS
+        labels, parts = rows.surfaces, FOLDS
         if self.scheme == "others":
             labels, parts = self.labels, min(self.number, MOST_FITS)
-        values, place = np.unique(labels, return_inverse=True)
-        return np.asarray(np.random.default_rng(0).permutation(values.size)[place] % parts)
-
-
-def surfaces_of(rows: Dataset) -> Indices:
-    """Return the surface, or tile, of each row, (n,); the row itself where all are of one."""
-    return rows.groups if np.ptp(rows.groups) else np.arange(rows.size)
+        return dealt(labels, parts, np.random.default_rng(0))
 
 
 def groups_of(rows: Dataset) -> Groups:
@@ -95,25 +93,19 @@ def groups_of(rows: Dataset) -> Groups:
     Windows of one map are of one group, whichever databases they are in. Databases that share
     surfaces cannot be left out whole, if hardly a row is left to train on.
     """
-    keys = [each.map or each.database for each in rows.populations]
-    number_of = {key: number for number, key in enumerate(dict.fromkeys(keys))}
-    known = np.array([number_of[key] for key in keys], dtype=np.int64)
-    of_maps = all(each.map for each in rows.populations)
     surfaces, own = np.unique(rows.groups, return_inverse=True)
     unit = "tile" if rows.by_tile else SURFACE if surfaces.size > 1 else "row"
     number = surfaces.size if surfaces.size > 1 else rows.size
     alone = Groups(np.zeros(rows.size, dtype=np.int64), number, unit, "surfaces")
-    if rows.features.name == SCENE and not of_maps:
+    if rows.features.name == SCENE and not rows.by_tile:
         enough = surfaces.size >= FEWEST
         return Groups(own, surfaces.size, SURFACE, "others") if enough else alone
-    if known.size < 2 or surfaces.size < 2:
-        return alone
-    used, labels = np.unique(known[rows.population], return_inverse=True)
-    if used.size < 2:
+    used, labels = np.unique(rows.population, return_inverse=True)
+    if used.size < 2 or surfaces.size < 2:
         return alone
     schemes: tuple[Scheme, ...] = ("others", "each") if used.size >= FEWEST else ("each",)
     for scheme in schemes:
-        groups = Groups(labels, used.size, "map" if of_maps else "database", scheme)
+        groups = Groups(labels, used.size, "map" if rows.by_tile else "database", scheme)
         unseen = [each.size for _, each in holdouts(rows, groups.left_out(rows))]
         if max(unseen) <= MOST_UNSEEN * rows.size:
             return groups
@@ -126,10 +118,9 @@ def holdouts(rows: Dataset, parts: Indices) -> Iterator[tuple[Indices, Indices]]
     The latter share a surface or tile with one of the part. Parts, (n,), come from
     `Groups.left_out`.
     """
-    surfaces = surfaces_of(rows)
     for part in np.unique(parts):
         mine = np.flatnonzero(parts == part)
-        yield mine, np.flatnonzero(np.isin(surfaces, surfaces[mine]))
+        yield mine, np.flatnonzero(np.isin(rows.surfaces, rows.surfaces[mine]))
 
 
 Parts = list[tuple[Indices, Indices]]
@@ -148,27 +139,76 @@ def measured(rows: Dataset) -> Measured:
     """Measure distances from training rows, with the limit of the flag."""
     groups, size = groups_of(rows), rows.inputs.shape[1]
     if rows.features.name == SCENE:  # drawn independently of each other: ranges say all
-        nothing = np.zeros(rows.size)
         distance = Distance(np.zeros((1, size)), np.zeros((1, size, size)), np.inf)
-        return Measured(distance, nothing, nothing.astype(np.int64))
-    if groups.scheme == "others":
+    elif groups.scheme == "others":
         distance = from_maps(rows.inputs, groups.labels)
-        return Measured(distance, *distance.measured(rows.inputs))
-    return Measured(*from_surfaces(rows.inputs, groups.labels, groups.left_out(rows)))
+    else:
+        return Measured(*from_surfaces(rows.inputs, groups.labels, groups.left_out(rows)))
+    return Measured(distance, *distance.measured(rows.inputs))
 
 
-def calibrate(
-    rows: Dataset, groups: Groups, errors: Values, seen: Measured, *, root: bool
-) -> Calibration:
-    """Calibrate intervals with the errors, (n,), of models that have not seen these n rows.
+class Plan(NamedTuple):
+    """Which rows calibrate, and what a card and the user are told of it."""
 
-    The errors are those of the target over its scale, or of its `root`. They are divided by their
-    growth with the distance from what these models have seen, unless intervals hold for other maps,
-    and by their usual size, which is fitted without the part that a row is in.
+    parts: Parts  # of the training rows; none if another database's calibrate
+    kept: Indices  # training rows that calibrate, those of the parts
+    groups: Groups  # of the rows that calibrate
+    seen: Measured  # their distances from the training
+    distance: Distance  # that of the surrogate, with the limit of the groups or of the training
+    entry: dict[str, Any]  # "calibration" of the card
+    remark: str  # maps or databases by which the training rows calibrate; "" if there is one
+
+
+def planned(model: str, train: Dataset, other: Dataset | None) -> Plan:
+    """Say which rows calibrate the intervals of training rows: their own, or another database's.
+
+    For models in `CLOSED` every part of the training rows does. For others as many do as have
+    `ENOUGH` surfaces, or all that there are, also of whole groups.
     """
+    seen, parts = measured(train), list[tuple[Indices, Indices]]()
+    kept, remark, database, sha256 = np.arange(0), "", "", ""
+    if other is not None:
+        groups, (database, sha256, *_) = groups_of(other), other.origins[-1]
+        distance, whole = seen.distance, groups.scheme == "others"
+        seen = Measured(distance, *distance.measured(other.inputs))
+        if whole and train.features.name != SCENE:
+            distance = from_maps(train.inputs, groups.labels, other.inputs)
+    else:
+        groups, distance = groups_of(train), seen.distance
+        parts, whole = list(holdouts(train, groups.left_out(train))), groups.scheme == "others"
+        several = groups.kind in {"map", "database"}
+        if not (model in CLOSED or (several and whole)):
+            enough, told = ENOUGH * (groups.number if several else 1), set[int]()
+            whole_parts, parts = parts, []
+            while len(told) < enough and len(parts) < len(whole_parts):
+                parts.append(whole_parts[len(parts)])
+                told.update(train.surfaces[parts[-1][0]].tolist())
+            groups = groups if several else groups._replace(number=len(told))
+        kept = np.sort(np.concatenate([mine for mine, _ in parts]))
+        groups = groups._replace(labels=groups.labels[kept])
+        seen = Measured(distance, seen.far[kept], seen.nearest[kept])
+        if groups.scheme != "surfaces":
+            how = (
+                "each predicted without it" if whole else "by surfaces that the model has not seen"
+            )
+            remark = f"intervals by {groups.number} {groups.kind}s, {how}"
+    entry = {"scheme": groups.scheme, "kind": groups.kind, "groups": groups.number}
+    entry |= {"database": database, "sha256": sha256}
+    return Plan(parts, kept, groups, seen, distance, entry, remark)
+
+
+def calibrate(rows: Dataset, plan: Plan, raw: Values, *, root: bool) -> Calibration:
+    """Calibrate intervals with the predictions, (n,), of models that have not seen these n rows.
+
+    They are over the target's scale, and their errors those of it, or of its `root`. Errors are
+    divided by their growth with the distance from what these models have seen, unless intervals
+    hold for other maps, and by their usual size, which is fitted without the part that a row is in.
+    """
+    groups, seen, truth = plan.groups, plan.seen, rows.target
+    raw, truth = (np.sqrt(np.maximum(each, 0)) if root else each for each in (raw, truth))
     inputs, labels, parts = rows.inputs, groups.labels, groups.left_out(rows)
     by_surface = groups.kind == SURFACE and groups.scheme == "others"  # many, of few features
-    terms = quadratic(inputs) if by_surface else inputs
+    terms, errors = quadratic(inputs) if by_surface else inputs, np.abs(raw - truth)
     fit = partial(fit_scale, shrinkage=SLIGHT) if by_surface else fit_scale
     if groups.scheme != "others":
         errors = errors / GROWTH.at(seen.far, seen.distance.limit)
@@ -179,58 +219,12 @@ def calibrate(
     errors, scale = errors / usual, fit(terms, errors, labels)
     if groups.scheme == "others":
         return Calibration((Scores.of(errors, labels),), scale, None, root)
-    surfaces, scores = surfaces_of(rows), []
+    scores = []
     for cloud in range(len(seen.distance.centres)):
         near = seen.nearest == cloud
         near = near if near.sum() >= SMALLEST else np.ones(rows.size, dtype=np.bool_)
-        scores.append(Scores.of(errors[near], surfaces[near]))
+        scores.append(Scores.of(errors[near], rows.surfaces[near]))
     return Calibration(tuple(scores), scale, seen.distance, root)
-
-
-class Plan(NamedTuple):
-    """Which rows calibrate, and what a card and the user are told of it."""
-
-    groups: Groups  # of the rows that calibrate
-    parts: Parts  # of the training rows; none if another database's calibrate
-    size: int  # number of rows that calibrate
-    entry: dict[str, Any]  # "calibration" of the card
-    remark: str  # maps or databases by which the training rows calibrate; "" if there is one
-    seen: Measured  # distances from the training
-    distance: Distance  # that of the surrogate, with the limit of its groups or of its rows
-
-
-def planned(train: Dataset, others: Sequence[Dataset] | None, *, every: bool) -> Plan:
-    """Say which rows calibrate the intervals of training rows: their own, or another database's.
-
-    `others` are these rows for each target. Unless `every` part of the training rows is wanted,
-    they are as many as have `ENOUGH` surfaces, or all that there are, also of whole groups.
-    """
-    if others is None:
-        groups, surfaces = groups_of(train), surfaces_of(train)
-        parts = list(holdouts(train, groups.left_out(train)))
-        several = groups.kind in {"map", "database"}
-        if not (every or (several and groups.scheme == "others")):
-            enough, told = ENOUGH * (groups.number if several else 1), set[int]()
-            whole_parts, parts = parts, []
-            while len(told) < enough and len(parts) < len(whole_parts):
-                parts.append(whole_parts[len(parts)])
-                told.update(surfaces[parts[-1][0]].tolist())
-            groups = groups if several else groups._replace(number=len(told))
-        size, database, sha256 = sum(mine.size for mine, _ in parts), "", ""
-    else:
-        groups, size, parts = groups_of(others[0]), others[0].size, []
-        database, sha256 = others[0].origins[-1][:2]
-    entry = {"scheme": groups.scheme, "kind": groups.kind, "groups": groups.number}
-    whole, remark, seen = groups.scheme == "others", "", measured(train)
-    if groups.scheme != "surfaces" and others is None:
-        how = "each predicted without it" if whole else "by surfaces that the model has not seen"
-        remark = f"intervals by {groups.number} {groups.kind}s, {how}"
-    if whole and others is not None and train.features.name != SCENE:
-        distance = from_maps(train.inputs, groups.labels, others[0].inputs)
-    else:
-        distance = seen.distance
-    entry |= {"database": database, "sha256": sha256}
-    return Plan(groups, parts, size, entry, remark, seen, distance)
 
 
 def of_another(sets: list[Dataset], together: list[Dataset]) -> list[Dataset]:

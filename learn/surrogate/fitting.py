@@ -25,7 +25,7 @@ from learn.models import EVERY, POPULATION, STEP, check_memory, pipeline, remark
 from learn.split import Folds
 from learn.surrogate import calibration as calibrating
 from learn.surrogate import card
-from learn.surrogate.calibration import SURFACE, Groups, Measured, Parts, groups_of, measured
+from learn.surrogate.calibration import CLOSED, SURFACE, Plan, planned
 from learn.surrogate.interval import Calibration, ErrorScale
 from learn.surrogate.learnt import Learnt, clip_of
 from learn.surrogate.model import Surrogate
@@ -73,9 +73,6 @@ BUILT_IN: dict[str, dict[str, Any]] = {
 
 SCORED = "R2 {r2:.3f} %, nMAE {nmae:.2f} %"
 """The scores that a user is told."""
-
-CLOSED = ("kernel-ridge", "gaussian-process", POPULATION.name)
-"""Models of which one fit tells the errors at rows that are left out."""
 
 
 class Settings(NamedTuple):
@@ -236,20 +233,21 @@ def fit_parts(
     there are too few rows to train on, or too little memory.
     """
     train, name = parts.train, sets[0].name
-    plan = calibrating.planned(sets[0].at(train), others, every=request.models[0] in CLOSED)
+    plan = planned(request.models[0], sets[0].at(train), others[0] if others else None)
+    sizes = {"train": train.size, "calibration": plan.groups.labels.size, "test": parts.test.size}
     for line in dataset.remarks(sets[0], request.normalisation):
         say(f"  {line}")
     say(
-        f"{name}: {train.size} rows train, {plan.size} calibrate, {parts.test.size} test;"
-        f" {request.features} features"
+        f"{name}: {sizes['train']} rows train, {sizes['calibration']} calibrate, {sizes['test']}"
+        f" test; {request.features} features"
     )
     if plan.remark:
         say(f"  {plan.remark}")
     learnt: dict[str, Learnt] = {}
     judged: dict[str, dict[str, Any]] = {}
     for number, (target, rows) in enumerate(zip(request.targets, sets, strict=True)):
-        calibration = None if others is None else others[number]
-        fitted = fit_target(request, rows.at(train), calibration, parts.folds)
+        other = None if others is None else others[number]
+        fitted = fit_target(request, rows.at(train), plan, parts.folds, other=other)
         learnt[target] = fitted.learnt
         judged[target] = entry = card.judge(fitted, rows, parts.test)
         score = SCORED.format(**entry["scores"])
@@ -265,7 +263,6 @@ def fit_parts(
         low, high = training_ranges(
             [each.scene for each in sets[0].origins], features.columns, inputs
         )
-    sizes = {"train": train.size, "calibration": plan.size, "test": parts.test.size}
     return Surrogate(
         card=card.make(request, sets[0], train, sizes, judged) | {"calibration": plan.entry},
         learnt=learnt,
@@ -290,15 +287,16 @@ class Fit:
 def fit_target(
     request: Request,
     train: Dataset,
-    calibration: Dataset | None,
+    plan: Plan,
     folds: Folds,
     settings: Settings | None = None,
+    other: Dataset | None = None,
 ) -> Fit:
     """Fit and calibrate the model of one target, after a choice of settings if none are given.
 
-    Without rows that calibrate the training rows do: one or more further fits, with the same
-    settings, leave out some of them each. The first of the training rows' folds validates the
-    candidates of a search.
+    By the plan the rows of another database calibrate, or training rows: one or more further fits,
+    with the same settings, leave out some of these each. The first of the training rows' folds
+    validates the candidates of a search.
     InputError is raised if this machine lacks the memory, or the folder lacks the model.
     """
     (name,) = request.models
@@ -316,24 +314,14 @@ def fit_target(
     done = process_time()
     column = results(train.origins[0].scene, train.features.load)[train.target_name]
     own = NOT_CALIBRATED, clip, column.bounds
-    learnt = Learnt(column.name, column.unit, fitted, scaling, *own)
-    crossed = None
-    if calibration is None:
-        plan = calibrating.planned(train, None, every=name in CLOSED)
-        groups, parts, seen = plan.groups, plan.parts, plan.seen
-        crossed = _crossed(request, settings, train, target, learnt, (groups, parts))
-        kept = np.sort(np.concatenate([mine for mine, _ in parts]))
-        raw, calibration = crossed[kept], train.at(kept)
-        groups = groups._replace(labels=groups.labels[kept])
-        seen = Measured(seen.distance, seen.far[kept], seen.nearest[kept])
+    learnt, crossed = Learnt(column.name, column.unit, fitted, scaling, *own), None
+    if other is not None:
+        raw = learnt.raw(other.inputs)
     else:
-        groups, raw = groups_of(calibration), learnt.raw(calibration.inputs)
-        distance = measured(train).distance
-        seen = Measured(distance, *distance.measured(calibration.inputs))
+        crossed = _crossed(request, settings, train, target, learnt, plan)
+        raw, other = crossed[plan.kept], train.at(plan.kept)
     # Roots of targets that are never below 0 have errors that differ less between small and large.
-    root, truth = learnt.bounds[0] == 0, calibration.target
-    raw, truth = (np.sqrt(np.maximum(each, 0)) if root else each for each in (raw, truth))
-    intervals = calibrating.calibrate(calibration, groups, np.abs(raw - truth), seen, root=root)
+    intervals = calibrating.calibrate(other, plan, raw, root=learnt.bounds[0] == 0)
     learnt = replace(learnt, calibration=intervals)
     return Fit(learnt, settings, chose - began, done - chose, said, crossed)
 
@@ -364,7 +352,7 @@ def _crossed(
     train: Dataset,
     target: Values,
     learnt: Learnt,
-    chosen: tuple[Groups, Parts],
+    plan: Plan,
 ) -> Values:
     """Predict the parts of the training rows, over their scale, by models without their groups.
 
@@ -372,7 +360,7 @@ def _crossed(
     rows, and moments beyond those of the other groups are not clipped: errors are, if anything,
     larger. Rows that are in no part are NaN.
     """
-    (groups, parts), model = chosen, learnt.pipeline.named_steps[STEP]
+    groups, parts, model = plan.groups, plan.parts, learnt.pipeline.named_steps[STEP]
     by_surface = groups.kind == SURFACE and groups.scheme == "others"
     found, (name,) = np.full(train.size, np.nan), request.models
     if by_surface and name == POPULATION.name:

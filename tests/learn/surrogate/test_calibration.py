@@ -13,7 +13,6 @@ from learn import Surrogate, cli, dataset, split
 from learn.dataset import Request
 from learn.executor import Executor
 from learn.features.sets import SKEWNESS
-from learn.split import Population
 from learn.surrogate import calibration, fitting
 from learn.surrogate.fitting import Settings, fit_target
 from learn.surrogate.interval import require_level
@@ -21,8 +20,7 @@ from learn.surrogate.interval import require_level
 
 def of_maps(rows, number):
     """The same rows as if each surface were of one of some maps."""
-    maps = tuple(Population("maps.h5", "scans", f"m{each}") for each in range(number))
-    return replace(rows, population=rows.groups % number, populations=maps)
+    return replace(rows, population=rows.groups % number, by_tile=True)
 
 
 @pytest.fixture(scope="module")
@@ -47,11 +45,14 @@ def test_scheme_and_kind_follow_the_number_of_maps(rows):
     few, many = (calibration.groups_of(of_maps(rows, number)) for number in (4, 9))
     assert (few.number, few.kind, few.scheme) == (4, "map", "each")
     assert (many.number, many.kind, many.scheme) == (9, "map", "others")
-    two = (Population("a.h5", "rmd"), Population("b.h5", "rmd"))
-    pooled = replace(rows, population=rows.rows % 2, populations=two)
+    pooled = replace(rows, population=rows.rows % 2)
     assert calibration.groups_of(pooled).kind == "database"
-    again = tuple(Population(f"{file}.h5", "scans", "m") for file in "ab")
-    assert calibration.groups_of(replace(pooled, populations=again)).scheme == "surfaces"
+
+
+def fit_to(request, rows, values):
+    """A fit of given settings to all rows."""
+    plan, folds = calibration.planned(request.models[0], rows, None), np.zeros(rows.size, np.int8)
+    return fit_target(request, rows, plan, folds, settings=Settings(values, False, "given"))
 
 
 @pytest.mark.parametrize(("model", "values"), [("kernel-ridge", {}), ("decision-tree", {})])
@@ -59,9 +60,7 @@ def test_scheme_and_kind_follow_the_number_of_maps(rows):
 def test_no_row_is_predicted_by_a_model_that_has_seen_its_map(rows, solved, model, values, number):
     train = of_maps(rows, number)
     values = {"kernel": "rbf", "gamma": 0.01, "alpha": 1e-3} if model == "kernel-ridge" else values
-    given = Settings(values, False, "given")
-    folds = np.zeros(train.size, dtype=np.int8)
-    fit = fit_target(request_of(solved, model), train, None, folds, settings=given)
+    fit = fit_to(request_of(solved, model), train, values)
     groups = calibration.groups_of(train)
     part, unseen = next(calibration.holdouts(train, groups.left_out(train)))
     if number == 10:
@@ -69,9 +68,7 @@ def test_no_row_is_predicted_by_a_model_that_has_seen_its_map(rows, solved, mode
     # Other targets in the part change nothing about its own predictions, but for the scaling.
     spoilt = train.target.copy()
     spoilt[unseen] = np.roll(spoilt[unseen], 1)
-    again = fit_target(
-        request_of(solved, model), replace(train, target=spoilt), None, folds, settings=given
-    )
+    again = fit_to(request_of(solved, model), replace(train, target=spoilt), values)
     np.testing.assert_allclose(again.crossed[part], fit.crossed[part], rtol=1e-6)
     others = np.setdiff1d(np.arange(train.size), part)
     assert not np.allclose(again.crossed[others], fit.crossed[others], rtol=1e-3)
@@ -81,22 +78,19 @@ def test_no_row_is_predicted_by_a_model_that_has_seen_its_map(rows, solved, mode
 def test_further_fits_are_as_few_as_have_surfaces_enough(solved, rows, monkeypatch, model, number):
     """Parts of 18 surfaces: two have 30, and kernel ridge tells the errors of all of them."""
     monkeypatch.setattr(calibration, "ENOUGH", 30)
-    request, folds = request_of(solved, model), np.zeros(rows.size, dtype=np.int8)
-    fit = fit_target(request, rows, None, folds, settings=Settings({}, False, "given"))
+    fit = fit_to(request_of(solved, model), rows, {})
     assert np.isfinite(fit.crossed).sum() == number
     assert [each.weights.sum() for each in fit.learnt.calibration.scores] == pytest.approx([number])
-    every = model == "kernel-ridge"
-    assert calibration.planned(rows, None, every=every).groups.number == number
+    assert calibration.planned(model, rows, None).groups.number == number
 
 
 def test_flags_and_intervals_see_the_skewness_and_models_do_not(solved):
     rows = read(solved, "area", features="hybrid", roots=True)
     inputs, place = rows.inputs.copy(), rows.features.columns.index(SKEWNESS)
     inputs[:, place] = 0.1 * np.random.default_rng(0).normal(size=rows.size)
-    given = Settings({"kernel": "rbf", "gamma": 0.01, "alpha": 1e-3}, False, "given")
-    request, folds = replace(request_of(solved), features="hybrid"), np.zeros(rows.size, np.int8)
+    given, request = {"kernel": "rbf", "gamma": 0.01, "alpha": 1e-3}, request_of(solved)
     plain, seeing = (
-        fit_target(request, each, None, folds, settings=given)
+        fit_to(replace(request, features="hybrid"), each, given)
         for each in (rows, replace(rows, inputs=inputs))
     )
     np.testing.assert_array_equal(seeing.learnt.raw(inputs), plain.learnt.raw(rows.inputs))
@@ -114,8 +108,7 @@ def test_flags_and_intervals_see_the_skewness_and_models_do_not(solved):
 
 def test_databases_of_the_same_surfaces_are_not_left_out_whole(rows):
     made = of_maps(rows, 9)
-    maps = tuple(Population(f"{each}.h5", "rmd") for each in range(9))
-    related = replace(made, groups=rows.groups // 30, populations=maps)
+    related = replace(made, groups=rows.groups // 30, by_tile=False)
     assert calibration.groups_of(related).scheme == "each"
     alone = replace(related, groups=np.zeros_like(rows.groups))
     assert calibration.groups_of(alone).scheme == "surfaces", "all rows share surfaces"
