@@ -89,7 +89,7 @@ def predict(
     from gen.runtime.documents import Row, write_csv
     from learn.features.scene import SCENE
     from learn.surrogate import Surrogate
-    from learn.surrogate.answers import Question, answers, answers_of_parameters, show
+    from learn.surrogate.answers import answers, answers_of_parameters, show
     from learn.surrogate.interval import require_level
 
     inputs = inputs or []
@@ -112,9 +112,9 @@ def predict(
         )
     else:
         bodies = surrogate.bodies(combined_modulus(*material[:3]), material.hardness)
-        question = Question(given[surrogate.features.load], bodies, interval, reading)
         for path in inputs:
-            rows += answers(surrogate, path, question)
+            loads = given[surrogate.features.load]
+            rows += answers(surrogate, path, loads, bodies, interval, reading)
         show(rows, f"Predictions with {100 * interval:g} % intervals, {bodies.text}", bodies.doubts)
     if output is not None:
         write_csv(output, rows)

@@ -4,7 +4,6 @@ import csv
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,7 +21,7 @@ from gen.runtime.terminal import brief, echo, print_table, to_type
 from learn.features import SurfaceFeatures, Undefined
 from learn.features.scene import LOADS, unit_of
 from learn.features.sets import STATISTICS, Rows
-from learn.surrogate.model import Prediction, Surrogate
+from learn.surrogate.model import OnSurface, Prediction, Surrogate
 
 REASONS = 12
 """Reasons that are printed at most."""
@@ -30,49 +29,39 @@ REASONS = 12
 VALUE = re.compile(r" \S+ outside")
 """The part of a reason that differs between rows with the same reason."""
 
-UNDEFINED = "statistics undefined: {}"
-"""Reason of a row whose surface does not define all statistics that the features need."""
-
 SHOWN = 40
 """Rows that are printed at most; a file gets all of them."""
 
 
-class Question(NamedTuple):
-    """What is asked of every surface."""
+def answers(
+    surrogate: Surrogate, path: Path, loads: Values, bodies: Bodies, level: float, reading: Reading
+) -> Iterator[Row]:
+    """Yield the rows of the predictions for a file, or for the files of a folder.
 
-    loads: Values  # (k,), Deltas [um], or pressures [MPa]
-    bodies: Bodies
-    level: float  # coverage of the intervals
-    reading: Reading  # options that say how surfaces are read
-
-
-def answers(surrogate: Surrogate, path: Path, question: Question) -> Iterator[Row]:
-    """Yield the rows of the predictions for a file, or for the files of a folder."""
-    files, load, loads = files_in(path), surrogate.features.load, question.loads
+    Loads are k Deltas [um], or pressures [MPa]; `level` is the coverage of the intervals.
+    """
+    files = files_in(path)
     for file in files:
         warnings: list[str] = []
         names = _header(file) if file.suffix.lower() in {".csv", ".txt"} else []
         try:
             if {*names} & {*STATISTICS}:
-                rows = rows_of_table(surrogate, file, question)
+                rows = rows_of_table(surrogate, file, loads, bodies, reading.side)
             else:
-                found, warnings = read_surface(file, question.reading, surrogate.boundary)
+                found, warnings = read_surface(file, reading, surrogate.boundary)
                 echo(f"{file}: {'; '.join(found.steps)}", err=True)
                 for line in warnings:
                     echo(f"  warning: {line}", err=True)
                 own = found.heights, found.sides, found.spacing, str(file), found.boundary
-                bodies = question.bodies.hardness_ratio, question.bodies.e_star
-                rows = SurfaceFeatures(*own).rows(surrogate.features, loads, *bodies)
-            answer = surrogate.predict_rows(
-                rows, e_star=question.bodies.e_star, level=question.level
-            )
+                rows = OnSurface(surrogate, SurfaceFeatures(*own)).rows(loads, bodies)
+            answer = surrogate.predict_rows(rows, e_star=bodies.e_star, level=level)
         except Undefined as error:
             if len(files) == 1:
                 raise
             echo(f"  warning: {error}: no prediction", err=True)
             reason = str(error).removeprefix(f"{file}: ")
             unknown = dict.fromkeys(surrogate.learnt, np.full(loads.size, np.nan))
-            given = {"pressure": loads} if load == "pressure" else {}
+            given = {"pressure": loads} if surrogate.features.load == "pressure" else {}
             reasons = (reason,) * loads.size
             answer = Prediction(loads, unknown, unknown, unknown, reasons, given)
         except InputError as error:
@@ -157,7 +146,9 @@ def _answered(surrogate: Surrogate, prediction: Prediction) -> Iterator[Row]:
         yield {**row, "flag": "outside" if reason else "inside", "reason": reason}
 
 
-def rows_of_table(surrogate: Surrogate, path: Path, question: Question) -> Rows:
+def rows_of_table(
+    surrogate: Surrogate, path: Path, loads: Values, bodies: Bodies, side: str
+) -> Rows:
     """Read rows of statistics, as `gen describe --csv` writes them, each at all loads.
 
     The CSV's header names the 22 statistics; sides, nodes and boundary are optional, and other
@@ -172,12 +163,10 @@ def rows_of_table(surrogate: Surrogate, path: Path, question: Question) -> Rows:
             )
     wanted = STATISTICS, ("side_x_um", "side_y_um")
     statistics, sides = (_numbers(path, cells, names) for names in wanted)
-    if question.reading.side:
-        given = sides_from(question.reading.side)
+    if side:
+        given = sides_from(side)
         if not np.allclose(sides[~np.isnan(sides[:, 0])], given, rtol=1e-3):
-            raise InputError(
-                f"{path}: names other sides than --side {question.reading.side}: leave that out"
-            )
+            raise InputError(f"{path}: names other sides than --side {side}: leave that out")
         sides[:] = given
     if np.isnan(sides).any() and surrogate.features.scaled:
         raise InputError(f"{path}: names no sides: give --side, the scan length in um")
@@ -189,22 +178,20 @@ def rows_of_table(surrogate: Surrogate, path: Path, question: Question) -> Rows:
     shapes = np.where(nodes.all(axis=1, keepdims=True), nodes, usual["nodes"]).astype(int)
     patches = np.where(unknown, usual["side"], sides)
     grids = [(tuple(a), tuple(b)) for a, b in zip(shapes.tolist(), patches.tolist(), strict=True)]
-    notes = [UNDEFINED.format("nan in the table") * lacks for lacks in undefined]
-    rows = np.repeat(np.arange(len(cells)), question.loads.size)
-    asked = np.tile(question.loads, len(cells))
+    notes = ["statistics undefined: nan in the table" * lacks for lacks in undefined]
+    rows = np.repeat(np.arange(len(cells)), loads.size)
+    asked = np.tile(loads, len(cells))
     length, along = (np.sqrt(each.prod(axis=1))[rows] for each in (sides, nodes))
     found = Rows(
         statistics[rows],
         asked,
         length,
-        question.bodies.hardness_ratio,
+        bodies.hardness_ratio,
         along,
         notes=tuple(notes[row] for row in rows),
         grids=tuple(grids[row] for row in rows),
     )
-    return (
-        found if surrogate.features.load == "delta" else found.under(asked, question.bodies.e_star)
-    )
+    return found if surrogate.features.load == "delta" else found.under(asked, bodies.e_star)
 
 
 def _cells(path: Path, wanted: Sequence[str], advice: str) -> list[dict[str, str]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
@@ -23,9 +23,10 @@ from learn.surrogate.interval import between, calibrated_by
 from learn.surrogate.learnt import Learnt
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from learn.surrogate.fitting import Fit
+
+Table = tuple[str, list[str], list[str], Sequence[Sequence[object]]]
+"""Title, headings of columns of names and of columns of numbers, and rows."""
 
 LEVELS = (0.5, 0.9, 0.95)
 """Intervals whose coverage is reported."""
@@ -165,7 +166,7 @@ def _by_database(
 
 def show(card: Mapping[str, Any], low: Values, high: Values) -> None:
     """Print a card with its tables, with the training ranges of the features, each end (d,)."""
-    from gen.runtime.terminal import echo, print_table
+    from gen.runtime.terminal import echo, print_columns
 
     try:
         texts = list(lines(card))
@@ -177,8 +178,11 @@ def show(card: Mapping[str, Any], low: Values, high: Values) -> None:
         raise InputError(f"the surrogate's card is not whole ({fault}): fit it anew") from None
     for text in texts:
         echo(text)
-    for table in tables:
-        print_table(table)
+    for title, names, numbers, rows in tables:
+        echo("")
+        echo(title)
+        cells = [[printable(str(cell)) for cell in row] for row in rows]
+        print_columns(cells, [*map(printable, (*names, *numbers))], [*map(printable, numbers)])
 
 
 def lines(card: Mapping[str, Any]) -> Iterator[str]:
@@ -250,20 +254,6 @@ def _calibration(card: Mapping[str, Any]) -> str:
     return f"{text} other {kinds} like these, up to {100 * groups / (groups + 1):.1f} %"
 
 
-def _table(title: str, names: str, numbers: str, rows: Iterable[Sequence[object]]) -> Table:
-    """Make a table of columns of names and of numbers, whose headings are separated by bars."""
-    from rich.table import Table
-
-    table = Table(title=title)
-    for name in names.split("|"):
-        table.add_column(name)
-    for name in numbers.split("|"):
-        table.add_column(printable(name), justify="right")
-    for row in rows:
-        table.add_row(*(printable(str(cell)) for cell in row))
-    return table
-
-
 def _scores(card: Mapping[str, Any]) -> Table:
     rows = []
     for name, target in card["targets"].items():
@@ -273,8 +263,8 @@ def _scores(card: Mapping[str, Any]) -> Table:
         others += [f"{100 * each['coverage']:.1f}" for each in target["intervals"]]
         rows.append((name, target["unit"], f"{low:.4g}", f"{high:.4g}", nmse, *others))
     title = "Scores on the test rows [%], and shares of these inside their intervals [%]"
-    inside = "|".join(f"in {100 * level:g} %" for level in LEVELS)
-    return _table(title, "Target|Unit", f"from|to|nMSE|nMAE|nMaxE|R2|{inside}", rows)
+    inside = [f"in {100 * level:g} %" for level in LEVELS]
+    return title, ["Target", "Unit"], ["from", "to", "nMSE", "nMAE", "nMaxE", "R2", *inside], rows
 
 
 def _databases(card: Mapping[str, Any]) -> Table:
@@ -282,7 +272,7 @@ def _databases(card: Mapping[str, Any]) -> Table:
     headings = ["rows", "tested"]
     for name, target in card["targets"].items():
         error = "mean error" if target["unit"] == "1" else f"mean error [{target['unit']}]"
-        headings += [f"{name}: nMAE [%]", error, f"in {100 * LEVELS[1]:g} %"]
+        headings += [f"{name}: {each}" for each in ("nMAE [%]", error, f"in {100 * LEVELS[1]:g} %")]
     rows = []
     for place, entry in enumerate(card["databases"]):
         judged = [target["databases"][place] for target in card["targets"].values()]
@@ -293,7 +283,7 @@ def _databases(card: Mapping[str, Any]) -> Table:
             row += [nmae, f"{each['mae']:.3g}", f"{100 * each['coverage']:.1f} %"]
         rows.append(row)
     title = "Databases, and scores on their test rows"
-    return _table(title, "Database|Generator|Nodes", "|".join(headings), rows)
+    return title, ["Database", "Generator", "Nodes"], headings, rows
 
 
 def _ranges(card: Mapping[str, Any], low: Values, high: Values) -> Table:
@@ -303,4 +293,4 @@ def _ranges(card: Mapping[str, Any], low: Values, high: Values) -> Table:
         card = {**card, "columns": [(plain(name), unit) for name, unit in card["columns"]]}
     columns = zip(card["columns"], low, high, strict=True)
     rows = [(name, unit, f"{least:.5g}", f"{most:.5g}") for (name, unit), least, most in columns]
-    return _table("Inputs and their training ranges", "Input|Unit", "from|to", rows)
+    return "Inputs and their training ranges", ["Input", "Unit"], ["from", "to"], rows

@@ -96,9 +96,6 @@ added ...) and the first 23 of `bench coverage`: of the second to the eighth pow
 needs the smallest share of rows inside over all kinds to have 86 % of each of them inside. By the
 square, which needs 95 % instead of 94, intervals are a quarter narrower on these kinds."""
 
-EARLIER = Growth(18.0, 2.0)
-"""Of files that say only whether errors grow."""
-
 SHRINKAGE = 1.0
 """Weight of the penalty on the slopes of usual errors, for features of deviation 1 and a mean
 squared error. On the made maps of `bench scans`, 0.3 to 3 give the same widths within 3 %."""

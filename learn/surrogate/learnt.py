@@ -37,7 +37,7 @@ from gen.runtime.files import SURROGATE, atomic, kind_of, require_file
 from gen.runtime.terminal import printable, to_type
 from learn.features.sets import PURE, SETS, SKEWNESS, Scaling
 from learn.models import STEP
-from learn.surrogate.interval import EARLIER, Calibration, Distance, ErrorScale, Growth, Scores
+from learn.surrogate.interval import GROWTH, Calibration, Distance, ErrorScale, Growth, Scores
 
 if TYPE_CHECKING:
     from learn.dataset import Dataset
@@ -101,9 +101,6 @@ that another surface is none of them. Flags and intervals see it."""
 
 Clip = tuple[Values, Values]
 """Ends, each (d,), of the ranges that features are clipped to; infinite for those that are not."""
-
-EVERYWHERE: Clip = (np.array(-np.inf), np.array(np.inf))
-"""The ranges of files that name none."""
 
 
 def clip_of(train: Dataset) -> Clip:
@@ -189,10 +186,9 @@ def write_parts(path: Path, surrogate: Surrogate) -> None:
     """Write a surrogate, whole or not at all."""
     with _quick_import():
         from skops import io
-    distance = surrogate.distance
     models = {
-        "distance": vars(distance),
-        "targets": {name: _packed(each, distance) for name, each in surrogate.learnt.items()},
+        "distance": vars(surrogate.distance),
+        "targets": {name: _packed(each) for name, each in surrogate.learnt.items()},
     }
     archive = io.dumps(models, compression=ZIP_DEFLATED, compresslevel=1)
     if strangers := set(io.get_untrusted_types(data=archive)) - set(REVIEWED):
@@ -206,18 +202,16 @@ def write_parts(path: Path, surrogate: Surrogate) -> None:
         written.write(body)
 
 
-def _packed(learnt: Learnt, distance: Distance) -> dict[str, Any]:
+def _packed(learnt: Learnt) -> dict[str, Any]:
     """Return the model of a target as a pipeline of the libraries' types, arrays and numbers.
 
     Ensembles of scikit-learn keep their first tree only, and all trees are in arrays: each of some
     thousand trees would take ten small files in the archive, and a millisecond.
     """
-    intervals, own = learnt.calibration, learnt.calibration.distance
-    if own is not None and not np.array_equal(own.centres, distance.centres):
-        raise ValueError("errors grow with other distances than those of the surrogate")
     from sklearn.kernel_ridge import KernelRidge
 
     fitted = learnt.pipeline.named_steps[STEP]  # without what can be computed again
+    intervals = learnt.calibration  # without the distances, which are those of the surrogate
     kept = KernelRidge() if isinstance(fitted, KernelRidge) else copy(fitted)
     vars(kept).update(vars(fitted))
     if hasattr(kept, "L_"):  # the factor of a Gaussian process, as large as its rows squared
@@ -246,7 +240,7 @@ def _packed(learnt: Learnt, distance: Distance) -> dict[str, Any]:
         "bounds": learnt.bounds,
         "scores": [tuple(each) for each in intervals.scores],
         "usual": vars(intervals.usual),
-        "grows": own is not None and tuple(intervals.growth),
+        "grows": intervals.distance is not None and tuple(intervals.growth),
         "root": intervals.root,
     }
 
@@ -285,16 +279,16 @@ def load_parts(path: Path) -> tuple[dict[str, Any], dict[str, Learnt], Values, V
             distance = Distance(**models["distance"])
             for name in card["targets"]:
                 part = models["targets"][name]
-                grows = part["grows"]  # a law, True of earlier versions, or False
+                grows = part["grows"]  # a law, or False
                 intervals = Calibration(
                     tuple(Scores(*each) for each in part["scores"]),
                     ErrorScale(**part["usual"]),
                     distance if grows else None,
                     part["root"],
-                    EARLIER if isinstance(grows, bool) else Growth(*grows),
+                    Growth(*grows) if grows else GROWTH,
                 )
                 own = part["pipeline"], Scaling(**part["scaling"]), intervals
-                ranges = part["clip"] or EVERYWHERE, part["bounds"]
+                ranges = part["clip"], part["bounds"]
                 learnt[name] = Learnt(part["column"], part["unit"], *own, *ranges)
                 if part["trees"] is not None:
                     _with_trees(part["pipeline"].named_steps[STEP], part["trees"])
@@ -322,11 +316,9 @@ def read(path: Path) -> tuple[dict[str, Any], Values, Values, bytes]:
         raise InputError(
             f"{path}: is no surrogate{what}: {to_type('learn fit')} makes one of a database"
         )
+    other = f"{path}: has format {int(head[1])}, this version reads {FORMAT}: "
     if int(head[1]) not in (*OLDER, FORMAT):
-        raise InputError(
-            f"{path}: has format {int(head[1])}, this version reads {FORMAT}: fit it anew with"
-            f" {to_type('learn fit')}"
-        )
+        raise InputError(f"{other}fit it anew with {to_type('learn fit')}")
     body = memoryview(data)[head.end() :]
     if hashlib.sha256(body).hexdigest() != head[2].decode():
         raise InputError(
@@ -343,7 +335,7 @@ def read(path: Path) -> tuple[dict[str, Any], Values, Values, bytes]:
         fault = printable(f"{type(error).__name__}: {error}"[:100])
         raise InputError(f"{path}: is no surrogate that could be read ({fault})") from None
     if older:
-        raise InputError(f"{path}: has format {int(head[1])}, this version reads {FORMAT}: {older}")
+        raise InputError(other + older)
     return card, low, high, bytes(body[length:])
 
 

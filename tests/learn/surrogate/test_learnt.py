@@ -22,8 +22,8 @@ from gen.runtime.errors import InputError
 from learn import Surrogate, cli
 from learn.features.sets import Rows
 from learn.models import MODELS, pipeline
-from learn.surrogate.interval import EARLIER, GROWTH, reasons_of
-from learn.surrogate.learnt import FORMAT, HEAD, REVIEWED
+from learn.surrogate.interval import reasons_of
+from learn.surrogate.learnt import FORMAT, HEAD
 
 
 @pytest.fixture(scope="module")
@@ -244,17 +244,6 @@ def test_older_files_are_refused_with_the_command_that_fits_anew(path, ridge):
         " 3 --blocks 65 --area-max 16.56 --normalise l2 --calibrate-on other.h5 --from found -o"
         f" {path}"
     )
-
-
-def test_files_that_do_not_say_how_errors_grow_keep_the_law_that_they_were_made_with(path):
-    assert Surrogate.load(path).learnt["area"].calibration.growth == GROWTH
-    card, models = content(path)
-    earlier = io.loads(models, trusted=list(REVIEWED))
-    earlier["targets"]["area"]["grows"] = True
-    written(path, card, io.dumps(earlier))
-    calibration = Surrogate.load(path).learnt["area"].calibration
-    assert calibration.growth == EARLIER
-    assert calibration.distance is not None
 
 
 @pytest.mark.parametrize("key", ["rows", "targets"])
