@@ -36,15 +36,12 @@ class SafeKernelRidge(KernelRidge):  # type: ignore[misc]
     the estimate of the condition and the alpha that was used instead, also in `alpha_used_`.
     """
 
-    def fit(self, X: Any, y: Any, sample_weight: Any = None) -> "SafeKernelRidge":
+    def fit(self, X: Any, y: Any) -> "SafeKernelRidge":
         """Fit the model to inputs, (n, d), and one target, (n,).
 
         (K + alpha I) a = y is solved by Cholesky, with a larger alpha where that is singular.
-        ValueError is raised for sample weights or several alphas, for which the project has no use,
-        and if the kernel matrix is not finite.
+        ValueError is raised if the kernel matrix is not finite.
         """
-        if sample_weight is not None or np.ndim(self.alpha):
-            raise ValueError("give one alpha and no sample weights")
         inputs, target, alpha = np.asarray(X, float), np.asarray(y, float), float(self.alpha)
         self.X_fit_, self.n_features_in_ = inputs, inputs.shape[1]
         kernel = np.asarray(self._get_kernel(inputs))
@@ -87,7 +84,22 @@ def predictions(
     that of `SafeKernelRidge` to rounding.
     """
     if settings.get("kernel", "linear") == "linear" and train.shape[1] < train.shape[0]:
-        return _linear(train, target, test, alphas)
+        # Ridge regression in the basis of the few eigenvectors.
+        left, singular, basis = np.linalg.svd(train, full_matrices=False)
+        for alpha in alphas:
+            if singular[0] ** 2 * EPSILON > alpha:
+                condition = singular[0] ** 2 / max(alpha, EPSILON**2 * singular[0] ** 2)
+                warnings.warn(
+                    f"kernel ridge with a linear kernel and alpha = {alpha:g} is singular to"
+                    f" working precision (condition about {condition:.0e}): solved by singular"
+                    " values",
+                    IllConditioned,
+                    stacklevel=2,
+                )
+        kept = singular > EPSILON * len(train) * singular[0]
+        singular, basis = singular[kept], basis[kept]
+        weights, projected = left[:, kept].T @ target, test @ basis.T
+        return [projected @ (singular / (singular**2 + alpha) * weights) for alpha in alphas]
     model = SafeKernelRidge(**settings)
     kernel = np.asarray(model._get_kernel(train))
     given = [SafeKernelRidge(alpha, kernel="precomputed") for alpha in alphas]
@@ -95,25 +107,6 @@ def predictions(
     del kernel, given
     between = np.asarray(model._get_kernel(test, train))
     return [between @ dual for dual in coefficients]
-
-
-def _linear(train: Values, target: Values, test: Values, alphas: Sequence[float]) -> list[Values]:
-    """Predict with a linear kernel, by ridge regression in the basis of its few eigenvectors."""
-    left, singular, basis = np.linalg.svd(train, full_matrices=False)
-    for alpha in alphas:
-        if singular[0] ** 2 * EPSILON > alpha:
-            condition = singular[0] ** 2 / max(alpha, EPSILON**2 * singular[0] ** 2)
-            warnings.warn(
-                f"kernel ridge with a linear kernel and alpha = {alpha:g} is singular to working"
-                f" precision (condition about {condition:.0e}): solved by singular values",
-                IllConditioned,
-                stacklevel=3,
-            )
-    kept = singular > EPSILON * len(train) * singular[0]
-    singular, basis = singular[kept], basis[kept]
-    weights = left[:, kept].T @ target
-    projected = test @ basis.T
-    return [projected @ (singular / (singular**2 + alpha) * weights) for alpha in alphas]
 
 
 def left_out_errors(model: Any, parts: Sequence[Indices]) -> list[Values]:

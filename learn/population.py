@@ -33,7 +33,6 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, eigh, solve, solve_triangular
 from scipy.optimize import minimize, minimize_scalar
 from scipy.special import expit
-from scipy.stats import norm
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.preprocessing import PolynomialFeatures
 
@@ -109,14 +108,11 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
 
     Parameters
     ----------
-    centres : int
-        Rows at most that functions of the mean are about.
     random_state : int
         Seed of the draws of centres and parts.
     """
 
-    def __init__(self, centres: int = CENTRES, random_state: int = 0) -> None:
-        self.centres = centres
+    def __init__(self, random_state: int = 0) -> None:
         self.random_state = random_state
 
     def fit(self, X: Values, y: Values, surfaces: Indices | None = None) -> "Population":
@@ -141,7 +137,7 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         alike = _most_alike(X, wrong / self._scatter(X), blocks)
         size = alike.size * self._scatter(X)
         rows = Whitened(X, (ratio - self.mean_) / size, self._reach(X) / size, blocks, alike)
-        centres = X[random.permutation(len(y))[: self.centres]]
+        centres = X[random.permutation(len(y))[:CENTRES]]
         few = random.permutation(len(y)) < LIKELY_ROWS
         found = _likely(rows.at(few, _blocks(surfaces[few])), centres[:LIKELY_CENTRES])
         self._solve(rows, centres, found, dealt(surfaces, PARTS, random))
@@ -228,10 +224,6 @@ class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         random = np.random.default_rng(self.random_state)
         draws = self.spread_ @ random.standard_normal((self.spread_.shape[1], number))
         return np.asarray((self._functions(X) @ draws).T * self._reach(X) * self._trend(X)).T
-
-    def quantile(self, level: float) -> float:
-        """Return the standard errors on both sides of the mean within which it lies, by level."""
-        return float(norm.ppf((1 + level) / 2))
 
 
 class Alike(NamedTuple):

@@ -78,8 +78,7 @@ def draw(
     """
     if train_rows is not None and train_rows < 2:
         raise InputError(f"--train-rows {train_rows}: give 2 rows at least")
-    if dataset.by_tile:
-        require_tiles(dataset, tiles)
+    require_tiles(dataset, tiles)
     by_surface, groups = bool(np.ptp(dataset.groups) > 0), dataset.surfaces
     values, place = np.unique(groups, return_inverse=True)
     random, faults = np.random.default_rng(seed), []

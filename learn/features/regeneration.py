@@ -12,7 +12,7 @@ import hashlib
 import math
 import time
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,7 +20,7 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from gen.arrays import Indices, Values
+from gen.arrays import Values
 from gen.generation.plan import parameters
 from gen.generation.sample import surface_of
 from gen.runtime.errors import InputError, SourceError
@@ -60,29 +60,20 @@ def hybrid_rows(
     generates the surfaces. InputError is raised if its surfaces cannot be generated again.
     """
     pressed, blocks = features.load == "pressure", features.blocks or BLOCKS
-    path, scene, first = part.path, part.scene, int(part.rows[0])
-    finer = "" if blocks == BLOCKS else f"-{blocks}"
-    finer += "-by-pressure" if pressed else ""
-    cache = path.with_name(f"{path.name}.pressed{finer}.npz")
-    # A fingerprint of all that the features depend on besides the inputs.
-    text = f"{VERSION} {blocks} {LOOSE} {','.join(HYBRID)} {PHYSICS} {scene.fingerprint()}"
-    text += " by pressure" * pressed
-    key = hashlib.sha256(text.encode()).hexdigest()
-    drawn = [part.columns["hardness"]] if scene.contact.draws_hardness else []
-    inputs = np.column_stack([part.inputs, *drawn])
-    if pressed:
-        length, area = math.sqrt(math.prod(scene.grid.sides)), float(np.prod(scene.grid.sides))
-        pressure = part.numbers.given["force"] / area
-        inputs[:, 0] = by_pressure(pressure, length, scene.contact.e_star)
-    values = kept(cache, key, inputs, len(HYBRID) + pressed)
+    cache, content = _content(part, blocks, pressed=pressed)
+    inputs, values = content["inputs"], content["values"]
     usable = (part.columns["status"] == Status.DONE) & np.isfinite(inputs).all(axis=1)
     left = usable & ~np.isfinite(values).all(axis=1)
-    tasks = [
-        (start, stop, tuple(inputs[start - first : stop - first, 0].tolist()))
-        for start, stop in _blocks(first + np.flatnonzero(left), scene.samples_per_surface)
-    ]
-    if not tasks:
-        return (values[:, -1] if pressed else inputs[:, 0]), values[:, : len(HYBRID)]
+    found = (values[:, -1] if pressed else inputs[:, 0]), values[:, : len(HYBRID)]
+    if not left.any():
+        return found
+    scene, path, first = part.scene, part.path, int(part.rows[0])
+    length = max(1, BLOCK_ROWS // scene.samples_per_surface) * scene.samples_per_surface
+    places, tasks = np.flatnonzero(left), list[Block]()
+    for number in np.unique((first + places) // length):  # runs of whole surfaces
+        inside = places[(first + places) // length == number]
+        deltas = tuple(inputs[inside[0] : inside[-1] + 1, 0].tolist())
+        tasks.append((first + int(inside[0]), first + int(inside[-1]) + 1, deltas))
     # Maps are prepared here before many processes ask for them at once.
     scene.surface.make_ready(path.parent)
     rows, last = sum(stop - start for start, stop, _ in tasks), time.monotonic()
@@ -105,15 +96,34 @@ def hybrid_rows(
             progress.advance(block[1] - block[0], 0)
             if time.monotonic() > last + SAVE_SECONDS:
                 last = time.monotonic()
-                _save(cache, key=key, inputs=inputs, values=values)
+                _save(cache, content)
 
         try:
             shared = scene, path.parent, blocks, pressed
             executor.run(compute_block, shared, tasks, keep, stopping=stopping)
         finally:
-            if note := _save(cache, key=key, inputs=inputs, values=values):
+            if note := _save(cache, content):
                 progress.say(note)
-    return (values[:, -1] if pressed else inputs[:, 0]), values[:, : len(HYBRID)]
+    return found
+
+
+def _content(part: Stored, blocks: int, *, pressed: bool) -> tuple[Path, dict[str, Any]]:
+    """Return the file beside a database, and what it should hold: values are NaN that it lacks."""
+    scene, (x, y) = part.scene, part.scene.grid.sides
+    finer = "" if blocks == BLOCKS else f"-{blocks}"
+    finer += "-by-pressure" if pressed else ""
+    cache = part.path.with_name(f"{part.path.name}.pressed{finer}.npz")
+    # A fingerprint of all that the features depend on besides the inputs.
+    text = f"{VERSION} {blocks} {LOOSE} {','.join(HYBRID)} {PHYSICS} {scene.fingerprint()}"
+    text += " by pressure" * pressed
+    key = hashlib.sha256(text.encode()).hexdigest()
+    drawn = [part.columns["hardness"]] if scene.contact.draws_hardness else []
+    inputs = np.column_stack([part.inputs, *drawn])
+    if pressed:
+        pressure = part.numbers.given["force"] / (x * y)
+        inputs[:, 0] = by_pressure(pressure, math.sqrt(x * y), scene.contact.e_star)
+    values = kept(cache, key, inputs, len(HYBRID) + pressed)
+    return cache, {"key": key, "inputs": inputs, "values": values}
 
 
 def compute_block(shared: tuple[Scene, Path, int, bool], block: Block) -> tuple[Values, Values]:
@@ -160,11 +170,11 @@ def compute_block(shared: tuple[Scene, Path, int, bool], block: Block) -> tuple[
     return inputs, values
 
 
-def _save(cache: Path, **arrays: Any) -> str:
+def _save(cache: Path, content: dict[str, Any]) -> str:
     """Write the file beside the database; return why that was not possible, or ""."""
     try:
         with atomic(cache, "arrays") as file:
-            np.savez(file, **arrays)
+            np.savez(file, **content)
     except InputError as error:
         return f"warning: {error}: not kept"
     return ""
@@ -185,11 +195,3 @@ def kept(cache: Path, key: str, inputs: Values, columns: int = len(HYBRID)) -> V
         same = (before[:rows] == inputs[:rows]).all(axis=1)
         values[:rows][same] = known[:rows][same]
     return values
-
-
-def _blocks(rows: Indices, samples_per_surface: int) -> Iterator[tuple[int, int]]:
-    """Yield runs of ascending rows, (k,), of whole surfaces, about `BLOCK_ROWS` long."""
-    length = max(1, BLOCK_ROWS // samples_per_surface) * samples_per_surface
-    for number in np.unique(rows // length):
-        inside = rows[rows // length == number]
-        yield int(inside[0]), int(inside[-1]) + 1

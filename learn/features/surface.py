@@ -15,7 +15,7 @@ heights is for flags and intervals alone (`learn.surrogate.learnt.UNSEEN`).
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -158,6 +158,7 @@ class SurfaceFeatures:
     spacing: Sides  # of the nodes along x and y [um]
     name: str = "the surface"  # in messages
     boundary: Boundary = "free"  # of the patch, also in the coarse solve
+    _in_blocks: dict[int, Blocks] = field(default_factory=dict, init=False, repr=False)
 
     @cached_property
     def length(self) -> float:
@@ -298,11 +299,6 @@ class SurfaceFeatures:
             most = number if self.boundary == "free" else number - 1
             self._in_blocks[number] = Blocks(self.heights, self.spacing, most)
         return self._in_blocks[number]
-
-    @cached_property
-    def _in_blocks(self) -> dict[int, Blocks]:
-        """The surface in blocks, by their number per side."""
-        return {}
 
 
 def _above(interference: Values, delta: float) -> tuple[float, float]:

@@ -202,8 +202,13 @@ def lines(card: Mapping[str, Any]) -> Iterator[str]:
             yield f"          left out in turn: R2 {r2:.3f} %, nMAE {nmae:.2f} %"
         for remark in target["remarks"]:
             yield f"          warning: {remark}"
-    if "calibration" in card:
-        yield f"intervals {_calibration(card)}"
+    if (entry := card.get("calibration")) is not None:
+        groups, kinds = entry["groups"], f"{entry['kind']}s"
+        how = f" of {entry['database']}" if entry["database"] else ", each predicted without it"
+        hold = f"other {kinds} like these, up to {100 * groups / (groups + 1):.1f} %"
+        if entry["scheme"] == "each":
+            hold = f"further surfaces of these {kinds}; for others, {FEWEST} or more are needed"
+        yield f"intervals calibrated by {calibrated_by(card)}{how}: hold for {hold}"
     if (card["model"], card["features"]) == ("kernel-ridge", "hybrid"):
         yield MEASURED
     if "grown" in card:
@@ -241,17 +246,6 @@ def _training(card: Mapping[str, Any]) -> str:
         text += f", hardness {between(limits)} E*{also}"
     boundary = card.get("boundary", "free")
     return text if boundary == "free" else f"{text}, {boundary} boundary"
-
-
-def _calibration(card: Mapping[str, Any]) -> str:
-    """Say by what intervals are calibrated and what they hold for."""
-    entry = card["calibration"]
-    groups, kinds = entry["groups"], f"{entry['kind']}s"
-    how = f" of {entry['database']}" if entry["database"] else ", each predicted without it"
-    text = f"calibrated by {calibrated_by(card)}{how}: hold for"
-    if entry["scheme"] == "each":
-        return f"{text} further surfaces of these {kinds}; for others, {FEWEST} or more are needed"
-    return f"{text} other {kinds} like these, up to {100 * groups / (groups + 1):.1f} %"
 
 
 def _scores(card: Mapping[str, Any]) -> Table:

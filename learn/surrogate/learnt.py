@@ -149,13 +149,15 @@ class Learnt:
 
     def mean_ends(self, raw: Values, level: float, inputs: Values) -> tuple[Values, Values]:
         """Return both ends, each (n,), of the interval of the mean over all surfaces."""
+        from scipy.stats import norm
+
         model = self.pipeline.named_steps[STEP]
         if not hasattr(model, "coefficients_"):
             raise InputError("the mean has an interval with --model population alone: fit one")
         errors = np.full(len(inputs), np.nan)
         for rows in _parts(inputs):
             errors[rows] = model.error(self.pipeline[:-1].transform(inputs[rows]))
-        half = model.quantile(level) * errors * self.scaling.deviation
+        half = norm.ppf((1 + level) / 2) * errors * self.scaling.deviation
         return raw - half, raw + half
 
 
