@@ -30,14 +30,12 @@ INPUTS: tuple[str, ...] = ("delta", *(column.name for column in TABLE_1))
 TARGETS: dict[str, str] = {"area": "area_percent", "force": "force"}
 """Short names of the two targets that every database has, and their columns."""
 
-WHOLE_TARGETS = ("contact_nodes", "contact_spots")
-"""Results that are whole numbers, and are learnt like real numbers."""
+WHOLE_TARGETS = ("contact_nodes", "contact_spots")  # results that are learnt like real numbers
 
 NO_TARGETS = frozenset({*INPUTS, "load", "hardness", "residual"})
 """Columns of floating numbers that are no results: inputs, and how well a row was solved."""
 
-SMALLEST = 10
-"""Usable rows at least: two of these are for testing, and a score needs two."""
+SMALLEST = 10  # usable rows at least: two of these are for testing, and a score needs two
 
 DOMINANT = 1e6
 """Ratio of one number to others beyond which a model sees nothing else: of an input, where rows

@@ -107,11 +107,8 @@ def led() -> Iterator[Executor]:
     raise typer.Exit
 
 
-UNITS = {"s": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0, "d": 86400.0}
-"""Seconds of the units in which a time may be given."""
-
-LONGEST = 1e10
-"""Longest time that may be given, three centuries [s]."""
+UNITS = {"s": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0, "d": 86400.0}  # [s], of given times
+LONGEST = 1e10  # longest time that may be given, three centuries [s]
 
 
 def seconds(text: str) -> float:

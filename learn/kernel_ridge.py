@@ -11,8 +11,7 @@ from sklearn.kernel_ridge import KernelRidge
 
 from gen.arrays import Indices, Values
 
-EPSILON = float(np.finfo(float).eps)
-"""Rounding of double precision."""
+EPSILON = float(np.finfo(float).eps)  # rounding of double precision
 
 NEGLIGIBLE = 1e-30
 """Share of the diagonal below which kernel values are set to zero: they are far below rounding, and

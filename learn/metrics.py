@@ -56,11 +56,8 @@ def spread(truth: ArrayLike) -> float:
     return float(np.asarray(truth, dtype=float).var()) / magnitude(truth)
 
 
-BOOTSTRAP = 1000
-"""Resamples of a bootstrap."""
-
-LEVEL = 0.9
-"""Coverage of intervals, where nothing else is asked for."""
+BOOTSTRAP = 1000  # resamples of a bootstrap
+LEVEL = 0.9  # coverage of intervals, where nothing else is asked for
 
 
 def bootstrap(
@@ -104,5 +101,4 @@ def bootstrap(
     }
 
 
-ROUNDING = 1e-12
-"""Share of the variance of all rows below which that of a resample is rounding."""
+ROUNDING = 1e-12  # share of the variance of all rows below which that of a resample is rounding

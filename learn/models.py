@@ -28,8 +28,7 @@ from learn.features.sets import Scaling
 if TYPE_CHECKING:
     from learn.dataset import Dataset
 
-LIBRARIES = ("numpy", "scipy", "scikit-learn", "xgboost-cpu")
-"""Libraries whose versions decide the numbers."""
+LIBRARIES = ("numpy", "scipy", "scikit-learn", "xgboost-cpu")  # they decide the numbers
 
 LONG_TRAINING = 20_000
 """Epochs of the multi-layer perceptron in its search and in its winner's fit; the baseline has 200,
@@ -129,8 +128,7 @@ MODELS: dict[str, Model] = {
 POPULATION = Model("population", "Population Mean", "learn.population.Population")
 """The model of a scene's own features, beside the nine, which fit these too."""
 
-EVERY = MODELS | {POPULATION.name: POPULATION}
-"""All models by name."""
+EVERY = MODELS | {POPULATION.name: POPULATION}  # all models by name
 
 
 def default_model(features: str) -> str:
@@ -144,11 +142,8 @@ def versions() -> dict[str, str]:
     return {name: found.get(name, found.get(name.removesuffix("-cpu"), "")) for name in LIBRARIES}
 
 
-REMARK_LENGTH = 300
-"""Characters of a warning that are kept."""
-
-STEP = "model"
-"""Name of the estimator in its pipeline; its settings are `model__alpha` and so on."""
+REMARK_LENGTH = 300  # characters of a warning that are kept
+STEP = "model"  # name of the estimator in its pipeline; its settings are `model__alpha` and so on
 
 
 def models_named(names: list[str] | None, features: str = "") -> list[Model]:
@@ -210,12 +205,8 @@ def remarks() -> Iterator[list[str]]:
             said.append(text)
 
 
-USUAL = (1e-3, 1e3)
-"""Range of the medians of targets that are not scaled: areas in percent lie in it."""
-
-FAR = 10.0
-"""Mean over the deviation, beyond which models learn the distance from the mean: areas vary as much
-as they are large."""
+USUAL = (1e-3, 1e3)  # range of the medians of targets that are not scaled, as areas in percent
+FAR = 10.0  # mean over the deviation from which on models learn the distance from the mean
 
 SIZE = 3
 """Exponent of the other targets' scaled median: 2^2 to 2^3, that of the paper's areas, whose
@@ -247,11 +238,8 @@ def scaling_of(dataset: Dataset, train: Indices, *, standard: bool = False) -> S
     return Scaling(float(target.mean()), float(target.std()) or 1.0, root)
 
 
-USABLE = 0.85
-"""Share of the free memory that a fit may take; the rest is the system's."""
-
-PROCESS = 350 * MIB
-"""Bytes of a process with its libraries, before any fit."""
+USABLE = 0.85  # share of the free memory that a fit may take; the rest is the system's
+PROCESS = 350 * MIB  # bytes of a process with its libraries, before any fit
 
 PAIR_BYTES = {"gaussian-process": 62.0, "kernel-ridge": 19.0}
 """Peak bytes per pair of training rows; a matrix of double precision has 8. A baseline whose kernel
@@ -262,8 +250,7 @@ TREES = {"random-forest": 2048, "adaboost": 1536, "xgboost": 2560, "gradient-boo
 """MiB of up to 2,000 deep trees for `TREE_ROWS` rows; they grow in proportion to the rows."""
 
 TREE_ROWS = 10_000
-OTHERS = 512
-"""MiB of other models, as of a cache of kernel rows."""
+OTHERS = 512  # MiB of other models, as of a cache of kernel rows
 
 
 def check_memory(model: str, rows: int, *, baseline: bool = False) -> None:

@@ -39,68 +39,27 @@ from sklearn.preprocessing import PolynomialFeatures
 from gen.arrays import Indices, Values
 from learn.split import dealt
 
-CENTRES = 500
-"""Rows at most that functions of the mean are about."""
-
-LIKELY_CENTRES, LIKELY_ROWS = 200, 3000
-"""The same, and rows, for the evidence."""
-
-LENGTHS = (0.1, 10.0)
-"""Shortest and longest length, over the deviation of an input."""
-
-STARTS = (1.0, 2.5)
-"""Lengths from which the search for the most likely ones starts."""
-
-STEPS = 50
-"""Steps of this search, at most."""
-
-VARIANCES = (1e-3, 1e5)
-"""Least and largest variance of the process, over that of the target over its power law."""
-
-PLANE = 10.0
-"""Deviation of the plane's coefficients before any row is seen, over that of the target."""
-
-PARTS = 20
-"""Parts of the surfaces that are left out in turn."""
-
-TOGETHER = 200
-"""Rows of a surface, at most, whose correlation counts; more count as another surface's."""
-
-OWN = 1e-4
-"""Least share of the scatter that is a row's own: rows may repeat others."""
-
-PASSES = 3
-"""Fits of power law and scatter, each with the weights of the last."""
-
-LEAST = 1e-4
-"""Least size of the scatter, over the deviation of the target over its power law."""
-
-KEPT = 0.99
-"""Share of the process's variance at the rows that is kept, in far fewer numbers than all of it."""
-
-DOUBT = 0.5
-"""Deviation of the logarithm of the square of errors of means, over what the process says."""
-
-LEAST_LARGER = 1.15
-"""Least factor of errors of means over what the process says, which takes its lengths for known."""
-
-LEAST_SHARE = 1e-3
-"""Least share of an error in a direction that tells of its size."""
-
-RIDGE = 1e-6
-"""Penalty of polynomials' coefficients, over the weight of all rows."""
-
-JITTER = 1e-6
-"""Added to the diagonal of functions at each other's centres: neighbours are nearly the same."""
-
-ROUNDING = 1e-14
-"""Added to the equations' diagonal, over the sum of it."""
-
-FLOOR = 1e-3
-"""Least size of a residual or a target before its logarithm is taken, over their median."""
-
-SURFACES_PER_TERM = 10
-"""Surfaces for each term of a polynomial, at least; with fewer it has a lower degree."""
+CENTRES = 500  # rows at most that functions of the mean are about
+LIKELY_CENTRES, LIKELY_ROWS = 200, 3000  # the same, and rows, for the evidence
+LENGTHS = (0.1, 10.0)  # shortest and longest length, over the deviation of an input
+STARTS = (1.0, 2.5)  # lengths from which the search for the most likely ones starts
+STEPS = 50  # steps of this search, at most
+VARIANCES = (1e-3, 1e5)  # least and largest variance of the process, over that of the target
+PLANE = 10.0  # deviation of the plane's coefficients before any row is seen, over the target's
+PARTS = 20  # parts of the surfaces that are left out in turn
+TOGETHER = 200  # rows of a surface, at most, whose correlation counts; more are another surface's
+OWN = 1e-4  # least share of the scatter that is a row's own: rows may repeat others
+PASSES = 3  # fits of power law and scatter, each with the weights of the last
+LEAST = 1e-4  # least size of the scatter, over the deviation of the target over its power law
+KEPT = 0.99  # share of the process's variance at the rows that is kept, in far fewer numbers
+DOUBT = 0.5  # deviation of the logarithm of squared errors of means, over what the process says
+LEAST_LARGER = 1.15  # least factor of errors over the process's, which takes its lengths for known
+LEAST_SHARE = 1e-3  # least share of an error in a direction that tells of its size
+RIDGE = 1e-6  # penalty of polynomials' coefficients, over the weight of all rows
+JITTER = 1e-6  # added to the diagonal of functions at each other's centres, as neighbours are alike
+ROUNDING = 1e-14  # added to the equations' diagonal, over the sum of it
+FLOOR = 1e-3  # least size of residuals and targets of which logarithms are taken, over the median
+SURFACES_PER_TERM = 10  # least surfaces for a term of a polynomial: its degree falls with fewer
 
 
 class Population(RegressorMixin, BaseEstimator):  # type: ignore[misc]

@@ -27,26 +27,13 @@ from gen.scene import Scene
 if TYPE_CHECKING:
     from learn.dataset import Dataset, Stored
 
-MAP, TILE = "map", "tile"
-"""Columns of the map and of its tile that a surface was cut out of."""
-
-DIGITS = 8
-"""Digits of a file's hash in the labels of maps, so that maps of one name differ."""
-
-Folds = NDArray[np.int8]
-"""Fold of each training row."""
-
-DRAWS = 20
-"""Draws of a split at most, where a target is constant in a part."""
-
-FOLDS = 5
-"""Folds of the cross-validation, the paper's number."""
-
-TILES = 4
-"""Smallest number of tiles of a surrogate: to train, validate settings, calibrate and test."""
-
-TEST_SHARE = 0.2
-"""Share of the rows that test, the paper's number."""
+MAP, TILE = "map", "tile"  # columns of the map and of its tile that a surface was cut out of
+DIGITS = 8  # digits of a file's hash in the labels of maps, so that maps of one name differ
+Folds = NDArray[np.int8]  # fold of each training row
+DRAWS = 20  # draws of a split at most, where a target is constant in a part
+FOLDS = 5  # folds of the cross-validation, the paper's number
+TILES = 4  # least number of tiles of a surrogate: to train, validate, calibrate and test
+TEST_SHARE = 0.2  # share of the rows that test, the paper's number
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,8 +17,7 @@ from gen.runtime.terminal import echo, to_type
 if TYPE_CHECKING:
     from learn.dataset import Request
 
-SEEDS = 2**32 - 1
-"""The largest seed that all libraries of models take."""
+SEEDS = 2**32 - 1  # the largest seed that all libraries of models take
 
 AreaMax = Annotated[
     float | None,
@@ -188,5 +187,4 @@ def request_of(
     )
 
 
-note = partial(echo, err=True)
-"""Print a line for the user on standard error."""
+note = partial(echo, err=True)  # print a line for the user on standard error

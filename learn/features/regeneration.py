@@ -35,16 +35,12 @@ from learn.features.surface import LOOSE, SurfaceFeatures
 if TYPE_CHECKING:
     from learn.dataset import Stored
 
-VERSION = 4
-"""Raised whenever `SurfaceFeatures.hybrid` changes its values."""
+VERSION = 4  # raised whenever `SurfaceFeatures.hybrid` changes its values
 
 BLOCK_ROWS = 32
 SAVE_SECONDS = 20.0
-AGREEMENT = 1e-6
-"""Largest relative difference of statistics between processors."""
-
-Block = tuple[int, int, tuple[float, ...]]
-"""First row, one past the last, and the displacement of each row [um]."""
+AGREEMENT = 1e-6  # largest relative difference of statistics between processors
+Block = tuple[int, int, tuple[float, ...]]  # first row, one past the last, Deltas [um]
 
 
 def hybrid_rows(

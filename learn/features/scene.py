@@ -16,8 +16,7 @@ from gen.runtime.errors import InputError
 from gen.scene import Scene, parameter_columns
 from gen.statistics import refuse_masked
 
-SCENE = "scene"
-"""Name of the feature set."""
+SCENE = "scene"  # name of the feature set
 
 LOADS: Mapping[str, str] = {
     "delta": "um",
@@ -36,14 +35,12 @@ RELATIVE = {
 }
 """Names of the quantities of scenes that are relative loads."""
 
-BY_FORCE = frozenset({"pressure", "force", "relative_pressure"})
-"""Loads at which Delta is a result, and the force is none."""
+BY_FORCE = frozenset({"pressure", "force", "relative_pressure"})  # at these Delta is a result
 
 HARDNESSES: Mapping[str, str] = {"hardness": "MPa", "hardness_ratio": "1"}
 """Both ways in which a scene gives the hardness; the ratio is over E*."""
 
-SPAN = 3.0
-"""Ratio of the largest over the smallest value from which on a number is learnt as a logarithm."""
+SPAN = 3.0  # largest over smallest value from which on a number is learnt as a logarithm
 
 
 def load_of(scene: Scene) -> str:

@@ -46,14 +46,9 @@ CURVATURES = tuple(name for name in STATISTICS if _UNITS[name] == "um-1")
 BANDWIDTHS = ("bandwidth_x", "bandwidth_y")
 PURE = tuple(name for name in STATISTICS if name not in {*HEIGHTS, *CURVATURES, *BANDWIDTHS})
 
-ROOT = "sqrt(delta/h)"
-"""Further input of surrogates with dimensionless features, beside the root of the area."""
-
-HARDNESS = "hardness/E*"
-"""The hardness as a feature of sets with units."""
-
-SCALED_HARDNESS = "log(hardness.L/(E*.h))"
-"""The hardness as a feature of sets without units."""
+ROOT = "sqrt(delta/h)"  # further input of surrogates without units, beside the root of the area
+HARDNESS = "hardness/E*"  # the hardness as a feature of sets with units
+SCALED_HARDNESS = "log(hardness.L/(E*.h))"  # the hardness as a feature of sets without units
 
 PLASTIC = "sqrt(coarse_force/(hardness.L2))"
 """Square root of the share of the patch that carries the coarse solve's force at the hardness. No
@@ -64,8 +59,7 @@ NODES = "log2(nodes)"
 """The nodes along a side as a feature, where grids differ; the geometric mean of both axes. A
 coarser grid leaves out short waves, and counts a contact in larger cells."""
 
-BLOCKS = 33
-"""Blocks per side; on a surface with fewer nodes every node is a block."""
+BLOCKS = 33  # blocks per side; on a surface with fewer nodes every node is a block
 
 BLOCK_COUNTS = (BLOCKS, 65)
 """Blocks per side that a user can choose from. A patch without edges has one less: those of 2^k
@@ -92,8 +86,7 @@ SHIFTS = (-1.0, -0.5, 0.5, 1.0)
 """Shifts of the displacement, over the rms s of the heights that the blocks do not resolve, above
 which nodes are counted."""
 
-POWERS = (2, 3)
-"""Powers of the mean interference of the nodes that stand above the displacement."""
+POWERS = (2, 3)  # powers of the mean interference of the nodes that stand above the displacement
 
 ROOTED_LOCAL = (
     *(f"local_area({factor:g}p)" for factor in FACTORS),
@@ -113,8 +106,7 @@ LOCAL = (
 )
 """Columns of the same solve that surrogates see too."""
 
-HYBRID = (*COARSE, *LOCAL)
-"""All columns, in the order in which `SurfaceFeatures.hybrid` returns them."""
+HYBRID = (*COARSE, *LOCAL)  # all columns, in the order of `SurfaceFeatures.hybrid`
 
 ROOTED = ("bearing_share", "coarse_area_percent", FORCE, *COARSE[-2:])
 """Columns of `COARSE` whose square roots surrogates see too: like the area they begin at first
@@ -123,8 +115,7 @@ touch and span decades, and the roots tell small values apart."""
 Limits = tuple[float, float]
 Sides = tuple[float, float]
 
-Grid = tuple[tuple[int, ...], tuple[float, ...]]
-"""Nodes along both axes, and sides [um]."""
+Grid = tuple[tuple[int, ...], tuple[float, ...]]  # nodes along both axes, and sides [um]
 
 
 @dataclass(frozen=True, eq=False)
@@ -348,8 +339,7 @@ SETS: Mapping[str, FeatureSet] = {
         FeatureSet(SCENE, (), "standard", scaled=False),
     )
 }
-OF_SURFACES = tuple(name for name in SETS if name != SCENE)
-"""Sets whose features a surface has."""
+OF_SURFACES = tuple(name for name in SETS if name != SCENE)  # sets whose features a surface has
 
 
 def chosen(

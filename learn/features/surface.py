@@ -42,11 +42,8 @@ NEARLY_FULL = 0.999
 """Largest displacement of a coarse solve without edges, over that of full contact: elastic bodies
 have no equilibrium from full contact on, and blocks of unequal sizes come to it early."""
 
-LOOSE = 1e-3
-"""Residual of the coarse solve, over Delta: a feature need not be exact, but reproducible."""
-
-ROUNDING = 1e-12
-"""Smallest rms of the heights that the blocks do not resolve, over the range of all heights."""
+LOOSE = 1e-3  # residual of the coarse solve, over Delta: features need be reproducible, not exact
+ROUNDING = 1e-12  # least rms of the heights that the blocks do not resolve, over the range of all
 
 PERSSON = math.sqrt(2.0)
 """Persson's share of the area in contact is erf(sqrt(2) p / (E* h')), with the pressure p and the

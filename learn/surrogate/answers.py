@@ -23,14 +23,9 @@ from learn.features.scene import LOADS, unit_of
 from learn.features.sets import STATISTICS, Rows
 from learn.surrogate.model import OnSurface, Prediction, Surrogate
 
-REASONS = 12
-"""Reasons that are printed at most."""
-
-VALUE = re.compile(r" \S+ outside")
-"""The part of a reason that differs between rows with the same reason."""
-
-SHOWN = 40
-"""Rows that are printed at most; a file gets all of them."""
+REASONS = 12  # reasons that are printed at most
+VALUE = re.compile(r" \S+ outside")  # the part of a reason that differs between rows
+SHOWN = 40  # rows that are printed at most; a file gets all of them
 
 
 def answers(

@@ -35,20 +35,11 @@ Scheme = Literal["surfaces", "each", "others"]
 databases; or of other maps too.
 """
 
-FEWEST = 9
-"""Smallest number of maps or databases whose intervals of 90 % hold for others too."""
-
-SURFACE = "surface"
-"""Kind of the groups of a scene's own features, of which surfaces of one population differ."""
-
-SLIGHT = 1e-3
-"""Weight of the penalty on the slopes of usual errors between surfaces."""
-
-MOST_FITS = 20
-"""Largest number of fits that leave groups out; several groups then go together."""
-
-MOST_UNSEEN = 0.6
-"""Largest share of the rows that a model may lack that predicts a part of them."""
+FEWEST = 9  # smallest number of maps or databases whose intervals of 90 % hold for others too
+SURFACE = "surface"  # kind of a scene's own groups, of which surfaces of one population differ
+SLIGHT = 1e-3  # weight of the penalty on the slopes of usual errors between surfaces
+MOST_FITS = 20  # largest number of fits that leave groups out; several groups then go together
+MOST_UNSEEN = 0.6  # largest share of the rows that a model may lack that predicts a part of them
 
 SMALLEST = 20
 """Smallest number of rows that are nearest to a map or database with scores of their own. With
@@ -63,8 +54,7 @@ inside intervals of 90 % then deviates by 1.5 %.
 CLOSED = ("kernel-ridge", "gaussian-process", POPULATION.name)
 """Models of which one fit tells the errors at rows that are left out."""
 
-SMALLEST_CALIBRATION = 20
-"""Smallest number of rows of another database that calibrate."""
+SMALLEST_CALIBRATION = 20  # smallest number of rows of another database that calibrate
 
 
 class Groups(NamedTuple):

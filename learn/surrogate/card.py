@@ -28,8 +28,7 @@ if TYPE_CHECKING:
 Table = tuple[str, list[str], list[str], Sequence[Sequence[object]]]
 """Title, headings of columns of names and of columns of numbers, and rows."""
 
-LEVELS = (0.5, 0.9, 0.95)
-"""Intervals whose coverage is reported."""
+LEVELS = (0.5, 0.9, 0.95)  # intervals whose coverage is reported
 
 MEASURED = (
     "          measured on 27 kinds of surfaces that were not trained on (bench coverage): 94 % of"

@@ -30,17 +30,10 @@ from learn.surrogate.interval import Calibration, ErrorScale
 from learn.surrogate.learnt import Learnt, clip_of
 from learn.surrogate.model import Surrogate
 
-SEARCH_ROWS = 3000
-"""Largest number of training rows of the small searches."""
-
-LIKELIHOOD_ROWS = 800
-"""Rows for the likelihood of a kernel with a length for every input."""
-
-LENGTHS = (0.1, 1.0, 10.0, 100.0)
-"""Lengths of a kernel from which the search for the most likely one starts."""
-
-USUAL_LENGTH = 10.0
-"""Length of standardised inputs that the search starts from too."""
+SEARCH_ROWS = 3000  # largest number of training rows of the small searches
+LIKELIHOOD_ROWS = 800  # rows for the likelihood of a kernel with a length for every input
+LENGTHS = (0.1, 1.0, 10.0, 100.0)  # from which the search for the most likely one starts
+USUAL_LENGTH = 10.0  # length of standardised inputs that the search starts from too
 
 GAMMAS = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2)
 
@@ -71,8 +64,7 @@ BUILT_IN: dict[str, dict[str, Any]] = {
 }
 """Settings where nothing is searched; the mean of a population chooses its own."""
 
-SCORED = "R2 {r2:.3f} %, nMAE {nmae:.2f} %"
-"""The scores that a user is told."""
+SCORED = "R2 {r2:.3f} %, nMAE {nmae:.2f} %"  # the scores that a user is told
 
 
 class Settings(NamedTuple):

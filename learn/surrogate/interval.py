@@ -58,21 +58,15 @@ from learn.features.sets import NODES, Rows
 if TYPE_CHECKING:
     from learn.surrogate.model import Surrogate
 
-SHARE = 0.9
-"""Share of the rows of a new map or database that lie within the limit, or more."""
-
-INSIDE = 0.97
-"""Share of the training rows that lie within the limit where maps or databases do not decide it."""
+SHARE = 0.9  # share of the rows of a new map or database that lie within the limit, or more
+INSIDE = 0.97  # share of the training rows within the limit, unless maps or databases decide it
 
 RIDGE = 1e-4
 """Added to the variances of features of deviation 1: features that repeat others, such as roots,
 leave directions without any."""
 
-RIDGE_OF_MAPS = 0.01
-"""The same where many maps or databases are one cloud: few directions tell them from another."""
-
-SAME = 1e-6
-"""Relative distance from the training's hardness within which a hardness counts as equal."""
+RIDGE_OF_MAPS = 0.01  # the same where maps are one cloud: few directions tell one from another
+SAME = 1e-6  # relative distance from the training's hardness within which two are equal
 
 
 class Growth(NamedTuple):
@@ -100,14 +94,9 @@ SHRINKAGE = 1.0
 """Weight of the penalty on the slopes of usual errors, for features of deviation 1 and a mean
 squared error. On the made maps of `bench scans`, 0.3 to 3 give the same widths within 3 %."""
 
-SMALLEST = 1e-3
-"""Smallest error that counts, over the median: logarithms of errors near 0 would weigh most."""
-
-ENDS = (0.02, 0.98)
-"""Quantiles of the usual errors at known places, beyond which none is extrapolated."""
-
-CONSTANT = 1e-9
-"""Deviation of a constant feature over its largest size, at most."""
+SMALLEST = 1e-3  # least error that counts, over the median: logarithms near 0 would weigh most
+ENDS = (0.02, 0.98)  # quantiles of the usual errors beyond which none is extrapolated
+CONSTANT = 1e-9  # deviation of a constant feature over its largest size, at most
 
 
 class Scores(NamedTuple):

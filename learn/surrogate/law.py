@@ -46,17 +46,10 @@ from learn.features import SurfaceFeatures, Undefined
 from learn.features.scene import SCENE, shown
 from learn.surrogate.model import OnSurface, Prediction, Surrogate
 
-BEYOND = (1.15, 1.4, 2.0, 3.0)
-"""Further Deltas to predict, over the last one: some surfaces reach a pressure late."""
-
-CORRECTED = 0.01
-"""Correction for monotone curves, over the largest value, above which there is a warning."""
-
-FINE = 20
-"""Steps into which an interval of Delta is divided to invert the cubic in it."""
-
-ROUNDING = 1e-12
-"""Relative distance beyond the last pressure within which a pressure counts as the last one."""
+BEYOND = (1.15, 1.4, 2.0, 3.0)  # further Deltas, over the last: some surfaces reach a pressure late
+CORRECTED = 0.01  # correction for monotone curves, over the largest value, from which on we warn
+FINE = 20  # steps into which an interval of Delta is divided to invert the cubic in it
+ROUNDING = 1e-12  # relative distance beyond the last pressure that counts as the last one
 
 
 def make(surrogate: Surrogate, order: Order) -> Law:

@@ -43,8 +43,7 @@ if TYPE_CHECKING:
     from learn.dataset import Dataset
     from learn.surrogate.model import Surrogate
 
-PART = 2000
-"""Rows that are predicted together: a kernel needs memory for rows times training rows."""
+PART = 2000  # rows that are predicted together: a kernel needs memory for rows times training rows
 
 MOMENTS = frozenset(name for name in PURE if "skewness" in name or "kurtosis" in name)
 """Features of which models see the nearest value of the training.
@@ -58,11 +57,8 @@ are left as they are: areas and forces of the coarse solve tell most where they 
 Flags see the moments as they are, and predictions for other rows do not change.
 """
 
-FORMAT = 9
-"""Number of the layout. It is raised whenever an older version would misread a file."""
-
-OLDER = range(3, FORMAT)
-"""Formats of 1.0.0rc1 and before, whose intervals promise more than they hold."""
+FORMAT = 9  # number of the layout. It is raised whenever an older version would misread a file
+OLDER = range(3, FORMAT)  # of 1.0.0rc1 and before, whose intervals promise more than they hold
 
 HEAD = re.compile(SURROGATE + rb"format (\d{1,9})\nsha256 ([0-9a-f]{64})\n")
 

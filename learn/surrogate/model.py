@@ -21,11 +21,8 @@ from learn.features.sets import Rows
 from learn.surrogate.interval import Distance, between, reasons_of
 from learn.surrogate.learnt import Learnt, load_parts, write_parts
 
-LARGEST = 1e38
-"""Of a feature: trees see their inputs in single precision, which ends there."""
-
-PROPORTIONAL = {"force", "largest_pressure", "stiffness", "interface_stiffness"}
-"""Targets that are proportional to E*."""
+LARGEST = 1e38  # of a feature: trees see their inputs in single precision, which ends there
+PROPORTIONAL = {"force", "largest_pressure", "stiffness", "interface_stiffness"}  # to E*
 
 
 @dataclass(frozen=True, eq=False)
