@@ -11,7 +11,7 @@ There are training and test rows, and the five folds of the grid search.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -65,7 +65,8 @@ def draw(
     """
     if train_rows is not None and train_rows < 2:
         raise InputError(f"--train-rows {train_rows}: give 2 rows at least")
-    require_tiles(dataset, tiles)
+    if dataset.by_tile:
+        require_tiles(dataset, tiles)
     by_surface, groups = bool(np.ptp(dataset.groups) > 0), dataset.surfaces
     values, place = np.unique(groups, return_inverse=True)
     random, faults = np.random.default_rng(seed), []
@@ -129,13 +130,14 @@ def dealt(labels: Indices, parts: int, random: np.random.Generator) -> Indices:
     return np.asarray(random.permutation(values.size)[place] % parts)
 
 
-def populations_of(part: Stored) -> list[str]:
-    """Name where the surface of each row is from: its map, or the database if there is none."""
+def populations_of(part: Stored) -> Iterator[str]:
+    """Yield where the surface of each row is from: its map, or the database if there is none."""
     surface = part.scene.surface
     if MAP not in part.columns or not isinstance(surface, ScanSurface):
-        return [str(part.path)] * part.rows.size
+        yield from [str(part.path)] * part.rows.size
+        return
     maps = [f"{Path(each.file).name} {each.sha256[:DIGITS]}" for each in surface.known().maps]
-    return [maps[index] for index in part.columns[MAP]]
+    yield from (maps[index] for index in part.columns[MAP])
 
 
 def related(parts: Sequence[Stored]) -> Indices:

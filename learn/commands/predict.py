@@ -1,6 +1,8 @@
 """`learn predict`, `law` and `card`: ask a surrogate about surfaces, or about itself."""
 
 import math
+import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -13,7 +15,11 @@ from gen.runtime.command_line import Trust, grouped, typed
 from gen.runtime.errors import InputError
 from gen.runtime.figure import empty_figure
 from gen.runtime.files import Output, check_outputs, kind_of
-from gen.runtime.terminal import echo, shown
+from gen.runtime.terminal import brief, echo, print_table, shown
+
+REASONS = 12  # reasons that are printed at most
+VALUE = re.compile(r" \S+ outside")  # the part of a reason that differs between rows
+SHOWN = 40  # rows that are printed at most; a file gets all of them
 
 File = Annotated[Path, typer.Argument(metavar="FILE", help="A surrogate made by learn fit.")]
 Inputs = Annotated[
@@ -89,7 +95,7 @@ def predict(
     from gen.runtime.documents import Row, write_csv
     from learn.features.scene import SCENE
     from learn.surrogate import Surrogate
-    from learn.surrogate.answers import answers, answers_of_parameters, show
+    from learn.surrogate.answers import answers, answers_of_parameters
     from learn.surrogate.interval import require_level
 
     inputs = inputs or []
@@ -103,7 +109,7 @@ def predict(
         numbers: dict[str, Any] = {**_parameters(at, reading, material), **given}
         rows += answers_of_parameters(surrogate, inputs, numbers, interval, mean=mean)
         of = "means over surfaces" if mean else "new surfaces"
-        show(rows, f"Predictions of {of} with {100 * interval:g} % intervals")
+        _show(rows, f"Predictions of {of} with {100 * interval:g} % intervals")
     elif at or mean or not inputs or given.keys() != {surrogate.features.load}:
         raise InputError(
             f"{file}: predicts for surfaces: give some, and --{surrogate.features.load}; --at and"
@@ -115,10 +121,50 @@ def predict(
         for path in inputs:
             loads = given[surrogate.features.load]
             rows += answers(surrogate, path, loads, bodies, interval, reading)
-        show(rows, f"Predictions with {100 * interval:g} % intervals, {bodies.text}", bodies.doubts)
+        _show(
+            rows, f"Predictions with {100 * interval:g} % intervals, {bodies.text}", bodies.doubts
+        )
     if output is not None:
         write_csv(output, rows)
         echo(f"wrote {output}")
+
+
+def _show(rows: Sequence[dict[str, Any]], title: str, doubts: Sequence[str] = ()) -> None:
+    """Print the first rows of the table, and the reasons of those outside the training."""
+    from rich.table import Table
+
+    hidden = ("_low", "_high", "warnings")  # warnings were said with the surface
+    names = [name for name in rows[0] if not name.endswith(hidden)]
+    more = f"... and {len(rows) - SHOWN} more: -o writes all of them"
+    table = Table(title=title, caption=more if len(rows) > SHOWN else None)
+    for name in names:
+        table.add_column(name, justify="left" if name in {"input", "flag", "reason"} else "right")
+    for row in rows[:SHOWN]:
+        flagged, cells = row["flag"] == "outside", list[str]()
+        for name in names:
+            value = row[name]
+            text = f"{value:.4g}" if isinstance(value, float) else str(value)
+            if f"{name}_low" in row:  # `-` for an interval that is withheld
+                low, high = row[f"{name}_low"], row[f"{name}_high"]
+                text += " (-)" if flagged else f" ({low:.4g} to {high:.4g})"
+            cells.append(brief(text) if name == "reason" else text)
+        table.add_row(*cells, style="dim" if flagged else "")
+    print_table(table)
+    for doubt in doubts:
+        echo(f"warning: {doubt}")
+    outside = [row for row in rows if row["flag"] == "outside"]
+    if outside:
+        echo(
+            f"{len(outside)} of {len(rows)} rows lie outside what the surrogate was trained on: no"
+            " interval holds there, and none is given (-)"
+        )
+    kinds: dict[str, list[str]] = {}
+    for reason in (each for row in outside for each in str(row["reason"]).split("; ")):
+        kinds.setdefault(VALUE.sub(" outside", reason), []).append(reason)
+    for alike in sorted(kinds.values(), key=len, reverse=True)[:REASONS]:
+        echo(f"  {len(alike)} of {len(rows)}: {alike[0]}")
+    if len(kinds) > REASONS:
+        echo(f"  and {len(kinds) - REASONS} more: -o writes all of them")
 
 
 def _parameters(text: str, reading: Reading, material: options.Material) -> dict[str, float]:

@@ -167,12 +167,6 @@ class SurfaceFeatures:
         """The 22 statistics by name, and why some of them are undefined."""
         return describe(self.heights, self.spacing)
 
-    def statistics(self) -> Values:
-        """Return the statistics, (22,); `Undefined` is raised if one of them is undefined."""
-        if self.description.reason:
-            raise Undefined(f"{self.name}: statistics undefined: {self.description.reason}")
-        return np.array(list(self.description.values.values()))
-
     def rows(
         self,
         features: FeatureSet,
@@ -183,14 +177,16 @@ class SurfaceFeatures:
         """Return the numbers that features of a set are computed from, at k loads.
 
         Loads are displacements [um], or pressures [MPa] on bodies of an E* [MPa] if the set is for
-        these. `Undefined` is raised as by `statistics`, InputError if a load is not above 0.
+        these. `Undefined` is raised if a statistic is missing, InputError if a load is not above 0.
         """
-        pressed, notes, hybrid = features.load == "pressure", tuple[str, ...](), None
-        deltas = by_pressure(loads, self.length, e_star) if pressed else loads
+        pressed, length = features.load == "pressure", math.sqrt(math.prod(self.sides))
+        deltas = by_pressure(loads, length, e_star) if pressed else loads
         wrong = deltas[~((deltas > 0) & (deltas < np.inf))]
         if wrong.size:
             raise InputError(f"{self.name}: Delta {wrong[0]:g} um: give finite numbers above 0")
-        statistics = np.tile(self.statistics(), (deltas.size, 1))
+        described, notes, hybrid = self.description, tuple[str, ...](), None
+        if described.reason:
+            raise Undefined(f"{self.name}: statistics undefined: {described.reason}")
         if self.boundary != "free" and hardness_ratio is None and not pressed:
             limit = float((self.heights.max() - self.heights).mean())
             full = f"no equilibrium: the contact is full at delta = {limit:.6g} um"
@@ -201,7 +197,8 @@ class SurfaceFeatures:
                 deltas = np.array([self.reached(each, *how) for each in deltas])
             every = [self.hybrid(float(delta), *how) for delta in deltas]
             hybrid = np.array(every).reshape(-1, len(HYBRID))
-        own = self.length, hardness_ratio, math.sqrt(self.heights.size), hybrid, notes
+        statistics = np.tile(list(described.values.values()), (deltas.size, 1))
+        own = length, hardness_ratio, math.sqrt(self.heights.size), hybrid, notes
         grid = self.heights.shape, self.sides
         return Rows(statistics, deltas, *own, {"pressure": loads} if pressed else {}, (grid,))
 

@@ -1,13 +1,11 @@
 """Predictions for files, surfaces or tables of statistics, with a row for each displacement."""
 
 import csv
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
-from rich.table import Table
 
 from gen.arrays import Values
 from gen.maps.prepare import read_surface
@@ -17,15 +15,11 @@ from gen.material import Bodies
 from gen.runtime.documents import Row
 from gen.runtime.errors import InputError
 from gen.runtime.files import require_file
-from gen.runtime.terminal import brief, echo, print_table, to_type
+from gen.runtime.terminal import echo, to_type
 from learn.features import SurfaceFeatures, Undefined
 from learn.features.scene import LOADS, unit_of
 from learn.features.sets import STATISTICS, Rows
-from learn.surrogate.model import OnSurface, Prediction, Surrogate
-
-REASONS = 12  # reasons that are printed at most
-VALUE = re.compile(r" \S+ outside")  # the part of a reason that differs between rows
-SHOWN = 40  # rows that are printed at most; a file gets all of them
+from learn.surrogate.model import Prediction, Surrogate
 
 
 def answers(
@@ -48,7 +42,8 @@ def answers(
                 for line in warnings:
                     echo(f"  warning: {line}", err=True)
                 own = found.heights, found.sides, found.spacing, str(file), found.boundary
-                rows = OnSurface(surrogate, SurfaceFeatures(*own)).rows(loads, bodies)
+                how = bodies.hardness_ratio, bodies.e_star
+                rows = SurfaceFeatures(*own).rows(surrogate.features, loads, *how)
             answer = surrogate.predict_rows(rows, e_star=bodies.e_star, level=level)
         except Undefined as error:
             if len(files) == 1:
@@ -227,39 +222,3 @@ def _numbers(
                     f"{path}, row {row + 1}: {name} is {text[:40]!r}; give finite numbers"
                 )
     return found
-
-
-def show(rows: Sequence[Row], title: str, doubts: Sequence[str] = ()) -> None:
-    """Print the first rows of the table, and the reasons of those outside the training."""
-    hidden = ("_low", "_high", "warnings")  # warnings were said with the surface
-    names = [name for name in rows[0] if not name.endswith(hidden)]
-    more = f"... and {len(rows) - SHOWN} more: -o writes all of them"
-    table = Table(title=title, caption=more if len(rows) > SHOWN else None)
-    for name in names:
-        table.add_column(name, justify="left" if name in {"input", "flag", "reason"} else "right")
-    for row in rows[:SHOWN]:
-        flagged, cells = row["flag"] == "outside", list[str]()
-        for name in names:
-            value = row[name]
-            text = f"{value:.4g}" if isinstance(value, float) else str(value)
-            if f"{name}_low" in row:  # `-` for an interval that is withheld
-                low, high = row[f"{name}_low"], row[f"{name}_high"]
-                text += " (-)" if flagged else f" ({low:.4g} to {high:.4g})"
-            cells.append(brief(text) if name == "reason" else text)
-        table.add_row(*cells, style="dim" if flagged else "")
-    print_table(table)
-    for doubt in doubts:
-        echo(f"warning: {doubt}")
-    outside = [row for row in rows if row["flag"] == "outside"]
-    if outside:
-        echo(
-            f"{len(outside)} of {len(rows)} rows lie outside what the surrogate was trained on: no"
-            " interval holds there, and none is given (-)"
-        )
-    kinds: dict[str, list[str]] = {}
-    for reason in (each for row in outside for each in str(row["reason"]).split("; ")):
-        kinds.setdefault(VALUE.sub(" outside", reason), []).append(reason)
-    for alike in sorted(kinds.values(), key=len, reverse=True)[:REASONS]:
-        echo(f"  {len(alike)} of {len(rows)}: {alike[0]}")
-    if len(kinds) > REASONS:
-        echo(f"  and {len(kinds) - REASONS} more: -o writes all of them")

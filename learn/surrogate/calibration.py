@@ -125,18 +125,6 @@ class Measured(NamedTuple):
     nearest: Indices  # (n,), number of the nearest cloud
 
 
-def measured(rows: Dataset) -> Measured:
-    """Measure distances from training rows, with the limit of the flag."""
-    groups, size = groups_of(rows), rows.inputs.shape[1]
-    if rows.features.name == SCENE:  # drawn independently of each other: ranges say all
-        distance = Distance(np.zeros((1, size)), np.zeros((1, size, size)), np.inf)
-    elif groups.scheme == "others":
-        distance = from_maps(rows.inputs, groups.labels)
-    else:
-        return Measured(*from_surfaces(rows.inputs, groups.labels, groups.left_out(rows)))
-    return Measured(distance, *distance.measured(rows.inputs))
-
-
 class Plan(NamedTuple):
     """Which rows calibrate, and what a card and the user are told of it."""
 
@@ -155,8 +143,16 @@ def planned(model: str, train: Dataset, other: Dataset | None) -> Plan:
     For models in `CLOSED` every part of the training rows does. For others as many do as have
     `ENOUGH` surfaces, or all that there are, also of whole groups.
     """
-    seen, parts = measured(train), list[tuple[Indices, Indices]]()
+    own, size, parts = groups_of(train), train.inputs.shape[1], list[tuple[Indices, Indices]]()
     kept, remark, database, sha256 = np.arange(0), "", "", ""
+    if train.features.name == SCENE:  # drawn independently of each other: ranges say all
+        distance = Distance(np.zeros((1, size)), np.zeros((1, size, size)), np.inf)
+        seen = Measured(distance, *distance.measured(train.inputs))
+    elif own.scheme == "others":
+        distance = from_maps(train.inputs, own.labels)
+        seen = Measured(distance, *distance.measured(train.inputs))
+    else:
+        seen = Measured(*from_surfaces(train.inputs, own.labels, own.left_out(train)))
     if other is not None:
         groups, (database, sha256, *_) = groups_of(other), other.origins[-1]
         distance, whole = seen.distance, groups.scheme == "others"
@@ -164,7 +160,7 @@ def planned(model: str, train: Dataset, other: Dataset | None) -> Plan:
         if whole and train.features.name != SCENE:
             distance = from_maps(train.inputs, groups.labels, other.inputs)
     else:
-        groups, distance = groups_of(train), seen.distance
+        groups, distance = own, seen.distance
         parts, whole = list(holdouts(train, groups.left_out(train))), groups.scheme == "others"
         several = groups.kind in {"map", "database"}
         if not (model in CLOSED or (several and whole)):

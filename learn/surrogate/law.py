@@ -219,11 +219,10 @@ def _defined(
     kept, faults = [], []
     for each in surfaces:
         own = SurfaceFeatures(each.heights, each.sides, each.spacing, each.name, each.boundary)
-        try:
-            own.statistics()
+        if reason := own.description.reason:
+            faults.append(Undefined(f"{each.name}: statistics undefined: {reason}"))
+        else:
             kept.append((each, OnSurface(surrogate, own)))
-        except Undefined as error:
-            faults.append(error)
     if not kept:
         raise faults[0]
     many = f"{len(faults)} of {len(surfaces)} surfaces were left out"

@@ -97,7 +97,7 @@ def test_flags_and_intervals_see_the_skewness_and_models_do_not(solved):
     np.testing.assert_array_equal(seeing.crossed, plain.crossed)
     odd = inputs[:1].copy()
     odd[:, place] = 3.0
-    distance = calibration.measured(replace(rows, inputs=inputs)).distance
+    distance = calibration.planned("svm", replace(rows, inputs=inputs), None).distance
     assert distance.of(odd) > distance.limit
     raw = seeing.learnt.raw(odd)
     (_, usual), (_, wider) = (
