@@ -19,7 +19,7 @@ from gen.generation.sample import surface_of
 from gen.runtime.errors import InputError
 from gen.scene import Scene, load
 from gen.statistics import describe
-from learn.comparison.grid import baseline, untuned
+from learn.comparison.grid import baseline, space_of
 from learn.dataset import Dataset, Origin, Request, remarks
 from learn.features import chosen
 from learn.features.sets import Rows
@@ -172,7 +172,7 @@ def fitted(
     )
     values = baseline(name, features.name)
     if way == "tuned":
-        values = untuned(name, features.name)[1] | FEWER.get(name, {})
+        values = space_of(name, features.name)[2] | FEWER.get(name, {})
     wanted = Settings({**values, **(settings or {})}, way == "tuned", way)
     plan, folds = planned(name, train, calibration), np.zeros(train.size, np.int8)
     fit = fit_target(request, train, plan, folds, settings=wanted, other=calibration)

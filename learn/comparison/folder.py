@@ -244,7 +244,7 @@ class Folder:
             if settings != grids.baseline(model, features):
                 raise InputError(f"{path}: settings = {settings!r} are not those of the baseline")
             return Winner(settings, of_grid=False)
-        grid, space = grids.space_of(model, features)
+        grid, space, _ = grids.space_of(model, features)
         for name, value in settings.items():
             if value not in grids.reach(name, space.get(name, [])):
                 raise InputError(f"{path}: {name} = {value!r} is not in the grid {grid!r}")

@@ -61,27 +61,16 @@ WHOLE = "whole grid"
 """The words in a result for a search that left no candidate out."""
 
 
-def standard(features: str) -> bool:
-    """Say whether a feature set's inputs, and the targets with it, have mean 0 and deviation 1."""
-    return features == SCENE or chosen(features).scaled
+def space_of(model: str, features: str) -> tuple[str, Space, Settings]:
+    """Return the name in tables, and the values to try, of a model for a feature set.
 
-
-def space_of(model: str, features: str) -> tuple[str, Space]:
-    """Return the name in tables, and the values to try, of a model for a feature set."""
+    The settings that serve where nothing was searched come third: a point of the values.
+    """
     if model == POPULATION.name:
-        return "none: chooses by itself", {}
-    if standard(features) and model in SCALED:
-        return "for features without units", SCALED[model]
-    return TABLE_2, SPACES[model]
-
-
-def untuned(model: str, features: str) -> tuple[str, Settings]:
-    """Return the origin, for tables, and settings for a model that was not searched."""
-    if standard(features) and model in SCALED_OPTIMA:
-        return "built in", dict(SCALED_OPTIMA[model])
-    if model == POPULATION.name:
-        return "built in", {}
-    return "the paper's optimum", dict(OPTIMA[model])
+        return "none: chooses by itself", {}, {}
+    if model in SCALED and (features == SCENE or chosen(features).scaled):
+        return "for features without units", SCALED[model], SCALED_OPTIMA[model]
+    return TABLE_2, SPACES[model], OPTIMA[model]
 
 
 def baseline(model: str, features: str) -> Settings:

@@ -17,7 +17,7 @@ from sklearn.inspection import permutation_importance
 from gen.arrays import Indices
 from gen.runtime.figure import new_figure, save
 from learn.comparison.fits import Training
-from learn.comparison.grid import untuned
+from learn.comparison.grid import TABLE_2, space_of
 from learn.comparison.jobs import repeated, targets
 from learn.comparison.tables import DPI
 from learn.dataset import Request
@@ -46,7 +46,8 @@ def write_report(request: Request, say: Callable[[str], None]) -> Iterator[Path]
         check_memory(model.name, whole.rows)
         training, names = whole.seen_by(model.name), folder.record()["conditions"]["inputs"]
         result, tuned = folder.result("tuned", model.name), folder.winner(model.name)
-        origin, settings = untuned(model.name, request.features)
+        source, _, settings = space_of(model.name, request.features)
+        origin = "the paper's optimum" if source == TABLE_2 else "built in"
         if tuned and tuned.of_grid and result and result["test"]:
             origin, settings = "tuned here", tuned.settings
         say(f"{model.title}, {origin}: {settings}")

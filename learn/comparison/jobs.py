@@ -107,12 +107,12 @@ def tune(request: Request, executor: Executor) -> int:
             share = max(request.until - time.time(), 0.0) / (len(searches) - place)
             agreed, until = folder.record()["conditions"], time.time() + share
             with Trials(folder.path / "trials" / f"{model.name}.jsonl", agreed) as trials:
-                source, space = grids.space_of(model.name, agreed["features"])
+                source, space, settings = grids.space_of(model.name, agreed["features"])
                 grid = grids.Grid(model, space, training.inputs.shape[1])
                 search = GridSearch(
                     *(model, grid, training, trials, executor, interruption.requested, source),
                     baseline=grids.baseline(model.name, agreed["features"]),
-                    optimum=grid.name_of(grids.untuned(model.name, agreed["features"])[1]),
+                    optimum=grid.name_of(settings),
                 )
                 if math.isinf(until):
                     search.exhaust()

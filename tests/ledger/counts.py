@@ -275,7 +275,7 @@ def grid_counts() -> dict[Key, int]:
     """Count candidates and fits of the whole grid of every model, without fitting any."""
     counts = {}
     for model in MODELS.values():
-        _, space = grids.space_of(model.name, "paper")
+        _, space, _ = grids.space_of(model.name, "paper")
         grid = grids.Grid(model, space, INPUTS)
         item = f"grid of Table 2, {model.name}"
         counts[Key(item, "candidates")] = len(grid.candidates)
