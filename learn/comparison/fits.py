@@ -155,37 +155,28 @@ def fit(training: Training, task: Task) -> list[Trial]:
     check_memory(task.model, inside.size)
     shared = "" if task.baseline else shared_fit(model)
     common = {k: v for k, v in candidates[0].items() if k != shared}
-    found: list[Values | str]
     with remarks() as said:
         began = perf_counter()
         try:
             unfitted = training.unfitted(task.model, common, tuned=not task.baseline)
             if shared in candidates[0]:
                 values = [candidate[shared] for candidate in candidates]
-                found = [*shared_predictions(model, unfitted, data, shared, values)]
+                found = shared_predictions(model, unfitted, data, shared, values)
             else:
                 fitted = unfitted.fit(*data[:2], **training.beside(inside))
                 found = [fitted.predict(data[2])]
+            scores = [_score(training.target[outside], each) for each in found]
         except Exception as error:  # whatever a library raises: the candidates have no score
-            found = [reason(error)] * len(candidates)
-        scores = [_score(training.target[outside], each) for each in found]
+            if len(candidates) > 1:
+                # A shared fit may fail late, after candidates that are fine: fit them one by one.
+                alone = [replace(task, candidates={n: c}) for n, c in task.candidates.items()]
+                return [trial for own in alone for trial in fit(training, own)]
+            scores = [(None, reason(error))]
         seconds = (perf_counter() - began) / len(candidates)
-    if isinstance(found[0], str) and len(candidates) > 1:
-        # A shared fit may fail late, after candidates that are fine: fit them one by one.
-        alone = ({name: settings} for name, settings in task.candidates.items())
-        return [trial for own in alone for trial in fit(training, replace(task, candidates=own))]
-    remark = "; ".join(said)
+    of_all: dict[str, Any] = {"remark": "; ".join(said), "seconds": seconds}
     return [
-        Trial(
-            candidate=name,
-            fold=task.fold,
-            rows=task.rows,
-            r2=None if isinstance(score, str) else score,
-            failure=score if isinstance(score, str) else "",
-            remark=remark,
-            seconds=seconds,
-        )
-        for name, score in zip(task.candidates, scores, strict=True)
+        Trial(candidate=name, fold=task.fold, rows=task.rows, r2=r2, failure=failure, **of_all)
+        for name, (r2, failure) in zip(task.candidates, scores, strict=True)
     ]
 
 
@@ -194,15 +185,13 @@ def reason(error: Exception) -> str:
     return " ".join(str(error).split())[:REMARK_LENGTH] or type(error).__name__
 
 
-def _score(truth: Values, predicted: Values | str) -> float | str:
-    """Return R2, or the reason why there is none."""
-    if isinstance(predicted, str):
-        return predicted
+def _score(truth: Values, predicted: Values) -> tuple[float | None, str]:
+    """Return R2, or None, and the reason why there is none."""
     if not np.isfinite(predicted).all():
-        return "prediction not finite"
+        return None, "prediction not finite"
     with np.errstate(over="ignore"):  # squares of diverged predictions
         score = float(r2_score(truth, predicted))
-    return score if LEAST_SCORE <= score < math.inf else "prediction diverged"
+    return (score, "") if LEAST_SCORE <= score < math.inf else (None, "prediction diverged")
 
 
 def shared_predictions(
