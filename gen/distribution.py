@@ -222,6 +222,7 @@ def _refusal(key: str, error: ValidationError) -> Exception:
 
 AnyNumber = Annotated[Distribution, within(), SerializeAsAny()]
 AtLeastZero = Annotated[Distribution, within(0.0), SerializeAsAny()]
+SPANNED = "two finite numbers [low, high] with 0 <= low <= high, one number, or a distribution"
 AboveZero = Annotated[Distribution, within(0.0, beyond=True), SerializeAsAny()]
 FromZeroToOne = Annotated[Distribution, within(0.0, 1.0), SerializeAsAny()]
 

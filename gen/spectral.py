@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from gen.arrays import Heights, Values
-from gen.distribution import AboveZero, AtLeastZero, FromZeroToOne, conflict, limits
+from gen.distribution import AboveZero, AtLeastZero, conflict, limits
 from gen.runtime.errors import InputError
-from gen.surface import MOST_NODES, Drawn, Grid, GridSurface, Parameters, Random
+from gen.surface import MOST_NODES, Drawn, Grid, GridSurface, Hurst, Parameters, Random
 
 FARTHEST = 1e30  # largest roll-off over the longest wave, beyond which its powers overflow
 MOST_PERIOD_NODES = 4 * MOST_NODES  # of a period along an axis, whose waves take 10 GB
@@ -190,36 +190,29 @@ def _synthesis(amplitudes: Values, phases: Values, shape: tuple[int, int]) -> He
     return np.fft.irfft2(transform, s=shape)
 
 
+OR_DRAWN = ", [low, high] or a distribution of these"  # end of what a drawn parameter may be
+
+
 class SpectralSurface(GridSurface):
     """Self-affine surfaces with a given power spectrum and random phases."""
 
     generator: Literal["spectral"]
-    hurst: Annotated[
-        FromZeroToOne, Drawn("1", "Hurst exponent of the surface", paper_range=(0.5, 0.8))
-    ] = Field(
-        default=0.8, description="a number from 0 to 1, [low, high] or a distribution of these"
-    )
+    hurst: Hurst = Field(default=0.8, description=f"a number from 0 to 1{OR_DRAWN}")
     roll_off: Annotated[AboveZero, Drawn("um", "longest wavelength of the power law")] = Field(
-        description="a wavelength above 0, [low, high] or a distribution of these [um]"
+        description=f"a wavelength above 0{OR_DRAWN} [um]"
     )
     cut_off: Annotated[AboveZero, Drawn("um", "shortest wavelength")] = Field(
-        description="a wavelength above 0, [low, high] or a distribution of these [um]"
+        description=f"a wavelength above 0{OR_DRAWN} [um]"
     )
     rms_height: Annotated[AtLeastZero | None, Drawn("um", "rms height drawn for the spectrum")] = (
-        Field(
-            default=None,
-            description="a number from 0 on, [low, high] or a distribution of these [um]",
-        )
+        Field(default=None, description=f"a number from 0 on{OR_DRAWN} [um]")
     )
     rms_slope: Annotated[AtLeastZero | None, Drawn("1", "rms slope drawn for the spectrum")] = (
-        Field(
-            default=None, description="a number from 0 on, [low, high] or a distribution of these"
-        )
+        Field(default=None, description=f"a number from 0 on{OR_DRAWN}")
     )
     stretch: Annotated[AboveZero, Drawn("1", "wavelengths along x over those along y")] = Field(
         default=1.0,
-        description="a number above 0, [low, high] or a distribution of these: wavelengths along x"
-        " over those along y",
+        description=f"a number above 0{OR_DRAWN}: wavelengths along x over those along y",
     )
     # Scenes that do not give it take 1 on periodic patches, otherwise 2.
     period: Annotated[float, Field(ge=1, le=16)] | None = Field(

@@ -15,7 +15,7 @@ from pydantic import Field, PlainValidator
 from pydantic_core import PydanticCustomError
 
 from gen.arrays import Heights
-from gen.distribution import AtLeastZero, Distribution, FromZeroToOne, Positive, Table
+from gen.distribution import SPANNED, AtLeastZero, Distribution, FromZeroToOne, Positive, Table
 from gen.runtime.errors import InputError
 from gen.statistics import refuse_masked
 
@@ -66,6 +66,9 @@ class Drawn(NamedTuple):
     unit: str  # "1" for pure numbers
     long_name: str
     paper_range: tuple[float, float] | None = None  # in the paper's Table 1
+
+
+Hurst = Annotated[FromZeroToOne, Drawn("1", "Hurst exponent of the surface", (0.5, 0.8))]
 
 
 class GeneratedSurface(Table):
@@ -296,20 +299,14 @@ class DisplacedSurface(GridSurface):
         default=129, description="2^k + 1 nodes a side, a whole number from 3 to 4097"
     )
     side: Positive = Field(default=1000.0, description="a finite number above 0 [um]")
-    hurst: Annotated[
-        FromZeroToOne, Drawn("1", "Hurst exponent of the surface", paper_range=(0.5, 0.8))
-    ] = Field(
+    hurst: Hurst = Field(
         default=(0.5, 0.8),
         description="two numbers [low, high] with 0 <= low <= high <= 1, one number, or a"
         " distribution",
     )
     sigma0: Annotated[
         AtLeastZero, Drawn("um", "standard deviation of the generator's first displacement")
-    ] = Field(
-        default=(10.0, 15.0),
-        description="two finite numbers [low, high] with 0 <= low <= high, one number, or a"
-        " distribution [um]",
-    )
+    ] = Field(default=(10.0, 15.0), description=f"{SPANNED} [um]")
 
     def patch(self, boundary: str, *, cells: bool) -> Patch:
         """Return 2^k nodes a side for a patch without edges, otherwise 2^k + 1."""

@@ -17,6 +17,7 @@ from pydantic_core import PydanticCustomError
 
 from gen.arrays import Heights
 from gen.distribution import Positive, Table
+from gen.generators.function import Hash
 from gen.maps import library
 from gen.maps.read import in_words
 from gen.maps.settings import Key, Reading, keys
@@ -102,9 +103,7 @@ class ScannedMap(Table):
     """A map as a run has found it, known by its content: its file may move."""
 
     file: str = Field(description="text, the path of the file")
-    sha256: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")] = Field(
-        description="the SHA-256 of the file's content"
-    )
+    sha256: Hash = Field(description="the SHA-256 of the file's content")
     nodes: Annotated[tuple[int, int], Strict(False)] = Field(
         description="nodes along x and y after the preparation"
     )
@@ -296,7 +295,7 @@ class ScanSurface(GeneratedSurface):
         tiling = other._tiling()
         tile = library.drawn(first, self._tiling()).tile
         tiles = range(tile % groups, tiling.total, groups)
-        return other._cut(library.facing(random, tiling, tiles))
+        return other._cut(library.drawn(random, tiling, tiles))
 
     def _cut(self, window: library.Window) -> Heights:
         """Cut a window of the first body's maps out."""

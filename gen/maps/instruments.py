@@ -133,9 +133,6 @@ def _map_of(path: Path, reading: Reading, reader: Any, remark: str) -> Scan:
     ]
     taken, words = choose_channel(path, channels, reading)
     channel = maps[taken]
-    nx, ny = channel.nb_grid_pts
-    if min(nx, ny) < 2:
-        raise InputError(f"{path}: holds {nx} x {ny} heights; give 2-D heights, 2 x 2 or more")
     given = {} if channel.physical_sizes is not None else {"physical_sizes": channel.nb_grid_pts}
     topography = reader.topography(channel_index=taken, **given)
     heights = np.ma.filled(np.ma.asarray(topography.heights(), dtype=np.float64), np.nan)
@@ -143,7 +140,7 @@ def _map_of(path: Path, reading: Reading, reader: Any, remark: str) -> Scan:
     if channel.physical_sizes is not None:
         width, length = (float(size) for size in topography.physical_sizes)
         widths = width, length
-        if reader.format() == "nms" and width / nx > WIDEST_NMS:
+        if reader.format() == "nms" and width / channel.nb_grid_pts[0] > WIDEST_NMS:
             widths = 1e-6 * width, 1e-6 * length
             origin += " with the spacing in its header in nm (SurfaceTopography takes it for mm)"
     repeats = bool(topography.is_periodic)

@@ -29,7 +29,7 @@ from typing import Any
 
 import numpy as np
 
-from gen.arrays import Heights, Values
+from gen.arrays import Heights
 from gen.maps.filters import is_same, resampled
 from gen.maps.prepare import prepare
 from gen.maps.read import Sides, files_in, in_words, read
@@ -352,29 +352,26 @@ class Window:
     symmetry: int
 
 
-def drawn(random: np.random.Generator, tiling: Tiling) -> Window:
-    """Draw a window: all maps alike, all tiles of a map, all places in a tile, all symmetries."""
+def drawn(
+    random: np.random.Generator, tiling: Tiling, facing: Sequence[int] | None = None
+) -> Window:
+    """Draw a window: all maps alike, all tiles of a map, all places in a tile, all symmetries.
+
+    Of a second body all its tiles that may be `facing` the first one's are alike.
+    """
     numbers = random.random(DRAWS)
-    index = _among(numbers[0], len(tiling.shapes))
-    place = _among(numbers[1], len(tiling.tiles[index]))
-    return _placed(numbers[2:], tiling, tiling.starts[index] + place)
-
-
-def facing(random: np.random.Generator, tiling: Tiling, tiles: range) -> Window:
-    """Draw the window of a second body: all tiles that may face the first one alike."""
-    numbers = random.random(DRAWS)
-    return _placed(numbers[2:], tiling, tiles[_among(numbers[0], len(tiles))])
-
-
-def _placed(numbers: Values, tiling: Tiling, tile: int) -> Window:
-    """Turn three numbers in [0, 1) into a window of a tile: two for its place, one to turn it."""
-    index = bisect_right(tiling.starts, tile) - 1
+    if facing is None:
+        index = _among(numbers[0], len(tiling.shapes))
+        tile = tiling.starts[index] + _among(numbers[1], len(tiling.tiles[index]))
+    else:
+        tile = facing[_among(numbers[0], len(facing))]
+        index = bisect_right(tiling.starts, tile) - 1
     ends = tiling.tiles[index][tile - tiling.starts[index]]
     x, y = (
         start + _among(number, stop - start - nodes + 1)
-        for number, (start, stop), nodes in zip(numbers[:2], ends, tiling.window, strict=True)
+        for number, (start, stop), nodes in zip(numbers[2:4], ends, tiling.window, strict=True)
     )
-    symmetry = _among(numbers[2], 2 * TRANSPOSED if tiling.square else TRANSPOSED)
+    symmetry = _among(numbers[4], 2 * TRANSPOSED if tiling.square else TRANSPOSED)
     return Window(index, tile, (x, y), symmetry)
 
 

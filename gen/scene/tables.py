@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import AfterValidator, Field, Strict, model_validator
 
 from gen.distribution import (
+    SPANNED,
     AboveZero,
     AtLeastZero,
     Number,
@@ -31,6 +32,7 @@ UNITS: dict[Quantity, str] = {
 """Units of the quantities that a scene can give as its load."""
 
 QUANTITIES = ", ".join(f"'{name}'" for name in UNITS)
+HARDNESS = "a finite number above 0, or [low, high] with 0 < low <= high [{}], or a distribution"
 PIECES = "one or more { share = ..., range = [low, high] }, their shares sum to 1"
 
 Unit = Annotated[str, Field(pattern=r"^[^\p{C}\p{Zl}\p{Zp}]{1,20}$")]  # in one line of a table
@@ -66,16 +68,8 @@ class Contact(Table):
     )
     # None stands for elastic bodies and is never written: scenes without a hardness keep their
     # texts and fingerprints.
-    hardness: AboveZero | None = Field(
-        default=None,
-        description="a finite number above 0, or [low, high] with 0 < low <= high [MPa], or"
-        " a distribution",
-    )
-    hardness_ratio: AboveZero | None = Field(
-        default=None,
-        description="a finite number above 0, or [low, high] with 0 < low <= high [E*], or"
-        " a distribution",
-    )
+    hardness: AboveZero | None = Field(default=None, description=HARDNESS.format("MPa"))
+    hardness_ratio: AboveZero | None = Field(default=None, description=HARDNESS.format("E*"))
 
     @model_validator(mode="after")
     def _require_what_goes_together(self) -> Self:
@@ -136,10 +130,7 @@ class Piece(Table):
     share: Annotated[Positive, Field(le=1)] = Field(
         description="the share of the samples in this range, a number above 0, at most 1"
     )
-    range: AtLeastZero = Field(
-        description="two finite numbers [low, high] with 0 <= low <= high, one number, or a"
-        " distribution"
-    )
+    range: AtLeastZero = Field(description=SPANNED)
 
 
 def _whole(pieces: tuple[Piece, ...]) -> tuple[Piece, ...]:
