@@ -38,11 +38,8 @@ class HeldFile(ExitStack):
         self.path = path
         self.parts: tuple[tuple[int, int], ...] = ()  # bytes that no writer changes
         self._metadata: list[bytes] = []
-        try:
-            require_writable(path)
-            self._descriptor = os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
-        except FileNotFoundError:
-            raise InputError(f"{path} does not exist; check the name") from None
+        require_writable(path)
+        self._descriptor = os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
         self.callback(os.close, self._descriptor)
 
     def check(self) -> None:

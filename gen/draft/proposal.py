@@ -14,12 +14,13 @@ import numpy as np
 
 from gen.arrays import Heights, Values
 from gen.maps.filters import MOST_HOLES, fitted_polynomial, is_same, resampled
-from gen.maps.library import Tiling, digest
+from gen.maps.library import Tiling
 from gen.maps.prepare import FLAT, MANY_SPIKES, STEEP, least_squares, local_medians, prepare
 from gen.maps.read import Sides, Topography, in_words, read
 from gen.maps.settings import SPIKE, Reading
 from gen.maps.texture import SelfAffineFit, areal_parameters, fit_self_affine, radial_spectrum
 from gen.runtime.errors import InputError
+from gen.runtime.files import digest
 from gen.runtime.terminal import print_columns
 from gen.spectral import SelfAffineSpectrum, generate_spectral
 from gen.statistics import rms_slope

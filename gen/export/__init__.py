@@ -6,7 +6,6 @@ Markdown and Croissant's JSON-LD for catalogues say what the dataset is.
 Source: MLCommons, Croissant Format Specification 1.0, https://docs.mlcommons.org/croissant.
 """
 
-import hashlib
 import json
 import math
 import re
@@ -29,7 +28,7 @@ from pyarrow import parquet
 from gen.database import Reader
 from gen.database.reader import CHUNK_BYTES
 from gen.runtime.errors import InputError
-from gen.runtime.files import atomic, kind_of, lock_folder, make_folder, write
+from gen.runtime.files import atomic, digest, kind_of, lock_folder, make_folder, write
 from gen.runtime.terminal import RunProgress, printable
 from gen.schema import REASONS, Column, Status
 
@@ -305,15 +304,13 @@ def describe(reader: Reader, about: About, folder: Path, pieces: Iterable[Piece]
     """Describe the files of an export, which are written, as JSON."""
     rows, *others = pieces
     path = folder / rows.name
-    with path.open("rb") as file:
-        checksum = hashlib.file_digest(file, "sha256").hexdigest()
     described = mlc.FileObject(
         id=rows.name,
         name=rows.name,
         content_url=rows.name,
         content_size=f"{path.stat().st_size} B",
         encoding_formats=[PARQUET],
-        sha256=checksum,
+        sha256=digest(path),
     )
     distribution: list[mlc.FileObject | mlc.FileSet] = [described]
     records = [_record_set("rows", rows.schema, file_object=rows.name)]

@@ -35,7 +35,7 @@ from gen.maps.prepare import prepare
 from gen.maps.read import Sides, files_in, in_words, read
 from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
-from gen.runtime.files import MAPS, atomic
+from gen.runtime.files import MAPS, atomic, digest
 from gen.runtime.installation import versions
 
 Shape = tuple[int, int]  # nodes along x and y
@@ -60,15 +60,6 @@ def map_files(patterns: Sequence[str], folder: Path) -> list[Path]:
             raise InputError(f"files {pattern!r}: no file or folder is called so in {folder}")
         found |= dict.fromkeys(path.resolve() for path in here)
     return list(found)
-
-
-def digest(path: Path) -> str:
-    """Compute the SHA-256 of a file's content, in hexadecimal digits."""
-    try:
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from None
 
 
 def digests(paths: Iterable[Path]) -> list[str]:

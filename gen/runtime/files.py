@@ -5,6 +5,7 @@ replaces only a file of its own kind. docs/compatibility.md lists the promises.
 """
 
 import fcntl
+import hashlib
 import os
 import re
 import stat
@@ -75,6 +76,12 @@ def read_bytes(path: Path, largest: int = LARGEST) -> bytes:
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror or error}") from None
     raise InputError(f"{path} has {size} bytes; at most {largest} are read")
+
+
+def digest(path: Path) -> str:
+    """Compute the SHA-256 of a file's content, in hexadecimal digits."""
+    with _in_words(path, "cannot be read"), path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 class Output(NamedTuple):
@@ -211,9 +218,9 @@ def place_of(path: Path, *, folder: bool = False) -> Path:
 
 def require_writable(path: Path) -> None:
     """Refuse an existing file that may not be written; its mode counts for the superuser too."""
-    if not path.stat().st_mode & (stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH):
-        raise InputError(f"{path} is read-only; give another name, or chmod u+w it")
     with _in_words(path, "cannot be written"):
+        if not path.stat().st_mode & (stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH):
+            raise InputError(f"{path} is read-only; give another name, or chmod u+w it")
         os.close(os.open(path, os.O_WRONLY | os.O_NONBLOCK | os.O_CLOEXEC))
 
 
