@@ -81,6 +81,8 @@ class GridError:
         Share by which such a summit makes area and force grow, 0 under a given load [1].
     counted : float
         Share of the area in the continuum that counting nodes adds [1].
+    spare : float
+        Share of the area above load / hardness, below which no area can lie [1].
     contact, coarse : Contact
         The contact, and the same one on about every second node; None if there is none.
     """
@@ -91,6 +93,7 @@ class GridError:
     summit: float
     growth: float
     counted: float
+    spare: float
     contact: Contact = field(repr=False)
     coarse: Contact | None = field(repr=False)
 
@@ -98,10 +101,10 @@ class GridError:
     def area_percent(self) -> float:
         """Of `Contact.continuum_area_percent` [%]."""
         spacing, percent = self.contact.problem.spacing, self.contact.continuum_area_percent
-        scale, spare = percent / (area_within(self.contact) or 1.0), _spare(self.contact)
+        scale = percent / (area_within(self.contact) or 1.0)
         floor = AT_LEAST["area"] * self.counted
-        if self.order < LEAST_ORDER and spare <= NEARLY_YIELDED:
-            floor = max(floor, spare)
+        if self.order < LEAST_ORDER and self.spare <= NEARLY_YIELDED:
+            floor = max(floor, self.spare)
         return self._bar(
             lambda contact: scale * area_within(contact, spacing),
             floor * percent,
@@ -160,6 +163,8 @@ def grid_error_of(contact: Contact) -> GridError:
     summit = OF_SUMMIT * _remaining(order) * lower
     growth = 0.0 if contact.problem.delta is None else _growth(contact, summit)
     counted = abs(contact.area_percent / percent - 1) if percent else 0.0
+    here, hardness = area_within(contact), contact.problem.hardness
+    spare = 1.0 if hardness is None or here == 0 else 1 - contact.force / hardness / here
     coarse, (resolved, reason) = None, (False, "half of the nodes are in full contact")
     if min(heights.shape) < FEWEST:
         reason = f"{heights.shape[0]} x {heights.shape[1]} nodes are too few to tell"
@@ -175,24 +180,24 @@ def grid_error_of(contact: Contact) -> GridError:
             full = half.boundary != "free" and contact.contact_nodes == heights.size
             coarse = contact.again(half, None if full else near)
             there = area_within(coarse, contact.problem.spacing)
-            resolved, reason = _verdict(contact, there, order)
+            resolved, reason = _verdict(contact.force, here, there, order, spare)
         except NoSolution:
             pass
         except ArithmeticError as error:
             reason = f"half of the nodes: {error}"
-    return GridError(resolved, reason, order, summit, growth, counted, contact, coarse)
+    return GridError(resolved, reason, order, summit, growth, counted, spare, contact, coarse)
 
 
-def _verdict(contact: Contact, there: float, order: float) -> tuple[bool, str]:
-    """Return whether the bars hold, and why, from the area on the coarser grid."""
-    here = area_within(contact)
-    if here == 0 < contact.force:
+def _verdict(
+    force: float, here: float, there: float, order: float, spare: float
+) -> tuple[bool, str]:
+    """Return whether the bars hold, and why, from the areas on both grids."""
+    if here == 0 < force:
         return False, "no spot of contact is as large as a cell of the grid"
     change = there / here - 1 if here else float(there > 0)
     share, more = float(f"{100 * abs(change):.2g}"), "more" if change > 0 else "less"
     # Below this share it is rounding.
     words = f"half of the nodes give {f'{share:g} % {more}' if share > 1e-9 else 'the same'} area"
-    spare = _spare(contact)
     if spare <= NEARLY_YIELDED:
         borne = f"{100 * (1 - spare):.3g} %"
         return True, f"yielding decides it: load / hardness alone is {borne} of this area"
@@ -201,12 +206,6 @@ def _verdict(contact: Contact, there: float, order: float) -> tuple[bool, str]:
     if abs(change) > LARGEST_DIFFERENCE:
         return False, f"too few nodes in a wave, or in contact: {words}"
     return True, words
-
-
-def _spare(contact: Contact) -> float:
-    """Return the share of the area above load / hardness, below which no area can lie [1]."""
-    hardness, area = contact.problem.hardness, area_within(contact)
-    return 1.0 if hardness is None or area == 0 else 1 - contact.force / hardness / area
 
 
 def _growth(contact: Contact, summit: float) -> float:

@@ -122,8 +122,6 @@ def arranged(path: Path, scan: Scan) -> Scan:
     A profile, points on no grid, and coordinates along one axis only are refused.
     """
     numbers = scan.heights
-    if scan.widths is not None:
-        return scan
     if len(scan.names) == numbers.shape[1]:
         columns = numbers[:, [scan.names.index(axis) for axis in "xyz"]]
         return _from_points(path, scan, columns, "columns")

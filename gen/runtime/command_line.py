@@ -7,7 +7,6 @@ import os
 import re
 import shlex
 import sys
-import time
 from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
 from dataclasses import fields, is_dataclass
@@ -181,9 +180,7 @@ def main(
             return world.end(code)
         except RuntimeError as left:  # the command has failed on this worker alone: all end
             _complain(f"{message or left} (rank {world.rank})")
-            time.sleep(farm.FORWARDING)
-            world.communicator.Abort(code or 1)
-            sys.exit(code or 1)
+            world.abort(code)
     except farm.MasterLeft as left:
         return left.code
     except Exception:

@@ -113,14 +113,15 @@ class World:
         received: tuple[Any, int | None] = self.communicator.bcast(envelope, root=0)
         return received
 
-    def abort(self) -> NoReturn:
-        """Print the traceback of a bug and end all processes at once."""
-        traceback.print_exc()
+    def abort(self, code: int | None = None) -> NoReturn:
+        """End all processes at once with a code, or with the traceback of a bug and 1."""
+        if code is None:
+            traceback.print_exc()
         sys.stderr.flush()
         if self.communicator is not None:
             time.sleep(FORWARDING)
-            self.communicator.Abort(1)
-        sys.exit(1)
+            self.communicator.Abort(code or 1)
+        sys.exit(code or 1)
 
 
 def this_world() -> World:
