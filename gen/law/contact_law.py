@@ -176,10 +176,7 @@ def _tables(
 ) -> tuple[Curves, Curves]:
     """Tabulate what was solved against Delta and against pressure; solve further if need be."""
     made: dict[Load, Curves] = {}
-    rests = [
-        surface.at_rest(order.gas, joint=bool(order.conductivities), flow=order.flow)
-        for surface in surfaces
-    ]
+    rests = [surface.at_rest(order) for surface in surfaces]
     rest = {name: float(np.mean([each[name] for each in rests])) for name in rests[0]}
     for load, argument in ARGUMENTS.items():
         loads, parts, _ = solved.get(load) or next(iter(solved.values()))

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from bem.problem import Boundary
-from gen.law.curves import APERTURES, GAS, JOINT, Gas
+from gen.law.curves import APERTURES, GAS, JOINT
 from gen.maps.bodies import Opposite
 from gen.maps.prepare import read_surface
 from gen.maps.read import Sides, Topography, files_in
@@ -44,24 +44,18 @@ class LawSurface(Topography):
         """Mean gap at first touch, Delta = 0 [um]."""
         return float(self.heights.max()) - float(self.heights.mean())
 
-    def at_rest(
-        self, gas: Gas | None = None, *, joint: bool = False, flow: bool = False
-    ) -> dict[str, float]:
-        """Return mean gap and conductance of a gas at first touch, where no heat passes by spots.
-
-        `joint` says whether the conductance of spots and gas is wanted too, and `flow` whether the
-        hydraulic apertures are.
-        """
-        found = {"mean_gap_um": self.gap_at_rest}
-        if flow:
+    def at_rest(self, order: "Order | None" = None) -> dict[str, float]:
+        """Return what an order asks for at first touch, where no heat passes by spots."""
+        found, gap = {"mean_gap_um": self.gap_at_rest}, self.heights.max() - self.heights
+        if order is not None and order.flow:
             from bem.derived.flow import flows_through
 
-            gap, periodic = self.heights.max() - self.heights, self.boundary == "periodic"
+            periodic = self.boundary == "periodic"
             flows = flows_through(gap, self.spacing, (0, 1), periodic=periodic)
             found |= {name: flow.aperture for name, flow in zip(APERTURES, flows, strict=True)}
-        if gas is not None:
-            found[GAS] = gas.conductance(float(self.heights.max()) - self.heights)
-            found |= {JOINT: found[GAS]} if joint else {}
+        if order is not None and order.gas is not None:
+            found[GAS] = order.gas.conductance(gap)
+            found |= {JOINT: found[GAS]} if order.conductivities else {}
         return found
 
     def patch_compliance(self, e_star: float) -> float:

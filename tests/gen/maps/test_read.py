@@ -114,7 +114,7 @@ def test_channels_are_chosen_and_named(tmp_path):
     ("replaced", "message"),
     [
         ((b"ISO5436 - 2000", b"ISO 25178"), r"as XML 3D .*: CorruptFile.*Revision should be "),
-        ((b"<SizeX>9<", b"<SizeX>0<"), "holds 0 x 7 heights; give"),
+        ((b"<SizeX>9<", b"<SizeX>0<"), "holds 0 x 7; give 2-D heights"),
     ],
 )
 def test_a_damaged_x3p_is_refused_with_the_reason(tmp_path, replaced, message):
