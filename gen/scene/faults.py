@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from gen.scene.scene import Scene
 
 Location = tuple[int | str, ...]
+TRUTH = "true or false"
 
 DOTTED = re.compile(r"(?:\.[^=.,\n]*+){100}")
 """A key of TOML that would keep its parser busy, as the time grows with the square of its dots."""
@@ -75,12 +76,15 @@ def first_fault(error: ValidationError, root: type[Table]) -> str:
 
 def _known_keys(table: type[Table], tag: str, prefix: str = "") -> dict[str, str]:
     """Return every key of a scene, dotted and without indices, with its allowed values in words."""
-    *others, last = (f"'{name}'" for name in TAGS)
     foreign = {*TAGS.values(), *TABLES.values()} - {TAGS[tag]}
     known = {}
     for name, field in table.model_fields.items():
-        words = f"{', '.join(others)} or {last}" if name == "generator" else field.description
-        known[prefix + name] = words or ""
+        words = field.description
+        if words is None:  # its type says it: some names, or a truth value
+            names = TAGS if name == "generator" else get_args(field.annotation)
+            *others, last = [repr(each) for each in names if isinstance(each, str)] or [TRUTH]
+            words = f"{', '.join(others)} or {last}" if others else last
+        known[prefix + name] = words
         inner = get_args(field.annotation)
         for kind in (field.annotation, *inner, *(each for arg in inner for each in get_args(arg))):
             if isinstance(kind, type) and issubclass(kind, Table) and kind not in foreign:

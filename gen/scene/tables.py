@@ -31,7 +31,6 @@ UNITS: dict[Quantity, str] = {
 }
 """Units of the quantities that a scene can give as its load."""
 
-QUANTITIES = ", ".join(f"'{name}'" for name in UNITS)
 HARDNESS = "a finite number above 0, or [low, high] with 0 < low <= high [{}], or a distribution"
 PIECES = "one or more { share = ..., range = [low, high] }, their shares sum to 1"
 
@@ -41,19 +40,11 @@ Unit = Annotated[str, Field(pattern=r"^[^\p{C}\p{Zl}\p{Zp}]{1,20}$")]  # in one 
 class Contact(Table):
     """The half-space's material, the discretisation of its contact and the solver's accuracy."""
 
-    kernel: Literal["uniform-pressure", "concentrated-force"] = Field(
-        default="uniform-pressure", description="'uniform-pressure' or 'concentrated-force'"
-    )
-    far_field: Literal["rigid", "compliant"] = Field(
-        default="rigid", description="'rigid' or 'compliant'"
-    )
+    kernel: Literal["uniform-pressure", "concentrated-force"] = "uniform-pressure"
+    far_field: Literal["rigid", "compliant"] = "rigid"
     # A scene writes no free patch: without the key it keeps its text and its fingerprint.
-    boundary: Literal["free", "periodic", "mirror"] = Field(
-        default="free", description="'free', 'periodic' or 'mirror'"
-    )
-    spacing: Literal["side/(n-1)", "side/n"] = Field(
-        default="side/(n-1)", description="'side/(n-1)' or 'side/n'"
-    )
+    boundary: Literal["free", "periodic", "mirror"] = "free"
+    spacing: Literal["side/(n-1)", "side/n"] = "side/(n-1)"
     modulus: Positive = Field(
         default=1.0, description="Young's modulus, a finite number above 0 [MPa]"
     )
@@ -160,7 +151,7 @@ class Load(Table):
     rms slope.
     """
 
-    quantity: Quantity = Field(description=f"one of {QUANTITIES}")
+    quantity: Quantity
     pieces: Pieces = Field(description=f"range = [low, high], or pieces: {PIECES}")
 
     @model_validator(mode="before")
@@ -182,20 +173,20 @@ Flag = Annotated[bool | None, AfterValidator(lambda wanted: wanted or None)]
 class Store(Table):
     """Optional columns, stored besides the area, the force and the statistics."""
 
-    mean_gap: bool = Field(default=False, description="true or false")
-    largest_pressure: bool = Field(default=False, description="true or false")
-    perimeter: bool = Field(default=False, description="true or false")
-    heights: bool = Field(default=False, description="true or false")
-    pressure: bool = Field(default=False, description="true or false")
-    stiffness: Flag = Field(default=None, description="true or false")
-    interface_stiffness: Flag = Field(default=None, description="true or false")
-    contact_spots: Flag = Field(default=None, description="true or false")
-    largest_spot_percent: Flag = Field(default=None, description="true or false")
-    contact_connects: Flag = Field(default=None, description="true or false")
-    gap_connects: Flag = Field(default=None, description="true or false")
-    continuum_area_percent: Flag = Field(default=None, description="true or false")
-    hydraulic_aperture_x: Flag = Field(default=None, description="true or false")
-    hydraulic_aperture_y: Flag = Field(default=None, description="true or false")
+    mean_gap: bool = False
+    largest_pressure: bool = False
+    perimeter: bool = False
+    heights: bool = False
+    pressure: bool = False
+    stiffness: Flag = None
+    interface_stiffness: Flag = None
+    contact_spots: Flag = None
+    largest_spot_percent: Flag = None
+    contact_connects: Flag = None
+    gap_connects: Flag = None
+    continuum_area_percent: Flag = None
+    hydraulic_aperture_x: Flag = None
+    hydraulic_aperture_y: Flag = None
     function: Function | None = Field(
         default=None, description=f"{FUNCTION_WORDS}, whose outputs of each contact become columns"
     )
