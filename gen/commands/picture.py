@@ -28,12 +28,9 @@ def draw_database(file: Path, picture: Path) -> None:
         done = np.flatnonzero(reader.column("status") == Status.DONE)
         if not done.size:
             raise InputError(f"{file} has no finished row to draw; run gen run first")
-        columns = {
-            name: reader.column(name)[done]
-            for name in ("delta", "force", "area_percent", "solve_seconds")
-        }
-        if "hurst" in (column.name for column in reader.columns()):
-            columns["hurst"] = reader.column("hurst")[done]
+        wanted = {"delta", "force", "area_percent", "solve_seconds", "hurst"}
+        names = wanted & {column.name for column in reader.columns()}
+        columns = {name: reader.column(name)[done] for name in names}
         scene, first = reader.scene, reader.rows.start
     typical = int(np.argsort(columns["area_percent"])[done.size // 2])
     ratio = scene.grid.sides[1] / scene.grid.sides[0]

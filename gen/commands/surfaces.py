@@ -37,9 +37,8 @@ def describe(
     from gen.schema import TABLE_1
 
     outputs = [Output(table, "--csv"), Output(spectrum, "--spectrum")]
-    check_outputs(
-        [*outputs, Output(picture, "--plot", "picture")], filter(None, [surface, facing.against])
-    )
+    outputs.append(Output(picture, "--plot", "picture"))
+    check_outputs(outputs, filter(None, [surface, facing.against]))
     figure = empty_figure(picture, 10.5, 8.6)
     topography, warnings = read_surface(surface, reading, boundary, facing.body(reading))
     printer.print_preparation(topography, warnings)
@@ -206,9 +205,6 @@ def law(
         raise InputError(f"--band {band:g}: give a share between 0 and 1, as 0.9")
     figure = files.picture and empty_figure(files.picture, 12.0, 7.0)
     bodies = Bodies.of(*material)
-    gas = None
-    if gas_conductivity is not None or jump_distance is not None:
-        gas = Gas.of_options(gas_conductivity, jump_distance)
     order = Order(
         inputs=tuple(inputs),
         delta=delta,
@@ -219,7 +215,7 @@ def law(
         hardness=bodies.hardness,
         boundary=boundary,
         conductivities=require_conductivities(conductivity) if conductivity else None,
-        gas=gas,
+        gas=Gas.of_options(gas_conductivity, jump_distance),
         stiffness=True,
         grid_error=grid_error,
         flow=flow,

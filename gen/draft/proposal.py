@@ -96,12 +96,12 @@ def _without_name(error: InputError, path: Path) -> str:
     return fault.replace(", or overrule the file by --override-scale", "")
 
 
-def measure(look: MapSurvey, reading: Reading, spacing: Sides | None = None) -> Topography | None:
+def measure(look: MapSurvey, reading: Reading, spacing: float | None = None) -> Topography | None:
     """Prepare a map as the scene will, note its roughness, and return it; None at a fault."""
     try:
         topography = prepare(read(look.path, reading), reading)
         if spacing is not None:
-            topography = resampled(topography, spacing)
+            topography = resampled(topography, (spacing, spacing))
     except InputError as error:
         look.fault = _without_name(error, look.path)
         return None
@@ -220,10 +220,9 @@ def propose(
         if not look.fault and spacing is not None and (wide := max(look.spacing)) > 1.001 * spacing:
             look.fault = f"a node every {wide:.4g} um, most others have one every {spacing:g}"
     reading = with_steps(reading, [look for look in looks if not look.fault])
-    target = None if spacing is None else (spacing, spacing)
     for look in looks:
         if not look.fault:
-            measure(look, reading, target)
+            measure(look, reading, spacing)
         looked()
     used = require_used(looks)
     step = max(used[0].spacing) if spacing is None else spacing

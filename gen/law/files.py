@@ -26,7 +26,6 @@ from gen.runtime.terminal import brief, echo, print_columns
 PARTS = ("value", "low", "high", "slope")
 ENDS = ("", "_low", "_high", "_slope")  # ends of the columns' names of these parts
 
-FORMAT = "asperity contact law"
 GAS_KEYS = ("gas_conductivity_W_per_m_K", "gas_jump_distance_um")
 FORMAT_VERSION = 1  # raised whenever a reader of the last version would misread a file
 
@@ -106,7 +105,7 @@ def write_table(path: Path, law: Law) -> list[Path]:
 def write_json(path: Path, law: Law) -> list[Path]:
     """Write a law as JSON, with null for numbers that are not finite."""
     content = {
-        "format": FORMAT,
+        "format": "asperity contact law",
         "version": FORMAT_VERSION,
         "e_star_MPa": law.bodies.e_star,
         "hardness_MPa": law.bodies.hardness,

@@ -56,7 +56,6 @@ FEWER = {
 
 CLOSER = 1e-6  # relative rise of the closure below which a point is left out
 
-WIDTH = 100
 LONGEST_NAME = 60
 TEMPERATURE = 293.15
 """Temperature beside conductances that do not depend on it, which CalculiX asks for [K]."""
@@ -171,7 +170,7 @@ def _lines(path: Path, law: Law, program: Program, units: UnitSystem, side: str)
         yield f"{conductance:.10g}, {loads[place]:.10g}{temperature}"
 
 
-def _comment(paragraphs: Iterable[str], mark: str, width: int = WIDTH) -> Iterator[str]:
+def _comment(paragraphs: Iterable[str], mark: str, width: int = 100) -> Iterator[str]:
     """Yield the lines of paragraphs, each after the mark of a comment."""
     for text in paragraphs:
         yield from textwrap.wrap(

@@ -134,8 +134,7 @@ def read_subjects(order: "Order", only: Boundary | None = None) -> LawSurfaces:
                         " has patches of one boundary, that of its surrogate if there is one"
                     )
                 change = {"boundary": boundary, "kernel": "uniform-pressure", "far_field": "rigid"}
-                changed = {"contact": own.model_copy(update=change)}
-                scene = scene.model_copy(update=changed)
+                scene = scene.model_copy(update={"contact": own.model_copy(update=change)})
             scenes.append(scene)
             subjects += _population(scene, text, order.surfaces)
             against = scene.surface.against

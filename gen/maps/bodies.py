@@ -85,8 +85,7 @@ def composite(
             grid.sides, heights.shape, grid.heights.shape, grid.spacing, strict=True
         )
     )
-    turn = f"turned over (its {turned} runs backwards)"
-    turn = "not turned over" if turned == "none" else turn
+    turn = "not turned over" if turned == "none" else f"turned over (its {turned} runs backwards)"
     said = [f"pressed against body 2 ({second.name}), {turn}"]
     if any(shift):
         said.append("its centre shifted by {:g} and {:g} um".format(*shift))

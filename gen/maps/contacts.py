@@ -114,8 +114,15 @@ def further(contact: Contact, wanted: Wanted) -> list[Answer]:
         ]
     found += _spots(contact) if wanted.spots else []
     try:
-        if wanted.flow:
-            found += _flow(contact)
+        for axis, name in enumerate("xy" if wanted.flow else ""):
+            flow = contact.flow(axis)
+            seals = "no flow: the contact seals"
+            said = "of the flow through the mean gap" if flow.factor else seals
+            found += [
+                Answer(f"flow_factor_{name}", flow.factor, f"flow factor along {name}", said),
+                Answer(f"hydraulic_aperture_{name}_um", flow.aperture,
+                       f"hydraulic aperture along {name}", "um"),
+            ]  # fmt: skip
         if wanted.stiffness or wanted.conductivities is not None:
             found += _interface(contact, wanted)
     except ArithmeticError as error:
@@ -140,20 +147,6 @@ def _spots(contact: Contact) -> list[Answer]:
         Answer("contact_connects", sides["contact"], "contact connects sides", "directions"),
         Answer("gap_connects", sides["gap"], "gap connects sides", "directions"),
     ]  # fmt: skip
-
-
-def _flow(contact: Contact) -> list[Answer]:
-    """Return the answers about the flow of a fluid through the gap."""
-    found = []
-    for axis, name in enumerate("xy"):
-        flow = contact.flow(axis)
-        said = "of the flow through the mean gap" if flow.factor else "no flow: the contact seals"
-        found += [
-            Answer(f"flow_factor_{name}", flow.factor, f"flow factor along {name}", said),
-            Answer(f"hydraulic_aperture_{name}_um", flow.aperture,
-                   f"hydraulic aperture along {name}", "um"),
-        ]  # fmt: skip
-    return found
 
 
 def _interface(contact: Contact, wanted: Wanted) -> list[Answer]:
@@ -189,8 +182,6 @@ def nominal_area(contact: Contact) -> float:
     return contact.pressure.size * math.prod(contact.problem.spacing)
 
 
-ADVICE = "give a number, several as 1,2,5, or start:stop:count[:log]"
-
 OUTER = 0.05  # share of the lines of nodes on each side whose load is told apart
 # how messages write a load
 SHOWN = {"delta": "Delta = {:.6g} um", "force": "{:.6g} uN", "pressure": "{:.6g} MPa"}
@@ -205,8 +196,8 @@ def chosen_load(given: dict[str, str]) -> tuple[str, list[float]]:
     if len(chosen) != 1:
         said = " and ".join(f"--{name}" for name in chosen) or "no load"
         raise InputError(f"{said} given: give one of --delta, --force and --pressure")
-    name = chosen[0]
-    return name, loads_from(name, given[name], ADVICE)
+    name, advice = chosen[0], "give a number, several as 1,2,5, or start:stop:count[:log]"
+    return name, loads_from(name, given[name], advice)
 
 
 def solve_loads(

@@ -45,11 +45,10 @@ EXTRAS = {
 
 
 Version = Annotated[bool, typer.Option("--version", help="Print the version.")]
-"""The option `--version` of every program, which `main` answers."""
 
 
 def take_version(*, version: Version = False) -> None:
-    """Take the option of a program that stands before its commands."""
+    """Take the option of a program that stands before its commands; `main` answers it."""
 
 
 def _trust(context: typer.Context, wanted: bool) -> bool:
@@ -69,7 +68,6 @@ Trust = Annotated[
         help="Run the functions that a scene or a database names; without it none is run.",
     ),
 ]
-"""The option `--trust` of commands that may run functions of users."""
 
 
 def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
