@@ -205,6 +205,9 @@ def law(
         raise InputError(f"--band {band:g}: give a share between 0 and 1, as 0.9")
     figure = files.picture and empty_figure(files.picture, 12.0, 7.0)
     bodies = Bodies.of(*material)
+    gas = None
+    if gas_conductivity is not None or jump_distance is not None:
+        gas = Gas.of_options(gas_conductivity, jump_distance)
     order = Order(
         inputs=tuple(inputs),
         delta=delta,
@@ -215,7 +218,7 @@ def law(
         hardness=bodies.hardness,
         boundary=boundary,
         conductivities=require_conductivities(conductivity) if conductivity else None,
-        gas=Gas.of_options(gas_conductivity, jump_distance),
+        gas=gas,
         stiffness=True,
         grid_error=grid_error,
         flow=flow,

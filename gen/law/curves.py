@@ -92,10 +92,8 @@ class Gas(NamedTuple):
     jump_distance: float
 
     @classmethod
-    def of_options(cls, conductivity: float | None, jump_distance: float | None) -> Gas | None:
-        """Return the gas of the options of `gen law`, which needs both, or none."""
-        if conductivity is None and jump_distance is None:
-            return None
+    def of_options(cls, conductivity: float | None, jump_distance: float | None) -> Gas:
+        """Return the gas of the options of `gen law`, which needs both."""
         given = {"--gas-conductivity": conductivity, "--jump-distance": jump_distance}
         for (option, value), unit in zip(given.items(), ("W/(m K)", "um"), strict=True):
             if value is None:

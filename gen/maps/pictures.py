@@ -245,8 +245,7 @@ def draw_contacts(
     title += f"Δ = {last.delta:.4g} µm, force {last.force:.4g} µN, mean pressure {pressed:.4g} MPa"
     material = bodies.text + ", no material given" * (not bodies.known)
     material += "" if problem.boundary == "free" else f"; {problem.boundary} boundary"
-    lines = shortened(name), title, material
-    figure.suptitle("\n".join(lines), fontsize=11, parse_math=False)
+    figure.suptitle("\n".join((shortened(name), title, material)), fontsize=11, parse_math=False)
     if warnings:
         told = "\n".join(textwrap.fill(f"warning: {warning}", 160) for warning in warnings)
         figure.supxlabel(told, fontsize=8, color="tab:red", parse_math=False)
