@@ -17,29 +17,23 @@ from gen.database import Reader
 from gen.runtime.errors import InputError
 from gen.scene import Scene, columns_for, parameter_columns
 from gen.scene.faults import shown
-from gen.schema import REASONS, TABLE_1, Column, Reason, Status
+from gen.schema import REASONS, Column, Reason, Status
 from learn.executor import Executor
 from learn.features import FeatureSet, chosen
 from learn.features.scene import BY_FORCE, SCENE, given_values, load_of
-from learn.features.sets import Rows, limits_of
+from learn.features.sets import STATISTICS, Rows, limits_of
 from learn.split import MAP, TILE, populations_of, related
 
-INPUTS: tuple[str, ...] = ("delta", *(column.name for column in TABLE_1))
-"""The 23 inputs: Delta and the 22 statistics, in the order of the paper's Table 1."""
-
+# short names of the two targets that every database has, and their columns
 TARGETS: dict[str, str] = {"area": "area_percent", "force": "force"}
-"""Short names of the two targets that every database has, and their columns."""
-
 WHOLE_TARGETS = ("contact_nodes", "contact_spots")  # results that are learnt like real numbers
 
-NO_TARGETS = frozenset({*INPUTS, "load", "hardness", "residual"})
-"""Columns of floating numbers that are no results: inputs, and how well a row was solved."""
-
+# columns of floating numbers that are no results: inputs, and how well a row was solved
+NO_TARGETS = frozenset({"delta", *STATISTICS, "load", "hardness", "residual"})
 SMALLEST = 10  # usable rows at least: two of these are for testing, and a score needs two
-
+# Ratio of one number to others beyond which a model sees nothing else: of an input, where rows have
+# unit length and trees single precision; of a target, where errors are squared.
 DOMINANT = 1e6
-"""Ratio of one number to others beyond which a model sees nothing else: of an input, where rows
-have unit length and trees single precision; of a target, where errors are squared."""
 
 
 @dataclass(frozen=True)
@@ -77,16 +71,11 @@ def results(scene: Scene, load: str = "delta") -> dict[str, Column]:
     given = NO_TARGETS | set(parameter_columns(scene).values())
     if load in BY_FORCE:
         given = (given - {"delta"}) | {"force"}
-    found = {
-        column.name: column
-        for column in columns_for(scene)
-        if column.name in WHOLE_TARGETS
-        or (
-            column.dtype == "f8"
-            and not (column.group or column.shape_of)
-            and column.name not in given
-        )
-    }
+    found = {}
+    for column in columns_for(scene):
+        real = column.dtype == "f8" and not (column.group or column.shape_of)
+        if column.name in WHOLE_TARGETS or (real and column.name not in given):
+            found[column.name] = column
     return {name: found[name] for name in TARGETS.values() if name in found} | found
 
 
@@ -174,17 +163,11 @@ def read(
     load = request.load or (
         load_drawn(request.databases[0]) if request.features == SCENE else "delta"
     )
-    scenic = request.features == SCENE or load != "delta"
-    found = [stored(path, request.targets, load, scenic) for path in request.databases]
+    found = [stored(path, request, load) for path in request.databases]
     scenes = [part.scene for part in found]
     wanted = chosen(request.features, scenes, roots=request.roots, blocks=request.blocks, load=load)
     if len(found) > 1:
         _require_compatible(found, scaled=wanted.scaled)
-    if wanted.load == "pressure" and wanted.name != SCENE:
-        for place, part in enumerate(found):
-            numbers = part.numbers.under(part.numbers.given["pressure"], part.scene.contact.e_star)
-            inputs = np.column_stack([numbers.delta, part.inputs[:, 1:]])
-            found[place] = part._replace(inputs=inputs, numbers=numbers)
     if wanted.needs_surface:
         from learn.features.regeneration import hybrid_rows
 
@@ -199,33 +182,37 @@ def read(
     return [_usable(found, each, wanted, request.area_max, common=common) for each in targets]
 
 
-def stored(path: Path, targets: Sequence[str], load: str, scenic: bool) -> Stored:
-    """Read what learning needs of a database for a load; targets are short names or columns."""
+def stored(path: Path, request: Request, load: str) -> Stored:
+    """Read what learning needs of a database for a load, with all targets of a request."""
     with Reader(path) as reader:
         scene, known = reader.scene, results(reader.scene, load)
-        columns = [TARGETS.get(target, target) for target in targets]
-        for target, column in zip(targets, columns, strict=True):
+        columns = [TARGETS.get(target, target) for target in request.targets]
+        for target, column in zip(request.targets, columns, strict=True):
             if column not in known:
                 names = ", ".join(map(short_name, known))
                 raise InputError(f"--target {target!r}: {path} stores {names}")
         places = [name for name in (MAP, TILE) if name in scene.surface.PLACES]
         drawn = ["hardness"] if scene.contact.draws_hardness else []
         wanted = {"status", "reason", "area_percent", *columns, *places, *drawn}
-        inputs = np.stack([reader.column(name) for name in INPUTS], axis=1)
+        statistics = np.stack([reader.column(name) for name in STATISTICS], axis=1)
         ratio: Values | float | None = None
         if (limits := limits_of([scene])) is not None:
             ratio = reader.column("hardness") / scene.contact.e_star if drawn else limits[0]
         size = math.sqrt(math.prod(scene.grid.sides)), ratio, math.sqrt(math.prod(scene.grid.shape))
-        given = given_values(scene, reader.column) if scenic else {}
+        scenic = request.features == SCENE
+        given = given_values(scene, reader.column) if scenic or load != "delta" else {}
+        numbers = Rows(statistics, reader.column("delta"), *size, given=given)
+        if load == "pressure" and not scenic:
+            numbers = numbers.under(given["pressure"], scene.contact.e_star)
         return Stored(
             path,
             scene,
             str(reader.attributes["versions"]),
             np.array(reader.rows, dtype=np.int64),
             {name: reader.column(name) for name in wanted},
-            Rows(inputs[:, 1:], inputs[:, 0], *size, given=given),
+            numbers,
             [known[column] for column in columns],
-            inputs,
+            np.column_stack([numbers.delta, statistics]),
         )
 
 

@@ -13,14 +13,12 @@ from gen.arrays import Indices, Values
 
 EPSILON = float(np.finfo(float).eps)  # rounding of double precision
 
+# Share of the diagonal below which kernel values are set to zero: they are far below rounding, and
+# their products would become denormal numbers, which are several times slower.
 NEGLIGIBLE = 1e-30
-"""Share of the diagonal below which kernel values are set to zero: they are far below rounding, and
-their products would become denormal numbers, which are several times slower."""
-
-
+# Shift of a singular matrix, over the rounding of its entries: the result is then that of kernel
+# ridge with the larger alpha, to about one part in a thousand in the weakest directions.
 SHIFT = 1e3
-"""Shift of a singular matrix, over the rounding of its entries: the result is then that of kernel
-ridge with the larger alpha, to about one part in a thousand in the weakest directions."""
 
 
 class IllConditioned(UserWarning):

@@ -30,9 +30,8 @@ if TYPE_CHECKING:
 
 LIBRARIES = ("numpy", "scipy", "scikit-learn", "xgboost-cpu")  # they decide the numbers
 
+# epochs of the perceptron in its search and in its winner's fit; the baseline has 200, the default
 LONG_TRAINING = 20_000
-"""Epochs of the multi-layer perceptron in its search and in its winner's fit; the baseline has 200,
-the default."""
 
 
 @dataclass(frozen=True)
@@ -207,14 +206,12 @@ def remarks() -> Iterator[list[str]]:
 
 USUAL = (1e-3, 1e3)  # range of the medians of targets that are not scaled, as areas in percent
 FAR = 10.0  # mean over the deviation from which on models learn the distance from the mean
-
+# exponent of the other targets' scaled median: 2^2 to 2^3, that of the paper's areas, whose
+# hyperparameters these targets are fitted with
 SIZE = 3
-"""Exponent of the other targets' scaled median: 2^2 to 2^3, that of the paper's areas, whose
-hyperparameters these targets are fitted with."""
-
+# targets whose square roots surrogates learn: the nodes in contact, which are never below 0; the
+# error of the force, over its scale, grew by a third when its root was learnt
 ROOTED_TARGETS = frozenset({"area_percent", "contact_nodes"})
-"""Targets whose square roots surrogates learn: the nodes in contact, which are never below 0. The
-error of the force, over its scale, grew by a third when its root was learnt."""
 
 
 def scaling_of(dataset: Dataset, train: Indices, *, standard: bool = False) -> Scaling:
@@ -240,15 +237,11 @@ def scaling_of(dataset: Dataset, train: Indices, *, standard: bool = False) -> S
 
 USABLE = 0.85  # share of the free memory that a fit may take; the rest is the system's
 PROCESS = 350 * MIB  # bytes of a process with its libraries, before any fit
-
+# Peak bytes per pair of training rows; a matrix of double precision has 8. A baseline whose kernel
+# is not fitted takes half. These and the others were measured (`bench memory`, at commit 10684ff).
 PAIR_BYTES = {"gaussian-process": 62.0, "kernel-ridge": 19.0}
-"""Peak bytes per pair of training rows; a matrix of double precision has 8. A baseline whose kernel
-is not fitted takes half of it. These and the others were measured (`bench memory`, at commit
-10684ff)."""
-
+# MiB of up to 2,000 deep trees for `TREE_ROWS` rows; they grow in proportion to the rows
 TREES = {"random-forest": 2048, "adaboost": 1536, "xgboost": 2560, "gradient-boost": 1792}
-"""MiB of up to 2,000 deep trees for `TREE_ROWS` rows; they grow in proportion to the rows."""
-
 TREE_ROWS = 10_000
 OTHERS = 512  # MiB of other models, as of a cache of kernel rows
 

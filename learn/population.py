@@ -11,10 +11,9 @@ more about the mean than one, but much about what the load does. The mean is a G
   cubic. Where surfaces scatter little, the mean follows the power law closer too: the deviation of
   the process is in proportion to the root of the scatter (to the scatter itself, or the same
   everywhere, errors or their estimates are worse).
-- The scatter of two rows of a surface is correlated, the less the farther apart they are: the
-  correlation is an exponential of a power of the distance, but for a share of each row's own, as
-  likely as can be. Rows are whitened by it, so that errors count as generalised least squares count
-  them.
+- The scatter of two rows of a surface is correlated: the most likely exponential of a power of
+  their distance, but for a share of each row's own. Rows are whitened by it, so that errors count
+  as generalised least squares count them.
 - The mean is a plane plus a Matern function, with a length for each input. Lengths and variance
   have the largest evidence on some thousand rows.
 - All rows count, but the mean is a sum of functions about a few hundred of them (the subset of

@@ -5,8 +5,6 @@ model is tested on a surface that it has seen. Related are surfaces with the sam
 surfaces of one number and one seed, whatever their grid and generator (they are made of the same
 random numbers), and windows of one tile of a map, which can share nodes; where two databases cut a
 map into other tiles, all windows of that map.
-
-There are training and test rows, and the five folds of the grid search.
 """
 
 from __future__ import annotations

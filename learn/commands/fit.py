@@ -57,8 +57,6 @@ Databases = Annotated[
 SurrogateFile = Annotated[
     Path, typer.Option("--output", "-o", metavar="FILE", help="The surrogate to write.")
 ]
-
-
 Load = Annotated[
     Literal["", "delta", "pressure", "force", "relative_delta", "relative_pressure"],
     typer.Option(

@@ -46,8 +46,6 @@ Coverage = Annotated[
 TableFile = Annotated[
     Path | None, typer.Option("--output", "-o", metavar="CSV", help="Write all rows.")
 ]
-
-
 SurrogateAndInputs = Annotated[
     list[str],
     typer.Argument(

@@ -3,8 +3,7 @@
 - `paper`: Delta and the 22 statistics, in um, without a change.
 - `dimensionless`: the same without units. Scaling heights and Delta together, or the scan length L,
   changes neither the contact area nor these features.
-- `hybrid`: in addition, features of the heights: bearing area and interference, and a loose contact
-  solve on 33 x 33 blocks (`pytest bench -k features` times them). They have no units either.
+- `hybrid`: in addition, bearing area and interference, and a loose contact solve on 33 x 33 blocks.
 - `scene`: what the scene draws for a row, and its load (`learn.features.scene`).
 
 Surrogates see more: square roots with both sets without units, and more of the coarse solve with

@@ -17,7 +17,10 @@ from gen.scene import Scene, parameter_columns
 from gen.statistics import refuse_masked
 
 SCENE = "scene"  # name of the feature set
+SPAN = 3.0  # largest over smallest value from which on a number is learnt as a logarithm
 
+# Loads with their units. Every database gives the first three; relative ones are over the rms
+# height, or over E* times the rms slope, and only scenes that draw them give them.
 LOADS: Mapping[str, str] = {
     "delta": "um",
     "pressure": "MPa",
@@ -25,22 +28,11 @@ LOADS: Mapping[str, str] = {
     "relative_delta": "1",
     "relative_pressure": "1",
 }
-"""Loads with their units. Every database gives the first three; relative ones are over the rms
-height, or over E* times the rms slope, and only scenes that draw them give them.
-"""
-
-RELATIVE = {
-    "delta/height_rms": "relative_delta",
-    "pressure/(E* slope_rms)": "relative_pressure",
-}
-"""Names of the quantities of scenes that are relative loads."""
-
+# relative loads by the names of the quantities of scenes
+RELATIVE = {"delta/height_rms": "relative_delta", "pressure/(E* slope_rms)": "relative_pressure"}
 BY_FORCE = frozenset({"pressure", "force", "relative_pressure"})  # at these Delta is a result
-
+# both ways in which a scene gives the hardness; the ratio is over E*
 HARDNESSES: Mapping[str, str] = {"hardness": "MPa", "hardness_ratio": "1"}
-"""Both ways in which a scene gives the hardness; the ratio is over E*."""
-
-SPAN = 3.0  # largest over smallest value from which on a number is learnt as a logarithm
 
 
 def load_of(scene: Scene) -> str:
@@ -50,8 +42,7 @@ def load_of(scene: Scene) -> str:
 
 def unit_of(name: str) -> str:
     """Return the unit of a parameter or a load; "1" for those of a user's own."""
-    drawn = [each for table in GENERATORS for each in table.PARAMETERS.items()]
-    known = {key: each.unit for key, each in drawn}
+    known = {key: each.unit for table in GENERATORS for key, each in table.PARAMETERS.items()}
     return {**known, **LOADS, **HARDNESSES}.get(plain(name), "1")
 
 
@@ -171,7 +162,10 @@ def shown(columns: Sequence[str], values: Values) -> Values:
 def training_ranges(
     scenes: Sequence[Scene], columns: Sequence[str], seen: Values
 ) -> tuple[Values, Values]:
-    """Return the ends of the features, (d,): those of the scenes, or of rows `seen`, (n, d)."""
+    """Return the ends of the features, (d,): of rows `seen`, (n, d), or what the scenes give.
+
+    These give ends to some of the `columns`, which are all features of a scene's own set, or none.
+    """
     low, high = seen.min(axis=0), seen.max(axis=0)
     for place, column in enumerate(columns):
         if (ends := _ends(scenes, plain(column))) is not None:

@@ -15,10 +15,9 @@ span decades. Densities are per node; the other features are pure numbers.
 The hardness adds one number: pressures scale with E* h / L, so the feature is the logarithm of the
 hardness over this pressure. (With the number itself, or the hardness over E*, errors are larger.)
 
-The hybrid set adds columns from the heights themselves and from a coarse contact solve. Of 4,000
-rows of the paper preset (kernel ridge, areas to 16.56 %, 2,540 rows train, three splits) those of
-`COARSE` have an nMSE of the area of 0.28 %, with roots 0.26 %. `LOCAL` makes this 0.14 %; the
-shares by Persson's theory alone make it 0.16 %.
+The hybrid set adds columns from the heights themselves and from a coarse contact solve. On 2,540
+training rows of the paper preset those of `COARSE` have an nMSE of the area of 0.28 %, with roots
+0.26 %, with `LOCAL` 0.14 %.
 """
 
 import math
@@ -36,9 +35,8 @@ from gen.schema import TABLE_1
 from learn.features import scene as scenic
 from learn.features.scene import SCENE
 
+# the 22 statistics, in the order of the paper's Table 1
 STATISTICS: tuple[str, ...] = tuple(column.name for column in TABLE_1)
-"""The 22 statistics, in the order of the paper's Table 1."""
-
 _UNITS = {"delta": "um"} | {column.name: column.unit for column in TABLE_1}
 HEIGHTS = tuple(name for name in STATISTICS if _UNITS[name] == "um")
 OF_HEIGHTS = [STATISTICS.index(name) for name in HEIGHTS]
@@ -49,24 +47,20 @@ PURE = tuple(name for name in STATISTICS if name not in {*HEIGHTS, *CURVATURES, 
 ROOT = "sqrt(delta/h)"  # further input of surrogates without units, beside the root of the area
 HARDNESS = "hardness/E*"  # the hardness as a feature of sets with units
 SCALED_HARDNESS = "log(hardness.L/(E*.h))"  # the hardness as a feature of sets without units
-
+# square root of the share of the patch that carries the coarse solve's force at the hardness: no
+# contact of bodies that yield has a smaller area; 0 for elastic bodies
 PLASTIC = "sqrt(coarse_force/(hardness.L2))"
-"""Square root of the share of the patch that carries the coarse solve's force at the hardness. No
-contact of bodies that yield has a smaller area; it is 0 for elastic bodies.
-"""
-
+# nodes along a side, where grids differ; the geometric mean of both axes. A coarser grid leaves out
+# short waves, and counts a contact in larger cells.
 NODES = "log2(nodes)"
-"""The nodes along a side as a feature, where grids differ; the geometric mean of both axes. A
-coarser grid leaves out short waves, and counts a contact in larger cells."""
 
 BLOCKS = 33  # blocks per side; on a surface with fewer nodes every node is a block
-
+# Those that a user can choose from. A patch without edges has one less: blocks of 2^k nodes a side
+# are then equal, and transforms of their number fast.
 BLOCK_COUNTS = (BLOCKS, 65)
-"""Blocks per side that a user can choose from. A patch without edges has one less: those of 2^k
-nodes a side are then equal, and transforms of their number fast."""
 
 FORCE = "coarse_force/(E*.L.delta)"
-
+# columns that comparisons of models add; all are pure numbers, as are the others
 COARSE = (
     "bearing_share",
     "bearing_interference/delta",
@@ -76,45 +70,35 @@ COARSE = (
     "refined_share",
     "refined_interference/delta",
 )
-"""Columns that comparisons of models add; all are pure numbers, as are the others."""
 
+# Multiples of the coarse pressures from which the area inside the blocks is estimated: real local
+# contacts lie on other curves than Persson's, which models find between these.
 FACTORS = (0.5, 1.0, 2.0)
-"""Multiples of the coarse pressures from which the area inside the blocks is estimated: real local
-contacts lie on other curves than Persson's, which models find between these."""
-
+# shifts of the displacement above which nodes are counted, over the rms s of the heights that the
+# blocks do not resolve
 SHIFTS = (-1.0, -0.5, 0.5, 1.0)
-"""Shifts of the displacement, over the rms s of the heights that the blocks do not resolve, above
-which nodes are counted."""
-
 POWERS = (2, 3)  # powers of the mean interference of the nodes that stand above the displacement
-
+# skewness of the heights that the blocks do not resolve, 0 where every node is a block: those of
+# self-affine surfaces are as high as deep; those of scratches, pits and worn peaks are not
+SKEWNESS = "unresolved_skewness"
+# columns of `LOCAL` whose square roots surrogates see too
 ROOTED_LOCAL = (
     *(f"local_area({factor:g}p)" for factor in FACTORS),
     *(f"refined_share({shift:+g}s)" for shift in SHIFTS),
 )
-"""Columns of `LOCAL` whose square roots surrogates see too."""
-
-SKEWNESS = "unresolved_skewness"
-"""Skewness of the heights that the blocks do not resolve, 0 where every node is a block. Those of
-self-affine surfaces are as high as deep; those of scratches, pits and worn peaks are not."""
-
+# columns of the same solve that surrogates see too
 LOCAL = (
     *ROOTED_LOCAL,
     *(f"refined_interference_{power}/delta" for power in POWERS),
     "coarse_perimeter/L",
     SKEWNESS,
 )
-"""Columns of the same solve that surrogates see too."""
-
 HYBRID = (*COARSE, *LOCAL)  # all columns, in the order of `SurfaceFeatures.hybrid`
-
+# columns of `COARSE` whose square roots surrogates see too: like the area they begin at first touch
+# and span decades, and the roots tell small values apart
 ROOTED = ("bearing_share", "coarse_area_percent", FORCE, *COARSE[-2:])
-"""Columns of `COARSE` whose square roots surrogates see too: like the area they begin at first
-touch and span decades, and the roots tell small values apart."""
 
-Limits = tuple[float, float]
 Sides = tuple[float, float]
-
 Grid = tuple[tuple[int, ...], tuple[float, ...]]  # nodes along both axes, and sides [um]
 
 
@@ -409,7 +393,7 @@ def by_pressure(pressure: Values, length: Values | float, modulus: float) -> Val
     return np.asarray(pressure * length / modulus)
 
 
-def limits_of(scenes: Sequence[Scene]) -> Limits | None:
+def limits_of(scenes: Sequence[Scene]) -> tuple[float, float] | None:
     """Return the smallest and largest hardness over E* of scenes; None if all are elastic."""
     ends = [
         end / contact.e_star

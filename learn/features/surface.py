@@ -6,12 +6,11 @@ smooth displacement. The displacement is interpolated to the nodes; the `refined
 nodes that stand above it, so that the highest nodes are not lost in the means of their blocks
 (there are none where every node is a block). Delta is measured from the highest node throughout.
 
-Surrogates see more of the same solve, at hardly any cost (`learn.features.sets.LOCAL`): the area
-in contact inside the blocks by Persson's theory, the nodes that stand above shifted displacements,
-and how far they stand out. The blocks are pressed as if each were smooth. What their means do not
-resolve is described by its rms height and, for each block, by the rms slope inside it; from this
-slope and the pressure on a block follows the share of it that is in contact. The skewness of these
-heights is for flags and intervals alone (`learn.surrogate.learnt.UNSEEN`).
+Surrogates see more of the same solve (`learn.features.sets.LOCAL`): the area in contact inside the
+blocks by Persson's theory, the nodes that stand above shifted displacements, and how far. The
+blocks are pressed as if each were smooth. What their means do not resolve is described by its rms
+height and, for each block, by the rms slope inside it; from this slope and the pressure on a block
+follows the share of it that is in contact.
 """
 
 import math
@@ -38,16 +37,14 @@ from learn.features.sets import (
     by_pressure,
 )
 
+# largest displacement of a coarse solve without edges, over that of full contact: elastic bodies
+# have no equilibrium from full contact on, and blocks of unequal sizes come to it early
 NEARLY_FULL = 0.999
-"""Largest displacement of a coarse solve without edges, over that of full contact: elastic bodies
-have no equilibrium from full contact on, and blocks of unequal sizes come to it early."""
-
 LOOSE = 1e-3  # residual of the coarse solve, over Delta: features need be reproducible, not exact
 ROUNDING = 1e-12  # least rms of the heights that the blocks do not resolve, over the range of all
-
+# Persson's share of the area in contact is erf(sqrt(2) p / (E* h')), with the pressure p and the
+# rms slope h'
 PERSSON = math.sqrt(2.0)
-"""Persson's share of the area in contact is erf(sqrt(2) p / (E* h')), with the pressure p and the
-rms slope h'."""
 
 
 @dataclass(frozen=True, eq=False)

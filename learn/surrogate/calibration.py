@@ -1,7 +1,6 @@
 """Which rows calibrate intervals: those of the training, by models that have not seen them.
 
 Surfaces are left out in turn, a fifth of them at a time, and predicted by a model of the others.
-Where a part takes a further fit, and has surfaces enough, it is the only one.
 Rows of one map are more alike than rows of different maps, and rows of one database where they come
 from no maps. What a new map is like, only whole maps tell that a model has not seen: where there
 are enough, each is left out as a whole.
@@ -30,30 +29,22 @@ from learn.surrogate.interval import (
     quadratic,
 )
 
+# what intervals hold for: further surfaces of the one database; of each of the known maps or
+# databases; or of other maps too
 Scheme = Literal["surfaces", "each", "others"]
-"""What intervals hold for: further surfaces of the one database; of each of the known maps or
-databases; or of other maps too.
-"""
 
 FEWEST = 9  # smallest number of maps or databases whose intervals of 90 % hold for others too
 SURFACE = "surface"  # kind of a scene's own groups, of which surfaces of one population differ
 SLIGHT = 1e-3  # weight of the penalty on the slopes of usual errors between surfaces
 MOST_FITS = 20  # largest number of fits that leave groups out; several groups then go together
 MOST_UNSEEN = 0.6  # largest share of the rows that a model may lack that predicts a part of them
-
+# rows nearest to a map or database from which on it has scores of its own; else those of all count
 SMALLEST = 20
-"""Smallest number of rows that are nearest to a map or database with scores of their own. With
-fewer, the scores of all rows count.
-"""
-
+# surfaces of a database or map that suffice where each part takes a further fit: the share of rows
+# inside intervals of 90 % then deviates by 1.5 %
 ENOUGH = 400
-"""Surfaces of a database or map that suffice where each part takes a further fit: the share of rows
-inside intervals of 90 % then deviates by 1.5 %.
-"""
-
+# models of which one fit tells the errors at rows that are left out
 CLOSED = ("kernel-ridge", "gaussian-process", POPULATION.name)
-"""Models of which one fit tells the errors at rows that are left out."""
-
 SMALLEST_CALIBRATION = 20  # smallest number of rows of another database that calibrate
 
 
@@ -113,8 +104,7 @@ def holdouts(rows: Dataset, parts: Indices) -> Iterator[tuple[Indices, Indices]]
         yield mine, np.flatnonzero(np.isin(rows.surfaces, rows.surfaces[mine]))
 
 
-Parts = list[tuple[Indices, Indices]]
-"""Rows that are predicted together, and those that the model must not see; see `holdouts`."""
+Parts = list[tuple[Indices, Indices]]  # each by `holdouts`
 
 
 class Measured(NamedTuple):

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gen.arrays import Indices, Values
 from gen.runtime import VERSION
 from gen.runtime.errors import InputError
-from gen.runtime.terminal import printable
+from gen.runtime.terminal import echo, print_columns, printable
 from learn.dataset import Dataset, Request
 from learn.features.scene import SCENE, plain, shown
 from learn.features.sets import limits_of
@@ -25,16 +25,15 @@ from learn.surrogate.learnt import Learnt
 if TYPE_CHECKING:
     from learn.surrogate.fitting import Fit
 
+# title, headings of columns of names and of columns of numbers, and rows
 Table = tuple[str, list[str], list[str], Sequence[Sequence[object]]]
-"""Title, headings of columns of names and of columns of numbers, and rows."""
 
 LEVELS = (0.5, 0.9, 0.95)  # intervals whose coverage is reported
-
+# what the intervals of one model and set of features hold (`bench/results/coverage`)
 MEASURED = (
     "          measured on 27 kinds of surfaces that were not trained on (bench coverage): 94 % of"
     " the rows without a flag lie in their 90 % interval, of the worst kind 86 %"
 )
-"""What the intervals of this model and these features hold (`bench/results/coverage`)."""
 
 
 def make(
@@ -80,9 +79,7 @@ def make(
         "columns": [list(pair) for pair in zip(features.columns, features.units, strict=True)],
         "normalisation": request.normalisation,
         "targets": judged,
-        "scene": scene.text(),
-        "nodes": list(scene.grid.shape),
-        "side": list(scene.grid.sides),
+        **{name: databases[0][name] for name in ("scene", "nodes", "side")},
         "spacing": list(scene.grid.spacing),
         "modulus": scene.contact.e_star,
         **{name: value for name, value in sometimes.items() if value},
@@ -136,9 +133,7 @@ def judge(fitted: Fit, rows: Dataset, test: Indices) -> dict[str, Any]:
 
 def scores_of(learnt: Learnt, rows: Dataset, raw: Values) -> dict[str, float]:
     """Return the scores of predictions of rows over their scale, (n,) [%]."""
-    truth = rows.target * rows.scale
-    found = scores(truth, np.clip(raw * rows.scale, *learnt.bounds))
-    return {name: float(value) for name, value in vars(found).items()}
+    return {**vars(scores(rows.target * rows.scale, np.clip(raw * rows.scale, *learnt.bounds)))}
 
 
 def _by_database(
@@ -165,8 +160,6 @@ def _by_database(
 
 def show(card: Mapping[str, Any], low: Values, high: Values) -> None:
     """Print a card with its tables, with the training ranges of the features, each end (d,)."""
-    from gen.runtime.terminal import echo, print_columns
-
     try:
         texts = list(lines(card))
         tables = [_scores(card), _ranges(card, low, high)]

@@ -34,9 +34,8 @@ SEARCH_ROWS = 3000  # largest number of training rows of the small searches
 LIKELIHOOD_ROWS = 800  # rows for the likelihood of a kernel with a length for every input
 LENGTHS = (0.1, 1.0, 10.0, 100.0)  # from which the search for the most likely one starts
 USUAL_LENGTH = 10.0  # length of standardised inputs that the search starts from too
-
 GAMMAS = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2)
-
+# settings of the small searches, by model
 CANDIDATES: dict[str, list[dict[str, Any]]] = {
     "kernel-ridge": [
         {"kernel": "rbf", "gamma": gamma, "alpha": alpha}
@@ -49,8 +48,7 @@ CANDIDATES: dict[str, list[dict[str, Any]]] = {
         for penalty in (10.0, 100.0, 1000.0)
     ],
 }
-"""Settings of the small searches, by model."""
-
+# settings where nothing is searched; the mean of a population chooses its own
 BUILT_IN: dict[str, dict[str, Any]] = {
     "mlp": {  # for features without units two layers suffice
         "hidden_layer_sizes": (100, 50),
@@ -62,8 +60,6 @@ BUILT_IN: dict[str, dict[str, Any]] = {
     },
     POPULATION.name: {},
 }
-"""Settings where nothing is searched; the mean of a population chooses its own."""
-
 SCORED = "R2 {r2:.3f} %, nMAE {nmae:.2f} %"  # the scores that a user is told
 
 
@@ -172,9 +168,6 @@ def _most_likely(request: Request, inputs: Values, target: Values) -> Settings:
     )
 
 
-NOT_CALIBRATED = Calibration((), ErrorScale(np.empty(0), 0.0, 0.0, 0.0))
-
-
 def fit(
     request: Request,
     executor: Executor,
@@ -250,11 +243,8 @@ def fit_parts(
         for remark in entry["remarks"]:
             say(f"  warning: {remark}")
     inputs, features = sets[0].inputs[train], sets[0].features
-    low, high = inputs.min(axis=0), inputs.max(axis=0)
-    if features.name == SCENE:
-        low, high = training_ranges(
-            [each.scene for each in sets[0].origins], features.columns, inputs
-        )
+    drawn = features.columns if features.name == SCENE else ()
+    low, high = training_ranges([each.scene for each in sets[0].origins], drawn, inputs)
     return Surrogate(
         card=card.make(request, sets[0], train, sizes, judged) | {"calibration": plan.entry},
         learnt=learnt,
@@ -305,8 +295,9 @@ def fit_target(
     fitted, said = _fitted(request, settings, inputs, target, train.groups)
     done = process_time()
     column = results(train.origins[0].scene, train.features.load)[train.target_name]
-    own = NOT_CALIBRATED, clip, column.bounds
-    learnt, crossed = Learnt(column.name, column.unit, fitted, scaling, *own), None
+    not_yet = Calibration((), ErrorScale(np.empty(0), 0.0, 0.0, 0.0))
+    own = column.name, column.unit, fitted, scaling, not_yet, clip, column.bounds
+    learnt, crossed = Learnt(*own), None
     if other is not None:
         raw = learnt.raw(other.inputs)
     else:

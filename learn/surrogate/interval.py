@@ -1,11 +1,10 @@
 """Intervals of predictions, and the flag of rows where they do not hold.
 
-Intervals are conformal: as wide as the errors of models that have not seen a row's surface. Every
-training row is predicted by a model without its surface, or without its whole map or database
-(`learn.surrogate.calibration`). Its error, over the size that is usual at its place, is a score; a
-quantile of the scores times the usual size is half the width of an interval. The usual size is the
-product of two (normalised conformal prediction: J. Lei et al. (2018), J. Am. Stat. Assoc. 113,
-1094, section 5.2):
+Intervals are conformal: as wide as the errors of models that have not seen a row's surface, map or
+database (`learn.surrogate.calibration`). An error over the size that is usual at its place is a
+score; a quantile of the scores times the usual size is half the width of an interval. The usual
+size is the product of two (normalised conformal prediction: J. Lei et al. (2018), J. Am. Stat.
+Assoc. 113, 1094, section 5.2):
 
 - an `ErrorScale` of the features: errors on windows of turned surfaces are two to three times as
   large as on isotropic ones;
@@ -27,12 +26,11 @@ come from one model of all: this is the jackknife, not the jackknife+ (R. F. Bar
 Ann. Stat. 49, 486). `bench coverage` and `bench scans` measure the coverage.
 
 The flag names rows that are unlike the training: their features, distance, grid or hardness. Each
-feature may lie within its range and all of them together may still be unlike any surface of the
-training. The distance is Mahalanobis's, over the root of the number of features. Its limit is the
-distance that 97 % of the training rows keep, each measured from rows of other surfaces: features
-depend on each other, and those of surfaces of another generator do so in other ways. Where there
-are many maps or databases, it is the largest distance that intervals vouch for: each is left out in
-turn, and a new row of one like these lies beyond the limit with a probability of 10 % at most.
+feature may lie within its range, and all of them together far from any surface of the training. The
+distance is Mahalanobis's, over the root of the number of features. Its limit is the distance that
+97 % of the training rows keep, each measured from rows of other surfaces. Where there are many maps
+or databases, each is left out in turn, and a new row of one like these lies beyond the limit with a
+probability of 10 % at most.
 
 A few databases are a few clouds of features with nothing between them: elastic bodies of one kind
 of surface, bodies that yield of another. Distances are then measured from the nearest of them. Its
@@ -61,10 +59,8 @@ if TYPE_CHECKING:
 SHARE = 0.9  # share of the rows of a new map or database that lie within the limit, or more
 INSIDE = 0.97  # share of the training rows within the limit, unless maps or databases decide it
 
+# added to the variances of features of deviation 1: some repeat others, as roots do
 RIDGE = 1e-4
-"""Added to the variances of features of deviation 1: features that repeat others, such as roots,
-leave directions without any."""
-
 RIDGE_OF_MAPS = 0.01  # the same where maps are one cloud: few directions tell one from another
 SAME = 1e-6  # relative distance from the training's hardness within which two are equal
 
@@ -84,16 +80,14 @@ class Growth(NamedTuple):
         return np.asarray(self.most**inside**self.power)
 
 
+# Chosen with 18 kinds of surfaces that were changed in ways of their own (peaks cut, skewed, waves
+# added ...) and the first 23 of `bench coverage`: of the second to the eighth power, the one that
+# needs the smallest share of rows inside over all kinds to have 86 % of each of them inside. By the
+# square, which needs 95 % instead of 94, intervals are a quarter narrower on these kinds.
 GROWTH = Growth(40.0, 4.0)
-"""Chosen with 18 kinds of surfaces that were changed in ways of their own (peaks cut, skewed, waves
-added ...) and the first 23 of `bench coverage`: of the second to the eighth power, the one that
-needs the smallest share of rows inside over all kinds to have 86 % of each of them inside. By the
-square, which needs 95 % instead of 94, intervals are a quarter narrower on these kinds."""
-
+# weight of the penalty on the slopes of usual errors, for features of deviation 1 and a mean
+# squared error; on the made maps of `bench scans`, 0.3 to 3 give the same widths within 3 %
 SHRINKAGE = 1.0
-"""Weight of the penalty on the slopes of usual errors, for features of deviation 1 and a mean
-squared error. On the made maps of `bench scans`, 0.3 to 3 give the same widths within 3 %."""
-
 SMALLEST = 1e-3  # least error that counts, over the median: logarithms near 0 would weigh most
 ENDS = (0.02, 0.98)  # quantiles of the usual errors beyond which none is extrapolated
 CONSTANT = 1e-9  # deviation of a constant feature over its largest size, at most

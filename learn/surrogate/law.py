@@ -9,12 +9,11 @@ Delta plus the mean displacement. The latter is linear in the pressures and, for
 nearly F / (E* L) times a number that depends on the place of the load, and that comes from the
 coarse contact solve.
 
-A surrogate that has learnt Delta has the law at pressures by inversion. At a given pressure p,
-Delta is the point at which the curve of the pressure reaches p; area and mean gap are the values of
-their curves at that Delta. The interval follows by inversion of the ends of the pressure's
-interval: Delta is at least the point at which the upper end reaches p, and at most the point at
-which the lower end does. Area and mean gap lie between the ends of their own intervals at these two
-Deltas. This holds whenever both intervals do; it is wider than an interval made for given
+A surrogate that has learnt Delta has the law at pressures by inversion. Delta is the point at which
+the curve of the pressure reaches the given one; area and mean gap are the values of their curves
+there. The interval of Delta is between the points at which the upper and the lower end of the
+pressure's interval reach it, and area and mean gap lie between the ends of their own intervals at
+these two. This holds whenever both intervals do; it is wider than an interval made for given
 pressures, because the errors of area and force are correlated. For a population the curves of each
 surface are inverted, and the band is that of the results.
 
@@ -141,15 +140,31 @@ def _learnt_tables(
     order: Order,
     bodies: Bodies,
 ) -> Tables:
-    """Tabulate the points of surfaces at learnt loads against Delta and pressure, with remarks."""
+    """Tabulate surfaces at learnt loads, and the same contacts against the other quantity.
+
+    Also return remarks.
+    """
     smooth, corrections = zip(*map(monotone, points), strict=True)
-    parts = [
-        _with_stiffness(each, patch, order, bodies)
-        for each, patch in zip(smooth, patches, strict=True)
-    ]
-    tables = _both_tables(parts, kind, order.level)
+    pairs = zip(smooth, patches, strict=True)
+    parts = [_with_stiffness(each, patch, order, bodies) for each, patch in pairs]
+    rest, made = {"mean_gap_um": 0.0}, dict[Load, Curves]()
+    if "mean_gap_um" in parts[0].values:  # at first touch, but for what a free patch gives way
+        first = [p.values["mean_gap_um"][0] + p.values["delta_um"][0] for p in parts]
+        rest = {"mean_gap_um": float(np.mean(first))}
+    for load, argument in ARGUMENTS.items():
+        own = list(parts)
+        if load != kind:
+            bare = [replace(each, low={}, high={}) for each in own]
+            own = [each.chosen(risen(each.values[argument])) for each in bare]
+        if load == "delta" or load != kind:
+            own = [each.from_rest(rest) for each in own]
+        over = own[0].values[argument]
+        if load != kind and len(own) > 1:
+            over = np.linspace(0.0, min(each.values[argument][-1] for each in own), STEPS)
+            own = [read_at(each, argument, over) for each in own]
+        made[load] = tabulated(argument, over, own, order.level, rest)
     alone = [f"only the table over {kind} has a band"] if len(parts) == 1 else []
-    return tables["delta"], tables["pressure"], [*_corrected(tables[kind], corrections), *alone]
+    return made["delta"], made["pressure"], [*_corrected(made[kind], corrections), *alone]
 
 
 def _points_at(
@@ -188,28 +203,6 @@ def _points_at(
     for name in without:  # the load, and at a given Delta the closure, which falls with the force
         del low[name], high[name]
     return Points(values, low, high, answer.reasons)
-
-
-def _both_tables(parts: Sequence[Points], kind: Load, level: float) -> dict[Load, Curves]:
-    """Tabulate points against their load, and of the same contacts against the other quantity."""
-    rest, made = {"mean_gap_um": 0.0}, {}
-    if "mean_gap_um" in parts[0].values:  # at first touch, but for what a free patch gives way
-        first = [p.values["mean_gap_um"][0] + p.values["delta_um"][0] for p in parts]
-        rest = {"mean_gap_um": float(np.mean(first))}
-    for load, argument in ARGUMENTS.items():
-        own = list(parts)
-        if load != kind:
-            own = [
-                replace(each, low={}, high={}).chosen(risen(each.values[argument])) for each in own
-            ]
-        if load == "delta" or load != kind:
-            own = [each.from_rest(rest) for each in own]
-        over = own[0].values[argument]
-        if load != kind and len(own) > 1:
-            over = np.linspace(0.0, min(each.values[argument][-1] for each in own), STEPS)
-            own = [read_at(each, argument, over) for each in own]
-        made[load] = tabulated(argument, over, own, level, rest)
-    return made
 
 
 def _defined(
@@ -291,8 +284,7 @@ def _mean_gap(surface: SurfaceFeatures, deltas: Values, force: Values, bodies: B
     rest = float(surface.heights.max()) - float(surface.heights.mean())
     coarse = [surface.means(float(delta), bodies.hardness_ratio) for delta in deltas]
     compliance, yielded = np.array(coarse).reshape(-1, 2).T
-    free = surface.boundary == "free"
-    mean = compliance * force / surface.length if free else 0.0  # displacement
+    mean = compliance * force / surface.length  # displacement
     return np.asarray(np.maximum(rest - deltas + mean + yielded, 0.0))
 
 

@@ -45,23 +45,25 @@ if TYPE_CHECKING:
 
 PART = 2000  # rows that are predicted together: a kernel needs memory for rows times training rows
 
+# Features of which models see the nearest value of the training, and flags their own. Moments of
+# third and fourth order have heavy tails: a window of a honed map with a groove at its border may
+# have a kurtosis of its peaks forty deviations from the mean. A radial basis function of long reach
+# extrapolates like a polynomial there, and a few rows of this kind have had most of the squared
+# error of all rows (`bench scans`). How large a moment is beyond those of the training decides
+# little about the contact. The other features are left as they are: areas and forces of the coarse
+# solve tell most where they are extrapolated.
 MOMENTS = frozenset(name for name in PURE if "skewness" in name or "kurtosis" in name)
-"""Features of which models see the nearest value of the training.
-
-Moments of third and fourth order have heavy tails. A window of a honed map with a groove at its
-border may have a kurtosis of its peaks forty deviations from the mean. A radial basis function of
-long reach extrapolates like a polynomial there, and a few rows of this kind have had most of the
-squared error of all rows (`bench scans`). How large a moment is beyond those of the training
-decides little about the contact, so that the end of its range is a better input. The other features
-are left as they are: areas and forces of the coarse solve tell most where they are extrapolated.
-Flags see the moments as they are, and predictions for other rows do not change.
-"""
+# Feature that models see as 0: in a training of self-affine surfaces it is noise, and tells only
+# that another surface is none of them. Flags and intervals see it.
+UNSEEN = SKEWNESS
+# ends, each (d,), of the ranges that features are clipped to; infinite for those that are not
+Clip = tuple[Values, Values]
 
 FORMAT = 9  # number of the layout. It is raised whenever an older version would misread a file
 OLDER = range(3, FORMAT)  # of 1.0.0rc1 and before, whose intervals promise more than they hold
-
 HEAD = re.compile(SURROGATE + rb"format (\d{1,9})\nsha256 ([0-9a-f]{64})\n")
 
+# types, besides numbers and arrays, of which models are made
 REVIEWED = (
     "learn.population.Population",
     "sklearn.dummy.DummyRegressor",
@@ -88,15 +90,6 @@ REVIEWED = (
     "xgboost.core.Booster",
     "xgboost.sklearn.XGBRegressor",
 )
-"""Types, besides numbers and arrays, of which models are made."""
-
-
-UNSEEN = SKEWNESS
-"""Feature that models see as 0: in a training of self-affine surfaces it is noise, and tells only
-that another surface is none of them. Flags and intervals see it."""
-
-Clip = tuple[Values, Values]
-"""Ends, each (d,), of the ranges that features are clipped to; infinite for those that are not."""
 
 
 def clip_of(train: Dataset) -> Clip:

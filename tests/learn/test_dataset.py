@@ -9,8 +9,8 @@ from learnt_rows import read
 from gen.database import Reader
 from gen.runtime.errors import InputError
 from learn import dataset
-from learn.dataset import INPUTS, Request, results
-from learn.features.sets import NODES
+from learn.dataset import Request, results
+from learn.features.sets import NODES, SETS
 
 
 def test_rows_are_left_out_and_counted_by_reason(database, change):
@@ -95,7 +95,7 @@ def test_the_user_is_told_of_what_is_odd(database, change, solved):
     change("asperity_density", slice(None), 0.1)
     change("height_max", slice(None), 1e12)
     with h5py.File(database, "r+") as file:
-        for name in (*INPUTS, "area_percent"):
+        for name in (*SETS["paper"].columns, "area_percent"):
             file[name][1] = file[name][0]
     text = "\n".join(dataset.remarks(read(database), "l2"))
     assert "constant over all rows, so of no use to a model: asperity_density, height_max" in text

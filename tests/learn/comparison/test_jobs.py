@@ -16,7 +16,7 @@ from learn import Surrogate
 from learn import models as nine
 from learn.comparison import jobs, paper, search
 from learn.comparison.folder import Folder
-from learn.dataset import INPUTS
+from learn.features import SETS
 
 TREE = ["--model", "decision-tree"]
 STUMPS = {"max_depth": [1, 2], "min_samples_leaf": [30]}
@@ -88,7 +88,7 @@ def huge(file):
 
 def spoilt(file):
     file["asperity_density"][:] = 0.1
-    for name in (*INPUTS, "area_percent"):
+    for name in (*SETS["paper"].columns, "area_percent"):
         file[name][40:70] = file[name][0:30]
     file["delta"][80] = np.nan
     file["area_percent"][81] = np.nan

@@ -13,6 +13,7 @@ from gen.generation.plan import parameters
 from gen.generation.sample import surface_of
 from gen.runtime.errors import InputError
 from learn import dataset
+from learn.dataset import Request
 from learn.executor import Executor
 from learn.features import SurfaceFeatures, regeneration
 from learn.features.sets import BLOCK_COUNTS, BLOCKS, HYBRID, SETS
@@ -24,7 +25,7 @@ def never():
 
 def hybrid_rows(database, executor, stopping, blocks=BLOCKS):
     features = replace(SETS["hybrid"], blocks=blocks)
-    part = dataset.stored(database, ("area",), "delta", scenic=False)
+    part = dataset.stored(database, Request((database,)), "delta")
     return regeneration.hybrid_rows(part, executor, stopping, features)[1]
 
 

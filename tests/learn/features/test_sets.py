@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 import bem
 from gen.runtime.errors import InputError
 from gen.scene import Scene
+from gen.schema import TABLE_1
 from gen.surface import generate
-from learn.dataset import INPUTS
 from learn.features import OF_SURFACES, SETS, SurfaceFeatures, chosen
 from learn.features.sets import BLOCK_COUNTS, HARDNESS, PLASTIC, SCALED_HARDNESS, Rows
 from learn.features.surface import LOOSE
@@ -25,7 +25,7 @@ def patch(heights, side):
 
 
 def test_the_sets_have_unique_columns_and_the_papers_are_the_23():
-    assert SETS["paper"].columns == INPUTS
+    assert SETS["paper"].columns == ("delta", *(column.name for column in TABLE_1))
     assert [len(each.columns) for each in SETS.values()] == [23, 23, 30, 0]
     for each in SETS.values():
         assert len(set(each.columns)) == len(each.columns) == len(each.units)
