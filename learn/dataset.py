@@ -27,7 +27,6 @@ from learn.split import MAP, TILE, populations_of, related
 # short names of the two targets that every database has, and their columns
 TARGETS: dict[str, str] = {"area": "area_percent", "force": "force"}
 WHOLE_TARGETS = ("contact_nodes", "contact_spots")  # results that are learnt like real numbers
-
 # columns of floating numbers that are no results: inputs, and how well a row was solved
 NO_TARGETS = frozenset({"delta", *STATISTICS, "load", "hardness", "residual"})
 SMALLEST = 10  # usable rows at least: two of these are for testing, and a score needs two
@@ -253,8 +252,7 @@ def _usable(
         usable.append(part._replace(rows=part.rows[kept], columns=columns, inputs=inputs[kept]))
     made, target, rows, described, scale = map(np.concatenate, zip(*arrays, strict=True))
     _require_usable(column.name, target * scale, origins, dropped)
-    digests = [origin.sha256 for origin in origins]
-    together = hashlib.sha256("".join(digests).encode()).hexdigest()
+    first, *others = (origin.sha256 for origin in origins)
     names = [each for part in usable for each in populations_of(part)]
     numbers = {name: place for place, name in enumerate(dict.fromkeys(names))}
     return Dataset(
@@ -272,7 +270,7 @@ def _usable(
         scale=scale,
         origins=tuple(origins),
         name=", ".join(origin.database for origin in origins),
-        sha256=digests[0] if len(digests) == 1 else together,
+        sha256=hashlib.sha256("".join([first, *others]).encode()).hexdigest() if others else first,
         by_tile=all(TILE in part.columns for part in parts),
     )
 

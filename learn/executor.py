@@ -1,9 +1,8 @@
 """Tasks of a job in other processes: on the workers of an MPI run, or until a time.
 
-The contract of `Executor` is that of mpi4py.futures and schwimmbad. The code of a job is written as
-if there were one process: it hands tasks to an executor and receives their results on the master.
-The workers run none of it; they serve tasks until the job has ended. On one process the executor
-does the tasks itself.
+The contract of `Executor` is that of mpi4py.futures and schwimmbad. The code of a job, on the
+master, hands tasks to an executor and receives their results. The workers run none of it; they
+serve tasks until the job has ended. On one process the executor does the tasks itself.
 
 Libraries cannot be asked to end a fit: compiled code runs to its end. A process that computes
 therefore starts a second one, by loky, as soon as a task has a time limit, keeps it for further

@@ -78,6 +78,7 @@ def _kernel(bounds: Any = (1e-5, 1e5)) -> Any:
     return RBF(1.0, bounds)
 
 
+# all nine models by name, in the order of the paper's Table 4
 MODELS: dict[str, Model] = {
     model.name: model
     for model in (
@@ -121,12 +122,8 @@ MODELS: dict[str, Model] = {
         ),
     )
 }
-"""All nine models by name, in the order of the paper's Table 4."""
-
-
+# the model of a scene's own features, beside the nine, which fit these too
 POPULATION = Model("population", "Population Mean", "learn.population.Population")
-"""The model of a scene's own features, beside the nine, which fit these too."""
-
 EVERY = MODELS | {POPULATION.name: POPULATION}  # all models by name
 
 

@@ -8,17 +8,15 @@ more about the mean than one, but much about what the load does. The mean is a G
 - A target above 0 is divided by a power law of its inputs, which are logarithms as a rule. What is
   left varies little, and its scatter hardly at all.
 - The size of the scatter is the exponential of a quadratic in the inputs, by the distances from a
-  cubic. Where surfaces scatter little, the mean follows the power law closer too: the deviation of
-  the process is in proportion to the root of the scatter (to the scatter itself, or the same
-  everywhere, errors or their estimates are worse).
+  cubic. The deviation of the process is in proportion to the root of the scatter (to the scatter
+  itself, or the same everywhere, errors or their estimates are worse).
 - The scatter of two rows of a surface is correlated: the most likely exponential of a power of
   their distance, but for a share of each row's own. Rows are whitened by it, so that errors count
   as generalised least squares count them.
 - The mean is a plane plus a Matern function, with a length for each input. Lengths and variance
   have the largest evidence on some thousand rows.
 - All rows count, but the mean is a sum of functions about a few hundred of them (the subset of
-  regressors: J. Quinonero-Candela, C. E. Rasmussen (2005), J. Mach. Learn. Res. 6, 1939). Fit and
-  answers take time in proportion to the rows.
+  regressors: J. Quinonero-Candela, C. E. Rasmussen (2005), J. Mach. Learn. Res. 6, 1939).
 - Parts of the surfaces are left out in turn, which takes no further fits of the lengths. Errors on
   them calibrate intervals of new surfaces. The error of the mean is the process's own, times what
   two halves of the surfaces tell of each other.

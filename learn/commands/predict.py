@@ -119,9 +119,8 @@ def predict(
         for path in inputs:
             loads = given[surrogate.features.load]
             rows += answers(surrogate, path, loads, bodies, interval, reading)
-        _show(
-            rows, f"Predictions with {100 * interval:g} % intervals, {bodies.text}", bodies.doubts
-        )
+        title = f"Predictions with {100 * interval:g} % intervals, {bodies.text}"
+        _show(rows, title, bodies.doubts)
     if output is not None:
         write_csv(output, rows)
         echo(f"wrote {output}")

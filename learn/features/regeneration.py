@@ -126,7 +126,6 @@ def compute_block(shared: tuple[Scene, Path, int, bool], block: Block) -> tuple[
     """Return inputs (k, 23 or 24) and features (k, 18) of a block's rows, NaN where undefined.
 
     At pressures, for which `by_pressure` stands, the coarse solve's Delta is a further column.
-
     Displacements are the plan's where the scene gives them, otherwise those of the database, which
     lies in a folder: its solver found them from pressures or forces.
     """

@@ -162,10 +162,7 @@ def shown(columns: Sequence[str], values: Values) -> Values:
 def training_ranges(
     scenes: Sequence[Scene], columns: Sequence[str], seen: Values
 ) -> tuple[Values, Values]:
-    """Return the ends of the features, (d,): of rows `seen`, (n, d), or what the scenes give.
-
-    These give ends to some of the `columns`, which are all features of a scene's own set, or none.
-    """
+    """Return the ends of features, (d,): those that scenes give `columns`, or of rows, (n, d)."""
     low, high = seen.min(axis=0), seen.max(axis=0)
     for place, column in enumerate(columns):
         if (ends := _ends(scenes, plain(column))) is not None:

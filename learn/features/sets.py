@@ -285,9 +285,9 @@ class Scaling:
     """A map of the target: models are trained on (target - mean) / deviation, or on its root's.
 
     Where the features are free of units, and for Gaussian processes of surrogates, mean and
-    deviation are those of the training rows. Elsewhere they are 0 and 1: the paper trains on areas
-    as they are. Targets of another size are brought to an area's by a power of two, since splits of
-    trees, tubes of support vectors and steps of perceptrons have absolute thresholds.
+    deviation are those of the training rows. Elsewhere they are 0 and 1, as the paper trains, or a
+    power of two for targets of another size than an area's: splits of trees, tubes of support
+    vectors and steps of perceptrons have absolute thresholds.
     """
 
     mean: float = 0.0

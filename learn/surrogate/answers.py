@@ -32,9 +32,12 @@ def answers(
     files = files_in(path)
     for file in files:
         warnings: list[str] = []
-        names = _header(file) if file.suffix.lower() in {".csv", ".txt"} else []
+        first = ""  # names of a table's columns, or numbers of a map
         try:
-            if {*names} & {*STATISTICS}:
+            if file.suffix.lower() in {".csv", ".txt"}:
+                with require_file(file).open(encoding="utf-8-sig", errors="replace") as opened:
+                    first = opened.readline()
+            if {name.strip() for name in first.split(",")} & {*STATISTICS}:
                 rows = rows_of_table(surrogate, file, loads, bodies, reading.side)
             else:
                 found, warnings = read_surface(file, reading, surrogate.boundary)
@@ -54,20 +57,13 @@ def answers(
             given = {"pressure": loads} if surrogate.features.load == "pressure" else {}
             reasons = (reason,) * loads.size
             answer = Prediction(loads, unknown, unknown, unknown, reasons, given)
+        except OSError as error:
+            raise InputError(f"{file} cannot be read: {error.strerror or error}") from None
         except InputError as error:
             named = str(error).startswith(("--", str(file)))
             raise InputError(f"{'' if named else f'{file}: '}{error}") from None
         for row in _answered(surrogate, answer):
             yield {"input": str(file), **row, "warnings": "; ".join(warnings)}
-
-
-def _header(path: Path) -> list[str]:
-    """Read the names of a table's columns, or the first numbers of a map."""
-    try:
-        with require_file(path).open(encoding="utf-8-sig", errors="replace") as opened:
-            return [name.strip() for name in opened.readline().split(",")]
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror}") from None
 
 
 def answers_of_parameters(

@@ -114,11 +114,9 @@ def judge(fitted: Fit, rows: Dataset, test: Indices) -> dict[str, Any]:
         own = {"coverage": float(held[-1].mean()), "mean_width": float(width.mean())}
         covered.append({"level": level, **own})
     found = scores_of(learnt, tested, raw)
-    several = {}
-    if len(rows.origins) > 1:
-        several = {"databases": _by_database(learnt, tested, raw, held[1])}
+    several = len(rows.origins) > 1
     return {
-        **several,
+        **({"databases": _by_database(learnt, tested, raw, held[1])} if several else {}),
         "column": learnt.column,
         "unit": learnt.unit,
         "range": np.quantile(truth * scale, (0, 1)).tolist(),
@@ -153,8 +151,7 @@ def _by_database(
             mae, covered = float(errors[mine].mean()), float(held[mine].mean())
             size = magnitude(truth[mine])
             nmae = 100 * mae / size if size else nmae
-        own = {"nmae": nmae, "mae": mae, "coverage": covered}
-        found.append({"rows": int(mine.sum()), **own})
+        found.append({"rows": int(mine.sum()), "nmae": nmae, "mae": mae, "coverage": covered})
     return found
 
 

@@ -23,9 +23,8 @@ from learn.kernel_ridge import left_out_errors
 from learn.metrics import no_better
 from learn.models import EVERY, POPULATION, STEP, check_memory, pipeline, remarks, scaling_of
 from learn.split import Folds
-from learn.surrogate import calibration as calibrating
 from learn.surrogate import card
-from learn.surrogate.calibration import CLOSED, SURFACE, Plan, planned
+from learn.surrogate.calibration import CLOSED, SURFACE, Plan, calibrate, of_another, planned
 from learn.surrogate.interval import Calibration, ErrorScale
 from learn.surrogate.learnt import Learnt, clip_of
 from learn.surrogate.model import Surrogate
@@ -140,10 +139,9 @@ def with_conditions(request: Request, choice: Any) -> Request:
 def _most_likely(request: Request, inputs: Values, target: Values) -> Settings:
     """Return the most likely radial basis function with a length per input, and noise.
 
-    The likelihood has several maxima, and where the lengths are far too short it is flat: the
-    process then predicts the mean everywhere. Kernels of one length, which are fitted within
-    moments, are therefore searched from lengths over four decades. The lengths of the inputs start
-    from the best of these, and from `LENGTHS`; the most likely result counts.
+    The likelihood has several maxima, and is flat where the lengths are far too short. Kernels of
+    one length, which are fitted within moments, are therefore searched from lengths over four
+    decades. The lengths of the inputs start from the best of these, and from `USUAL_LENGTH`.
     """
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
@@ -185,7 +183,7 @@ def fit(
     if sets and request.calibrate_on is not None:
         wider = replace(request, databases=(*request.databases, request.calibrate_on))
         others = dataset.read(wider, executor, stopping, common=True)
-        others = others and calibrating.of_another(sets, others)
+        others = others and of_another(sets, others)
     if not sets or others == []:
         return None
     own = request.seed, request.train_rows
@@ -304,7 +302,7 @@ def fit_target(
         crossed = _crossed(request, settings, train, target, learnt, plan)
         raw, other = crossed[plan.kept], train.at(plan.kept)
     # Roots of targets that are never below 0 have errors that differ less between small and large.
-    intervals = calibrating.calibrate(other, plan, raw, root=learnt.bounds[0] == 0)
+    intervals = calibrate(other, plan, raw, root=learnt.bounds[0] == 0)
     learnt = replace(learnt, calibration=intervals)
     return Fit(learnt, settings, chose - began, done - chose, said, crossed)
 

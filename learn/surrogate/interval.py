@@ -8,9 +8,9 @@ Assoc. 113, 1094, section 5.2):
 
 - an `ErrorScale` of the features: errors on windows of turned surfaces are two to three times as
   large as on isotropic ones;
-- a growth with the distance from the training, the same for all fits (`GROWTH`). Random rows lie in
-  the midst of a training; kinds of surfaces that it lacks lie further out, within the limit of the
-  flag, where errors are larger, and by how much no row of the training tells.
+- a growth with the distance from the training, the same for all fits (`GROWTH`). Kinds of surfaces
+  that a training lacks lie further out, within the limit of the flag, where errors are larger; by
+  how much no row of the training tells.
 
 What is exchangeable are surfaces, not rows: all rows of one together weigh as much as another
 surface, and so does the new one, whose errors may be of any size. Of K surfaces, the largest level

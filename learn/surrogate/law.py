@@ -1,8 +1,7 @@
 """Contact laws that a surrogate predicts.
 
-A law is area, force, mean gap and closure against Delta and nominal pressure: that of one surface,
-or the mean and quantiles over the surfaces of a population, with the numbers and writers of
-`gen.law`.
+A law is that of one surface, or the mean and quantiles over the surfaces of a population, with the
+numbers and writers of `gen.law`.
 
 Where no surrogate was trained on the mean gap, it follows from the force: it is (z_max - mean z) -
 Delta plus the mean displacement. The latter is linear in the pressures and, for a given patch,
@@ -76,7 +75,7 @@ def make(surrogate: Surrogate, order: Order) -> Law:
         scale = bodies.e_star / math.sqrt(math.prod(surrogate.card["side"]))
         at = np.geomspace(low, high, STEPS) * scale if asked is None else asked[asked > 0]
         points = [_predicted(*each, kind, order.level, bodies, at) for each in kept]
-        tables = _learnt_tables([patch for patch, _ in kept], points, kind, order, bodies)
+        tables = _learnt_tables(subjects.surfaces, points, kind, order, bodies)
     else:
         if deltas is None:
             deltas = np.unique(np.linspace(float(low), float(high), STEPS))

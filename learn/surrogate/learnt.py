@@ -8,10 +8,9 @@
     models: a zip archive of skops, with pipelines of scikit-learn, arrays and numbers
 
 The checksum detects damage. A file names types; those that are not numbers, arrays or `REVIEWED`
-are refused before anything is imported or made, so that no code of a stranger runs.
-It is no protection against a file that was forged with a right checksum: compiled code of
-scikit-learn and XGBoost trusts the numbers of trees and vectors, and such a file may end the
-process or give any number.
+are refused before anything is imported or made, so that no code of a stranger runs. Compiled code
+of scikit-learn and XGBoost trusts the numbers of trees and vectors: a file that was forged with a
+right checksum may end the process or give any number.
 """
 
 from __future__ import annotations
