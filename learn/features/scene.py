@@ -162,7 +162,7 @@ def shown(columns: Sequence[str], values: Values) -> Values:
 def training_ranges(
     scenes: Sequence[Scene], columns: Sequence[str], seen: Values
 ) -> tuple[Values, Values]:
-    """Return the ends of features, (d,): those that scenes give `columns`, or of rows, (n, d)."""
+    """Return the ends of features, (d,): those of the scenes, or of rows `seen`, (n, d)."""
     low, high = seen.min(axis=0), seen.max(axis=0)
     for place, column in enumerate(columns):
         if (ends := _ends(scenes, plain(column))) is not None:

@@ -241,8 +241,10 @@ def fit_parts(
         for remark in entry["remarks"]:
             say(f"  warning: {remark}")
     inputs, features = sets[0].inputs[train], sets[0].features
-    drawn = features.columns if features.name == SCENE else ()
-    low, high = training_ranges([each.scene for each in sets[0].origins], drawn, inputs)
+    low, high = inputs.min(axis=0), inputs.max(axis=0)
+    if features.name == SCENE:
+        scenes = [each.scene for each in sets[0].origins]
+        low, high = training_ranges(scenes, features.columns, inputs)
     return Surrogate(
         card=card.make(request, sets[0], train, sizes, judged) | {"calibration": plan.entry},
         learnt=learnt,
