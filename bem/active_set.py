@@ -108,12 +108,16 @@ class ActiveSet(Iterate):
     def settle_few(self) -> bool:
         """Solve by dense algebra if few nodes are in contact; return whether that succeeded."""
         touching = self.touching()
-        if np.count_nonzero(touching) * (1 + SPARE) > self.patch.few:  # most will leave again
-            touching = self.pressure > 0
+        number = np.count_nonzero(touching)
+        if self.yields or self.iterations >= self.most:
+            return False
+        if number * (1 + SPARE) > self.patch.few:
+            if self.load is None and number > self.patch.few:
+                return False
+            touching = self.pressure > 0  # under a load, most others will leave again
         nodes = np.flatnonzero(touching)
         many = min(math.ceil(SPARE * nodes.size), touching.size - nodes.size)
-        few = 0 < nodes.size <= self.patch.few - many
-        if self.yields or not few or self.iterations >= self.most:
+        if not 0 < nodes.size <= self.patch.few - many:
             return False
         gaps = np.where(touching, np.inf, -self.residual).reshape(-1)
         spare: Nodes = np.argpartition(gaps, many)[:many] if many < gaps.size else nodes[:0]
@@ -248,16 +252,18 @@ class ActiveSet(Iterate):
     ) -> bool:
         """Solve loosely on the free nodes and bring their pressure back between the bounds.
 
-        Returns whether a step ahead was taken on the next set.
+        Where the free nodes meet the tolerance, the round is likely to be the last, so that its
+        residual is computed in double precision at once. Returns whether a step ahead was taken on
+        the next set.
         """
         before, shift, residual, energy = self.pressure, self.shift, self.residual, 0.0
         self.exact = False
         if damped:  # else nothing is kept, to save memory
             residual, energy = residual.copy(), self._energy()
             self.pressure = before.copy()
-        dense = self.yields and self._solve_few_free()
+        dense, left = self.yields and self._solve_few_free(), math.inf
         if not dense:
-            self._solve_free(yielded, goals)
+            left = self._solve_free(yielded, goals)
             if self._soft:
                 self._hold_back(before, residual)
         solved = before if dense else self.pressure
@@ -267,7 +273,8 @@ class ActiveSet(Iterate):
             return False
         ahead = self.pressure if ahead is None else ahead
         self.pressure = ahead
-        if polishing and not self.yields:
+        last = left <= self.tolerance and not damped
+        if (polishing or last) and not self.yields:
             self.renew()
             return True
         change = np.subtract(ahead, solved, out=None if damped or dense else solved)
@@ -302,8 +309,10 @@ class ActiveSet(Iterate):
 
     def _solve_free(
         self, yielded: Mask | None, goals: tuple[float, float], *, checked: bool = True
-    ) -> None:
+    ) -> float:
         """Run conjugate gradients on the free nodes until their set has to change.
+
+        Returns the largest residual left of them.
 
         The set is checked whenever the residual has fallen by the first of the goals; a residual
         below the second ends the stage. The residual of all nodes is updated, because the
@@ -315,7 +324,7 @@ class ActiveSet(Iterate):
         direction, change = np.zeros(base.shape, np.float32), np.zeros(base.shape, np.float32)
         previous, goal, mean = math.inf, 0.0, 0.0
         least, last = math.inf, self.iterations
-        singular = self.load is None and patch.singular
+        largest, singular = math.inf, self.load is None and patch.singular
         while self.iterations < self.most:
             here = patch.in_contact(residual)
             if carried:
@@ -352,6 +361,7 @@ class ActiveSet(Iterate):
             residual -= np.float32(mean)
             self.shift -= mean
         patch.add_to(self.pressure, change)
+        return largest
 
     def _constraint(self, yielded: Mask | None) -> tuple[Real, float, tuple[Real, float]]:
         """Return a pressure on the free nodes, the load that it carries, and its deflation.
