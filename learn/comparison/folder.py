@@ -6,7 +6,6 @@
     area/baseline/MODEL.json    settings, scores, times; MODEL.csv has the test rows' predictions
     area/library/MODEL.json     the same with its library's settings, where a baseline's are others
     area/tuned/MODEL.json       the same for a search's winner, and how it was searched
-    area/tuned/MODEL-grid.csv   every candidate of the grid with its scores
     area/*.csv, *.png           the tables and pictures that `learn show` makes of them
 
 Each target has a folder (here area). Files are written beside their place and then renamed. They
@@ -17,6 +16,7 @@ import csv
 import io
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -146,17 +146,11 @@ class Winner(NamedTuple):
     of_grid: bool
 
 
+@dataclass(frozen=True)
 class Folder:
-    """One target's part of a comparison folder, at a path; InputError is raised if it is damaged.
+    """One target's part of a comparison folder; InputError is raised if it is damaged."""
 
-    Attributes
-    ----------
-    path : Path
-        The folder of the target.
-    """
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    path: Path
 
     def begin(self, dataset: Dataset, split: Split, request: Request) -> None:
         """Make the folder, or refuse it if it belongs to other data and choices.

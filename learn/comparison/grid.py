@@ -136,10 +136,10 @@ class Grid:
     ----------
     candidates : list of Settings
         In the order of scikit-learn's ParameterGrid, then those beyond the ends of the space.
-    canonical : list of str
-        Name of the canonical settings of each candidate, as `key` writes them.
     differing : dict
-        Canonical settings by name, in the order of their first candidate.
+        Canonical settings by name (`key`), in the order of their first candidate.
+    first : dict
+        These candidates by the same names.
     families : list of tuple of str
         Names of those that one fit serves.
     """
@@ -151,15 +151,14 @@ class Grid:
 
         self.model, self.space, self.inputs = model, space, inputs
         self.candidates: list[Settings] = [*(candidates or ParameterGrid(space))]
-        self.canonical: list[str] = []
         self.differing: dict[str, Settings] = {}
+        self.first: dict[str, Settings] = {}
         families: dict[str, list[str]] = {}
         for candidate in self.candidates:
             settings = canonical_settings(model, candidate, inputs)
             name = key(settings)
-            self.canonical.append(name)
-            if name not in self.differing:
-                self.differing[name] = settings
+            if name not in self.first:
+                self.first[name], self.differing[name] = candidate, settings
                 family = key({k: v for k, v in settings.items() if k != shared_fit(model)})
                 families.setdefault(family, []).append(name)
         self.families = [tuple(names) for names in families.values()]
@@ -168,10 +167,6 @@ class Grid:
         """Return the name of the canonical settings of others, "" if the grid lacks them."""
         name = key(canonical_settings(self.model, settings, self.inputs))
         return name if name in self.differing else ""
-
-    def first(self, name: str) -> Settings:
-        """Return the first candidate with the canonical settings of a name."""
-        return self.candidates[self.canonical.index(name)]
 
     def ends(self, settings: Settings) -> Settings:
         """Return the next value of each setting with which a candidate lies at an end of it all."""

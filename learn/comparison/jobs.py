@@ -237,7 +237,7 @@ def finish(folder: Folder, search: GridSearch, until: float, *, again: bool) -> 
     name, title, why = search.model.name, search.model.title, search.fault
     if not why:
         of_grid, report = search.winner in search.grid.differing, search.report()
-        settings = search.grid.first(search.winner) if of_grid else search.baseline or {}
+        settings = search.grid.first[search.winner] if of_grid else search.baseline or {}
         task = TimedFit(name, settings, "tuned", of_grid, until, report, search.seconds)
         there = folder.result("tuned", name) or {}
         found = json.loads(json.dumps([task.settings, report]))
@@ -251,27 +251,12 @@ def finish(folder: Folder, search: GridSearch, until: float, *, again: bool) -> 
         folder.write_json(f"tuned/{name}.json", {"model": name, "failure": why, "remarks": []})
         note(f"warning: {title}: {why}")
         return
-    _write_grid(folder, search)
     number = FOLDS * len(search.grid.differing)
     for text, few in [*report["failures"].items(), *report["remarks"].items()]:
         note(f"{title}: {few} of {number} scores: {text}")
     write_fit(folder, task, search.training, result, note)
     if report["winner"] == "baseline":
         note(f"{title}: {WHY_BASELINE}")
-
-
-def _write_grid(folder: Folder, search: GridSearch) -> None:
-    """Write the candidates of a search with their scores."""
-    grid, numbers = search.grid, {name: place for place, name in enumerate(search.grid.differing)}
-    means, folds = search.means(numbers), [f"r2_fold_{fold}" for fold in range(FOLDS)]
-    folder.write_table(
-        f"tuned/{search.model.name}-grid.csv",
-        [*grid.candidates[0], "differing_candidate", "r2_mean", *folds],
-        (
-            [*candidate.values(), numbers[name], means.get(name, ""), *search.folds(name)]
-            for candidate, name in zip(grid.candidates, grid.canonical, strict=True)
-        ),
-    )
 
 
 def write_fit(

@@ -158,7 +158,7 @@ class GridSearch:
         """Go on beyond the ends of a grid as long as the winner lies on one, in time."""
         while not self.stopping() and self.winner in self.grid.differing:
             before, judged = self.grid, self.judged
-            self.grid = before.extended(before.first(self.winner))
+            self.grid = before.extended(before.first[self.winner])
             new = self.grid.differing.keys() - before.differing.keys()
             wider = [family for family in self.grid.families if not new.isdisjoint(family)]
             tasks = self.tasks(wider, self.training.rows)
@@ -251,7 +251,7 @@ class GridSearch:
             ),
             "baseline_fits": int(np.isfinite(self.folds(own)).sum()),
             "winner": "baseline" if self.winner == own else place,
-            "ends": [*grid.ends(grid.first(self.best) if self.best else grid.candidates[0])],
+            "ends": [*grid.ends(grid.first[self.best] if self.best else grid.candidates[0])],
             **{
                 key: [100 * r2 for r2 in self.folds(name)] if self.means([name]) else []
                 for key, name in deciding.items()

@@ -100,12 +100,13 @@ def test_scores_and_winner_are_those_of_scikit_learns_grid_search(
     results = reference.cv_results_
     expected = np.stack([results[f"split{fold}_test_score"] for fold in range(5)], axis=1)
     assert np.isfinite(expected).all()
-    folds, means = [*map(search.folds, grid.canonical)], search.means(grid.differing)
+    names = [*map(grid.name_of, grid.candidates)]
+    folds, means = [*map(search.folds, names)], search.means(grid.differing)
     np.testing.assert_allclose(folds, expected, rtol=0, atol=1e-10)
-    means = [means[name] for name in grid.canonical]
+    means = [means[name] for name in names]
     np.testing.assert_allclose(means, results["mean_test_score"], atol=1e-10)
     best = results["params"][int(np.argmin(results["rank_test_score"]))]
-    assert grid.first(search.winner) == {key.partition("__")[2]: best[key] for key in best}
+    assert grid.first[search.winner] == {key.partition("__")[2]: best[key] for key in best}
     assert report["fits"] == 5 * len(grid.families)
     if space is REDUCED[model] and model != "gaussian-process":
         assert len(grid.families) < len(grid.candidates)
@@ -194,10 +195,10 @@ def test_a_search_goes_on_beyond_the_end_at_which_its_winner_lies(searching, tri
     found = replace(search)
     found.exhaust()
     added = found.grid.candidates[9:]
-    best = found.grid.first(found.winner)
+    best = found.grid.first[found.winner]
     assert [each["max_depth"] for each in added if each["min_samples_leaf"] == 1][:3] == [4, 5, 6]
     assert best["max_depth"] == 6
-    assert search.grid.first(search.best)["max_depth"] == 3
+    assert search.grid.first[search.best]["max_depth"] == 3
     before = dict(trials.finished)
     search.exhaust()
     assert search.means(search.grid.differing) == found.means(found.grid.differing)
