@@ -43,11 +43,6 @@ class Executor:
     world: farm.World = field(default_factory=farm.World)
     _held: object = None
 
-    @property
-    def workers(self) -> int:
-        """Number of processes that compute."""
-        return self.world.workers
-
     def run(
         self,
         work: Callable[[Shared, Task], Result],

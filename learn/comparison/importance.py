@@ -31,9 +31,6 @@ SHUFFLES = 5
 SIZES = (30, 23, 20, 16, 12, 8, 6, 4, 3, 2, 1)
 """Numbers of inputs that are kept, the strongest first."""
 
-COLUMNS = ("inputs", "nmse", "nmae", "nmaxe", "r2", "fit_s", "predict_test_s", "dropped")
-"""Columns of selection.csv after the model."""
-
 
 def write_report(request: Request, say: Callable[[str], None]) -> Iterator[Path]:
     """Rank the inputs, fit the model to fewer of them; yield the tables and the picture written.
@@ -76,15 +73,15 @@ def write_report(request: Request, say: Callable[[str], None]) -> Iterator[Path]
             say(f"  warning: {remark}")
         header = ["input", "r2_loss_percent", "deviation"]
         yield folder.write_table("importance.csv", header, worths)
-        lines = [[model.name, *(each[name] for name in COLUMNS)] for each in kept]
-        yield folder.write_table("selection.csv", ["model", *COLUMNS], lines)
+        lines = [[model.name, *each.values()] for each in kept]
+        yield folder.write_table("selection.csv", ["model", *kept[0]], lines)
         yield _draw(worths, kept, model.title, folder.path / "importance.png")
 
 
 def _selections(
     model: Any, training: Training, names: list[str], ranked: Indices
 ) -> list[dict[str, Any]]:
-    """Fit a model to fewer and fewer of its inputs, which are given by their rank."""
+    """Fit a model to fewer and fewer of its inputs, by their rank; return rows of selection.csv."""
     selections, before, beside = [], [*ranked], training.beside()
     for size in (size for size in SIZES if size <= len(ranked)):
         kept = sorted(ranked[:size])

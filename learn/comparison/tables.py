@@ -10,14 +10,13 @@ import textwrap
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from rich.table import Table
 
 from gen.runtime.errors import InputError
 from gen.runtime.figure import draw_parity, new_figure, parity_axes, save
-from gen.runtime.terminal import echo, print_table, to_type
+from gen.runtime.terminal import echo, print_columns, to_type
 from learn.comparison import paper
 from learn.comparison.folder import Folder
 from learn.comparison.grid import LEAST_JUDGED, LIBRARY, LIBRARY_ROWS, TABLE_2, space_of
@@ -39,9 +38,6 @@ WHY_BASELINE = "the baseline wins, no candidate is better over five folds of all
 WINNERS = {"optimum": "the paper's optimum", "baseline": "the baseline"}
 """Names of the winners' places for people, where they are others."""
 
-EXTENT = ("rows", "candidates", "candidates_differing", "candidates_scored", "fits_nominal", "fits")
-"""The extent of a search: keys of a result, and columns of tuning.csv."""
-
 DECIDED = {
     "winner_r2": "r2_folds",
     "grid_r2": "grid_r2_folds",
@@ -53,7 +49,10 @@ DECIDED = {
 TIMES = {"fit_s": "fit", "fits": "fits", "predict_test_s": "test", "predict_row_s": "row"}
 """Columns of times.csv after model and result, and the times of a result that they have."""
 
-TUNING = ("model", "grid", "searched", *EXTENT, "winner", *DECIDED, "settings")
+TUNING = (
+    *("model", "grid", "searched", "rows", "candidates", "candidates_differing"),
+    *("candidates_scored", "fits_nominal", "fits", "winner", *DECIDED, "settings"),
+)
 """Columns of tuning.csv."""
 
 COLOURS = {"baseline": "tab:blue", "tuned": "tab:orange"}
@@ -64,9 +63,6 @@ DOTS: dict[str, dict[str, Any]] = {
     "tuned": {"marker": ".", "ms": 2, "ls": "none", "zorder": 2},
 }
 """Looks of predictions: circles of the baseline stay visible round the dots of tuned models."""
-
-BESIDE = 0.13
-"""Distance of a whisker from the middle of its bar, where the number stands."""
 
 DPI = 120
 """Dots per inch: pictures are about 1,400 wide then."""
@@ -92,11 +88,6 @@ class Tables:
     def target(self) -> str:
         """Column of the target."""
         return str(self.record["conditions"]["target"])
-
-    @property
-    def how_drawn(self) -> str:
-        """How the intervals were made, in words."""
-        return f"{BOOTSTRAP:,} resamples of {self.drawn}; nMaxE has none"
 
 
 def names(target: str) -> list[str]:
@@ -196,16 +187,37 @@ def show(tables: Tables) -> None:
         f"{tables.folder.path}: {tables.target}, {conditions['train_rows']} training rows,"
         f" {conditions['test_rows']} test rows{limited}; {tables.record['threads']} thread"
     )
-    print_table(_score_table(tables))
-    if tables.drawn:
-        how = f"bootstrap, {tables.how_drawn}"
-        echo(f"{100 * LEVEL:g} % intervals of the scores on the test rows [%]: {how}")
-    if tables.spread and tables.target == OUR_AREA:
-        echo(nmse_note(tables.spread))
+    echo("Scores on the test rows [%] with their intervals, times [s]; the paper's in brackets:")
+    numbers = (*(SCORES[name] for name in names(tables.target)), "fit", "test set", "one row")
+    print_columns(_scored(tables), ("Model", "", *numbers), right=numbers)
+    for line in _notes(tables):
+        echo(line)
     if any(row["result"] == "tuned" for row in tables.rows):
-        print_table(_search_table(tables))
+        echo(
+            "Searches: means of R2 over the five folds of all rows [%], which decide; sum of the"
+            " fits' times [s], the paper's tuning time in brackets:"
+        )
+        numbers = ("R2", "baseline", "candidates", "differ", "fits", "of", "time")
+        texts = ("Model", "Grid", "Searched", "Winner", "Best settings")
+        print_columns(_searches(tables), (*texts, *numbers), right=numbers)
     for line in _remarks(tables):
         echo(line)
+
+
+def _notes(tables: Tables) -> Iterator[str]:
+    """Yield how the intervals were made, and what the nMSE is, for tables and pictures."""
+    if tables.drawn:
+        yield (
+            f"{100 * LEVEL:g} % intervals of the scores on the test rows [%]: bootstrap,"
+            f" {BOOTSTRAP:,} resamples of {tables.drawn}; nMaxE has none"
+        )
+    if tables.spread and tables.target == OUR_AREA:
+        yield (
+            "nMSE has the target's unit: it is (1 - R2) times the variance of the test rows' areas"
+            f" over their mean, {tables.spread:.2g} % of area here and {paper.SPREAD:.2g} % in the"
+            f" paper. At the same R2 the nMSE is {tables.spread / paper.SPREAD:.2g} times the"
+            " paper's: compare R2."
+        )
 
 
 def _remarks(tables: Tables) -> Iterator[str]:
@@ -254,15 +266,6 @@ def label(model: str, kind: str) -> str:
     return "baseline: the paper's" if kind == "baseline" and model in LIBRARY else kind
 
 
-def nmse_note(spread: float) -> str:
-    """Explain the nMSE by the variance of the solved test areas over their mean [%]."""
-    return (
-        "nMSE has the target's unit: it is (1 - R2) times the variance of the test rows' areas over"
-        f" their mean, {spread:.2g} % of area here and {paper.SPREAD:.2g} % in the paper. At the"
-        f" same R2 the nMSE is {spread / paper.SPREAD:.2g} times the paper's: compare R2."
-    )
-
-
 def no_better_than_constant(tables: Tables) -> Iterator[tuple[Row, str]]:
     """Yield the rows of models that a constant predicts as well, and say so."""
     for row in tables.rows:
@@ -270,17 +273,14 @@ def no_better_than_constant(tables: Tables) -> Iterator[tuple[Row, str]]:
             yield row, f"{EVERY[row['model']].title}, {row['result']}: {said}"
 
 
-def _score_table(tables: Tables) -> Table:
-    """Return a table like Table 4, with the paper's numbers in brackets, intervals below."""
-    title = "Scores on the test rows [%] with their intervals, times [s]; the paper's in brackets"
-    numbers = (*(SCORES[name] for name in names(tables.target)), "fit", "test set", "one row")
-    table = new_table(title, ("Model", ""), numbers)
+def _scored(tables: Tables) -> Iterator[list[str]]:
+    """Yield the lines of a table like Table 4, with the paper's numbers in brackets."""
     for row in tables.rows:
         model, kind = row["model"], row["result"]
         won = row["winner"] == "baseline"
         cells = [EVERY[model].title, f"{kind}: baseline" if won else label(model, kind)]
         if row["r2"] == "":
-            table.add_row(*cells, "failed")
+            yield [*cells, "failed"]
             continue
         theirs = row.get("paper_r2", "") != ""
         for name in names(tables.target):
@@ -291,45 +291,27 @@ def _score_table(tables: Tables) -> Table:
         for place, name in enumerate(("fit_s", "predict_test_s")):
             published = f" ({paper.TIMES[kind][model][place]:.3g})" if theirs else ""
             cells.append(f"{_seconds(row[name])}{published}")
-        table.add_row(*cells, _seconds(row["predict_row_s"]))
-    return table
+        yield [*cells, _seconds(row["predict_row_s"])]
 
 
-def _search_table(tables: Tables) -> Table:
-    """Return a table like Table 3: extent and winners of the searches, the paper's times beside."""
-    title = (
-        "Searches: means of R2 over the five folds of all rows [%], which decide; sum of the fits'"
-        " times [s], the paper's tuning time in brackets"
-    )
-    texts = ("Model", "Grid", "Searched", "Winner", "Best settings")
-    numbers = ("R2", "baseline", "candidates", "differ", "fits", "of", "time")
-    table = new_table(title, texts, numbers)
+def _searches(tables: Tables) -> Iterator[list[str]]:
+    """Yield the lines of a table like Table 3: extent and winners of the searches."""
     for row in (row for row in tables.rows if row["result"] == "tuned"):
         if not row["search"]:
-            table.add_row(EVERY[row["model"]].title, "", row["failure"].partition(":")[0])
+            yield [EVERY[row["model"]].title, "", row["failure"].partition(":")[0]]
             continue
         search = _searched(row)
         published = tables.target == OUR_AREA and search["paper_s"] != ""
         theirs = f" ({search['paper_s']:.0f})" if published else ""
         means = (search[name] for name in ("winner_r2", "baseline_r2"))
         extent = ("candidates", "candidates_differing", "fits", "fits_nominal")
-        table.add_row(
+        yield [
             *(EVERY[row["model"]].title, search["grid"], search["searched"]),
-            *(WINNERS.get(search["winner"], search["winner"]), search["settings"]),
+            *(str(WINNERS.get(search["winner"], search["winner"])), search["settings"]),
             *("" if mean == "" else f"{mean:.2f}" for mean in means),
             *(str(search[name]) for name in extent),
             f"{_seconds(search['fit_seconds'])}{theirs}",
-        )
-    return table
-
-
-def new_table(title: str, texts: tuple[str, ...], numbers: tuple[str, ...]) -> Table:
-    """Return a table without rows, with columns of texts and of numbers."""
-    table = Table(title=title)
-    for column in (*texts, *numbers):
-        unbroken = column in {"Model", "", *SCORES.values()}
-        table.add_column(column, justify="right" if column in numbers else "left", no_wrap=unbroken)
-    return table
+        ]
 
 
 def _seconds(value: float) -> str:
@@ -353,7 +335,12 @@ def draw(tables: Tables) -> list[Path]:
         "scores.png": _bars(shown, names(tables.target)),
         "times.png": _bars(shown, [name for name in TIMES if name != "fits"]),
     }
-    figures["scores.png"].axes[0].set_title(_said(tables, shown), fontsize=8, loc="left")
+    said, won = [*_notes(tables)], [row for row in shown if row["winner"] == "baseline"]
+    if won:
+        titles = ", ".join(EVERY[row["model"]].title for row in won)
+        said.insert(0, f"tuned is the baseline, which won the search: {titles}")
+    text = "\n".join(textwrap.fill(line, 150) for line in said)
+    figures["scores.png"].axes[0].set_title(text, fontsize=8, loc="left")
     return [save(figure, folder.path / name, dpi=DPI) for name, figure in figures.items()]
 
 
@@ -377,38 +364,22 @@ def _parity(folder: Folder, places: list[tuple[str, str]], quantity: str) -> Any
     return figure
 
 
-class Panel(NamedTuple):
-    """What a panel of bars shows: its title, and how its numbers are written."""
-
-    title: str
-    form: str = "{:.2f}"
-    log: bool = False
-
-
-PANELS = {name: Panel(f"{title} [%]") for name, title in SCORES.items()} | {
-    "r2": Panel("1 - R2 [%]", "{:.3g}", log=True),
-    "fit_s": Panel("fit [s]", "{:.2g}", log=True),
-    "predict_test_s": Panel("prediction of the test set [s]", "{:.2g}", log=True),
-    "predict_row_s": Panel("of one row [s]", "{:.2g}", log=True),
+PANELS = {name: f"{title} [%]" for name, title in SCORES.items()} | {
+    "r2": "1 - R2 [%]",
+    "fit_s": "fit [s]",
+    "predict_test_s": "prediction of the test set [s]",
+    "predict_row_s": "of one row [s]",
 }
-"""Panels of bars by their column."""
+"""Titles of the panels of bars, by their column; all but errors are on a scale of decades."""
 
 
-def _said(tables: Tables, shown: list[Row]) -> str:
-    """Explain the whiskers and the nMSE, and name the models whose baseline won the search."""
-    lines = []
-    if tables.drawn:
-        lines.append(f"whiskers: {100 * LEVEL:g} % bootstrap intervals, {tables.how_drawn}")
-    won = [EVERY[row["model"]].title for row in shown if row["winner"] == "baseline"]
-    if won:
-        lines.append(f"tuned is the baseline, which won the search: {', '.join(won)}")
-    if tables.target == OUR_AREA:
-        lines.append(nmse_note(tables.spread))
-    return "\n".join(textwrap.fill(line, 150) for line in lines)
+def _left(row: Row, column: str, end: str) -> float:
+    """Return the height of a bar, or an end of its interval if it has one, as "_low".
 
-
-def _left(value: float, column: str) -> float:
-    """Return the height of a bar: of R2 what is left of it, since R2 of good models look alike."""
+    Of R2 it is what is left of it, since R2 of good models look alike.
+    """
+    value = row.get(f"{column}{end}", "")
+    value = float(row[column] if value == "" else value)
     return 100 - value if column == "r2" else value
 
 
@@ -418,23 +389,19 @@ def _bars(rows: list[Row], columns: list[str]) -> Any:
     axes = figure.subplots(len(columns), 1, sharex=True, squeeze=False)[:, 0]
     models = list(dict.fromkeys(row["model"] for row in rows))
     for axis, column in zip(axes, columns, strict=True):
-        panel = PANELS[column]
         for kind, shift in zip(COLOURS, (-0.2, 0.2), strict=True):
             own = [row for row in rows if row["result"] == kind]
             if not own:
                 continue
             places = np.array([models.index(row["model"]) for row in own]) + shift
-            heights = [_left(row[column], column) for row in own]
-            bars = axis.bar(places, heights, 0.38, color=COLOURS[kind], label=kind)
-            axis.bar_label(bars, [panel.form.format(height) for height in heights], fontsize=7)
-            for place, height, row in zip(places, heights, own, strict=True):
-                if row.get(f"{column}_low", "") != "":
-                    ends = (_left(row[f"{column}_{end}"], column) for end in ("low", "high"))
-                    low, high = sorted(ends)
-                    reach = [[max(height - low, 0.0)], [max(high - height, 0.0)]]
-                    axis.errorbar(place + BESIDE, height, reach, color="0.2", lw=1, capsize=2)
+            ends = [[_left(row, column, end) for row in own] for end in ("", "_low", "_high")]
+            reach = ends[0] - np.min(ends, axis=0), np.max(ends, axis=0) - ends[0]
+            look = {"color": COLOURS[kind], "label": kind, "ecolor": "0.2", "capsize": 2}
+            bars = axis.bar(places, ends[0], 0.38, yerr=reach if np.any(reach) else None, **look)
+            axis.bar_label(bars, fmt="{:.3g}", fontsize=7)
         axis.set_xticks(range(len(models)), [EVERY[m].title.replace(" ", "\n") for m in models])
         axis.margins(y=0.2)
-        axis.set(ylabel=panel.title, yscale="log" if panel.log else "linear")
+        errors = column in SCORES and column != "r2"
+        axis.set(ylabel=PANELS[column], yscale="linear" if errors else "log")
     axes[0].legend(ncols=2, loc="lower right", bbox_to_anchor=(1, 1))
     return figure

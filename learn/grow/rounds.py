@@ -20,7 +20,7 @@ from gen.generation.sample import completed, compute_rows
 from gen.runtime import farm
 from gen.runtime.errors import InputError
 from gen.runtime.figure import draw_parity, log_axis, parity_axes
-from gen.runtime.terminal import RunProgress, echo, print_table, printable, to_type
+from gen.runtime.terminal import RunProgress, echo, print_columns, to_type
 from gen.scene import Scene, differences
 from gen.schema import Status
 from learn import dataset
@@ -163,8 +163,7 @@ class Growth:
             steepest = error * (rows / self.most) ** EXPONENTS[1]
             if steepest > self.mark or last.number >= EARLIEST:
                 return "hopeless"
-        more = max(WORTH * rows, 1.0)
-        return None if self.left_after(rows + more) >= more * self.row else "budget"
+        return None if self.suffices(rows, max(WORTH * rows, 1.0)) else "budget"
 
     def look(self, rows: int) -> Look | None:
         """Fit a surrogate to the finished rows, judge it and save it; None after a stop.
@@ -208,19 +207,11 @@ class Growth:
         self.say(found.in_words())
         return found
 
-    def left_after(self, rows: float) -> float:
-        """Return the time of the budget that is left once some rows have been looked at [s]."""
+    def suffices(self, rows: int, more: float) -> bool:
+        """Tell whether the budget suffices for more rows than some, and for the look after them."""
         seen, seconds = self.seen
-        return float(self.until - time.time() - seconds * max(rows / seen, 1.0) ** GROWTH)
-
-    def is_over(self, rows: int) -> bool:
-        """Tell whether another row, and the look after it, would end after the budget.
-
-        Rows in the hands of the workers are finished first.
-        """
-        workers = self.executor.workers
-        hands = farm.IN_FLIGHT if workers > 1 else 1
-        return self.left_after(rows) < hands * self.row * workers
+        look = seconds * math.pow(max((rows + more) / seen, 1.0), GROWTH)
+        return self.until - time.time() - look >= more * self.row
 
     def generate(self, scene: Scene, rows: int) -> int:
         """Give the database a number of rows at least, or make it; return how many are finished.
@@ -231,7 +222,7 @@ class Growth:
         of another scene, or cannot be written.
         """
         path, wider = self.path, scene.model_copy(update={"samples": rows})
-        (before, _, seconds), workers = stock(path), self.executor.workers
+        (before, _, seconds), workers = stock(path), self.executor.world.workers
         if before and not self.row:
             self.row = seconds / before / workers
         if before >= rows:
@@ -253,6 +244,8 @@ class Growth:
                     failed = int(np.count_nonzero(columns["status"] == Status.FAILED))
                     progress.advance(block[1] - block[0], failed)
 
+                # Rows in the hands of the workers are finished before another look.
+                hands = farm.IN_FLIGHT * workers if workers > 1 else 1
                 blocks = blocks_of(writer.scene, pending, workers)
                 if self.until < math.inf:  # a stop waits for the tasks under way
                     blocks = (
@@ -263,7 +256,7 @@ class Growth:
                     (writer.scene, path.parent),
                     blocks,
                     take,
-                    stopping=lambda: self.stopping() or self.is_over(before + made),
+                    stopping=lambda: self.stopping() or not self.suffices(before + made, hands),
                 )
             writer.confirm()
         return stock(path)[0]
@@ -301,15 +294,13 @@ def _compute(shared: tuple[Scene, Path], block: Block) -> Columns:
 
 def show(growth: Growth, ending: Ending, found: Look) -> None:
     """Print the end of a growth with its last surrogate."""
-    from rich.table import Table
-
-    card = found.surrogate.card
-    rows, worst = card["rows"], found.worst
+    card, worst = found.surrogate.card, found.worst
+    parts = card["rows"]
     echo(
         f"{growth.request.output}: {card['title']}, {card['features']} features;"
-        f" {found.rows} rows of {growth.path}: {rows['train']} train, {rows['calibration']}"
-        f" calibrate, {rows['test']} held out by {rows.get('split_by', 'surface')},"
-        f" {sum(rows['left_out'].values())} left out"
+        f" {found.rows} rows of {growth.path}: {parts['train']} train, {parts['calibration']}"
+        f" calibrate, {parts['test']} held out by {parts.get('split_by', 'surface')},"
+        f" {sum(parts['left_out'].values())} left out"
     )
     accuracy, bound = found.judged[worst].accuracy, found.bound(worst)
     said = f"{WORDS[ending]}: nMAE of {worst} {accuracy.nmae:.2f} %, at most {bound:.2f} %,"
@@ -330,25 +321,16 @@ def show(growth: Growth, ending: Ending, found: Look) -> None:
         echo(f"{asked[0].upper()}{asked[1:]}. The same command goes on.")
     if card["features"] == SCENE:
         echo("Errors are those of the mean over surfaces, intervals those of a new surface.")
-    table = Table(box=None, pad_edge=False)
-    table.add_column("target")
-    for name in (
-        "nMAE %",
-        "its SE",
-        "at most",
-        "R2 %",
-        f"in {100 * LEVEL:g} % interval",
-        "mean width",
-    ):
-        table.add_column(name, justify="right")
+    rows = []
     for name, judged in found.judged.items():
         about = card["targets"][name]
         numbers = judged.accuracy.nmae, judged.accuracy.error, found.bound(name)
         inside, width = 100 * judged.inside.mean(), np.mean(judged.high - judged.low)
         cells = [f"{each:.2f}" for each in (*numbers, about["scores"]["r2"])]
-        cells += [f"{inside:.1f} %", f"{width:.3g} {printable(about['unit'])}"]
-        table.add_row(printable(name), *cells)
-    print_table(table)
+        rows.append([name, *cells, f"{inside:.1f} %", f"{width:.3g} {about['unit']}"])
+    held = f"in {100 * LEVEL:g} % interval"
+    titles = ("nMAE %", "its SE", "at most", "R2 %", held, "mean width")
+    print_columns(rows, ("target", *titles), right=titles)
     if (curve := found.curve) is not None:
         pairs = zip(curve.rows, curve.nmae, strict=True)
         points = ", ".join(f"{error:.3g} % of {size:.0f}" for size, error in pairs)

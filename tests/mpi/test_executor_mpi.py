@@ -41,7 +41,7 @@ def rounds(executor):
             workers = {pid for _, pid in results.values()}
             assert os.getpid() not in workers
     alone, _ = executor.call(work, second, 4)
-    print(json.dumps([found, alone, Sent.copies, executor.workers]), flush=True)
+    print(json.dumps([found, alone, Sent.copies, executor.world.workers]), flush=True)
 
 def failing_work(executor):
     executor.run(work, Sent(1), [1, -5, 2], lambda *pair: None)
