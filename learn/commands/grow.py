@@ -30,8 +30,7 @@ SurrogateFile = Annotated[
     ),
 ]
 
-LARGEST_NMAE = 1000.0
-"""Largest error to grow to [%]; a surrogate that always answers 0 has 100 %."""
+LARGEST_NMAE = 1000.0  # largest error to grow to [%]; a surrogate that always answers 0 has 100 %
 
 
 class Goal(NamedTuple):

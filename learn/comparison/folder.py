@@ -33,11 +33,8 @@ from learn.features.scene import SCENE
 from learn.models import EVERY, versions
 from learn.split import FOLDS, Split
 
-KINDS = ("baseline", "library", "tuned")
-"""Kinds of results, and the names of their folders."""
-
-LARGEST = 1e30
-"""Bound of the targets' values: the axes of a picture take no larger ones."""
+KINDS = ("baseline", "library", "tuned")  # kinds of results, and the names of their folders
+LARGEST = 1e30  # bound of the targets' values: the axes of a picture take no larger ones
 
 Count = Annotated[int, Field(ge=0, le=2**53)]
 Seconds = Annotated[float, Field(ge=0, le=1e15)]

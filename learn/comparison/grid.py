@@ -54,11 +54,8 @@ SCALED_OPTIMA: dict[str, Settings] = {
 }
 """Points of these grids that serve where nothing was searched."""
 
-TABLE_2 = "Table 2"
-"""Name of the paper's grids in results and tables."""
-
-WHOLE = "whole grid"
-"""The words in a result for a search that left no candidate out."""
+TABLE_2 = "Table 2"  # name of the paper's grids in results and tables
+WHOLE = "whole grid"  # the words in a result for a search that left no candidate out
 
 
 def space_of(model: str, features: str) -> tuple[str, Space, Settings]:
@@ -97,8 +94,7 @@ LIBRARY_ROWS = 1000
 LEAST_JUDGED = 10
 """Candidates that have to be judged over five folds of all rows before a search has a winner."""
 
-BEYOND = 3
-"""Values that a search tries at most beyond each end of a setting's values."""
+BEYOND = 3  # values that a search tries at most beyond each end of a setting's values
 
 SMALLEST = {"min_samples_split": 2}
 """Smallest whole number that a setting can have; 1 of all others."""

@@ -25,8 +25,7 @@ from learn.executor import Executor
 from learn.metrics import scores
 from learn.models import check_memory, models_named, remarks
 
-SHUFFLES = 5
-"""Times that an input is shuffled: enough for a mean and its scatter."""
+SHUFFLES = 5  # times that an input is shuffled: enough for a mean and its scatter
 
 SIZES = (30, 23, 20, 16, 12, 8, 6, 4, 3, 2, 1)
 """Numbers of inputs that are kept, the strongest first."""

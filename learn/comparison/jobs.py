@@ -43,14 +43,9 @@ from learn.models import (
 )
 from learn.split import FOLDS
 
-FITS = (3, 7)
-"""Fewest and most fits that a median is over."""
-
-ENOUGH = 5.0
-"""Seconds after which the fewest repetitions are enough."""
-
-TOO_LONG = 300.0
-"""Seconds after which no further repetition is begun."""
+FITS = (3, 7)  # fewest and most fits that a median is over
+ENOUGH = 5.0  # seconds after which the fewest repetitions are enough
+TOO_LONG = 300.0  # seconds after which no further repetition is begun
 
 note = partial(echo, err=True)
 """Print a line for the user on standard error."""

@@ -147,8 +147,7 @@ TEST: dict[str, dict[str, Scores]] = {"baseline": {}, "tuned": {}}
 TIMES: dict[str, dict[str, tuple[float, float]]] = {"baseline": {}, "tuned": {}}
 """Times of the fit and of predicting the whole test set, by kind and model [s]."""
 
-TUNING_SECONDS: dict[str, float] = {}
-"""Times of the grid searches, by model [s]."""
+TUNING_SECONDS: dict[str, float] = {}  # times of the grid searches, by model [s]
 
 for _line in PUBLISHED.split("\n")[1:-1]:
     _model, *_cells = _line.split()

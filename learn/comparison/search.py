@@ -33,17 +33,10 @@ from learn.executor import Executor
 from learn.models import Model
 from learn.split import FOLDS
 
-STEP_FOLDS = 2
-"""Folds on which a step ranks its candidates."""
-
-JUDGED = 0.75
-"""Share of the time after which no candidate is judged any more."""
-
-FACTOR = 3
-"""Of three candidates one goes on, with three times the rows."""
-
-LEAST_ROWS = 300
-"""Training rows of the first step at least."""
+STEP_FOLDS = 2  # folds on which a step ranks its candidates
+JUDGED = 0.75  # share of the time after which no candidate is judged any more
+FACTOR = 3  # of three candidates one goes on, with three times the rows
+LEAST_ROWS = 300  # training rows of the first step at least
 
 Family = tuple[str, ...]
 """Names of the candidates that one fit serves; the baseline is served alone."""

@@ -29,8 +29,7 @@ SCORES = {"nmse": "nMSE", "nmae": "nMAE", "nmaxe": "nMaxE", "r2": "R2"}
 OUR_AREA = "area_percent"
 """The target of the paper's tables: beside any other its numbers would mislead."""
 
-NOT_SEARCHED = "not searched"
-"""Name of the winner of a search that judged too few candidates."""
+NOT_SEARCHED = "not searched"  # name of the winner of a search that judged too few candidates
 
 WHY_BASELINE = "the baseline wins, no candidate is better over five folds of all rows"
 """What is said of a search that no candidate has won."""
@@ -55,8 +54,7 @@ TUNING = (
 )
 """Columns of tuning.csv."""
 
-COLOURS = {"baseline": "tab:blue", "tuned": "tab:orange"}
-"""Colours of the kinds of results."""
+COLOURS = {"baseline": "tab:blue", "tuned": "tab:orange"}  # colours of the kinds of results
 
 DOTS: dict[str, dict[str, Any]] = {
     "baseline": {"marker": "o", "ms": 4, "mew": 0.5, "mfc": "none", "ls": "none", "zorder": 1},
@@ -64,8 +62,7 @@ DOTS: dict[str, dict[str, Any]] = {
 }
 """Looks of predictions: circles of the baseline stay visible round the dots of tuned models."""
 
-DPI = 120
-"""Dots per inch: pictures are about 1,400 wide then."""
+DPI = 120  # dots per inch: pictures are about 1,400 wide then
 
 Row = dict[str, Any]
 

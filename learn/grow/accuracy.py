@@ -35,35 +35,19 @@ from learn.split import FOLDS, TILE, Split
 from learn.surrogate.learnt import Learnt
 from learn.surrogate.model import Surrogate
 
-RISK = 0.05
-"""Largest probability that a surrogate is accepted although its error is above the mark."""
-
-SMALLEST_ROWS = 60
-"""Rows of the smallest database, at least."""
-
-SMALLEST_SURFACES = 20
-"""Surfaces of the smallest database, at least."""
-
-RATIO = math.sqrt(2)
-"""Ratio of two successive sizes."""
-
-SHARE = 5
-"""One of this many surfaces, or tiles, is in the holdout."""
+RISK = 0.05  # largest probability that a surrogate is accepted although its error is above the mark
+SMALLEST_ROWS = 60  # rows of the smallest database, at least
+SMALLEST_SURFACES = 20  # surfaces of the smallest database, at least
+RATIO = math.sqrt(2)  # ratio of two successive sizes
+SHARE = 5  # one of this many surfaces, or tiles, is in the holdout
 
 KEY = 20_260
 """Key of the draw's stream of random numbers, which belongs to no other part of a scene."""
 
-LEVEL = 0.9
-"""Coverage of the intervals that are looked at."""
-
-FUNCTIONS = 400
-"""Functions that a process might be, of which errors of its mean are taken."""
-
-POINTS = 4
-"""Looks of a learning curve, at least."""
-
-EXPONENTS = (0.1, 1.0)
-"""Smallest and largest exponent of a curve."""
+LEVEL = 0.9  # coverage of the intervals that are looked at
+FUNCTIONS = 400  # functions that a process might be, of which errors of its mean are taken
+POINTS = 4  # looks of a learning curve, at least
+EXPONENTS = (0.1, 1.0)  # smallest and largest exponent of a curve
 
 
 def size(number: int, per_surface: int) -> int:

@@ -45,17 +45,13 @@ from learn.split import Split, require_tiles
 from learn.surrogate import fitting
 from learn.surrogate.model import Surrogate
 
-GROWTH = 2.0
-"""Exponent with which the time of a look grows with the rows."""
+GROWTH = 2.0  # exponent with which the time of a look grows with the rows
 
 WORTH = 0.05
 """Rows of a round over those that there are, at least, if the budget is to be spent on them."""
 
-EARLIEST = 7
-"""Number of the smallest size at which a growth gives up by its learning curve."""
-
-PATIENT = 4
-"""Number of the size from which on rows that are too few for a fit are an error."""
+EARLIEST = 7  # number of the smallest size at which a growth gives up by its learning curve
+PATIENT = 4  # number of the size from which on rows that are too few for a fit are an error
 
 Ending = Literal["met", "budget", "rows", "hopeless", "interrupted"]
 """Why a growth ends: the mark is met, the budget or the allowed rows are used up, the learning
