@@ -44,7 +44,7 @@ class Model:
     own: Mapping[str, Any] = field(default_factory=dict)  # the baseline's, on top of the library's
     # Settings that all candidates of a search share, in their last fit too.
     tuned: Mapping[str, Any] = field(default_factory=dict)
-    staged: str = ""  # setting of which one fit yields the predictions of all smaller numbers
+    shared: str = ""  # setting of which one fit yields the predictions of all values
     ignored: str = ""  # setting of the paper's grid that the library ignores today, and warns of
 
     def estimator(self, seed: int, *, tuned: bool = False) -> Any:
@@ -87,21 +87,21 @@ MODELS: dict[str, Model] = {
             "random-forest",
             "Random Forest",
             "sklearn.ensemble.RandomForestRegressor",
-            staged="n_estimators",
+            shared="n_estimators",
         ),
         Model(
             "adaboost",
             "AdaBoost",
             "sklearn.ensemble.AdaBoostRegressor",
             {"estimator": _tree},
-            staged="n_estimators",
+            shared="n_estimators",
         ),
-        Model("xgboost", "XGBoost", "learn.models.boosted", staged="n_estimators"),
+        Model("xgboost", "XGBoost", "learn.models.boosted", shared="n_estimators"),
         Model(
             "gradient-boost",
             "Gradient Boost",
             "sklearn.ensemble.GradientBoostingRegressor",
-            staged="n_estimators",
+            shared="n_estimators",
             ignored="criterion",
         ),
         Model("svm", "SVM Regressor", "sklearn.svm.SVR"),
@@ -112,7 +112,7 @@ MODELS: dict[str, Model] = {
             {"kernel": partial(_kernel, "fixed"), "optimizer": None},
             {"kernel": _kernel, "optimizer": "fmin_l_bfgs_b"},
         ),
-        Model("kernel-ridge", "Kernel Ridge", "learn.kernel_ridge.SafeKernelRidge"),
+        Model("kernel-ridge", "Kernel Ridge", "learn.kernel_ridge.SafeKernelRidge", shared="alpha"),
         Model(
             "mlp",
             "MLP Regressor",

@@ -26,7 +26,7 @@ from gen.runtime import documents, files
 from gen.runtime.errors import InputError
 from learn import kernel_ridge
 from learn.comparison.folder import Count, Seconds, require_same
-from learn.comparison.grid import Settings, Task, shared_fit
+from learn.comparison.grid import Settings, Task
 from learn.features.sets import Scaling
 from learn.models import (
     EVERY,
@@ -153,7 +153,7 @@ def fit(training: Training, task: Task) -> list[Trial]:
     inside = np.flatnonzero(~outside)[: task.rows]
     data = training.inputs[inside], training.target[inside], training.inputs[outside]
     check_memory(task.model, inside.size)
-    shared = "" if task.baseline else shared_fit(model)
+    shared = "" if task.baseline else model.shared
     common = {k: v for k, v in candidates[0].items() if k != shared}
     with remarks() as said:
         began = perf_counter()

@@ -155,7 +155,7 @@ class Grid:
             name = key(settings)
             if name not in self.first:
                 self.first[name], self.differing[name] = candidate, settings
-                family = key({k: v for k, v in settings.items() if k != shared_fit(model)})
+                family = key({k: v for k, v in settings.items() if k != model.shared})
                 families.setdefault(family, []).append(name)
         self.families = [tuple(names) for names in families.values()]
 
@@ -181,7 +181,7 @@ class Grid:
         They have the winner's settings but for the one that goes on, and all values that one fit
         serves.
         """
-        shared, further = shared_fit(self.model), [*self.candidates]
+        shared, further = self.model.shared, [*self.candidates]
         for name, value in self.ends(winner).items():
             next_one = {**winner, name: value}
             served = self.space[shared] if shared in winner and shared != name else []
@@ -198,11 +198,6 @@ class Task:
     fold: int  # left out of the training, and predicted
     rows: int  # for training at most
     baseline: bool = False  # True for the baseline, without the settings that candidates share
-
-
-def shared_fit(model: Model) -> str:
-    """Return the name of the setting whose values share one fit, "" if there is none."""
-    return "alpha" if model.name == "kernel-ridge" else model.staged
 
 
 def canonical_settings(model: Model, candidate: Mapping[str, Any], inputs: int) -> Settings:

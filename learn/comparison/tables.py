@@ -77,8 +77,6 @@ class Tables:
 
     folder: Folder
     record: dict[str, Any]  # the folder's description
-    drawn: str  # what the intervals are drawn from, as "12 surfaces"; "" if there are none
-    spread: float  # variance of the solved test values over their mean, in the target's unit
     rows: list[Row]
 
     @property
@@ -106,7 +104,7 @@ def columns(target: str) -> list[str]:
 def read(folder: Folder) -> Tables:
     """Make the tables of a folder; InputError is raised if predictions or groups are damaged."""
     record = folder.record()
-    target, drawn, middle, rows = record["conditions"]["target"], "", 0.0, []
+    target, rows = record["conditions"]["target"], []
     for model, kind, result in folder.results():
         search = result.get("search") or {}
         row: Row = dict.fromkeys(columns(target), "")
@@ -125,7 +123,7 @@ def read(folder: Folder) -> Tables:
                 raise InputError(f"{path} has {given}: move it away")
             if truth.size < 2 or np.ptp(truth) == 0:
                 raise InputError(f"{path} cannot be read: the truth does not vary: move it away")
-            row["variance_over_mean"] = middle = spread(truth)
+            row["variance_over_mean"] = spread(truth)
             if ends := bootstrap(truth, prediction, LEVEL, groups):
                 by = "surface" if record.get("split_by_surface", True) else "row"
                 drawn = f"{np.unique(groups).size} {'tile' if record.get('split_by_tile') else by}s"
@@ -136,7 +134,7 @@ def read(folder: Folder) -> Tables:
             row |= {column: own[name] for column, name in TIMES.items()}
             row["fit_seconds"] = own["search"]
         rows.append(row | {"settings": result.get("settings", {}), "search": search})
-    return Tables(folder, record, drawn, middle, rows)
+    return Tables(folder, record, rows)
 
 
 def winner_of(search: Row) -> str:
@@ -203,17 +201,18 @@ def show(tables: Tables) -> None:
 
 def _notes(tables: Tables) -> Iterator[str]:
     """Yield how the intervals were made, and what the nMSE is, for tables and pictures."""
-    if tables.drawn:
+    for drawn in {row["drawn"] for row in tables.rows} - {""}:
         yield (
             f"{100 * LEVEL:g} % intervals of the scores on the test rows [%]: bootstrap,"
-            f" {BOOTSTRAP:,} resamples of {tables.drawn}; nMaxE has none"
+            f" {BOOTSTRAP:,} resamples of {drawn}; nMaxE has none"
         )
-    if tables.spread and tables.target == OUR_AREA:
+    middle = max((float(row["variance_over_mean"] or 0) for row in tables.rows), default=0.0)
+    if middle and tables.target == OUR_AREA:
         yield (
             "nMSE has the target's unit: it is (1 - R2) times the variance of the test rows' areas"
-            f" over their mean, {tables.spread:.2g} % of area here and {paper.SPREAD:.2g} % in the"
-            f" paper. At the same R2 the nMSE is {tables.spread / paper.SPREAD:.2g} times the"
-            " paper's: compare R2."
+            f" over their mean, {middle:.2g} % of area here and {paper.SPREAD:.2g} % in the paper."
+            f" At the same R2 the nMSE is {middle / paper.SPREAD:.2g} times the paper's: compare"
+            " R2."
         )
 
 

@@ -54,8 +54,6 @@ EARLIEST = 7  # number of the smallest size at which a growth gives up by its le
 PATIENT = 4  # number of the size from which on rows that are too few for a fit are an error
 
 Ending = Literal["met", "budget", "rows", "hopeless", "interrupted"]
-"""Why a growth ends: the mark is met, the budget or the allowed rows are used up, the learning
-curve does not come to the mark, or a signal has come."""
 
 COLOUR, MARK = "tab:blue", "tab:red"
 
@@ -65,7 +63,7 @@ WORDS: dict[Ending, str] = {
     "rows": "The allowed rows are used up before the mark is met",
     "hopeless": "The mark is out of reach of this model with these features",
 }
-"""Why a growth has ended."""
+"""Why a growth has ended, if no signal has come."""
 
 
 def stock(path: Path) -> tuple[int, int, float]:
