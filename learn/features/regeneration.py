@@ -9,7 +9,6 @@ rows that are new or have changed are computed, and an interrupted run continues
 from __future__ import annotations
 
 import hashlib
-import math
 import time
 import zlib
 from collections.abc import Callable
@@ -29,7 +28,7 @@ from gen.runtime.terminal import RunProgress
 from gen.scene import Scene
 from gen.schema import PHYSICS, Status
 from learn.executor import Executor
-from learn.features.sets import BLOCKS, HYBRID, SETS, STATISTICS, FeatureSet, by_pressure
+from learn.features.sets import BLOCKS, HYBRID, SETS, STATISTICS, FeatureSet
 from learn.features.surface import LOOSE, SurfaceFeatures
 
 if TYPE_CHECKING:
@@ -105,7 +104,7 @@ def hybrid_rows(
 
 def _content(part: Stored, blocks: int, *, pressed: bool) -> tuple[Path, dict[str, Any]]:
     """Return the file beside a database, and what it should hold: values are NaN that it lacks."""
-    scene, (x, y) = part.scene, part.scene.grid.sides
+    scene = part.scene
     finer = "" if blocks == BLOCKS else f"-{blocks}"
     finer += "-by-pressure" if pressed else ""
     cache = part.path.with_name(f"{part.path.name}.pressed{finer}.npz")
@@ -115,9 +114,6 @@ def _content(part: Stored, blocks: int, *, pressed: bool) -> tuple[Path, dict[st
     key = hashlib.sha256(text.encode()).hexdigest()
     drawn = [part.columns["hardness"]] if scene.contact.draws_hardness else []
     inputs = np.column_stack([part.inputs, *drawn])
-    if pressed:
-        pressure = part.numbers.given["force"] / (x * y)
-        inputs[:, 0] = by_pressure(pressure, math.sqrt(x * y), scene.contact.e_star)
     values = kept(cache, key, inputs, len(HYBRID) + pressed)
     return cache, {"key": key, "inputs": inputs, "values": values}
 

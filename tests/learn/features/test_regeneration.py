@@ -1,6 +1,7 @@
 """Surfaces of a database, generated again for hybrid features."""
 
 import io
+import math
 import zipfile
 from dataclasses import replace
 
@@ -29,21 +30,24 @@ def hybrid_rows(database, executor, stopping, blocks=BLOCKS):
     return regeneration.hybrid_rows(part, executor, stopping, features)[1]
 
 
-@pytest.mark.parametrize("blocks", BLOCK_COUNTS)
-def test_rows_have_what_surrogates_see_of_their_surfaces(population, blocks):
-    """Each number of blocks is kept in a file of its own, beside the database."""
-    hybrid_rows(population, Executor(), never, blocks)
-    beside = f"{population.name}.pressed{'-65' if blocks == 65 else ''}.npz"
-    assert population.with_name(beside).exists()
-    rows = read(population, features="hybrid", roots=True, blocks=blocks)
-    with Reader(population) as reader:
-        scene, deltas = reader.scene, reader.column("delta")
-    plan, ratio = parameters(scene, 0, scene.samples), 0.1 if scene.contact.hardness else None
+@pytest.mark.parametrize(
+    ("blocks", "load"), [*((each, "") for each in BLOCK_COUNTS), (33, "pressure")]
+)
+def test_rows_have_what_surrogates_see_of_their_surfaces(population, blocks, load):
+    """Each number of blocks, and each load, is kept in a file of its own, beside the database."""
+    rows = read(population, features="hybrid", roots=True, blocks=blocks, load=load)
+    kind = f"{'-65' if blocks == 65 else ''}{'-by-pressure' if load else ''}"
+    assert population.with_name(f"{population.name}.pressed{kind}.npz").exists()
     row = rows.rows[17]
+    with Reader(population) as reader:
+        scene, delta, force = reader.scene, reader.column("delta"), reader.column("force")[row]
+    plan, ratio = parameters(scene, 0, scene.samples), 0.1 if scene.contact.hardness else None
     heights, boundary = surface_of(scene, plan, row), scene.contact.boundary
     own = SurfaceFeatures(heights, scene.sides, scene.spacing, boundary=boundary)
-    again = rows.features.of(own.rows(rows.features, deltas[row : row + 1], ratio))
-    np.testing.assert_array_equal(rows.inputs[17], again[0])
+    cells = heights.size * math.prod(scene.spacing)
+    loads = np.array([force / cells]) if load else delta[row : row + 1]
+    again = rows.features.of(own.rows(rows.features, loads, ratio, scene.contact.e_star))
+    np.testing.assert_allclose(rows.inputs[17], again[0], rtol=1e-9 if load else 0)
 
 
 def test_what_was_computed_is_kept_and_only_what_changed_is_computed_again(
