@@ -201,7 +201,7 @@ class SurfaceFeatures:
 
     def reached(self, load: float, hardness_ratio: float | None, blocks: int) -> float:
         """Return the Delta at which the coarse solve carries a pressure times L / E* [um]."""
-        contact = self._pressed(self._blocks(blocks), None, hardness_ratio, load * self.length)
+        contact = self._pressed(self._blocks(blocks), None, hardness_ratio, load / self.length)
         return contact.delta - self._depth(self._blocks(blocks), 0.0)
 
     def hybrid(
@@ -236,7 +236,7 @@ class SurfaceFeatures:
         coarse: Blocks,
         depth: float | None,
         hardness_ratio: float | None,
-        force: float | None = None,
+        pressure: float | None = None,
     ) -> bem.Contact:
         """Solve the contact of the block means with E* = 1 MPa."""
         means, (step_x, step_y), (nx, ny) = coarse.means, self.spacing, self.heights.shape
@@ -250,7 +250,7 @@ class SurfaceFeatures:
                 means,
                 self.sides,
                 depth,
-                force=force,
+                pressure=pressure,
                 spacing=steps,
                 boundary=self.boundary,
                 hardness=hardness_ratio,
