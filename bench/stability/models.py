@@ -19,6 +19,7 @@ from gen.generation.sample import surface_of
 from gen.runtime.errors import InputError
 from gen.scene import Scene, load
 from gen.statistics import describe
+from learn.comparison.folder import Settings
 from learn.comparison.grid import baseline, space_of
 from learn.dataset import Dataset, Origin, Request, remarks
 from learn.features import chosen
@@ -26,7 +27,7 @@ from learn.features.sets import Rows
 from learn.models import MODELS, STEP
 from learn.surrogate import Surrogate
 from learn.surrogate.calibration import planned
-from learn.surrogate.fitting import Fit, Settings, fit_target
+from learn.surrogate.fitting import Fit, fit_target
 
 Change = Callable[[Dataset], Dataset]
 Check = Callable[["Asked"], Iterator[Finding]]

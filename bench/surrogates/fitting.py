@@ -8,11 +8,12 @@ from numpy.typing import NDArray
 
 from gen.arrays import Values
 from learn import dataset, split
+from learn.comparison.folder import Settings
 from learn.dataset import Dataset, Request
 from learn.features import chosen
 from learn.metrics import Scores, scores
 from learn.surrogate.calibration import planned
-from learn.surrogate.fitting import Fit, Settings, fit_target
+from learn.surrogate.fitting import Fit, fit_target
 from learn.surrogate.interval import Distance
 
 

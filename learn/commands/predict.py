@@ -15,7 +15,7 @@ from gen.runtime.command_line import Trust, grouped, typed
 from gen.runtime.errors import InputError
 from gen.runtime.figure import empty_figure
 from gen.runtime.files import Output, check_outputs, kind_of
-from gen.runtime.terminal import brief, echo, print_table, shown
+from gen.runtime.terminal import brief, echo, print_columns, shown
 
 REASONS = 12  # reasons that are printed at most
 VALUE = re.compile(r" \S+ outside")  # the part of a reason that differs between rows
@@ -128,14 +128,9 @@ def predict(
 
 def _show(rows: Sequence[dict[str, Any]], title: str, doubts: Sequence[str] = ()) -> None:
     """Print the first rows of the table, and the reasons of those outside the training."""
-    from rich.table import Table
-
     hidden = ("_low", "_high", "warnings")  # warnings were said with the surface
     names = [name for name in rows[0] if not name.endswith(hidden)]
-    more = f"... and {len(rows) - SHOWN} more: -o writes all of them"
-    table = Table(title=title, caption=more if len(rows) > SHOWN else None)
-    for name in names:
-        table.add_column(name, justify="left" if name in {"input", "flag", "reason"} else "right")
+    lines = []
     for row in rows[:SHOWN]:
         flagged, cells = row["flag"] == "outside", list[str]()
         for name in names:
@@ -145,8 +140,11 @@ def _show(rows: Sequence[dict[str, Any]], title: str, doubts: Sequence[str] = ()
                 low, high = row[f"{name}_low"], row[f"{name}_high"]
                 text += " (-)" if flagged else f" ({low:.4g} to {high:.4g})"
             cells.append(brief(text) if name == "reason" else text)
-        table.add_row(*cells, style="dim" if flagged else "")
-    print_table(table)
+        lines.append(cells)
+    echo(f"{title}:")
+    print_columns(lines, names, right={*names} - {"input", "flag", "reason"})
+    if len(rows) > SHOWN:
+        echo(f"... and {len(rows) - SHOWN} more: -o writes all of them")
     for doubt in doubts:
         echo(f"warning: {doubt}")
     outside = [row for row in rows if row["flag"] == "outside"]

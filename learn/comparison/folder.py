@@ -136,11 +136,12 @@ def require_same(path: Path, stored: Mapping[str, Any], wanted: Mapping[str, Any
             )
 
 
-class Winner(NamedTuple):
-    """The winner of a search: its settings, and whether it is of the grid or the baseline."""
+class Settings(NamedTuple):
+    """Settings of an estimator, and their origin."""
 
-    settings: dict[str, Any]
-    of_grid: bool
+    values: dict[str, Any]  # those that differ from the model's baseline
+    tuned: bool  # True if the baseline includes what all candidates of a search share
+    origin: str  # in words
 
 
 @dataclass(frozen=True)
@@ -216,7 +217,7 @@ class Folder:
                 if result is not None:
                     yield model, kind, result
 
-    def winner(self, model: str) -> Winner | None:
+    def winner(self, model: str) -> Settings | None:
         """Read the winner of a model's search, None if the folder has none.
 
         Somebody may have edited the file, and with settings outside the grid, which are refused, a
@@ -234,12 +235,12 @@ class Folder:
         if result["search"].get("winner") == "baseline":
             if settings != grids.baseline(model, features):
                 raise InputError(f"{path}: settings = {settings!r} are not those of the baseline")
-            return Winner(settings, of_grid=False)
+            return Settings(settings, False, f"the baseline, by {self.path}")
         grid, space, _ = grids.space_of(model, features)
         for name, value in settings.items():
             if value not in grids.reach(name, space.get(name, [])):
                 raise InputError(f"{path}: {name} = {value!r} is not in the grid {grid!r}")
-        return Winner(settings, of_grid=True)
+        return Settings(settings, True, f"tuned in {self.path}")
 
     def prediction(self, kind: str, model: str) -> tuple[Values, Values]:
         """Read truth and prediction of the test rows, each of shape (m,), in the target's unit."""

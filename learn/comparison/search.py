@@ -187,10 +187,9 @@ class GridSearch:
     @property
     def judged(self) -> int:
         """Number of candidates whose fits to all rows are finished, failed ones included."""
-        lacking = self.tasks(self.grid.families, self.training.rows)
-        return len(self.grid.differing) - len(
-            {name for task in lacking for name in task.candidates}
-        )
+        done, rows = self.trials.finished, self.training.rows
+        places = ([(name, fold, rows) for fold in range(FOLDS)] for name in self.grid.differing)
+        return sum(all(place in done for place in of_one) for of_one in places)
 
     def counted(self, what: str) -> dict[str, int]:
         """Count the scores on all rows that each "failure" has cost, or each "remark" concerns."""

@@ -77,12 +77,8 @@ class Tables:
 
     folder: Folder
     record: dict[str, Any]  # the folder's description
+    target: str  # its column
     rows: list[Row]
-
-    @property
-    def target(self) -> str:
-        """Column of the target."""
-        return str(self.record["conditions"]["target"])
 
 
 def names(target: str) -> list[str]:
@@ -134,7 +130,7 @@ def read(folder: Folder) -> Tables:
             row |= {column: own[name] for column, name in TIMES.items()}
             row["fit_seconds"] = own["search"]
         rows.append(row | {"settings": result.get("settings", {}), "search": search})
-    return Tables(folder, record, rows)
+    return Tables(folder, record, target, rows)
 
 
 def winner_of(search: Row) -> str:

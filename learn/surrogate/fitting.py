@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from operator import attrgetter
 from pathlib import Path
 from time import process_time
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from gen.arrays import Indices, Values
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import to_type
 from learn import dataset, split
-from learn.comparison.folder import Folder, targets
+from learn.comparison.folder import Folder, Settings, targets
 from learn.comparison.paper import OPTIMA
 from learn.dataset import TARGETS, Dataset, Request, results, short_name
 from learn.executor import Executor
@@ -62,14 +62,6 @@ BUILT_IN: dict[str, dict[str, Any]] = {
 SCORED = "R2 {r2:.3f} %, nMAE {nmae:.2f} %"  # the scores that a user is told
 
 
-class Settings(NamedTuple):
-    """Settings of an estimator, and their origin."""
-
-    values: dict[str, Any]  # those that differ from the model's baseline
-    tuned: bool  # True if the baseline includes what all candidates of a search share
-    origin: str  # in words
-
-
 def choose(request: Request, train: Dataset, target: Values, folds: Folds) -> Settings:
     """Choose the settings of a fit to training rows and their scaled target, (n,).
 
@@ -108,8 +100,7 @@ def _tuned(folder: Folder, model: str) -> Settings:
         instead = f"give --target {','.join(others)}, or first " if others else ""
         tune = to_type(f"learn tune --model {model} --target {folder.path.name}")
         raise InputError(f"--from: {folder.path} has no tuned {model}: {instead}{tune}")
-    origin = f"tuned in {folder.path}" if winner.of_grid else f"the baseline, by {folder.path}"
-    return Settings(winner.settings, winner.of_grid, origin)
+    return winner
 
 
 def with_conditions(request: Request, choice: Any) -> Request:

@@ -10,11 +10,12 @@ from learnt_rows import read
 
 from gen.runtime.errors import InputError
 from learn import Surrogate, cli, dataset, split
+from learn.comparison.folder import Settings
 from learn.dataset import Request
 from learn.executor import Executor
 from learn.features.sets import SKEWNESS
 from learn.surrogate import calibration, fitting
-from learn.surrogate.fitting import Settings, fit_target
+from learn.surrogate.fitting import fit_target
 from learn.surrogate.interval import require_level
 
 
