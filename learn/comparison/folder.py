@@ -97,10 +97,6 @@ class Search(Document):
     failures: dict[str, Count]
 
 
-Nothing = Annotated[dict[str, object], Field(max_length=0)]
-"""The empty object that a baseline has in place of a search."""
-
-
 class Result(Document):
     """The files KIND/MODEL.json; one of a search without a winner has model and failure only."""
 
@@ -111,17 +107,14 @@ class Result(Document):
     train: Scored | None = None
     failure: str
     remarks: list[str]
-    search: Search | Nothing = Field(default_factory=dict)
+    # Empty for a baseline.
+    search: Search | Annotated[dict[str, object], Field(max_length=0)] = Field(default_factory=dict)
     times: Times | None = None
 
     @model_validator(mode="after")
-    def _scores_have_settings_and_times(self) -> "Result":
-        if self.test is None:
-            return self
-        if missing := {"settings", "train", "search", "times"} - self.model_fields_set:
-            raise ValueError(f"there are scores without {', '.join(sorted(missing))}")
-        times = () if self.times is None else (self.times.fit, self.times.test, self.times.row)
-        if not times or any(each is None or not 0 <= each <= 1e15 for each in times):
+    def _scores_have_times(self) -> "Result":
+        times = (self.times.fit, self.times.test, self.times.row) if self.times else (None,)
+        if self.test and any(each is None or not 0 <= each <= 1e15 for each in times):
             raise ValueError("there are scores without times of fit and predictions")
         return self
 
@@ -232,7 +225,7 @@ class Folder:
         }
         path = self.path / "tuned" / f"{model}.json"
         features = self.record()["conditions"]["features"]
-        if result["search"].get("winner") == "baseline":
+        if result.get("search", {}).get("winner") == "baseline":
             if settings != grids.baseline(model, features):
                 raise InputError(f"{path}: settings = {settings!r} are not those of the baseline")
             return Settings(settings, False, f"the baseline, by {self.path}")

@@ -55,7 +55,6 @@ SCALED_OPTIMA: dict[str, Settings] = {
 """Points of these grids that serve where nothing was searched."""
 
 TABLE_2 = "Table 2"  # name of the paper's grids in results and tables
-WHOLE = "whole grid"  # the words in a result for a search that left no candidate out
 
 
 def space_of(model: str, features: str) -> tuple[str, Space, Settings]:

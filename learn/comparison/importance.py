@@ -44,7 +44,7 @@ def write_report(request: Request, say: Callable[[str], None]) -> Iterator[Path]
         result, tuned = folder.result("tuned", model.name), folder.winner(model.name)
         source, _, settings = space_of(model.name, request.features)
         origin = "the paper's optimum" if source == TABLE_2 else "built in"
-        if tuned and tuned.tuned and result and result["test"]:
+        if tuned and tuned.tuned and result and result.get("test"):
             origin, settings = "tuned here", tuned.values
         say(f"{model.title}, {origin}: {settings}")
         unfitted = training.unfitted(model.name, settings, tuned=True)

@@ -1,9 +1,8 @@
 """The jobs: fit the models' baselines, and tune the models over their grids; then the last fits.
 
 A job runs on the master. It reads as if there were one process: the executor (`learn.executor`)
-does its fits on the workers. The times of a search are taken while other fits run beside them.
-Those of the last fits, to all training rows, are taken while the other processes wait, on one
-thread, as medians.
+does its fits on the workers. The times of a search are taken while other fits run beside them,
+those of the last fits while the other processes wait.
 """
 
 import json
@@ -47,8 +46,7 @@ FITS = (3, 7)  # fewest and most fits that a median is over
 ENOUGH = 5.0  # seconds after which the fewest repetitions are enough
 TOO_LONG = 300.0  # seconds after which no further repetition is begun
 
-note = partial(echo, err=True)
-"""Print a line for the user on standard error."""
+note = partial(echo, err=True)  # print a line for the user on standard error
 
 
 @dataclass(frozen=True)
@@ -191,13 +189,12 @@ def fit_and_time(training: Training, task: TimedFit) -> tuple[Values, dict[str, 
             found["train"] = asdict(scores(restored(training.target), train))
             guess = restored(answer())
             found["test"] = asdict(scores(training.test_target, guess))
-            of_test = median(repeated(answer, (3, 9)))
-            of_row = median(repeated(partial(fitted.predict, training.test_inputs[:1]), (5, 99)))
+            test = median(repeated(answer, (3, 9)))
+            row = median(repeated(partial(fitted.predict, training.test_inputs[:1]), (5, 99)))
             # The first of several fits is a warm-up; one that is too long counts itself.
             fits = repeated(fit, FITS, alone, task.until) or [alone]
-            found["times"] |= {"fit": median(fits), "fits": len(fits)}
-            found["times"] |= {"test": of_test, "row": of_row}
-            prediction = guess
+            times = {"fit": median(fits), "fits": len(fits), "test": test, "row": row}
+            found["times"], prediction = times, guess
         except Exception as error:  # whatever a library raises: the model has no scores
             found |= {"failure": reason(error), "test": None, "train": None}
     return prediction, {**found, "remarks": said}

@@ -2,16 +2,12 @@
 
 The score of a candidate is the mean R2 over the folds of all rows. Ties go to the first in the
 order of ParameterGrid; candidates with a failed fold come last. The baseline, which is no point of
-the grid, wins where no candidate is better. Where the winner lies at an end of the grid, the search
-goes on beyond it. A killed search resumes where it was: the master keeps every finished fit.
+the grid, wins where no candidate is better.
 
 Within a given time, successive halving on the number of training rows says who is judged, as in
 scikit-learn's HalvingGridSearchCV: all candidates are fitted to few rows, the best third to three
-times as many, and so on. These steps, and the judgement over five folds of all rows, have equal
-shares of three quarters of the time, the winner's last fit has the rest; what does not end in its
-share is left out. A model of which fewer than `LEAST_JUDGED` candidates were judged, or not the
-paper's, counts as not searched. scikit-learn's own halving knows rows, not hours, shares no fits,
-and can be neither spread over machines nor resumed.
+times as many, and so on. scikit-learn's own halving knows rows, not hours, shares no fits, and can
+be neither spread over machines nor resumed.
 """
 
 import math
@@ -55,7 +51,7 @@ class GridSearch:
     source: str = grids.TABLE_2  # name of the grid in results and tables
     baseline: Settings | None = None  # is judged beside the grid; None for the grid alone
     optimum: str = ""  # name of the paper's candidate, or the one built in; "" if there is none
-    how: str = grids.WHOLE  # the steps of the search in words
+    how: str = "whole grid"  # the steps of the search in words
 
     @property
     def own(self) -> Family:
@@ -113,9 +109,13 @@ class GridSearch:
     def halve(self, until: float) -> None:
         """Search the grid until a time of `time.time`, at which the winner has its last fit too.
 
-        The paper's optimum is on every step, and the first to be judged: few rows must not hide it.
+        The steps, and the judgement over five folds of all rows, have equal shares of three
+        quarters of the time; what does not end in its share is left out. The paper's optimum is on
+        every step, and the first to be judged: few rows must not hide it.
         """
-        total, began, sizes = self.training.rows, time.time(), steps(self.training.rows)
+        total, began, sizes = self.training.rows, time.time(), [self.training.rows]
+        while sizes[0] // FACTOR >= LEAST_ROWS:
+            sizes.insert(0, sizes[0] // FACTOR)
         share = JUDGED * (until - began) / len(sizes)
         end = began + len(sizes) * share
         self.run(self.tasks([self.own], total), f"the baseline on {total} rows", end)
@@ -251,14 +251,6 @@ class GridSearch:
             "failures": self.counted("failure"),
             "remarks": self.counted("remark"),
         }
-
-
-def steps(total: int) -> list[int]:
-    """Return the number of training rows of each step, ascending; the last has all rows."""
-    sizes = [total]
-    while sizes[0] // FACTOR >= LEAST_ROWS:
-        sizes.insert(0, sizes[0] // FACTOR)
-    return sizes
 
 
 def _counted(number: int) -> str:

@@ -1,9 +1,7 @@
 """The tables and pictures of a comparison, beside the paper's: written, printed and drawn.
 
 Scores and times go into separate files (CSV): the scores are the same for the same seeds whatever
-the number of processes, the times are not. Scores have intervals by a bootstrap of the test rows,
-in which rows of one surface, or of one tile of a map, are drawn together. The pictures are like the
-paper's figures 8 to 10.
+the number of processes, the times are not.
 """
 
 import textwrap

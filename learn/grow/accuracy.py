@@ -1,18 +1,10 @@
 """How accurate a surrogate of a growing database is, and how sure that is.
 
-A fixed random fifth of the surfaces, or of the maps' tiles, is held out: their rows never train.
-The error on them has a bound that the true error exceeds with a small probability only.
-
-Surfaces of the same parameters of a scene differ, by much more than their mean is uncertain. The
-error of a surrogate of a scene's own numbers is that of this mean, as its process estimates it.
-
 Looking often makes it likely that one look is lucky. The sizes of the database at which it is
 looked at are therefore fixed in advance, and the look at size number k may be wrong with a
 probability of only `RISK` / ((k + 1) (k + 2)). These probabilities add up to `RISK`, so that it
 bounds the probability that a surrogate worse than its mark is accepted at any of the sizes, however
 many of them are looked at.
-
-The errors of all looks give the learning curve, a power of the rows.
 """
 
 import math
@@ -30,7 +22,7 @@ from gen.generators.scans import ScanSurface
 from gen.runtime.errors import InputError
 from learn.dataset import Dataset
 from learn.features.scene import SCENE
-from learn.metrics import no_better
+from learn.metrics import LEVEL, no_better
 from learn.split import FOLDS, TILE, Split
 from learn.surrogate.learnt import Learnt
 from learn.surrogate.model import Surrogate
@@ -44,7 +36,6 @@ SHARE = 5  # one of this many surfaces, or tiles, is in the holdout
 KEY = 20_260
 """Key of the draw's stream of random numbers, which belongs to no other part of a scene."""
 
-LEVEL = 0.9  # coverage of the intervals that are looked at
 FUNCTIONS = 400  # functions that a process might be, of which errors of its mean are taken
 POINTS = 4  # looks of a learning curve, at least
 EXPONENTS = (0.1, 1.0)  # smallest and largest exponent of a curve
@@ -110,7 +101,8 @@ def accuracy(errors: Values, truth: Values, groups: Indices) -> Accuracy:
 def accuracy_of_mean(learnt: Learnt, rows: Dataset) -> Accuracy:
     """Estimate the error of the mean over surfaces at the parameters and loads of rows.
 
-    It is the distance of the mean from other functions that the process might be as well.
+    Surfaces of the same parameters differ by much more than their mean is uncertain. The error is
+    the distance of the mean from other functions that the process might be as well.
     """
     model, scaled = learnt.pipeline[-1], learnt.pipeline[:-1].transform(rows.inputs)
     wrong = np.abs(model.drawn_errors(scaled, FUNCTIONS)).mean(axis=0) * learnt.scaling.deviation

@@ -29,7 +29,6 @@ from learn.executor import Executor, within
 from learn.features.scene import SCENE
 from learn.grow.accuracy import (
     EXPONENTS,
-    LEVEL,
     POINTS,
     RISK,
     Accuracy,
@@ -41,6 +40,7 @@ from learn.grow.accuracy import (
     size,
     size_with,
 )
+from learn.metrics import LEVEL
 from learn.split import Split, require_tiles
 from learn.surrogate import fitting
 from learn.surrogate.model import Surrogate
@@ -100,11 +100,6 @@ class Growth:
     # Errors of all looks, by the rows of the database and the target.
     errors: dict[int, dict[str, Accuracy]] = field(default_factory=dict)
 
-    @property
-    def path(self) -> Path:
-        """The database."""
-        return self.request.databases[0]
-
     def grow(self) -> tuple[Ending, Look | None]:
         """Grow until the surrogate is as accurate as asked for.
 
@@ -112,7 +107,11 @@ class Growth:
         stop or a kill. InputError is raised if the input cannot be used, or the budget is too small
         for a first surrogate.
         """
-        path, most, per_surface = self.path, self.most, self.scene.samples_per_surface
+        (path,), most, per_surface = (
+            self.request.databases,
+            self.most,
+            self.scene.samples_per_surface,
+        )
         whole = completed(self.scene, path.parent, rehearsed=True)
         with database.lock(path):
             _refuse_others(self.request, whole)
@@ -215,7 +214,7 @@ class Growth:
         kill, leaves a database that the same call goes on with. InputError is raised if the file is
         of another scene, or cannot be written.
         """
-        path, wider = self.path, scene.model_copy(update={"samples": rows})
+        (path,), wider = self.request.databases, scene.model_copy(update={"samples": rows})
         (before, _, seconds), workers = stock(path), self.executor.world.workers
         if before and not self.row:
             self.row = seconds / before / workers
@@ -288,13 +287,12 @@ def _compute(shared: tuple[Scene, Path], block: Block) -> Columns:
 
 def show(growth: Growth, ending: Ending, found: Look) -> None:
     """Print the end of a growth with its last surrogate."""
-    card, worst = found.surrogate.card, found.worst
-    parts = card["rows"]
+    card, worst, request = found.surrogate.card, found.worst, growth.request
+    parts, path = card["rows"], request.databases[0]
     echo(
-        f"{growth.request.output}: {card['title']}, {card['features']} features;"
-        f" {found.rows} rows of {growth.path}: {parts['train']} train, {parts['calibration']}"
-        f" calibrate, {parts['test']} held out by {parts.get('split_by', 'surface')},"
-        f" {sum(parts['left_out'].values())} left out"
+        f"{request.output}: {card['title']}, {card['features']} features; {found.rows} rows of"
+        f" {path}: {parts['train']} train, {parts['calibration']} calibrate, {parts['test']} held"
+        f" out by {parts.get('split_by', 'surface')}, {sum(parts['left_out'].values())} left out"
     )
     accuracy, bound = found.judged[worst].accuracy, found.bound(worst)
     said = f"{WORDS[ending]}: nMAE of {worst} {accuracy.nmae:.2f} %, at most {bound:.2f} %,"
@@ -333,13 +331,8 @@ def show(growth: Growth, ending: Ending, found: Look) -> None:
 
 def draw(figure: Any, found: Look) -> None:
     """Draw the worst target, with its learning curve if there is one, into an empty figure."""
-    learning, parity = figure.subplots(1, 2)
-    _draw_learning(learning, found)
+    axis, parity = figure.subplots(1, 2)
     _draw_parity(parity, found)
-
-
-def _draw_learning(axis: Any, found: Look) -> None:
-    """Draw errors over rows, the curve, and the mark."""
     if (curve := found.curve) is not None:
         axis.plot(curve.rows, curve.nmae, "o", color="0.4", ms=4, label="looks")
         rows = np.geomspace(curve.rows[0], 8 * curve.rows[-1], 100)

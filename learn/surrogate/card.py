@@ -170,8 +170,7 @@ def show(card: Mapping[str, Any], low: Values, high: Values) -> None:
     for title, names, numbers, rows in tables:
         echo("")
         echo(title)
-        cells = [[printable(str(cell)) for cell in row] for row in rows]
-        print_columns(cells, [*map(printable, (*names, *numbers))], [*map(printable, numbers)])
+        print_columns([[*map(str, row)] for row in rows], [*names, *numbers], right=numbers)
 
 
 def lines(card: Mapping[str, Any]) -> Iterator[str]:
