@@ -12,11 +12,8 @@ from learn.commands.predict import card, law, predict
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None)
 
-COMMANDS = (fit, grow, card, predict, law, compare, tune, show, importance)
-"""In the order of the help."""
-
-TOGETHER = ("fit", "grow", "compare", "tune")
-"""Commands that all processes of an MPI run take part in."""
+COMMANDS = (fit, grow, card, predict, law, compare, tune, show, importance)  # as the help has them
+TOGETHER = ("fit", "grow", "compare", "tune")  # in these all processes of an MPI run take part
 
 for _command in COMMANDS:
     app.command()(_command)

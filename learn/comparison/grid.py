@@ -94,9 +94,7 @@ LEAST_JUDGED = 10
 """Candidates that have to be judged over five folds of all rows before a search has a winner."""
 
 BEYOND = 3  # values that a search tries at most beyond each end of a setting's values
-
-SMALLEST = {"min_samples_split": 2}
-"""Smallest whole number that a setting can have; 1 of all others."""
+SMALLEST = {"min_samples_split": 2}  # smallest whole numbers of settings; 1 of all others
 
 
 def reach(name: str, values: list[Any]) -> list[Any]:

@@ -26,9 +26,7 @@ from learn.metrics import scores
 from learn.models import check_memory, models_named, remarks
 
 SHUFFLES = 5  # times that an input is shuffled: enough for a mean and its scatter
-
-SIZES = (30, 23, 20, 16, 12, 8, 6, 4, 3, 2, 1)
-"""Numbers of inputs that are kept, the strongest first."""
+SIZES = (30, 23, 20, 16, 12, 8, 6, 4, 3, 2, 1)  # inputs that are kept, the strongest first
 
 
 def write_report(request: Request, say: Callable[[str], None]) -> Iterator[Path]:

@@ -21,12 +21,8 @@ from learn.comparison.grid import LEAST_JUDGED, LIBRARY, LIBRARY_ROWS, TABLE_2, 
 from learn.metrics import BOOTSTRAP, LEVEL, bootstrap, no_better, spread
 from learn.models import EVERY, MODELS, default_model
 
-SCORES = {"nmse": "nMSE", "nmae": "nMAE", "nmaxe": "nMaxE", "r2": "R2"}
-"""The four scores and their names in the paper [%]."""
-
-OUR_AREA = "area_percent"
-"""The target of the paper's tables: beside any other its numbers would mislead."""
-
+SCORES = {"nmse": "nMSE", "nmae": "nMAE", "nmaxe": "nMaxE", "r2": "R2"}  # [%], in the paper
+OUR_AREA = "area_percent"  # target of the paper's tables, whose numbers would mislead beside others
 NOT_SEARCHED = "not searched"  # name of the winner of a search that judged too few candidates
 
 WHY_BASELINE = "the baseline wins, no candidate is better over five folds of all rows"
