@@ -39,27 +39,17 @@ def echo(line: str, *, err: bool = False) -> None:
     put(f"{printable(line)}\n", sys.stderr if err else sys.stdout)
 
 
-def print_table(table: Any, width: int = ENDLESS) -> None:
-    """Print a table of rich's, as wide as the terminal or, without one, as `width` [characters]."""
+def print_columns(
+    rows: Iterable[Sequence[str]], titles: Sequence[str] = (), right: Collection[str] = ()
+) -> None:
+    """Print rows of texts in columns; those whose titles are in `right` end at the right.
+
+    The table is as wide as the terminal or, without one, as it needs.
+    """
     if sys.stdout is None:
         return
     from rich.console import Console
     from rich.segment import Segment, Segments
-
-    console = Console(width=None if sys.stdout.isatty() else width, markup=False, emoji=False)
-    pieces = [
-        Segment("\n".join(map(printable, piece.text.split("\n"))), piece.style)
-        for piece in console.render(table)
-    ]
-    with console.capture() as captured:
-        console.print(Segments(pieces), end="")
-    put(captured.get(), sys.stdout)
-
-
-def print_columns(
-    rows: Iterable[Sequence[str]], titles: Sequence[str] = (), right: Collection[str] = ()
-) -> None:
-    """Print rows of texts in columns; those whose titles are in `right` end at the right."""
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False, show_header=bool(titles))
@@ -67,7 +57,14 @@ def print_columns(
         table.add_column(title, justify="right" if title in right else "left")
     for row in rows:
         table.add_row(*row)
-    print_table(table)
+    console = Console(width=None if sys.stdout.isatty() else ENDLESS, markup=False, emoji=False)
+    pieces = [
+        Segment("\n".join(map(printable, piece.text.split("\n"))), piece.style)
+        for piece in console.render(table)
+    ]
+    with console.capture() as captured:
+        console.print(Segments(pieces), end="")
+    put(captured.get(), sys.stdout)
 
 
 def put(text: str, stream: Any, *, last: bool = False) -> None:
