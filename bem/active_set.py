@@ -284,7 +284,7 @@ class ActiveSet(Iterate):
         if damped and self._energy() > energy:
             self._shorten(before, residual, shift, self.pressure if dense else solved)
         if self.load is not None:
-            self._balance()
+            self._balance(self.residual)
         return changed
 
     def solve_on(self, nodes: Mask, rtol: float) -> float:
@@ -328,7 +328,8 @@ class ActiveSet(Iterate):
         while self.iterations < self.most:
             here = patch.in_contact(residual)
             if carried:
-                mean = self._take_mean(here, base, carried)
+                mean = inner(base, here) / carried
+                here -= np.float32(mean) if here.ndim == 1 else np.float32(mean) * patch.within
             largest = max(float(here.max()), -float(here.min())) if here.size else 0.0
             least, last = min((largest, self.iterations), (least, last))
             if not largest > floor or self.iterations - last >= STAGNANT:
@@ -357,7 +358,7 @@ class ActiveSet(Iterate):
             if singular and (length < product / curvature * 0.999 or (base + change).min() < 0):
                 break
         if carried:
-            mean = self._take_mean(patch.in_contact(residual), base, carried)
+            mean = inner(base, patch.in_contact(residual)) / carried
             residual -= np.float32(mean)
             self.shift -= mean
         patch.add_to(self.pressure, change)
@@ -395,12 +396,6 @@ class ActiveSet(Iterate):
             along = inner(here, base) - inner(correction, image)
             correction += np.float32(along / stiffness) * base
         return correction
-
-    def _take_mean(self, here: Real, base: Real, carried: float) -> float:
-        """Take the mean off a residual in contact, weighted by a pressure, and return it."""
-        mean = inner(base, here) / carried
-        here -= np.float32(mean) if here.ndim == 1 else np.float32(mean) * self.patch.within
-        return mean
 
     def _has_to_change(
         self, pressure: Real, yielded: Mask | None, floor: float, largest: float, mean: float
@@ -442,7 +437,8 @@ class ActiveSet(Iterate):
     def _between_bounds(self, yielded: Mask | None, *, onwards: bool) -> Field | None:
         """Cut off tension, cap pressures at the hardness, and step ahead on the next set.
 
-        Returns the pressure, or None where none is out of bounds.
+        Load that capping takes off goes on the free nodes, as far as scaling them allows. Returns
+        the pressure, or None where none is out of bounds.
         """
         patch, pressure = self.patch, self.pressure
         tension = pressure < 0
@@ -453,7 +449,18 @@ class ActiveSet(Iterate):
             return None
         ahead = np.maximum(pressure, 0)
         if excess and yielded is not None:
-            ahead = self._capped(ahead, float(pressure.sum()), yielded)
+            free, factor = np.where(yielded, 0.0, ahead) if yielded.any() else ahead, 1.0
+            carried = float(pressure.sum()) - self.hardness * np.count_nonzero(yielded)
+            for _ in range(4):  # each time more nodes are capped; a few rounds come near enough
+                capped = free >= self.hardness / factor
+                rest = float((free * ~capped).sum())
+                missing = carried - self.hardness * np.count_nonzero(capped)
+                if not (rest > 0 and missing > 0):
+                    break
+                last, factor = factor, min(max(missing / rest, 1.0), LARGEST_SCALE)
+                if factor == last:
+                    break
+            ahead = np.minimum(np.where(yielded, self.hardness, factor * free), self.hardness)
         following = ((ahead > 0) | (self.residual > 0)) & ~tension
         if self.yields:
             following &= ahead < self.hardness
@@ -466,31 +473,6 @@ class ActiveSet(Iterate):
             np.minimum(ahead, np.maximum(pressure, BELOW_HARDNESS * self.hardness), out=ahead)
         self._admit(ahead)
         return ahead
-
-    def _capped(self, pressure: Field, carried: float, yielded: Mask) -> Field:
-        """Cap pressures at the hardness, and put the load that this takes off on the free nodes.
-
-        Parameters
-        ----------
-        pressure : ndarray, shape (nx, ny)
-            Pressure, not negative.
-        carried : float
-            Load to carry, as far as scaling allows.
-        yielded : ndarray, shape (nx, ny)
-            Nodes at the hardness before.
-        """
-        free = np.where(yielded, 0.0, pressure) if yielded.any() else pressure
-        left, factor = carried - self.hardness * np.count_nonzero(yielded), 1.0
-        for _ in range(4):  # each time more nodes are capped; a few rounds come near enough
-            capped = free >= self.hardness / factor
-            rest = float((free * ~capped).sum())
-            missing = left - self.hardness * np.count_nonzero(capped)
-            if not (rest > 0 and missing > 0):
-                break
-            last, factor = factor, min(max(missing / rest, 1.0), LARGEST_SCALE)
-            if factor == last:
-                break
-        return np.minimum(np.where(yielded, self.hardness, factor * free), self.hardness)
 
     def _hold_back(self, pressure: Field, residual: Real) -> None:
         """Go back towards an earlier pressure until no more than a share of the contact leaves.
@@ -537,7 +519,7 @@ class ActiveSet(Iterate):
             self.residual -= image
             self.pressure = ahead
             if self.load is not None:
-                self._balance()
+                self._balance(self.residual)
 
     def _split(self) -> bool:
         """Solve by waves and bounds in turn, without edges; return whether the patch allows it.

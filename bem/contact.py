@@ -75,7 +75,7 @@ class Contact:
         """Normal displacement of the half-space's surface, (nx, ny), by one convolution [um]."""
         problem = self.problem
         operator = displacement_filter(
-            self.pressure.shape, problem.boundary, problem.kernel, problem.aspect
+            self.pressure.shape, problem.boundary, problem.kernel, problem.aspect, "float64"
         )
         unit = problem.spacing[0] / problem.modulus
         displacement: Field = filtered(operator, self.pressure) * unit
@@ -253,6 +253,8 @@ class Contact:
         ArithmeticError
             If a linear solve does not converge.
         """
+        if self.problem.boundary != "free":
+            return self.stiffness
         return without_patch(self.stiffness, patch_stiffness(self.problem))
 
     @computed_once

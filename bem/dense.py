@@ -88,11 +88,11 @@ class ContactFactor:
         self.nodes = nodes
         matrix = self._entries(nodes)
         self._routines = routines("s" if matrix.dtype == np.float32 else "d")
-        self._lower = self._factorised(matrix)
+        self._lower = self._by(self._routines.potrf, matrix, clean=0, overwrite_a=1)
         self._fixed = np.zeros(0, np.intp)  # positions in `nodes`
         self._at = np.zeros(0)
         self._columns = np.zeros((len(nodes), 0), self._lower.dtype, order="F")
-        self._gram = np.zeros((0, 0), self._lower.dtype)
+        self._gram: Real | None = None  # factor of V^T V, once it is needed
 
     @NO_WARNING
     def solve(
@@ -157,7 +157,7 @@ class ContactFactor:
         """Apply L^-1 to u, and to a unit displacement if a load is given."""
         sides = np.ones((len(interference), 1 if load is None else 2), self._lower.dtype, order="F")
         sides[:, 0] = interference
-        return self._solved(self._routines.trtrs, self._lower, sides)
+        return self._by(self._routines.trtrs, self._lower, sides)
 
     def _backward(
         self, forward: Real, at: Values, load: float | None
@@ -167,9 +167,12 @@ class ContactFactor:
         if len(self._fixed):
             sides = np.asfortranarray(self._columns.T @ forward)
             sides[:, 0] -= at
-            residuals = self._solved(self._routines.potrs, self._gram, sides)
+            if self._gram is None:
+                gram = self._columns.T @ self._columns
+                self._gram = self._by(self._routines.potrf, gram, clean=0, overwrite_a=1)
+            residuals = self._by(self._routines.potrs, self._gram, sides)
             inside = forward - self._columns @ residuals
-        pressures = self._solved(self._routines.trtrs, self._lower, inside, trans=1)
+        pressures = self._by(self._routines.trtrs, self._lower, inside, trans=1)
         pressures = pressures.astype(np.float64)
         pressures[self._fixed] = 0
         pressures[self._fixed, 0] = at
@@ -193,36 +196,26 @@ class ContactFactor:
         columns[places, np.arange(len(places))] = 1
         first = int(places.min())  # above it, columns of V are zero
         below = self._lower[first:, first:]
-        columns[first:] = self._solved(self._routines.trtrs, below, columns[first:])
+        columns[first:] = self._by(self._routines.trtrs, below, columns[first:])
         self._columns = np.concatenate([self._columns, columns], axis=1)
         self._fixed = np.concatenate([self._fixed, places])
         self._at = np.concatenate([self._at, np.full(len(places), at)])
-        self._gram = self._factorised(self._columns.T @ self._columns)
+        self._gram = None
 
     def _free(self, returning: Mask) -> None:
         """Drop the columns of V of some fixed nodes, which are free again."""
         if not returning.any():
             return
         self._columns, self._fixed = self._columns[:, ~returning], self._fixed[~returning]
-        self._at = self._at[~returning]
-        if self._fixed.size:
-            self._gram = self._factorised(self._columns.T @ self._columns)
+        self._at, self._gram = self._at[~returning], None
 
-    def _factorised(self, matrix: Real) -> Real:
-        """Return the lower Cholesky factor, which overwrites the matrix."""
-        lower, wrong = self._routines.potrf(matrix, lower=1, clean=0, overwrite_a=1)
+    def _by(self, routine: Callable[..., Any], *matrices: Real, **how: int) -> Real:
+        """Apply one of LAPACK's routines, for which the first matrix is a lower triangle."""
+        found, wrong = routine(*matrices, lower=1, **how)
         if wrong:
             raise np.linalg.LinAlgError
-        factor: Real = lower
-        return factor
-
-    def _solved(self, by: Callable[..., Any], lower: Real, sides: Real, **how: int) -> Real:
-        """Solve a system by a lower factor with one of LAPACK's routines."""
-        solution, wrong = by(lower, sides, lower=1, **how)
-        if wrong:
-            raise np.linalg.LinAlgError
-        solved: Real = solution
-        return solved
+        result: Real = found
+        return result
 
 
 class Routines(NamedTuple):

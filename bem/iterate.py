@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bem.arrays import Field, Mask, Real, Values
+from bem.arrays import Field, Mask, Real
 from bem.operators.patch import Patch
 
 # Largest pressure of free nodes, over the hardness, after a step ahead: such steps overestimate,
@@ -219,16 +219,18 @@ class Iterate:
             self.residual += np.float32(self.shift)
         else:
             self.shift = 0.0
-            self._balance()
+            self._balance(self.residual)
 
     def renew(self) -> None:
         """Bring the pressure to the load, and compute the residual in double precision."""
         self._admit(self.pressure)
         self.displacement = self.patch.displace(self.pressure, exactly=True)
         gaps = self.below - self.displacement
-        if self.load is not None:
-            self.shift = -self._imbalance(gaps)
-        gaps += self.shift
+        if self.load is None:
+            gaps += self.shift
+        else:
+            self.shift = 0.0
+            self._balance(gaps)
         self.residual, self.exact = gaps.astype(np.float32), True
 
     def _excess(self, pressure: Real) -> float:
@@ -247,31 +249,28 @@ class Iterate:
         self.residual = self.residual - self.patch.displace(self.pressure - before)
         self.exact = False
         if self.load is not None:
-            self._balance()
+            self._balance(self.residual)
 
-    def _balance(self) -> None:
-        """Shift the far field under a load so that the free nodes are in balance."""
-        mean = self._imbalance(self.residual)
-        self.residual -= np.float32(mean)
-        self.shift -= mean
+    def _balance(self, residual: Real) -> None:
+        """Shift the far field under a load so that the free nodes are in balance.
 
-    def _imbalance(self, residual: Real) -> float:
-        """Return the mean of a residual that a shift of the far field takes away under a load.
-
-        It is weighted by the pressure of the free nodes. Where all nodes in contact have yielded,
-        more than one displacement is in balance, and the least one that leaves no gap there is
-        taken; unless nodes outside would penetrate, which then have to exchange load with them.
+        The mean that it takes off the residual is weighted by the pressure of the free nodes. Where
+        all nodes in contact have yielded, more than one displacement is in balance, and the least
+        one that leaves no gap there is taken; unless nodes outside would penetrate, which then have
+        to exchange load with them.
         """
         weights = self.pressure
         if self.yields:
             weights = np.where(weights < self.hardness, weights, 0.0)
-        carried = float(weights.sum())
-        if carried > 0:
-            return inner(weights, residual) / carried
-        loaded = self.pressure > 0
-        inside = float(residual.min(where=loaded, initial=math.inf))
-        outside = float(residual.max(where=~loaded, initial=-math.inf))
-        return inside if outside <= inside else (inside + outside) / 2
+        if (carried := float(weights.sum())) > 0:
+            mean = inner(weights, residual) / carried
+        else:
+            loaded = self.pressure > 0
+            inside = float(residual.min(where=loaded, initial=math.inf))
+            outside = float(residual.max(where=~loaded, initial=-math.inf))
+            mean = inside if outside <= inside else (inside + outside) / 2
+        residual -= residual.dtype.type(mean)
+        self.shift -= mean
 
     def _admit(self, pressure: Field) -> None:
         """Bring a pressure in place to the load, and to a bound where rounding left it beside."""
@@ -292,7 +291,10 @@ class Iterate:
         pressure[pressure > (1 - share) * self.hardness] = self.hardness
 
     def _carry_within(self, pressure: Field, load: float) -> None:
-        """Scale the free pressures; all of them where the yielded nodes alone carry too much."""
+        """Scale the free pressures; all of them where the yielded nodes alone carry too much.
+
+        Load that is then missing goes on the nodes next to touch, as far as the hardness allows.
+        """
         limit, flat = BELOW_HARDNESS * self.hardness, pressure.reshape(-1)
         loaded = np.flatnonzero(flat)
         values = flat[loaded]
@@ -306,31 +308,26 @@ class Iterate:
                 order = np.argsort(self.residual.reshape(-1)[loaded], kind="stable")
                 over, taken = fixed + free - load, values[order]
                 values[order] -= np.minimum(taken, np.maximum(over - (np.cumsum(taken) - taken), 0))
-                flat[loaded] = values
-                return
+                break
             if not free > 0:
                 break
             scaled = before * (left / free)
             values[~yielded] = np.minimum(scaled, np.maximum(before, limit))
             if not (scaled > np.maximum(before, limit)).any():
-                flat[loaded] = values
-                return
+                break
         flat[loaded] = values
         missing = load - float(values.sum())
-        if missing > LOST * load:
-            self._load_next(flat, missing)
-
-    def _load_next(self, pressure: Values, missing: float) -> None:
-        """Put load that is missing on the nodes next to touch, as far as the hardness allows."""
-        below = np.flatnonzero(pressure < self.hardness)
+        if not missing > LOST * load:
+            return
+        below = np.flatnonzero(flat < self.hardness)
         gaps = -self.residual.reshape(-1)[below]
-        most = math.ceil(missing / self.hardness) + int(np.count_nonzero(pressure[below]))
+        most = math.ceil(missing / self.hardness) + int(np.count_nonzero(flat[below]))
         if most < below.size:
             below = below[np.argpartition(gaps, most)[: most + 1]]
             gaps = -self.residual.reshape(-1)[below]
         order = below[np.argsort(gaps, kind="stable")]
-        room = self.hardness - pressure[order]
-        pressure[order] += np.minimum(room, np.maximum(missing - (np.cumsum(room) - room), 0))
+        room = self.hardness - flat[order]
+        flat[order] += np.minimum(room, np.maximum(missing - (np.cumsum(room) - room), 0))
 
     def _rescale(self) -> None:
         """Scale an elastic pressure at a given displacement to the least energy.
@@ -421,7 +418,7 @@ class Iterate:
             self._admit(ahead)
             self.residual -= patch.displace(np.subtract(ahead, before, out=before))
             if self.load is not None:
-                self._balance()
+                self._balance(self.residual)
             elif not self.yields:
                 self._rescale()
             largest = max(self.violation())

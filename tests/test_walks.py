@@ -35,7 +35,7 @@ MOST = {
     "scene": Counts(29, 178, 18),  # a scene to the rows of a database
     "fit": Counts(26, 125, 15),  # a database to a surrogate
     "predict": Counts(15, 60, 9),  # a surrogate and a map to a prediction
-    "law": Counts(32, 190, 18),  # a map to its contact law; 15 functions are its area's error
+    "law": Counts(32, 180, 18),  # a map to its contact law, with the error of its area
 }
 """Most of each that a walk may pass."""
 

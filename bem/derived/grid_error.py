@@ -75,6 +75,8 @@ class GridError:
     order : float
         Order in the spacing of the surface's mean square slope: 2 for smooth surfaces, negative
         where roughness goes on down to the grid [1].
+    remaining : float
+        Error left over that taken off by halving the spacing, from 1/3 to 2.5 [1].
     summit : float
         How much the summit may lie above the highest node [um].
     growth : float
@@ -90,6 +92,7 @@ class GridError:
     resolved: bool
     reason: str
     order: float
+    remaining: float
     summit: float
     growth: float
     counted: float
@@ -148,7 +151,7 @@ class GridError:
         if self.coarse is None:
             return math.inf
         apart = answer(self.contact) - answer(self.coarse)
-        return math.hypot(OF_DIFFERENCE * max(1.0, _remaining(self.order)) * apart, *parts)
+        return math.hypot(OF_DIFFERENCE * max(1.0, self.remaining) * apart, *parts)
 
 
 def grid_error_of(contact: Contact) -> GridError:
@@ -160,7 +163,8 @@ def grid_error_of(contact: Contact) -> GridError:
         # The nodes on both sides of the highest one; at a border the inner one twice.
         beside = np.pad(line, 1, mode="reflect")[[place, place + 2]]
         lower += float(2 * line[place] - beside.sum())
-    summit = OF_SUMMIT * _remaining(order) * lower
+    remaining = 1 / (2 ** min(max(order, math.log2(1.4)), 2.0) - 1)
+    summit = OF_SUMMIT * remaining * lower
     growth = 0.0 if contact.problem.delta is None else _growth(contact, summit)
     counted = abs(contact.area_percent / percent - 1) if percent else 0.0
     here, hardness = area_within(contact), contact.problem.hardness
@@ -185,7 +189,8 @@ def grid_error_of(contact: Contact) -> GridError:
             pass
         except ArithmeticError as error:
             reason = f"half of the nodes: {error}"
-    return GridError(resolved, reason, order, summit, growth, counted, spare, contact, coarse)
+    made = order, remaining, summit, growth, counted, spare
+    return GridError(resolved, reason, *made, contact=contact, coarse=coarse)
 
 
 def _verdict(
@@ -272,11 +277,6 @@ def slope_order(heights: Field, boundary: Boundary) -> float:
         if max(near, far) > SMOOTH * slopes[0]:
             orders.append(math.log2(max(far, 1e-300) / max(near, 1e-300)))
     return min(orders, default=math.inf)
-
-
-def _remaining(order: float) -> float:
-    """Return the error left over that taken off by halving the spacing, from 1/3 to 2.5."""
-    return 1 / (2 ** min(max(order, math.log2(1.4)), 2.0) - 1)
 
 
 def coarser(problem: Problem, pressure: Field) -> tuple[Problem, Field]:

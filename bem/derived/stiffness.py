@@ -94,15 +94,13 @@ def punch_of(problem: Problem, nodes: Nodes) -> Punch:
 
 
 def patch_stiffness(problem: Problem) -> float:
-    """Compute the stiffness of a punch that fills the patch, infinite if it has no edges [MPa um].
+    """Compute the stiffness of a punch that fills a free patch [MPa um].
 
     Raises
     ------
     ArithmeticError
         If the punch's iteration does not converge.
     """
-    if problem.boundary != "free":
-        return np.inf
     reduced = _flat_punch_force(problem.heights.shape, problem.kernel, problem.aspect)
     return reduced * problem.modulus * problem.spacing[1]
 
@@ -121,7 +119,7 @@ def without_patch(stiffness: float, patch: float) -> float:
         1 / (1 / stiffness - 1 / patch); infinite where the contact is as stiff as the patch, to
         rounding [MPa um].
     """
-    if not stiffness > 0 or np.isinf(patch):
+    if not stiffness > 0:
         return stiffness
     left = 1 - stiffness / patch
     return stiffness / left if left > PUNCH_RTOL**2 else np.inf

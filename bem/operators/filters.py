@@ -9,7 +9,8 @@ import threading
 from collections import OrderedDict
 from collections.abc import Callable
 from copy import copy
-from typing import Any, Protocol, TypeVar, cast
+from functools import wraps
+from typing import Any, Protocol, TypeVar, TypeVarTuple, cast
 from weakref import WeakSet
 
 import numpy as np
@@ -41,6 +42,7 @@ PLAN_BYTES = 5 * 2**10
 KEPT_BYTES, KEPT_LARGEST, FEWEST_KEPT = 256 * 2**20, 4, 4
 
 Kind = TypeVar("Kind", bound="FieldFilter")
+Given = TypeVarTuple("Given")
 
 
 class FieldFilter(Protocol):
@@ -381,25 +383,30 @@ _COUNTING = threading.Lock()
 _KEPT = _Kept()
 
 
-def kept_filter(make: Callable[..., Kind], *arguments: Any) -> Kind:
-    """Return the filter that `make` makes from the arguments; this thread keeps it for later.
+def kept(make: Callable[[*Given], Kind]) -> Callable[[*Given], Kind]:
+    """Let each thread keep the filters that a function makes, for the same arguments later.
 
     Filters hold scratch space too, so that no two threads can share one. All threads keep as many
     as `KEPT_BYTES` allow.
     """
-    filters, key = _KEPT.filters, (make, *arguments)
-    if key in filters:
-        filters.move_to_end(key)
-        found: Kind = filters[key]
-        return found
-    with unforked():  # plans and transforms are made under locks
-        made = filters[key] = make(*arguments)
-        _KEPT.memory.bytes += made.bytes
-        bound = max(KEPT_BYTES, KEPT_LARGEST * max(each.bytes for each in filters.values()))
-        with _COUNTING:
-            excess = sum(memory.bytes for memory in _MEMORIES) - bound
-        while excess > 0 and len(filters) > FEWEST_KEPT:
-            _, oldest = filters.popitem(last=False)
-            _KEPT.memory.bytes -= oldest.bytes
-            excess -= oldest.bytes
-    return made
+
+    @wraps(make)
+    def found(*arguments: *Given) -> Kind:
+        filters, key = _KEPT.filters, (make, *arguments)
+        if key in filters:
+            filters.move_to_end(key)
+            there: Kind = filters[key]
+            return there
+        with unforked():  # plans and transforms are made under locks
+            made = filters[key] = make(*arguments)
+            _KEPT.memory.bytes += made.bytes
+            bound = max(KEPT_BYTES, KEPT_LARGEST * max(each.bytes for each in filters.values()))
+            with _COUNTING:
+                excess = sum(memory.bytes for memory in _MEMORIES) - bound
+            while excess > 0 and len(filters) > FEWEST_KEPT:
+                _, oldest = filters.popitem(last=False)
+                _KEPT.memory.bytes -= oldest.bytes
+                excess -= oldest.bytes
+        return made
+
+    return found

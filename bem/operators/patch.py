@@ -30,7 +30,7 @@ from bem.operators.filters import (
     CosineFilter,
     FieldFilter,
     filtered,
-    kept_filter,
+    kept,
     spectral_filter,
 )
 from bem.problem import Boundary
@@ -129,11 +129,11 @@ class Patch:
         self.shape, self.boundary, self.give = shape, boundary, give
         self._cells = shape, kernel, aspect
         self._exact, self._rough = (
-            kept_filter(_make_displacement, shape, boundary, kernel, aspect, dtype)
+            displacement_filter(shape, boundary, kernel, aspect, dtype)
             for dtype in ("float64", "float32")
         )
-        self._inverse = kept_filter(_make_inverse, shape, boundary, kernel, aspect)
-        self._means = kept_filter(_make_means, shape, boundary, aspect)
+        self._inverse = _inverse_filter(shape, boundary, kernel, aspect)
+        self._means = _means_filter(shape, boundary, aspect)
         self.norm = self._exact.largest
         limits = FEW_FREE if boundary == "free" else FEW_EDGELESS
         self.few = min(int(factor * (shape[0] * shape[1]) ** power) for factor, power in limits)
@@ -255,7 +255,7 @@ class Patch:
 
     def unbalanced(self, displacement: Field) -> Field:
         """Compute the zero-mean pressure whose displacement equals the given one but for a mean."""
-        inverse = edgeless_filter(self.shape, self.boundary, self._cells[2], inverse=True)
+        inverse = edgeless_filter(self.shape, self.boundary, self._cells[2], "float64", True)
         pressure: Field = filtered(inverse, displacement).copy()
         return pressure
 
@@ -267,7 +267,7 @@ class Patch:
         if self.boundary == "free":
             return None
         grid = self.shape, self.boundary, self._cells[2]
-        return kept_filter(_make_splitting, *grid), _penalty(*grid)
+        return _splitting_filter(*grid), _penalty(*grid)
 
     def entries(self, nodes: Nodes, dtype: str) -> Real:
         """Return the lower triangle of the (n, n) matrix of (n,) nodes, in Fortran's order."""
@@ -290,37 +290,6 @@ class Patch:
                 offsets = np.subtract.outer(here[some], (along * width + across)[first:])
                 matrix[some, first:] += table.take(offsets, mode="clip")
         return matrix.T
-
-
-def displacement_filter(
-    shape: tuple[int, int],
-    boundary: Boundary,
-    kernel: Kernel,
-    aspect: float,
-    dtype: str = "float64",
-) -> FieldFilter:
-    """Return H as a filter, which all callers on one thread share.
-
-    Parameters
-    ----------
-    shape, boundary, kernel, aspect
-        See `Patch`.
-    dtype : str
-        Precision, "float64" or "float32".
-    """
-    return kept_filter(_make_displacement, shape, boundary, kernel, aspect, dtype)
-
-
-def edgeless_filter(
-    shape: tuple[int, int],
-    boundary: Boundary,
-    aspect: float,
-    dtype: str = "float64",
-    *,
-    inverse: bool = False,
-) -> FieldFilter:
-    """Return H of a patch without edges, or its inverse on fields of zero mean, as a filter."""
-    return kept_filter(_make_edgeless, shape, boundary, aspect, dtype, inverse)
 
 
 def fast_period(nodes: int) -> int:
@@ -348,14 +317,23 @@ def wave_numbers(shape: tuple[int, int], boundary: Boundary, aspect: float) -> F
     return length
 
 
-def _make_displacement(
+@kept
+def displacement_filter(
     shape: tuple[int, int], boundary: Boundary, kernel: Kernel, aspect: float, dtype: str
 ) -> FieldFilter:
-    """Tabulate the spectrum of H: of a free patch, a real transform of its even table."""
+    """Return H as a filter: of a free patch, a real transform of its even table.
+
+    Parameters
+    ----------
+    shape, boundary, kernel, aspect
+        See `Patch`.
+    dtype : str
+        Precision, "float64" or "float32".
+    """
     if boundary != "free":
-        return edgeless_filter(shape, boundary, aspect, dtype)
+        return edgeless_filter(shape, boundary, aspect, dtype, False)
     if dtype == "float32":
-        double: Any = displacement_filter(shape, "free", kernel, aspect)
+        double: Any = displacement_filter(shape, "free", kernel, aspect, "float64")
         single: FieldFilter = double.in_single_precision()
         return single
     periods = fast_period(shape[0]), fast_period(shape[1])
@@ -374,10 +352,14 @@ def _even_spectrum(quarter: Field) -> Field:
     return spectrum
 
 
-def _make_edgeless(
+@kept
+def edgeless_filter(
     shape: tuple[int, int], boundary: Boundary, aspect: float, dtype: str, inverse: bool
 ) -> FieldFilter:
-    """Tabulate 2 / |q|, and zero for the mean; or |q| / 2."""
+    """Return H of a patch without edges, or its inverse on fields of zero mean, as a filter.
+
+    It is 2 / |q|, and zero for the mean; or |q| / 2.
+    """
     if inverse:
         spectrum = wave_numbers(shape, boundary, aspect) / 2
     else:
@@ -400,7 +382,8 @@ def _penalty(shape: tuple[int, int], boundary: Boundary, aspect: float) -> float
     return PENALTY * math.sqrt(waves.min() * waves.max()) if waves.size else 1.0
 
 
-def _make_splitting(shape: tuple[int, int], boundary: Boundary, aspect: float) -> FieldFilter:
+@kept
+def _splitting_filter(shape: tuple[int, int], boundary: Boundary, aspect: float) -> FieldFilter:
     """Tabulate 1 / (2 / |q| + c)."""
     waves = _compliances(shape, boundary, aspect) + _penalty(shape, boundary, aspect)
     return _even_filter(shape, boundary, 1 / waves, "float64")
@@ -415,7 +398,8 @@ def _even_filter(
     return spectral_filter(shape, spectrum[: shape[0] // 2 + 1], dtype, shape)
 
 
-def _make_inverse(
+@kept
+def _inverse_filter(
     shape: tuple[int, int], boundary: Boundary, kernel: Kernel, aspect: float
 ) -> FieldFilter:
     """Tabulate the inverse of a matrix near H.
@@ -426,7 +410,7 @@ def _make_inverse(
     """
     rows, columns = map(_whole_blocks, shape)
     if boundary != "free":
-        return edgeless_filter((rows, columns), boundary, aspect, "float32", inverse=True)
+        return edgeless_filter((rows, columns), boundary, aspect, "float32", True)
     periods = _fast_length(rows), _fast_length(shape[1])
     table = influence_coefficients(periods, kernel, aspect)
     for period in periods:
@@ -439,7 +423,8 @@ def _make_inverse(
     return spectral_filter((rows, periods[1]), 1 / _even_spectrum(table), "float32", periods)
 
 
-def _make_means(shape: tuple[int, int], boundary: Boundary, aspect: float) -> FieldFilter:
+@kept
+def _means_filter(shape: tuple[int, int], boundary: Boundary, aspect: float) -> FieldFilter:
     """Tabulate the spectrum of weighted means over the blocks of the approximate inverse."""
     rows, columns = _whole_blocks(shape[0]) // BLOCK, _whole_blocks(shape[1]) // BLOCK
     if boundary == "free":

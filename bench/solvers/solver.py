@@ -78,7 +78,7 @@ class Case:
         """Return the (n, n) displacement [um] under a pressure [MPa]."""
         if self.load is None:
             shape = self.nodes, self.nodes
-            operator = displacement_filter(shape, "free", self.kernel, 1.0)
+            operator = displacement_filter(shape, "free", self.kernel, 1.0, "float64")
             return filtered(operator, pressure) * self.spacing
         along = np.fft.fftfreq(self.nodes, self.spacing)
         orders = np.hypot.outer(along, np.abs(along[: self.nodes // 2 + 1]))

@@ -6,7 +6,6 @@ its mirror images unless it is told otherwise: what a free patch gives way as a 
 mesh of a finite-element model, not to its interface.
 """
 
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
@@ -260,7 +259,8 @@ def _solved(
 
 def _below_full_contact(loads: Values, surfaces: Sequence[LawSurface], lost: list[str]) -> Values:
     """Return the displacements [um] below full contact of elastic patches without edges."""
-    full = min((each.gap_at_rest for each in surfaces if each.boundary != "free"), default=np.inf)
+    edgeless = [each for each in surfaces if each.boundary != "free"]
+    full = min((each.at_rest()["mean_gap_um"] for each in edgeless), default=np.inf)
     possible, beyond = loads[loads < (1 - APART) * full], f"full contact from {full:.4g} um on"
     if not possible.size:
         raise InputError(f"{beyond}: give smaller loads")
@@ -275,7 +275,7 @@ def _contacts(
     """Yield quantities, the error of the grid, two faults, and what warnings take at each load."""
     settings = {"modulus": bodies.e_star, "hardness": bodies.hardness, **surface.settings}
     compliance = surface.patch_compliance(bodies.e_star)
-    nominal = math.prod(surface.spacing) * surface.heights.size
+    nominal = surface.nominal
     for contact, fault in solve_loads(surface, load, loads.tolist(), **settings):
         if contact is None:
             yield {}, np.nan, fault, "", None

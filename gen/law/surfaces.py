@@ -10,7 +10,7 @@ from bem.problem import Boundary
 from gen.law.curves import APERTURES, GAS, JOINT
 from gen.maps.bodies import Opposite
 from gen.maps.prepare import read_surface
-from gen.maps.read import Sides, Topography, files_in
+from gen.maps.read import Topography, files_in
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import echo
 from gen.scene import Scene, preset_names
@@ -25,35 +25,27 @@ Load = Literal["delta", "pressure"]  # quantities that a law can be solved at
 class LawSurface(Topography):
     """A surface of a law."""
 
-    # Settings of the solver that a scene states: spacing, kernel, far_field, rtol, max_iterations.
+    # Settings of the solver that a scene states: kernel, far_field, rtol, max_iterations.
     settings: Mapping[str, Any] = field(default_factory=dict)
-
-    @property
-    def spacing(self) -> Sides:
-        """Distance of the nodes along x and y [um]."""
-        dx, dy = self.settings.get("spacing", super().spacing)
-        return dx, dy
 
     @property
     def nominal(self) -> float:
         """Area of the cells of all nodes, over which the nominal pressure is a mean [um2]."""
         return float(self.spacing[0] * self.spacing[1] * self.heights.size)
 
-    @property
-    def gap_at_rest(self) -> float:
-        """Mean gap at first touch, Delta = 0 [um]."""
-        return float(self.heights.max()) - float(self.heights.mean())
-
     def at_rest(self, order: "Order | None" = None) -> dict[str, float]:
         """Return what an order asks for at first touch, where no heat passes by spots."""
-        found, gap = {"mean_gap_um": self.gap_at_rest}, self.heights.max() - self.heights
-        if order is not None and order.flow:
+        found = {"mean_gap_um": float(self.heights.max()) - float(self.heights.mean())}
+        if order is None:
+            return found
+        gap = self.heights.max() - self.heights
+        if order.flow:
             from bem.derived.flow import flows_through
 
             periodic = self.boundary == "periodic"
             flows = flows_through(gap, self.spacing, (0, 1), periodic=periodic)
             found |= {name: flow.aperture for name, flow in zip(APERTURES, flows, strict=True)}
-        if order is not None and order.gas is not None:
+        if order.gas is not None:
             found[GAS] = order.gas.conductance(gap)
             found |= {JOINT: found[GAS]} if order.conductivities else {}
         return found
@@ -177,12 +169,13 @@ def _population(scene: Scene, text: str, number: int) -> Iterator[LawSurface]:
 
     contact = scene.contact
     names = "kernel", "far_field", "rtol", "max_iterations"
-    settings = {"spacing": scene.grid.spacing, **{name: getattr(contact, name) for name in names}}
+    settings = {name: getattr(contact, name) for name in names}
     for surface in range(number):
         yield LawSurface(
             f"{text}, surface {surface}",
             surface_numbered(scene, surface),
             scene.grid.sides,
             boundary=contact.boundary,
+            apart=scene.grid.spacing,
             settings=settings,
         )

@@ -212,7 +212,7 @@ def solve_loads(
     from bem.problem import pose
 
     heights, sides = topography.heights, topography.sides
-    settings["boundary"] = topography.boundary
+    settings |= {"boundary": topography.boundary, "spacing": topography.apart}
     loads: dict[str, Any] = {f"{load}s": values}
     solved = 0
     try:

@@ -48,10 +48,13 @@ class Topography:
     # steps of the preparation, which no warning advises again: "crop", "level plane"
     followed: frozenset[str] = frozenset()
     asked: Asked = "option"  # who asks, for the words of messages
+    apart: Sides | None = None  # distance of the nodes [um], where it is not that of the sides
 
     @property
     def spacing(self) -> Sides:
         """Distance of the nodes along x and y [um]; the rule of `bem`, without loading it."""
+        if self.apart is not None:
+            return self.apart
         nx, ny = (nodes - (self.boundary == "free") for nodes in self.heights.shape)
         return self.sides[0] / nx, self.sides[1] / ny
 
@@ -62,12 +65,13 @@ class Topography:
 
     def changed(self, heights: Heights, step: str, spacing: Sides | None = None) -> Topography:
         """Return it with new heights, perhaps of a new spacing [um], and a step more."""
-        x, y = self.sides
+        (x, y), apart = self.sides, self.apart
         if spacing is not None:
+            apart = None
             (nx, ny), (dx, dy), outer = heights.shape, spacing, self.boundary == "free"
             x, y = (nx - outer) * dx, (ny - outer) * dy
         steps = (*self.steps, *filter(None, [step]))
-        return replace(self, heights=heights, sides=(x, y), steps=steps)
+        return replace(self, heights=heights, sides=(x, y), steps=steps, apart=apart)
 
 
 def in_words(spacing: Sides, digits: int = 6) -> str:

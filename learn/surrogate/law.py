@@ -95,7 +95,8 @@ def of_parameters(surrogate: Surrogate, order: Order, numbers: Mapping[str, floa
         np.zeros(scene.grid.shape),
         scene.grid.sides,
         boundary=surrogate.boundary,
-        settings={"spacing": scene.grid.spacing, **settings},
+        apart=scene.grid.spacing,
+        settings=settings,
     )
     unit = patch.nominal if load == "force" else 1.0
     if at is None:
@@ -229,11 +230,11 @@ def _tables(
     bodies: Bodies,
 ) -> Tables:
     """Predict all surfaces; tabulate against Delta and against pressure, with lines of warnings."""
-    parts, whole, corrections = [], [], []
+    rests, parts, whole, corrections = [patch.at_rest() for patch, _ in surfaces], [], [], []
     with RunProgress(len(surfaces), "surfaces") as progress:
-        for patch, on_surface in surfaces:
+        for (patch, on_surface), rest in zip(surfaces, rests, strict=True):
             predicted = partial(_predicted, patch, on_surface, "delta", order.level, bodies)
-            smooth, correction = monotone(predicted(deltas).from_rest(patch.at_rest()))
+            smooth, correction = monotone(predicted(deltas).from_rest(rest))
             extended = smooth
             with suppress(InputError):  # larger displacements, where they can be predicted
                 extended = continued(smooth, predicted(deltas[-1] * np.array(BEYOND)))
@@ -241,7 +242,7 @@ def _tables(
             whole.append(_with_stiffness(extended, patch, order, bodies))
             corrections.append(correction)
             progress.advance(1, 0)
-    rest = {"mean_gap_um": float(np.mean([patch.gap_at_rest for patch, _ in surfaces]))}
+    rest = {name: float(np.mean([each[name] for each in rests])) for name in rests[0]}
     over_delta = tabulated("delta_um", np.append(0.0, deltas), parts, order.level, rest)
     notes = _corrected(over_delta, corrections)
     if beyond := sum(share > 0 for share in over_delta.outside):
@@ -305,8 +306,7 @@ def _with_stiffness(points: Points, subject: LawSurface, order: Order, bodies: B
 
 def _of_interface(stiffness: Values, behind: float) -> Values:
     """Take what the patch gives way [um / MPa] out of stiffnesses, (k,) [MPa / um]."""
-    patch = 1 / behind if behind else np.inf
-    return np.array([without_patch(each, patch) for each in stiffness])
+    return np.array([without_patch(each, 1 / behind) if behind else each for each in stiffness])
 
 
 def _corrected(over_delta: Curves, corrections: Sequence[Points]) -> list[str]:

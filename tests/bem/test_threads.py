@@ -34,13 +34,13 @@ def blas_threads():
 
 def test_dense_algebra_has_one_thread_and_leaves_the_others_alone(monkeypatch):
     seen: list[set[int]] = []
-    factorised = dense.ContactFactor._factorised
+    by = dense.ContactFactor._by
 
-    def watched(self, matrix):
+    def watched(*matrices, **how):
         seen.append(blas_threads())
-        return factorised(self, matrix)
+        return by(*matrices, **how)
 
-    monkeypatch.setattr(dense.ContactFactor, "_factorised", watched)
+    monkeypatch.setattr(dense.ContactFactor, "_by", watched)
     bem.solve(ROUGH, 1000.0, 10.0)  # everything is loaded
     with threadpool_limits(limits=2, user_api="blas"):
         before = blas_threads()

@@ -120,7 +120,7 @@ def test_what_filters_occupy_is_bounded_for_all_threads_together(monkeypatch):
 
     def solve():
         for nodes in range(20, 60):
-            displacement_filter((nodes, nodes), *FREE)
+            displacement_filter((nodes, nodes), *FREE, "float64")
         ready.wait(600)
         done.wait(600)
 
@@ -132,7 +132,7 @@ def test_what_filters_occupy_is_bounded_for_all_threads_together(monkeypatch):
     done.set()
     for thread in threads:
         thread.join()
-    fewest = 3 * filters.FEWEST_KEPT * displacement_filter((61, 61), *FREE).bytes
+    fewest = 3 * filters.FEWEST_KEPT * displacement_filter((61, 61), *FREE, "float64").bytes
     assert 0 < occupied <= 3 * 2**20 + fewest
     del threads, thread
     gc.collect()
