@@ -129,7 +129,10 @@ def typed(context: typer.Context, program: str) -> str:
         values = given if isinstance(given, list | tuple) else [given]
         option = [] if parameter.param_type_name == "argument" else [parameter.opts[0]]
         for value in values:
-            words += [*option, str(value)] if value is not True else option
+            if isinstance(value, bool):
+                words += option if value else [parameter.secondary_opts[0]]
+            else:
+                words += [*option, str(value)]
     return shlex.join(words)
 
 

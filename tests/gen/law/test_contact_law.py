@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+import user_functions
 from strict import json_of
 
 import bem
@@ -164,6 +165,20 @@ def test_a_scene_is_solved_without_edges_unless_told_otherwise(surfaces, capsys)
     capsys.readouterr()
     assert cli.main(["law", "scene.toml"]) == 2
     assert "give --delta or --pressure" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("boundary", ["periodic", "mirror"])
+@pytest.mark.parametrize("surface", ["diamond-square", "midpoint", "spectral", "python"])
+def test_a_scene_has_the_patch_of_the_boundary_asked_for(here, monkeypatch, surface, boundary):
+    """A scene of free patches is then the one that names that boundary itself."""
+    waves = "roll_off = 500.0\ncut_off = 200.0\nrms_height = 5.0\n" if surface == "spectral" else ""
+    table = f'[surface]\ngenerator = "{surface}"\nnodes = 17\n{waves}'
+    table = user_functions.SURFACE if surface == "python" else table
+    for name, contact in (("free", ""), ("own", f'[contact]\nboundary = "{boundary}"\n')):
+        ask = ["law", "mine.toml", "--surfaces", "2", "--pressure", "0.001,0.01", "--trust"]
+        with user_functions.inside(here, monkeypatch, f"samples = 4\n{table}{contact}"):
+            assert cli.main([*ask, "--boundary", boundary, "--csv", f"{name}.csv"]) == 0
+    assert Path("free.csv").read_bytes() == Path("own.csv").read_bytes()
 
 
 @pytest.mark.parametrize("name", ["many/s0.npy", "many"])

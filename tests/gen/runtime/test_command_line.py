@@ -10,6 +10,7 @@ import subprocess
 import sys
 from unittest import mock
 
+import command_lines
 import h5py
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from databases import database_of, status
 from launch import TIMEOUT, command, environment
 
 from gen import cli
+from gen.runtime.command_line import typed
 from gen.runtime.documents import cell, write_csv
 from gen.runtime.terminal import RunProgress, echo, print_columns, printable
 
@@ -215,3 +217,17 @@ def test_a_cell_of_text_is_no_formula(tmp_path, text):
     with (tmp_path / "a.csv").open(newline="", encoding="utf-8") as file:
         (row,) = csv.DictReader(file)
     assert row == {"name": f"'{text}", "value": "-1.5", "count": "-3", "plain": "a=b"}
+
+
+@pytest.mark.parametrize("program", ["gen", "learn"])
+def test_a_recorded_command_is_the_one_that_was_given(program):
+    """Each command with each of its flags, and with none."""
+    for name, (_, *words) in command_lines.good(program).items():
+        parser = command_lines.commands(program)[name]
+        flags = [each for each in parser.params if getattr(each, "is_flag", False)]
+        spelled = [word for each in flags for word in (*each.opts, *each.secondary_opts)]
+        for flag in ([], *([each] for each in spelled if each != "--help")):
+            with parser.make_context(name, [*words, *flag]) as given:
+                again = shlex.split(typed(given, program))
+            with parser.make_context(name, again[again.index(name) + 1 :]) as read:
+                assert read.params == given.params, again
