@@ -31,7 +31,11 @@ def _file(said: str, *names: str) -> Any:
 
 Database = Annotated[Path, Argument(metavar="FILE", help="A database (HDF5).")]
 SurfaceFile = Annotated[
-    Path, Argument(metavar="SURFACE", help="Heights: .npy, text, instruments'.")
+    Path,
+    Argument(
+        metavar="SURFACE",
+        help="Heights: .npy, text, or an instrument's file (x3p, sur, al3d, opd, plu, gwy ...).",
+    ),
 ]
 Table = Annotated[Path | None, _file("Also write a table.", "--csv")]
 Scene = Annotated[str, Argument(metavar="SCENE", help="A shipped scene, as quick, or a TOML file.")]
@@ -122,14 +126,15 @@ class Material(NamedTuple):
 
     young: Annotated[
         list[float] | None,
-        Option(metavar="MPA", help="Young's modulus; give it twice for two elastic bodies."),
+        Option(metavar="MPA", help="Young's modulus; give it twice for two elastic bodies [1]."),
     ] = None
     poisson: Annotated[
         list[float] | None, Option(metavar="NU", help="Poisson's ratio, as often as --young [0].")
     ] = None
     e_star: Annotated[float | None, Option(metavar="MPA", help="Or E* of both bodies.")] = None
     hardness: Annotated[
-        float | None, Option(metavar="MPA", help="Hardness of the softer body, which yields there.")
+        float | None,
+        Option(metavar="MPA", help="Hardness of the softer body, which yields there [none]."),
     ] = None
 
 

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.runtime.errors import InputError
-from gen.runtime.files import require_file
+from gen.runtime.files import kind_of, require_file
 from gen.runtime.terminal import to_type
 from gen.scene import Scene, columns_for, differences
 from gen.schema import (
@@ -105,6 +105,8 @@ def open_file(path: Path, writing: bool = False, communicator: Any = None) -> h5
     except OSError as error:
         if error.errno == errno.ENOENT:
             raise InputError(f"{path} does not exist; check the name") from None
+        if not error.errno and (kind := kind_of(path)) != "database":
+            raise InputError(f"{path} is no database but {kind}; give another name") from None
         reason = os.strerror(error.errno) if error.errno else first_line(error)
         raise InputError(
             f"{path} cannot be read as a database ({reason}); give another name, or restore it"

@@ -118,9 +118,8 @@ files = [
 {_files(proposal, inputs, output.absolute().parent)}
 ]
 
-# Windows {proposal.width:.4g} um wide. The maps are cut into {tiles}
-# tile{"s" * (tiles != 1)}; a window lies in one of them, and training and tests of
-# surrogates share no tile.{few}
+# Windows {proposal.width:.4g} um wide. The maps are cut into {tiles} tile{"s" * (tiles != 1)}; a
+# window lies in one of them, and training and tests of surrogates share no tile.{few}
 nodes = {nodes}
 
 {spacing}
