@@ -149,7 +149,8 @@ class Scene(Table):
     @property
     def grid(self) -> Grid:
         """The grid that surfaces are made on; only free patches may have MIRCO's side/n."""
-        boundary, cells = self.contact.boundary, self.edgeless or self.contact.spacing == "side/n"
+        boundary, spacing = self.contact.boundary, self.contact.spacing
+        cells = boundary != "free" or spacing == "side/n"
         (nx, ny), (x, y) = self.surface.patch(boundary, cells=cells)
         return Grid((nx, ny), (x, y), (x / (nx - (not cells)), y / (ny - (not cells))), boundary)
 
