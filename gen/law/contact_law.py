@@ -43,6 +43,7 @@ from gen.runtime.terminal import RunProgress, shortened
 ARGUMENTS: dict[Load, str] = {"delta": "delta_um", "pressure": "pressure_MPa"}
 """Quantity of the arguments of a table by the kind of load."""
 
+LONG = 10**6  # nodes of all contacts of a law from which on it shows progress
 FEW = 10  # nodes in contact below which a law shows the grid rather than the surface
 
 STEPS = 40
@@ -218,11 +219,15 @@ def _solved(
     if load == "delta" and bodies.hardness is None:
         loads = _below_full_contact(loads, surfaces, lost)
     points, faults_of, warned, notes = list[Points](), [], list[str](), list[str]()
-    many = len(surfaces) > 1
-    with RunProgress(len(surfaces), f"surfaces at given {load}") if many else nullcontext() as told:
+    many, work = len(surfaces) > 1, len(surfaces) * loads.size
+    long = work * surfaces[0].heights.size >= LONG
+    with RunProgress(work, "contacts") if long else nullcontext() as told:
         for surface in surfaces:
-            judged = order.grid_error and not points
-            found = list(_contacts(order, surface, bodies, load, loads, judged=judged))
+            judged, found = order.grid_error and not points, []
+            for each in _contacts(order, surface, bodies, load, loads, judged=judged):
+                found.append(each)
+                if told is not None:
+                    told.advance(1, int(not each[0]))
             rows, bars, faults, doubts, pressed = zip(*found, strict=True)
             names = next(filter(None, rows))
             values = {name: np.array([row.get(name, np.nan) for row in rows]) for name in names}
@@ -241,8 +246,6 @@ def _solved(
                 notes.append(f"{surface.name}: the area is that of the grid at {at}, {why}")
             solved = [each for each in pressed if each]
             warned += list(contact_warnings(surface, bodies, load, solved))[:1]
-            if told is not None:
-                told.advance(1, 0)
     kept, before = np.ones(loads.size, dtype=bool), len(lost)
     for place, faults in enumerate(zip(*faults_of, strict=True)):
         failed = [f"{each.name}: {why}" for each, why in zip(surfaces, faults, strict=True) if why]

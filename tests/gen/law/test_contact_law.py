@@ -167,6 +167,14 @@ def test_a_scene_is_solved_without_edges_unless_told_otherwise(surfaces, capsys)
     assert "give --delta or --pressure" in capsys.readouterr().err
 
 
+def test_a_long_law_shows_progress(surfaces, run, monkeypatch, capsys):
+    run("many/s0.npy", "--pressure", "1,10")
+    assert "contacts (" not in capsys.readouterr().err
+    monkeypatch.setattr(contact_law, "LONG", 6 * 20**2)
+    run("many", "--pressure", "1,10")
+    assert "6 of 6 contacts (100.0 %)" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("boundary", ["periodic", "mirror"])
 @pytest.mark.parametrize("surface", ["diamond-square", "midpoint", "spectral", "python"])
 def test_a_scene_has_the_patch_of_the_boundary_asked_for(here, monkeypatch, surface, boundary):
