@@ -145,6 +145,10 @@ class GeneratedSurface(Table):
         what `home` has (`verify`).
         """
 
+    def sources(self) -> list[Path]:
+        """Return the files that surfaces are made from, which no output may take the place of."""
+        return []
+
     def remarks(self) -> list[str]:
         """Return lines for the user of a run about the source of the surfaces."""
         return []

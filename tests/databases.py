@@ -9,7 +9,7 @@ from launch import python
 
 from gen import cli, database, schema
 from gen.database import Writer, create
-from gen.scene import ALL_COLUMNS, Scene, columns_for
+from gen.scene import Scene, columns_for
 from gen.schema import Reason, Status
 from gen.surface import DisplacedSurface
 
@@ -75,7 +75,7 @@ def block(scene, start, stop, status=Status.DONE):
     values = {}
     for number, column in enumerate(columns_for(scene)):
         rows = np.arange(start, stop) * 100.0 + number
-        shape = column.shape(stop - start, scene.shape)
+        shape = column.shape(stop - start, scene.grid.shape)
         field = np.broadcast_to(rows.reshape(-1, *[1] * (len(shape) - 1)), shape)
         values[column.name] = field.astype(column.dtype)
     values["status"] = np.full(stop - start, status, dtype="u1")
@@ -106,15 +106,3 @@ def raise_physics(monkeypatch):
     """Have a version of the code that computes other results."""
     for module in (database.creation, database.reader):
         monkeypatch.setattr(module, "PHYSICS", PHYSICS + 1)
-
-
-def table_of_columns() -> str:
-    """What `gen/columns.md` has to be: every column with its unit and meaning, in Markdown."""
-    lines = ["| Column | Unit | Meaning | Paper's range |", "|---|---|---|---|"]
-    for column in ALL_COLUMNS:
-        span = "{:g} to {:g}".format(*column.paper_range) if column.paper_range else ""
-        shape = ", nx x ny per sample" if column.shape_of else ""
-        condition = f" (with {column.optional})" if column.optional else ""
-        meaning = f"{column.long_name}{shape}{condition}"
-        lines.append(f"| `{column.path}` | {column.unit} | {meaning} | {span} |")
-    return "\n".join(lines)

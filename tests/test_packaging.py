@@ -67,7 +67,7 @@ def test_a_package_built_without_a_checkout_has_no_commit(wheel):
 
 DATA = {
     "asperity/py.typed",
-    *("bem/py.typed", "gen/py.typed", "learn/py.typed", "gen/columns.md"),
+    *("bem/py.typed", "gen/py.typed", "learn/py.typed"),
     *("gen/law/law.h.in", "gen/law/law_4c.py.in"),
     *("bench/page.html", "bench/two-blocks.inp"),
 }

@@ -12,8 +12,8 @@ from statistics import mean
 from bench.answers import lines as answers
 from bench.record import Inputs
 from bench.report import PARTS
-from gen.commands.databases import COLUMNS
 from gen.maps.settings import PREPARED, keys, said
+from gen.scene import markdown_of_columns
 from learn.comparison.folder import KINDS
 from learn.comparison.grid import LEAST_JUDGED, LIBRARY
 from learn.models import MODELS
@@ -661,5 +661,5 @@ def markdown_of(name: str) -> str:
         If there is no table of this name.
     """
     if name == "columns":
-        return COLUMNS.read_text(encoding="utf-8").rstrip()
+        return "\n".join(markdown_of_columns())
     return preparation() if name == "preparation" else TABLES[name].markdown()

@@ -3,7 +3,6 @@
 import re
 import resource
 import signal
-from pathlib import Path
 
 from gen import options
 from gen.runtime import farm
@@ -11,8 +10,6 @@ from gen.runtime.command_line import Trust
 from gen.runtime.errors import InputError
 from gen.runtime.files import Output, check_outputs
 from gen.runtime.terminal import echo, shown, to_type
-
-COLUMNS = Path(__file__).parents[1] / "columns.md"  # written down: a test compares it with all
 
 
 def run(
@@ -121,7 +118,9 @@ def plot(file: options.Database, output: options.NewPicture, trust: Trust = Fals
 
 def columns() -> None:
     """Print the columns of a database as a table in Markdown."""
-    for line in COLUMNS.read_text(encoding="utf-8").splitlines():
+    from gen.scene import markdown_of_columns
+
+    for line in markdown_of_columns():
         echo(line)
 
 

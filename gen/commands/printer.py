@@ -36,7 +36,7 @@ def print_database(reader: Reader) -> None:
     part = ""
     if len(reader.rows) < reader.scene.samples:
         part = f": {reader.rows.start} to {reader.rows.stop - 1} of {reader.scene.samples}, a part"
-    echo(f"  size      {size(reader.size_bytes)}, {sum(counts)} rows{part}")
+    echo(f"  size      {size(reader.path.stat().st_size)}, {sum(counts)} rows{part}")
     echo(f"  rows      {counts.done} done, {counts.failed} failed, {counts.pending} pending")
     for status in (Status.DONE, Status.FAILED):
         for code, number in reader.reasons(status).items():
@@ -84,7 +84,7 @@ def print_plan(scene: Scene, path: Path | None = None) -> None:
     low, mean, high = planned_loads(scene)
     echo(
         f"{scene.samples} samples on {scene.surfaces} surfaces of {nx} x {ny} nodes"
-        f"{f', {contact.boundary} boundary' if scene.edgeless else ''}"
+        f"{'' if contact.boundary == 'free' else f', {contact.boundary} boundary'}"
         f"{'' if scene.surface.against is None else ', each against another rough one'}"
     )
     name = "Delta" if scene.quantity == "delta" else scene.quantity

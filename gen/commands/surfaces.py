@@ -12,7 +12,7 @@ from gen.material import Bodies
 from gen.runtime.command_line import Trust, grouped, typed
 from gen.runtime.errors import InputError
 from gen.runtime.figure import empty_figure
-from gen.runtime.files import Output, check_outputs
+from gen.runtime.files import Output, atomic, check_outputs
 from gen.runtime.terminal import echo
 
 
@@ -111,6 +111,8 @@ def contact(
     Give one of --delta, --force and --pressure: a number, or for a law start:stop:count, with :log
     for an even ratio, or several numbers with commas.
     """
+    import numpy as np
+
     from bem.threads import cores, default_threads, on_threads
     from gen.commands import printer
     from gen.maps import contacts
@@ -150,7 +152,8 @@ def contact(
     if flattened is not None:
         if faults:
             raise InputError(f"--flattened {flattened}: not written, as not every load was solved")
-        contacts.write_flattened(flattened, last)
+        with atomic(flattened, "heights") as file:
+            np.save(file, last.flattened)
     if picture is not None:
         from gen.maps.pictures import draw_contacts
 
@@ -198,9 +201,10 @@ def law(
     from gen.law import Order, by_solver
     from gen.law.curves import Gas
     from gen.law.files import show, write_files
+    from gen.law.surfaces import files_read
     from gen.maps.contacts import require_conductivities
 
-    files = files.ready(output, filter(None, [*inputs, facing.against]))
+    files = files.ready(output, [*files_read(inputs), *filter(None, [facing.against])])
     if not 0 < band < 1:
         raise InputError(f"--band {band:g}: give a share between 0 and 1, as 0.9")
     figure = files.picture and empty_figure(files.picture, 12.0, 7.0)

@@ -294,11 +294,6 @@ class Reader(ExitStack):
         """Attributes of the file: scene, versions, commit, layout number, physics number."""
         return read_attributes(self._file)
 
-    @property
-    def size_bytes(self) -> int:
-        """Size of the file [bytes]."""
-        return self.path.stat().st_size
-
     def column(self, name: str, start: int = 0, stop: int | None = None) -> NDArray[Any]:
         """Read one column.
 

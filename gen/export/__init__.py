@@ -28,7 +28,7 @@ from pyarrow import parquet
 from gen.database import Reader
 from gen.database.reader import CHUNK_BYTES
 from gen.runtime.errors import InputError
-from gen.runtime.files import atomic, digest, kind_of, lock_folder, make_folder, write
+from gen.runtime.files import atomic, digest, inside, kind_of, lock_folder, make_folder, write
 from gen.runtime.terminal import RunProgress, printable
 from gen.schema import REASONS, Column, Status
 
@@ -123,13 +123,13 @@ def export(reader: Reader, folder: Path, about: About) -> tuple[int, int, int]:
             raise InputError(f"{reader.path} has no done rows to export")
         files = pieces(reader)
         if len(files) > 1:
-            make_folder(folder / FIELDS)
+            make_folder(inside(folder, FIELDS))
         with RunProgress(sum(len(piece.rows) for piece in files), "rows") as progress:
             for piece in files:
                 write_piece(piece, folder, reader, done, progress)
-        write(folder / SCENE_NAME, scene_text(reader))
-        write(folder / CARD_NAME, card(reader, about, done))
-        write(folder / CROISSANT_NAME, describe(reader, about, folder, files))
+        write(inside(folder, SCENE_NAME), scene_text(reader))
+        write(inside(folder, CARD_NAME), card(reader, about, done))
+        write(inside(folder, CROISSANT_NAME), describe(reader, about, folder, files))
         size = sum(path.stat().st_size for path in folder.rglob("[!.]*") if path.is_file())
         return int(done.sum()), int((~done).sum()), size
 
@@ -181,7 +181,7 @@ def write_piece(
     piece: Piece, folder: Path, reader: Reader, done: NDArray[np.bool_], progress: RunProgress
 ) -> None:
     """Write a file of an export with the rows that are done, unless it is there already."""
-    path, before, names = folder / piece.name, reader.rows.start, piece.schema.names[1:]
+    path, before, names = inside(folder, piece.name), reader.rows.start, piece.schema.names[1:]
     part = piece.rows
     number = int(done[part.start - before : part.stop - before].sum())
     origin = identity(reader) | {"rows": [part.start, part.stop], "done": number}
@@ -257,7 +257,11 @@ def card(reader: Reader, about: About, done: NDArray[np.bool_]) -> str:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters |= {"json": _quoted, "form": _limit}
+    # Texts of YAML have the quotes of JSON, without the sign that opens HTML.
+    environment.filters |= {
+        "json": lambda text: Markup(json.dumps(text).replace("<", "\\u003c")),
+        "form": _limit,
+    }
     attributes, (columns, fields) = reader.attributes, columns_of(reader)
     failures = reader.reasons(Status.FAILED)
     text = environment.get_template("card.md.jinja").render(
@@ -281,11 +285,6 @@ def card(reader: Reader, about: About, done: NDArray[np.bool_]) -> str:
         citation=about.citation(str(attributes["created"])[:4]),
     )
     return text.replace("\\\n", "")
-
-
-def _quoted(text: str) -> Markup:
-    """Write a text in YAML's quotes, which are those of JSON, without the sign that opens HTML."""
-    return Markup(json.dumps(text).replace("<", "\\u003c"))
 
 
 def _plain(value: object) -> object:

@@ -216,7 +216,7 @@ def _solve(scene: Scene, heights: Heights, plan: Parameters, rows: Columns, row:
             rows[name][row] = getattr(failure.contact, name)
         return Reason.NOT_CONVERGED
     except bem.NoSolution:
-        elastic = Reason.FULL_CONTACT if scene.edgeless else Reason.NO_SOLUTION
+        elastic = Reason.FULL_CONTACT if scene.contact.boundary != "free" else Reason.NO_SOLUTION
         return elastic if scene.contact.hardness_limits is None else Reason.BEYOND_HARDNESS
     except (ArithmeticError, np.linalg.LinAlgError):
         return Reason.ARITHMETIC

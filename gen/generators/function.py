@@ -10,7 +10,7 @@ from pydantic import AfterValidator, Field
 from gen.arrays import Heights
 from gen.distribution import AnyNumber, Distribution
 from gen.runtime.errors import InputError, SourceError
-from gen.runtime.user_code import faults_of, load_function, source_hash
+from gen.runtime.user_code import TRUSTED, faults_of, load_function, source_hash, source_of
 from gen.surface import Grid, GridSurface, Parameters, Random
 
 T = TypeVar("T")
@@ -48,6 +48,10 @@ class PythonSurface(GridSurface):
     def drawn(self) -> dict[str, Distribution]:
         """Return the user's parameters."""
         return dict(self.parameters)
+
+    def sources(self) -> list[Path]:
+        """Return the file of the function's module, where it is trusted."""
+        return [source_of(self.function)] if TRUSTED.get() else []
 
     def resolved(self, home: Path | None) -> Self:
         """Complete the table by the hash of the source of the function's module."""

@@ -192,6 +192,14 @@ class ScanSurface(GeneratedSurface):
             kept["against"] = self.against_found.contents
         return kept
 
+    def sources(self) -> list[Path]:
+        """Return the files of the maps, of both bodies."""
+        if self.found is not None:
+            maps = [*self.found.maps, *(self.against_found.maps if self.against_found else ())]
+            return [Path(each.file) for each in maps]
+        others = self.against if isinstance(self.against, tuple) else ()
+        return library.map_files([*self.files, *others], Path.cwd())
+
     def resolved(self, home: Path | None) -> Self:
         """Search for the maps, and prepare them unless that has been done."""
         if self.found is not None:

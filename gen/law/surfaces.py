@@ -1,6 +1,6 @@
 """The surfaces of a contact law: from files and folders, or the population of a scene."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
@@ -147,19 +147,28 @@ def read_subjects(order: "Order", only: Boundary | None = None) -> LawSurfaces:
     return LawSurfaces(subjects, scenes, origins, list(dict.fromkeys(doubts)))
 
 
-def scene_of(text: str) -> Scene | None:
-    """Return the scene of a name, of a file, or of a database; None for surfaces."""
+def files_read(inputs: Iterable[str]) -> Iterator[Path | str]:
+    """Yield the inputs of a law, and the files that scenes and databases among them name."""
+    for text in inputs:
+        yield text
+        if (scene := scene_of(text, ready=False)) is not None:
+            yield from scene.surface.sources()
+
+
+def scene_of(text: str, *, ready: bool = True) -> Scene | None:
+    """Return the scene of a name, a file, or a database, `ready` to be drawn; None for surfaces."""
     from gen.scene import load
 
     suffix = Path(text).suffix.lower()
     if suffix == ".toml" or (not suffix and text in preset_names()):
-        return load(text).resolved()
+        return load(text).resolved() if ready else load(text)
     if suffix != ".h5":
         return None
     from gen.database import Reader
 
     with Reader(Path(text)) as reader:
-        reader.scene.surface.make_ready(Path(text).parent)
+        if ready:
+            reader.scene.surface.make_ready(Path(text).parent)
         return reader.scene
 
 

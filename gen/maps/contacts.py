@@ -7,8 +7,6 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
-from io import BytesIO
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -18,7 +16,6 @@ from gen.maps.read import Topography
 from gen.material import Bodies, loads_from
 from gen.runtime import memory
 from gen.runtime.errors import InputError
-from gen.runtime.files import write
 from gen.runtime.terminal import RunProgress
 
 if TYPE_CHECKING:
@@ -309,10 +306,3 @@ def border_remark(topography: Topography, last: Contact, loads: int) -> str:
     if is_tilted(topography):  # whose mirror images are tilted too
         return said
     return f"{said}: if this is a piece of a larger surface, --boundary mirror leaves no edges"
-
-
-def write_flattened(path: Path, contact: Contact) -> None:
-    """Write the heights that a load leaves when it is taken off [um] to a .npy file."""
-    content = BytesIO()
-    np.save(content, contact.flattened)
-    write(path, content.getvalue(), "heights")

@@ -228,10 +228,7 @@ def _end_after(error: BaseException, name: str) -> tuple[int, str]:
     return 2, f"{name}: {said}"
 
 
-@cache
-def _built(app: typer.Typer) -> Any:
-    """Return the parser of an app; building it takes longer than refusing a command line."""
-    return typer.main.get_command(app)
+_built: Any = cache(typer.main.get_command)  # the parser of an app, which takes long to build
 
 
 def _complain(message: str) -> None:

@@ -22,7 +22,6 @@ Kind = Literal["text", "picture", "surrogate", "heights", "arrays", "maps", "par
 """Kinds of output besides databases; `arrays` are NumPy's zip archives, `maps` prepared maps."""
 
 Present = Literal["replace", "keep", "refuse"]  # what a new file does to one that has its name
-_LONGEST_HEADER = 100_000  # number of characters within which the header of a table ends
 LARGEST = 64 * 2**20  # most bytes of a file that is read whole; ours have some thousands
 BEGINNING = 4096  # bytes at the beginning of a file that decide its kind
 
@@ -95,14 +94,13 @@ class Output(NamedTuple):
 def check_outputs(outputs: Iterable[Output], inputs: Iterable[Path | str] = ()) -> None:
     """Refuse outputs before any work is done for them, without changing existing files.
 
-    Of folders among the inputs all files count except tables of results. Raise InputError if a file
-    cannot be written, is an input or another output by any name, or holds another kind of content.
+    Of folders among the inputs all files count. Raise InputError if a file cannot be written, is an
+    input or another output by any name, or holds another kind of content.
     """
     wanted = [(output.path, output.option, output.kind) for output in outputs if output.path]
     read: list[Path] = []
     for given in map(Path, inputs):
-        inside = list(given.iterdir()) if given.is_dir() else None
-        read += [given] if inside is None else [file for file in inside if not _is_table(file)]
+        read += given.iterdir() if given.is_dir() else [given]
     for number, (path, option, kind) in enumerate(wanted):
         if any(_is_same(path, file) for file in read):
             raise InputError(f"{option} {path}: is an input: not replaced")
@@ -129,6 +127,15 @@ def make_folder(folder: Path) -> None:
     """Make a folder, or the one that a link leads to, and those above it, unless they exist."""
     with _in_words(folder, "cannot be written to"):
         place_of(folder, folder=True).mkdir(parents=True, exist_ok=True)
+
+
+def inside(folder: Path, name: str) -> Path:
+    """Return the place of a name of ours in a folder; refuse one that a link leads out of it."""
+    path = folder / name
+    with suppress(OSError, RuntimeError):  # a loop of links
+        if path.resolve().is_relative_to(folder.resolve()):
+            return path
+    raise InputError(f"{path}: is a link that leads out of {folder}: not written; remove it")
 
 
 def write(path: Path, content: str | bytes, kind: Kind = "text") -> None:
@@ -260,16 +267,6 @@ def kind_of(path: Path) -> str:
     if start.translate(None, TEXT):
         return "binary"
     return "text" if start else ""
-
-
-def _is_table(file: Path) -> bool:
-    """Tell a table of results, whose first line holds names, from heights in a .csv."""
-    if file.suffix.lower() != ".csv" or not file.is_file():
-        return False
-    with suppress(OSError), file.open(encoding="utf-8-sig", errors="replace") as opened:
-        names = opened.readline(_LONGEST_HEADER).split(",")
-        return all(name.strip().isidentifier() and name.strip().lower() != "nan" for name in names)
-    return False
 
 
 def _is_same(one: Path, other: Path) -> bool:

@@ -5,6 +5,7 @@ from gen.scene.scene import ALL_COLUMNS as ALL_COLUMNS
 from gen.scene.scene import Scene as Scene
 from gen.scene.scene import columns_for as columns_for
 from gen.scene.scene import load as load
+from gen.scene.scene import markdown_of_columns as markdown_of_columns
 from gen.scene.scene import parameter_columns as parameter_columns
 from gen.scene.scene import preset_names as preset_names
 from gen.scene.scene import require_own_names as require_own_names

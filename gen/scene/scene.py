@@ -142,32 +142,12 @@ class Scene(Table):
         return loads.pieces
 
     @property
-    def edgeless(self) -> bool:
-        """Whether the patch is periodic or surrounded by its mirror images."""
-        return self.contact.boundary != "free"
-
-    @property
     def grid(self) -> Grid:
         """The grid that surfaces are made on; only free patches may have MIRCO's side/n."""
         boundary, spacing = self.contact.boundary, self.contact.spacing
         cells = boundary != "free" or spacing == "side/n"
         (nx, ny), (x, y) = self.surface.patch(boundary, cells=cells)
         return Grid((nx, ny), (x, y), (x / (nx - (not cells)), y / (ny - (not cells))), boundary)
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """Nodes along x and y."""
-        return self.grid.shape
-
-    @property
-    def sides(self) -> tuple[float, float]:
-        """Lengths of the patch along x and y [um]."""
-        return self.grid.sides
-
-    @property
-    def spacing(self) -> tuple[float, float]:
-        """Distances between neighbouring nodes along x and y [um]."""
-        return self.grid.spacing
 
     def resolved(self, home: Path | None = None) -> Self:
         """Complete a scene by hashes of the files and sources that its surfaces depend on.
@@ -411,6 +391,18 @@ def _of_generators() -> Iterator[Column]:
 _PLACE = [column.name for column in COLUMNS].index("surface") + 1
 ALL_COLUMNS = (*COLUMNS[:_PLACE], *_of_generators(), *COLUMNS[_PLACE:])
 """Every column that a database can have, in the order of the file."""
+
+
+def markdown_of_columns() -> list[str]:
+    """Return the lines of a table of all columns, with their units and meanings, in Markdown."""
+    lines = ["| Column | Unit | Meaning | Paper's range |", "|---|---|---|---|"]
+    for each in ALL_COLUMNS:
+        span = "{:g} to {:g}".format(*each.paper_range) if each.paper_range else ""
+        nodes = ", nx x ny per sample" if each.shape_of else ""
+        said = each.long_name + nodes + (f" (with {each.optional})" if each.optional else "")
+        lines.append(f"| `{each.path}` | {each.unit} | {said} | {span} |")
+    return lines
+
 
 RESERVED = frozenset(
     (*(column.name for column in ALL_COLUMNS), *DRAWN_NAMES, RUNTIME, "sample", "x", "y", "area")

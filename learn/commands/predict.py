@@ -225,14 +225,14 @@ def law(
     """
     from gen.law import Order, by_solver
     from gen.law.files import show, write_files
-    from gen.law.surfaces import scene_of
+    from gen.law.surfaces import files_read, scene_of
     from gen.maps.contacts import require_conductivities
     from learn.features.scene import SCENE
     from learn.surrogate import Surrogate
     from learn.surrogate.interval import require_level
     from learn.surrogate.law import make, of_parameters
 
-    files = files.ready(output, inputs)
+    files = files.ready(output, files_read(inputs))
     figure = empty_figure(files.picture, 12.0, 7.0)
     first, *others = inputs
     known = Path(first).is_file() and kind_of(Path(first)) == "surrogate"

@@ -260,9 +260,7 @@ class Folder:
         """Write a JSON file of the folder, and return its path."""
         return self._write(name, documents.text_of(content))
 
-    def write_table(
-        self, name: str, header: Sequence[str], rows: Iterable[Sequence[object]]
-    ) -> Path:
+    def write_table(self, name: str, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> Path:
         """Write a table of the folder (CSV) with a header, and return its path."""
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
@@ -270,7 +268,7 @@ class Folder:
         return self._write(name, text.getvalue())
 
     def _write(self, name: str, text: str) -> Path:
-        path = self.path / name
+        path = files.inside(self.path, name)
         files.make_folder(path.parent)
         files.write(path, text)
         return path
@@ -278,7 +276,8 @@ class Folder:
 
 def targets(path: Path) -> list[Folder]:
     """List the targets of a comparison folder; InputError is raised if it has none."""
-    folders = [Folder(record.parent) for record in sorted(path.glob("*/comparison.json"))]
+    names = sorted(record.parent.name for record in path.glob("*/comparison.json"))
+    folders = [Folder(files.inside(path, name)) for name in names]
     if not folders:
         raise InputError(f"{path} holds no comparison: run learn compare or learn tune first")
     return folders

@@ -16,6 +16,7 @@ from sklearn.inspection import permutation_importance
 
 from gen.arrays import Indices
 from gen.runtime.figure import new_figure, save
+from gen.runtime.files import inside
 from learn.comparison.fits import Training
 from learn.comparison.grid import TABLE_2, space_of
 from learn.comparison.jobs import repeated, targets
@@ -72,7 +73,7 @@ def write_report(request: Request, say: Callable[[str], None]) -> Iterator[Path]
         yield folder.write_table("importance.csv", header, worths)
         lines = [[model.name, *each.values()] for each in kept]
         yield folder.write_table("selection.csv", ["model", *kept[0]], lines)
-        yield _draw(worths, kept, model.title, folder.path / "importance.png")
+        yield _draw(worths, kept, model.title, inside(folder.path, "importance.png"))
 
 
 def _selections(

@@ -19,6 +19,7 @@ import numpy as np
 
 from gen.arrays import Values
 from gen.runtime.farm import Interruption
+from gen.runtime.files import inside
 from gen.runtime.terminal import RunProgress, echo
 from learn import dataset, split
 from learn.comparison import grid as grids
@@ -99,7 +100,7 @@ def tune(request: Request, executor: Executor) -> int:
             # What is left of the time is shared evenly among the searches that are left.
             share = max(request.until - time.time(), 0.0) / (len(searches) - place)
             agreed, until = folder.record()["conditions"], time.time() + share
-            with Trials(folder.path / "trials" / f"{model.name}.jsonl", agreed) as trials:
+            with Trials(inside(folder.path, f"trials/{model.name}.jsonl"), agreed) as trials:
                 source, space, settings = grids.space_of(model.name, agreed["features"])
                 grid = grids.Grid(model, space, training.inputs.shape[1])
                 search = GridSearch(
@@ -137,7 +138,7 @@ def targets(
         for model in models:
             check_memory(model.name, parts.train.size, baseline=not searched)
         scaling = scaling_of(rows, parts.train, standard=rows.features.name == SCENE)
-        folder = Folder(request.output / short_name(rows.target_name))
+        folder = Folder(inside(request.output, short_name(rows.target_name)))
         folder.begin(rows, parts, request)
         note(
             f"{request.databases[0]}: {rows.target_name}, {parts.train.size} training rows,"

@@ -14,6 +14,7 @@ import numpy as np
 
 from gen.runtime.errors import InputError
 from gen.runtime.figure import draw_parity, new_figure, parity_axes, save
+from gen.runtime.files import inside
 from gen.runtime.terminal import echo, print_columns, to_type
 from learn.comparison import paper
 from learn.comparison.folder import Folder
@@ -327,7 +328,7 @@ def draw(tables: Tables) -> list[Path]:
         said.insert(0, f"tuned is the baseline, which won the search: {titles}")
     text = "\n".join(textwrap.fill(line, 150) for line in said)
     figures["scores.png"].axes[0].set_title(text, fontsize=8, loc="left")
-    return [save(figure, folder.path / name, dpi=DPI) for name, figure in figures.items()]
+    return [save(figure, inside(folder.path, name), dpi=DPI) for name, figure in figures.items()]
 
 
 def _parity(folder: Folder, places: list[tuple[str, str]], quantity: str) -> Any:

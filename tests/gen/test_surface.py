@@ -131,6 +131,8 @@ def test_a_generator_is_one_file_and_a_line(tmp_path):
 
     code, _, trouble = ended("-m", "gen", "run", "ridges.toml", "-o", "ridges.h5")
     assert code == 0, trouble
+    _, columns, _ = ended("-m", "gen", "columns")
+    assert "| `amplitude` | um | amplitude of the ridges (with the generator `ridges`) |" in columns
     code, told, trouble = ended("-m", "gen", "check", "ridges.h5", "--recompute", "4")
     assert code == 0, told + trouble
     with h5py.File(tmp_path / "ridges.h5") as file:

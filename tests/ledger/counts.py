@@ -252,7 +252,7 @@ def database_counts(path: Path, item: str = "quick scene") -> dict[Key, int]:
         names = ("status", "iterations", "convolutions", "contact_nodes")
         counts = column_counts(item, {name: reader.column(name) for name in names})
         counts[Key(item, "bytes per row")] = row_bytes(reader.scene)
-        counts[Key(item, "bytes")] = reader.size_bytes
+        counts[Key(item, "bytes")] = reader.path.stat().st_size
     return counts
 
 

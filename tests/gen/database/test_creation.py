@@ -17,13 +17,12 @@ from databases import (
     raise_physics,
     run,
     small,
-    table_of_columns,
 )
 
 from gen import cli, database, schema
 from gen.database import Reader, Writer, create, merge, open_or_create
 from gen.runtime.errors import InputError
-from gen.scene import ALL_COLUMNS, Scene, Store, columns_for
+from gen.scene import ALL_COLUMNS, Scene, Store, columns_for, markdown_of_columns
 from gen.schema import DRAWN_NAMES, PHYSICS_CHANGES, Status
 
 KILLED_WHILE_EXTENDING = """
@@ -283,7 +282,7 @@ def test_every_physics_number_says_what_it_changed():
 
 
 def test_table_has_every_column_and_table_1s_ranges():
-    lines = table_of_columns().splitlines()
+    lines = markdown_of_columns()
     assert len(lines) == len(ALL_COLUMNS) + 2
     assert all(line.count("|") == 5 for line in lines)
     assert "| `area_percent` | % | effective contact area | 0.01 to 16.56 |" in lines

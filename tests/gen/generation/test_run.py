@@ -9,7 +9,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from databases import database_of, deterministic_bytes, status, table_of_columns
+from databases import database_of, deterministic_bytes, status
 from launch import TIMEOUT, command, environment, launch
 
 from bem.operators import patch
@@ -18,6 +18,7 @@ from gen.database import writer
 from gen.generation.run import in_parallel
 from gen.runtime import farm
 from gen.runtime.errors import InputError
+from gen.scene import markdown_of_columns
 
 SAMPLE = Path(__file__).resolve().parents[3] / "examples" / "sample.h5"
 SCENE = "samples = {}\nsamples_per_surface = 2\n{}\n[surface]\nnodes = 17\n"
@@ -173,7 +174,7 @@ def test_failed_rows_warn_and_say_why(here, capsys, monkeypatch):
 def test_a_fresh_interpreter_pins_its_threads_and_exits_with_the_code(tmp_path):
     good = launch(0, "columns", folder=tmp_path)
     assert good.returncode == 0
-    assert good.stdout.strip() == table_of_columns()
+    assert good.stdout.splitlines() == markdown_of_columns()
     bad = launch(0, "info", "missing.h5", folder=tmp_path)
     assert (bad.returncode, bad.stderr.count("\n"), bad.stdout) == (2, 1, "")
     assert "Traceback" not in bad.stderr

@@ -189,6 +189,19 @@ def test_a_scene_has_the_patch_of_the_boundary_asked_for(here, monkeypatch, surf
     assert Path("free.csv").read_bytes() == Path("own.csv").read_bytes()
 
 
+def test_a_law_replaces_no_file_that_its_scene_names(surfaces, monkeypatch, capsys):
+    np.savetxt("many/m.txt", np.load("many/s0.npy"))
+    scans = '[surface]\ngenerator = "scans"\nfiles = "many"\nnodes = 8\nreading.side = "100"\n'
+    scans += '[load]\nquantity = "pressure"\nrange = [0.01, 0.1]\n'
+    for table, target in ((scans, "many/m.txt"), (user_functions.SURFACE, "mine.py")):
+        with user_functions.inside(surfaces, monkeypatch, f"samples = 2\n{table}"):
+            assert cli.main(["run", "mine.toml", "-o", f"{target}.h5"]) == 0
+            for scene in ("mine.toml", f"{target}.h5"):
+                ask = ["law", scene, "--pressure", "0.1", "--surfaces", "2", "--trust"]
+                assert cli.main([*ask, "--json", target]) == 2
+                assert f"{target}: is an input: not replaced" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("name", ["many/s0.npy", "many"])
 def test_loads_that_are_not_solved_are_named_and_cost_no_others(
     surfaces, run, capsys, monkeypatch, name

@@ -153,12 +153,22 @@ def test_a_file_that_appears_meanwhile_is_replaced_only_if_it_may_be(tmp_path, p
 
 
 def test_files_in_an_input_folder_are_inputs(folder):
-    check_outputs([Output(folder / "table.csv", "-o")], [folder])  # results of earlier runs
     (folder / "heights.csv").write_text("0,1\n1,0\n")
-    (folder / "holes.csv").write_text("nan,nan\n1,0\n")
-    for name in ("heights.txt", "hard.txt", "heights.csv", "holes.csv"):
+    (folder / "points.csv").write_text("x,y,z\n1,0,2\n")
+    for name in ("heights.txt", "hard.txt", "heights.csv", "points.csv", "table.csv"):
         with pytest.raises(InputError, match="is an input"):
             check_outputs([Output(folder / name, "-o")], [folder])
+
+
+def test_no_link_leads_out_of_a_folder_for_names_of_ours(folder):
+    own = folder / "own"
+    own.mkdir()
+    for name, target in (("a", folder / "hard.txt"), ("b", "../none"), ("c", "c"), ("d", folder)):
+        (own / name).symlink_to(target)
+        with pytest.raises(InputError, match="leads out of"):
+            files.inside(own, f"{name}/x" if name == "d" else name)
+    (own / "near").symlink_to("other")
+    assert files.inside(own, "near") == own / "near"
 
 
 def test_an_empty_file_and_the_same_kind_are_replaced(folder):
