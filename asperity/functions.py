@@ -382,7 +382,7 @@ class SurrogateFunction(Function):
             found = self.surrogate.predict_rows(self.surrogate.of_numbers(given))
         else:
             asked = Question.of(self.scene, self.inputs, numbers, where)
-            on_surface = self.surrogate.for_surface(asked.heights, asked.scene.grid.sides)
+            on_surface = self.surrogate.for_surface(asked.heights, asked.scene.sides)
             (given_load,) = asked.load.values()
             found = on_surface.predict(given_load, hardness=asked.hardness)
         parts, inside = (found.values, found.low, found.high), float(found.inside[0])

@@ -235,7 +235,7 @@ def template_of(scene: Scene, blocks: Sequence[Block]) -> Columns:
     """Return rows for the largest block; the fields are random, as zeros could be cheaper."""
     count = max(stop - start for start, stop in blocks)
     rows = {
-        column.name: np.full(column.shape(count, scene.grid.shape), column.fill, column.dtype)
+        column.name: np.full(column.shape(count, scene.shape), column.fill, column.dtype)
         for column in columns_for(scene)
     }
     rows["status"][:] = Status.DONE

@@ -70,7 +70,7 @@ def paper_case(row: int, nodes: int, kernel: Kernel = "uniform-pressure") -> Cas
     scene = paper.model_copy(update={"surface": surface})
     plan = parameters(scene, row, row + 1)
     heights = surface_of(scene, plan, 0)
-    return Case(f"paper {row}", heights, scene.grid.sides[0], float(plan.load[0]), kernel)
+    return Case(f"paper {row}", heights, scene.sides[0], float(plan.load[0]), kernel)
 
 
 def compare(

@@ -31,11 +31,7 @@ def _file(said: str, *names: str) -> Any:
 
 Database = Annotated[Path, Argument(metavar="FILE", help="A database (HDF5).")]
 SurfaceFile = Annotated[
-    Path,
-    Argument(
-        metavar="SURFACE",
-        help="Heights: .npy, text, or an instrument's file (x3p, sur, al3d, opd, plu, gwy ...).",
-    ),
+    Path, Argument(metavar="SURFACE", help="Heights: .npy, text, instruments' (x3p, sur, gwy ...).")
 ]
 Table = Annotated[Path | None, _file("Also write a table.", "--csv")]
 Scene = Annotated[str, Argument(metavar="SCENE", help="A shipped scene, as quick, or a TOML file.")]
@@ -133,8 +129,7 @@ class Material(NamedTuple):
     ] = None
     e_star: Annotated[float | None, Option(metavar="MPA", help="Or E* of both bodies.")] = None
     hardness: Annotated[
-        float | None,
-        Option(metavar="MPA", help="Hardness of the softer body, which yields there [none]."),
+        float | None, Option(metavar="MPA", help="Hardness of the softer body, which yields there.")
     ] = None
 
 

@@ -75,7 +75,7 @@ def block(scene, start, stop, status=Status.DONE):
     values = {}
     for number, column in enumerate(columns_for(scene)):
         rows = np.arange(start, stop) * 100.0 + number
-        shape = column.shape(stop - start, scene.grid.shape)
+        shape = column.shape(stop - start, scene.shape)
         field = np.broadcast_to(rows.reshape(-1, *[1] * (len(shape) - 1)), shape)
         values[column.name] = field.astype(column.dtype)
     values["status"] = np.full(stop - start, status, dtype="u1")

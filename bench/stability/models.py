@@ -37,7 +37,7 @@ NODES = 33
 SEEN = 60  # the first rows train; of the others 10 calibrate and 20 test
 CALIBRATING = 10
 SCENE = Scene.parse(f"samples = {ROWS}\n[surface]\nnodes = {NODES}\n", "the cases' scene")
-SIDE = SCENE.grid.sides[0]
+SIDE = SCENE.sides[0]
 # Residual of a linear system over the size of its terms, which good elimination leaves [1].
 BACKWARD = 1e-12
 
@@ -56,7 +56,7 @@ def solved() -> tuple[Values, Values]:
     """Return Delta and the 22 statistics, (n, 23), and the areas, (n,) [%]."""
     plan = parameters(load("paper"), 0, ROWS)
     surfaces = [surface_of(SCENE, plan, row) for row in range(ROWS)]
-    statistics = [[*describe(each, SCENE.grid.spacing).values.values()] for each in surfaces]
+    statistics = [[*describe(each, SCENE.spacing).values.values()] for each in surfaces]
     pairs = zip(surfaces, plan.load.tolist(), strict=True)
     areas = [bem.solve(heights, SIDE, delta).area_percent for heights, delta in pairs]
     return np.column_stack([plan.load, statistics]), np.array(areas)
@@ -178,7 +178,7 @@ def fitted(
     plan, folds = planned(name, train, calibration), np.zeros(train.size, np.int8)
     fit = fit_target(request, train, plan, folds, settings=wanted, other=calibration)
     known: dict[str, Any] = {"features": features.name, "nodes": NODES, "side": SIDE}
-    known |= {"spacing": SCENE.grid.spacing, "modulus": 1.0}
+    known |= {"spacing": SCENE.spacing, "modulus": 1.0}
     known["columns"] = [(each, "1") for each in features.columns]
     low, high = train.inputs.min(axis=0), train.inputs.max(axis=0)
     surrogate = Surrogate(known, {"target": fit.learnt}, low, high, plan.distance)

@@ -44,7 +44,7 @@ LOOSE = 1e-2  # residual of the loose solves that a surrogate competes with
 # The paper preset with surfaces that nothing was trained on.
 SCENE = load("paper").model_copy(update={"seed": OTHER_SEED})
 
-SIDE = SCENE.grid.sides[0]
+SIDE = SCENE.sides[0]
 
 Contacts = list[tuple[Heights, float]]  # surfaces, each with its displacement [um]
 Times = dict[str, float]  # [s]

@@ -257,11 +257,9 @@ def card(reader: Reader, about: About, done: NDArray[np.bool_]) -> str:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    # Texts of YAML have the quotes of JSON, without the sign that opens HTML.
-    environment.filters |= {
-        "json": lambda text: Markup(json.dumps(text).replace("<", "\\u003c")),
-        "form": _limit,
-    }
+    filters = environment.filters  # YAML's texts are JSON's, here without the sign that opens HTML
+    filters["json"] = lambda text: Markup(json.dumps(text).replace("<", "\\u003c"))
+    filters["form"] = lambda of, at: "" if not of or math.isnan(of[at]) else f"{of[at]:.6g}"
     attributes, (columns, fields) = reader.attributes, columns_of(reader)
     failures = reader.reasons(Status.FAILED)
     text = environment.get_template("card.md.jinja").render(
@@ -292,11 +290,6 @@ def _plain(value: object) -> object:
     if not isinstance(value, str) or isinstance(value, Markup):
         return value
     return re.sub(r"([\\`*|\[\]])", r"\\\1", printable(value)).replace("<", "&lt;")
-
-
-def _limit(values: tuple[float, float] | None, which: int) -> str:
-    """Write a smallest or largest value; nothing where no row has one."""
-    return "" if values is None or math.isnan(values[which]) else f"{values[which]:.6g}"
 
 
 def describe(reader: Reader, about: About, folder: Path, pieces: Iterable[Piece]) -> str:

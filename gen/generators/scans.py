@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeAlias, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,7 +77,7 @@ Lengths = Annotated[str, PlainValidator(lengths)]
 
 def _table(name: str) -> type[Table]:
     """Make a table of the keys of `gen.maps.settings.Reading`."""
-    rules: dict[str, Any] = {"side": Lengths, "despike": float, "form": int, "downsample": int}
+    rules: dict[str, Any] = get_type_hints(Reading) | {"side": Lengths}
     made: dict[str, Any] = {}
     for key, told in keys(name).items():
 
@@ -86,7 +86,7 @@ def _table(name: str) -> type[Table]:
                 raise PydanticCustomError("key", "not allowed")
             return value
 
-        rule = rules.get(key, Text if told.metavar else bool)
+        rule = Text if rules[key] is str else rules[key]
         rule = Annotated[rule, AfterValidator(suiting)]
         made[key] = (rule | None, Field(default=None, description=told.allowed))
     return create_model(f"{name.capitalize()}Table", __base__=Table, **made)

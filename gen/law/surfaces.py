@@ -36,16 +36,14 @@ class LawSurface(Topography):
     def at_rest(self, order: "Order | None" = None) -> dict[str, float]:
         """Return what an order asks for at first touch, where no heat passes by spots."""
         found = {"mean_gap_um": float(self.heights.max()) - float(self.heights.mean())}
-        if order is None:
-            return found
         gap = self.heights.max() - self.heights
-        if order.flow:
+        if order is not None and order.flow:
             from bem.derived.flow import flows_through
 
             periodic = self.boundary == "periodic"
             flows = flows_through(gap, self.spacing, (0, 1), periodic=periodic)
             found |= {name: flow.aperture for name, flow in zip(APERTURES, flows, strict=True)}
-        if order.gas is not None:
+        if order is not None and order.gas is not None:
             found[GAS] = order.gas.conductance(gap)
             found |= {JOINT: found[GAS]} if order.conductivities else {}
         return found

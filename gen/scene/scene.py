@@ -149,6 +149,21 @@ class Scene(Table):
         (nx, ny), (x, y) = self.surface.patch(boundary, cells=cells)
         return Grid((nx, ny), (x, y), (x / (nx - (not cells)), y / (ny - (not cells))), boundary)
 
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Nodes along x and y."""
+        return self.grid.shape
+
+    @property
+    def sides(self) -> tuple[float, float]:
+        """Lengths of the patch along x and y [um]."""
+        return self.grid.sides
+
+    @property
+    def spacing(self) -> tuple[float, float]:
+        """Distances between neighbouring nodes along x and y [um]."""
+        return self.grid.spacing
+
     def resolved(self, home: Path | None = None) -> Self:
         """Complete a scene by hashes of the files and sources that its surfaces depend on.
 

@@ -92,7 +92,7 @@ def test_a_surrogate_is_the_same_function_with_a_gradient(surrogate):
     function, scene = asperity.SurrogateFunction(surrogate), Scene.parse(SCENE, "s")
     assert (function.names, function.outputs) == (("hurst", "sigma0", "delta"), ("area", "force"))
     heights = surface_numbered(scene.with_parameters(POINT), 2)
-    wanted = Surrogate.load(surrogate).predict(heights, scene.grid.sides, 9.0)
+    wanted = Surrogate.load(surrogate).predict(heights, scene.sides, 9.0)
     found = function(**POINT, delta=9.0, surface=2)
     assert found.tolist() == [wanted.area[0], wanted.force[0]]
     gradient = function.gradient(**POINT, delta=9.0, surface=2)

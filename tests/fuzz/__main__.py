@@ -106,7 +106,7 @@ def _is_small(content: bytes) -> bool:
         scene = Scene.parse(content.decode(), "scene")
     except (InputError, UnicodeDecodeError):
         return True
-    return scene.samples <= 500 and scene.grid.shape[0] <= 65
+    return scene.samples <= 500 and scene.shape[0] <= 65
 
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None)

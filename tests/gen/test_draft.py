@@ -197,7 +197,7 @@ def test_the_scene_holds_the_law_that_the_map_was_made_by(tmp_path, hurst):
     assert surface.roll_off[0] < 30.0 < surface.roll_off[1]
     assert surface.cut_off == pytest.approx(2.5, rel=0.1)
     assert surface.rms_slope[0] < 0.1 < surface.rms_slope[1]
-    assert (scene.grid.spacing[0], surface.stretch) == (pytest.approx(0.5), 1.0)
+    assert (scene.spacing[0], surface.stretch) == (pytest.approx(0.5), 1.0)
     assert scene.contact.boundary == "mirror"
     assert like.height == pytest.approx(like.windows[0], rel=0.25)
     assert like.slope == pytest.approx(0.1, rel=0.05)

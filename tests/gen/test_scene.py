@@ -309,7 +309,7 @@ def test_spacings_follow_the_rule_of_the_solver(boundary):
     text = f"samples = 1\n[surface]\ngenerator = 'spectral'\n{keys}\nperiod = 4.0\n"
     scene = Scene.parse(f"{text}[contact]\nboundary = '{boundary}'", "test")
     expected = node_spacing(2, 40.0, boundary), node_spacing(7, 90.0, boundary)
-    assert scene.grid.spacing == expected
+    assert scene.spacing == expected
     code = f"from gen.scene import Scene; print(Scene.parse({text!r}, 'a').spacing);"
     code += "import sys; print('bem' in sys.modules)"
     assert python("-c", code).stdout.splitlines()[1] == "False"

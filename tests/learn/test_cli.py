@@ -56,8 +56,8 @@ def test_every_command_works_on_every_population(population, tmp_path, monkeypat
     shutil.copy(population, "d.h5")
     with Reader(population) as reader:
         scene = reader.scene
-    np.save("s.npy", np.random.default_rng(0).normal(size=scene.grid.shape))
-    side = ",".join(f"{each:g}" for each in scene.grid.sides)
+    np.save("s.npy", np.random.default_rng(0).normal(size=scene.shape))
+    side = ",".join(f"{each:g}" for each in scene.sides)
     hybrid, level = ["--features", "hybrid"], ["--interval", "0.8"]  # which two maps reach
     for line in (
         ["fit", "d.h5", "-o", "d.s", *hybrid, "--target", "area,force,contact_nodes"],
@@ -71,7 +71,7 @@ def test_every_command_works_on_every_population(population, tmp_path, monkeypat
     ):
         assert cli.main(line) == 0, line
     shown = capsys.readouterr().out
-    (nx, ny), (x, y) = scene.grid.shape, scene.grid.sides
+    (nx, ny), (x, y) = scene.shape, scene.sides
     assert f"{nx} x {ny} nodes, " + (f"side {x:g}" if x == y else f"sides {x:g} x {y:g}") in shown
     assert " nodes, trained on" not in Path("p.csv").read_text(encoding="utf-8")
 

@@ -122,7 +122,7 @@ def test_rows_of_every_population_have_the_displacement_that_was_solved(populati
     assert found.size > 50
     np.testing.assert_array_equal(found.described[:, 0], deltas[found.rows])
     with Reader(population) as reader:
-        length = np.sqrt(np.prod(reader.scene.grid.sides))
+        length = np.sqrt(np.prod(reader.scene.sides))
     np.testing.assert_allclose(found.scale, length * deltas[found.rows], rtol=1e-12)
     np.testing.assert_allclose(found.target * found.scale, force[found.rows], rtol=1e-12)
 

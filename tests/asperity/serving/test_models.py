@@ -122,7 +122,7 @@ def test_a_surrogate_of_any_scene_answers_as_it_predicts(folder, name):
         heights = surface_of(scene, parameters(scene, row, row + 1), 0)
         hardness = float(columns["hardness"][row]) if name == "soft" else None
         delta = float(columns["delta"][row])
-        wanted = surrogate.predict(heights, scene.grid.sides, delta, hardness=hardness)
+        wanted = surrogate.predict(heights, scene.sides, delta, hardness=hardness)
         assert value == pytest.approx(wanted.area[0], rel=1e-12)
         assert [low, high] == pytest.approx([wanted.low["area"][0], wanted.high["area"][0]])
         assert inside == wanted.inside[0]

@@ -34,7 +34,7 @@ def test_the_same_numbers_are_asked_and_solved():
     asked, truth = solved(scene, names, 2, 2)
     assert tuple(asked) == names
     assert truth["area_percent"].shape == (2, 2)
-    patch = float(np.prod(scene.grid.sides))
+    patch = float(np.prod(scene.sides))
     assert truth["force"][:, 0] == pytest.approx(asked["pressure"] * patch, rel=1e-6)
 
 

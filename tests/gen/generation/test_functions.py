@@ -174,7 +174,7 @@ def test_a_function_gets_the_grid_its_random_numbers_and_its_parameters(here):
         expected = plan.drawn["length"][row] * (random - random.min())
         assert heights == pytest.approx(expected, rel=1e-4, abs=1e-9)
         assert heights.min() == 0.0
-    assert scene.grid.spacing == (200.0 / 19, 300.0 / 23)
+    assert scene.spacing == (200.0 / 19, 300.0 / 23)
 
 
 def test_an_array_that_the_function_keeps_is_not_changed(here):

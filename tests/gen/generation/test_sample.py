@@ -167,7 +167,7 @@ def test_loads_in_every_quantity_are_those_of_bem_solve(boundary, quantity, span
     modulus = 3.0 / (1 - 0.3**2)
     for row in range(6):
         heights, load = surface_of(scene, plan, row), plan.load[row]
-        slopes = (np.diff(heights, axis=axis) / scene.grid.spacing[axis] for axis in (0, 1))
+        slopes = (np.diff(heights, axis=axis) / scene.spacing[axis] for axis in (0, 1))
         slope = np.sqrt(sum(np.mean(along**2) for along in slopes))
         pressed = {
             "delta": {"delta": load},
@@ -177,7 +177,7 @@ def test_loads_in_every_quantity_are_those_of_bem_solve(boundary, quantity, span
             "force": {"force": load},
         }[quantity]
         body = {"modulus": 3.0, "poisson": 0.3, "hardness": plan.hardness_of(row)}
-        contact = bem.solve(heights, scene.grid.sides, boundary=boundary, **body, **pressed)
+        contact = bem.solve(heights, scene.sides, boundary=boundary, **body, **pressed)
         assert rows["delta"][row] == pytest.approx(contact.delta, rel=1e-5, abs=1e-9)
         assert rows["force"][row] == pytest.approx(contact.force, rel=1e-5, abs=1e-9)
         assert rows["contact_nodes"][row] == contact.contact_nodes

@@ -73,13 +73,13 @@ def test_a_surface_is_a_window_of_a_prepared_map(folder, nodes, symmetries):
     asked = Reading(despike=7.0, level="plane", fill=True)
     files = sorted((folder / "maps").iterdir())
     maps = [prepare(read(path), asked).heights for path in files]
-    assert scene.grid.spacing == pytest.approx((1.0, 1.0), rel=1e-12)
-    tiling = Tiling(tuple(each.shape for each in maps), scene.grid.shape, square=symmetries == 8)
+    assert scene.spacing == pytest.approx((1.0, 1.0), rel=1e-12)
+    tiling = Tiling(tuple(each.shape for each in maps), scene.shape, square=symmetries == 8)
     seen = set()
     for row in range(0, scene.samples, 2):
         window = drawn(surface_random(scene, row // 2), tiling)
         assert (plan.places["map"][row], plan.places["tile"][row]) == (window.map, window.tile)
-        own = cut(maps[window.map], window, scene.grid.shape)
+        own = cut(maps[window.map], window, scene.shape)
         assert np.array_equal(surface_of(scene, plan, row), own)
         seen.add(window.symmetry)
     assert seen == set(range(symmetries))

@@ -43,8 +43,8 @@ def test_rows_have_what_surrogates_see_of_their_surfaces(population, blocks, loa
         scene, delta, force = reader.scene, reader.column("delta"), reader.column("force")[row]
     plan, ratio = parameters(scene, 0, scene.samples), 0.1 if scene.contact.hardness else None
     heights, boundary = surface_of(scene, plan, row), scene.contact.boundary
-    own = SurfaceFeatures(heights, scene.grid.sides, scene.grid.spacing, boundary=boundary)
-    cells = heights.size * math.prod(scene.grid.spacing)
+    own = SurfaceFeatures(heights, scene.sides, scene.spacing, boundary=boundary)
+    cells = heights.size * math.prod(scene.spacing)
     loads = np.array([force / cells]) if load else delta[row : row + 1]
     again = rows.features.of(own.rows(rows.features, loads, ratio, scene.contact.e_star))
     np.testing.assert_allclose(rows.inputs[17], again[0], rtol=1e-9 if load else 0)
