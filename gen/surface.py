@@ -146,7 +146,7 @@ class GeneratedSurface(Table):
         """
 
     def sources(self) -> list[Path]:
-        """Return the files that surfaces are made from, which no output may take the place of."""
+        """Return the files that surfaces are made from, which no output may replace."""
         return []
 
     def remarks(self) -> list[str]:

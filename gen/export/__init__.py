@@ -257,7 +257,7 @@ def card(reader: Reader, about: About, done: NDArray[np.bool_]) -> str:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    filters = environment.filters  # YAML's texts are JSON's, here without the sign that opens HTML
+    filters = environment.filters  # YAML's texts are quoted as JSON's, < is escaped
     filters["json"] = lambda text: Markup(json.dumps(text).replace("<", "\\u003c"))
     filters["form"] = lambda of, at: "" if not of or math.isnan(of[at]) else f"{of[at]:.6g}"
     attributes, (columns, fields) = reader.attributes, columns_of(reader)

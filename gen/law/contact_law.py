@@ -43,7 +43,7 @@ from gen.runtime.terminal import RunProgress, shortened
 ARGUMENTS: dict[Load, str] = {"delta": "delta_um", "pressure": "pressure_MPa"}
 """Quantity of the arguments of a table by the kind of load."""
 
-LONG = 10**6  # nodes of all contacts of a law from which on it shows progress
+LONG = 10**6  # nodes of all contacts together from which on a law shows progress
 FEW = 10  # nodes in contact below which a law shows the grid rather than the surface
 
 STEPS = 40

@@ -130,12 +130,12 @@ def make_folder(folder: Path) -> None:
 
 
 def inside(folder: Path, name: str) -> Path:
-    """Return the place of a name of ours in a folder; refuse one that a link leads out of it."""
+    """Return the path of a file that we name in a folder, unless a link leads out of the folder."""
     path = folder / name
     with suppress(OSError, RuntimeError):  # a loop of links
         if path.resolve().is_relative_to(folder.resolve()):
             return path
-    raise InputError(f"{path}: is a link that leads out of {folder}: not written; remove it")
+    raise InputError(f"{path}: leads out of {folder} by a link: not written; remove the link")
 
 
 def write(path: Path, content: str | bytes, kind: Kind = "text") -> None:
