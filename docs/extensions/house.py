@@ -31,22 +31,22 @@ def rooms(package: str, _: list[str], __: Path) -> str:
 
 
 @cache
-def walks() -> dict[str, tuple[list[int], list[tuple[str, str, int]]]]:
-    """Trace the walks anew: counts, and the modules with those that enter them."""
-    script = [sys.executable, str(ROOT / "tests" / "test_walks.py")]
+def walks() -> dict[str, list[tuple[str, str, int]]]:
+    """Trace the walks anew: their modules with those that enter them, and their functions."""
+    script = [sys.executable, str(ROOT / "docs" / "extensions" / "walks.py")]
     done = subprocess.run(script, capture_output=True, text=True, check=True)
-    found: dict[str, tuple[list[int], list[tuple[str, str, int]]]]
-    found = json.loads(done.stdout.splitlines()[-1])
-    return found
+    traced: dict[str, list[tuple[str, str, int]]] = json.loads(done.stdout.splitlines()[-1])
+    return traced
 
 
 def walk(name: str, _: list[str], page: Path) -> str:
     """Draw a walk, and return what shows it on a page in a folder."""
-    (number, functions, depth), modules = walks()[name]
+    modules = walks()[name]
     PICTURES.mkdir(parents=True, exist_ok=True)
     picture = PICTURES / f"{name}.svg"
     drawn(modules).savefig(picture)
-    words = f"{number} modules, {functions} functions, at most {depth} calls deep"
+    functions = sum(number for _, _, number in modules)
+    words = f"{len(modules)} modules, {functions} functions"
     return f"{words}:\n\n![{words}]({relpath(picture, page)})"
 
 

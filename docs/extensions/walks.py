@@ -1,12 +1,11 @@
-"""How many modules and functions of ours the main paths pass, and how deep.
+"""The modules that the main paths pass, in the order in which a path enters them.
 
-`python tests/test_walks.py` prints the counts of today, and the modules in the order in which a
-path enters them, which the manual draws. Lower `MOST` whenever counts go down.
+`python docs/extensions/walks.py` prints them as JSON, with the number of functions that a path
+passes in each; the manual draws them.
 """
 
 import json
 import os
-import subprocess
 import sys
 import tempfile
 from collections import Counter
@@ -14,30 +13,12 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from types import FrameType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-import pytest
 
-pytestmark = pytest.mark.long
-
-
-class Counts(NamedTuple):
-    """What a walk passes: modules, functions, and frames of ours on the stack at most."""
-
-    modules: int
-    functions: int
-    depth: int
-
-
-MOST = {
-    "heights": Counts(8, 49, 8),  # heights to the pressure on a free patch
-    "scene": Counts(29, 178, 18),  # a scene to the rows of a database
-    "fit": Counts(26, 125, 15),  # a database to a surrogate
-    "predict": Counts(15, 60, 9),  # a surrogate and a map to a prediction
-    "law": Counts(32, 180, 18),  # a map to its contact law, with the error of its area
-}
-"""Most of each that a walk may pass."""
+NAMES = ("heights", "scene", "fit", "predict", "law")
+"""The walks; each uses what those before it have made."""
 
 STEEL = ["--young", "210e3", "--poisson", "0.3"]
 COMMANDS = {
@@ -52,7 +33,7 @@ COMMANDS = {
         *("--fill", "--pressure", "1:1000:8:log", *STEEL, "--hardness", "2000", "-o", "law"),
     ],
 }
-"""Arguments of `asperity`; each walk uses what those before it have made."""
+"""Arguments of `asperity`; heights are solved in Python."""
 
 MADE = {"scene": "tiny.h5", "fit": "tiny.surrogate*", "law": "law*"}
 """Files that a walk makes."""
@@ -62,20 +43,22 @@ COROUTINE_OR_GENERATOR = 0x20
 UNNAMED = {"<module>", "<genexpr>", "<listcomp>", "<dictcomp>", "<setcomp>", "<lambda>"}
 
 
-class Walk(NamedTuple):
-    """What a walk passes."""
+class Passed(NamedTuple):
+    """A module that a walk passes."""
 
-    counts: Counts
-    modules: list[tuple[str, str, int]]  # each with the one that enters it, and its functions
+    module: str
+    entered_by: str  # the module that enters it first; "" for the first one
+    functions: int  # number of its functions that the walk passes
 
 
-def walked_through(walk: Callable[[], None]) -> Walk:
-    """Trace what a walk calls of ours."""
-    root = str(Path(__file__).parents[1]) + os.sep
-    entered, functions, stack, depth = {}, set(), [], 0
+def modules_of(walk: Callable[[], None]) -> list[Passed]:
+    """Trace what a walk calls of ours, and return the modules in the order of their entry."""
+    root = str(Path(__file__).parents[2]) + os.sep
+    entered: dict[str, str] = {}
+    functions: set[tuple[str, str]] = set()
+    stack: list[str] = []
 
     def look(frame: FrameType, event: str, _: object) -> None:
-        nonlocal depth
         code = frame.f_code
         if event not in {"call", "return"} or not code.co_filename.startswith(root):
             return
@@ -86,7 +69,6 @@ def walked_through(walk: Callable[[], None]) -> Walk:
         if event == "call":
             entered.setdefault(module, stack[-1] if stack else "")
             stack.append(module)
-            depth = max(depth, len(stack))
         elif stack:
             stack.pop()
         functions.add((module, getattr(code, "co_qualname", code.co_name)))
@@ -97,8 +79,7 @@ def walked_through(walk: Callable[[], None]) -> Walk:
     finally:
         sys.setprofile(None)
     passed = Counter(module for module, _ in functions)
-    rooms = [(module, by, passed[module]) for module, by in entered.items()]
-    return Walk(Counts(len(rooms), len(functions), depth), rooms)
+    return [Passed(module, by, passed[module]) for module, by in entered.items()]
 
 
 def run(name: str) -> None:
@@ -116,39 +97,22 @@ def run(name: str) -> None:
     assert code == 0, f"{name}: exit code {code}"
 
 
-def walk_all() -> dict[str, Walk]:
+def walk_all() -> dict[str, list[Passed]]:
     """Walk every path twice in the current folder, and trace the second time."""
     from gen.surface import generate
 
     heights = generate("diamond-square", 129, 0.7, 12.0, np.random.default_rng(0))
     np.save("surface.npy", heights)
     Path("tiny.toml").write_text("samples = 120\n[surface]\nnodes = 33\n")
-    found = {}
-    for name in MOST:
+    walks = {}
+    for name in NAMES:
         run(name)
-        found[name] = walked_through(partial(run, name))
-    return found
-
-
-@pytest.fixture(scope="module")
-def walked() -> Any:
-    """Walks of a fresh process, whose caches no other test has filled."""
-    pytest.importorskip("sklearn")
-    command = [sys.executable, __file__]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout.splitlines()[-1])
-
-
-@pytest.mark.parametrize("name", MOST)
-def test_a_main_path_passes_few_rooms(walked, name):
-    counts = Counts(*Walk(*walked[name]).counts)
-    over = [each for each in Counts._fields if getattr(counts, each) > getattr(MOST[name], each)]
-    assert not over, f"{name}: {counts}, and at most {MOST[name]}"
+        walks[name] = modules_of(partial(run, name))
+    return walks
 
 
 if __name__ == "__main__":
-    sys.path[0] = str(Path(__file__).parents[1])  # tests/ has folders of our packages' names
+    sys.path[0] = str(Path(__file__).parents[2])
     with tempfile.TemporaryDirectory() as empty:
         os.chdir(empty)
         sys.stdout.write(json.dumps(walk_all()) + "\n")
