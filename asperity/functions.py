@@ -20,15 +20,23 @@ from numpy.typing import ArrayLike
 import bem
 from gen.arrays import Heights, Values
 from gen.distribution import is_drawn
-from gen.generation.sample import ANSWERS, completed, load_of, solve_contact, surface_numbered
+from gen.generation.completion import completed
+from gen.generation.sample import load_of, solve_contact, surface_numbered
 from gen.generators.function import PythonSurface
 from gen.generators.scans import ScanSurface
+from gen.quantities import DELTA, FORCE, QUANTITIES, USUAL, stored_quantities
 from gen.runtime.errors import InputError
 from gen.runtime.user_code import TRUSTED
 from gen.scene import Scene, load
 
-OUTPUTS = ("area_percent", "force", "delta")
-KNOWN = (*OUTPUTS, *sorted(ANSWERS.keys() - {*OUTPUTS, "pressure"}))
+KNOWN = (
+    *USUAL,
+    *sorted(
+        quantity.name
+        for quantity in stored_quantities()
+        if quantity.name not in USUAL and not quantity.per_node
+    ),
+)
 """Outputs that the solver may be asked for: columns that have one number of each contact."""
 
 STEP = 1e-4
@@ -253,7 +261,7 @@ class SceneFunction(Function):
     """
 
     def __init__(
-        self, scene: Scene | str, outputs: Sequence[str] = OUTPUTS, *, trust: bool = False
+        self, scene: Scene | str, outputs: Sequence[str] = USUAL, *, trust: bool = False
     ) -> None:
         if unknown := {*outputs} - {*KNOWN}:
             raise InputError(f"{', '.join(sorted(unknown))}: outputs are {', '.join(KNOWN)}")
@@ -270,7 +278,7 @@ class SceneFunction(Function):
         """Solve one contact problem."""
         contact, _ = self._solved(numbers, where)
         try:
-            return [float(ANSWERS[name](contact)) for name in self.outputs]
+            return [float(QUANTITIES[name].of(contact)) for name in self.outputs]
         except ArithmeticError as error:
             raise Unsolved(str(error)) from None
 
@@ -279,12 +287,14 @@ class SceneFunction(Function):
         contact, per_load = self._solved(numbers, where)
         found = np.full((len(self.outputs), len(self.names)), np.nan)
         stiffness = contact.loading_stiffness
-        slopes = {"delta": 1.0, "force": stiffness}
+        per_delta, per_force = 1.0, stiffness  # of Delta, and of the force
         if contact.problem.delta is None:
-            slopes = {"delta": 1 / stiffness, "force": 1.0}
+            per_delta, per_force = 1 / stiffness, 1.0
         for row, name in enumerate(self.outputs):
-            if name in slopes:
-                found[row, len(self.inputs.parameters)] = slopes[name] * per_load
+            if name == DELTA.name:
+                found[row, len(self.inputs.parameters)] = per_delta * per_load
+            elif name == FORCE.name:
+                found[row, len(self.inputs.parameters)] = per_force * per_load
         return found
 
     def _solved(self, numbers: Mapping[str, float], where: Where) -> tuple[bem.Contact, float]:

@@ -4,8 +4,8 @@ from pathlib import Path
 
 from bench.report import remark
 from gen.database import Reader
+from gen.generation.completion import completed
 from gen.generation.run import generate_database
-from gen.generation.sample import completed
 from gen.runtime.errors import InputError
 from gen.runtime.farm import World
 from gen.runtime.files import make_folder, write

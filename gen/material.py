@@ -1,16 +1,19 @@
 """What users give to a contact by numbers: its loads, and the material of the bodies.
 
 Loads are typed as numbers or series of them; the material is E* of one body or of two, and the
-hardness. The same numbers are refused everywhere.
+hardness; a gas may fill the gap. The same numbers are refused everywhere.
 """
 
 import math
 import re
 from collections.abc import Sequence
-from typing import NamedTuple, Self
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import shown
+
+if TYPE_CHECKING:
+    from gen.arrays import Heights
 
 SMALLEST, LARGEST = 1e-60, 1e60  # useful lengths [um] and moduli [MPa]: their squares stay finite
 ALLOWED = f"must be between {SMALLEST:g} and {LARGEST:g} MPa"  # of moduli and hardness
@@ -39,6 +42,35 @@ SLIPS = (
     (1e6, "is the modulus in Pa"),
 )
 """Likely slips of a unit: the factor that corrects hardness over E*, and the question to ask."""
+
+
+class Gas(NamedTuple):
+    """A gas that fills the gap and conducts heat."""
+
+    conductivity: float  # [W/(m K)]
+    # Jump distance [um]: what the gap is wider by for a gas whose molecules fly as far as it is.
+    jump_distance: float
+
+    @classmethod
+    def of_options(cls, conductivity: float | None, jump_distance: float | None) -> "Gas":
+        """Return the gas of the options of `gen law`, which needs both."""
+        given = {"--gas-conductivity": conductivity, "--jump-distance": jump_distance}
+        for (option, value), unit in zip(given.items(), ("W/(m K)", "um"), strict=True):
+            if value is None:
+                raise InputError(f"a gas needs {' and '.join(given)}: {option} is missing")
+            if not 0 < value < math.inf:
+                raise InputError(f"{option} {value:g}: must be above 0 {unit}, finite")
+        return cls(conductivity, jump_distance)  # type: ignore[arg-type]
+
+    def conductance(self, gap: "Heights") -> float:
+        """Return the mean over all nodes, where a gap [um] is open, of k / (gap + M) [W/(mm2 K)].
+
+        Where bodies touch, the gap is 0 and the heat that passes is that of the spots.
+        """
+        import numpy as np
+
+        conducting = self.conductivity / (gap + self.jump_distance)
+        return float(np.where(gap > 0, conducting, 0.0).mean())
 
 
 def loads_from(load: str, text: str, advice: str = "") -> list[float]:

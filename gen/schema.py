@@ -8,7 +8,9 @@ import math
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import partial
-from typing import Any, Literal
+from typing import Literal
+
+from gen.quantities import DELTA, Powers, Quantity, stored_quantities
 
 SCHEMA = 1  # number of the file layout: a file of another layout is refused
 
@@ -28,8 +30,6 @@ PHYSICS_CHANGES: dict[int, str] = {
 }
 """For each physics number since the solver is one, how it changed the results, in one sentence.
 Earlier numbers, up to 4 for all scenes and up to 10 for some, are those of earlier solvers."""
-
-SHARE, AMOUNT = (0.0, 100.0), (0.0, math.inf)  # bounds of columns
 
 RUNTIME = "runtime"  # group of the columns that differ from run to run: times, ranks, hosts
 
@@ -84,6 +84,10 @@ class Column:
     shape_of: Literal["", "nodes"] = ""  # "nodes" for a field of shape (rows, nx, ny)
     optional: str = ""  # key of the scene that adds the column, in Markdown
     bounds: tuple[float, float] = (-math.inf, math.inf)  # least and most that a value can be
+    # Of heights, lengths and E* that a result scales with; None for none, or none that is known.
+    powers: Powers | None = None
+    measured: bool = False  # whether the powers are those of a user's output, which files record
+    cost: str = ""  # what is computed for it beside the contact, "" for nothing
 
     @property
     def path(self) -> str:
@@ -150,55 +154,44 @@ STATUS = Column("status", "u1", "1", "0 pending, 1 done, 2 failed; written last"
 REASON = Column("reason", "u1", "1", "why the sample failed, or lacks statistics: a code")
 
 
-def _stored(name: str, dtype: str, unit: str, long_name: str, **more: Any) -> Column:
-    """Make the column of a quantity that is stored if the scene's `[store]` asks for it."""
-    return Column(name, dtype, unit, long_name, optional=f"`store.{name}`", **more)
+_OPTIONAL = {"always": "", "hardness": "`contact.hardness`", "asked": "`store.{}`"}
+"""Keys of the scene that add the column of a quantity, by when databases have it."""
+
+
+def _column(quantity: Quantity) -> Column:
+    """Make the column of a quantity of contacts."""
+    return Column(
+        name=quantity.name,
+        dtype=quantity.dtype,
+        unit=quantity.unit,
+        long_name=quantity.words,
+        paper_range=quantity.paper_range,
+        shape_of="nodes" if quantity.per_node else "",
+        optional=_OPTIONAL[quantity.stored].format(quantity.name),
+        bounds=quantity.bounds,
+        powers=quantity.powers,
+        cost=quantity.cost,
+    )
 
 
 _runtime = partial(Column, group=RUNTIME, deterministic=False)  # a column of every run's own
 _LOAD = "load in the unit of the scene's quantity"
-_DELTA = "far-field displacement Delta"
 _HARDNESS = "hardness of the softer body"
-_AREA = "effective contact area"
-_FORCE = "normal force at the scene's modulus (1 uN = 1 MPa um2)"
-_STIFFNESS = "stiffness of unloading, infinite at full contact without edges"
-_INTERFACE = "the same without the patch's own compliance, infinite at full contact"
-_YIELDED = "share of nodes at the hardness"
-_LARGEST = "share of the contact area in the largest spot"
-_CONNECTS = "opposite sides that contact connects: 0 none, 1 along x, 2 along y, 3 both"
-_GAP_CONNECTS = "opposite sides that the gap connects, in the same way"
-_APERTURE = "distance of plates with the same flow along {} as the gap, 0 where it seals"
-_CONTINUUM = "contact area in the continuum: less what the grid adds along its borders"
+_RESULTS = [quantity for quantity in stored_quantities() if quantity is not DELTA]
 
 COLUMNS: tuple[Column, ...] = (
     STATUS,
     REASON,
     Column("surface", "i8", "1", "index of the surface, shared by its samples"),
     Column("load", "f8", "1", _LOAD, optional="a `[load]` other than Delta"),
-    Column("delta", "f8", "um", _DELTA, paper_range=(5.0, 45.0), bounds=AMOUNT),
+    _column(DELTA),
     Column("hardness", "f8", "MPa", _HARDNESS, optional="a range of `contact.hardness`"),
     *TABLE_1,
-    Column("area_percent", "f8", "%", _AREA, paper_range=(0.01, 16.56), bounds=SHARE),
-    Column("force", "f8", "uN", _FORCE, bounds=AMOUNT),
-    Column("contact_nodes", "i4", "1", "nodes under pressure", bounds=AMOUNT),
-    Column("yielded_percent", "f8", "%", _YIELDED, optional="`contact.hardness`", bounds=SHARE),
+    *(_column(quantity) for quantity in _RESULTS if quantity.stored != "asked"),
     Column("iterations", "i4", "1", "iterations of the solver"),
     Column("convolutions", "i4", "1", "applications of the influence operator"),
     Column("residual", "f8", "1", "relative residual of the solution"),
-    _stored("mean_gap", "f8", "um", "mean gap over all nodes", bounds=AMOUNT),
-    _stored("largest_pressure", "f8", "MPa", "largest pressure", bounds=AMOUNT),
-    _stored("perimeter", "f8", "um", "length of the contact's edges", bounds=AMOUNT),
-    _stored("stiffness", "f8", "N/m", _STIFFNESS, bounds=AMOUNT),
-    _stored("interface_stiffness", "f8", "N/m", _INTERFACE, bounds=AMOUNT),
-    _stored("contact_spots", "i4", "1", "spots of contact", bounds=AMOUNT),
-    _stored("largest_spot_percent", "f8", "%", _LARGEST, bounds=SHARE),
-    _stored("contact_connects", "u1", "1", _CONNECTS),
-    _stored("gap_connects", "u1", "1", _GAP_CONNECTS),
-    _stored("continuum_area_percent", "f8", "%", _CONTINUUM, bounds=SHARE),
-    _stored("hydraulic_aperture_x", "f8", "um", _APERTURE.format("x"), bounds=AMOUNT),
-    _stored("hydraulic_aperture_y", "f8", "um", _APERTURE.format("y"), bounds=AMOUNT),
-    _stored("heights", "f8", "um", "surface heights", shape_of="nodes"),
-    _stored("pressure", "f8", "MPa", "contact pressure", shape_of="nodes"),
+    *(_column(quantity) for quantity in _RESULTS if quantity.stored == "asked"),
     # "s", not "seconds": xarray would turn the word into a time difference.
     _runtime("surface_seconds", "f8", "s", "time for the surface"),
     _runtime("solve_seconds", "f8", "s", "time for the contact problem"),
@@ -207,8 +200,6 @@ COLUMNS: tuple[Column, ...] = (
 )
 """Every column that a database can have but for the parameters of its surfaces, in the order of the
 file. Parameters stand behind `surface`."""
-
-INFINITE_AT_FULL_CONTACT = frozenset(("stiffness", "interface_stiffness"))  # columns
 
 
 def made_by_another(physics: int) -> str:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from gen.arrays import Indices, Values
 from gen.database import Reader
+from gen.quantities import QUANTITIES, Powers
 from gen.runtime.errors import InputError
 from gen.scene import Scene, columns_for, parameter_columns
 from gen.scene.faults import shown
@@ -26,7 +27,6 @@ from learn.split import MAP, TILE, populations_of, related
 
 # short names of the two targets that every database has, and their columns
 TARGETS: dict[str, str] = {"area": "area_percent", "force": "force"}
-WHOLE_TARGETS = ("contact_nodes", "contact_spots")  # results that are learnt like real numbers
 # columns of floating numbers that are no results: inputs, and how well a row was solved
 NO_TARGETS = frozenset({"delta", *STATISTICS, "load", "hardness", "residual"})
 SMALLEST = 10  # usable rows at least: two of these are for testing, and a score needs two
@@ -70,12 +70,18 @@ def results(scene: Scene, load: str = "delta") -> dict[str, Column]:
     given = NO_TARGETS | set(parameter_columns(scene).values())
     if load in BY_FORCE:
         given = (given - {"delta"}) | {"force"}
-    found = {}
+    known = {}
     for column in columns_for(scene):
         real = column.dtype == "f8" and not (column.group or column.shape_of)
-        if column.name in WHOLE_TARGETS or (real and column.name not in given):
-            found[column.name] = column
-    return {name: found[name] for name in TARGETS.values() if name in found} | found
+        if _is_count(column) or (real and column.name not in given):
+            known[column.name] = column
+    return {name: known[name] for name in TARGETS.values() if name in known} | known
+
+
+def _is_count(column: Column) -> bool:
+    """Return whether a column counts something of a contact: it is learnt like real numbers."""
+    quantity = QUANTITIES.get(column.name)
+    return quantity is not None and quantity.dtype.startswith("i") and not quantity.code
 
 
 class Origin(NamedTuple):
@@ -106,6 +112,8 @@ class Dataset:
     scale: Values  # (n,), divisor of the target
     origins: tuple[Origin, ...]
     name: str  # the databases' paths
+    # Of heights, lengths and E* that the target scales with; None for none, or none that is known.
+    powers: Powers | None = None
     sha256: str = ""  # fingerprint of the columns that decide the results, of all databases
     by_tile: bool = False  # whether the groups are tiles of maps, from which all surfaces come
 
@@ -231,6 +239,9 @@ def _usable(
 ) -> Dataset:
     """Join the rows that can be used for a target by its number, or for all, and group them."""
     column, dropped, origins, usable, arrays = parts[0].targets[number], Counter[str](), [], [], []
+    powers = column.powers
+    if any(part.targets[number].powers != powers for part in parts):
+        powers = None
     for part in parts:
         values = [np.asarray(part.columns[each.name], np.float64) for each in part.targets]
         with np.errstate(over="ignore", invalid="ignore"):
@@ -239,7 +250,7 @@ def _usable(
         reasons = _reasons_against(part, made, decide, wanted.name, area_max)
         dropped.update(reasons[reasons != ""].tolist())
         kept = np.flatnonzero(reasons == "")
-        scale = wanted.scale(column.name, part.numbers, part.scene.contact.e_star)[kept]
+        scale = wanted.scale(powers, part.numbers, part.scene.contact.e_star)[kept]
         target, inputs = values[number], part.inputs
         arrays.append((made[kept], target[kept] / scale, part.rows[kept], inputs[kept], scale))
         drawn = [part.columns[name] for name in ("hardness",) if name in part.columns]
@@ -270,6 +281,7 @@ def _usable(
         scale=scale,
         origins=tuple(origins),
         name=", ".join(origin.database for origin in origins),
+        powers=powers,
         sha256=hashlib.sha256("".join([first, *others]).encode()).hexdigest() if others else first,
         by_tile=all(TILE in part.columns for part in parts),
     )

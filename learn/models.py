@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gen.arrays import Indices
+from gen.quantities import QUANTITIES
 from gen.runtime.errors import InputError
 from gen.runtime.installation import versions as installed
 from gen.runtime.memory import MIB, allowed, free
@@ -206,20 +207,27 @@ FAR = 10.0  # mean over the deviation from which on models learn the distance fr
 # exponent of the other targets' scaled median: 2^2 to 2^3, that of the paper's areas, whose
 # hyperparameters these targets are fitted with
 SIZE = 3
-# targets whose square roots surrogates learn: the nodes in contact, which are never below 0; the
-# error of the force, over its scale, grew by a third when its root was learnt
-ROOTED_TARGETS = frozenset({"area_percent", "contact_nodes"})
+
+
+def learns_root(column: str) -> bool:
+    """Return whether surrogates learn the square root of a target.
+
+    They do where it counts nodes in contact, which are never below 0. The error of the force, over
+    its scale, grew by a third when its root was learnt.
+    """
+    quantity = QUANTITIES.get(column)
+    return quantity is not None and quantity.counts_nodes
 
 
 def scaling_of(dataset: Dataset, train: Indices, *, standard: bool = False) -> Scaling:
     """Return the scaling of a dataset's target over its training rows, (m,).
 
-    With rooted features it is of the square root of a target of `ROOTED_TARGETS`. With `standard`
+    With rooted features it is of the square root of a target for which `learns_root` holds. With `standard`
     it has mean 0 and deviation 1 whatever the features, as a Gaussian process needs it, whose
     predictions are the mean where it knows nothing.
     """
     target = dataset.target[train]
-    root = dataset.features.rooted and dataset.target_name in ROOTED_TARGETS
+    root = dataset.features.rooted and learns_root(dataset.target_name)
     if not (standard or dataset.features.scaled):
         mean, deviation = float(target.mean()), float(target.std())
         mean = mean if abs(mean) > FAR * deviation else 0.0

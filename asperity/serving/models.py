@@ -7,10 +7,13 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
 
-from asperity.functions import OUTPUTS, SceneFunction, SurrogateFunction, Unsolved, Where
+from asperity.functions import SceneFunction, SurrogateFunction, Unsolved, Where
+from gen.quantities import QUANTITIES, USUAL
 from gen.runtime.errors import InputError
 from gen.runtime.files import kind_of
 from gen.scene import Scene, load, preset_names
+
+STIFFNESS = QUANTITIES["stiffness"]  # of unloading, a fourth output on request
 
 Vectors = list[list[FiniteFloat]]  # input or output of a model: vectors, each of one size
 
@@ -40,7 +43,7 @@ class SolverModel:
 
     def __init__(self, scene: Scene, name: str) -> None:
         self.name = name
-        self._functions = [SceneFunction(scene), SceneFunction(scene, (*OUTPUTS, "stiffness"))]
+        self._functions = [SceneFunction(scene), SceneFunction(scene, (*USUAL, STIFFNESS.name))]
         self.input_sizes = self._functions[0].inputs.sizes
 
     def output_sizes(self, config: Configuration) -> list[int]:

@@ -16,6 +16,7 @@ from bench.stability.case import Answer, Case, Finding
 from gen.arrays import Values
 from gen.generation.plan import parameters
 from gen.generation.sample import surface_of
+from gen.quantities import AREA
 from gen.runtime.errors import InputError
 from gen.scene import Scene, load
 from gen.statistics import describe
@@ -67,7 +68,7 @@ def ordinary(features: str = "paper") -> Dataset:
     """Return the rows as a dataset of paper or dimensionless features; the target is the area."""
     described, areas = solved()
     wanted, numbers = chosen(features), Rows(described[:, 1:], described[:, 0], SIDE)
-    scale, none = wanted.scale("area_percent", numbers, 1.0), np.zeros(ROWS, dtype=np.int64)
+    scale, none = wanted.scale(AREA.powers, numbers, 1.0), np.zeros(ROWS, dtype=np.int64)
     return Dataset(
         inputs=wanted.of(numbers),
         target=areas / scale,

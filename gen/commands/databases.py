@@ -41,7 +41,7 @@ def run(
     if dry_run:
         if world.is_master:
             from gen.commands import printer
-            from gen.generation.sample import completed
+            from gen.generation.completion import completed
             from gen.scene import load
 
             printer.print_plan(completed(load(scene)), output)
@@ -77,8 +77,8 @@ def run(
 def estimate(scene: options.Scene, ranks: options.Ranks = 1, trust: Trust = False) -> None:
     """Measure a few samples and predict time, memory and disk space of a run."""
     from gen.commands import printer
+    from gen.generation.completion import completed
     from gen.generation.run import measured_time
-    from gen.generation.sample import completed
     from gen.runtime.memory import size
     from gen.scene import load
 

@@ -12,6 +12,7 @@ from gen.generation.plan import parameters
 from gen.generation.sample import load_of, solve_contact, surface_of
 from gen.maps.pictures import DECADES, LETTERS, contact_maps, draw_map, load_text
 from gen.material import Bodies
+from gen.quantities import AREA, DELTA, FORCE, PRESSURE, USUAL, typographic
 from gen.runtime.errors import InputError
 from gen.runtime.figure import empty_figure, log_axis, save
 from gen.runtime.terminal import shortened
@@ -28,11 +29,11 @@ def draw_database(file: Path, picture: Path) -> None:
         done = np.flatnonzero(reader.column("status") == Status.DONE)
         if not done.size:
             raise InputError(f"{file} has no finished row to draw; run gen run first")
-        wanted = {"delta", "force", "area_percent", "solve_seconds", "hurst"}
+        wanted = {*USUAL, "solve_seconds", "hurst"}
         names = wanted & {column.name for column in reader.columns()}
         columns = {name: reader.column(name)[done] for name in names}
         scene, first = reader.scene, reader.rows.start
-    typical = int(np.argsort(columns["area_percent"])[done.size // 2])
+    typical = int(np.argsort(columns[AREA.name])[done.size // 2])
     ratio = scene.grid.sides[1] / scene.grid.sides[0]
     heights = [min(max(0.4 * WIDTH * ratio, 1.5), 0.6 * WIDTH) + 0.9, 3.8]  # titles and labels too
     figure.set_size_inches(WIDTH, sum(heights) + 0.4)
@@ -53,7 +54,7 @@ def _draw_sample(axes: NDArray[Any], scene: Scene, row: int) -> None:
     load = load_of(scene, heights, float(plan.load[0]))
     contact = solve_contact(scene, heights, hardness=hardness, **load)
     columns = parameter_columns(scene)
-    units = {column.name: column.unit.replace("um", "µm") for column in columns_for(scene)}
+    units = {column.name: typographic(column.unit) for column in columns_for(scene)}
     drawn = ", ".join(
         f"{name} = {value:.3g}{'' if unit == '1' else f' {unit}'}"
         for name, value in plan.parameters_of(0).items()
@@ -74,19 +75,17 @@ def _draw_sample(axes: NDArray[Any], scene: Scene, row: int) -> None:
 
 def _draw_areas(figure: Any, axis: Any, columns: dict[str, NDArray[Any]], scene: Scene) -> None:
     """Draw the effective contact area of every row over the load that the scene draws."""
-    loads, label = columns["delta"], "far-field displacement Δ [µm]"
+    loads, label = columns[DELTA.name], DELTA.label
     if scene.quantity.startswith("pressure"):
         cells = math.prod((*scene.grid.shape, *scene.grid.spacing))
-        loads, label = columns["force"] / cells, "mean pressure [MPa]"
+        loads, label = columns[FORCE.name] / cells, PRESSURE.label
     elif scene.quantity == "force":
-        loads, label = columns["force"], "normal force [µN]"
+        loads, label = columns[FORCE.name], FORCE.label
     coloured = {"c": columns["hurst"], "cmap": "cividis"} if "hurst" in columns else {}
-    dots = axis.scatter(loads, columns["area_percent"], s=9, **coloured)
+    dots = axis.scatter(loads, columns[AREA.name], s=9, **coloured)
     if coloured:
         figure.colorbar(dots, ax=axis, label="Hurst exponent H")
-    axis.set(
-        title=f"{columns['delta'].size} samples", xlabel=label, ylabel="effective contact area [%]"
-    )
+    axis.set(title=f"{columns['delta'].size} samples", xlabel=label, ylabel=AREA.label)
     axis.set_ylim(bottom=0)
     if loads.min() > 0 and loads.max() > DECADES * loads.min():
         log_axis(axis.xaxis)
@@ -99,7 +98,7 @@ def _draw_times(axis: Any, columns: dict[str, NDArray[Any]]) -> None:
     if not known.any():
         axis.set(title="no solve time is known")
         return
-    axis.plot(columns["area_percent"][known], milliseconds, ".", color="tab:blue", ms=4)
+    axis.plot(columns[AREA.name][known], milliseconds, ".", color="tab:blue", ms=4)
     axis.axhline(milliseconds.mean(), color="tab:red", lw=1, label="mean of this run")
     axis.legend(loc="lower right")  # light contacts, which take less time, are on the left
     axis.set(

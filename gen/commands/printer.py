@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gen.quantities import QUANTITIES
 from gen.runtime.memory import size
 from gen.runtime.terminal import echo, print_columns
 from gen.schema import PHYSICS_CHANGES, REASONS, RUNTIME, TABLE_1, Status, made_by_another
@@ -185,8 +186,8 @@ def print_spectrum(fit: SelfAffineFit | str, nodes: float) -> None:
 
 
 ONE_ONLY = {
-    *("approach_um", "contact_nodes", "perimeter_um", "modulus_MPa", "boundary", "hardness_MPa"),
-    "residual",
+    *(quantity.in_tables for quantity in QUANTITIES.values() if quantity.single),
+    *("modulus_MPa", "boundary", "hardness_MPa", "residual"),
 }
 """Columns that a table of several loads has in its file alone."""
 
@@ -198,9 +199,13 @@ def print_contacts(rows: Sequence[Sequence[Answer]], contact: Contact, seconds: 
         titles = [each.column for each in kept[0]]
         print_columns([[each.shown for each in row] for row in kept], titles, right=titles)
         return
+    from gen.maps.contacts import CONTINUUM_ERROR
+
     [row] = rows
-    left_out = {"continuum_area_error_percent"}  # it stands with the area
-    left_out |= {"approach_um"} if contact.approach == contact.delta else set()  # rigid far field
+    left_out = {CONTINUUM_ERROR}  # it stands with the area
+    left_out |= (
+        {QUANTITIES["approach"].in_tables} if contact.approach == contact.delta else set()
+    )  # rigid far field
     row = [each for each in row if each.column not in left_out]
     x, y = contact.problem.spacing
     mean = contact.force / (contact.contact_nodes * x * y or 1)

@@ -8,7 +8,7 @@ import typer
 
 from gen import options
 from gen.maps.settings import FileReading, Reading
-from gen.material import Bodies
+from gen.material import Bodies, Gas
 from gen.runtime.command_line import Trust, grouped, typed
 from gen.runtime.errors import InputError
 from gen.runtime.figure import empty_figure
@@ -199,7 +199,6 @@ def law(
     is the interface's alone: what a mesh adds to the bodies' own deformation.
     """
     from gen.law import Order, by_solver
-    from gen.law.curves import Gas
     from gen.law.files import show, write_files
     from gen.law.surfaces import files_read
     from gen.maps.contacts import require_conductivities

@@ -32,6 +32,7 @@ from gen.runtime.files import lock, place_of, unfinished
 from gen.runtime.installation import git_commit, versions
 from gen.runtime.memory import size
 from gen.scene import Scene, columns_for, differences, row_bytes
+from gen.scene.faults import shown
 from gen.schema import PART, PHYSICS, RUNTIME, SCHEMA, STATUS, Column, Status
 
 
@@ -72,7 +73,9 @@ def open_or_create(
         rows = range(min(there.start, wanted.start), max(there.stop, wanted.stop))
         if rows == there:
             return "resumed"
-        wider = scene if scene.samples > present.samples else present
+        wider = present
+        if scene.samples > present.samples:
+            wider = scene.with_powers_of(present)
         part = Part(path, old, there)
         _assemble(path, wider, rows, attributes, [part], replaced=held)
     return "extended"
@@ -94,6 +97,8 @@ def merge(target: Path, sources: Sequence[Path]) -> Counts:
         for other in others:
             fault = "; ".join(differences(scenes[first], scenes[other]))
             one, two = (int(files[path].attrs["physics"]) for path in (first, other))
+            if not fault:
+                fault = _differing_powers(scenes[first], scenes[other])
             if not fault and one != two:
                 fault = f"results of physics {one} and of physics {two}"
             if fault:
@@ -106,6 +111,15 @@ def merge(target: Path, sources: Sequence[Path]) -> Counts:
         _assemble(target, scene, range(scene.samples), attributes, parts)
         with Reader(target) as merged:
             return merged.counts()
+
+
+def _differing_powers(first: Scene, other: Scene) -> str:
+    """Say which output of a user's function was measured to scale differently; "" if none was."""
+    one, two = first.store.powers or {}, other.store.powers or {}
+    for name in sorted({*one, *two}):
+        if one.get(name) != two.get(name):
+            return f"store.powers.{name}: {shown(one.get(name))} and {shown(two.get(name))}"
+    return ""
 
 
 class Part(NamedTuple):
@@ -239,6 +253,9 @@ def _lay_out(path: Path, scene: Scene, rows: range, attributes: Mapping[str, str
             _set(dataset, "long_name", column.long_name)
             if column.unit:
                 _set(dataset, "units", column.unit)
+            if column.measured and column.powers is not None:
+                # of heights, lengths and E*, beside the unit
+                dataset.attrs["powers"] = np.array(column.powers, dtype="i1")
             if flags := FLAGS.get(column):
                 dataset.attrs["flag_values"] = np.array(list(flags), dtype=column.dtype)
                 # CF's list of meanings is separated by blanks: each text has to be one word.

@@ -7,13 +7,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gen.arrays import Columns
+from bem.problem import pose
+from gen.arrays import Columns, Values
 from gen.database import Reader
 from gen.generation.plan import Parameters, parameters, planned_columns
 from gen.generation.sample import compute_rows
+from gen.quantities import stored_quantities
+from gen.scene import Scene
 from gen.schema import (
     DONE_REASONS,
-    INFINITE_AT_FULL_CONTACT,
     REASONS,
     STATUS,
     TABLE_1,
@@ -78,14 +80,41 @@ def _chunk_faults(
         yield from _row_faults(wrong, start, fault)
 
 
+def _infinite_at_full_contact(scene: Scene) -> set[str]:
+    """Return the columns that are infinite at full contact of a scene's patches."""
+    contact = scene.contact
+    problem = pose(
+        np.zeros(scene.grid.shape),
+        scene.grid.sides,
+        None,
+        force=0.0,
+        spacing=scene.grid.spacing,
+        boundary=contact.boundary,
+        kernel=contact.kernel,
+        far_field=contact.far_field,
+    )
+    return {
+        quantity.name
+        for quantity in stored_quantities()
+        if quantity.diverges and quantity.is_infinite_at_full_contact(problem)
+    }
+
+
+def _unlike(rows: Columns, name: str, wanted: Values) -> tuple[Mask, str]:
+    """Return where a column is not that of the load, and the words for it."""
+    unequal = ~np.isclose(rows[name], wanted, rtol=ROUNDING, atol=0.0)
+    return unequal, f"{name} is not that of the load"
+
+
 def _impossible(
     reader: Reader, plan: Parameters, rows: Columns, reason: NDArray[np.uint8]
 ) -> Iterator[tuple[Mask, str]]:
     """Compare rows with the bounds of their columns, the solver's promise, and loads and nodes."""
     scene, undefined = reader.scene, reason == Reason.NO_STATISTICS
     statistics = {column.name for column in TABLE_1}
+    endless = _infinite_at_full_contact(scene)
     for name, values in rows.items():
-        excused = (values == np.inf) & (name in INFINITE_AT_FULL_CONTACT)
+        excused = (values == np.inf) & (name in endless)
         excused |= undefined & np.isnan(values) & (name in statistics)
         yield ~np.isfinite(values) & ~excused, f"{name} is not finite"
     missing = np.isnan([rows[name] for name in sorted(statistics)]).any(axis=0)
@@ -98,15 +127,13 @@ def _impossible(
     yield area != 100.0 * nodes / total, "area is not the share of contact nodes"
     yield (force > 0) != (nodes > 0), "force without contact, or contact without force"
     yield rows["residual"] > scene.contact.rtol, f"residual above {scene.contact.rtol}"
-    asked = {
-        "force": ("force", plan.load),
-        "pressure": ("force", plan.load * (total * cell)),
-        "delta/height_rms": ("delta", plan.load * rows["height_rms"]),
-    }
-    if scene.quantity in asked:
-        name, wanted = asked[scene.quantity]
-        unequal = ~np.isclose(rows[name], wanted, rtol=ROUNDING, atol=0.0)
-        yield unequal, f"{name} is not that of the load"
+    match scene.quantity:
+        case "force":
+            yield _unlike(rows, "force", plan.load)
+        case "pressure":
+            yield _unlike(rows, "force", plan.load * (total * cell))
+        case "delta/height_rms":
+            yield _unlike(rows, "delta", plan.load * rows["height_rms"])
     if plan.hardness is not None:
         yielded = rows["yielded_percent"]
         yield ~((yielded >= 0) & (yielded <= area)), "more nodes have yielded than are in contact"

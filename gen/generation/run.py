@@ -13,11 +13,12 @@ import numpy as np
 
 from gen.arrays import Columns
 from gen.generation import plan
-from gen.generation.sample import completed, compute_rows
+from gen.generation.completion import completed
+from gen.generation.sample import compute_rows
 from gen.runtime import farm
 from gen.runtime.errors import InputError
 from gen.runtime.farm import Interruption
-from gen.runtime.terminal import RunProgress
+from gen.runtime.terminal import RunProgress, echo
 from gen.runtime.user_code import source_of
 from gen.scene import Scene, load, row_bytes
 from gen.schema import Status
@@ -87,13 +88,15 @@ def generate_database(
     for a surface, and for each contact [s]. The master raises InputError, and the workers
     MasterLeft then.
     """
+    # A function of the user's is tried before signals are noted, so that the first ends the trial.
+    complete = _completed_by_the_master(scene, path, world, limit)
     with ExitStack() as stack:
         # From here on a signal is noted; it takes effect between two blocks, not in a broadcast.
         interruption = stack.enter_context(Interruption(listening=world.is_master))
         job, overdue = None, 0
-        if world.is_master:
+        if complete is not None:
             settings = _prepared(
-                scene, path, world, choice, rows, retry_failed=retry_failed, force=force
+                complete, path, world, choice, rows, retry_failed=retry_failed, force=force
             )
             job, pending, said = stack.enter_context(settings)
         own, parallel = world.broadcast(job)  # the file's scene, and whether every worker writes
@@ -139,9 +142,22 @@ def generate_database(
         return world.broadcast(ended)  # type: ignore[no-any-return]
 
 
+def _completed_by_the_master(
+    name: str, path: Path, world: farm.World, limit: float | None
+) -> Scene | None:
+    """Read and complete a scene on the master; return None on the other processes."""
+    if not world.is_master:
+        return None
+    scene = load(name)
+    new = not path.exists()
+    if new and scene.store.function is not None:
+        echo(f"{path}: tries {scene.store.function} on the scene's contacts first", err=True)
+    return completed(scene, path.parent, rehearsed=new, limit=limit)
+
+
 @contextmanager
 def _prepared(
-    name: str,
+    asked_for: Scene,
     path: Path,
     world: farm.World,
     choice: Choice,
@@ -154,7 +170,6 @@ def _prepared(
     from gen import database
 
     parallel = (choice == "parallel" or world.size > 1) and in_parallel(choice, path, world)
-    asked_for = completed(load(name), path.parent, rehearsed=not path.exists())
     first, last = rows or (0, asked_for.samples)
     if not 0 <= first < last <= asked_for.samples:
         raise InputError(

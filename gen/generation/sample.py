@@ -4,15 +4,12 @@ A user's function gives further outputs of each contact; a scene records its sou
 """
 
 import itertools
-import json
 import math
 import socket
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from numbers import Real
-from operator import attrgetter
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,40 +17,17 @@ import numpy as np
 import bem
 from gen.arrays import Columns, Heights
 from gen.generation.plan import OPPOSITE, Parameters, parameters, planned_columns, surface_random
-from gen.generators.function import PythonSurface
+from gen.quantities import stored_quantities
 from gen.runtime.errors import InputError, SourceError
 from gen.runtime.farm import Overtime, at_most
 from gen.runtime.memory import too_little_for_solve
-from gen.runtime.user_code import faults_of, load_function, source_hash
-from gen.scene import Scene, Store, columns_for, require_own_names
+from gen.runtime.user_code import faults_of, load_function
+from gen.scene import Scene, Store, columns_for
 from gen.schema import DONE_REASONS, Reason, Status
 from gen.statistics import describe, rms_slope
 
-TRIED_ROWS = 16  # rows, the first one with a solution of which shows a user's function's outputs
 Output = tuple[float, str | None]  # a value of a user's function, and its unit if given
 EFFORT = ("iterations", "convolutions", "residual")  # of a solve, converged or not
-SIDES = (1, 2)  # codes of opposite sides along x and y; that of both is their sum
-
-SAME = (
-    *("area_percent", "force", "contact_nodes", "yielded_percent", "mean_gap", "largest_pressure"),
-    *("perimeter", "pressure", "stiffness", "interface_stiffness", "continuum_area_percent"),
-    "delta",
-)
-"""Columns that are results of `bem.solve` under the same name."""
-
-ANSWERS: dict[str, Callable[[bem.Contact], Any]] = {
-    **{name: attrgetter(name) for name in SAME},
-    "contact_spots": lambda contact: contact.spots.number,
-    "largest_spot_percent": lambda contact: 100 * contact.spots.largest_share,
-    "contact_connects": lambda contact: int(np.dot(contact.spots.contact_connects, SIDES)),
-    "gap_connects": lambda contact: int(np.dot(contact.spots.gap_connects, SIDES)),
-    "hydraulic_aperture_x": lambda contact: contact.flow(0).aperture,
-    "hydraulic_aperture_y": lambda contact: contact.flow(1).aperture,
-}
-"""Columns that follow from a contact, in the order in which a row is filled."""
-
-UNSOLVED = (ArithmeticError, np.linalg.LinAlgError, InputError, bem.NoSolution, bem.NotConverged)
-"""Exceptions of samples that have no solution."""
 
 
 def compute_rows(
@@ -187,7 +161,7 @@ def _make_surface(
         rows[name][first:last] = value
     if description.reason:
         rows["reason"][first:last] = Reason.NO_STATISTICS
-    if scene.store.heights:
+    if scene.store.wants("heights"):
         rows["heights"][first:last] = heights
     rows["surface_seconds"][first:last] = (time.perf_counter() - began) / (last - first)
     return heights
@@ -205,9 +179,10 @@ def _solve(scene: Scene, heights: Heights, plan: Parameters, rows: Columns, row:
             return Reason.NOT_FINITE
         store = scene.store
         outputs = outputs_of(store, contact, plan.first + row) if store.function else {}
-        for name, answer in ANSWERS.items():
-            if name in rows and not name == scene.quantity == "delta":  # the plan has filled that
-                rows[name][row] = answer(contact)
+        for quantity in stored_quantities():
+            planned = quantity.name == scene.quantity == "delta"  # which the plan has filled in
+            if quantity.name in rows and quantity.name != "heights" and not planned:
+                rows[quantity.name][row] = quantity.of(contact)
         for name, value in outputs.items():
             rows[name][row] = value
         return Reason.NONE if np.isfinite(list(outputs.values())).all() else Reason.NOT_FINITE
@@ -220,22 +195,6 @@ def _solve(scene: Scene, heights: Heights, plan: Parameters, rows: Columns, row:
         return elastic if scene.contact.hardness_limits is None else Reason.BEYOND_HARDNESS
     except (ArithmeticError, np.linalg.LinAlgError):
         return Reason.ARITHMETIC
-
-
-def first_contact(scene: Scene) -> tuple[int, bem.Contact] | None:
-    """Solve the first row that has a solution, of `TRIED_ROWS`, perhaps beyond the samples."""
-    # Not of the samples alone: a larger database has the same outputs.
-    plan = parameters(scene, 0, TRIED_ROWS)
-    for row in range(TRIED_ROWS):
-        try:
-            heights = surface_of(scene, plan, row)
-            load = load_of(scene, heights, float(plan.load[row]))
-            return row, solve_contact(scene, heights, hardness=plan.hardness_of(row), **load)
-        except SourceError:
-            raise
-        except UNSOLVED:
-            continue
-    return None
 
 
 def outputs_of(store: Store, contact: bem.Contact, row: int) -> dict[str, float]:
@@ -283,51 +242,3 @@ def called(store: Store, contact: bem.Contact, row: int) -> dict[Any, Output]:
             with suppress(OverflowError):  # a whole number of hundreds of digits
                 found[name] = float(value), unit
         return dict.fromkeys(returned, (math.inf, None)) | found
-
-
-def completed(scene: Scene, home: Path | None = None, *, rehearsed: bool = False) -> Scene:
-    """Complete a scene by what its database records, and load the user's functions.
-
-    The outputs that a scene does not list are those of its first row that has a solution, which is
-    solved here; with `rehearsed` that row is solved anyway, so that a function that fails does so
-    before a file is made. The result depends on the scene and the functions' sources only.
-    """
-    require_own_names(scene)
-    scene, function = scene.resolved(home), scene.store.function
-    if isinstance(scene.surface, PythonSurface):
-        load_function(scene.surface.function, scene.surface.source)
-        if rehearsed and function is None:
-            first_contact(scene)
-    if function is None:
-        return scene
-    source = scene.store.source or source_hash(function)
-    load_function(function, source)
-    scene = _storing(scene, source=source)
-    scene.surface.make_ready(home)
-    if scene.store.outputs is not None and not rehearsed:
-        return scene
-    found = first_contact(scene)
-    fault = f"none of the first {TRIED_ROWS} rows has a solution"
-    try:
-        if found and scene.store.outputs is not None:
-            outputs_of(scene.store, found[1], found[0])
-        elif found:
-            outputs = called(scene.store, found[1], found[0])
-            units = {name: unit or "1" for name, (_, unit) in outputs.items()}
-            scene = _storing(scene, outputs=units)
-    except ArithmeticError as error:
-        fault = f"row {found[0]}: {type(error).__name__}" if found else fault
-    if scene.store.outputs is None:
-        raise InputError(
-            f"{function}, {fault}, so its outputs are unknown; give store.outputs ="
-            " { name = 'unit' }"
-        )
-    require_own_names(scene)
-    return scene
-
-
-def _storing(scene: Scene, **keys: object) -> Scene:
-    """Return a scene with further keys of the table [store]."""
-    content = json.loads(scene.text())
-    content["store"] |= keys
-    return Scene.from_text(json.dumps(content), f"{scene.store.function}")

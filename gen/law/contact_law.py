@@ -18,15 +18,7 @@ from bem.problem import Boundary
 from gen.arrays import Values
 from gen.law.curves import (
     APART,
-    APERTURES,
-    CONTINUUM,
-    GAS,
-    JOINT,
-    NAMES,
-    STIFFNESS,
-    UNITS,
     Curves,
-    Gas,
     Points,
     held,
     risen,
@@ -36,11 +28,27 @@ from gen.law.surfaces import LawSurface, LawSurfaces, Load, read_subjects
 from gen.maps.bodies import Opposite
 from gen.maps.contacts import contact_warnings, solve_loads
 from gen.maps.settings import Reading
-from gen.material import Bodies, loads_from
+from gen.material import Bodies, Gas, loads_from
+from gen.quantities import (
+    ALSO,
+    ALWAYS_IN_LAWS,
+    APERTURES,
+    AREA,
+    CONTINUUM,
+    DELTA,
+    GAS,
+    JOINT,
+    LOADS,
+    MEAN_GAP,
+    PRESSURE,
+    STIFFNESS,
+    Media,
+    Quantity,
+)
 from gen.runtime.errors import InputError
-from gen.runtime.terminal import RunProgress, shortened
+from gen.runtime.terminal import RunProgress, shortened, shown
 
-ARGUMENTS: dict[Load, str] = {"delta": "delta_um", "pressure": "pressure_MPa"}
+ARGUMENTS: dict[Load, str] = {"delta": DELTA.in_laws, "pressure": PRESSURE.in_laws}
 """Quantity of the arguments of a table by the kind of load."""
 
 LONG = 10**6  # nodes of all contacts together from which on a law shows progress
@@ -74,6 +82,7 @@ class Order:
     stiffness: bool = False  # whether it is asked for; a conductance brings it along
     grid_error: bool = False  # whether the area in the continuum is, with the error of the grid
     flow: bool = False  # whether the hydraulic apertures of the gap are
+    also: tuple[str, ...] = ()  # further quantities by their names, of `gen.quantities.ALSO`
     reading: Reading = field(default_factory=Reading)  # how files are read
     opposite: Opposite | None = None  # second rough body against surfaces from files
     command: str = ""  # command line, for the record
@@ -83,6 +92,58 @@ class Order:
         deltas = np.unique(loads_from("delta", self.delta)) if self.delta else None
         pressures = np.unique(loads_from("pressure", self.pressure)) if self.pressure else None
         return deltas, pressures
+
+    @property
+    def media(self) -> Media:
+        """What conducts through the interface."""
+        return Media(self.conductivities, self.gas)
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Quantities that are read off each contact; the conductance follows from the stiffness."""
+        chosen = [*ALWAYS_IN_LAWS]
+        if self.grid_error:
+            chosen.append(CONTINUUM)
+        if self.stiffness or self.conductivities:
+            chosen.append(STIFFNESS)
+        if self.gas:
+            chosen.append(GAS)
+        if self.gas and self.conductivities:
+            chosen.append(JOINT)
+        if self.flow:
+            chosen += APERTURES
+        return (*chosen, *(ALSO[name] for name in self.also))
+
+    def refuse_impossible(self, hardness: float | None) -> None:
+        """Refuse further quantities that no contact of bodies of a hardness [MPa] has."""
+        for name in self.also:
+            if ALSO[name].needs_hardness and hardness is None:
+                raise InputError(f"--also {name}: elastic bodies have none: give --hardness")
+
+
+def require_also(names: Sequence[str]) -> tuple[str, ...]:
+    """Return names of further quantities of a law, each once.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Names, several in one text with commas between them.
+
+    Returns
+    -------
+    tuple of str
+        Names of `gen.quantities.ALSO`.
+
+    Raises
+    ------
+    InputError
+        If no law has a quantity of a name.
+    """
+    chosen = [name.strip() for text in names for name in text.split(",")]
+    for name in chosen:
+        if name not in ALSO:
+            raise InputError(f"--also {shown(name)}: give one of {', '.join(ALSO)}")
+    return tuple(dict.fromkeys(chosen))
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +171,7 @@ def by_solver(order: Order) -> Law:
     hardness, ratio = order.hardness, None
     if hardness is None and (ratio := subjects.hardness_ratio()) is not None:
         hardness = ratio * e_star
+    order.refuse_impossible(hardness)
     bodies = Bodies(e_star, hardness, known=order.e_star is not None)
     lost: list[str] = []  # lines about loads that were not solved on every surface
     under = partial(_solved, order, subjects.surfaces, bodies, lost)
@@ -119,7 +181,7 @@ def by_solver(order: Order) -> Law:
     lines = [line for _, _, said in solved.values() for line in said]
     tables = over_delta, over_pressure, list(dict.fromkeys([*lines, *lost]))
     one = "none, one surface was solved"
-    if order.grid_error and any(each.curves[CONTINUUM].banded.any() for each in tables[:2]):
+    if order.grid_error and any(each.curves[CONTINUUM.in_laws].banded.any() for each in tables[:2]):
         one = "the error of the grid, 9 times in 10, of the area in the continuum; one surface"
     return law_of(order, subjects, bodies, tables, ("solved contact by contact", one))
 
@@ -149,7 +211,7 @@ def law_of(
     doubts += [*subjects.doubts, *(f"warning: {each}" for each in bodies.doubts)]
     notes = [how, *doubts, *remarks, *full, *also_full]
     nodes = min(each.heights.size for each in subjects.surfaces)
-    touching = over_pressure.curves["area_percent"].value * nodes / 100
+    touching = over_pressure.curves[AREA.in_laws].value * nodes / 100
     few = over_pressure.at[(touching > 0) & (touching < FEW)]
     if few.size:
         to = f"up to {few[-1]:.4g} MPa fewer than {FEW} nodes touch"
@@ -176,7 +238,7 @@ def _tables(
 ) -> tuple[Curves, Curves]:
     """Tabulate what was solved against Delta and against pressure; solve further if need be."""
     made: dict[Load, Curves] = {}
-    rests = [surface.at_rest(order) for surface in surfaces]
+    rests = [surface.at_rest(order.quantities, order.media) for surface in surfaces]
     rest = {name: float(np.mean([each[name] for each in rests])) for name in rests[0]}
     for load, argument in ARGUMENTS.items():
         loads, parts, _ = solved.get(load) or next(iter(solved.values()))
@@ -232,7 +294,11 @@ def _solved(
             names = next(filter(None, rows))
             values = {name: np.array([row.get(name, np.nan) for row in rows]) for name in names}
             low, high = (
-                {CONTINUUM: np.clip(values[CONTINUUM] + sign * np.array(bars), 0, 100)}
+                {
+                    CONTINUUM.in_laws: np.clip(
+                        values[CONTINUUM.in_laws] + sign * np.array(bars), 0, 100
+                    )
+                }
                 if judged  # the band is the error of the grid
                 else {}
                 for sign in (-1, 1)
@@ -240,7 +306,7 @@ def _solved(
             points.append(Points(values, low, high, ("",) * loads.size))
             faults_of.append(faults)
             if judged and (doubted := loads[np.array(doubts) != ""]).size:
-                up_to = f"{doubted[-1]:.4g} {UNITS[ARGUMENTS[load]]}"
+                up_to = f"{doubted[-1]:.4g} {LOADS[load].unit}"
                 at = f"{doubted.size} of {loads.size} loads, up to {up_to}; at the first"
                 why = next(filter(None, doubts))
                 notes.append(f"{surface.name}: the area is that of the grid at {at}, {why}")
@@ -263,7 +329,7 @@ def _solved(
 def _below_full_contact(loads: Values, surfaces: Sequence[LawSurface], lost: list[str]) -> Values:
     """Return the displacements [um] below full contact of elastic patches without edges."""
     edgeless = [each for each in surfaces if each.boundary != "free"]
-    full = min((each.at_rest()["mean_gap_um"] for each in edgeless), default=np.inf)
+    full = min((each.at_rest()[MEAN_GAP.in_laws] for each in edgeless), default=np.inf)
     possible, beyond = loads[loads < (1 - APART) * full], f"full contact from {full:.4g} um on"
     if not possible.size:
         raise InputError(f"{beyond}: give smaller loads")
@@ -277,32 +343,15 @@ def _contacts(
 ) -> Iterator[tuple[dict[str, float], float, str, str, tuple[float, float, int] | None]]:
     """Yield quantities, the error of the grid, two faults, and what warnings take at each load."""
     settings = {"modulus": bodies.e_star, "hardness": bodies.hardness, **surface.settings}
-    compliance = surface.patch_compliance(bodies.e_star)
-    nominal = surface.nominal
     for contact, fault in solve_loads(surface, load, loads.tolist(), **settings):
         if contact is None:
             yield {}, np.nan, fault, "", None
             continue
-        pressure = contact.force / nominal
-        gap = max(contact.mean_gap, 0.0)  # below 0 by rounding alone
-        closure = max(contact.delta - compliance * pressure, 0.0)
-        known = contact.delta, contact.area_percent, contact.force, gap, pressure, closure
-        row = dict(zip(NAMES, known, strict=True))
         try:
-            if order.grid_error:
-                row[CONTINUUM] = contact.continuum_area_percent
-            if order.stiffness or order.conductivities:
-                row[STIFFNESS] = contact.interface_stiffness / nominal
-            if order.gas:
-                # a node in contact has a gap of 0 within the tolerance of the solver alone
-                open_gap = np.where(contact.pressure > 0, 0.0, contact.gap)
-                row[GAS] = order.gas.conductance(open_gap)
-            if order.gas and order.conductivities:
-                spots = mean_conductivity(*order.conductivities) / bodies.e_star / nominal
-                row[JOINT] = spots * contact.interface_stiffness + row[GAS]
-            if order.flow:
-                apertures = contact.flow(0).aperture, contact.flow(1).aperture
-                row |= dict(zip(APERTURES, apertures, strict=True))
+            row = {
+                quantity.in_laws: quantity.in_law(contact, order.media)
+                for quantity in order.quantities
+            }
         except ArithmeticError as error:
             raise InputError(f"{surface.name}: {error}") from None
         grid = contact.grid_error() if judged else None

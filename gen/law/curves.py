@@ -6,116 +6,42 @@ of monotone `Curves` over Delta or over pressure.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gen.arrays import Heights, Values
+from gen.arrays import Values
 from gen.material import Bodies
+from gen.quantities import (
+    AREA,
+    CONDUCTANCE,
+    CONTINUUM,
+    DELTA,
+    GAS,
+    IN_LAWS,
+    JOINT,
+    LAW_COLUMNS,
+    STIFFNESS,
+    Trend,
+)
 from gen.runtime.errors import InputError
-
-NAMES = ("delta_um", "area_percent", "force_uN", "mean_gap_um", "pressure_MPa", "closure_um")
-"""Quantities of every point. The closure is what the interface alone gives way from first touch on:
-Delta, less what the half-space behind a free patch gives way, which a mesh has already."""
-
-STIFFNESS = "stiffness_MPa_per_um"
-"""Stiffness of the interface alone, of unloading, per nominal area."""
-
-CONTINUUM = "continuum_area_percent"
-"""Area in the continuum; of one solved surface its band is the error of the grid."""
-
-QUANTITIES = ("area_percent", "force_uN", "mean_gap_um", "pressure_MPa", "closure_um")
-CONDUCTANCE = "conductance_W_per_mm2_K"  # of the spots of contact
-GAS = "gas_conductance_W_per_mm2_K"  # of a gas in the gap
-JOINT = "joint_conductance_W_per_mm2_K"  # of both
-APERTURES = ("hydraulic_aperture_x_um", "hydraulic_aperture_y_um")  # of the gap, along both axes
-COLUMNS = {
-    "delta_um": (*QUANTITIES, STIFFNESS, CONDUCTANCE, GAS, JOINT, CONTINUUM, *APERTURES),
-    "pressure_MPa": (
-        *("delta_um", "closure_um", "area_percent", "mean_gap_um"),
-        *(STIFFNESS, CONDUCTANCE, GAS, JOINT, CONTINUUM, *APERTURES),
-    ),
-}
-"""Quantities of a table by what they are tabulated against; the last seven only where asked for."""
-
-
-class Quantity(NamedTuple):
-    """How programs and pictures call a quantity, and how it changes with the load."""
-
-    short: str  # in the names of functions of a C header
-    label: str = ""  # in pictures
-    falls: bool = False  # with the load
-    resting: bool = False  # whether it is not 0 at first touch
-    infinite: bool = False  # at full contact
-
-
-KNOWN = {
-    "delta_um": Quantity("delta"),
-    "closure_um": Quantity("closure", "closure [µm]"),
-    "area_percent": Quantity("area", "contact area [%]"),
-    "force_uN": Quantity("force"),
-    "mean_gap_um": Quantity("mean_gap", falls=True, resting=True),
-    "pressure_MPa": Quantity("pressure"),
-    STIFFNESS: Quantity("stiffness", "stiffness [MPa/µm]", infinite=True),
-    CONDUCTANCE: Quantity("conductance", "conductance [W/(mm² K)]", infinite=True),
-    GAS: Quantity("gas_conductance", "conductance of the gas [W/(mm² K)]", resting=True),
-    JOINT: Quantity(
-        "joint_conductance",
-        "conductance of spots and gas [W/(mm² K)]",
-        resting=True,
-        infinite=True,
-    ),
-    CONTINUUM: Quantity("continuum_area", "area in the continuum [%]"),
-    APERTURES[0]: Quantity("hydraulic_aperture_x", falls=True, resting=True),
-    APERTURES[1]: Quantity("hydraulic_aperture_y", falls=True, resting=True),
-}
 
 MOST = 0.5
 """Share of surfaces outside the training above which a row tells nothing about an interface."""
 
-UNITS = {"delta_um": "um", "pressure_MPa": "MPa"}  # of a table's arguments
 APART = 1e-9  # relative distance within which two numbers are one: rounding lies between them
 
 OUTSIDE_WEIGHT = 1e-9
 """Weight of a point outside the training, over one inside, where curves are made monotone."""
 
 
-class Gas(NamedTuple):
-    """A gas that fills the gap and conducts heat."""
-
-    conductivity: float  # [W/(m K)]
-    # Jump distance [um]: what the gap is wider by for a gas whose molecules fly as far as it is.
-    jump_distance: float
-
-    @classmethod
-    def of_options(cls, conductivity: float | None, jump_distance: float | None) -> Gas:
-        """Return the gas of the options of `gen law`, which needs both."""
-        given = {"--gas-conductivity": conductivity, "--jump-distance": jump_distance}
-        for (option, value), unit in zip(given.items(), ("W/(m K)", "um"), strict=True):
-            if value is None:
-                raise InputError(f"a gas needs {' and '.join(given)}: {option} is missing")
-            if not 0 < value < math.inf:
-                raise InputError(f"{option} {value:g}: must be above 0 {unit}, finite")
-        return cls(conductivity, jump_distance)  # type: ignore[arg-type]
-
-    def conductance(self, gap: Heights) -> float:
-        """Return the mean over all nodes, where a gap [um] is open, of k / (gap + M) [W/(mm2 K)].
-
-        Where bodies touch, the gap is 0 and the heat that passes is that of the spots.
-        """
-        conducting = self.conductivity / (gap + self.jump_distance)
-        return float(np.where(gap > 0, conducting, 0.0).mean())
-
-
 @dataclass(frozen=True, eq=False)
 class Points:
     """Contacts of one surface under k loads, ascending; every array has shape (k,)."""
 
-    values: dict[str, Values]  # by `NAMES`, and by `STIFFNESS` where it is known
+    values: dict[str, Values]  # by the names of quantities in laws, `gen.quantities.IN_LAWS`
     # Ends of the intervals; quantities without intervals are left out.
     low: dict[str, Values] = field(default_factory=dict)
     high: dict[str, Values] = field(default_factory=dict)
@@ -166,7 +92,7 @@ class Curves:
 
     against: str  # "delta_um" or "pressure_MPa"
     at: Values  # ascending arguments [um or MPa], (k,)
-    curves: dict[str, Curve]  # by the name of the quantity, in the order of `COLUMNS`
+    curves: dict[str, Curve]  # by the name of the quantity, in the order of `LAW_COLUMNS`
     outside: Values  # share of the surfaces outside the surrogate's training, (k,)
     reasons: tuple[str, ...]  # why there is no band, or what lies outside the training; else ""
     rest: Mapping[str, float]  # where the curves begin, at first touch; those left out at 0
@@ -176,7 +102,9 @@ class Curves:
     def banded(self) -> bool:
         """True if any value has a band, beside that of the grid."""
         return any(
-            bool(curve.banded.any()) for name, curve in self.curves.items() if name != CONTINUUM
+            bool(curve.banded.any())
+            for name, curve in self.curves.items()
+            if name != CONTINUUM.in_laws
         )
 
     def chosen(self, places: NDArray[np.bool_]) -> Curves:
@@ -197,14 +125,14 @@ class Curves:
 
         Full contact is where every node touches, or where the stiffness of one surface is infinite.
         """
-        full = self.curves["area_percent"].value >= 100
-        if STIFFNESS in self.curves:
-            full |= ~np.isfinite(self.curves[STIFFNESS].value)
+        full = self.curves[AREA.in_laws].value >= 100
+        if STIFFNESS.in_laws in self.curves:
+            full |= ~np.isfinite(self.curves[STIFFNESS.in_laws].value)
         full &= ~self.flagged
         if not full.any():
             return self, []
         end = int(np.argmax(full))
-        text = f"full contact from {self.at[end]:.4g} {UNITS[self.against]} on"
+        text = f"full contact from {self.at[end]:.4g} {IN_LAWS[self.against].unit} on"
         if not (self.at[:end] > 0).any():
             raise InputError(
                 f"{text}: no law is left below it: give smaller loads; {bodies.stated}"
@@ -214,19 +142,20 @@ class Curves:
 
     def with_conductance(self, per_stiffness: float) -> Curves:
         """Add the conductance: the stiffness by the conductivity over E* [W / (m K MPa)]."""
-        if STIFFNESS not in self.curves:
+        if STIFFNESS.in_laws not in self.curves:
             return self
-        own = self.curves[STIFFNESS]
+        own = self.curves[STIFFNESS.in_laws]
         parts = (per_stiffness * part for part in (own.value, own.low, own.high, own.slope))
-        more = {**self.curves, CONDUCTANCE: Curve(*parts)}
+        more = {**self.curves, CONDUCTANCE.in_laws: Curve(*parts)}
         return replace(
-            self, curves={name: more[name] for name in COLUMNS[self.against] if name in more}
+            self, curves={name: more[name] for name in LAW_COLUMNS[self.against] if name in more}
         )
 
     @property
     def conducting(self) -> str:
         """Name of the conductance of all parts that are known; "" if none is."""
-        return next((name for name in (JOINT, CONDUCTANCE, GAS) if name in self.curves), "")
+        names = [quantity.in_laws for quantity in (JOINT, CONDUCTANCE, GAS)]
+        return next((name for name in names if name in self.curves), "")
 
 
 def tabulated(
@@ -252,12 +181,12 @@ def tabulated(
         reasons = [one or other for one, other in zip(reasons, parts[0].endless, strict=True)]
         withheld |= np.array(reasons, dtype=bool)
     curves = {}
-    for name in COLUMNS[against]:
+    for name in LAW_COLUMNS[against]:
         if not all(name in part.values for part in parts):
             continue
         whole = np.stack([part.values[name] for part in parts])
         value, nowhere = whole.mean(axis=0), np.full(at.size, np.nan)
-        if not KNOWN[name].infinite and not np.isfinite(value).all():
+        if not IN_LAWS[name].diverges and not np.isfinite(value).all():
             raise InputError(f"{name} of the law has values that are not finite: no law holds here")
         low, high = (each.get(name, nowhere) for each in (parts[0].low, parts[0].high))
         if len(parts) > 1:
@@ -268,26 +197,38 @@ def tabulated(
         unknown = withheld | ~np.isfinite(low + high)  # an interval without an end is none
         low[unknown], high[unknown] = np.nan, np.nan
         # Those that follow from predicted ones miss by more, and are not given outside at all.
-        if name == "closure_um" or KNOWN[name].infinite:
+        if _is_derived(name):
             value, slope = (np.where(outside > MOST, np.nan, each) for each in (value, slope))
         curves[name] = Curve(value, low, high, slope)
     return Curves(against, at, curves, outside, tuple(reasons), rest, outside > MOST)
 
 
+def _is_derived(name: str) -> bool:
+    """Return whether a quantity of laws follows from predicted ones."""
+    law = IN_LAWS[name].law
+    return law is not None and law.derived
+
+
+def trend(name: str) -> Trend:
+    """Return how a quantity of laws changes with the load: it rises, falls or turns."""
+    law = IN_LAWS[name].law
+    return "turns" if law is None else law.trend
+
+
 def monotone(points: Points) -> tuple[Points, Points]:
     """Make the curves of one surface monotone, by least squares; return the changes too.
 
-    The mean gap falls with Delta, and all other quantities rise. Points outside the training follow
-    those inside, which they hardly move.
+    Quantities that turn, and those that are not finite throughout, stay as they are. Points outside
+    the training follow those inside, which they hardly move.
     """
     from scipy.optimize import isotonic_regression
 
     weights = np.array([OUTSIDE_WEIGHT if reason else 1.0 for reason in points.reasons])
 
     def smooth(name: str, values: Values) -> Values:
-        if name == "delta_um" or not np.isfinite(values).all():
+        if name == DELTA.in_laws or trend(name) == "turns" or not np.isfinite(values).all():
             return values
-        rising = name != "mean_gap_um"
+        rising = trend(name) == "rises"
         return np.asarray(isotonic_regression(values, weights=weights, increasing=rising).x)
 
     found = points.changed(smooth, *points.reasons)
@@ -314,11 +255,14 @@ def continued(points: Points, further: Points) -> Points:
 def held(name: str, values: Values) -> Values:
     """Replace values that turn back by the extreme value before them.
 
-    The gas conducts less where contact has taken its place, and may turn.
+    Some quantities do turn: a gas conducts less where contact has taken its place.
     """
-    if name in {GAS, JOINT}:
-        return values
-    return (np.minimum if KNOWN[name].falls else np.maximum).accumulate(values)
+    match trend(name):
+        case "rises":
+            return np.maximum.accumulate(values)
+        case "falls":
+            return np.minimum.accumulate(values)
+    return values
 
 
 def risen(values: Values, apart: float = APART) -> NDArray[np.bool_]:

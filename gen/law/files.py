@@ -14,8 +14,9 @@ import numpy as np
 
 from gen.law import finite_elements
 from gen.law.contact_law import Law
-from gen.law.curves import CONTINUUM, KNOWN, STIFFNESS
+from gen.law.curves import Curves
 from gen.options import LawOutputs, Units
+from gen.quantities import AREA, CLOSURE, CONTINUUM, DELTA, IN_LAWS, MEAN_GAP, PRESSURE, STIFFNESS
 from gen.runtime import VERSION
 from gen.runtime.documents import Row, text_of, write_csv
 from gen.runtime.figure import save
@@ -55,10 +56,10 @@ def show(law: Law) -> None:
         echo(law.title)
         echo(f"{law.bodies.text}; band: {law.band}")
         names, known = list(curves.curves), curves.curves
-        if curves.against == "delta_um":
-            names.remove("closure_um")  # so that rows fit
-        elif np.array_equal(known["delta_um"].value, known["closure_um"].value):
-            names.remove("delta_um")
+        if curves.against == DELTA.in_laws:
+            names.remove(CLOSURE.in_laws)  # so that rows fit
+        elif np.array_equal(known[DELTA.in_laws].value, known[CLOSURE.in_laws].value):
+            names.remove(DELTA.in_laws)
         banded = np.any([curve.banded for curve in known.values()], axis=0)
         rows = []
         for place, argument in enumerate(curves.at):
@@ -87,7 +88,7 @@ def write_table(path: Path, law: Law) -> list[Path]:
                 row["hardness_MPa"] = law.bodies.hardness
             if law.boundary != "free":
                 row["boundary"] = law.boundary
-            for name in ("delta_um", *law.over_delta.curves):
+            for name in (DELTA.in_laws, *law.over_delta.curves):
                 row |= {f"{name}{end}": "" for end in ENDS}
                 if name == curves.against:
                     row[name] = float(argument)
@@ -123,7 +124,7 @@ def write_json(path: Path, law: Law) -> list[Path]:
             {
                 "against": curves.against,
                 "at": curves.at.tolist(),
-                "gap_at_rest_um": curves.rest["mean_gap_um"],
+                "gap_at_rest_um": curves.rest[MEAN_GAP.in_laws],
                 "share_of_surfaces_outside_the_training": curves.outside.tolist(),
                 "reasons": list(curves.reasons),
                 "curves": {
@@ -156,8 +157,8 @@ further format is a field there, with the end of its files' names, and a line he
 def draw(figure: Any, law: Law, picture: Path) -> None:
     """Draw closure, area and stiffness or conductance over pressure, inside the training."""
     curves = law.over_pressure.chosen(~law.over_pressure.flagged)
-    names = ["closure_um", CONTINUUM if CONTINUUM in curves.curves else "area_percent"]
-    names += [name for name in (curves.conducting, STIFFNESS) if name in curves.curves][:1]
+    area = CONTINUUM if CONTINUUM.in_laws in curves.curves else AREA
+    names = [CLOSURE.in_laws, area.in_laws, *_stiffness_or_conductance(curves)]
     figure.suptitle(
         f"{law.title}\n{law.bodies.text}; band: {law.band}", fontsize=11, parse_math=False
     )
@@ -174,5 +175,13 @@ def draw(figure: Any, law: Law, picture: Path) -> None:
         axis.grid(alpha=0.3)
         if scale == "linear":
             axis.set(xlim=(0, None), ylim=(0, None))
-        axis.set(xlabel="nominal pressure [MPa]", ylabel=KNOWN[name].label)
+        axis.set(xlabel=PRESSURE.label, ylabel=IN_LAWS[name].label)
     save(figure, picture)
+
+
+def _stiffness_or_conductance(curves: Curves) -> list[str]:
+    """Return the name of the conductance of all parts, else of the stiffness, if there is one."""
+    for name in (curves.conducting, STIFFNESS.in_laws):
+        if name in curves.curves:
+            return [name]
+    return []

@@ -31,8 +31,9 @@ import numpy as np
 
 from gen.arrays import Indices, Values
 from gen.law.contact_law import Law
-from gen.law.curves import KNOWN, risen, slopes
+from gen.law.curves import risen, slopes
 from gen.options import BAND_SIDES, Units
+from gen.quantities import ALSO, CLOSURE, IN_LAWS
 from gen.runtime import VERSION, files
 from gen.runtime.errors import InputError
 from gen.runtime.installation import git_commit
@@ -88,7 +89,7 @@ SIDES = {"": ("value", "value"), "soft": ("high", "low"), "stiff": ("low", "high
 def write(path: Path, law: Law, program: Program, units: Units) -> list[Path]:
     """Write the surface interaction of a law, and those of both sides of a band of its closure."""
     made = [(path, "")]
-    if law.over_pressure.curves["closure_um"].banded.any():
+    if law.over_pressure.curves[CLOSURE.in_laws].banded.any():
         made += [(path.with_stem(f"{path.stem}-{side}"), side) for side in BAND_SIDES]
     texts = ["\n".join(_lines(each, law, program, UNITS[units], side)) for each, side in made]
     for (each, _), text in zip(made, texts, strict=True):
@@ -121,7 +122,7 @@ def rising(law: Law, side: str = "") -> tuple[Values, Values, Values | None]:
     the law itself ("") or of the "soft" or "stiff" side of its band.
     """
     table, (closure, conductance) = law.over_pressure, SIDES[side]
-    closures = getattr(table.curves["closure_um"], closure)
+    closures = getattr(table.curves[CLOSURE.in_laws], closure)
     known = table.conducting
     conductances = getattr(table.curves[known], conductance) if known else None
     usable = (table.at > 0) & np.isfinite(closures) & ~table.flagged
@@ -326,6 +327,8 @@ def _header_description(law: Law, name: str) -> Iterator[str]:
         "Delta, closure and mean gap in um, nominal pressure in MPa, area in %, force in uN,"
         " stiffness in MPa/um, conductance in W/(mm2 K)."
     )
+    for further in law.order.also:
+        yield f"{short_name(ALSO[further].in_laws)}: {ALSO[further].words} [{ALSO[further].unit}]."
     yield (
         "Closure is what the interface alone gives way from first touch on:"
         f" {name}_pressure_at_closure(closure) and its tangent are the law of a contact element."
@@ -338,6 +341,13 @@ def _header_description(law: Law, name: str) -> Iterator[str]:
     )
 
 
+def short_name(quantity: str) -> str:
+    """Return what functions of a header call a quantity of laws."""
+    law = IN_LAWS[quantity].law
+    assert law is not None  # it is in laws
+    return law.short
+
+
 def _body(law: Law, name: str) -> Iterator[str]:
     """Yield tables and functions, from first touch on, where the curves over Delta begin."""
     yield "#include <math.h>"
@@ -345,7 +355,7 @@ def _body(law: Law, name: str) -> Iterator[str]:
     yield "\n" + functions.replace("NAME", name)
     rest = law.over_delta.curves
     for curves in (law.over_delta, law.over_pressure):
-        argument = KNOWN[curves.against].short
+        argument = short_name(curves.against)
         suffix = "_at_pressure" if argument == "pressure" else ""
         missing = curves.at[:1] > 0  # first touch, where pressures were given
         columns = {}
@@ -354,9 +364,10 @@ def _body(law: Law, name: str) -> Iterator[str]:
             banded = curves.banded or curve.banded.all()
             for end, part in parts if banded else parts[:1]:
                 values, first = getattr(curve, part), np.zeros(1)
-                if KNOWN[quantity].resting and quantity in rest:
+                if IN_LAWS[quantity].at_rest is not None and quantity in rest:
                     first = getattr(rest[quantity], part)[:1]
-                columns[f"{KNOWN[quantity].short}{suffix}{end}"] = np.append(first[missing], values)
+                column = f"{short_name(quantity)}{suffix}{end}"
+                columns[column] = np.append(first[missing], values)
         yield from _tables(name, argument, np.append(np.zeros(1)[missing], curves.at), columns)
     pressures, closures, _ = rising(law)
     yield from _tables(name, "closure", closures, {"pressure_at_closure": pressures})

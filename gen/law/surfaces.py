@@ -7,15 +7,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from bem.problem import Boundary
-from gen.law.curves import APERTURES, GAS, JOINT
 from gen.maps.bodies import Opposite
 from gen.maps.prepare import read_surface
 from gen.maps.read import Topography, files_in
+from gen.quantities import BODIES_ALONE, MEAN_GAP, Media, Quantity, patch_compliance
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import echo
 from gen.scene import Scene, preset_names
 
 if TYPE_CHECKING:
+    from bem.problem import Problem
     from gen.law.contact_law import Order
 
 Load = Literal["delta", "pressure"]  # quantities that a law can be solved at
@@ -33,36 +34,36 @@ class LawSurface(Topography):
         """Area of the cells of all nodes, over which the nominal pressure is a mean [um2]."""
         return float(self.spacing[0] * self.spacing[1] * self.heights.size)
 
-    def at_rest(self, order: "Order | None" = None) -> dict[str, float]:
-        """Return what an order asks for at first touch, where no heat passes by spots."""
-        found = {"mean_gap_um": float(self.heights.max()) - float(self.heights.mean())}
-        gap = self.heights.max() - self.heights
-        if order is not None and order.flow:
-            from bem.derived.flow import flows_through
-
-            periodic = self.boundary == "periodic"
-            flows = flows_through(gap, self.spacing, (0, 1), periodic=periodic)
-            found |= {name: flow.aperture for name, flow in zip(APERTURES, flows, strict=True)}
-        if order is not None and order.gas is not None:
-            found[GAS] = order.gas.conductance(gap)
-            found |= {JOINT: found[GAS]} if order.conductivities else {}
-        return found
-
-    def patch_compliance(self, e_star: float) -> float:
-        """Compute how far a flat punch that fills the patch sinks per nominal pressure [um / MPa].
-
-        Delta on a rigid far field includes it, and so does the mesh of a finite-element model. A
-        patch without edges has none, and a compliant far field has taken it out of Delta.
-        """
-        if self.boundary != "free" or self.settings.get("far_field", "rigid") != "rigid":
-            return 0.0
-        from bem.derived.stiffness import patch_stiffness
+    def posed(self, e_star: float = 1.0) -> "Problem":
+        """Return the surface as a posed problem at first touch, of bodies with E* [MPa]."""
         from bem.problem import pose
 
-        kernel = self.settings.get("kernel", "uniform-pressure")
-        settings = {"spacing": self.spacing, "kernel": kernel, "modulus": e_star}
-        problem = pose(self.heights, self.sides, 0.0, **settings)
-        return self.nominal / patch_stiffness(problem)
+        return pose(
+            self.heights,
+            self.sides,
+            None,
+            force=0.0,
+            spacing=self.spacing,
+            boundary=self.boundary,
+            modulus=e_star,
+            kernel=self.settings.get("kernel", "uniform-pressure"),
+            far_field=self.settings.get("far_field", "rigid"),
+        )
+
+    def at_rest(
+        self, quantities: Iterable[Quantity] = (MEAN_GAP,), media: Media = BODIES_ALONE
+    ) -> dict[str, float]:
+        """Return quantities at first touch, where no heat passes by spots, those that are not 0."""
+        problem = self.posed()
+        return {
+            quantity.in_laws: quantity.resting(problem, media)
+            for quantity in quantities
+            if quantity.at_rest is not None
+        }
+
+    def patch_compliance(self, e_star: float) -> float:
+        """Compute how far a flat punch that fills the patch sinks per pressure [um / MPa]."""
+        return patch_compliance(self.posed(e_star))
 
 
 @dataclass(frozen=True, eq=False)

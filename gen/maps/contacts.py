@@ -14,6 +14,16 @@ import numpy as np
 from gen.maps.prepare import is_tilted
 from gen.maps.read import Topography
 from gen.material import Bodies, loads_from
+from gen.quantities import (
+    CONDUCTANCE,
+    CONTINUUM,
+    LOADS,
+    QUANTITIES,
+    SIDES,
+    Media,
+    Quantity,
+    nominal_area,
+)
 from gen.runtime import memory
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import RunProgress
@@ -32,6 +42,19 @@ class Wanted:
     conductivities: tuple[float, float] | None = None
     grid_error: bool = False  # whether the area in the continuum comes with the grid's error
     flow: bool = False  # whether a fluid flows through the gap, along either axis
+
+    @property
+    def options(self) -> list[str]:
+        """Options that quantities are shown with, in the order of the answers."""
+        asked = {
+            "always": True,
+            "grid-error": self.grid_error,
+            "spots": self.spots,
+            "flow": self.flow,
+            "stiffness": self.stiffness,
+            "conductivity": self.conductivities is not None,
+        }
+        return [option for option, wanted in asked.items() if wanted]
 
 
 class Answer(NamedTuple):
@@ -65,123 +88,130 @@ def require_conductivities(given: Sequence[float]) -> tuple[float, float]:
 
 
 def answers(contact: Contact, wanted: Wanted) -> list[Answer]:
-    """Return what is known of a solved contact, and compute the answers that are asked for."""
-    problem, (nx, ny) = contact.problem, contact.pressure.shape
-    yielding: list[Answer] = []
-    if problem.hardness is not None:
-        depth = float(contact.yielded_depth.max())
-        yielding = [
-            Answer("hardness_MPa", problem.hardness, "hardness", "MPa"),
-            Answer("yielded_percent", contact.yielded_percent, "yielded nodes", "% of all nodes"),
-            Answer("largest_yielded_depth_um", depth, "largest yielded depth", "um"),
-        ]
-    edgeless = [Answer("boundary", problem.boundary, "boundary", "")]
-    nominal = contact.force / nominal_area(contact)
-    return [
-        Answer("delta_um", contact.delta, "displacement Delta", "um"),
-        Answer("approach_um", contact.approach, "far-field displacement",
-               "um, Delta and the compliance of the far field"),
-        Answer("force_uN", contact.force, "force", "uN"),
-        Answer("pressure_MPa", nominal, "nominal pressure", "MPa, force over the whole patch"),
-        Answer("area_percent", contact.area_percent, "effective contact area", "% of the nodes"),
-        Answer("contact_nodes", contact.contact_nodes, "contact nodes", f"of {nx} x {ny}"),
-        Answer("largest_pressure_MPa", contact.largest_pressure, "largest pressure", "MPa"),
-        Answer("mean_gap_um", contact.mean_gap, "mean gap", "um"),
-        Answer("perimeter_um", contact.perimeter, "contact perimeter", "um"),
-        Answer("modulus_MPa", problem.modulus, "modulus E*", "MPa"),
-        *(edgeless if problem.boundary != "free" else []),
-        *yielding,
-        *further(contact, wanted),
-        Answer("residual", contact.residual, "residual", "of Delta"),
-    ]  # fmt: skip
+    """Read off a solved contact what is asked for, and compute what that needs.
 
+    Parameters
+    ----------
+    contact : bem.Contact
+        A solved contact.
+    wanted : Wanted
+        What is asked for beside the quantities that are always shown.
 
-def further(contact: Contact, wanted: Wanted) -> list[Answer]:
-    """Compute the answers that are asked for; see `answers`."""
-    found: list[Answer] = []
-    if wanted.grid_error:
-        error, area = contact.grid_error(), contact.continuum_area_percent
-        bar, resolved = error.area_percent, error.resolved
-        unit = f"+- {bar:.2g} %, in 9 of 10 cases" if resolved else "% on this grid"
-        said = "yes" if resolved else "no"
-        found = [
-            Answer("continuum_area_percent", area, "area in the continuum", unit, bar),
-            Answer("continuum_area_error_percent", bar if resolved else "", "its error", "%", bar),
-            Answer("resolved", said, "resolved by the grid", error.reason),
-        ]
-    found += _spots(contact) if wanted.spots else []
+    Returns
+    -------
+    list of Answer
+        One for each line of a report.
+
+    Raises
+    ------
+    InputError
+        If a linear solve, or the flow through the gap, does not converge.
+    """
+    media = Media(wanted.conductivities)
+    problem = contact.problem
+    rows: list[Answer] = []
     try:
-        for axis, name in enumerate("xy" if wanted.flow else ""):
-            flow = contact.flow(axis)
-            seals = "no flow: the contact seals"
-            said = "of the flow through the mean gap" if flow.factor else seals
-            found += [
-                Answer(f"flow_factor_{name}", flow.factor, f"flow factor along {name}", said),
-                Answer(f"hydraulic_aperture_{name}_um", flow.aperture,
-                       f"hydraulic aperture along {name}", "um"),
-            ]  # fmt: skip
-        if wanted.stiffness or wanted.conductivities is not None:
-            found += _interface(contact, wanted)
+        for option in wanted.options:
+            for quantity in QUANTITIES.values():
+                elastic = problem.hardness is None
+                if quantity.option == option and not (quantity.needs_hardness and elastic):
+                    rows += _answers_of(quantity, contact, media)
+            if option == "always":
+                rows += _about_the_bodies(contact)
+        if wanted.conductivities is not None:
+            rows.append(_conductance_per_area(contact, media))
     except ArithmeticError as error:
         raise InputError(str(error)) from None
-    return found
+    return [*rows, Answer("residual", contact.residual, "residual", "of Delta")]
 
 
-def _spots(contact: Contact) -> list[Answer]:
-    """Return the answers about spots of contact."""
-    spots, cell = contact.spots, math.prod(contact.problem.spacing)
-    mean, largest = (spots.areas.mean(), spots.areas[0]) if spots.number else (0.0, 0.0)
-    share = 100 * spots.largest_share
-    sides = {
-        name: " and ".join(axis for axis, each in zip("xy", connects, strict=True) if each) or "no"
-        for name, connects in (("contact", spots.contact_connects), ("gap", spots.gap_connects))
-    }
+def _about_the_bodies(contact: Contact) -> list[Answer]:
+    """Return the answers about the bodies that were given."""
+    problem = contact.problem
+    rows = [Answer("modulus_MPa", problem.modulus, "modulus E*", "MPa")]
+    if problem.boundary != "free":
+        rows.append(Answer("boundary", problem.boundary, "boundary", ""))
+    if problem.hardness is not None:
+        rows.append(Answer("hardness_MPa", problem.hardness, "hardness", "MPa"))
+    return rows
+
+
+def _answers_of(quantity: Quantity, contact: Contact, media: Media) -> list[Answer]:
+    """Return the answer about one quantity; that about the area in the continuum has an error."""
+    value = quantity.of(contact, media)
+    if quantity.code:
+        value = _sides_in_words(int(value))
+    if quantity is CONTINUUM:
+        return _continuum(contact, value)
+    remark = _remark(quantity, contact)
+    unit = "" if quantity.unit == "1" else quantity.unit
+    words = [unit, remark] if remark else [unit]
+    separator = " " if quantity.unit == "%" else ", "
+    shown = separator.join(filter(None, words))
+    return [Answer(quantity.in_tables, value, quantity.noun, shown)]
+
+
+def _sides_in_words(code: int) -> str:
+    """Say which opposite sides are connected, of the codes of `gen.quantities.SIDES`."""
+    axes = [axis for axis, side in zip("xy", SIDES, strict=True) if code & side]
+    return " and ".join(axes) or "no"
+
+
+def _continuum(contact: Contact, area: float) -> list[Answer]:
+    """Return the answers about the area in the continuum and the error that the grid makes."""
+    error = contact.grid_error()
+    bar = error.area_percent
+    unit = f"+- {bar:.2g} %, in 9 of 10 cases" if error.resolved else "% on this grid"
+    resolved = "yes" if error.resolved else "no"
     return [
-        Answer("spots", spots.number, "spots of contact", "nodes that touch along their sides"),
-        Answer("mean_spot_um2", float(mean), "mean spot", f"um2, a node has {cell:.4g}"),
-        Answer("largest_spot_um2", float(largest), "largest spot", "um2"),
-        Answer("largest_spot_percent", share, "its share", "% of the contact area"),
-        Answer("contact_connects", sides["contact"], "contact connects sides", "directions"),
-        Answer("gap_connects", sides["gap"], "gap connects sides", "directions"),
-    ]  # fmt: skip
+        Answer(CONTINUUM.in_tables, area, CONTINUUM.noun, unit, bar),
+        Answer(CONTINUUM_ERROR, bar if error.resolved else "", "its error", "%", bar),
+        Answer("resolved", resolved, "resolved by the grid", error.reason),
+    ]
 
 
-def _interface(contact: Contact, wanted: Wanted) -> list[Answer]:
-    """Return the answers about stiffness and conductance; MPa um are N/m, W/(m K) um are uW/K."""
-    free = contact.problem.boundary == "free"
-    alone = ", without the patch's own constriction" if free else ""
+def _remark(quantity: Quantity, contact: Contact) -> str:
+    """Return what a person should know about the value of a quantity beside its unit."""
+    nx, ny = contact.pressure.shape
+    cell = math.prod(contact.problem.spacing)
+    match quantity.name:
+        case "contact_nodes":
+            return f"of {nx} x {ny}"
+        case "mean_spot_area":
+            return f"a node has {cell:.4g}"
+        case "contact_connects" | "gap_connects":
+            return "directions"
+        case "flow_factor_x" | "flow_factor_y" if not quantity.of(contact):
+            return "no flow: the contact seals"
+        case "interface_stiffness" | "interface_conductance":
+            return _about_the_interface(contact)
+    return quantity.remark
+
+
+def _about_the_interface(contact: Contact) -> str:
+    """Say what is left out of the stiffness of an interface."""
     if contact.interface_stiffness == math.inf:
-        alone = ": full contact, in which nothing but the bodies is left"
-    found = []
-    if wanted.stiffness:
-        yields, stiff = contact.problem.hardness is not None, contact.interface_stiffness
-        found = [
-            Answer("stiffness_N_per_m", contact.stiffness, "stiffness", "N/m, of unloading"),
-            *([Answer("loading_stiffness_N_per_m", contact.loading_stiffness,
-                      "stiffness of loading", "N/m, dF/dDelta")] if yields else []),
-            Answer("interface_stiffness_N_per_m", stiff, "interface's stiffness", f"N/m{alone}"),
-        ]  # fmt: skip
-    if wanted.conductivities is not None:
-        whole = 1e-6 * contact.conductance(*wanted.conductivities)
-        interface = contact.interface_conductance(*wanted.conductivities)
-        found += [
-            Answer("conductance_W_per_K", whole, "conductance", "W/K"),
-            Answer("interface_conductance_W_per_K", 1e-6 * interface, "interface's conductance",
-                   f"W/K{alone}"),
-            Answer("interface_conductance_W_per_m2_K", 1e6 * interface / nominal_area(contact),
-                   "per nominal area", f"W/(m2 K){alone}"),
-        ]  # fmt: skip
-    return found
+        return "full contact, in which nothing but the bodies is left"
+    if contact.problem.boundary == "free":
+        return "without the patch's own constriction"
+    return ""
 
 
-def nominal_area(contact: Contact) -> float:
-    """Return the area of the cells of all nodes, over which a mean pressure is taken [um2]."""
-    return contact.pressure.size * math.prod(contact.problem.spacing)
+def _conductance_per_area(contact: Contact, media: Media) -> Answer:
+    """Return the conductance of the interface per nominal area."""
+    value = 1e12 * CONDUCTANCE.of(contact, media) / nominal_area(contact)
+    remark = _about_the_interface(contact)
+    unit = f"W/(m2 K), {remark}" if remark else "W/(m2 K)"
+    return Answer("interface_conductance_W_per_m2_K", value, "per nominal area", unit)
 
 
+CONTINUUM_ERROR = f"{CONTINUUM.name.removesuffix('_percent')}_error_percent"  # a column
 OUTER = 0.05  # share of the lines of nodes on each side whose load is told apart
 # how messages write a load
-SHOWN = {"delta": "Delta = {:.6g} um", "force": "{:.6g} uN", "pressure": "{:.6g} MPa"}
+SHOWN = {
+    load: f"{'Delta = ' if load == 'delta' else ''}{{:.6g}} {quantity.unit}"
+    for load, quantity in LOADS.items()
+}
 # E* over the pressure from which a warning is due: the hardness of steel is 2 GPa at 230 GPa, and
 # only glasses, ceramics and rubber bear more than a hundredth of E*
 YIELDING = 100

@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Heights, Values
-from gen.maps.contacts import Wanted, nominal_area
+from gen.maps.contacts import Wanted
 from gen.maps.read import Sides, Topography
 from gen.maps.texture import RadialSpectrum, SelfAffineFit
 from gen.material import Bodies
+from gen.quantities import AREA, DELTA, FORCE, LOADS, MEAN_GAP, nominal_area
 from gen.runtime.figure import log_axis, save
 from gen.runtime.terminal import shortened
 
@@ -298,23 +299,18 @@ def _draw_section(axis: Any, contact: Contact, load: str) -> None:
 
 def _draw_law(axes: Sequence[Any], rows: Sequence[Mapping[str, Any]], load: str) -> None:
     """Draw area, force or far-field displacement, and mean gap over the load that was given."""
-    quantities = {
-        "delta": ("delta_um", "displacement Δ [µm]"),
-        "force": ("force_uN", "normal force [µN]"),
-        "pressure": ("pressure_MPa", "mean pressure [MPa]"),
-    }
-    column, label = quantities[load]
-    rows = sorted(rows, key=lambda row: row[column])
-    loads = np.array([row[column] for row in rows])
+    given = LOADS[load]
+    answer = FORCE if load == "delta" else DELTA
+    rows = sorted(rows, key=lambda row: row[given.in_tables])
+    loads = np.array([row[given.in_tables] for row in rows])
     decades = bool(loads[0] > 0 and loads[-1] >= DECADES * loads[0])
-    answer = quantities["force" if load == "delta" else "delta"]
-    answers = ("area_percent", "contact area [%]"), answer, ("mean_gap_um", "mean gap [µm]")
+    answers = (AREA, answer, MEAN_GAP)
     colours = ("tab:blue", "tab:orange", "tab:green")
-    for axis, (column, name), colour in zip(axes, answers, colours, strict=True):
-        values = np.array([row[column] for row in rows])
+    for axis, quantity, colour in zip(axes, answers, colours, strict=True):
+        values = np.array([row[quantity.in_tables] for row in rows])
         axis.plot(loads, values, ".-", color=colour)
         axis.grid(alpha=0.3)
-        axis.set(xlabel=label, ylabel=name)
+        axis.set(xlabel=given.label, ylabel=quantity.label)
         if decades:
             log_axis(axis.xaxis)
         if decades and values.min() > 0 and values.max() >= 10 * values.min():

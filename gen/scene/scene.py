@@ -22,13 +22,14 @@ from pydantic import (
 from gen.distribution import Distribution, Table, conflict, limits
 from gen.generators import GENERATORS, Surface
 from gen.generators.scans import ScanSurface
+from gen.quantities import Powers, stored_quantities
 from gen.runtime.errors import InputError
 from gen.runtime.files import read_bytes
 from gen.runtime.terminal import printable
 from gen.scene.faults import DOTTED, first_fault
 from gen.scene.tables import UNITS, Contact, Delta, Load, Piece, Quantity, Store
 from gen.schema import COLUMNS, DRAWN_NAMES, RUNTIME, Column
-from gen.surface import DisplacedSurface, Grid
+from gen.surface import DisplacedSurface, GeneratedSurface, Grid
 
 INERT = {"samples", "title", "creator", "licence"}  # keys of a scene that change no row
 
@@ -228,6 +229,24 @@ class Scene(Table):
         content |= {} if seed is None else {"seed": seed}
         return self.from_text(json.dumps(content), "the values asked for")
 
+    def with_powers_of(self, recorded: Self) -> Self:
+        """Return the scene with the powers of outputs that a database of it has recorded.
+
+        Parameters
+        ----------
+        recorded : Scene
+            The scene of the database.
+
+        Returns
+        -------
+        Scene
+            This scene, whose outputs scale as those of the database.
+        """
+        if self.store.powers == recorded.store.powers:
+            return self
+        store = self.store.model_copy(update={"powers": recorded.store.powers})
+        return self.model_copy(update={"store": store})
+
     @property
     def surfaces(self) -> int:
         """Number of surfaces that the samples need; the last one may have fewer samples."""
@@ -315,7 +334,7 @@ class Scene(Table):
         return json.dumps(self.model_dump(exclude_none=True), sort_keys=True)
 
     def fingerprint(self) -> str:
-        """Compute the SHA-256 of all keys that change results: every key but those of `INERT`.
+        """Compute the SHA-256 of all keys that change results, see `relevant`.
 
         The keys of [store] count although they change no number: a database gets its columns when
         it is created, so a scene that stores more cannot continue it. Default values count as if
@@ -339,6 +358,7 @@ class Scene(Table):
             Tables and keys with their values.
         """
         content = self.model_dump(exclude=INERT, exclude_none=True)
+        content["store"].pop("powers", None)  # they are measured, and follow from the other keys
         return {**content, "surface": self.surface.relevant(content["surface"])}
 
 
@@ -390,17 +410,34 @@ TAKEN = "is the name of something else; give a name of your own"
 
 
 def _of_generators() -> Iterator[Column]:
-    """Yield the columns of all generators: where surfaces were taken from, and parameters."""
-    owners: dict[Column, list[str]] = {}
+    """Yield the columns of all generators: where surfaces were taken from, and parameters.
+
+    A column is its name: generators may share one, if they state one unit for it.
+    """
+    columns: dict[str, Column] = {}
+    owners: dict[str, list[str]] = {}
     for table in GENERATORS:
-        columns = [Column(name, "i4", "1", words) for name, words in table.PLACES.items()]
-        for name, (unit, words, span) in table.PARAMETERS.items():
-            columns.append(Column(DRAWN_NAMES.get(name, name), "f8", unit, words, paper_range=span))
-        for column in columns:
-            owners.setdefault(column, []).extend(f"`{each}`" for each in table.NAMES)
-    for column, (*others, last) in sorted(owners.items(), key=lambda each: each[0].dtype != "i4"):
+        for column in _columns_of(table):
+            first = columns.setdefault(column.name, column)
+            if (column.unit, column.dtype) != (first.unit, first.dtype):
+                raise ValueError(
+                    f"the generators {owners[column.name][0]} and `{table.NAMES[0]}` share the"
+                    f" parameter {column.name}, one in {first.unit!r}, the other in"
+                    f" {column.unit!r}: give it one unit, or two names"
+                )
+            owners.setdefault(column.name, []).extend(f"`{name}`" for name in table.NAMES)
+    for column in sorted(columns.values(), key=lambda column: column.dtype != "i4"):
+        *others, last = owners[column.name]
         several = f"the generators {', '.join(others)} and {last}"
         yield replace(column, optional=several if others else f"the generator {last}")
+
+
+def _columns_of(table: type[GeneratedSurface]) -> Iterator[Column]:
+    """Yield the columns of one generator."""
+    for name, words in table.PLACES.items():
+        yield Column(name, "i4", "1", words)
+    for name, (unit, words, span) in table.PARAMETERS.items():
+        yield Column(DRAWN_NAMES.get(name, name), "f8", unit, words, paper_range=span)
 
 
 _PLACE = [column.name for column in COLUMNS].index("surface") + 1
@@ -414,8 +451,10 @@ def markdown_of_columns() -> list[str]:
     for each in ALL_COLUMNS:
         span = "{:g} to {:g}".format(*each.paper_range) if each.paper_range else ""
         nodes = ", nx x ny per sample" if each.shape_of else ""
-        said = each.long_name + nodes + (f" (with {each.optional})" if each.optional else "")
-        lines.append(f"| `{each.path}` | {each.unit} | {said} | {span} |")
+        cost = f", costs {each.cost}" if each.cost else ""
+        condition = f" (with {each.optional}{cost})" if each.optional else ""
+        meaning = each.long_name + nodes + condition
+        lines.append(f"| `{each.path}` | {each.unit} | {meaning} | {span} |")
     return lines
 
 
@@ -433,24 +472,46 @@ def columns_for(scene: Scene) -> tuple[Column, ...]:
     asked_for |= {name for name, wanted in store if wanted is True}
     asked_for |= {"load"} if scene.quantity != "delta" else set()
     if contact.hardness_limits is not None:
-        asked_for |= {"yielded_percent", "hardness" if contact.draws_hardness else ""}
-    chosen = [column for column in ALL_COLUMNS if not column.optional or column.name in asked_for]
+        asked_for |= {quantity.name for quantity in stored_quantities() if quantity.needs_hardness}
+        asked_for |= {"hardness"} if contact.draws_hardness else set()
+    words = {column.name: column for column in _columns_of(type(scene.surface))}
+    chosen = []
+    for column in ALL_COLUMNS:
+        if column.optional and column.name not in asked_for:
+            continue
+        if column.name == "load":
+            chosen.append(replace(column, unit=scene.load_unit, long_name=scene.quantity))
+        elif column.name in words:  # other generators may say it in other words
+            chosen.append(replace(words[column.name], optional=column.optional))
+        else:
+            chosen.append(column)
     names = [column.name for column in chosen]
-    if "load" in names:
-        load = names.index("load")
-        chosen[load] = replace(chosen[load], unit=scene.load_unit, long_name=scene.quantity)
     own = tuple(
         Column(name, "f8", "1", f"parameter of {scene.surface.generator}")
         for name in parameters
         if name not in names
     )
-    outputs = tuple(
-        Column(name, "f8", unit, f"output of {store.function}", bounds=store.bounds(name))
-        for name, unit in (store.outputs or {}).items()
-    )
     place = names.index("surface") + 1
     last = next(index for index, column in enumerate(chosen) if column.group)
+    outputs = _columns_of_outputs(store)
     return (*chosen[:place], *own, *chosen[place:last], *outputs, *chosen[last:])
+
+
+def _columns_of_outputs(store: Store) -> tuple[Column, ...]:
+    """Return the columns of the outputs of a user's function."""
+    powers = store.powers or {}
+    return tuple(
+        Column(
+            name,
+            "f8",
+            unit,
+            f"output of {store.function}",
+            bounds=store.bounds(name),
+            powers=Powers(*powers[name]) if name in powers else None,
+            measured=True,
+        )
+        for name, unit in (store.outputs or {}).items()
+    )
 
 
 def parameter_columns(scene: Scene) -> dict[str, str]:

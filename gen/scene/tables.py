@@ -2,9 +2,9 @@
 
 import math
 import sys
-from typing import Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeAlias
 
-from pydantic import AfterValidator, Field, Strict, model_validator
+from pydantic import AfterValidator, Field, Strict, create_model, model_validator
 
 from gen.distribution import (
     SPANNED,
@@ -19,6 +19,7 @@ from gen.distribution import (
 )
 from gen.generators.function import FUNCTION_WORDS, Function, Hash, named
 from gen.material import Bodies
+from gen.quantities import stored_quantities
 
 Quantity = Literal["delta", "delta/height_rms", "pressure", "pressure/(E* slope_rms)", "force"]
 
@@ -170,23 +171,25 @@ class Load(Table):
 Flag = Annotated[bool | None, AfterValidator(lambda wanted: wanted or None)]
 
 
-class Store(Table):
+def _keys_of_quantities() -> type[Table]:
+    """Make the keys of `[store]` that ask for a quantity of contacts each."""
+    keys: dict[str, Any] = {
+        quantity.name: (bool, False) if quantity.early else (Flag, None)
+        for quantity in stored_quantities()
+        if quantity.stored == "asked"
+    }
+    return create_model("StoredQuantities", __base__=Table, **keys)
+
+
+if TYPE_CHECKING:
+    StoredQuantities: TypeAlias = Table
+else:
+    StoredQuantities = _keys_of_quantities()
+
+
+class Store(StoredQuantities):
     """Optional columns, stored besides the area, the force and the statistics."""
 
-    mean_gap: bool = False
-    largest_pressure: bool = False
-    perimeter: bool = False
-    heights: bool = False
-    pressure: bool = False
-    stiffness: Flag = None
-    interface_stiffness: Flag = None
-    contact_spots: Flag = None
-    largest_spot_percent: Flag = None
-    contact_connects: Flag = None
-    gap_connects: Flag = None
-    continuum_area_percent: Flag = None
-    hydraulic_aperture_x: Flag = None
-    hydraulic_aperture_y: Flag = None
     function: Function | None = Field(
         default=None, description=f"{FUNCTION_WORDS}, whose outputs of each contact become columns"
     )
@@ -201,13 +204,17 @@ class Store(Table):
     most: dict[str, float] | None = Field(
         default=None, description="a table of bounds of outputs, { name = largest value }"
     )
-    # Written when a run begins: the SHA-256 of the module's source.
+    # Both are written when a run begins. Powers are measured, and change no row.
+    powers: dict[str, Annotated[tuple[int, int, int], Strict(False)]] | None = Field(
+        default=None,
+        description="a table of powers of heights, lengths and E*, { name = [1, 1, 1] }",
+    )
     source: Hash | None = Field(default=None, description="the SHA-256 of the module's source")
 
     @model_validator(mode="after")
     def _require_function(self) -> Self:
         """Refuse outputs of no function."""
-        for name in ("outputs", "source", "least", "most"):
+        for name in ("outputs", "powers", "source", "least", "most"):
             if self.function is None and getattr(self, name) is not None:
                 raise conflict(f"{name} needs function, which gives them")
         for name in self.least or ():
@@ -216,6 +223,10 @@ class Store(Table):
                 said = f"least.{name} = {least:g} is not below most.{name} = {most:g}"
                 raise conflict(said)
         return self
+
+    def wants(self, quantity: str) -> bool:
+        """Return whether the column of an optional quantity is asked for."""
+        return bool(getattr(self, quantity))
 
     def bounds(self, name: str) -> tuple[float, float]:
         """Return the least and the largest value of an output, infinite where none is stated."""

@@ -29,6 +29,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from gen.arrays import Values
+from gen.quantities import Powers
 from gen.runtime.errors import InputError
 from gen.scene import Scene
 from gen.schema import TABLE_1
@@ -258,26 +259,33 @@ class FeatureSet:
             every = [FORMULAS[name](rows if name == PLASTIC else capped) for name in self.columns]
         return np.column_stack(every)
 
-    def scale(self, target: str, rows: Rows, modulus: float) -> Values:
-        """Return the divisor, (n,), of a target before it is learnt, so that it has no unit.
+    def scale(self, powers: Powers | None, rows: Rows, modulus: float) -> Values:
+        """Return the divisor of a target before it is learnt, so that it has no unit.
 
-        It is in the unit of the target's column, and 1 for features with units. E* is in MPa.
+        What scales with E* vanishes with the load, so that its heights are counted in Delta; other
+        heights are counted in h, as those of the features.
+
+        Parameters
+        ----------
+        powers : Powers or None
+            Powers of heights, lengths and E* that the target scales with; None if it has none.
+        rows : Rows
+            n rows.
+        modulus : float
+            E* [MPa].
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Divisors in the unit of the target; 1 without powers, and for features with units.
         """
         ones = np.ones(len(rows.delta))
-        if not self.scaled:
+        if not self.scaled or powers is None:
             return ones
-        scales = {
-            "force": modulus * rows.length * rows.delta,
-            "mean_gap": rows.unit,
-            "delta": rows.unit,
-            "hydraulic_aperture_x": rows.unit,
-            "hydraulic_aperture_y": rows.unit,
-            "largest_pressure": modulus * rows.delta / rows.length,
-            "perimeter": rows.length * ones,
-            "stiffness": modulus * rows.length * ones,
-            "interface_stiffness": modulus * rows.length * ones,
-        }
-        return np.asarray(scales.get(target, ones), dtype=np.float64)
+        heights = rows.delta if powers.modulus else rows.unit
+        length = np.asarray(rows.length, dtype=np.float64)
+        scale = modulus**powers.modulus * length ** float(powers.lengths)
+        return np.asarray(scale * heights ** float(powers.heights) * ones, dtype=np.float64)
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,9 @@ import numpy as np
 from gen import database
 from gen.arrays import Columns
 from gen.database import Reader, Writer
+from gen.generation.completion import completed
 from gen.generation.run import Block, blocks_of
-from gen.generation.sample import completed, compute_rows
+from gen.generation.sample import compute_rows
 from gen.runtime import farm
 from gen.runtime.errors import InputError
 from gen.runtime.figure import draw_parity, log_axis, parity_axes

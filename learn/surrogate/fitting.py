@@ -28,6 +28,7 @@ from learn.surrogate.calibration import CLOSED, SURFACE, Plan, calibrate, of_ano
 from learn.surrogate.interval import Calibration, ErrorScale
 from learn.surrogate.learnt import Learnt, clip_of
 from learn.surrogate.model import Surrogate
+from learn.surrogate.scale import OWN_SCALE, keeps_its_scale, own_scale
 
 SEARCH_ROWS = 3000  # largest number of training rows of the small searches
 LIKELIHOOD_ROWS = 800  # rows for the likelihood of a kernel with a length for every input
@@ -231,13 +232,17 @@ def fit_parts(
             say(f"  left out in turn: {SCORED.format(**entry['left_out'])}")
         for remark in entry["remarks"]:
             say(f"  warning: {remark}")
+        if not keeps_its_scale(fitted.learnt, rows.features):
+            say(f"  {target}: {OWN_SCALE}")
     inputs, features = sets[0].inputs[train], sets[0].features
     low, high = inputs.min(axis=0), inputs.max(axis=0)
     if features.name == SCENE:
         scenes = [each.scene for each in sets[0].origins]
         low, high = training_ranges(scenes, features.columns, inputs)
     return Surrogate(
-        card=card.make(request, sets[0], train, sizes, judged) | {"calibration": plan.entry},
+        card=card.make(request, sets[0], train, sizes, judged)
+        | {"calibration": plan.entry}
+        | own_scale(sets, learnt.values(), train),
         learnt=learnt,
         low=low,
         high=high,
@@ -287,7 +292,7 @@ def fit_target(
     done = process_time()
     column = results(train.origins[0].scene, train.features.load)[train.target_name]
     not_yet = Calibration((), ErrorScale(np.empty(0), 0.0, 0.0, 0.0))
-    own = column.name, column.unit, fitted, scaling, not_yet, clip, column.bounds
+    own = column.name, column.unit, fitted, scaling, not_yet, clip, column.bounds, train.powers
     learnt, crossed = Learnt(*own), None
     if other is not None:
         raw = learnt.raw(other.inputs)

@@ -34,9 +34,29 @@ from bem.derived.stiffness import without_patch
 from gen.arrays import Values
 from gen.law import Law, Order
 from gen.law.contact_law import ARGUMENTS, STEPS, Tables, law_of
-from gen.law.curves import STIFFNESS, Curves, Points, continued, monotone, risen, slopes, tabulated
+from gen.law.curves import (
+    Curves,
+    Points,
+    continued,
+    monotone,
+    risen,
+    slopes,
+    tabulated,
+    trend,
+)
 from gen.law.surfaces import LawSurface, LawSurfaces, Load, read_subjects
 from gen.material import Bodies
+from gen.quantities import (
+    ALSO,
+    AREA,
+    CLOSURE,
+    DELTA,
+    FORCE,
+    MEAN_GAP,
+    PRESSURE,
+    QUANTITIES,
+    STIFFNESS,
+)
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import RunProgress
 from gen.scene import Scene
@@ -47,6 +67,7 @@ from learn.surrogate.model import OnSurface, Prediction, Surrogate
 BEYOND = (1.15, 1.4, 2.0, 3.0)  # further Deltas, over the last: some surfaces reach a pressure late
 CORRECTED = 0.01  # correction for monotone curves, over the largest value, from which on we warn
 FINE = 20  # steps into which an interval of Delta is divided to invert the cubic in it
+UNLOADING = QUANTITIES["stiffness"]  # of a whole patch
 ROUNDING = 1e-12  # relative distance beyond the last pressure that counts as the last one
 
 
@@ -74,7 +95,7 @@ def make(surrogate: Surrogate, order: Order) -> Law:
     if kind == "pressure":
         scale = bodies.e_star / math.sqrt(math.prod(surrogate.card["side"]))
         at = np.geomspace(low, high, STEPS) * scale if asked is None else asked[asked > 0]
-        points = [_predicted(*each, kind, order.level, bodies, at) for each in kept]
+        points = [_predicted(*each, kind, order, bodies, at) for each in kept]
         tables = _learnt_tables(subjects.surfaces, points, kind, order, bodies)
     else:
         if deltas is None:
@@ -109,7 +130,7 @@ def of_parameters(surrogate: Surrogate, order: Order, numbers: Mapping[str, floa
     if (limits := surrogate.hardness_limits) is not None and hardness is None:
         hardness = numbers.get("hardness_ratio", limits[0]) * surrogate.modulus
     bodies = Bodies(surrogate.modulus, hardness, known=True)
-    points = _points_at(answer, kind, at, patch, bodies)
+    points = _points_at(answer, kind, at, patch, bodies, also=order.also)
     tables = _learnt_tables([patch], [points], kind, order, bodies)
     subjects = LawSurfaces([patch], [scene], [f"{order.inputs[0]}: {patch.name}"])
     said = f"predicted by {surrogate.card['title']}", f"{100 * order.level:g} % of new surfaces"
@@ -127,6 +148,12 @@ def _asked(surrogate: Surrogate, order: Order) -> tuple[Load, Values | None]:
             f"a law needs a surrogate with --load delta or pressure, and --target {targets}; this"
             f" one has --load {load}, and {', '.join(surrogate.learnt)}: fit it anew"
         )
+    for name in order.also:
+        if name not in surrogate.learnt:
+            raise InputError(
+                f"--also {name}: the surrogate has learnt {', '.join(surrogate.learnt)}: fit one with"
+                f" --target {','.join([*surrogate.learnt, name])}"
+            )
     inverted = kind == "delta" and surrogate.features.name != SCENE
     if any(each is not None for other, each in asked.items() if other != kind) and not inverted:
         raise InputError(f"the surrogate has learnt what a {load} leads to: give --{kind} instead")
@@ -147,10 +174,11 @@ def _learnt_tables(
     smooth, corrections = zip(*map(monotone, points), strict=True)
     pairs = zip(smooth, patches, strict=True)
     parts = [_with_stiffness(each, patch, order, bodies) for each, patch in pairs]
-    rest, made = {"mean_gap_um": 0.0}, dict[Load, Curves]()
-    if "mean_gap_um" in parts[0].values:  # at first touch, but for what a free patch gives way
-        first = [p.values["mean_gap_um"][0] + p.values["delta_um"][0] for p in parts]
-        rest = {"mean_gap_um": float(np.mean(first))}
+    gap, made = MEAN_GAP.in_laws, dict[Load, Curves]()
+    rest = {gap: 0.0}
+    if gap in parts[0].values:  # at first touch, but for what a free patch gives way
+        first = [p.values[gap][0] + p.values[DELTA.in_laws][0] for p in parts]
+        rest = {gap: float(np.mean(first))}
     for load, argument in ARGUMENTS.items():
         own = list(parts)
         if load != kind:
@@ -174,6 +202,7 @@ def _points_at(
     patch: LawSurface,
     bodies: Bodies,
     surface: SurfaceFeatures | None = None,
+    also: Sequence[str] = (),
 ) -> Points:
     """Return the points of a law at ascending loads, (k,), from the answers at these.
 
@@ -186,22 +215,28 @@ def _points_at(
         closure = np.maximum((at if kind == "delta" else ends["delta"]) - behind * pressure, 0.0)
         if kind == "pressure":
             closure = np.maximum.accumulate(closure)
-        found = {"area_percent": ends["area"], "pressure_MPa": pressure, "closure_um": closure}
-        found |= {"delta_um": at if kind == "delta" else closure + behind * at}
-        found |= {"force_uN": ends["force"] if kind == "delta" else pressure * patch.nominal}
-        if "mean_gap" in ends:
-            found["mean_gap_um"] = ends["mean_gap"]
+        point = {AREA.in_laws: ends["area"]}
+        point[PRESSURE.in_laws] = pressure
+        point[CLOSURE.in_laws] = closure
+        point[DELTA.in_laws] = at if kind == "delta" else closure + behind * at
+        point[FORCE.in_laws] = ends["force"] if kind == "delta" else pressure * patch.nominal
+        if MEAN_GAP.name in ends:
+            point[MEAN_GAP.in_laws] = ends[MEAN_GAP.name]
         elif kind == "delta" and surface is not None:  # it rises with the force
-            found["mean_gap_um"] = _mean_gap(surface, at, ends["force"] / bodies.e_star, bodies)
-        if "interface_stiffness" in ends:
-            found[STIFFNESS] = ends["interface_stiffness"] / patch.nominal
-        elif "stiffness" in ends:
-            found[STIFFNESS] = _of_interface(ends["stiffness"] / patch.nominal, behind)
-        parts.append(found)
+            gap = _mean_gap(surface, at, ends["force"] / bodies.e_star, bodies)
+            point[MEAN_GAP.in_laws] = gap
+        if STIFFNESS.name in ends:
+            point[STIFFNESS.in_laws] = ends[STIFFNESS.name] / patch.nominal
+        elif UNLOADING.name in ends:
+            point[STIFFNESS.in_laws] = _of_interface(ends[UNLOADING.name] / patch.nominal, behind)
+        for name in also:
+            point[ALSO[name].in_laws] = ends[name]
+        parts.append(point)
     values, low, high = parts
-    without = {"delta_um", "closure_um"} if kind == "delta" else {"pressure_MPa", "force_uN"}
-    for name in without:  # the load, and at a given Delta the closure, which falls with the force
-        del low[name], high[name]
+    # Without an interval are the load, and at a given Delta the closure, which falls with the force.
+    without = (DELTA, CLOSURE) if kind == "delta" else (PRESSURE, FORCE)
+    for quantity in without:
+        del low[quantity.in_laws], high[quantity.in_laws]
     return Points(values, low, high, answer.reasons)
 
 
@@ -233,7 +268,7 @@ def _tables(
     rests, parts, whole, corrections = [patch.at_rest() for patch, _ in surfaces], [], [], []
     with RunProgress(len(surfaces), "surfaces") as progress:
         for (patch, on_surface), rest in zip(surfaces, rests, strict=True):
-            predicted = partial(_predicted, patch, on_surface, "delta", order.level, bodies)
+            predicted = partial(_predicted, patch, on_surface, "delta", order, bodies)
             smooth, correction = monotone(predicted(deltas).from_rest(rest))
             extended = smooth
             with suppress(InputError):  # larger displacements, where they can be predicted
@@ -243,7 +278,7 @@ def _tables(
             corrections.append(correction)
             progress.advance(1, 0)
     rest = {name: float(np.mean([each[name] for each in rests])) for name in rests[0]}
-    over_delta = tabulated("delta_um", np.append(0.0, deltas), parts, order.level, rest)
+    over_delta = tabulated(DELTA.in_laws, np.append(0.0, deltas), parts, order.level, rest)
     notes = _corrected(over_delta, corrections)
     if beyond := sum(share > 0 for share in over_delta.outside):
         many = f"{beyond} of {over_delta.at.size - 1} displacements"
@@ -251,23 +286,23 @@ def _tables(
         if over_delta.flagged.any():
             line += "; outside, neither closure nor stiffness is given (-)"
         notes.insert(0, line)
-    if bodies.hardness is not None and "mean_gap" not in surfaces[0][1].surrogate.learnt:
+    if bodies.hardness is not None and MEAN_GAP.name not in surfaces[0][1].surrogate.learnt:
         notes.append(
             "warning: the mean gap of bodies that yield is a coarse estimate: fit one with --target"
             " area,force,mean_gap"
         )
     chosen, late = _pressures(over_delta, whole, pressures)
     inverted = [at_pressures(each, chosen) for each in whole]
-    over_pressure = tabulated("pressure_MPa", chosen, inverted, order.level, rest)
+    over_pressure = tabulated(PRESSURE.in_laws, chosen, inverted, order.level, rest)
     return over_delta, over_pressure, [*notes, *late]
 
 
 def _predicted(
-    patch: LawSurface, on_surface: OnSurface, kind: Load, level: float, bodies: Bodies, at: Values
+    patch: LawSurface, on_surface: OnSurface, kind: Load, order: Order, bodies: Bodies, at: Values
 ) -> Points:
     """Predict the law of one surface at ascending loads above 0, (k,)."""
     e_star, hardness = bodies.e_star, bodies.hardness
-    answer = on_surface.predict(at, e_star=e_star, hardness=hardness, level=level)
+    answer = on_surface.predict(at, e_star=e_star, hardness=hardness, level=order.level)
     for name, predictions in answer.values.items():
         if not np.isfinite(predictions).all():
             load = at[np.argmin(np.isfinite(predictions))]
@@ -276,7 +311,7 @@ def _predicted(
                 f"{patch.name}: the surrogate has no finite {name} at {where}: no law can be made"
                 " of it"
             )
-    return _points_at(answer, kind, at, patch, bodies, on_surface.surface)
+    return _points_at(answer, kind, at, patch, bodies, on_surface.surface, order.also)
 
 
 def _mean_gap(surface: SurfaceFeatures, deltas: Values, force: Values, bodies: Bodies) -> Values:
@@ -291,7 +326,7 @@ def _mean_gap(surface: SurfaceFeatures, deltas: Values, force: Values, bodies: B
 def _with_stiffness(points: Points, subject: LawSurface, order: Order, bodies: Bodies) -> Points:
     """Add the stiffness of the interface, if it is asked for and was not learnt."""
     asked = order.stiffness or order.conductivities is not None
-    if not asked or STIFFNESS in points.values:
+    if not asked or STIFFNESS.in_laws in points.values:
         return points
     if bodies.hardness is not None:
         raise InputError(
@@ -299,9 +334,9 @@ def _with_stiffness(points: Points, subject: LawSurface, order: Order, bodies: B
             " is no slope of the force: fit a surrogate with --target area,force,stiffness, or"
             " solve the law"
         )
-    rising = slopes(points.values["delta_um"], points.values["pressure_MPa"], 0.0)
+    rising = slopes(points.values[DELTA.in_laws], points.values[PRESSURE.in_laws], 0.0)
     found = _of_interface(rising, subject.patch_compliance(bodies.e_star))
-    return replace(points, values={**points.values, STIFFNESS: found})
+    return replace(points, values={**points.values, STIFFNESS.in_laws: found})
 
 
 def _of_interface(stiffness: Values, behind: float) -> Values:
@@ -316,7 +351,7 @@ def _corrected(over_delta: Curves, corrections: Sequence[Points]) -> list[str]:
         change = np.mean([each.values[name] for each in corrections], axis=0)
         largest = np.nanmax(np.abs(over_delta.curves[name].value), initial=0.0) or 1.0
         if np.abs(change).max() > CORRECTED * largest:
-            fell, rising = ("rose", "falling") if name == "mean_gap_um" else ("fell", "rising")
+            fell, rising = ("rose", "falling") if trend(name) == "falls" else ("fell", "rising")
             lines.append(
                 f"warning: the surrogate's curve of {name} {fell} with the load; shown is the"
                 f" nearest {rising} one"
@@ -328,10 +363,10 @@ def _pressures(
     over_delta: Curves, whole: Sequence[Points], asked: Values | None
 ) -> tuple[Values, list[str]]:
     """Return the pressures to tabulate [MPa], and a note where the default ones end early."""
-    mean = over_delta.curves["pressure_MPa"].value
+    mean = over_delta.curves[PRESSURE.in_laws].value
     if not mean[-1] > 0:
         raise InputError("the law has no force at all: nothing to tabulate against pressure")
-    reach = min(float(each.values["pressure_MPa"].max()) for each in whole)
+    reach = min(float(each.values[PRESSURE.in_laws].max()) for each in whole)
     if asked is None:
         usual = np.unique(mean)  # as close as Delta's where it is small
         if usual[-1] <= reach:
@@ -353,23 +388,26 @@ def at_pressures(points: Points, pressures: Values) -> Points:
     The points are monotone, from first touch on. Where an end of an interval lies beyond the law or
     outside the training, the interval is NaN and the reason says so.
     """
-    deltas = points.values["delta_um"]
-    at = _inverse(deltas, points.values["pressure_MPa"], pressures, first=True)
-    known = ("area_percent", "mean_gap_um", "closure_um", STIFFNESS)
-    values = {"delta_um": at} | {
-        name: _read(deltas, points.values[name], at) for name in known if name in points.values
-    }
+    deltas = points.values[DELTA.in_laws]
+    at = _inverse(deltas, points.values[PRESSURE.in_laws], pressures, first=True)
+    arguments = {quantity.in_laws for quantity in (DELTA, PRESSURE, FORCE)}
+    known = [name for name in points.values if name not in arguments]
+    values = {DELTA.in_laws: at} | {name: _read(deltas, points.values[name], at) for name in known}
     reasons = _reasons(points, at)
     if not points.low:
         return Points(values, reasons=reasons)
     least = most = np.full_like(at, np.nan)  # beyond the law
-    if np.isfinite(points.high["pressure_MPa"]).all():
-        least = np.minimum(_inverse(deltas, points.high["pressure_MPa"], pressures, first=True), at)
-    if np.isfinite(points.low["pressure_MPa"]).all():
-        most = np.maximum(_inverse(deltas, points.low["pressure_MPa"], pressures, first=False), at)
-    low, high = {"delta_um": least}, {"delta_um": most}
+    if np.isfinite(points.high[PRESSURE.in_laws]).all():
+        least = np.minimum(
+            _inverse(deltas, points.high[PRESSURE.in_laws], pressures, first=True), at
+        )
+    if np.isfinite(points.low[PRESSURE.in_laws]).all():
+        most = np.maximum(
+            _inverse(deltas, points.low[PRESSURE.in_laws], pressures, first=False), at
+        )
+    low, high = {DELTA.in_laws: least}, {DELTA.in_laws: most}
     for name in points.low.keys() & {*known}:
-        one, other = (most, least) if name == "mean_gap_um" else (least, most)
+        one, other = (most, least) if trend(name) == "falls" else (least, most)
         low[name] = _read(deltas, points.low[name], one)
         high[name] = _read(deltas, points.high[name], other)
     unknown = np.isnan(least) | np.isnan(most)
@@ -417,7 +455,7 @@ def _read(deltas: Values, values: Values, at: Values) -> Values:
 
 def _reasons(points: Points, at: Values) -> tuple[str, ...]:
     """Return why Deltas between points lie outside the training: because a neighbour does."""
-    deltas = points.values["delta_um"]
+    deltas = points.values[DELTA.in_laws]
     above = np.searchsorted(deltas, at).clip(0, deltas.size - 1)
     below = np.where(deltas[above] == at, above, (above - 1).clip(0))
     return tuple(

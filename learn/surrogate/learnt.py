@@ -31,6 +31,7 @@ from zipfile import ZIP_DEFLATED
 import numpy as np
 
 from gen.arrays import Indices, Values
+from gen.quantities import QUANTITIES, Powers
 from gen.runtime.errors import InputError
 from gen.runtime.files import SURROGATE, atomic, kind_of, require_file
 from gen.runtime.terminal import printable, to_type
@@ -58,8 +59,10 @@ UNSEEN = SKEWNESS
 # ends, each (d,), of the ranges that features are clipped to; infinite for those that are not
 Clip = tuple[Values, Values]
 
-FORMAT = 9  # number of the layout. It is raised whenever an older version would misread a file
-OLDER = range(3, FORMAT)  # of 1.0.0rc1 and before, whose intervals promise more than they hold
+FORMAT = 10  # number of the layout. It is raised whenever an older version would misread a file
+# Of 1.0.0, whose targets that a user's function gave are learnt without their dimension.
+WITHOUT_POWERS = 9
+OLDER = range(3, 9)  # of 1.0.0rc1 and before, whose intervals promise more than they hold
 HEAD = re.compile(SURROGATE + rb"format (\d{1,9})\nsha256 ([0-9a-f]{64})\n")
 
 # types, besides numbers and arrays, of which models are made
@@ -111,6 +114,8 @@ class Learnt:
     calibration: Calibration  # intervals of the target over its scale
     clip: Clip  # ranges that the inputs do not leave
     bounds: tuple[float, float] = (-np.inf, np.inf)  # least and largest value of the column
+    # Of heights, lengths and E* that the target scales with; None for none, or none that is known.
+    powers: Powers | None = None
 
     def raw(self, inputs: Values) -> Values:
         """Predict the target over its scale, (n,), at the features, (n, d); NaN where one is."""
@@ -228,6 +233,7 @@ def _packed(learnt: Learnt) -> dict[str, Any]:
         "scaling": vars(learnt.scaling),
         "clip": learnt.clip,
         "bounds": learnt.bounds,
+        "powers": learnt.powers and tuple(learnt.powers),
         "scores": [tuple(each) for each in intervals.scores],
         "usual": vars(intervals.usual),
         "grows": intervals.distance is not None and tuple(intervals.growth),
@@ -278,7 +284,7 @@ def load_parts(path: Path) -> tuple[dict[str, Any], dict[str, Learnt], Values, V
                     Growth(*grows) if grows else GROWTH,
                 )
                 own = part["pipeline"], Scaling(**part["scaling"]), intervals
-                ranges = part["clip"], part["bounds"]
+                ranges = part["clip"], part["bounds"], _powers_of(part)
                 learnt[name] = Learnt(part["column"], part["unit"], *own, *ranges)
                 if part["trees"] is not None:
                     _with_trees(part["pipeline"].named_steps[STEP], part["trees"])
@@ -294,6 +300,14 @@ def load_parts(path: Path) -> tuple[dict[str, Any], dict[str, Learnt], Values, V
     return card, learnt, low, high, distance
 
 
+def _powers_of(part: Mapping[str, Any]) -> Powers | None:
+    """Return the powers of a target; older files leave out those of the quantities of contacts."""
+    if "powers" in part:
+        return part["powers"] and Powers(*part["powers"])
+    quantity = QUANTITIES.get(part["column"])
+    return None if quantity is None else quantity.powers
+
+
 def read(path: Path) -> tuple[dict[str, Any], Values, Values, bytes]:
     """Read card, both ends of the training ranges, (d,), and archive of a surrogate's file."""
     try:
@@ -307,7 +321,7 @@ def read(path: Path) -> tuple[dict[str, Any], Values, Values, bytes]:
             f"{path}: is no surrogate{what}: {to_type('learn fit')} makes one of a database"
         )
     other = f"{path}: has format {int(head[1])}, this version reads {FORMAT}: "
-    if int(head[1]) not in (*OLDER, FORMAT):
+    if int(head[1]) not in (*OLDER, WITHOUT_POWERS, FORMAT):
         raise InputError(f"{other}fit it anew with {to_type('learn fit')}")
     body = memoryview(data)[head.end() :]
     if hashlib.sha256(body).hexdigest() != head[2].decode():

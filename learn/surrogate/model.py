@@ -20,9 +20,9 @@ from learn.features.scene import SCENE, checked_numbers, plain
 from learn.features.sets import Rows
 from learn.surrogate.interval import Distance, between, reasons_of
 from learn.surrogate.learnt import Learnt, load_parts, write_parts
+from learn.surrogate.scale import scale_notes
 
 LARGEST = 1e38  # of a feature: trees see their inputs in single precision, which ends there
-PROPORTIONAL = {"force", "largest_pressure", "stiffness", "interface_stiffness"}  # to E*
 
 
 @dataclass(frozen=True, eq=False)
@@ -403,12 +403,14 @@ class Surrogate:
                     f" curvatures and Delta above 0, and no feature beyond {LARGEST:.0e}"
                 )
         said = reasons_of(self, rows, inputs)
+        for row, note in enumerate(scale_notes(self, rows, e_star)):
+            said[row] = "; ".join(filter(None, (said[row], note)))
         delta = rows.delta.copy() if "pressure" not in rows.given else np.nan * rows.delta
         found = Prediction(delta, {}, given=dict(rows.given))
         for name, learnt in self.learnt.items():
-            scale = features.scale(learnt.column, rows, self.modulus)
-            if e_star is not None and learnt.column in PROPORTIONAL:
-                scale = scale * (e_star / self.modulus)
+            scale = features.scale(learnt.powers, rows, self.modulus)
+            if e_star is not None and learnt.powers is not None and learnt.powers.modulus:
+                scale = scale * (e_star / self.modulus) ** learnt.powers.modulus
             raw = learnt.raw(inputs)
             with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
                 raw[~np.isfinite(raw * scale)] = np.nan

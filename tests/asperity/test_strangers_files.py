@@ -12,7 +12,8 @@ import pytest
 import user_functions
 
 from gen.database import Writer, create
-from gen.generation.sample import completed, compute_rows
+from gen.generation.completion import completed
+from gen.generation.sample import compute_rows
 from gen.runtime.errors import SourceError
 from gen.runtime.user_code import load_function, source_hash
 from gen.scene import Scene

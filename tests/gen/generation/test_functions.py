@@ -11,8 +11,9 @@ from scipy import ndimage
 
 from gen import cli
 from gen.database import Reader, Writer, create
+from gen.generation.completion import completed
 from gen.generation.plan import parameters, surface_random
-from gen.generation.sample import completed, compute_rows, solve_contact, surface_of
+from gen.generation.sample import compute_rows, solve_contact, surface_of
 from gen.runtime.errors import SourceError
 from gen.runtime.user_code import load_function
 from gen.scene import Scene

@@ -15,8 +15,8 @@ from bem.contact import mean_conductivity
 from bem.derived.stiffness import patch_stiffness
 from gen import cli
 from gen.law import contact_law
-from gen.law.curves import Gas
 from gen.maps.settings import Reading
+from gen.material import Gas
 from tests.bem.waves import random_waves
 
 E_STAR = 210e3 / (1 - 0.3**2)

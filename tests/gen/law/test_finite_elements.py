@@ -17,8 +17,9 @@ from strict import json_of, rows_of
 from bench.calculix import QUANTITIES, pressed
 from gen import cli
 from gen.law import finite_elements
-from gen.law.curves import KNOWN
+from gen.law.finite_elements import short_name
 from gen.maps.settings import Reading
+from gen.quantities import IN_LAWS
 from gen.runtime.errors import InputError
 from tests.maps import waves
 
@@ -374,7 +375,9 @@ def test_two_laws_in_one_program_have_the_values_bands_and_tangents_of_their_tab
             for _, row in rows[rows.against == against].iterrows():
                 for name in names:
                     (column,) = [
-                        each for each in rows.columns if each in KNOWN and KNOWN[each].short == name
+                        each
+                        for each in rows.columns
+                        if each in IN_LAWS and short_name(each) == name
                     ]
                     own = f"asperity_{law}_{name}{ENDS_OF[against]}"
                     texts += [f"{own}{end}({row[against]:.17g})" for end in ends]
