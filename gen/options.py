@@ -72,6 +72,14 @@ GasConductivity = Annotated[
 JumpDistance = Annotated[
     float | None, Option(metavar="UM", help="The gas' jump distance in um, at its pressure.")
 ]
+Also = Annotated[
+    list[str] | None,
+    Option(
+        "--also",
+        metavar="NAME",
+        help="Add a quantity to the law, as perimeter or largest_spot_percent; repeat for more.",
+    ),
+]
 Flattened = Annotated[Path | None, Option(metavar="NPY", help="Write the heights that are left.")]
 Kernel = Annotated[str, Option(help="uniform-pressure or concentrated-force.")]
 Boundary = Annotated[

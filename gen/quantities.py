@@ -104,7 +104,8 @@ class Quantity:
     early : bool
         Whether scenes write the key of `[store]` also where it is off, as the first keys did.
     option : str
-        Option of `gen contact` that shows it; "always", or "" if it never does.
+        What shows it in `gen contact`: "always", a field of `gen.maps.contacts.Wanted`, or "" if
+        nothing does.
     cost : str
         What is computed for it beside the contact; "" for nothing.
     needs_hardness : bool
@@ -613,7 +614,7 @@ RECORDS: tuple[Quantity, ...] = (
         read=lambda contact, media: 1e-6 * _conductance(contact.stiffness, contact, media),
         powers=LIKE_LENGTHS,
         noun="conductance",
-        option="conductivity",
+        option="conductivities",
         cost="a linear solve",
         at_full=_stiffness_at_full,
     ),
@@ -626,7 +627,7 @@ RECORDS: tuple[Quantity, ...] = (
         ),
         powers=LIKE_LENGTHS,
         noun="interface's conductance",
-        option="conductivity",
+        option="conductivities",
         cost="a linear solve",
         at_full=_interface_at_full,
         law=InLaw(
@@ -734,7 +735,7 @@ RECORDS: tuple[Quantity, ...] = (
         powers=PURE,
         noun="area in the continuum",
         stored="asked",
-        option="grid-error",
+        option="grid_error",
         bounds=SHARE,
         at_full=_everything,
         law=InLaw("continuum_area"),

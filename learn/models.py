@@ -222,9 +222,9 @@ def learns_root(column: str) -> bool:
 def scaling_of(dataset: Dataset, train: Indices, *, standard: bool = False) -> Scaling:
     """Return the scaling of a dataset's target over its training rows, (m,).
 
-    With rooted features it is of the square root of a target for which `learns_root` holds. With `standard`
-    it has mean 0 and deviation 1 whatever the features, as a Gaussian process needs it, whose
-    predictions are the mean where it knows nothing.
+    With rooted features it is of the square root of a target for which `learns_root` holds. With
+    `standard` it has mean 0 and deviation 1 whatever the features, as a Gaussian process needs it,
+    whose predictions are the mean where it knows nothing.
     """
     target = dataset.target[train]
     root = dataset.features.rooted and learns_root(dataset.target_name)

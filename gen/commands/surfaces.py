@@ -125,7 +125,7 @@ def contact(
     if flattened is not None and flattened.suffix.lower() != ".npy":
         raise InputError(f"--flattened {flattened}: give a name that ends in .npy")
     pair = contacts.require_conductivities(conductivity) if conductivity else None
-    wanted = contacts.Wanted(spots, stiffness, pair, grid_error, flow)
+    wanted = contacts.Wanted(grid_error, spots, flow, stiffness, pair)
     outputs = [Output(table, "--csv"), Output(picture, "--plot", "picture")]
     outputs.append(Output(flattened, "--flattened", "heights"))
     check_outputs(outputs, filter(None, [surface, facing.against]))
@@ -186,6 +186,7 @@ def law(
     band: options.Band = 0.9,
     grid_error: options.GridError = True,
     flow: options.Flow = False,
+    also: options.Also = None,
     output: options.LawFiles = None,
     trust: Trust = False,
     files: options.LawOutputs,
@@ -199,6 +200,7 @@ def law(
     is the interface's alone: what a mesh adds to the bodies' own deformation.
     """
     from gen.law import Order, by_solver
+    from gen.law.contact_law import require_also
     from gen.law.files import show, write_files
     from gen.law.surfaces import files_read
     from gen.maps.contacts import require_conductivities
@@ -225,6 +227,7 @@ def law(
         stiffness=True,
         grid_error=grid_error,
         flow=flow,
+        also=require_also(also or []),
         reading=reading,
         opposite=facing.body(reading),
         command=typed(context, "gen"),

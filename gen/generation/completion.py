@@ -34,7 +34,7 @@ DOUBLED = (Powers(1, 0, 0), Powers(0, 1, 0), Powers(0, 0, 1))
 """What is doubled to measure powers: heights, lengths, E*."""
 
 WHOLE = 1e-6  # largest distance of a measured power from a whole number
-INWARDS = (0.0, 0.25, 0.5)  # shares of the way to the middle at which an end of the loads is tried
+HALVINGS = 8  # of a load without a solution, before no powers are measured
 LEAST_LOAD = 0.01  # load that stands for an end at 0, over the largest load
 
 
@@ -244,7 +244,7 @@ def measured_powers(scene: Scene, limit: float | None = None) -> dict[str, Power
 def _trials_over_the_loads(scene: Scene, limit: float | None) -> Iterator[Trial]:
     """Yield the problems at both ends and the middle of the loads, on the first surface.
 
-    An end without a solution, as beyond full contact, is moved towards the middle.
+    A load without a solution, as beyond full contact, is halved until it has one.
     """
     with at_most(limit):
         first = first_trial(scene)
@@ -253,11 +253,9 @@ def _trials_over_the_loads(scene: Scene, limit: float | None) -> Iterator[Trial]
     ends = [limits(piece.range) for piece in scene.pieces]
     high = max(end for _, end in ends)
     low = min(end for end, _ in ends) or LEAST_LOAD * high
-    middle = (low + high) / 2
-    for end in (low, middle, high):
-        for share in INWARDS:
-            load = end + share * (middle - end)
-            trial = Trial(scene, first.row, first.heights, load, first.hardness)
+    for load in (low, (low + high) / 2, high):
+        for halving in range(HALVINGS):
+            trial = Trial(scene, first.row, first.heights, load / 2**halving, first.hardness)
             try:
                 with at_most(limit):
                     trial.contact()
@@ -266,7 +264,7 @@ def _trials_over_the_loads(scene: Scene, limit: float | None) -> Iterator[Trial]
             yield trial
             break
         else:
-            raise bem.NoSolution(f"no contact near load {end:g}")
+            raise bem.NoSolution(f"no contact at load {load:g}")
 
 
 def _powers_at(trial: Trial, limit: float | None) -> dict[str, Powers]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
@@ -32,6 +33,7 @@ ANSWER_NODES = 129**2 / 10  # nodes solved while the master hands out and writes
 MASTER_SHARE = 1.5  # least ratio of a block's time to the master's to serve every worker once
 BLOCK_BYTES = 8 * 2**20  # most bytes of a block, unless one row has more: fields make it small
 MEASURED_SURFACES, MEASURED_LOADS = 16, 4  # of an estimate, and on each surface at most
+PATIENCE = 2.0  # seconds after which a trial of a user's function is announced
 COUNTED_ROWS = 1_000_000  # most planned rows whose loads are summarised
 
 Block = tuple[int, int]  # first row of a task, and one past the last
@@ -150,9 +152,15 @@ def _completed_by_the_master(
         return None
     scene = load(name)
     new = not path.exists()
-    if new and scene.store.function is not None:
-        echo(f"{path}: tries {scene.store.function} on the scene's contacts first", err=True)
-    return completed(scene, path.parent, rehearsed=new, limit=limit)
+    line = f"{path}: tries {scene.store.function} on contacts of the scene first"
+    waiting = threading.Timer(PATIENCE, echo, [line], {"err": True})
+    waiting.daemon = True
+    if scene.store.function is not None:
+        waiting.start()
+    try:
+        return completed(scene, path.parent, rehearsed=new, limit=limit)
+    finally:
+        waiting.cancel()
 
 
 @contextmanager

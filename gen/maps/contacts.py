@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -36,25 +36,17 @@ if TYPE_CHECKING:
 class Wanted:
     """Answers that are asked for beside area, force and gap."""
 
+    grid_error: bool = False  # whether the area in the continuum comes with the grid's error
     spots: bool = False  # whether spots are counted
+    flow: bool = False  # whether a fluid flows through the gap, along either axis
     stiffness: bool = False  # whether the stiffness is solved for
     # conductivities of both bodies, which ask for the conductance [W/(m K)]
     conductivities: tuple[float, float] | None = None
-    grid_error: bool = False  # whether the area in the continuum comes with the grid's error
-    flow: bool = False  # whether a fluid flows through the gap, along either axis
 
     @property
     def options(self) -> list[str]:
         """Options that quantities are shown with, in the order of the answers."""
-        asked = {
-            "always": True,
-            "grid-error": self.grid_error,
-            "spots": self.spots,
-            "flow": self.flow,
-            "stiffness": self.stiffness,
-            "conductivity": self.conductivities is not None,
-        }
-        return [option for option, wanted in asked.items() if wanted]
+        return ["always", *(field.name for field in fields(self) if getattr(self, field.name))]
 
 
 class Answer(NamedTuple):

@@ -5,7 +5,7 @@ import json
 import math
 import re
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
@@ -409,14 +409,29 @@ ARGUMENTS = ("shape", "spacing", "rng")  # of a user's generator, no names of it
 TAKEN = "is the name of something else; give a name of your own"
 
 
-def _of_generators() -> Iterator[Column]:
-    """Yield the columns of all generators: where surfaces were taken from, and parameters.
+def columns_of_generators(
+    generators: Sequence[type[GeneratedSurface]] = GENERATORS,
+) -> tuple[Column, ...]:
+    """Return the columns of generators: where surfaces were taken from, and parameters.
 
-    A column is its name: generators may share one, if they state one unit for it.
+    Parameters
+    ----------
+    generators : sequence of type
+        Tables of surfaces; all that there are by default.
+
+    Returns
+    -------
+    tuple of Column
+        A column for each name, with the words of the first generator that has it.
+
+    Raises
+    ------
+    ValueError
+        If two generators share a name, and state two units for it.
     """
     columns: dict[str, Column] = {}
     owners: dict[str, list[str]] = {}
-    for table in GENERATORS:
+    for table in generators:
         for column in _columns_of(table):
             first = columns.setdefault(column.name, column)
             if (column.unit, column.dtype) != (first.unit, first.dtype):
@@ -426,10 +441,13 @@ def _of_generators() -> Iterator[Column]:
                     f" {column.unit!r}: give it one unit, or two names"
                 )
             owners.setdefault(column.name, []).extend(f"`{name}`" for name in table.NAMES)
-    for column in sorted(columns.values(), key=lambda column: column.dtype != "i4"):
-        *others, last = owners[column.name]
-        several = f"the generators {', '.join(others)} and {last}"
-        yield replace(column, optional=several if others else f"the generator {last}")
+    for name, column in columns.items():
+        *others, last = owners[name]
+        condition = f"the generator {last}"
+        if others:
+            condition = f"the generators {', '.join(others)} and {last}"
+        columns[name] = replace(column, optional=condition)
+    return tuple(sorted(columns.values(), key=lambda column: column.dtype != "i4"))
 
 
 def _columns_of(table: type[GeneratedSurface]) -> Iterator[Column]:
@@ -441,7 +459,7 @@ def _columns_of(table: type[GeneratedSurface]) -> Iterator[Column]:
 
 
 _PLACE = [column.name for column in COLUMNS].index("surface") + 1
-ALL_COLUMNS = (*COLUMNS[:_PLACE], *_of_generators(), *COLUMNS[_PLACE:])
+ALL_COLUMNS = (*COLUMNS[:_PLACE], *columns_of_generators(), *COLUMNS[_PLACE:])
 """Every column that a database can have, in the order of the file."""
 
 

@@ -202,6 +202,7 @@ def law(
     delta: options.Delta = "",
     pressure: options.Pressure = "",
     conductivity: options.Conductivity = None,
+    also: options.Also = None,
     at: At = "",
     solver: Solver = False,
     surfaces: options.Population = 50,
@@ -224,6 +225,7 @@ def law(
     it from the slope of the force, for elastic bodies only.
     """
     from gen.law import Order, by_solver
+    from gen.law.contact_law import require_also
     from gen.law.files import show, write_files
     from gen.law.surfaces import files_read, scene_of
     from gen.maps.contacts import require_conductivities
@@ -264,6 +266,7 @@ def law(
         hardness=material.hardness,
         boundary=boundary,
         conductivities=require_conductivities(conductivity) if conductivity else None,
+        also=require_also(also or []),
         reading=reading,
         command=typed(context, "learn"),
     )

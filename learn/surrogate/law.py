@@ -150,10 +150,8 @@ def _asked(surrogate: Surrogate, order: Order) -> tuple[Load, Values | None]:
         )
     for name in order.also:
         if name not in surrogate.learnt:
-            raise InputError(
-                f"--also {name}: the surrogate has learnt {', '.join(surrogate.learnt)}: fit one with"
-                f" --target {','.join([*surrogate.learnt, name])}"
-            )
+            targets = ",".join([*surrogate.learnt, name])
+            raise InputError(f"--also {name}: was not learnt: fit one with --target {targets}")
     inverted = kind == "delta" and surrogate.features.name != SCENE
     if any(each is not None for other, each in asked.items() if other != kind) and not inverted:
         raise InputError(f"the surrogate has learnt what a {load} leads to: give --{kind} instead")
@@ -233,7 +231,7 @@ def _points_at(
             point[ALSO[name].in_laws] = ends[name]
         parts.append(point)
     values, low, high = parts
-    # Without an interval are the load, and at a given Delta the closure, which falls with the force.
+    # Without an interval: the load, and at a given Delta the closure, which falls with the force.
     without = (DELTA, CLOSURE) if kind == "delta" else (PRESSURE, FORCE)
     for quantity in without:
         del low[quantity.in_laws], high[quantity.in_laws]

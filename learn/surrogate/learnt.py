@@ -305,7 +305,7 @@ def _powers_of(part: Mapping[str, Any]) -> Powers | None:
     if "powers" in part:
         return part["powers"] and Powers(*part["powers"])
     quantity = QUANTITIES.get(part["column"])
-    return None if quantity is None else quantity.powers
+    return quantity.powers if quantity is not None and quantity.stored else None
 
 
 def read(path: Path) -> tuple[dict[str, Any], Values, Values, bytes]:

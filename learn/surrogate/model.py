@@ -403,8 +403,8 @@ class Surrogate:
                     f" curvatures and Delta above 0, and no feature beyond {LARGEST:.0e}"
                 )
         said = reasons_of(self, rows, inputs)
-        for row, note in enumerate(scale_notes(self, rows, e_star)):
-            said[row] = "; ".join(filter(None, (said[row], note)))
+        for place, note in enumerate(scale_notes(self, rows, e_star)):
+            said[place] = "; ".join(filter(None, (said[place], note)))
         delta = rows.delta.copy() if "pressure" not in rows.given else np.nan * rows.delta
         found = Prediction(delta, {}, given=dict(rows.given))
         for name, learnt in self.learnt.items():

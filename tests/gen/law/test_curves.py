@@ -10,9 +10,13 @@ from hypothesis.extra.numpy import arrays
 from scipy.interpolate import PchipInterpolator
 from strict import json_of
 
-from gen.law.curves import CONDUCTANCE, QUANTITIES, STIFFNESS, Points, monotone, slopes, tabulated
+from gen import quantities
+from gen.law.curves import Points, monotone, slopes, tabulated
 from gen.runtime.errors import InputError
 
+STIFFNESS = quantities.STIFFNESS.in_laws
+CONDUCTANCE = quantities.CONDUCTANCE.in_laws
+QUANTITIES = [each.in_laws for each in quantities.ALWAYS_IN_LAWS if each is not quantities.DELTA]
 REST = {"mean_gap_um": 4.0}
 
 

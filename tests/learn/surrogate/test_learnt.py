@@ -223,7 +223,7 @@ def test_models_that_the_libraries_here_cannot_use_are_one_line(path, refused, c
 
 def test_older_files_are_refused_with_the_command_that_fits_anew(path, ridge):
     old = Path(__file__).with_name("rooted.surrogate")  # of format 4
-    with pytest.raises(InputError, match=r"has format 4, this version reads 9: fit it anew: "):
+    with pytest.raises(InputError, match=r"has format 4, this version reads 10: fit it anew: "):
         Surrogate.load(old)
     card = {
         **ridge.card,
