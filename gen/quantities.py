@@ -689,6 +689,18 @@ RECORDS: tuple[Quantity, ...] = (
         law=InLaw("mean_spot", "turns"),
     ),
     Quantity(
+        name="largest_spot_area",
+        unit="um2",
+        words="area of the largest spot of contact",
+        read=_largest_spot,
+        powers=LIKE_AREAS,
+        noun="largest spot",
+        key="largest_spot_um2",
+        stored="asked",
+        option="spots",
+        law=InLaw("largest_spot", "turns"),
+    ),
+    Quantity(
         name="largest_spot_percent",
         unit="%",
         words="share of the contact area in the largest spot",

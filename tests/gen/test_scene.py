@@ -6,6 +6,7 @@ import re
 import time
 from importlib.resources import files
 from pathlib import Path
+from typing import Annotated, Literal
 
 import pytest
 import tomli_w
@@ -16,10 +17,13 @@ from launch import python
 from bem.problem import BOUNDARIES, MAX_ITERATIONS, RTOL, node_spacing
 from gen import cli
 from gen.generation.run import planned_loads
-from gen.generators import TAGS
+from gen.generators import GENERATORS, TAGS
+from gen.quantities import stored_quantities
 from gen.runtime.errors import InputError
 from gen.scene import Piece, Scene, Store, differences, load
+from gen.scene.scene import columns_of_generators
 from gen.scene.tables import Contact, Delta, Load
+from gen.surface import Drawn, GeneratedSurface
 
 
 def test_the_solvers_defaults_are_said_alike_everywhere():
@@ -226,10 +230,11 @@ def test_tables_in_comments_are_scenes(block):
 
 
 def test_the_papers_scene_names_every_key():
-    """But for those that a run writes itself."""
+    """But for those that a run writes itself, and further quantities, which `gen columns` lists."""
     tables = [Scene, Load, Delta, Piece, Contact, Store, *TAGS.values()]
     keys = {name for table in tables for name in table.model_fields}
     keys -= {"source", "powers", "found", "against_found"}
+    keys -= {quantity.name for quantity in stored_quantities() if not quantity.early}
     assert {key for key in keys if not re.search(rf"\b{key}\b( =|\])", PAPER)} == set()
 
 
@@ -313,3 +318,29 @@ def test_spacings_follow_the_rule_of_the_solver(boundary):
     code = f"from gen.scene import Scene; print(Scene.parse({text!r}, 'a').spacing);"
     code += "import sys; print('bem' in sys.modules)"
     assert python("-c", code).stdout.splitlines()[1] == "False"
+
+
+class Ripples(GeneratedSurface):
+    """A generator that shares the Hurst exponent with others, and says it in words of its own."""
+
+    generator: Literal["ripples"]
+    hurst: Annotated[float, Drawn("1", "roughness exponent of the ripples")] = 0.5
+
+
+class Crests(GeneratedSurface):
+    """A generator whose Hurst exponent has another unit."""
+
+    generator: Literal["crests"]
+    hurst: Annotated[float, Drawn("um", "height of the crests")] = 0.5
+
+
+def test_generators_share_a_parameter_whose_words_differ():
+    (column,) = [each for each in columns_of_generators([*GENERATORS, Ripples])
+                 if each.name == "hurst"]  # fmt: skip
+    assert column.long_name == "Hurst exponent of the surface"
+    assert column.optional.endswith("and `ripples`")
+
+
+def test_generators_with_two_units_for_a_parameter_are_named():
+    with pytest.raises(ValueError, match=r"`crests` share the parameter hurst, one in '1', the"):
+        columns_of_generators([*GENERATORS, Crests])

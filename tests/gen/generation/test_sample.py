@@ -100,6 +100,7 @@ def test_a_spacing_beyond_all_statistics_is_a_reason():
 
 DECIDED = (
     "{stiffness=true, interface_stiffness=true, contact_spots=true, largest_spot_percent=true,"
+    " largest_spot_area=true,"
     " contact_connects=true, gap_connects=true, continuum_area_percent=true,"
     " hydraulic_aperture_x=true, hydraulic_aperture_y=true}"
 )
@@ -118,6 +119,7 @@ def test_what_contact_decides_is_what_the_contact_says(boundary):
         spots = contact.spots
         assert rows["contact_spots"][row] == spots.number
         assert rows["largest_spot_percent"][row] == 100 * spots.largest_share
+        assert rows["largest_spot_area"][row] == (spots.areas[0] if spots.number else 0)
         for name in ("contact_connects", "gap_connects"):
             along, across = getattr(spots, name)
             assert rows[name][row] == along + 2 * across

@@ -330,3 +330,30 @@ def test_hydraulic_apertures_fall_from_first_touch_to_none(surfaces, run, make):
         assert table("law.csv", "delta_um")[name].iloc[0] > found[name].iloc[0]
     many = make("many", pressure="1,10", e_star=E_STAR, reading=Reading(side="100"), flow=True)
     assert many.over_delta.curves["hydraulic_aperture_x_um"].banded.all()
+
+
+def test_further_quantities_are_in_a_law_where_they_are_asked_for(surfaces, run):
+    """In the table and the C header; without the option the files are the same but for that."""
+    loads = ["many/s0.npy", "--pressure", "1,10,100"]
+    run(*loads, "-o", "plain")
+    run(*loads, "--also", "largest_spot_area,perimeter", "--also", "yielded_percent",
+        "--hardness", "2000", "-o", "further")  # fmt: skip
+    run(*loads, "--hardness", "2000", "-o", "bare")
+    rows, bare = table("further.csv"), table("bare.csv")
+    further = ["largest_spot_um2", "perimeter_um", "yielded_percent"]
+    assert [name for name in rows if name in further] == ["yielded_percent", *further[1::-1]]
+    pd.testing.assert_frame_equal(rows[list(bare)], bare)
+    contacts = contacts_of("many/s0.npy", "mirror", pressures=[1, 10, 100], hardness=2000)
+    areas = [contact.spots.areas[0] for contact in contacts]
+    np.testing.assert_allclose(rows.largest_spot_um2, areas, rtol=1e-6)
+    edges = [contact.perimeter for contact in contacts]
+    np.testing.assert_allclose(rows.perimeter_um, edges, rtol=1e-6)
+    header = Path("further.h").read_text()
+    assert "further_largest_spot_at_pressure(double pressure)" in header
+    assert "largest_spot: area of the largest spot of contact [um2]" in header
+    assert not {*further} & {*table("plain.csv")}
+
+
+def test_elastic_bodies_have_no_quantity_of_those_that_yield(surfaces, run, capsys):
+    run("many/s0.npy", "--pressure", "1,10", "--also", "yielded_percent", ends=2)
+    assert "--also yielded_percent: elastic bodies have none" in capsys.readouterr().err

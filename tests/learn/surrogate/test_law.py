@@ -240,3 +240,17 @@ def test_the_inverse_of_a_law_knows_its_level_stretches():
     found = at_pressures(unknown, np.array([0.5, 2.0, 3.5]))
     assert found.reasons == ("", "", "far")
     assert found.endless[:2] == ("", "its interval ends where far")
+
+
+def test_a_further_quantity_of_a_predicted_law_is_one_that_was_learnt(work, solved, capsys):
+    run("fit", solved, "--model", "kernel-ridge", "--features", "dimensionless", "--target",
+        "area,force,contact_nodes", "-o", "nodes.surrogate")  # fmt: skip
+    ask = ["nodes.surrogate", "many/s0.npy", "--side", "1000", "--delta", "5:25:5"]
+    run("law", *ask, "--also", "contact_nodes", "--csv", "nodes.csv")
+    rows = rows_of("nodes.csv", "delta_um")
+    shares = 100 * column(rows, "contact_nodes") / 33**2
+    np.testing.assert_allclose(shares, column(rows, "area_percent"), rtol=0.01, atol=0.01)
+    capsys.readouterr()
+    run("law", *ask, "--also", "perimeter", "--csv", "edges.csv", ends=2)
+    said = capsys.readouterr().err
+    assert "was not learnt: fit one with --target area,force,contact_nodes,perimeter" in said
