@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Heights, Values
+from gen.doubts import modulus_in_words
 from gen.material import Bodies
 from gen.runtime.errors import InputError
 
@@ -207,7 +208,7 @@ class Curves:
         text = f"full contact from {self.at[end]:.4g} {UNITS[self.against]} on"
         if not (self.at[:end] > 0).any():
             raise InputError(
-                f"{text}: no law is left below it: give smaller loads; {bodies.stated}"
+                f"{text}: no law is left below it: give smaller loads; {modulus_in_words(bodies)}"
             )
         said = f"{text}: the table against {self.against} ends below it"
         return self.chosen(np.arange(self.at.size) < end), [said]

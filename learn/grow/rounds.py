@@ -17,6 +17,7 @@ from gen.arrays import Columns
 from gen.database import Reader, Writer
 from gen.generation.run import Block, blocks_of
 from gen.generation.sample import completed, compute_rows
+from gen.generation.trial import doubts_before
 from gen.runtime import farm
 from gen.runtime.errors import InputError
 from gen.runtime.figure import draw_parity, log_axis, parity_axes
@@ -115,6 +116,8 @@ class Growth:
         whole = completed(self.scene, path.parent, rehearsed=True)
         with database.lock(path):
             _refuse_others(self.request, whole)
+            for doubt in doubts_before(whole, most):
+                self.say(f"warning: {doubt}")
             wanted = max(stock(path)[1], min(size(0, per_surface), most))
             last = None
             while True:
