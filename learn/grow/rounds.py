@@ -276,8 +276,8 @@ def _refuse_others(request: Request, scene: Scene) -> None:
             different = differences(reader.scene, scene)
         if different:
             raise InputError(
-                f"{path} holds another scene ({'; '.join(different)}); give another --output,"
-                " or the file's own scene"
+                f"{path} holds another scene; give another --output, or the file's own scene:",
+                different,
             )
 
 
