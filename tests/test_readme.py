@@ -17,6 +17,7 @@ from typer.main import get_command
 
 from gen import cli
 from gen.database import Reader
+from gen.generation.trial import doubts_before
 from gen.scene import Scene
 
 SURFACE = "docs/how-to/surface.md"
@@ -77,6 +78,14 @@ def test_surfaces_loads_and_outputs_of_your_own_are_made_as_shown(monkeypatch):
         assert reader.counts().done == 6
         assert (reader.column("spots") >= 1).all()
     sys.modules.pop("mine", None)
+
+
+def test_the_first_scene_with_a_pressure_has_a_material_and_is_not_doubted():
+    scene = next(each for each in codes("toml", SCENES) if 'quantity = "pressure' in each)
+    assert "modulus = 210e3" in scene
+    assert "poisson = 0.3" in scene
+    assert 'quantity = "pressure"' in scene
+    assert doubts_before(Scene.parse(scene, SCENES), 2000) == []
 
 
 PROGRAMS = {"gen": "gen.cli", "learn": "learn.cli", "bench": "bench.__main__"}

@@ -171,8 +171,7 @@ def _prepared(
         scene.surface.make_ready(path.parent)
         todo = sum(stop - start for start, stop in pending)
         with database.Reader(path) as reader:
-            some_are_done = reader.counts().done > 0
-            doubts = doubts_after(reader) if some_are_done else doubts_before(scene, todo)
+            doubts = doubts_before(scene, todo) if todo else doubts_after(reader)
         again = f", {retried} failed ones among them" if retried else ""
         workers = "1 worker" if world.workers == 1 else f"{world.workers} workers"
         functions = {getattr(scene.surface, "function", None), scene.store.function} - {None}
