@@ -63,7 +63,7 @@ def path(tmp_path):
 
 @pytest.fixture
 def refused(capsys):
-    """Run a command line that is refused by code 2, and return its line, with a list if it has one."""
+    """Run a command line that is refused by code 2; return its line, and the list below it."""
 
     def line(program, *arguments):
         capsys.readouterr()
