@@ -37,7 +37,7 @@ SLIPS = (
 YIELDING = 100
 
 # rms slope above which half-space theory, made for small slopes, is in doubt; the paper's rough
-# surfaces have 0.07 to 0.44
+# surfaces have 0.10 to 0.44
 STEEP = 0.3
 # rms slope above which a row of a database is too steep; wide populations exceed STEEP on purpose
 STEEP_ROW = 1.0

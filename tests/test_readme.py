@@ -56,8 +56,8 @@ def test_paths_that_a_page_names_are_there(page):
 
 def test_the_scenes_shown_are_scenes():
     shown = [Scene.parse(text, "a page") for text in codes("toml")]
-    assert [scene.samples for scene in shown] == [2000, 3000, 300, 200]
-    assert shown[1].surface.generator == "scans"
+    assert [scene.samples for scene in shown] == [2000, 2000, 3000, 300, 200]
+    assert shown[2].surface.generator == "scans"
 
 
 @pytest.mark.usefixtures("here")

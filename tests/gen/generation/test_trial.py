@@ -1,6 +1,7 @@
 """Doubts about scenes and databases: slips are told by every command, what is meant by none."""
 
 import re
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -97,6 +98,16 @@ def test_the_words_are_those_of_a_contact(slip, options, here, capsys):
     assert line in wording(capsys.readouterr().err)
 
 
+@pytest.mark.usefixtures("here")
+def test_a_law_of_a_scene_says_that_its_surfaces_are_steep(capsys):
+    Path("slip.toml").write_text(SLIPS["a side in mm"][0])
+    line = "law slip.toml --surfaces 2 --delta 2,4 --no-grid-error"
+    assert cli.main(line.split()) == 0
+    output = "".join(capsys.readouterr())
+    assert "slip.toml: rms slope " in output
+    assert "above 1 in 2 of 2 surfaces: the theory of the half-space" in output
+
+
 @pytest.fixture
 def database(path):
     """Make a database of the first rows of a scene."""
@@ -162,10 +173,12 @@ def test_pressures_are_judged_where_no_row_can_be_tried():
     assert line.endswith("E* is 1 MPa, the default without a modulus (modulus in [contact])")
 
 
-def test_a_trial_calls_no_function_of_outputs_and_nothing_without_trust(here, refused):
+def test_a_trial_calls_no_function_of_outputs_and_nothing_without_trust(here, refused, monkeypatch):
+    monkeypatch.setattr(sys, "path", list(sys.path))
     module = user_functions.MODULE.replace("    _, number", "    raise MemoryError\n    _, number")
     outputs = "outputs = { spots = '1', top = 'um', mean_pressure = 'uN' }\n"
     scene = f"samples = 4\n{user_functions.SURFACE}{user_functions.STORE}{outputs}"
     user_functions.write(here, scene, module)
     assert "runs only with --trust" in refused(cli, "run", "mine.toml", "-o", "a.h5", "--dry-run")
     assert cli.main(["run", "mine.toml", "-o", "a.h5", "--dry-run", "--trust"]) == 0
+    sys.modules.pop("mine", None)
