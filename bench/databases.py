@@ -29,8 +29,10 @@ def generated(folder: Path, name: str, text: str) -> Path:
     if path.exists():
         with Reader(path) as reader:
             if reader.scene.fingerprint() != wanted.fingerprint():
-                (first, *_) = differences(reader.scene, wanted)
-                raise InputError(f"{path}: is a database of another scene ({first}): move it away")
+                raise InputError(
+                    f"{path}: is a database of another scene; move it away:",
+                    differences(reader.scene, wanted),
+                )
             status = reader.column("status", 0, wanted.samples)
         if len(status) == wanted.samples and (status != Status.PENDING).all():
             return path

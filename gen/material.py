@@ -29,20 +29,6 @@ LOADS = {
 }
 """Advice for the loads of a law and of predictions."""
 
-HARDNESSES = (1e-4, 0.2)
-"""Hardness over E* of solids: soft metals have some 1e-3, glasses and polymers up to 0.1."""
-
-STIFFEST = 2e6
-"""E* above which there is no solid; diamond has 1.2e6 [MPa]."""
-
-SLIPS = (
-    (1e-3, "is the modulus in GPa"),
-    (1e3, "is the hardness in GPa"),
-    (1e-6, "is the hardness in Pa"),
-    (1e6, "is the modulus in Pa"),
-)
-"""Likely slips of a unit: the factor that corrects hardness over E*, and the question to ask."""
-
 
 class Gas(NamedTuple):
     """A gas that fills the gap and conducts heat."""
@@ -140,28 +126,6 @@ class Bodies(NamedTuple):
     def hardness_ratio(self) -> float | None:
         """Hardness over E*; None for elastic bodies."""
         return None if self.hardness is None else self.hardness / self.e_star
-
-    @property
-    def doubts(self) -> list[str]:
-        """A warning of numbers that no solid has, with the likely slip of a unit; empty if none."""
-        low, high = HARDNESSES
-        ratio = low if self.hardness is None else self.hardness / self.e_star
-        if not low <= ratio <= high:
-            slips = [words for factor, words in SLIPS if low <= ratio * factor <= high]
-            slip = [*slips, "are the units right"][0] if self.known else "is the modulus left out"
-            said = f"hardness over E* is {ratio:.3g}, solids have {low:g} to {high:g}: {slip}?"
-            return [f"{said} Both count in MPa, and E* is {self.e_star:.4g} MPa (steel: 2.3e5)"]
-        if self.e_star > STIFFEST:
-            said = f"E* is {self.e_star:.3g} MPa, diamond has 1.2e6: is the modulus in Pa?"
-            return [f"{said} It counts in MPa (steel: 210e3)"]
-        return []
-
-    @property
-    def stated(self) -> str:
-        """E* in words, with the options that give it if neither the user nor a scene did."""
-        said = f"E* is {self.e_star:.4g} MPa"
-        stated = self.known or self.e_star != 1.0
-        return said if stated else f"{said}, as no modulus is given (--young or --e-star)"
 
     @property
     def text(self) -> str:

@@ -21,7 +21,7 @@ ranges decide the kurtoses and agree with every statistic but the bandwidth
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -196,6 +196,38 @@ def rms_slope(heights: Values, spacing: tuple[float, float]) -> float:
         with np.errstate(over="ignore"):
             squares += float(np.nanmean((np.diff(heights, axis=axis) / length) ** 2))
     return math.sqrt(squares)
+
+
+def rms_slope_of(statistics: Mapping[str, Values], spacing: tuple[float, float]) -> Values:
+    """Estimate the rms slopes of surfaces from their statistics, without the surfaces.
+
+    Nayak's bandwidth parameter is m0 m4 / m2^2 of a profile. Where slopes are normally distributed,
+    and on a sine wave, the density of peaks gives m4 / m2 = 2 (1 - cos(2 pi density)) / spacing^2,
+    and both together m2. On surfaces of the shipped scenes the estimate is within 8 % of that of
+    `rms_slope` (`tests/gen/test_statistics.py`).
+
+    Parameters
+    ----------
+    statistics : mapping of str to ndarray, shape (surfaces,)
+        The statistics height_rms [um], peak_density, bandwidth_x and bandwidth_y [1].
+    spacing : pair of float
+        Distances between neighbouring nodes along x and y [um].
+
+    Returns
+    -------
+    ndarray, shape (surfaces,)
+        Rms slopes [1]; NaN where a statistic is.
+
+    References
+    ----------
+    Nayak, P. R., 1971. Random process model of rough surfaces. Journal of Lubrication Technology
+    93, 398-407.
+    """
+    change = 2.0 * (1.0 - np.cos(2.0 * math.pi * statistics["peak_density"]))
+    with np.errstate(all="ignore"):  # an even slope has no curvature; files may hold any numbers
+        along_x = change / (statistics["bandwidth_x"] * spacing[0] ** 2)
+        along_y = change / (statistics["bandwidth_y"] * spacing[1] ** 2)
+        return np.asarray(statistics["height_rms"] * np.sqrt(along_x + along_y))
 
 
 def refuse_masked(name: str, given: Any) -> None:

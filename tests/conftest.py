@@ -63,14 +63,15 @@ def path(tmp_path):
 
 @pytest.fixture
 def refused(capsys):
-    """Run a command line that is refused by code 2, and return the one line that it says."""
+    """Run a command line that is refused by code 2; return its line, and the list below it."""
 
     def line(program, *arguments):
         capsys.readouterr()
         assert program.main([str(argument) for argument in arguments]) == 2
         said = capsys.readouterr()
         assert said.out == ""
-        assert said.err.count("\n") == 1, said.err
+        _, *listed = said.err.splitlines()
+        assert all(line.startswith("  ") for line in listed), said.err
         return said.err
 
     return line

@@ -17,6 +17,7 @@ from typer.main import get_command
 
 from gen import cli
 from gen.database import Reader
+from gen.generation.trial import doubts_before
 from gen.scene import Scene
 
 SURFACE = "docs/how-to/surface.md"
@@ -55,8 +56,8 @@ def test_paths_that_a_page_names_are_there(page):
 
 def test_the_scenes_shown_are_scenes():
     shown = [Scene.parse(text, "a page") for text in codes("toml")]
-    assert [scene.samples for scene in shown] == [2000, 3000, 300, 200]
-    assert shown[1].surface.generator == "scans"
+    assert [scene.samples for scene in shown] == [2000, 2000, 3000, 300, 200]
+    assert shown[2].surface.generator == "scans"
 
 
 @pytest.mark.usefixtures("here")
@@ -77,6 +78,14 @@ def test_surfaces_loads_and_outputs_of_your_own_are_made_as_shown(monkeypatch):
         assert reader.counts().done == 6
         assert (reader.column("spots") >= 1).all()
     sys.modules.pop("mine", None)
+
+
+def test_the_first_scene_with_a_pressure_has_a_material_and_is_not_doubted():
+    scene = next(each for each in codes("toml", SCENES) if 'quantity = "pressure' in each)
+    assert "modulus = 210e3" in scene
+    assert "poisson = 0.3" in scene
+    assert 'quantity = "pressure"' in scene
+    assert doubts_before(Scene.parse(scene, SCENES), 2000) == []
 
 
 PROGRAMS = {"gen": "gen.cli", "learn": "learn.cli", "bench": "bench.__main__"}

@@ -3,6 +3,7 @@
 import re
 import resource
 import signal
+from pathlib import Path
 
 from gen import options
 from gen.runtime import farm
@@ -114,6 +115,7 @@ def plot(file: options.Database, output: options.NewPicture, trust: Trust = Fals
     check_outputs([Output(output, "--output", "picture")], [file])
     draw_database(file, output)
     echo(f"wrote {output}")
+    _echo_doubts(file)
 
 
 def columns() -> None:
@@ -154,7 +156,18 @@ def check(
             f"{file}: sound; {done} rows done, {failed} failed, {pending} pending; {again} of them"
             f" computed again, {equal}"
         )
+    _echo_doubts(file)
     return 1 if count else 0
+
+
+def _echo_doubts(file: Path) -> None:
+    """Print the doubts about a database by its rows, which are no faults of the file."""
+    from gen.database import Reader
+    from gen.generation.trial import doubts_after
+
+    with Reader(file) as reader:
+        for doubt in doubts_after(reader):
+            echo(f"{file}: warning: {doubt}")
 
 
 def merge(files: options.Databases, output: options.NewDatabase) -> None:

@@ -31,6 +31,8 @@ MAPS = {"found": "map", "against_found": "the second body's map"}
 
 def print_database(reader: Reader) -> None:
     """Print a summary of a database: rows, times, scene, versions, ranges of all columns."""
+    from gen.generation.trial import doubts_after
+
     counts = reader.counts()
     attributes = reader.attributes
     echo(f"{reader.path}: {attributes['title']}")
@@ -53,6 +55,8 @@ def print_database(reader: Reader) -> None:
             f"  times     solve {solve.mean():.2f} ms on average, {median:.2f} median,"
             f" {most:.2f} at most; surface and statistics {made.mean():.2f} ms"
         )
+    for doubt in doubts_after(reader):
+        echo(f"  warning: {doubt}")
     for line in _scene_lines(json.loads(reader.scene.text())):
         echo(f"  scene     {line}")
     versions = json.loads(str(attributes["versions"]))
@@ -79,6 +83,7 @@ def print_database(reader: Reader) -> None:
 def print_plan(scene: Scene, path: Path | None = None) -> None:
     """Print samples, surfaces, nodes and loads of a completed scene, and its database's size."""
     from gen.generation.run import planned_loads
+    from gen.generation.trial import doubts_before
     from gen.scene import row_bytes
 
     contact, (nx, ny) = scene.contact, scene.grid.shape
@@ -95,7 +100,7 @@ def print_plan(scene: Scene, path: Path | None = None) -> None:
         least, most = contact.hardness_limits
         drawn = "" if least == most else f" to {most:.4g}"
         echo(f"  hardness  {least:.4g}{drawn} MPa")
-    for doubt in contact.doubts:
+    for doubt in doubts_before(scene, scene.samples):
         echo(f"  warning: {doubt}")
     echo(f"  file      {size(scene.samples * row_bytes(scene))}")
     if path is not None:

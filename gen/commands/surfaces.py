@@ -115,6 +115,7 @@ def contact(
 
     from bem.threads import cores, default_threads, on_threads
     from gen.commands import printer
+    from gen.doubts import Pressed, contact_doubts, material_doubts
     from gen.maps import contacts
     from gen.maps.prepare import read_surface
     from gen.runtime.documents import write_csv
@@ -138,9 +139,11 @@ def contact(
     with on_threads(threads or default_threads(cores())):
         found, last, faults, seconds = contacts.follow(solutions, len(values), wanted)
     rows: list[dict[str, Any]] = [{each.column: each.value for each in row} for row in found]
-    solved = [(row["delta_um"], row["largest_pressure_MPa"], row["contact_nodes"]) for row in rows]
-    warnings = [*bodies.doubts, *doubts]
-    warnings += contacts.contact_warnings(topography, bodies, load, solved)
+    solved = [
+        Pressed(row["delta_um"], row["largest_pressure_MPa"], row["contact_nodes"]) for row in rows
+    ]
+    warnings = [*material_doubts(bodies), *doubts]
+    warnings += contact_doubts(topography.heights, bodies, load, solved)
     warnings += faults
     printer.print_preparation(topography, warnings)
     printer.print_contacts(found, last, seconds)

@@ -95,14 +95,18 @@ def merge(target: Path, sources: Sequence[Path]) -> Counts:
         scenes = {path: checked(file, path) for path, file in files.items()}
         first, *others = files
         for other in others:
-            fault = "; ".join(differences(scenes[first], scenes[other]))
+            words = f"in {first}", f"in {other}"
+            different = differences(scenes[first], scenes[other], words)
             one, two = (int(files[path].attrs["physics"]) for path in (first, other))
-            if not fault:
-                fault = _differing_powers(scenes[first], scenes[other])
-            if not fault and one != two:
-                fault = f"results of physics {one} and of physics {two}"
-            if fault:
-                raise InputError(f"{first} and {other} hold different scenes ({fault}): not merged")
+            if not different and (fault := _differing_powers(scenes[first], scenes[other])):
+                different = [fault]
+            if not different and one != two:
+                different = [f"results of physics {one} and of physics {two}"]
+            if different:
+                raise InputError(
+                    f"{first} and {other} hold different scenes, and are not merged:",
+                    different,
+                )
         largest = max(scenes, key=lambda path: scenes[path].samples)
         scene = scenes[largest]
         forced = max(int(file.attrs["physics_forced"]) for file in files.values())

@@ -208,9 +208,9 @@ def checked(
     if wanted is None:
         return scene
     if attributes["scene_hash"] != wanted.fingerprint():
-        different = "; ".join(differences(scene, wanted))
         raise InputError(
-            f"{path} holds another scene ({different}); give another name, or the file's own scene"
+            f"{path} holds another scene; give another name, or the file's own scene:",
+            differences(scene, wanted),
         )
     physics = int(attributes["physics"])
     if physics != PHYSICS and not force:

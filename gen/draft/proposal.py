@@ -13,9 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 from gen.arrays import Heights, Values
+from gen.doubts import STEEP
 from gen.maps.filters import MOST_HOLES, fitted_polynomial, is_same, resampled
 from gen.maps.library import Tiling
-from gen.maps.prepare import FLAT, MANY_SPIKES, STEEP, least_squares, local_medians, prepare
+from gen.maps.prepare import FLAT, MANY_SPIKES, least_squares, local_medians, prepare
 from gen.maps.read import Sides, Topography, in_words, read
 from gen.maps.settings import SPIKE, Reading
 from gen.maps.texture import SelfAffineFit, areal_parameters, fit_self_affine, radial_spectrum

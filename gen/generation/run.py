@@ -16,6 +16,7 @@ from gen.arrays import Columns
 from gen.generation import plan
 from gen.generation.completion import completed
 from gen.generation.sample import compute_rows
+from gen.generation.trial import doubts_after, doubts_before
 from gen.runtime import farm
 from gen.runtime.errors import InputError
 from gen.runtime.farm import Interruption
@@ -192,6 +193,8 @@ def _prepared(
             pending = writer.pending(first, last)
         scene.surface.make_ready(path.parent)
         todo = sum(stop - start for start, stop in pending)
+        with database.Reader(path) as reader:
+            doubts = doubts_before(scene, todo) if todo else doubts_after(reader)
         again = f", {retried} failed ones among them" if retried else ""
         workers = "1 worker" if world.workers == 1 else f"{world.workers} workers"
         functions = {getattr(scene.surface, "function", None), scene.store.function} - {None}
@@ -199,7 +202,7 @@ def _prepared(
         remarks = [
             f"{begun}; {workers}, {'parallel' if parallel else 'single'} writer",
             *(f"runs {each} of {source_of(each)}" for each in sorted(map(str, functions))),
-            *(f"  warning: {doubt}" for doubt in scene.contact.doubts),
+            *(f"  warning: {doubt}" for doubt in doubts),
         ]
         if scene.surface.PLACES:
             remarks += [f"  {line}" for line in scene.surface.remarks()]

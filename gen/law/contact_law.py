@@ -16,6 +16,7 @@ import numpy as np
 from bem.contact import mean_conductivity
 from bem.problem import Boundary
 from gen.arrays import Values
+from gen.doubts import Pressed, contact_doubts, material_doubts
 from gen.law.curves import (
     APART,
     Curves,
@@ -26,7 +27,7 @@ from gen.law.curves import (
 )
 from gen.law.surfaces import LawSurface, LawSurfaces, Load, read_subjects
 from gen.maps.bodies import Opposite
-from gen.maps.contacts import contact_warnings, solve_loads
+from gen.maps.contacts import solve_loads
 from gen.maps.settings import Reading
 from gen.material import Bodies, Gas, loads_from
 from gen.quantities import (
@@ -208,7 +209,7 @@ def law_of(
         share = f"{100 * order.level:g} %"
         band = f"quantiles of {len(subjects.surfaces)} surfaces, {share} between them"
     doubts = [each for each in subjects.origins if ": " in each]  # those of scenes
-    doubts += [*subjects.doubts, *(f"warning: {each}" for each in bodies.doubts)]
+    doubts += [*subjects.doubts, *(f"warning: {each}" for each in material_doubts(bodies))]
     notes = [how, *doubts, *remarks, *full, *also_full]
     nodes = min(each.heights.size for each in subjects.surfaces)
     touching = over_pressure.curves[AREA.in_laws].value * nodes / 100
@@ -311,7 +312,7 @@ def _solved(
                 why = next(filter(None, doubts))
                 notes.append(f"{surface.name}: the area is that of the grid at {at}, {why}")
             solved = [each for each in pressed if each]
-            warned += list(contact_warnings(surface, bodies, load, solved))[:1]
+            warned += contact_doubts(surface.heights, bodies, load, solved)[:1]
     kept, before = np.ones(loads.size, dtype=bool), len(lost)
     for place, faults in enumerate(zip(*faults_of, strict=True)):
         failed = [f"{each.name}: {why}" for each, why in zip(surfaces, faults, strict=True) if why]
@@ -340,7 +341,7 @@ def _below_full_contact(loads: Values, surfaces: Sequence[LawSurface], lost: lis
 
 def _contacts(
     order: Order, surface: LawSurface, bodies: Bodies, load: Load, loads: Values, *, judged: bool
-) -> Iterator[tuple[dict[str, float], float, str, str, tuple[float, float, int] | None]]:
+) -> Iterator[tuple[dict[str, float], float, str, str, Pressed | None]]:
     """Yield quantities, the error of the grid, two faults, and what warnings take at each load."""
     settings = {"modulus": bodies.e_star, "hardness": bodies.hardness, **surface.settings}
     for contact, fault in solve_loads(surface, load, loads.tolist(), **settings):
@@ -357,5 +358,5 @@ def _contacts(
         grid = contact.grid_error() if judged else None
         bar = grid.area_percent if grid and grid.resolved else np.nan
         doubt = grid.reason if grid and not grid.resolved else ""
-        pressed = contact.delta, contact.largest_pressure, contact.contact_nodes
+        pressed = Pressed(contact.delta, contact.largest_pressure, contact.contact_nodes)
         yield row, bar, "", doubt, pressed

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Values
+from gen.doubts import modulus_in_words
 from gen.material import Bodies
 from gen.quantities import (
     AREA,
@@ -135,7 +136,7 @@ class Curves:
         text = f"full contact from {self.at[end]:.4g} {IN_LAWS[self.against].unit} on"
         if not (self.at[:end] > 0).any():
             raise InputError(
-                f"{text}: no law is left below it: give smaller loads; {bodies.stated}"
+                f"{text}: no law is left below it: give smaller loads; {modulus_in_words(bodies)}"
             )
         said = f"{text}: the table against {self.against} ends below it"
         return self.chosen(np.arange(self.at.size) < end), [said]

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from bem.problem import Boundary
+from gen.doubts import MOST, STEEP_ROW, steep_slopes
 from gen.maps.bodies import Opposite
 from gen.maps.prepare import read_surface
 from gen.maps.read import Topography, files_in
@@ -14,6 +15,7 @@ from gen.quantities import BODIES_ALONE, MEAN_GAP, Media, Quantity, patch_compli
 from gen.runtime.errors import InputError
 from gen.runtime.terminal import echo
 from gen.scene import Scene, preset_names
+from gen.statistics import rms_slope
 
 if TYPE_CHECKING:
     from bem.problem import Problem
@@ -127,7 +129,9 @@ def read_subjects(order: "Order", only: Boundary | None = None) -> LawSurfaces:
                 change = {"boundary": boundary, "kernel": "uniform-pressure", "far_field": "rigid"}
                 scene = scene.model_copy(update={"contact": own.model_copy(update=change)})
             scenes.append(scene)
-            subjects += _population(scene, text, order.surfaces)
+            population = list(_population(scene, text, order.surfaces))
+            subjects += population
+            doubts += [f"warning: {text}: {doubt}" for doubt in _slope_doubts(population)]
             against = scene.surface.against
             named = ", ".join(against) if isinstance(against, tuple) else "another of them"
             rough = "" if against is None else f" against {named}"
@@ -169,6 +173,16 @@ def scene_of(text: str, *, ready: bool = True) -> Scene | None:
         if ready:
             reader.scene.surface.make_ready(Path(text).parent)
         return reader.scene
+
+
+def _slope_doubts(population: Sequence[LawSurface]) -> list[str]:
+    """Doubt the surfaces of a scene if most of them are too steep for the theory."""
+    slopes = [rms_slope(surface.heights, surface.spacing) for surface in population]
+    steep = [slope for slope in slopes if slope > STEEP_ROW]
+    if len(steep) <= MOST * len(slopes):
+        return []
+    where = f", above {STEEP_ROW:g} in {len(steep)} of {len(slopes)} surfaces"
+    return [steep_slopes(max(steep), max(population[0].spacing), where)]
 
 
 def _population(scene: Scene, text: str, number: int) -> Iterator[LawSurface]:

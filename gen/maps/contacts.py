@@ -1,4 +1,4 @@
-"""Contacts of one surface under one load or several: solutions, answers, warnings, rows."""
+"""Contacts of one surface under one load or several: solutions, answers, rows."""
 
 from __future__ import annotations
 
@@ -9,11 +9,9 @@ from contextlib import nullcontext
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import numpy as np
-
 from gen.maps.prepare import is_tilted
 from gen.maps.read import Topography
-from gen.material import Bodies, loads_from
+from gen.material import loads_from
 from gen.quantities import (
     CONDUCTANCE,
     CONTINUUM,
@@ -204,9 +202,6 @@ SHOWN = {
     load: f"{'Delta = ' if load == 'delta' else ''}{{:.6g}} {quantity.unit}"
     for load, quantity in LOADS.items()
 }
-# E* over the pressure from which a warning is due: the hardness of steel is 2 GPa at 230 GPa, and
-# only glasses, ceramics and rubber bear more than a hundredth of E*
-YIELDING = 100
 
 
 def chosen_load(given: dict[str, str]) -> tuple[str, list[float]]:
@@ -279,37 +274,6 @@ def follow(
                 progress.advance(1, contact is None)
     assert last is not None  # else the last load is refused
     return rows, last, faults, seconds
-
-
-def contact_warnings(
-    topography: Topography, bodies: Bodies, load: str, solved: Sequence[tuple[float, float, int]]
-) -> Iterator[str]:
-    """Yield reasons to distrust contacts of a surface: full contact, and pressures that yield.
-
-    `solved` has Delta [um], the largest pressure [MPa] and the number of nodes of each contact
-    under the kind of load.
-    """
-    largest = max(pressure for _, pressure, _ in solved)
-    limit = bodies.e_star / YIELDING
-    # without a material, a force or a pressure scales with an E* that nobody gave
-    unscaled = load != "delta" and not bodies.known
-    check = bodies.stated if unscaled else "check the load and the unit of the heights"
-    full = [delta for delta, _, nodes in solved if nodes == topography.heights.size]
-    beyond = [delta for delta, pressure, _ in solved if pressure > limit]
-    if full:
-        span = f"{np.ptp(topography.heights):.4g}"
-        start = f"from Delta = {min(full):.4g} um on every node touches"
-        yield f"{start}, the heights span {span} um: {check}"
-    elif largest > bodies.e_star and unscaled:
-        yield f"the largest pressure is {largest:.4g} MPa: {check}"
-    if beyond and bodies.known and bodies.hardness is None:
-        start = f"from Delta = {min(beyond):.4g} um on, " if len(solved) > 1 else ""
-        units = ", and check E*: moduli count in MPa (210e3)" * (largest > bodies.e_star)
-        yield (
-            f"{start}the largest pressure ({largest:.4g} MPa) is above E*/{YIELDING:g} ="
-            f" {limit:.4g} MPa: real metals and polymers would have yielded, and their contact area"
-            f" is larger than this elastic one; give --hardness{units}"
-        )
 
 
 def border_remark(topography: Topography, last: Contact, loads: int) -> str:

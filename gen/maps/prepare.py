@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Heights, Values
+from gen.doubts import STEEP, steep_slopes
 from gen.maps.filters import filled, filtered, without_form
 from gen.maps.read import WIDEST, Sides, Topography, read
 from gen.maps.settings import KEYS, SPIKE, Reading, numbers_in, said
@@ -232,9 +233,6 @@ def _share(chosen: NDArray[np.bool_]) -> str:
     return f"{count} node{'' if count == 1 else 's'} ({100 * count / chosen.size:.3g} %)"
 
 
-# rms slope above which half-space theory, made for small slopes, is in doubt; the paper's rough
-# surfaces have 0.07 to 0.26
-STEEP = 0.3
 # rms slope below which the unit of the heights was probably lost; polished mirrors have 1e-4
 FLAT = 1e-5
 # share of the variance in the mean plane from which a map is called tilted: the rms height of this
@@ -265,14 +263,11 @@ def surface_warnings(topography: Topography) -> list[str]:
         remedies = (f"despike {SPIKE:g}", "removes spikes"), ("crop", "leaves this part out")
         warnings.append(advised(topography, fault, *remedies))
     slope, apart = rms_slope(heights, topography.spacing), max(topography.spacing)
-    scale = f"rms slope {slope:.2g} between nodes {apart:.3g} um apart"
     if slope > STEEP:
-        warnings.append(
-            f"{scale}: the theory of the half-space takes slopes for small"
-            f" (below {STEEP:g}); check the unit of heights and lengths"
-        )
+        warnings.append(steep_slopes(slope, apart))
     if 0 < slope < FLAT and apart <= WIDEST:  # else their distance is wrong, which `read` says
-        fault = f"{scale}: flatter than a mirror; are the heights in metres"
+        fault = f"rms slope {slope:.2g} between nodes {apart:.3g} um apart: flatter than a mirror;"
+        fault += " are the heights in metres"
         warnings.append(advised(topography, fault, ("unit m", "reads them so")))
     if topography.boundary == "periodic" and not is_tilted(topography):
         borders = heights[-1] - heights[0], heights[:, -1] - heights[:, 0]

@@ -25,6 +25,8 @@ CommandLineError: Any = typer.BadParameter.__mro__[2]
 
 LONGEST = 1200  # most characters of a message; the middle of longer ones is left out
 
+MOST_DETAILS = 40  # most lines of a list below a message
+
 EMPTY = re.compile("|--[^=]*=")  # an argument without a value, as of a shell variable that is unset
 
 EXTRAS = {
@@ -156,6 +158,7 @@ def main(
     LOST.clear()
     try:
         code, message = 0, ""
+        details: tuple[str, ...] = ()
         try:
             world = farm.this_world()
             first = arguments[0] if arguments else ""
@@ -175,8 +178,9 @@ def main(
             put("", sys.stdout, last=True)
         except (Exception, SystemExit, KeyboardInterrupt) as error:
             code, message = _end_after(error, name)
+            details = getattr(error, "details", ())
         if world.is_master and message:
-            _complain(message)
+            _complain(message, details)
         try:
             return world.end(code)
         except RuntimeError as left:  # the command has failed on this worker alone: all end
@@ -222,7 +226,7 @@ def _end_after(error: BaseException, name: str) -> tuple[int, str]:
                 f" {allowed} are allowed here, shared with all else"
             )
         case InputError():
-            pass
+            said = str(error.args[0])
         case _:
             raise error
     return 2, f"{name}: {said}"
@@ -231,10 +235,19 @@ def _end_after(error: BaseException, name: str) -> tuple[int, str]:
 _built: Any = cache(typer.main.get_command)  # the parser of an app, which takes long to build
 
 
-def _complain(message: str) -> None:
-    """Write one line on standard error, if that is possible."""
-    line = " ".join(message.split())
+def _complain(message: str, details: Sequence[str] = ()) -> None:
+    """Write one line on standard error, and the list that belongs to it, if that is possible."""
+    listed = [f"  {_one_line(detail)}" for detail in details[:MOST_DETAILS]]
+    if len(details) > MOST_DETAILS:
+        listed.append(f"  and {len(details) - MOST_DETAILS} more")
+    with suppress(ValueError):
+        for line in (_one_line(message), *listed):
+            echo(line, err=True)
+
+
+def _one_line(text: str) -> str:
+    """Put a text into one line, and leave the middle of a long one out."""
+    line = " ".join(text.split())
     if len(line) > LONGEST:  # holds a name or a number that nobody has typed by hand
         line = f"{line[: LONGEST // 2]} ... {line[-LONGEST // 2 :]}"
-    with suppress(ValueError):
-        echo(line, err=True)
+    return line

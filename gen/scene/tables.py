@@ -17,6 +17,7 @@ from gen.distribution import (
     is_drawn,
     limits,
 )
+from gen.doubts import material_doubts
 from gen.generators.function import FUNCTION_WORDS, Function, Hash, named
 from gen.material import Bodies
 from gen.quantities import stored_quantities
@@ -106,8 +107,20 @@ class Contact(Table):
         if self.hardness is None and self.modulus == 1.0:  # nothing was given
             return []
         ends = (None,) if self.hardness is None else limits(self.hardness)
-        known = "modulus" in self.model_fields_set
-        return [line for end in ends for line in Bodies(self.e_star, end, known).doubts][:1]
+        return [
+            line
+            for end in ends
+            for line in material_doubts(Bodies(self.e_star, end, self.has_modulus))
+        ][:1]
+
+    @property
+    def has_modulus(self) -> bool:
+        """Whether a modulus other than the default is given.
+
+        The scene of a database has all keys, so that it does not tell whether the default was
+        written.
+        """
+        return self.modulus != 1.0
 
     @property
     def draws_hardness(self) -> bool:
@@ -136,13 +149,25 @@ def _whole(pieces: tuple[Piece, ...]) -> tuple[Piece, ...]:
 Pieces = Annotated[tuple[Piece, ...], Strict(False), AfterValidator(_whole)]
 
 
+def _of_one_range(content: Any) -> Any:
+    """Read the range of a table of loads as one piece."""
+    if isinstance(content, dict) and "range" in content:
+        if "pieces" in content:
+            raise conflict("range and pieces are both given: give one")
+        rest = {name: value for name, value in content.items() if name != "range"}
+        return rest | {"pieces": [{"share": 1.0, "range": content["range"]}]}
+    return content
+
+
 class Delta(Table):
     """Distribution of the far-field displacement: the paper's controlled sampling (section 3.2)."""
 
     pieces: Pieces = Field(
         default=(Piece(share=0.75, range=(5.0, 25.0)), Piece(share=0.25, range=(25.0, 45.0))),
-        description=PIECES,
+        description=f"range = [low, high], or pieces: {PIECES}",
     )
+
+    _range = model_validator(mode="before")(_of_one_range)
 
 
 class Load(Table):
@@ -155,16 +180,7 @@ class Load(Table):
     quantity: Quantity
     pieces: Pieces = Field(description=f"range = [low, high], or pieces: {PIECES}")
 
-    @model_validator(mode="before")
-    @classmethod
-    def _of_one_range(cls, content: Any) -> Any:
-        """Read a range as one piece."""
-        if isinstance(content, dict) and "range" in content:
-            if "pieces" in content:
-                raise conflict("range and pieces are both given: give one")
-            rest = {name: value for name, value in content.items() if name != "range"}
-            return rest | {"pieces": [{"share": 1.0, "range": content["range"]}]}
-        return content
+    _range = model_validator(mode="before")(_of_one_range)
 
 
 # A later flag: absent where it is off, so that it changes no scene that does not set it.

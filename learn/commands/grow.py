@@ -89,8 +89,6 @@ def grow(scene: SceneName, output: SurrogateFile, *, goal: Goal, trust: Trust = 
         with Interruption(listening=True) as interruption:
             wanted = load(scene)
             request = _request(output, goal, wanted)
-            for doubt in wanted.contact.doubts:
-                note(f"warning: {doubt}")
             how = executor, note, interruption.requested, until
             growth = Growth(request, goal.nmae, goal.rows, wanted, *how)
             ending, last = growth.grow()

@@ -90,6 +90,7 @@ def predict(
     """
     import numpy as np
 
+    from gen.doubts import material_doubts
     from gen.runtime.documents import Row, write_csv
     from learn.features.scene import SCENE
     from learn.surrogate import Surrogate
@@ -120,7 +121,7 @@ def predict(
             loads = given[surrogate.features.load]
             rows += answers(surrogate, path, loads, bodies, interval, reading)
         title = f"Predictions with {100 * interval:g} % intervals, {bodies.text}"
-        _show(rows, title, bodies.doubts)
+        _show(rows, title, material_doubts(bodies))
     if output is not None:
         write_csv(output, rows)
         echo(f"wrote {output}")

@@ -18,6 +18,7 @@ from gen.database import Reader, Writer
 from gen.generation.completion import completed
 from gen.generation.run import Block, blocks_of
 from gen.generation.sample import compute_rows
+from gen.generation.trial import doubts_before
 from gen.runtime import farm
 from gen.runtime.errors import InputError
 from gen.runtime.figure import draw_parity, log_axis, parity_axes
@@ -116,6 +117,8 @@ class Growth:
         whole = completed(self.scene, path.parent, rehearsed=True)
         with database.lock(path):
             _refuse_others(self.request, whole)
+            for doubt in doubts_before(whole, most):
+                self.say(f"warning: {doubt}")
             wanted = max(stock(path)[1], min(size(0, per_surface), most))
             last = None
             while True:
@@ -274,8 +277,8 @@ def _refuse_others(request: Request, scene: Scene) -> None:
             different = differences(reader.scene, scene)
         if different:
             raise InputError(
-                f"{path} holds another scene ({'; '.join(different)}); give another --output,"
-                " or the file's own scene"
+                f"{path} holds another scene; give another --output, or the file's own scene:",
+                different,
             )
 
 

@@ -41,7 +41,9 @@ def test_databases_are_resumed_and_others_are_refused(tmp_path, capsys):
             assert reader.counts().done == 6
     said = capsys.readouterr().err
     assert said.count("generating") == 1, "a complete database is not generated again"
-    with pytest.raises(InputError, match=r"small\.h5: is a database of another scene \(surface"):
+    with pytest.raises(
+        InputError, match=r"small\.h5: is a database of another scene; move it away:\n  surface"
+    ):
         databases.generated(tmp_path, "small", text.replace("9", "17"))
     with pytest.raises(InputError, match="give one of the paper preset"):
         databases.of_the_paper(tmp_path / "small.h5", tmp_path, 6)

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from gen.material import MOST, SLIPS, Bodies, combined_modulus, loads_from
+from gen.material import MOST, combined_modulus, loads_from
 from gen.runtime.errors import InputError
-from gen.scene.tables import Contact
 
 HUGE = "9" * 5000
 
@@ -58,38 +57,3 @@ def test_moduli_combine():
 def test_moduli_that_no_material_has_are_refused(young, poisson, e_star, message):
     with pytest.raises(InputError, match=message):
         combined_modulus(young, poisson, e_star)
-
-
-PLAUSIBLE = [(210e3, 2000.0), (70e3, 300.0), (3e3, 250.0), (1e6, 1e5), (12e3, 9.0), (1.0, 0.01)]
-"""Young's modulus and hardness of steel, aluminium, PMMA, diamond, indium; of normalised use."""
-
-
-@pytest.mark.parametrize(("young", "hardness"), PLAUSIBLE)
-def test_solids_are_not_doubted_and_slips_of_their_units_are(young, hardness):
-    assert not Bodies.of([young], [], None, hardness).doubts
-    assert not Bodies.of([young], [], None, None).doubts
-    for factors in ((1e-3, 1), (1e6, 1), (1, 1e-3), (1, 1e6)):
-        slipped = young * factors[0], hardness * factors[1]
-        doubts = Bodies.of([slipped[0]], [], None, slipped[1]).doubts
-        ratio = slipped[1] / slipped[0]
-        if 1e-4 <= ratio <= 0.2:  # soft or hard enough to pass for another solid
-            assert not doubts
-            continue
-        (line,) = doubts
-        assert line.startswith(f"hardness over E* is {ratio:.3g}, solids have 0.0001 to 0.2: ")
-        assert any(slip in line for _, slip in SLIPS)  # a ratio may have come of several
-
-
-def test_scenes_are_doubted_by_the_hardness_in_megapascals_alone():
-    for sound in (
-        *({}, {"hardness_ratio": 0.3}, {"modulus": 210e3, "hardness_ratio": 0.3}),
-        *({"hardness": (0.001, 0.1)}, {"modulus": 210e3, "hardness": 2000.0}),
-    ):
-        assert not Contact(**sound).doubts
-    for slipped, told in (
-        ({"modulus": 210.0, "hardness": (1000.0, 2000.0)}, "is the modulus in GPa?"),
-        ({"modulus": 210e9}, "is the modulus in Pa?"),
-        ({"hardness": 2000.0}, "is the modulus left out?"),
-    ):
-        (line,) = Contact(**slipped).doubts
-        assert told in line

@@ -10,9 +10,11 @@ from hypothesis.extra import numpy as hnp
 from launch import python
 
 from bench.references import exact
+from gen.generation.sample import surface_numbered
 from gen.runtime.errors import InputError
+from gen.scene import load, preset_names
 from gen.schema import TABLE_1
-from gen.statistics import NAMES, UNDEFINED, describe
+from gen.statistics import NAMES, UNDEFINED, describe, rms_slope, rms_slope_of
 from gen.surface import generate
 
 TABLE_1 = {column.name: column.paper_range for column in TABLE_1}
@@ -159,3 +161,25 @@ def test_ranges_are_those_of_table_1(database, name):
     assert values.min() <= low + 0.25 * width
     part = 0.3 if "kurtosis" in name or "curvature_skewness" in name else 0.7
     assert min(values.max(), high) - max(values.min(), low) >= part * width
+
+
+@pytest.mark.few(4)
+@pytest.mark.parametrize("name", preset_names())
+def test_slopes_of_the_shipped_scenes_are_known_from_their_statistics(name):
+    scene = load(name)
+    for number in range(5):
+        heights = surface_numbered(scene, number)
+        statistics = describe(heights, scene.grid.spacing).values
+        values = {key: np.array([value]) for key, value in statistics.items()}
+        (estimate,) = rms_slope_of(values, scene.grid.spacing)
+        assert estimate == pytest.approx(rms_slope(heights, scene.grid.spacing), rel=0.08)
+
+
+def test_the_slope_of_a_sine_wave_is_exact_and_a_flat_surface_has_none_that_is_known():
+    x = np.arange(240)[:, None] * np.ones(240)
+    waves = np.sin(2 * np.pi * x / 12 + 0.1) + np.sin(2 * np.pi * x.T / 12 + 0.1)
+    for heights, expected in ((waves, rms_slope(waves, (2.0, 2.0))), (0 * waves, math.nan)):
+        statistics = describe(heights, 2.0).values
+        values = {key: np.array([value]) for key, value in statistics.items()}
+        (estimate,) = rms_slope_of(values, (2.0, 2.0))
+        assert estimate == pytest.approx(expected, rel=0.01, nan_ok=True)

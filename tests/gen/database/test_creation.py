@@ -147,7 +147,7 @@ def test_merge_refuses_other_scenes_physics_and_targets(tmp_path, monkeypatch):
     one = filled(tmp_path / "one.h5", small(seed=1))
     two = filled(tmp_path / "two.h5", small(seed=2))
     target = tmp_path / "both.h5"
-    with pytest.raises(InputError, match=r"different scenes .seed: 1"):
+    with pytest.raises(InputError, match=r"different scenes, and are not merged:\n  seed: 1 in"):
         merge(target, [one, two])
     with pytest.raises(InputError, match="nothing to merge"):
         merge(target, [])

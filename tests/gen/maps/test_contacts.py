@@ -150,7 +150,7 @@ def test_a_load_that_is_not_solved_is_named_and_costs_no_others(surface, capsys)
     ("arguments", "told"),
     [
         (["--pressure", "20", "--young", "210", "--hardness", "2000"], "is the modulus in GPa?"),
-        (["--pressure", "20"], "E* is 1 MPa, as no modulus is given (--young or --e-star)"),
+        (["--pressure", "20"], "E* is 1 MPa, the default without a modulus (--young or --e-star)"),
         (["--pressure", "20", "--young", "210e9"], "is the modulus in Pa?"),
         (["--pressure", "0.001"], ""),
         (["--pressure", "20", *STEEL, "--hardness", "2000"], ""),

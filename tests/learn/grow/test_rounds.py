@@ -191,3 +191,12 @@ def test_a_database_of_a_run_is_taken_as_it_is(tmp_path):
         grown, _ = grow(order(tmp_path, mark=90.0))
         assert (grown.ending, grown.last.rows) == ("met", samples)
         assert math.isfinite(grown.last.bound("area"))
+
+
+def test_a_growth_says_what_is_doubted_of_its_scene(tmp_path):
+    """Before its first row, in the words of a run."""
+    text = "samples = 40\n[surface]\nnodes = 9\n[load]\nquantity = 'pressure'\nrange = [50, 100]\n"
+    scene = Scene.parse(text, "scene")
+    _, said = grow(order(tmp_path), scene=scene, stopping=lambda: True)
+    assert said[0].startswith("warning: from Delta = ")
+    assert said[0].endswith("E* is 1 MPa, the default without a modulus (modulus in [contact])")
