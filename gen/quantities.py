@@ -787,6 +787,7 @@ QUANTITIES: dict[str, Quantity] = {quantity.name: quantity for quantity in RECOR
 DELTA = QUANTITIES["delta"]
 AREA = QUANTITIES["area_percent"]
 FORCE = QUANTITIES["force"]
+CONTACT_NODES = QUANTITIES["contact_nodes"]
 PRESSURE = QUANTITIES["nominal_pressure"]
 CLOSURE = QUANTITIES["closure"]
 MEAN_GAP = QUANTITIES["mean_gap"]

@@ -18,6 +18,7 @@ from gen.arrays import Columns
 from gen.doubts import SolvedRows, Tally, rows_doubts
 from gen.generation.plan import parameters
 from gen.material import Bodies
+from gen.quantities import CONTACT_NODES, DELTA, FORCE
 from gen.runtime.errors import InputError
 from gen.schema import Status
 from gen.statistics import rms_slope_of
@@ -33,8 +34,10 @@ SHARE = 20  # rows of a run for each tried one, where a trial is not cheap
 LONGEST = 5.0  # most time for a surface of a trial, and for a contact [s]
 CHUNK_ROWS = 65_536  # rows of a database that are read together
 
-USED = ("delta", "force", "contact_nodes", "height_max", "height_rms", "peak_density")
-BANDWIDTHS = ("bandwidth_x", "bandwidth_y")
+RESULTS = (DELTA.name, FORCE.name, CONTACT_NODES.name)
+STATISTICS = ("height_max", "height_rms", "peak_density", "bandwidth_x", "bandwidth_y")
+USED = (*RESULTS, *STATISTICS)
+"""Columns that tell of a row whether it is doubted."""
 
 
 def doubts_before(scene: Scene, rows: int) -> list[str]:
@@ -83,7 +86,7 @@ def doubts_after(reader: Reader) -> list[str]:
     tally = Tally()
     for start in reader.rows[::CHUNK_ROWS]:
         stop = min(start + CHUNK_ROWS, reader.rows.stop)
-        names = ("status", *USED, *BANDWIDTHS)
+        names = ("status", *USED)
         tally += _tally(reader.scene, {name: reader.column(name, start, stop) for name in names})
     return _doubts(reader.scene, tally, "rows")
 
@@ -100,7 +103,7 @@ def _doubts(scene: Scene, tally: Tally, noun: str) -> list[str]:
 def _tally(scene: Scene, columns: Columns) -> Tally:
     """Count the rows that are done."""
     done = columns["status"] == Status.DONE
-    values = {name: columns[name][done] for name in (*USED, *BANDWIDTHS)}
+    values = {name: columns[name][done] for name in USED}
     grid = scene.grid
     with np.errstate(over="ignore"):  # files may hold any numbers
         pressure = values["force"] / math.prod((*grid.shape, *grid.spacing))
