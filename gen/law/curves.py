@@ -123,6 +123,9 @@ class Points:
     # that is not so. The last one may be empty.
     reasons: tuple[str, ...] = ()
     endless: tuple[str, ...] = ()
+    # For each load, why the area is that of the grid; "" where the grid resolves the contact, and
+    # no entries where that was not judged.
+    grid: tuple[str, ...] = ()
 
     def changed(self, change: Callable[[str, Values], Values], *reasons: str) -> Points:
         """Return points with all arrays changed by the names of their quantities, and reasons."""
@@ -135,14 +138,18 @@ class Points:
     def chosen(self, places: NDArray[np.bool_] | NDArray[np.int64]) -> Points:
         """Return the points of some of the loads."""
         reasons = np.array(self.reasons, dtype=object)[places]
-        return self.changed(lambda _, each: each[places], *reasons)
+        chosen = self.changed(lambda _, each: each[places], *reasons)
+        if not self.grid:
+            return chosen
+        return replace(chosen, grid=tuple(np.array(self.grid, dtype=object)[places]))
 
     def from_rest(self, rest: Mapping[str, float]) -> Points:
         """Put first touch, Delta = 0 with these values (others are 0), before these loads."""
-        return self.changed(
+        points = self.changed(
             lambda name, each: np.append(rest.get(name, 0.0), each),
             *("", *self.reasons),
         )
+        return replace(points, grid=("", *self.grid) if self.grid else ())
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,6 +178,14 @@ class Curves:
     reasons: tuple[str, ...]  # why there is no band, or what lies outside the training; else ""
     rest: Mapping[str, float]  # where the curves begin, at first touch; those left out at 0
     flagged: NDArray[np.bool_]  # where most surfaces are outside a surrogate's training, (k,)
+    # Why the area is that of the grid, of a population on its first surface; "" where the grid
+    # resolves the contact, and no entries where that was not judged.
+    grid: tuple[str, ...] = ()
+
+    @property
+    def resolved(self) -> NDArray[np.bool_] | None:
+        """True where the grid resolves the contact, (k,); None where that was not judged."""
+        return np.array(self.grid) == "" if self.grid else None
 
     @property
     def banded(self) -> bool:
@@ -188,14 +203,22 @@ class Curves:
             curves[name] = Curve(value, low, high, slope)
         reasons = tuple(np.array(self.reasons, dtype=object)[places])
         outside, flagged = self.outside[places], self.flagged[places]
+        grid = tuple(np.array(self.grid, dtype=object)[places]) if self.grid else ()
         return replace(
-            self, at=at, curves=curves, outside=outside, reasons=reasons, flagged=flagged
+            self,
+            at=at,
+            curves=curves,
+            outside=outside,
+            reasons=reasons,
+            flagged=flagged,
+            grid=grid,
         )
 
-    def below_full_contact(self, bodies: Bodies) -> tuple[Curves, list[str]]:
+    def below_full_contact(self, bodies: Bodies, *, required: bool) -> tuple[Curves, list[str]]:
         """Return the table up to full contact, where nothing is left of an interface, and a line.
 
         Full contact is where every node touches, or where the stiffness of one surface is infinite.
+        A table that is `required` is refused if nothing is left of it but first touch.
         """
         full = self.curves["area_percent"].value >= 100
         if STIFFNESS in self.curves:
@@ -205,7 +228,7 @@ class Curves:
             return self, []
         end = int(np.argmax(full))
         text = f"full contact from {self.at[end]:.4g} {UNITS[self.against]} on"
-        if not (self.at[:end] > 0).any():
+        if end == 0 or (required and not (self.at[:end] > 0).any()):
             raise InputError(
                 f"{text}: no law is left below it: give smaller loads; {bodies.stated}"
             )

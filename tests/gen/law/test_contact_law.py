@@ -172,7 +172,9 @@ def test_a_long_law_shows_progress(surfaces, run, monkeypatch, capsys):
     assert "contacts (" not in capsys.readouterr().err
     monkeypatch.setattr(contact_law, "LONG", 6 * 20**2)
     run("many", "--pressure", "1,10")
-    assert "6 of 6 contacts (100.0 %)" in capsys.readouterr().err
+    told = capsys.readouterr().err
+    for name in ("pressure", "Delta"):  # the table asked for, and the other one
+        assert told.count(f"6 of 6 contacts over {name} (100.0 %)") == 1
 
 
 @pytest.mark.parametrize("boundary", ["periodic", "mirror"])
@@ -223,6 +225,29 @@ def test_loads_that_are_not_solved_are_named_and_cost_no_others(
     run(name, "--pressure", ",".join(map(str, one.pressure_MPa)), "--csv", "alone.csv")
     for column in ("closure_um", "area_percent"):
         np.testing.assert_allclose(one[column], table("alone.csv")[column], rtol=1e-4)
+
+
+@pytest.mark.parametrize("hardness", [[], ["--hardness", "20e3"]], ids=["elastic", "yielding"])
+@pytest.mark.parametrize("ratio", [15, 60])
+@pytest.mark.parametrize("files", [["-o", "law"], ["--calculix", "law-calculix.inp"]])
+def test_a_table_that_was_not_asked_for_costs_none_that_was(
+    surfaces, run, capsys, ratio, hardness, files
+):
+    """Surfaces so unlike that one is pressed flat where the other one just touches."""
+    Path("pair").mkdir()
+    for name, height in (("fine", 1.0), ("rough", float(ratio))):
+        np.save(f"pair/{name}.npy", height * np.load("many/s0.npy"))
+    run("pair", "--pressure", "20:300:6:log", *hardness, *files, "--csv", "law.csv")
+    assert "full contact from" in capsys.readouterr().out
+    pressures, deltas = table("law.csv"), table("law.csv", "delta_um")
+    np.testing.assert_allclose(pressures.pressure_MPa, np.geomspace(20, 300, 6))
+    assert len(deltas) > 1, "it is shortened, not empty"
+    assert (deltas.area_percent < 100).all()
+    assert Path("law-calculix.inp").exists()
+    for seed in ("fine", "rough"):
+        run(f"pair/{seed}.npy", "--pressure", "20:300:6:log", *hardness, "--csv", f"{seed}.csv")
+    alone = [table(f"{name}.csv").closure_um for name in ("fine", "rough")]
+    np.testing.assert_allclose(pressures.closure_um, np.mean(alone, axis=0), rtol=1e-5)
 
 
 @pytest.mark.parametrize(
