@@ -17,6 +17,7 @@ from gen import cli
 from gen.law import contact_law
 from gen.law.curves import Gas
 from gen.maps.settings import Reading
+from gen.surface import generate
 from tests.bem.waves import random_waves
 
 E_STAR = 210e3 / (1 - 0.3**2)
@@ -231,12 +232,13 @@ def test_loads_that_are_not_solved_are_named_and_cost_no_others(
 @pytest.mark.parametrize("ratio", [15, 60])
 @pytest.mark.parametrize("files", [["-o", "law"], ["--calculix", "law-calculix.inp"]])
 def test_a_table_that_was_not_asked_for_costs_none_that_was(
-    surfaces, run, capsys, ratio, hardness, files
+    here, run, capsys, ratio, hardness, files
 ):
     """Surfaces so unlike that one is pressed flat where the other one just touches."""
     Path("pair").mkdir()
-    for name, height in (("fine", 1.0), ("rough", float(ratio))):
-        np.save(f"pair/{name}.npy", height * np.load("many/s0.npy"))
+    for seed, (name, height) in enumerate({"fine": 0.05, "rough": 0.05 * ratio}.items()):
+        heights = generate("diamond-square", 33, 0.8, height, np.random.default_rng(seed))
+        np.save(f"pair/{name}.npy", heights)
     run("pair", "--pressure", "20:300:6:log", *hardness, *files, "--csv", "law.csv")
     assert "full contact from" in capsys.readouterr().out
     pressures, deltas = table("law.csv"), table("law.csv", "delta_um")
