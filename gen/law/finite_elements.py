@@ -21,7 +21,7 @@ does so where gap + offset <= 0, and takes pressures as negative, so that deriva
 import re
 import textwrap
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Container, Iterable, Iterator
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -31,7 +31,7 @@ import numpy as np
 
 from gen.arrays import Indices, Values
 from gen.law.contact_law import Law
-from gen.law.curves import KNOWN, risen, slopes
+from gen.law.curves import APART, KNOWN, risen, slopes
 from gen.options import BAND_SIDES, Units
 from gen.runtime import VERSION, files
 from gen.runtime.errors import InputError
@@ -81,6 +81,16 @@ FUNCTIONS = Path(__file__).parent
 
 GAS_IN_WORDS = "Gas in the gap: conductivity {:g} W/(m K), jump distance {:g} um; its part counts."
 
+GO_ON = ("delta", "closure", "force", "pressure", "pressure_at_closure")
+"""Functions of the C header that go on with their last slope beyond the last point: a joint that is
+pressed further gives way further. All others have a bound, or no known one as conductances, which
+stay the last in CalculiX and Abaqus too."""
+
+BEYOND = (
+    "beyond, the pressure follows the last slope. No contact was computed there. Give larger"
+    " pressures, up to full contact, if your model gets there."
+)
+
 SIDES = {"": ("value", "value"), "soft": ("high", "low"), "stiff": ("low", "high")}
 """What the law and each side of its band take of the curves of closure and conductance."""
 
@@ -104,7 +114,7 @@ def write_for_4c(path: Path, law: Law, units: Units) -> list[Path]:
     columns = {
         "CLOSURES": overclosures,
         "PRESSURES": loads,
-        "SLOPES": slopes(overclosures, loads, 0.0),
+        "SLOPES": _slopes_that_go_on(overclosures, loads),
     }
     lines = list(_comment(_description(law, "4c", system, pressures, ""), "# "))
     lines += ["", *(FUNCTIONS / "law_4c.py.in").read_text(encoding="ascii").splitlines()]
@@ -209,14 +219,9 @@ def _description(
         f"From 0 to the first pressure, {pressures[1]:.6g} MPa, nothing was computed: there"
         f" {between}."
     )
-    conducting = " and the conductance stays the last one" if law.over_pressure.conducting else ""
-    beyond = f"the pressure follows the last slope there{conducting}"
-    if program == "4c":
-        beyond = "both functions raise an error there"
-    yield (
-        f"The law ends at {pressures[-1]:.6g} MPa. No contact was computed beyond: {beyond}. Give"
-        " larger ones, up to full contact, if your model gets there."
-    )
+    yield f"The law ends at {pressures[-1]:.6g} MPa: {BEYOND}"
+    if law.over_pressure.conducting and program != "4c":
+        yield "Beyond its last point the conductance stays the last one."
     if program == "calculix":
         yield (
             f"CalculiX (2.20 and its source of August 2026) reads {POINTS} points and holds the"
@@ -332,9 +337,14 @@ def _header_description(law: Law, name: str) -> Iterator[str]:
     )
     yield (
         f"{name}_area(delta), {name}_delta_at_pressure(pressure) and the like are monotone cubics;"
-        " _tangent is their slope. Beyond the ends of the tables, values are constant, those"
-        " at the end, and tangents 0: below 0 as at first touch, and up to"
-        f" {law.over_delta.at[-1]:.6g} um and {law.over_pressure.at[-1]:.6g} MPa."
+        " _tangent is their slope. Below 0 they are as at first touch, with tangents of 0."
+    )
+    ends = f"{law.over_delta.at[-1]:.6g} um and {law.over_pressure.at[-1]:.6g} MPa"
+    yield (
+        f"The tables end at {ends}. Pressure, force, Delta and closure follow their last slope"
+        " beyond, as in CalculiX and Abaqus; all other functions stay the last value, with tangents"
+        " of 0. No contact was computed there. Give larger pressures, up to full contact, if your"
+        " model gets there."
     )
 
 
@@ -348,7 +358,8 @@ def _body(law: Law, name: str) -> Iterator[str]:
         argument = KNOWN[curves.against].short
         suffix = "_at_pressure" if argument == "pressure" else ""
         missing = curves.at[:1] > 0  # first touch, where pressures were given
-        columns = {}
+        columns: dict[str, Values] = {}
+        going_on: set[str] = set()
         for quantity, curve in curves.curves.items():
             parts = [("", "value"), ("_low", "low"), ("_high", "high")]
             banded = curves.banded or curve.banded.all()
@@ -356,26 +367,58 @@ def _body(law: Law, name: str) -> Iterator[str]:
                 values, first = getattr(curve, part), np.zeros(1)
                 if KNOWN[quantity].resting and quantity in rest:
                     first = getattr(rest[quantity], part)[:1]
-                columns[f"{KNOWN[quantity].short}{suffix}{end}"] = np.append(first[missing], values)
-        yield from _tables(name, argument, np.append(np.zeros(1)[missing], curves.at), columns)
+                column = f"{KNOWN[quantity].short}{suffix}"
+                columns[f"{column}{end}"] = np.append(first[missing], values)
+                if KNOWN[quantity].short in GO_ON:
+                    going_on.add(f"{column}{end}")
+        at = np.append(np.zeros(1)[missing], curves.at)
+        yield from _tables(name, argument, at, columns, going_on)
     pressures, closures, _ = rising(law)
-    yield from _tables(name, "closure", closures, {"pressure_at_closure": pressures})
+    law_of_element = {"pressure_at_closure": pressures}
+    yield from _tables(name, "closure", closures, law_of_element, law_of_element.keys())
 
 
-def _tables(name: str, argument: str, at: Values, columns: dict[str, Values]) -> Iterator[str]:
-    """Yield the tables of some columns over one argument, and their functions."""
+def _tables(
+    name: str, argument: str, at: Values, columns: dict[str, Values], going_on: Container[str]
+) -> Iterator[str]:
+    """Yield the tables of some columns over one argument, and their functions.
+
+    Those `going_on` follow their last slope beyond the last argument, others stay the last value.
+    """
     size, over = f"{name.upper()}_{argument.upper()}S", f"{name}_{argument}s_table"
     yield f"#define {size} {at.size}"
     yield from _array(over, size, at)
     for column, values in columns.items():
         own = f"{name}_{column}"
         yield from _array(f"{own}_table", size, values)
-        yield from _array(f"{own}_slopes", size, slopes(at, values, float(values[0])))
-        tangent = not column.endswith(("_low", "_high"))
+        if column in going_on:
+            kind = ""
+            tangents = _slopes_that_go_on(at, values)
+        else:
+            kind = "held_"
+            tangents = slopes(at, values, float(values[0]))
+        yield from _array(f"{own}_slopes", size, tangents)
         tables = f"{over}, {own}_table, {own}_slopes, {size}, {argument}"
-        for end, function in (("", "interpolate"), ("_tangent", "slope"))[: 1 + tangent]:
+        functions = {"": "interpolate"}
+        if not column.endswith(("_low", "_high")):
+            functions["_tangent"] = "slope"
+        for end, function in functions.items():
             yield f"static inline double {own}{end}(double {argument})"
-            yield f"{{ return {name}_{function}({tables}); }}"
+            yield f"{{ return {name}_{kind}{function}({tables}); }}"
+
+
+def _slopes_that_go_on(at: Values, values: Values) -> Values:
+    """Return the slopes of the monotone cubic, the last one of which is above 0 if values rise.
+
+    A cubic may end level, and a joint would be perfectly soft beyond. There the slope of the last
+    interval takes its place, with which the cubic is monotone too.
+    """
+    tangents = slopes(at, values, float(values[0]))
+    if at.size > 1:
+        secant = (values[-1] - values[-2]) / (at[-1] - at[-2])
+        if tangents[-1] <= APART * secant:  # 0 within rounding
+            tangents[-1] = secant
+    return tangents
 
 
 def _array(name: str, size: str, values: Values) -> Iterator[str]:

@@ -17,7 +17,7 @@ from strict import json_of, rows_of
 from bench.calculix import QUANTITIES, pressed
 from gen import cli
 from gen.law import finite_elements
-from gen.law.curves import KNOWN
+from gen.law.curves import KNOWN, slopes
 from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
 from tests.maps import waves
@@ -86,7 +86,8 @@ def test_abaqus_is_told_that_the_second_column_is_a_pressure_and_where_nothing_w
     folder, table = law
     text = said(folder / "joint-abaqus.inp")
     assert "From 0 to the first pressure, 5 MPa, nothing was computed" in text
-    assert "follows the last slope there and the conductance stays the last one" in text
+    assert "The law ends at 320 MPa: beyond, the pressure follows the last slope." in text
+    assert "Beyond its last point the conductance stays the last one." in text
     blocks = read(folder / "9.inp")
     assert "*SURFACE INTERACTION, NAME=LAW_9" in blocks
     conductance = blocks["*GAP CONDUCTANCE, PRESSURE"]
@@ -231,7 +232,7 @@ def test_the_end_of_one_table_is_not_said_of_the_other(tmp_path, capsys):
     end = float(note.split()[3])
     part = [row for row in rows_of(tmp_path / "law.csv") if row["against"] == "pressure_MPa"]
     assert float(part[-1]["closure_um"]) > end
-    assert "larger ones, up to full contact, if" in said(tmp_path / "law-calculix.inp")
+    assert "larger pressures, up to full contact, if" in said(tmp_path / "law-calculix.inp")
 
 
 needs_calculix = pytest.mark.skipif(
@@ -274,7 +275,8 @@ def test_4c_gets_the_monotone_cubic_with_its_tangent_in_its_signs(law, monkeypat
     folder, table = law
     path = folder / "joint_4c.py"
     lines = ast.walk(ast.parse(path.read_text(encoding="ascii")))
-    assert [each.module for each in lines if isinstance(each, ast.ImportFrom)] == ["bisect"]
+    modules = [each.module for each in lines if isinstance(each, ast.ImportFrom)]
+    assert modules == ["bisect", "warnings"]
     monkeypatch.syspath_prepend(path.parent)
     module = importlib.import_module(path.stem)  # as 4C does
     offset = 0.25  # mm, by which the bodies overlap at first touch
@@ -292,10 +294,20 @@ def test_4c_gets_the_monotone_cubic_with_its_tangent_in_its_signs(law, monkeypat
         ends = [module.evaluate(gap + more * step, 0.0) for more in (-2, -1, 1, 2)]
         tangent = np.dot([1, -8, 8, -1], ends) / (12 * step)  # exact for a cubic
         assert module.evaluate_derivative(gap, 0.0) == pytest.approx(tangent, rel=1e-8)
-    for gap, moved in ((1.0, 0.0), (-0.2, 0.25), (-1.01 * at[-1], 0.0), (np.nan, 0.0)):
+    for gap, moved in ((1.0, 0.0), (-0.2, 0.25), (np.nan, 0.0)):
         for function in (module.evaluate, module.evaluate_derivative):
-            with pytest.raises(ValueError, match="this law goes from 0 to"):
+            with pytest.raises(ValueError, match="this law begins at 0"):
                 function(gap, moved)
+    assert "beyond, the pressure follows the last slope" in path.read_text().replace("\n#   ", " ")
+    stiffness = module.evaluate_derivative(-float(at[-1]), 0.0)
+    assert stiffness > 0
+    for share in (1.01, 2.0, 10.0):
+        with pytest.warns(UserWarning, match="where this law ends: the pressure follows"):
+            pressure = module.evaluate(-float(share * at[-1]), 0.0)
+        beyond = table.pressure_MPa.iloc[-1] + stiffness * (share - 1) * at[-1]
+        assert pressure == pytest.approx(-beyond, rel=1e-12)
+        with pytest.warns(UserWarning, match="no contact was computed there"):
+            assert module.evaluate_derivative(-float(share * at[-1]), 0.0) == stiffness
 
 
 def test_a_file_that_4c_could_not_import_is_refused_before_any_work(surfaces, run, capsys):
@@ -410,6 +422,44 @@ def test_between_the_points_it_is_a_monotone_cubic_with_a_continuous_tangent(sur
 
 
 @needs_compiler
+def test_past_the_end_a_joint_is_as_stiff_as_at_its_last_point(surfaces, run):
+    """Pressure, force, Delta and closure go on; what has a bound or none that is known stays."""
+    conducting = ["--conductivity", "50", "--csv", "many.csv", "--header", "many.h"]
+    run("many", "--pressure", "1:100:6:log", *conducting)
+    rows = pd.read_csv("many.csv")
+    going_on = {"delta", "closure", "force", "pressure"}
+    functions = [("pressure_at_closure", rows.closure_um.dropna().iloc[-1], ("",), True)]
+    for against, names in NAMES.items():
+        last = rows[rows.against == against][against].iloc[-1]
+        for name in names:
+            function = f"{name}{ENDS_OF[against]}"
+            functions.append((function, last, ("", "_low", "_high"), name in going_on))
+    for function, last, ends, goes_on in functions:
+        own, beyond = f"asperity_many_{function}", [0.0, 1e-3, 0.5, 20.0]
+        at = [last * (1 + more) for more in beyond]
+        for end in ends:
+            values = said_by([f"{own}{end}({place:.17g})" for place in at], "many.h")
+            if not goes_on:
+                assert (values == values[0]).all(), function
+                continue
+            slopes = np.diff(values) / np.diff(at)
+            assert slopes[0] > 0, function
+            np.testing.assert_allclose(slopes, slopes[0], rtol=1e-6)
+        tangents = said_by([f"{own}_tangent({place:.17g})" for place in at], "many.h")
+        if goes_on:
+            assert (tangents == tangents[0]).all(), function
+            assert tangents[0] > 0, function
+        else:
+            assert (tangents[1:] == 0).all(), function
+
+
+def test_a_cubic_that_ends_level_goes_on_with_the_slope_of_its_last_interval():
+    at, values = np.array([0.0, 1.0, 11.0]), np.array([0.0, 1.0, 1.5])
+    assert slopes(at, values, 0.0)[-1] == pytest.approx(0.0, abs=1e-12)
+    assert finite_elements._slopes_that_go_on(at, values)[-1] == pytest.approx(0.05)
+
+
+@needs_compiler
 def test_unknown_ends_of_a_band_are_no_numbers(surfaces, make):
     law = make("many", pressure="1,10", e_star=2e5, stiffness=True, reading=Reading(side="100"))
     area, at = law.over_delta.curves["area_percent"], law.over_delta.at
@@ -431,7 +481,7 @@ def test_a_header_says_what_it_is_and_a_second_of_its_name_is_an_error(surfaces,
     for words in (
         *("E* = 230769.23076923075 MPa", "Surface: many/s0.npy", "Made: 20"),
         "python -m gen law many/s0.npy --delta 0.1,0.2",
-        "Beyond the ends of the tables, values are constant",
+        "Pressure, force, Delta and closure follow their last slope beyond",
         "Band: the error of the grid, 9 times in 10",
     ):
         assert words in said
