@@ -228,6 +228,8 @@ def law(
         flow=flow,
         reading=reading,
         opposite=facing.body(reading),
+        between=files.joined,
+        straight=files.straight,
         command=typed(context, "gen"),
     )
     made = by_solver(order)

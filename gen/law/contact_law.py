@@ -15,6 +15,7 @@ import numpy as np
 from bem.contact import mean_conductivity
 from bem.problem import Boundary
 from gen.arrays import Values
+from gen.law.between import check_loads, merged, solve_between
 from gen.law.curves import (
     APART,
     APERTURES,
@@ -42,11 +43,14 @@ from gen.runtime.terminal import RunProgress, shortened
 ARGUMENTS: dict[Load, str] = {"delta": "delta_um", "pressure": "pressure_MPa"}
 """Quantity of the arguments of a table by the kind of load."""
 
-LONG = 10**6  # nodes of all contacts together from which on a law shows progress
 FEW = 10  # nodes in contact below which a law shows the grid rather than the surface
+LONG = 10**6  # nodes of all contacts together from which on a law shows progress
 
-PASSES: dict[Load, str] = {"delta": "over Delta", "pressure": "over pressure"}
+PASSES: Mapping[Load, str] = {"delta": "over Delta", "pressure": "over pressure"}
 """Which contacts the progress counts: a population has one pass for each table."""
+
+BETWEEN: Mapping[Load, str] = {"delta": "between the Deltas", "pressure": "between the pressures"}
+"""The same where contacts are solved between the loads of a table."""
 
 STEPS = 40
 """Number of displacements over the range of a training, where no load is given."""
@@ -92,6 +96,11 @@ class Order:
     flow: bool = False  # whether the hydraulic apertures of the gap are
     reading: Reading = field(default_factory=Reading)  # how files are read
     opposite: Opposite | None = None  # second rough body against surfaces from files
+    # Tables between whose loads further contacts are solved, for files whose programs join them.
+    between: tuple[Load, ...] = ()
+    straight: bool = (
+        False  # whether lines between the pressures are judged by contacts of their own
+    )
     command: str = ""  # command line, for the record
 
     def loads(self) -> tuple[Values | None, Values | None]:
@@ -114,6 +123,10 @@ class Law:
     origins: tuple[str, ...]  # surfaces of the law, one line for each input
     notes: tuple[str, ...]  # remarks about the making of the law, one line each
     title: str  # names of the surfaces, with those of the second bodies, on one line
+    nodes: int  # of the smallest surface
+    between_deltas: Curves | None = None  # further contacts between the points of `over_delta`
+    between_pressures: Curves | None = None  # the same of `over_pressure`; None without any
+    checks: Curves | None = None  # contacts at pressures that judge straight lines
 
 
 def by_solver(order: Order) -> Law:
@@ -140,7 +153,8 @@ def by_solver(order: Order) -> Law:
     one = "none, one surface was solved"
     if order.grid_error and any(each.curves[CONTINUUM].banded.any() for each in tables[:2]):
         one = "the error of the grid, 9 times in 10, of the area in the continuum; one surface"
-    return law_of(order, subjects, bodies, tables, ("solved contact by contact", one))
+    law = law_of(order, subjects, bodies, tables, ("solved contact by contact", one))
+    return _with_contacts_between(law, solver) if order.between else law
 
 
 def law_of(
@@ -185,6 +199,7 @@ def law_of(
         origins=tuple(subjects.origins),
         notes=tuple(notes),
         title=shortened("; ".join(subjects.origins)),
+        nodes=nodes,
     )
 
 
@@ -195,6 +210,8 @@ class Solver:
     order: Order
     surfaces: Sequence[LawSurface]
     bodies: Bodies
+    judges: bool = True  # whether the error of the grid is computed, where it is asked for
+    passes: Mapping[Load, str] = field(default_factory=lambda: PASSES)  # words of the progress
 
     def solve(self, load: Load, loads: Values) -> Solved:
         """Solve every surface; keep the loads that are solved on all of them.
@@ -260,10 +277,10 @@ class Solver:
         many = len(surfaces) > 1
         work = len(surfaces) * loads.size
         long = work * surfaces[0].heights.size >= LONG
-        progress = RunProgress(work, f"contacts {PASSES[load]}") if long else nullcontext()
+        progress = RunProgress(work, f"contacts {self.passes[load]}") if long else nullcontext()
         with progress as shown:
             for surface in surfaces:
-                judged = order.grid_error and not points
+                judged = order.grid_error and self.judges and not points
                 contacts = []
                 for contact in _contacts(order, surface, bodies, load, loads, judged=judged):
                     contacts.append(contact)
@@ -385,6 +402,84 @@ def _at_loads_of_other_table(load: Load, other: Solved, solver: Solver) -> Solve
     shorter = solver.solve_some(load, least[risen(least)], other)
     end = f"full contact from {means[0]:.4g} um on: the table against delta_um ends below it"
     return replace(shorter, remarks=[*(contacts.remarks or [end]), *shorter.remarks])
+
+
+def _with_contacts_between(law: Law, solver: Solver) -> Law:
+    """Return a law with contacts between the points of the tables that its order names."""
+    order = law.order
+    both = "delta" in order.between
+    if not both:  # only what tables of the pressure over the closure hold
+        order = replace(order, grid_error=False, flow=False)
+    between = SolverBetween(law, replace(solver, order=order, judges=False, passes=BETWEEN))
+    law = replace(
+        law, between_pressures=solve_between(law.over_pressure, law.nodes, between.at_pressures)
+    )
+    if order.straight and law.between_pressures is not None:
+        checks = between.at_pressures(check_loads(law.over_pressure), judging=True)
+        law = replace(law, checks=checks)
+    if not both:
+        return law
+    if len(solver.surfaces) > 1:
+        between_deltas = solve_between(law.over_delta, law.nodes, between.at_deltas, rounds=1)
+    else:
+        between_deltas = between.same_over_delta()
+    return replace(law, between_deltas=between_deltas)
+
+
+class SolverBetween:
+    """Solves contacts between the points of a law, as parts of its tables.
+
+    Parameters
+    ----------
+    law : Law
+        The law.
+    solver : Solver
+        Solver of its surfaces.
+    """
+
+    def __init__(self, law: Law, solver: Solver) -> None:
+        self.law = law
+        self.solver = solver
+        self.contacts: list[Solved] = []  # at pressures
+
+    def at_pressures(self, pressures: Values, *, judging: bool = False) -> Curves:
+        """Solve contacts at ascending pressures, (m,) [MPa], some of which may be left out.
+
+        Those for `judging` lines are no part of the law.
+        """
+        contacts = self.solver.solve_some("pressure", pressures, Solved(pressures, []))
+        if contacts.loads.size and not judging:
+            self.contacts.append(contacts)
+        return self._tabulated(self.law.over_pressure, contacts)
+
+    def at_deltas(self, deltas: Values) -> Curves:
+        """Solve contacts at ascending displacements, (m,) [um], some of which may be left out."""
+        contacts = self.solver.solve_some("delta", deltas, Solved(deltas, []))
+        return self._tabulated(self.law.over_delta, contacts)
+
+    def same_over_delta(self) -> Curves | None:
+        """Return the contacts at pressures of one surface against Delta; None without any."""
+        table: Curves | None = None
+        for contacts in self.contacts:
+            again = _same_contacts(contacts.points[0], "delta_um")
+            further = self._tabulated(self.law.over_delta, again)
+            table = further if table is None else merged(table, further)
+        return table
+
+    def _tabulated(self, table: Curves, contacts: Solved) -> Curves:
+        """Tabulate contacts below full contact as those of a table of the law."""
+        if not contacts.loads.size:
+            return table.chosen(np.zeros(table.at.size, dtype=bool))
+        order = self.solver.order
+        parts = contacts.points
+        further = tabulated(table.against, contacts.loads, parts, order.level, table.rest)
+        if order.conductivities is not None:
+            factor = mean_conductivity(*order.conductivities) / self.law.bodies.e_star
+            further = further.with_conductance(factor)
+        below = further.curves["area_percent"].value < 100
+        for curve in further.curves.values():
+            below &= np.isfinite(curve.value)
+        return further.chosen(below)
 
 
 def _contacts(

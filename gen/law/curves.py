@@ -361,7 +361,7 @@ def slopes(at: Values, values: Values, rest: float) -> Values:
     """
     from scipy.interpolate import PchipInterpolator
 
-    before = int(at[0] > 0)
+    before = int(at.size > 0 and at[0] > 0)
     whole, heights = (
         np.concatenate([[start] * before, part]) for start, part in ((0.0, at), (rest, values))
     )

@@ -265,6 +265,8 @@ def law(
         boundary=boundary,
         conductivities=require_conductivities(conductivity) if conductivity else None,
         reading=reading,
+        between=files.joined,
+        straight=files.straight,
         command=typed(context, "learn"),
     )
     if solver:
