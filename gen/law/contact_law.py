@@ -32,7 +32,7 @@ from gen.law.curves import (
     risen,
     tabulated,
 )
-from gen.law.surfaces import LawSurface, LawSurfaces, Load, read_subjects
+from gen.law.surfaces import LawSurface, LawSurfaces, Load, Origin, read_subjects
 from gen.maps.bodies import Opposite
 from gen.maps.contacts import contact_warnings, solve_loads
 from gen.maps.settings import Reading
@@ -124,6 +124,7 @@ class Law:
     notes: tuple[str, ...]  # remarks about the making of the law, one line each
     title: str  # names of the surfaces, with those of the second bodies, on one line
     nodes: int  # of the smallest surface
+    sources: tuple[Origin, ...] = ()  # the files of its surfaces, and what was done to them
     between_deltas: Curves | None = None  # further contacts between the points of `over_delta`
     between_pressures: Curves | None = None  # the same of `over_pressure`; None without any
     checks: Curves | None = None  # contacts at pressures that judge straight lines
@@ -151,7 +152,7 @@ def by_solver(order: Order) -> Law:
     lines += [line for each in [*solved.values(), *further] for line in each.remarks]
     tables = over_delta, over_pressure, list(dict.fromkeys(lines))
     one = "none, one surface was solved"
-    if order.grid_error and any(each.curves[CONTINUUM].banded.any() for each in tables[:2]):
+    if over_delta.resolved_somewhere or over_pressure.resolved_somewhere:
         one = "the error of the grid, 9 times in 10, of the area in the continuum; one surface"
     law = law_of(order, subjects, bodies, tables, ("solved contact by contact", one))
     return _with_contacts_between(law, solver) if order.between else law
@@ -200,6 +201,7 @@ def law_of(
         notes=tuple(notes),
         title=shortened("; ".join(subjects.origins)),
         nodes=nodes,
+        sources=tuple(subjects.sources),
     )
 
 

@@ -188,6 +188,12 @@ class Curves:
         return np.array(self.grid) == "" if self.grid else None
 
     @property
+    def resolved_somewhere(self) -> bool:
+        """True if the grid resolves the contact under a load."""
+        resolved = self.resolved
+        return resolved is not None and bool((resolved & (self.at > 0)).any())
+
+    @property
     def banded(self) -> bool:
         """True if any value has a band, beside that of the grid."""
         return any(

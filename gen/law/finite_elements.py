@@ -315,6 +315,8 @@ def _description(
     if law.order.gas is not None and program != "4c":
         yield GAS_IN_WORDS.format(*law.order.gas)
     yield f"Surface: {'; '.join(law.origins)}"
+    for source in law.sources:
+        yield f"From: {source.text}"
     if side:
         closure, conductance = SIDES[side]
         yield f"The {side} side: closure {closure}, conductance {conductance} of the {law.band}."
@@ -400,6 +402,8 @@ def _header_description(law: Law, name: str) -> Iterator[str]:
     if law.order.gas is not None:
         yield GAS_IN_WORDS.format(*law.order.gas)
     yield f"Surface: {'; '.join(law.origins)}"
+    for source in law.sources:
+        yield f"From: {source.text}"
     if law.order.command:
         yield f"Command: {law.order.command}"
     yield f"Made: {datetime.now(UTC).isoformat(timespec='seconds')}, asperity {VERSION} {commit}"
