@@ -189,7 +189,8 @@ def test_a_scene_has_the_patch_of_the_boundary_asked_for(here, monkeypatch, surf
         ask = ["law", "mine.toml", "--surfaces", "2", "--pressure", "0.001,0.01", "--trust"]
         with user_functions.inside(here, monkeypatch, f"samples = 4\n{table}{contact}"):
             assert cli.main([*ask, "--boundary", boundary, "--csv", f"{name}.csv"]) == 0
-    assert Path("free.csv").read_bytes() == Path("own.csv").read_bytes()
+    free, own = (pd.read_csv(f"{name}.csv", dtype=str) for name in ("free", "own"))
+    pd.testing.assert_frame_equal(free.drop(columns="sha256"), own.drop(columns="sha256"))
 
 
 def test_a_law_replaces_no_file_that_its_scene_names(surfaces, monkeypatch, capsys):
