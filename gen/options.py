@@ -243,6 +243,28 @@ class LawOutputs(NamedTuple):
         Units,
         Option(help="Units for CalculiX, Abaqus and 4C: mm (mm, N, s, MPa), si or um (with MPa)."),
     ] = "mm"
+    check: Annotated[
+        bool,
+        Option(
+            "--check/--no-check",
+            help="Solve contacts between the loads too, for files whose programs join the points:"
+            " lay these closely, and say how far off lines are.",
+        ),
+    ] = True
+
+    @property
+    def joined(self) -> tuple[Literal["delta", "pressure"], ...]:
+        """Tables between whose loads contacts are to be solved, for programs that join points."""
+        if not self.check:
+            return ()
+        if self.header is not None:
+            return ("delta", "pressure")
+        return ("pressure",) if self.straight or self.for_4c else ()
+
+    @property
+    def straight(self) -> bool:
+        """Whether programs that join the points by straight lines have files, which are judged."""
+        return self.check and bool(self.calculix or self.abaqus)
 
     def ready(self, stem: Path | None, inputs: Iterable[Path | str]) -> "LawOutputs":
         """Return the files, those that `--output` names among them, once they can be written."""

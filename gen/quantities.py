@@ -72,6 +72,8 @@ class InLaw:
     factor: float = 1.0  # of that unit, in the quantity's own over um2
     noun: str = ""  # what the axes of laws call it; the noun of the quantity if left out
     key: str = ""  # name of the column, with its unit; that of the quantity if left out
+    # Whether functions of a C header go on with its last slope beyond the last point of a table.
+    goes_on: bool = False
     # Whether it follows from predicted quantities, and misses by more than these do.
     derived: bool = False
 
@@ -420,7 +422,7 @@ RECORDS: tuple[Quantity, ...] = (
         stored="always",
         option="always",
         paper_range=(5.0, 45.0),
-        law=InLaw("delta"),
+        law=InLaw("delta", goes_on=True),
     ),
     Quantity(
         name="approach",
@@ -458,7 +460,7 @@ RECORDS: tuple[Quantity, ...] = (
         noun="normal force",
         stored="always",
         option="always",
-        law=InLaw("force"),
+        law=InLaw("force", goes_on=True),
     ),
     Quantity(
         name="nominal_pressure",
@@ -470,7 +472,7 @@ RECORDS: tuple[Quantity, ...] = (
         remark="force over the whole patch",
         key="pressure_MPa",
         option="always",
-        law=InLaw("pressure"),
+        law=InLaw("pressure", goes_on=True),
     ),
     Quantity(
         name="closure",
@@ -480,7 +482,7 @@ RECORDS: tuple[Quantity, ...] = (
         powers=LIKE_HEIGHTS,
         noun="closure",
         cost="a linear solve",
-        law=InLaw("closure", derived=True),
+        law=InLaw("closure", goes_on=True, derived=True),
     ),
     Quantity(
         name="contact_nodes",

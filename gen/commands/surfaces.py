@@ -233,6 +233,8 @@ def law(
         also=require_also(also or []),
         reading=reading,
         opposite=facing.body(reading),
+        between=files.joined,
+        straight=files.straight,
         command=typed(context, "gen"),
     )
     made = by_solver(order)

@@ -6,10 +6,9 @@ its mirror images unless it is told otherwise: what a free patch gives way as a 
 mesh of a finite-element model, not to its interface.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
-from functools import partial
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from bem.contact import mean_conductivity
 from bem.problem import Boundary
 from gen.arrays import Values
 from gen.doubts import Pressed, contact_doubts, material_doubts
+from gen.law.between import check_loads, merged, solve_between
 from gen.law.curves import (
     APART,
     Curves,
@@ -25,7 +25,7 @@ from gen.law.curves import (
     risen,
     tabulated,
 )
-from gen.law.surfaces import LawSurface, LawSurfaces, Load, read_subjects
+from gen.law.surfaces import LawSurface, LawSurfaces, Load, Origin, read_subjects
 from gen.maps.bodies import Opposite
 from gen.maps.contacts import solve_loads
 from gen.maps.settings import Reading
@@ -52,17 +52,37 @@ from gen.runtime.terminal import RunProgress, shortened, shown
 ARGUMENTS: dict[Load, str] = {"delta": DELTA.in_laws, "pressure": PRESSURE.in_laws}
 """Quantity of the arguments of a table by the kind of load."""
 
-LONG = 10**6  # nodes of all contacts together from which on a law shows progress
 FEW = 10  # nodes in contact below which a law shows the grid rather than the surface
+LONG = 10**6  # nodes of all contacts together from which on a law shows progress
+
+PASSES: Mapping[Load, str] = {"delta": "over Delta", "pressure": "over pressure"}
+"""Which contacts the progress counts: a population has one pass for each table."""
+
+BETWEEN: Mapping[Load, str] = {"delta": "between the Deltas", "pressure": "between the pressures"}
+"""The same where contacts are solved between the loads of a table."""
 
 STEPS = 40
 """Number of displacements over the range of a training, where no load is given."""
 
-Solved = tuple[Values, list[Points], list[str]]
-"""Loads that were solved on all surfaces, the points of each surface, and warnings."""
-
 Tables = tuple[Curves, Curves, list[str]]
 """Tables against Delta and against pressure, and remarks about them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """Contacts of all surfaces of a law under the same loads."""
+
+    loads: Values  # ascending loads that were solved on every surface [um or MPa], (k,)
+    points: list[Points]  # of each surface, k contacts each
+    warnings: list[str] = field(default_factory=list)  # reasons to distrust the contacts
+    remarks: list[str] = field(default_factory=list)  # loads that were left out
+
+    @property
+    def full(self) -> bool:
+        """True if a surface is in full contact under the first load, or no load was solved."""
+        return not self.loads.size or any(
+            bool(part.values[AREA.in_laws][0] >= 100) for part in self.points
+        )
 
 
 @dataclass(frozen=True)
@@ -86,6 +106,11 @@ class Order:
     also: tuple[str, ...] = ()  # further quantities by their names, of `gen.quantities.ALSO`
     reading: Reading = field(default_factory=Reading)  # how files are read
     opposite: Opposite | None = None  # second rough body against surfaces from files
+    # Tables between whose loads further contacts are solved, for files whose programs join them.
+    between: tuple[Load, ...] = ()
+    straight: bool = (
+        False  # whether lines between the pressures are judged by contacts of their own
+    )
     command: str = ""  # command line, for the record
 
     def loads(self) -> tuple[Values | None, Values | None]:
@@ -160,6 +185,11 @@ class Law:
     origins: tuple[str, ...]  # surfaces of the law, one line for each input
     notes: tuple[str, ...]  # remarks about the making of the law, one line each
     title: str  # names of the surfaces, with those of the second bodies, on one line
+    nodes: int  # of the smallest surface
+    sources: tuple[Origin, ...] = ()  # the files of its surfaces, and what was done to them
+    between_deltas: Curves | None = None  # further contacts between the points of `over_delta`
+    between_pressures: Curves | None = None  # the same of `over_pressure`; None without any
+    checks: Curves | None = None  # contacts at pressures that judge straight lines
 
 
 def by_solver(order: Order) -> Law:
@@ -174,17 +204,21 @@ def by_solver(order: Order) -> Law:
         hardness = ratio * e_star
     order.refuse_impossible(hardness)
     bodies = Bodies(e_star, hardness, known=order.e_star is not None)
-    lost: list[str] = []  # lines about loads that were not solved on every surface
-    under = partial(_solved, order, subjects.surfaces, bodies, lost)
-    asked: dict[Load, Values | None] = {"delta": deltas, "pressure": pressures}
-    solved = {load: under(load, loads) for load, loads in asked.items() if loads is not None}
-    over_delta, over_pressure = _tables(order, subjects.surfaces, bodies, solved, under)
-    lines = [line for _, _, said in solved.values() for line in said]
-    tables = over_delta, over_pressure, list(dict.fromkeys([*lines, *lost]))
+    solver = Solver(order, subjects.surfaces, bodies)
+    solved: dict[Load, Solved] = {}
+    if deltas is not None:
+        solved["delta"] = solver.solve("delta", deltas)
+    if pressures is not None:
+        solved["pressure"] = solver.solve("pressure", pressures)
+    over_delta, over_pressure, further = _tables(solver, solved)
+    lines = [line for each in solved.values() for line in each.warnings]
+    lines += [line for each in [*solved.values(), *further] for line in each.remarks]
+    tables = over_delta, over_pressure, list(dict.fromkeys(lines))
     one = "none, one surface was solved"
-    if order.grid_error and any(each.curves[CONTINUUM.in_laws].banded.any() for each in tables[:2]):
+    if over_delta.resolved_somewhere or over_pressure.resolved_somewhere:
         one = "the error of the grid, 9 times in 10, of the area in the continuum; one surface"
-    return law_of(order, subjects, bodies, tables, ("solved contact by contact", one))
+    law = law_of(order, subjects, bodies, tables, ("solved contact by contact", one))
+    return _with_contacts_between(law, solver) if order.between else law
 
 
 def law_of(
@@ -195,8 +229,10 @@ def law_of(
     `said` is how the law was made, and what its band is if it has one surface.
     """
     over_delta, over_pressure, remarks = tables
-    over_pressure, full = over_pressure.below_full_contact(bodies)
-    over_delta, also_full = over_delta.below_full_contact(bodies)
+    by_pressure = bool(order.pressure)
+    by_delta = bool(order.delta) or not by_pressure
+    over_pressure, full = over_pressure.below_full_contact(bodies, required=by_pressure)
+    over_delta, also_full = over_delta.below_full_contact(bodies, required=by_delta)
     if order.conductivities is not None:
         factor = mean_conductivity(*order.conductivities) / bodies.e_star
         over_delta = over_delta.with_conductance(factor)
@@ -227,38 +263,153 @@ def law_of(
         origins=tuple(subjects.origins),
         notes=tuple(notes),
         title=shortened("; ".join(subjects.origins)),
+        nodes=nodes,
+        sources=tuple(subjects.sources),
     )
 
 
-def _tables(
-    order: Order,
-    surfaces: Sequence[LawSurface],
-    bodies: Bodies,
-    solved: Mapping[Load, Solved],
-    under: Callable[..., Solved],
-) -> tuple[Curves, Curves]:
-    """Tabulate what was solved against Delta and against pressure; solve further if need be."""
+@dataclass(frozen=True)
+class Solver:
+    """The solver of all surfaces of a law, one load after another."""
+
+    order: Order
+    surfaces: Sequence[LawSurface]
+    bodies: Bodies
+    judges: bool = True  # whether the error of the grid is computed, where it is asked for
+    passes: Mapping[Load, str] = field(default_factory=lambda: PASSES)  # words of the progress
+
+    def solve(self, load: Load, loads: Values) -> Solved:
+        """Solve every surface; keep the loads that are solved on all of them.
+
+        Parameters
+        ----------
+        load : {"delta", "pressure"}
+            Kind of the loads.
+        loads : ndarray, shape (k,)
+            Ascending loads [um or MPa].
+
+        Returns
+        -------
+        Solved
+            Contacts under at least one load.
+
+        Raises
+        ------
+        InputError
+            If a load is not allowed, or none is solved on every surface.
+        """
+        remarks: list[str] = []
+        if load == "delta" and self.bodies.hardness is None:
+            loads, remarks = self._below_full_contact(loads)
+            if not loads.size:
+                raise InputError(f"{remarks[0].partition(':')[0]}: give smaller loads")
+        return self._solve(load, loads, remarks)
+
+    def solve_some(self, load: Load, loads: Values, other: Solved) -> Solved:
+        """Solve every surface as `solve` does, but leave out all loads that are refused.
+
+        There may be no load left, and then there are no contacts of the kind of the `other` ones.
+        """
+        remarks: list[str] = []
+        if load == "delta" and self.bodies.hardness is None:
+            loads, remarks = self._below_full_contact(loads)
+        if loads.size:
+            try:
+                return self._solve(load, loads, remarks)
+            except InputError as error:
+                remarks = [f"warning: not solved, left out: {error}"]
+        nothing = np.empty(0, dtype=np.int64)
+        points = [part.chosen(nothing) for part in other.points]
+        return Solved(np.empty(0), points, remarks=remarks)
+
+    def _below_full_contact(self, loads: Values) -> tuple[Values, list[str]]:
+        """Return displacements below full contact of elastic patches without edges, and a line."""
+        edgeless = [each for each in self.surfaces if each.boundary != "free"]
+        full = min((each.at_rest()[MEAN_GAP.in_laws] for each in edgeless), default=np.inf)
+        possible = loads[loads < (1 - APART) * full]
+        if possible.size == loads.size:
+            return loads, []
+        line = f"full contact from {full:.4g} um on: the table against delta_um ends below it"
+        return possible, [line]
+
+    def _solve(self, load: Load, loads: Values, remarks: list[str]) -> Solved:
+        """Solve every surface under loads that are allowed; see `solve`."""
+        order, surfaces, bodies = self.order, self.surfaces, self.bodies
+        points: list[Points] = []
+        faults_of = []
+        warned: list[str] = []
+        notes: list[str] = []
+        many = len(surfaces) > 1
+        work = len(surfaces) * loads.size
+        long = work * surfaces[0].heights.size >= LONG
+        progress = RunProgress(work, f"contacts {self.passes[load]}") if long else nullcontext()
+        with progress as shown:
+            for surface in surfaces:
+                judged = order.grid_error and self.judges and not points
+                contacts = []
+                for contact in _contacts(order, surface, bodies, load, loads, judged=judged):
+                    contacts.append(contact)
+                    if shown is not None:
+                        shown.advance(1, int(not contact[0]))
+                rows, bars, faults, doubts, pressed = zip(*contacts, strict=True)
+                names = next(filter(None, rows))
+                values = {name: np.array([row.get(name, np.nan) for row in rows]) for name in names}
+                low: dict[str, Values] = {}
+                high: dict[str, Values] = {}
+                grid: tuple[str, ...] = ()
+                if judged:  # the band is the error of the grid
+                    area = CONTINUUM.in_laws
+                    bar = np.array(bars)
+                    low[area] = np.clip(values[area] - bar, *CONTINUUM.bounds)
+                    high[area] = np.clip(values[area] + bar, *CONTINUUM.bounds)
+                    grid = tuple(doubts)
+                points.append(Points(values, low, high, ("",) * loads.size, grid=grid))
+                faults_of.append(faults)
+                if judged and (doubted := loads[np.array(doubts) != ""]).size:
+                    up_to = f"{doubted[-1]:.4g} {LOADS[load].unit}"
+                    at = f"{doubted.size} of {loads.size} loads, up to {up_to}; at the first"
+                    why = next(filter(None, doubts))
+                    notes.append(f"{surface.name}: the area is that of the grid at {at}, {why}")
+                solved = [each for each in pressed if each]
+                warned += contact_doubts(surface.heights, bodies, load, solved)[:1]
+        kept = np.ones(loads.size, dtype=bool)
+        lost = []
+        for place, faults in enumerate(zip(*faults_of, strict=True)):
+            failed = [
+                f"{one.name}: {why}" for one, why in zip(surfaces, faults, strict=True) if why
+            ]
+            if failed:
+                kept[place] = False
+                on = f" on {len(failed)} of {len(points)} surfaces" if many else ""
+                lost.append(f"warning: not solved{on}, left out: {failed[0]}")
+        if not kept.any():
+            raise InputError(f"no load was solved on every surface; {lost[0]}")
+        of = f"{len(warned)} of {len(points)} surfaces, the first: " if many else ""
+        warnings = [f"warning: {of}{line}" for line in warned[:1]]
+        chosen = [part.chosen(kept) for part in points]
+        return Solved(loads[kept], chosen, [*warnings, *notes], [*remarks, *lost])
+
+
+def _tables(solver: Solver, solved: Mapping[Load, Solved]) -> tuple[Curves, Curves, list[Solved]]:
+    """Tabulate what was solved against Delta and against pressure; solve further if need be.
+
+    The last item returned is what was solved for a table that was not asked for.
+    """
+    order, surfaces = solver.order, solver.surfaces
+    further: list[Solved] = []
     made: dict[Load, Curves] = {}
     rests = [surface.at_rest(order.quantities, order.media) for surface in surfaces]
     rest = {name: float(np.mean([each[name] for each in rests])) for name in rests[0]}
     for load, argument in ARGUMENTS.items():
-        loads, parts, _ = solved.get(load) or next(iter(solved.values()))
-        if load not in solved and len(surfaces) > 1:  # solved at the means of the other one's
-            means = np.sort(np.mean([part.values[argument] for part in parts], axis=0))
-            means = means[risen(means)]
-            if load == "pressure" and bodies.hardness is not None:
-                means = means[means < (1 - APART) * bodies.hardness]
-                if not means.size:
-                    raise InputError(
-                        f"every node yields: the pressure is the hardness, {bodies.hardness:.4g}"
-                        " MPa, at all displacements: give smaller ones"
-                    )
-            loads, parts, _ = under(load, means)
-        elif load not in solved:
-            order_of = np.argsort(parts[0].values[argument], kind="stable")
-            rising = order_of[risen(parts[0].values[argument][order_of])]
-            parts = [parts[0].chosen(rising)]
-            loads = parts[0].values[argument]
+        contacts = solved.get(load)
+        if contacts is None:
+            (other,) = solved.values()
+            if len(surfaces) > 1:
+                contacts = _at_loads_of_other_table(load, other, solver)
+                further.append(contacts)
+            else:
+                contacts = _same_contacts(other.points[0], argument)
+        loads, parts = contacts.loads, contacts.points
         if load == "delta" or load not in solved:  # pressures that were given stay alone
             parts = [part.from_rest(each) for part, each in zip(parts, rests, strict=True)]
             loads = np.append(0.0, loads)
@@ -266,77 +417,135 @@ def _tables(
             replace(part, values={name: held(name, each) for name, each in part.values.items()})
             for part in parts
         ]
-        made[load] = tabulated(argument, loads, parts, order.level, rest)
-    return made["delta"], made["pressure"]
+        table = tabulated(argument, loads, parts, order.level, rest)
+        made[load] = replace(table, grid=parts[0].grid)
+    return made["delta"], made["pressure"], further
 
 
-def _solved(
-    order: Order,
-    surfaces: Sequence[LawSurface],
-    bodies: Bodies,
-    lost: list[str],
-    load: Load,
-    loads: Values,
-) -> Solved:
-    """Solve every surface; return the loads solved on all, the points, and warnings."""
-    if load == "delta" and bodies.hardness is None:
-        loads = _below_full_contact(loads, surfaces, lost)
-    points, faults_of, warned, notes = list[Points](), [], list[str](), list[str]()
-    many, work = len(surfaces) > 1, len(surfaces) * loads.size
-    long = work * surfaces[0].heights.size >= LONG
-    with RunProgress(work, "contacts") if long else nullcontext() as told:
-        for surface in surfaces:
-            judged, found = order.grid_error and not points, []
-            for each in _contacts(order, surface, bodies, load, loads, judged=judged):
-                found.append(each)
-                if told is not None:
-                    told.advance(1, int(not each[0]))
-            rows, bars, faults, doubts, pressed = zip(*found, strict=True)
-            names = next(filter(None, rows))
-            values = {name: np.array([row.get(name, np.nan) for row in rows]) for name in names}
-            low, high = (
-                {
-                    CONTINUUM.in_laws: np.clip(
-                        values[CONTINUUM.in_laws] + sign * np.array(bars), 0, 100
-                    )
-                }
-                if judged  # the band is the error of the grid
-                else {}
-                for sign in (-1, 1)
+def _same_contacts(part: Points, argument: str) -> Solved:
+    """Return the contacts of one surface in the order of another argument."""
+    ascending = np.argsort(part.values[argument], kind="stable")
+    chosen = part.chosen(ascending[risen(part.values[argument][ascending])])
+    return Solved(chosen.values[argument], [chosen])
+
+
+def _at_loads_of_other_table(load: Load, other: Solved, solver: Solver) -> Solved:
+    """Solve a population for the table that was not asked for.
+
+    Its loads are the means over the surfaces in the table that was asked for. Unlike surfaces may
+    be pressed flat by the first mean displacement: then the displacements are those of the surface
+    that gives way least. No load is refused here: the table becomes shorter.
+
+    Parameters
+    ----------
+    load : {"delta", "pressure"}
+        Kind of the loads of the table that was not asked for.
+    other : Solved
+        Contacts of each surface at the loads asked for.
+    solver : Solver
+        Solver of the same surfaces.
+
+    Returns
+    -------
+    Solved
+        Contacts of each surface under these loads, of which there may be none.
+    """
+    every = np.stack([part.values[ARGUMENTS[load]] for part in other.points])
+    means = np.sort(every.mean(axis=0))
+    means = means[risen(means)]
+    hardness = solver.bodies.hardness
+    if load == "pressure" and hardness is not None:
+        means = means[means < (1 - APART) * hardness]
+        if not means.size:
+            raise InputError(
+                f"every node yields: the pressure is the hardness, {hardness:.4g} MPa, at all"
+                " displacements: give smaller ones"
             )
-            points.append(Points(values, low, high, ("",) * loads.size))
-            faults_of.append(faults)
-            if judged and (doubted := loads[np.array(doubts) != ""]).size:
-                up_to = f"{doubted[-1]:.4g} {LOADS[load].unit}"
-                at = f"{doubted.size} of {loads.size} loads, up to {up_to}; at the first"
-                why = next(filter(None, doubts))
-                notes.append(f"{surface.name}: the area is that of the grid at {at}, {why}")
-            solved = [each for each in pressed if each]
-            warned += contact_doubts(surface.heights, bodies, load, solved)[:1]
-    kept, before = np.ones(loads.size, dtype=bool), len(lost)
-    for place, faults in enumerate(zip(*faults_of, strict=True)):
-        failed = [f"{each.name}: {why}" for each, why in zip(surfaces, faults, strict=True) if why]
-        if failed:
-            kept[place] = False
-            on = f" on {len(failed)} of {len(points)} surfaces" if many else ""
-            lost.append(f"warning: not solved{on}, left out: {failed[0]}")
-    if not kept.any():
-        raise InputError(f"no load was solved on every surface; {lost[before]}")
-    of = f"{len(warned)} of {len(points)} surfaces, the first: " if many else ""
-    lines = [f"warning: {of}{line}" for line in warned[:1]]
-    return loads[kept], [each.chosen(kept) for each in points], [*lines, *notes]
+    contacts = solver.solve_some(load, means, other)
+    if load == "pressure" or not contacts.full:
+        return contacts
+    least = np.sort(every.min(axis=0))
+    shorter = solver.solve_some(load, least[risen(least)], other)
+    end = f"full contact from {means[0]:.4g} um on: the table against delta_um ends below it"
+    return replace(shorter, remarks=[*(contacts.remarks or [end]), *shorter.remarks])
 
 
-def _below_full_contact(loads: Values, surfaces: Sequence[LawSurface], lost: list[str]) -> Values:
-    """Return the displacements [um] below full contact of elastic patches without edges."""
-    edgeless = [each for each in surfaces if each.boundary != "free"]
-    full = min((each.at_rest()[MEAN_GAP.in_laws] for each in edgeless), default=np.inf)
-    possible, beyond = loads[loads < (1 - APART) * full], f"full contact from {full:.4g} um on"
-    if not possible.size:
-        raise InputError(f"{beyond}: give smaller loads")
-    if possible.size < loads.size:
-        lost.append(f"{beyond}: the table against delta_um ends below it")
-    return possible
+def _with_contacts_between(law: Law, solver: Solver) -> Law:
+    """Return a law with contacts between the points of the tables that its order names."""
+    order = law.order
+    both = "delta" in order.between
+    if not both:  # only what tables of the pressure over the closure hold
+        order = replace(order, grid_error=False, flow=False)
+    between = SolverBetween(law, replace(solver, order=order, judges=False, passes=BETWEEN))
+    law = replace(
+        law, between_pressures=solve_between(law.over_pressure, law.nodes, between.at_pressures)
+    )
+    if order.straight and law.between_pressures is not None:
+        checks = between.at_pressures(check_loads(law.over_pressure), judging=True)
+        law = replace(law, checks=checks)
+    if not both:
+        return law
+    if len(solver.surfaces) > 1:
+        between_deltas = solve_between(law.over_delta, law.nodes, between.at_deltas, rounds=1)
+    else:
+        between_deltas = between.same_over_delta()
+    return replace(law, between_deltas=between_deltas)
+
+
+class SolverBetween:
+    """Solves contacts between the points of a law, as parts of its tables.
+
+    Parameters
+    ----------
+    law : Law
+        The law.
+    solver : Solver
+        Solver of its surfaces.
+    """
+
+    def __init__(self, law: Law, solver: Solver) -> None:
+        self.law = law
+        self.solver = solver
+        self.contacts: list[Solved] = []  # at pressures
+
+    def at_pressures(self, pressures: Values, *, judging: bool = False) -> Curves:
+        """Solve contacts at ascending pressures, (m,) [MPa], some of which may be left out.
+
+        Those for `judging` lines are no part of the law.
+        """
+        contacts = self.solver.solve_some("pressure", pressures, Solved(pressures, []))
+        if contacts.loads.size and not judging:
+            self.contacts.append(contacts)
+        return self._tabulated(self.law.over_pressure, contacts)
+
+    def at_deltas(self, deltas: Values) -> Curves:
+        """Solve contacts at ascending displacements, (m,) [um], some of which may be left out."""
+        contacts = self.solver.solve_some("delta", deltas, Solved(deltas, []))
+        return self._tabulated(self.law.over_delta, contacts)
+
+    def same_over_delta(self) -> Curves | None:
+        """Return the contacts at pressures of one surface against Delta; None without any."""
+        table: Curves | None = None
+        for contacts in self.contacts:
+            again = _same_contacts(contacts.points[0], DELTA.in_laws)
+            further = self._tabulated(self.law.over_delta, again)
+            table = further if table is None else merged(table, further)
+        return table
+
+    def _tabulated(self, table: Curves, contacts: Solved) -> Curves:
+        """Tabulate contacts below full contact as those of a table of the law."""
+        if not contacts.loads.size:
+            return table.chosen(np.zeros(table.at.size, dtype=bool))
+        order = self.solver.order
+        parts = contacts.points
+        further = tabulated(table.against, contacts.loads, parts, order.level, table.rest)
+        if order.conductivities is not None:
+            factor = mean_conductivity(*order.conductivities) / self.law.bodies.e_star
+            further = further.with_conductance(factor)
+        below = further.curves[AREA.in_laws].value < 100
+        for curve in further.curves.values():
+            below &= np.isfinite(curve.value)
+        return further.chosen(below)
 
 
 def _contacts(

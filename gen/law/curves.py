@@ -50,6 +50,9 @@ class Points:
     # that is not so. The last one may be empty.
     reasons: tuple[str, ...] = ()
     endless: tuple[str, ...] = ()
+    # For each load, why the area is that of the grid; "" where the grid resolves the contact, and
+    # no entries where that was not judged.
+    grid: tuple[str, ...] = ()
 
     def changed(self, change: Callable[[str, Values], Values], *reasons: str) -> Points:
         """Return points with all arrays changed by the names of their quantities, and reasons."""
@@ -62,14 +65,18 @@ class Points:
     def chosen(self, places: NDArray[np.bool_] | NDArray[np.int64]) -> Points:
         """Return the points of some of the loads."""
         reasons = np.array(self.reasons, dtype=object)[places]
-        return self.changed(lambda _, each: each[places], *reasons)
+        chosen = self.changed(lambda _, each: each[places], *reasons)
+        if not self.grid:
+            return chosen
+        return replace(chosen, grid=tuple(np.array(self.grid, dtype=object)[places]))
 
     def from_rest(self, rest: Mapping[str, float]) -> Points:
         """Put first touch, Delta = 0 with these values (others are 0), before these loads."""
-        return self.changed(
+        points = self.changed(
             lambda name, each: np.append(rest.get(name, 0.0), each),
             *("", *self.reasons),
         )
+        return replace(points, grid=("", *self.grid) if self.grid else ())
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +105,20 @@ class Curves:
     reasons: tuple[str, ...]  # why there is no band, or what lies outside the training; else ""
     rest: Mapping[str, float]  # where the curves begin, at first touch; those left out at 0
     flagged: NDArray[np.bool_]  # where most surfaces are outside a surrogate's training, (k,)
+    # Why the area is that of the grid, of a population on its first surface; "" where the grid
+    # resolves the contact, and no entries where that was not judged.
+    grid: tuple[str, ...] = ()
+
+    @property
+    def resolved(self) -> NDArray[np.bool_] | None:
+        """True where the grid resolves the contact, (k,); None where that was not judged."""
+        return np.array(self.grid) == "" if self.grid else None
+
+    @property
+    def resolved_somewhere(self) -> bool:
+        """True if the grid resolves the contact under a load."""
+        resolved = self.resolved
+        return resolved is not None and bool((resolved & (self.at > 0)).any())
 
     @property
     def banded(self) -> bool:
@@ -117,14 +138,22 @@ class Curves:
             curves[name] = Curve(value, low, high, slope)
         reasons = tuple(np.array(self.reasons, dtype=object)[places])
         outside, flagged = self.outside[places], self.flagged[places]
+        grid = tuple(np.array(self.grid, dtype=object)[places]) if self.grid else ()
         return replace(
-            self, at=at, curves=curves, outside=outside, reasons=reasons, flagged=flagged
+            self,
+            at=at,
+            curves=curves,
+            outside=outside,
+            reasons=reasons,
+            flagged=flagged,
+            grid=grid,
         )
 
-    def below_full_contact(self, bodies: Bodies) -> tuple[Curves, list[str]]:
+    def below_full_contact(self, bodies: Bodies, *, required: bool) -> tuple[Curves, list[str]]:
         """Return the table up to full contact, where nothing is left of an interface, and a line.
 
         Full contact is where every node touches, or where the stiffness of one surface is infinite.
+        A table that is `required` is refused if nothing is left of it but first touch.
         """
         full = self.curves[AREA.in_laws].value >= 100
         if STIFFNESS.in_laws in self.curves:
@@ -134,7 +163,7 @@ class Curves:
             return self, []
         end = int(np.argmax(full))
         text = f"full contact from {self.at[end]:.4g} {IN_LAWS[self.against].unit} on"
-        if not (self.at[:end] > 0).any():
+        if end == 0 or (required and not (self.at[:end] > 0).any()):
             raise InputError(
                 f"{text}: no law is left below it: give smaller loads; {modulus_in_words(bodies)}"
             )
@@ -283,7 +312,7 @@ def slopes(at: Values, values: Values, rest: float) -> Values:
     """
     from scipy.interpolate import PchipInterpolator
 
-    before = int(at[0] > 0)
+    before = int(at.size > 0 and at[0] > 0)
     whole, heights = (
         np.concatenate([[start] * before, part]) for start, part in ((0.0, at), (rest, values))
     )

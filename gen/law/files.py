@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import astuple
+from dataclasses import asdict, astuple, dataclass
 from datetime import UTC, datetime
 from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gen.law import finite_elements
 from gen.law.contact_law import Law
-from gen.law.curves import Curves
+from gen.law.curves import Curve, Curves
 from gen.options import LawOutputs, Units
 from gen.quantities import AREA, CLOSURE, CONTINUUM, DELTA, IN_LAWS, MEAN_GAP, PRESSURE, STIFFNESS
 from gen.runtime import VERSION
@@ -79,9 +80,11 @@ def write_table(path: Path, law: Law) -> list[Path]:
     """Write a law as CSV: the table against Delta, then the one against pressure.
 
     Columns that are empty throughout, as those of a band that one surface has not, are left out.
+    The first row of each table has the files of the surfaces, their hashes and their preparation.
     """
     rows: list[Row] = []
     for curves in (law.over_delta, law.over_pressure):
+        resolved = curves.resolved
         for place, argument in enumerate(curves.at):
             row: Row = {"against": curves.against, "outside": float(curves.outside[place])}
             if law.bodies.hardness is not None:
@@ -97,7 +100,16 @@ def write_table(path: Path, law: Law) -> list[Path]:
                     for end, part in zip(ENDS, PARTS, strict=True):
                         number = float(getattr(curve, part)[place])
                         row[f"{name}{end}"] = "" if np.isnan(number) else number
-            rows.append({**row, "reason": curves.reasons[place]})
+            row["resolved"] = ""
+            if resolved is not None and argument > 0:
+                row["resolved"] = "yes" if resolved[place] else "no"
+            row["reason"] = curves.reasons[place]
+            first = law.sources if place == 0 else ()
+            files = [file for source in first for file in source.files]
+            row["files"] = "; ".join(file.path for file in files)
+            row["sha256"] = "; ".join(file.sha256 for file in files)
+            row["prepared"] = " | ".join("; ".join(source.steps) for source in first)
+            rows.append(row)
     full = [name for name in rows[0] if any(row[name] != "" for row in rows)]
     write_csv(path, [{name: row[name] for name in full} for row in rows])
     return [path]
@@ -114,6 +126,7 @@ def write_json(path: Path, law: Law) -> list[Path]:
         **dict(zip(GAS_KEYS, law.order.gas or (), strict=False)),
         "boundary": law.boundary,
         "surfaces": list(law.origins),
+        "sources": [asdict(source) for source in law.sources],
         "band": law.band,
         "notes": list(law.notes),
         "command": law.order.command,
@@ -127,6 +140,7 @@ def write_json(path: Path, law: Law) -> list[Path]:
                 "gap_at_rest_um": curves.rest[MEAN_GAP.in_laws],
                 "share_of_surfaces_outside_the_training": curves.outside.tolist(),
                 "reasons": list(curves.reasons),
+                "grid": list(curves.grid),
                 "curves": {
                     name: {
                         part: [each if math.isfinite(each) else None for each in numbers.tolist()]
@@ -155,33 +169,78 @@ further format is a field there, with the end of its files' names, and a line he
 
 
 def draw(figure: Any, law: Law, picture: Path) -> None:
-    """Draw closure, area and stiffness or conductance over pressure, inside the training."""
+    """Draw closure, area and stiffness or conductance over pressure, inside the training.
+
+    Areas are those in the continuum where the grid resolves the contact. Others are those of the
+    nodes, which circles mark.
+    """
     curves = law.over_pressure.chosen(~law.over_pressure.flagged)
-    area = CONTINUUM if CONTINUUM.in_laws in curves.curves else AREA
-    names = [CLOSURE.in_laws, area.in_laws, *_stiffness_or_conductance(curves)]
+    area = drawn_area(curves)
+    panels = [Panel(curves.curves[CLOSURE.in_laws], CLOSURE.label), area]
+    names = [name for name in (curves.conducting, STIFFNESS.in_laws) if name in curves.curves]
+    panels += [Panel(curves.curves[name], IN_LAWS[name].label) for name in names[:1]]
     figure.suptitle(
         f"{law.title}\n{law.bodies.text}; band: {law.band}", fontsize=11, parse_math=False
     )
-    axes, at = figure.subplots(2, len(names)), curves.at
-    for (row, scale), (column, name) in product(enumerate(("linear", "log")), enumerate(names)):
-        axis, curve = axes[row, column], curves.curves[name]
+    axes, at = figure.subplots(2, len(panels)), curves.at
+    for (row, scale), (column, panel) in product(enumerate(("linear", "log")), enumerate(panels)):
+        axis, curve = axes[row, column], panel.curve
         finite = np.isfinite(curve.value)
         drawn = finite & (at > 0) & (curve.value > 0) if scale == "log" else finite
         axis.set(xscale=scale, yscale=scale)
         axis.plot(at[drawn], curve.value[drawn], ".-", color="tab:blue")
+        marked = drawn & panel.of_nodes & (at > 0)
+        if marked.any():
+            axis.plot(
+                at[marked],
+                curve.value[marked],
+                "o",
+                color="tab:orange",
+                fillstyle="none",
+                label="not resolved: area of the nodes",
+            )
+            axis.legend(fontsize=8)
         band = drawn & curve.banded & ((curve.low > 0) | (scale == "linear"))
         if band.any():
             axis.fill_between(at[band], curve.low[band], curve.high[band], alpha=0.25, lw=0)
         axis.grid(alpha=0.3)
         if scale == "linear":
             axis.set(xlim=(0, None), ylim=(0, None))
-        axis.set(xlabel=PRESSURE.label, ylabel=IN_LAWS[name].label)
+        axis.set(xlabel=PRESSURE.label, ylabel=panel.label)
     save(figure, picture)
 
 
-def _stiffness_or_conductance(curves: Curves) -> list[str]:
-    """Return the name of the conductance of all parts, else of the stiffness, if there is one."""
-    for name in (curves.conducting, STIFFNESS.in_laws):
-        if name in curves.curves:
-            return [name]
-    return []
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """What one column of a picture shows over the pressure."""
+
+    curve: Curve
+    label: str
+    of_nodes: NDArray[np.bool_] | bool = False  # where an area is marked as that of the nodes
+
+
+def drawn_area(curves: Curves) -> Panel:
+    """Return the area to draw, which is one in the continuum only where the grid resolves it.
+
+    Parameters
+    ----------
+    curves : Curves
+        Table against pressure.
+
+    Returns
+    -------
+    Panel
+        The area of the nodes if that in the continuum is not known, or is resolved nowhere.
+        Otherwise the area in the continuum, and that of the nodes at loads that are marked.
+    """
+    nodes = curves.curves[AREA.in_laws]
+    continuum = curves.curves.get(CONTINUUM.in_laws)
+    if continuum is None or curves.resolved is None:
+        return Panel(nodes, "area of the nodes in contact [%]")
+    if not curves.resolved_somewhere:
+        return Panel(nodes, "area of the nodes in contact [%]\n(not resolved by the grid)")
+    parts = {
+        part: np.where(curves.resolved, getattr(continuum, part), getattr(nodes, part))
+        for part in ("value", "low", "high", "slope")
+    }
+    return Panel(Curve(**parts), CONTINUUM.label, ~curves.resolved)

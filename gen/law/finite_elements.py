@@ -21,17 +21,29 @@ does so where gap + offset <= 0, and takes pressures as negative, so that deriva
 import re
 import textwrap
 import zlib
-from collections.abc import Iterable, Iterator
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from gen.arrays import Indices, Values
+from gen.arrays import Values
+from gen.law.between import (
+    CLOSER,
+    ENOUGH,
+    MOST_AREA,
+    Column,
+    Deviation,
+    Line,
+    in_range,
+    largest_of,
+    merged,
+)
 from gen.law.contact_law import Law
-from gen.law.curves import risen, slopes
+from gen.law.curves import APART, risen, slopes, trend
 from gen.options import BAND_SIDES, Units
 from gen.quantities import ALSO, CLOSURE, IN_LAWS
 from gen.runtime import VERSION, files
@@ -46,16 +58,8 @@ FAR = np.linspace(10, POINTS + 0.5, POINTS + 2)
 """Overclosures of the 20th to the 41st point, of which the last has the number of points in it
 [unit of length]."""
 
-FINE = 64
-"""Parts of an interval of the law, at whose ends straight lines are set beside its cubic."""
-
-FEWER = {
-    "abaqus": "More pressures bring it nearer.",
-    "calculix": "A table that spans fewer decades of pressure comes nearer.",
-}
-"""What brings straight lines nearer to the law."""
-
-CLOSER = 1e-6  # relative rise of the closure below which a point is left out
+ROUNDING = 1e-4
+"""Distance of a cubic from a contact below which it is rounding or the solver's tolerance [%]."""
 
 LONGEST_NAME = 60
 TEMPERATURE = 293.15
@@ -82,6 +86,11 @@ FUNCTIONS = Path(__file__).parent
 
 GAS_IN_WORDS = "Gas in the gap: conductivity {:g} W/(m K), jump distance {:g} um; its part counts."
 
+BEYOND = (
+    "beyond, the pressure follows the last slope. No contact was computed there. Give larger"
+    " pressures, up to full contact, if your model gets there."
+)
+
 SIDES = {"": ("value", "value"), "soft": ("high", "low"), "stiff": ("low", "high")}
 """What the law and each side of its band take of the curves of closure and conductance."""
 
@@ -99,15 +108,17 @@ def write(path: Path, law: Law, program: Program, units: Units) -> list[Path]:
 
 def write_for_4c(path: Path, law: Law, units: Units) -> list[Path]:
     """Write a law's monotone cubic as the Python file of a contact constitutive law of 4C."""
-    pressures, closures, _ = rising(law)
+    joint = rising(law)
     system = UNITS[units]
-    loads, overclosures = pressures * system.pressure, closures * system.length
+    loads = joint.pressures * system.pressure
+    overclosures = joint.closures * system.length
     columns = {
         "CLOSURES": overclosures,
         "PRESSURES": loads,
-        "SLOPES": slopes(overclosures, loads, 0.0),
+        "SLOPES": _slopes_that_go_on(overclosures, loads),
     }
-    lines = list(_comment(_description(law, "4c", system, pressures, ""), "# "))
+    lines = list(_comment(_description(law, "4c", system, joint.pressures, ""), "# "))
+    lines += _comment([_beside_contacts(law, [_pressure_at_closure(law)])], "# ")
     lines += ["", *(FUNCTIONS / "law_4c.py.in").read_text(encoding="ascii").splitlines()]
     for name, values in columns.items():
         lines += ["", f"{name} = (", *(f"    {value!r}," for value in values.tolist()), ")"]
@@ -115,13 +126,43 @@ def write_for_4c(path: Path, law: Law, units: Units) -> list[Path]:
     return [path]
 
 
-def rising(law: Law, side: str = "") -> tuple[Values, Values, Values | None]:
-    """Return the points inside the training at which closure and pressure rise, from first touch.
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """Points inside the training at which closure and pressure rise, from first touch, (k + 1,)."""
 
-    They are pressures [MPa], closures [um] and, if the law has them, conductances [W/(mm2 K)], of
-    the law itself ("") or of the "soft" or "stiff" side of its band.
+    pressures: Values  # [MPa]
+    closures: Values  # [um]
+    conductances: Values | None  # [W/(mm2 K)]; None if the law has none
+    own: NDArray[np.bool_]  # where the points are those of the law, not contacts between them
+    inside: NDArray[np.bool_]  # where neither few nor nearly all nodes touch
+
+
+def rising(law: Law, side: str = "", *, between: bool = False) -> Joint:
+    """Return the points of a law that tables over the closure hold.
+
+    Parameters
+    ----------
+    law : Law
+        The law.
+    side : {"", "soft", "stiff"}
+        The law itself, or a side of its band.
+    between : bool
+        True to have contacts that were solved between its points, too.
+
+    Returns
+    -------
+    Joint
+        Two points or more.
+
+    Raises
+    ------
+    InputError
+        If the law closes nowhere.
     """
-    table, (closure, conductance) = law.over_pressure, SIDES[side]
+    table = law.over_pressure
+    if between and law.between_pressures is not None:
+        table = merged(table, law.between_pressures)
+    closure, conductance = SIDES[side]
     closures = getattr(table.curves[CLOSURE.in_laws], closure)
     known = table.conducting
     conductances = getattr(table.curves[known], conductance) if known else None
@@ -134,41 +175,117 @@ def rising(law: Law, side: str = "") -> tuple[Values, Values, Values | None]:
         outside = ": no load lies inside the surrogate's training; --solver solves the law"
         ends = outside if table.flagged.any() else ""
         raise InputError(f"the law closes nowhere, so that only tables can be written{ends}")
-    at, closures = (np.append(0.0, part[places]) for part in (table.at, closures))
     if conductances is not None:
         first = law.over_delta.curves[known].value[0]  # of the gas alone
         conductances = np.append(first, conductances[places])
-    return at, closures, conductances
+    inside = in_range(table, law.nodes)[places]
+    return Joint(
+        pressures=np.append(0.0, table.at[places]),
+        closures=np.append(0.0, closures[places]),
+        conductances=conductances,
+        own=np.append(True, np.isin(table.at[places], law.over_pressure.at)),
+        inside=np.append(inside[0], inside),
+    )
 
 
 def _lines(path: Path, law: Law, program: Program, units: UnitSystem, side: str) -> Iterator[str]:
     """Yield the whole file."""
-    pressures, closures, conductances = rising(law, side)
-    points = loads, _ = pressures * units.pressure, closures * units.length
-    at, curve, _ = _cubic(*points)
-    if program == "calculix":
-        points = _for_calculix(*points)
-    yield from _comment(_description(law, program, units, pressures, side), "** ")
-    off = 100 * _off(at, curve, points[1], points[0]).max()
-    straight = "The table is straight between its points: there its pressure is up to"
-    straight += f" {off:.2g} % off the monotone cubic through the law. {FEWER[program]}"
-    yield from _comment([straight], "** ")
+    joint = rising(law, side, between=True)
+    pressure = _pressure_column(joint)
+    calculix = program == "calculix"
+    behaviour = pressure.laid(POINTS - 1, filled=True) if calculix else pressure.laid()
+    closure, conducted = SIDES[side]
+    checked = _beside_checks(law, behaviour, CLOSURE.in_laws, closure)
+    deviations = {"pressure": pressure.deviation(behaviour).or_more(checked)}
+    conducting: Line | None = None
+    if joint.conductances is not None:
+        conductance = _conductance_column(joint, joint.conductances)
+        conducting = conductance.laid(POINTS if calculix else None)
+        checked = _beside_checks(law, conducting, law.over_pressure.conducting, conducted)
+        deviations["conductance"] = conductance.deviation(conducting).or_more(checked)
+    yield from _comment(_description(law, program, units, joint.pressures, side), "** ")
+    yield from _comment([_straight(law, deviations)], "** ")
     name = re.sub(r"[^0-9A-Za-z]+", "_", path.stem).strip("_").upper()[:LONGEST_NAME]
     name = name if name[:1].isalpha() else f"LAW_{name}".rstrip("_")  # a letter first
     yield f"*SURFACE INTERACTION, NAME={name}"
     yield "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TABULAR"
-    for load, overclosure in zip(*points, strict=True):
+    loads = behaviour.values * units.pressure
+    overclosures = behaviour.at * units.length
+    if calculix:
+        loads, overclosures = _with_far_points(loads, overclosures)
+    for load, overclosure in zip(loads, overclosures, strict=True):
         yield f"{load:.10g}, {overclosure:.10g}"  # 20 characters at most, which both programs read
-    if conductances is None:
+    if conducting is None:
         return
-    yield "*GAP CONDUCTANCE" if program == "calculix" else "*GAP CONDUCTANCE, PRESSURE"
-    temperature = f", {TEMPERATURE:.10g}" if program == "calculix" else ""
-    places = np.arange(pressures.size)
-    if program == "calculix" and places.size > POINTS:
-        places = _nearest(pressures, conductances, places[[0, 1, -1]], POINTS)
-    for place in places:
-        conductance = conductances[place] * units.conductance
-        yield f"{conductance:.10g}, {loads[place]:.10g}{temperature}"
+    yield "*GAP CONDUCTANCE" if calculix else "*GAP CONDUCTANCE, PRESSURE"
+    temperature = f", {TEMPERATURE:.10g}" if calculix else ""
+    conductances = conducting.values * units.conductance
+    for value, load in zip(conductances, conducting.at * units.pressure, strict=True):
+        yield f"{value:.10g}, {load:.10g}{temperature}"
+
+
+def _pressure_column(joint: Joint) -> Column:
+    """Return the pressure over the closure."""
+    return Column.through(joint.closures, joint.pressures, joint.own, joint.inside, powers=False)
+
+
+def _conductance_column(joint: Joint, conductances: Values) -> Column:
+    """Return the conductance over the pressure."""
+    return Column.through(joint.pressures, conductances, joint.own, joint.inside, powers=True)
+
+
+def _beside_checks(law: Law, line: Line, quantity: str, part: str) -> Deviation:
+    """Return how far a line is off contacts that had no part in laying its points.
+
+    The line of the closure has pressures over closures, that of a conductance is over pressures.
+    """
+    checks = law.checks
+    if checks is None or quantity not in checks.curves:
+        return Deviation(np.nan, np.nan)
+    values = getattr(checks.curves[quantity], part)
+    at = checks.at
+    solved = values
+    if quantity == CLOSURE.in_laws:
+        at = values
+        solved = checks.at
+    known = np.isfinite(values) & (at >= line.at[1]) & (at <= line.at[-1]) & (solved > 0)
+    lines = np.interp(at[known], line.at, line.values)
+    return largest_of(np.abs(lines / solved[known] - 1), in_range(checks, law.nodes)[known])
+
+
+def _straight(law: Law, deviations: Mapping[str, Deviation]) -> str:
+    """Say how far the straight lines between the points of a table are off the law."""
+    between = law.between_pressures
+    beside = "the curve through the loads of the law, between which no contact was solved"
+    if between is not None:
+        number = between.at.size + (0 if law.checks is None else law.checks.at.size)
+        beside = f"contacts at {number} pressures between the loads of the law"
+    off = f"It is off {beside}, by up to this"
+    return f"The table is straight between its points. {off}, {_in_words(deviations)}."
+
+
+def _in_words(deviations: Mapping[str, Deviation]) -> str:
+    """Say how far each column is off, where neither few nor nearly all nodes touch, and elsewhere.
+
+    A column that is nowhere off, as it has no two loads, is left out.
+    """
+    inside = {name: off.inside for name, off in deviations.items() if off.inside >= 0}
+    outside = {name: off.outside for name, off in deviations.items() if off.outside >= 0}
+    texts = []
+    if inside:
+        where = f"where {ENOUGH} nodes or more and up to {MOST_AREA:g} % of all touch"
+        texts.append(f"{where}: {_percentages(inside)}")
+    if outside:
+        where = "elsewhere" if inside else f"where fewer than {ENOUGH} nodes or nearly all touch"
+        texts.append(f"{where}: {_percentages(outside)}")
+    return "; ".join(texts) or "nowhere, as it has one load"
+
+
+def _percentages(shares: Mapping[str, float]) -> str:
+    """Write shares in per cent beside their names; those of rounding are 0."""
+    percents = {name: 100 * share for name, share in shares.items()}
+    rounded = {name: share if share > ROUNDING else 0.0 for name, share in percents.items()}
+    return ", ".join(f"{name} {share:.2g} %" for name, share in rounded.items())
 
 
 def _comment(paragraphs: Iterable[str], mark: str, width: int = 100) -> Iterator[str]:
@@ -194,6 +311,8 @@ def _description(
     if law.order.gas is not None and program != "4c":
         yield GAS_IN_WORDS.format(*law.order.gas)
     yield f"Surface: {'; '.join(law.origins)}"
+    for source in law.sources:
+        yield f"From: {source.text}"
     if side:
         closure, conductance = SIDES[side]
         yield f"The {side} side: closure {closure}, conductance {conductance} of the {law.band}."
@@ -210,65 +329,28 @@ def _description(
         f"From 0 to the first pressure, {pressures[1]:.6g} MPa, nothing was computed: there"
         f" {between}."
     )
-    conducting = " and the conductance stays the last one" if law.over_pressure.conducting else ""
-    beyond = f"the pressure follows the last slope there{conducting}"
-    if program == "4c":
-        beyond = "both functions raise an error there"
-    yield (
-        f"The law ends at {pressures[-1]:.6g} MPa. No contact was computed beyond: {beyond}. Give"
-        " larger ones, up to full contact, if your model gets there."
-    )
+    yield f"The law ends at {pressures[-1]:.6g} MPa: {BEYOND}"
+    if law.over_pressure.conducting and program != "4c":
+        yield "Beyond its last point the conductance stays the last one."
     if program == "calculix":
         yield (
             f"CalculiX (2.20 and its source of August 2026) reads {POINTS} points and holds the"
             f" pressure behind them. So the first {POINTS - 1} lines of the table are points of the"
-            " monotone cubic through the law, and all others continue its last slope;"
+            " law, laid where straight lines follow it best. All others continue its last slope;"
             f" the overclosure of the last line, {FAR[-1]:g}, is where CalculiX finds the number"
             " of points."
         )
 
 
-def _for_calculix(pressures: Values, closures: Values) -> tuple[Values, Values]:
-    """Return points of the cubic through a law, its own if they fit; then those at `FAR`."""
-    if closures[-1] >= FAR[0]:
-        raise InputError(f"the law closes by {closures[-1]:.4g}: CalculiX takes up to {FAR[0]:g}")
-    at, curve, bends = _cubic(pressures, closures)
-    if closures.size < POINTS:
-        chosen = at[_nearest(at, curve, FINE * np.arange(closures.size), POINTS - 1)]
-    else:  # from the first load on, lines that are about equally far off
-        steps = np.sqrt(np.maximum(bends[FINE:], 1e-6 * bends.max())) * np.gradient(at[FINE:])
-        length = np.append(0.0, np.cumsum((steps[1:] + steps[:-1]) / 2))
-        wanted = np.linspace(0, length[-1], POINTS - 2)
-        chosen = np.append(0.0, np.interp(wanted, length, at[FINE:]))
-    loads = np.interp(chosen, at, curve)
-    slope = (loads[-1] - loads[-2]) / (chosen[-1] - chosen[-2])
-    return np.append(loads, loads[-1] + slope * (FAR - chosen[-1])), np.append(chosen, FAR)
-
-
-def _cubic(pressures: Values, closures: Values) -> tuple[Values, Values, Values]:
-    """Return closures, pressures and curvatures of a law, straight up to its first load."""
-    from scipy.interpolate import PchipInterpolator
-
-    last = closures.size - 1
-    at = np.interp(np.arange(FINE * last + 1) / FINE, np.arange(last + 1), closures)
-    cubic = PchipInterpolator(closures, pressures)
-    curve = np.where(at < closures[1], np.interp(at, closures, pressures), cubic(at))
-    return at, curve, np.abs(cubic(at, 2)) / np.where(curve > 0, curve, np.inf)
-
-
-def _nearest(at: Values, curve: Values, places: Indices, room: int) -> Indices:
-    """Add points of a curve, each where the straight lines are furthest off, until no more fit."""
-    while places.size < min(room, at.size):
-        off = _off(at, curve, at[places], curve[places])
-        off[places] = -1.0
-        places = np.sort(np.append(places, off.argmax()))
-    return places
-
-
-def _off(at: Values, curve: Values, points: Values, values: Values) -> Values:
-    """Return by which share of its value the straight lines between points are off a curve."""
-    lines = np.interp(at, points, values)
-    return np.asarray(np.abs(lines - curve) / np.where(curve > 0, curve, np.inf))
+def _with_far_points(loads: Values, overclosures: Values) -> tuple[Values, Values]:
+    """Append the points at `FAR` on the last slope, in the units of the file."""
+    if overclosures[-1] >= FAR[0]:
+        raise InputError(
+            f"the law closes by {overclosures[-1]:.4g}: CalculiX takes up to {FAR[0]:g}"
+        )
+    slope = (loads[-1] - loads[-2]) / (overclosures[-1] - overclosures[-2])
+    further = loads[-1] + slope * (FAR - overclosures[-1])
+    return np.append(loads, further), np.append(overclosures, FAR)
 
 
 PER_LINE = 5  # numbers in a line of the C header
@@ -281,14 +363,18 @@ def write_header(path: Path, law: Law) -> list[Path]:
         law = replace(law, over_delta=inside[0], over_pressure=inside[1])
     own = re.sub(r"[^0-9A-Za-z]+", "_", path.stem).strip("_")
     name = f"asperity_{own or 'law'}"  # asperity_steel_2 for steel-2.h
-    guard, body = f"{name.upper()}_H", list(_body(law, name))
+    guard = f"{name.upper()}_H"
+    functions = list(_functions(law))
+    body = list(_body(functions, name))
     checksum = f"0x{zlib.crc32(chr(10).join(body).encode()):08x}u"
     # A second law of this name in a program is an error. What is said comes without what could end
     # a comment, splice lines or make a compiler warn, as names may.
     odd = re.compile(r"[^ -~]|[\\?]|\*(?=/)|(?<=/)\*")
+    description = _header_description(law, name)
+    beside = _beside_contacts(law, functions)
     lines = [
         "/*",
-        *_comment((odd.sub("_", each) for each in _header_description(law, name)), " * ", 96),
+        *_comment((odd.sub("_", each) for each in [*description, beside]), " * ", 96),
         " */",
         f"#ifdef {guard}",
         f"#if {guard} != {checksum}",
@@ -312,6 +398,8 @@ def _header_description(law: Law, name: str) -> Iterator[str]:
     if law.order.gas is not None:
         yield GAS_IN_WORDS.format(*law.order.gas)
     yield f"Surface: {'; '.join(law.origins)}"
+    for source in law.sources:
+        yield f"From: {source.text}"
     if law.order.command:
         yield f"Command: {law.order.command}"
     yield f"Made: {datetime.now(UTC).isoformat(timespec='seconds')}, asperity {VERSION} {commit}"
@@ -335,9 +423,14 @@ def _header_description(law: Law, name: str) -> Iterator[str]:
     )
     yield (
         f"{name}_area(delta), {name}_delta_at_pressure(pressure) and the like are monotone cubics;"
-        " _tangent is their slope. Beyond the ends of the tables, values are constant, those"
-        " at the end, and tangents 0: below 0 as at first touch, and up to"
-        f" {law.over_delta.at[-1]:.6g} um and {law.over_pressure.at[-1]:.6g} MPa."
+        " _tangent is their slope. Below 0 they are as at first touch, with tangents of 0."
+    )
+    ends = f"{law.over_delta.at[-1]:.6g} um and {law.over_pressure.at[-1]:.6g} MPa"
+    yield (
+        f"The tables end at {ends}. Pressure, force, Delta and closure follow their last slope"
+        " beyond, as in CalculiX and Abaqus; all other functions stay the last value, with tangents"
+        " of 0. No contact was computed there. Give larger pressures, up to full contact, if your"
+        " model gets there."
     )
 
 
@@ -348,45 +441,167 @@ def short_name(quantity: str) -> str:
     return law.short
 
 
-def _body(law: Law, name: str) -> Iterator[str]:
-    """Yield tables and functions, from first touch on, where the curves over Delta begin."""
-    yield "#include <math.h>"
-    functions = (FUNCTIONS / "law.h.in").read_text(encoding="ascii")
-    yield "\n" + functions.replace("NAME", name)
+def _goes_on(quantity: str) -> bool:
+    """Return whether functions of a quantity go on with their last slope beyond the last point.
+
+    A joint that is pressed further gives way further. All other quantities have a bound, or no
+    known one as conductances, which stay the last in CalculiX and Abaqus too.
+    """
+    law = IN_LAWS[quantity].law
+    return law is not None and law.goes_on
+
+
+@dataclass(frozen=True, eq=False)
+class Function:
+    """A function of the C header: a monotone cubic through points from first touch on."""
+
+    name: str  # without the name of the law
+    argument: str
+    at: Values  # (k,)
+    values: Values  # (k,)
+    goes_on: bool  # with the last slope beyond the last point
+    tangent: bool  # whether its slope is a function too
+    # Contacts that were solved between the points, (m,): arguments, values, and where neither few
+    # nor nearly all nodes touch; none of them if none were solved.
+    between: Values
+    solved: Values
+    inside: NDArray[np.bool_]
+    falls: bool = False
+
+    @property
+    def slopes(self) -> Values:
+        """Slopes of the cubic at its points."""
+        if self.goes_on:
+            return _slopes_that_go_on(self.at, self.values)
+        return slopes(self.at, self.values, float(self.values[0]))
+
+    @property
+    def off(self) -> Deviation:
+        """How far the cubic is off the contacts solved between its points, in shares of these.
+
+        What falls to nothing is off in shares of its value at first touch.
+        """
+        known = np.isfinite(self.solved)
+        if not known.any() or self.at.size < 2 or not np.isfinite(self.values).all():
+            return Deviation(np.nan, np.nan)
+        from scipy.interpolate import PchipInterpolator
+
+        solved = self.solved[known]
+        cubic = PchipInterpolator(self.at, self.values)(self.between[known])
+        unit = np.full(solved.shape, abs(self.values[0])) if self.falls else np.abs(solved)
+        off = np.abs(cubic - solved) / np.where(unit > 0, unit, np.inf)
+        return largest_of(off, self.inside[known])
+
+
+def _functions(law: Law) -> Iterator[Function]:
+    """Yield the functions of the C header, from first touch on, where curves over Delta begin."""
     rest = law.over_delta.curves
-    for curves in (law.over_delta, law.over_pressure):
+    pairs = (law.over_delta, law.between_deltas), (law.over_pressure, law.between_pressures)
+    for curves, between in pairs:
         argument = short_name(curves.against)
         suffix = "_at_pressure" if argument == "pressure" else ""
         missing = curves.at[:1] > 0  # first touch, where pressures were given
-        columns = {}
+        at = np.append(np.zeros(1)[missing], curves.at)
+        inside = np.zeros(0, dtype=bool) if between is None else in_range(between, law.nodes)
         for quantity, curve in curves.curves.items():
-            parts = [("", "value"), ("_low", "low"), ("_high", "high")]
-            banded = curves.banded or curve.banded.all()
-            for end, part in parts if banded else parts[:1]:
-                values, first = getattr(curve, part), np.zeros(1)
+            short = short_name(quantity)
+            parts = {"": "value"}
+            if curves.banded or curve.banded.all():
+                parts |= {"_low": "low", "_high": "high"}
+            for end, part in parts.items():
+                first = np.zeros(1)
                 if IN_LAWS[quantity].at_rest is not None and quantity in rest:
                     first = getattr(rest[quantity], part)[:1]
-                column = f"{short_name(quantity)}{suffix}{end}"
-                columns[column] = np.append(first[missing], values)
-        yield from _tables(name, argument, np.append(np.zeros(1)[missing], curves.at), columns)
-    pressures, closures, _ = rising(law)
-    yield from _tables(name, "closure", closures, {"pressure_at_closure": pressures})
+                solved = np.zeros(0)
+                if between is not None and quantity in between.curves:
+                    solved = getattr(between.curves[quantity], part)
+                yield Function(
+                    name=f"{short}{suffix}{end}",
+                    argument=argument,
+                    at=at,
+                    values=np.append(first[missing], getattr(curve, part)),
+                    goes_on=_goes_on(quantity),
+                    tangent=not end,
+                    between=np.zeros(0) if solved.size == 0 or between is None else between.at,
+                    solved=solved,
+                    inside=inside if solved.size else inside[:0],
+                    falls=trend(quantity) == "falls",
+                )
+    yield _pressure_at_closure(law)
 
 
-def _tables(name: str, argument: str, at: Values, columns: dict[str, Values]) -> Iterator[str]:
-    """Yield the tables of some columns over one argument, and their functions."""
-    size, over = f"{name.upper()}_{argument.upper()}S", f"{name}_{argument}s_table"
-    yield f"#define {size} {at.size}"
-    yield from _array(over, size, at)
-    for column, values in columns.items():
-        own = f"{name}_{column}"
-        yield from _array(f"{own}_table", size, values)
-        yield from _array(f"{own}_slopes", size, slopes(at, values, float(values[0])))
-        tangent = not column.endswith(("_low", "_high"))
-        tables = f"{over}, {own}_table, {own}_slopes, {size}, {argument}"
-        for end, function in (("", "interpolate"), ("_tangent", "slope"))[: 1 + tangent]:
-            yield f"static inline double {own}{end}(double {argument})"
-            yield f"{{ return {name}_{function}({tables}); }}"
+def _pressure_at_closure(law: Law) -> Function:
+    """Return the law of a contact element, which 4C has too."""
+    joint = rising(law)
+    further = law.between_pressures
+    return Function(
+        name="pressure_at_closure",
+        argument="closure",
+        at=joint.closures,
+        values=joint.pressures,
+        goes_on=True,
+        tangent=True,
+        between=np.zeros(0) if further is None else further.curves[CLOSURE.in_laws].value,
+        solved=np.zeros(0) if further is None else further.at,
+        inside=np.zeros(0, dtype=bool) if further is None else in_range(further, law.nodes),
+    )
+
+
+def _beside_contacts(law: Law, functions: Iterable[Function]) -> str:
+    """Say how far monotone cubics are off the contacts solved between their points."""
+    if law.between_pressures is None:
+        return "No contact was solved between the points to compare the cubics with."
+    deviations: dict[str, Deviation] = {}
+    for function in functions:  # a band counts to its function
+        name = function.name.removesuffix("_low").removesuffix("_high")
+        one = deviations.get(name, function.off)
+        deviations[name] = one.or_more(function.off)
+    number = law.between_pressures.at.size
+    off = f"They are off contacts at {number} pressures between the points by up to this"
+    falling = ""
+    if any(function.falls for function in functions):
+        falling = " Of gaps and apertures these are shares of the value at first touch."
+    return f"The cubics go through the loads of the law. {off}, {_in_words(deviations)}.{falling}"
+
+
+def _body(functions: Iterable[Function], name: str) -> Iterator[str]:
+    """Yield the tables of the functions, and the functions."""
+    yield "#include <math.h>"
+    template = (FUNCTIONS / "law.h.in").read_text(encoding="ascii")
+    yield "\n" + template.replace("NAME", name)
+    last = ""
+    for function in functions:
+        argument = function.argument
+        size = f"{name.upper()}_{argument.upper()}S"
+        over = f"{name}_{argument}s_table"
+        if argument != last:
+            yield f"#define {size} {function.at.size}"
+            yield from _array(over, size, function.at)
+            last = argument
+        full = f"{name}_{function.name}"
+        yield from _array(f"{full}_table", size, function.values)
+        yield from _array(f"{full}_slopes", size, function.slopes)
+        tables = f"{over}, {full}_table, {full}_slopes, {size}, {argument}"
+        kind = "" if function.goes_on else "held_"
+        yield f"static inline double {full}(double {argument})"
+        yield f"{{ return {name}_{kind}interpolate({tables}); }}"
+        if function.tangent:
+            yield f"static inline double {full}_tangent(double {argument})"
+            yield f"{{ return {name}_{kind}slope({tables}); }}"
+
+
+def _slopes_that_go_on(at: Values, values: Values) -> Values:
+    """Return the slopes of the monotone cubic, the last one of which is above 0 if values rise.
+
+    A cubic may end level, and a joint would be perfectly soft beyond. There the slope of the last
+    interval takes its place, with which the cubic is monotone too.
+    """
+    tangents = slopes(at, values, float(values[0]))
+    if at.size > 1:
+        secant = (values[-1] - values[-2]) / (at[-1] - at[-2])
+        if tangents[-1] <= APART * secant:  # 0 within rounding
+            tangents[-1] = secant
+    return tangents
 
 
 def _array(name: str, size: str, values: Values) -> Iterator[str]:

@@ -1,5 +1,6 @@
 """The surfaces of a contact law: from files and folders, or the population of a scene."""
 
+import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
@@ -8,11 +9,13 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from bem.problem import Boundary
 from gen.doubts import MOST, STEEP_ROW, steep_slopes
+from gen.generators.scans import ScanSurface
 from gen.maps.bodies import Opposite
 from gen.maps.prepare import read_surface
 from gen.maps.read import Topography, files_in
 from gen.quantities import BODIES_ALONE, MEAN_GAP, Media, Quantity, patch_compliance
 from gen.runtime.errors import InputError
+from gen.runtime.files import digest
 from gen.runtime.terminal import echo
 from gen.scene import Scene, preset_names
 from gen.statistics import rms_slope
@@ -68,6 +71,30 @@ class LawSurface(Topography):
         return patch_compliance(self.posed(e_star))
 
 
+@dataclass(frozen=True)
+class SourceFile:
+    """A file that surfaces of a law come from."""
+
+    path: str
+    sha256: str  # of its content
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where a surface of a law comes from, or all surfaces of a scene."""
+
+    name: str
+    files: tuple[SourceFile, ...]  # the maps of both bodies, or the scene and the maps it names
+    steps: tuple[str, ...]  # the preparation, from the file on; one line a step
+
+    @property
+    def text(self) -> str:
+        """Files with their hashes, and the steps, in one line."""
+        files = "; ".join(f"{file.path} (SHA-256 {file.sha256})" for file in self.files)
+        steps = "; ".join(self.steps)
+        return f"{files}: {steps}" if steps else files
+
+
 @dataclass(frozen=True, eq=False)
 class LawSurfaces:
     """All surfaces of a law, one or more."""
@@ -76,6 +103,7 @@ class LawSurfaces:
     scenes: Sequence[Scene]  # that surfaces were generated from
     origins: Sequence[str]  # descriptions of the surfaces, one line for each input
     doubts: Sequence[str] = ()  # warnings about the maps, each with the name of its input
+    sources: Sequence[Origin] = ()  # the files of the surfaces, and what was done to them
 
     def modulus(self) -> float | None:
         """Return the E* of all scenes [MPa], which have one; None if a surface is from a file."""
@@ -108,6 +136,7 @@ def read_subjects(order: "Order", only: Boundary | None = None) -> LawSurfaces:
     scenes: list[Scene] = []
     origins: list[str] = []
     doubts: list[str] = []
+    sources: list[Origin] = []
     bodies: list[Opposite | None] = [opposite]
     facing = ""
     if opposite is not None:  # a body, or a folder of them
@@ -115,19 +144,7 @@ def read_subjects(order: "Order", only: Boundary | None = None) -> LawSurfaces:
         facing = f" against {opposite.path}"
     for text in order.inputs:
         if (scene := scene_of(text)) is not None:
-            if opposite is not None:
-                raise InputError(
-                    f"--against: {text} is a scene, which names the second body of its surfaces"
-                    " itself: surface.against"
-                )
-            if (own := scene.contact).boundary != boundary:
-                if only:
-                    raise InputError(
-                        f"{text}: has a {own.boundary} boundary, the law a {boundary} one: a law"
-                        " has patches of one boundary, that of its surrogate if there is one"
-                    )
-                change = {"boundary": boundary, "kernel": "uniform-pressure", "far_field": "rigid"}
-                scene = scene.model_copy(update={"contact": own.model_copy(update=change)})
+            scene = _scene_of_law(scene, text, order, boundary, only)
             scenes.append(scene)
             population = list(_population(scene, text, order.surfaces))
             subjects += population
@@ -136,6 +153,7 @@ def read_subjects(order: "Order", only: Boundary | None = None) -> LawSurfaces:
             named = ", ".join(against) if isinstance(against, tuple) else "another of them"
             rough = "" if against is None else f" against {named}"
             origins.append(f"{text}: its first {order.surfaces} surfaces{rough}")
+            sources += _origins_of_scene(scene, text)
             continue
         origins.append(f"{text}{facing}")
         for file, body in product(files_in(Path(text)), bodies):
@@ -147,7 +165,52 @@ def read_subjects(order: "Order", only: Boundary | None = None) -> LawSurfaces:
                 echo(f"  warning: {line}", err=True)
             subjects.append(LawSurface(each.name, each.heights, each.sides, boundary=each.boundary))
             doubts += [f"warning: {text}{facing}: {doubt}" for doubt in each.warnings]
-    return LawSurfaces(subjects, scenes, origins, list(dict.fromkeys(doubts)))
+            paths = [file] if body is None else [file, body.path]
+            sources.append(Origin(each.name, tuple(map(_source, paths)), each.steps))
+    return LawSurfaces(subjects, scenes, origins, list(dict.fromkeys(doubts)), sources)
+
+
+def _scene_of_law(
+    scene: Scene, text: str, order: "Order", boundary: Boundary, only: Boundary | None
+) -> Scene:
+    """Return a scene with the boundary of the law, or refuse it; see `read_subjects`."""
+    if order.opposite is not None:
+        raise InputError(
+            f"--against: {text} is a scene, which names the second body of its surfaces"
+            " itself: surface.against"
+        )
+    contact = scene.contact
+    if contact.boundary == boundary:
+        return scene
+    if only:
+        raise InputError(
+            f"{text}: has a {contact.boundary} boundary, the law a {boundary} one: a law"
+            " has patches of one boundary, that of its surrogate if there is one"
+        )
+    change = {"boundary": boundary, "kernel": "uniform-pressure", "far_field": "rigid"}
+    return scene.model_copy(update={"contact": contact.model_copy(update=change)})
+
+
+def _source(path: Path) -> SourceFile:
+    return SourceFile(str(path), digest(path))
+
+
+def _origins_of_scene(scene: Scene, text: str) -> Iterator[Origin]:
+    """Yield where the surfaces of a scene come from: its file, if it has one, and maps it names."""
+    files = [_source(Path(text))] if Path(text).is_file() else []
+    steps: list[str] = []
+    surface = scene.surface
+    if isinstance(surface, ScanSurface):  # a database knows maps by their content: they may move
+        for bodies in (surface.found, surface.against_found):
+            maps = () if bodies is None else bodies.maps
+            files += [SourceFile(each.file, each.sha256) for each in maps]
+        for name, table in (("reading", surface.reading), ("preparation", surface.preparation)):
+            keys = table.model_dump(exclude_none=True)
+            steps += [f"{name}.{key} = {json.dumps(value)}" for key, value in keys.items()]
+    else:
+        files += [_source(path) for path in surface.sources()]
+    if files:
+        yield Origin(text, tuple(files), tuple(steps))
 
 
 def files_read(inputs: Iterable[str]) -> Iterator[Path | str]:

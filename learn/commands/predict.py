@@ -269,6 +269,8 @@ def law(
         conductivities=require_conductivities(conductivity) if conductivity else None,
         also=require_also(also or []),
         reading=reading,
+        between=files.joined,
+        straight=files.straight,
         command=typed(context, "learn"),
     )
     if solver:

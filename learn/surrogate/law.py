@@ -86,7 +86,10 @@ def make(surrogate: Surrogate, order: Order) -> Law:
     deltas, pressures = order.loads()
     subjects = read_subjects(order, only=surrogate.boundary)
     kept, left_out = _defined(surrogate, subjects.surfaces)
-    subjects = replace(subjects, surfaces=[patch for patch, _ in kept])
+    surfaces = [patch for patch, _ in kept]
+    without = {each.name for each in subjects.surfaces} - {each.name for each in surfaces}
+    sources = [source for source in subjects.sources if source.name not in without]
+    subjects = replace(subjects, surfaces=surfaces, sources=sources)
     hardness = order.hardness
     if hardness is None and (given := subjects.hardness_ratio()) is not None:
         hardness = given * (order.e_star or surrogate.modulus)

@@ -48,8 +48,9 @@ def test_surfaces_without_asperities_are_left_out_of_a_population(work, capsys):
     assert "warning: 1 of 4 surfaces were left out, the first: some/ramp.npy: statistics" in said
     assert "quantiles of 3 surfaces" in said
     mixed = Path("law.csv").read_text()
+    assert "ramp.npy" not in mixed
     run("law", *ask, "many")
-    assert Path("law.csv").read_text() == mixed
+    assert Path("law.csv").read_text() == mixed.replace("some/", "many/")
 
 
 def test_a_predicted_population_has_bands_at_given_pressure(work):
@@ -179,7 +180,7 @@ def test_what_follows_from_predictions_is_withheld_outside_the_training(work, ca
     kept = {f"{float(row['pressure_MPa']):.10g}" for row in rows if row not in flagged}
     behaviour, _, _ = Path("law-abaqus.inp").read_text().partition("*GAP")
     lines = [line.split(",")[0] for line in behaviour.splitlines() if not line.startswith("*")]
-    assert set(lines) - {"0"} <= kept
+    assert max(map(float, lines)) <= max(map(float, kept))
     told = f"define ASPERITY_LAW_PRESSURES {len(kept | {'0'})}"
     assert re.search(rf"{told}\b", Path("law.h").read_text())
     for path in Path().glob("law*"):
