@@ -1,9 +1,9 @@
 """Contact laws: closure, area, mean gap and conductance against Delta and nominal pressure.
 
-A law is that of one surface, or the mean and quantiles over the surfaces of a population, at given
-Delta and at given pressure. The patch is a piece of a larger interface, so that it is continued by
-its mirror images unless it is told otherwise: what a free patch gives way as a whole belongs to the
-mesh of a finite-element model, not to its interface.
+A law is that of one surface, or the mean over the surfaces of a population with the band of a
+further one, at given Delta and at given pressure. The patch is a piece of a larger interface, so
+that it is continued by its mirror images unless it is told otherwise: what a free patch gives way
+as a whole belongs to the mesh of a finite-element model, not to its interface.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -16,6 +16,7 @@ import numpy as np
 from bem.contact import mean_conductivity
 from bem.problem import Boundary
 from gen.arrays import Values
+from gen.law.bands import assumption, described
 from gen.law.curves import (
     APART,
     APERTURES,
@@ -46,6 +47,9 @@ ARGUMENTS: dict[Load, str] = {"delta": "delta_um", "pressure": "pressure_MPa"}
 LONG = 10**6  # nodes of all contacts together from which on a law shows progress
 FEW = 10  # nodes in contact below which a law shows the grid rather than the surface
 
+USUAL_LEVEL = 0.9
+"""Coverage of a band where nobody asks for another one."""
+
 STEPS = 40
 """Number of displacements over the range of a training, where no load is given."""
 
@@ -65,7 +69,7 @@ class Order:
     delta: str = ""
     pressure: str = ""
     surfaces: int = 50  # number of a database's or scene's population
-    level: float = 0.9  # coverage of the band
+    level: float | None = None  # coverage of the band; None for the usual one
     e_star: float | None = None  # [MPa]; by default that of the scene, else 1
     hardness: float | None = None  # of the softer body [MPa]; by default the scene's only one
     boundary: Boundary | None = None  # of the patches; None for the usual one
@@ -77,6 +81,11 @@ class Order:
     reading: Reading = field(default_factory=Reading)  # how files are read
     opposite: Opposite | None = None  # second rough body against surfaces from files
     command: str = ""  # command line, for the record
+
+    @property
+    def coverage(self) -> float:
+        """Coverage of the band."""
+        return USUAL_LEVEL if self.level is None else self.level
 
     def loads(self) -> tuple[Values | None, Values | None]:
         """Return ascending displacements [um] and pressures [MPa], each None if not given."""
@@ -98,6 +107,7 @@ class Law:
     origins: tuple[str, ...]  # surfaces of the law, one line for each input
     notes: tuple[str, ...]  # remarks about the making of the law, one line each
     title: str  # names of the surfaces, with those of the second bodies, on one line
+    names: tuple[str, ...]  # of the surfaces one by one, in the order of `Curve.surfaces`
 
 
 def by_solver(order: Order) -> Law:
@@ -142,12 +152,13 @@ def law_of(
     boundary = subjects.surfaces[0].boundary
     if boundary != "free":
         how += f", patches without edges: {boundary} boundary"
+    assumed = ""
     if len(subjects.surfaces) > 1:
-        share = f"{100 * order.level:g} %"
-        band = f"quantiles of {len(subjects.surfaces)} surfaces, {share} between them"
+        band = described(len(subjects.surfaces), order.coverage)
+        assumed = assumption(len(subjects.surfaces), order.coverage)
     doubts = [each for each in subjects.origins if ": " in each]  # those of scenes
     doubts += [*subjects.doubts, *(f"warning: {each}" for each in bodies.doubts)]
-    notes = [how, *doubts, *remarks, *full, *also_full]
+    notes = [how, *filter(None, [assumed]), *doubts, *remarks, *full, *also_full]
     nodes = min(each.heights.size for each in subjects.surfaces)
     touching = over_pressure.curves["area_percent"].value * nodes / 100
     few = over_pressure.at[(touching > 0) & (touching < FEW)]
@@ -164,6 +175,7 @@ def law_of(
         origins=tuple(subjects.origins),
         notes=tuple(notes),
         title=shortened("; ".join(subjects.origins)),
+        names=tuple(each.name for each in subjects.surfaces),
     )
 
 
@@ -203,7 +215,7 @@ def _tables(
             replace(part, values={name: held(name, each) for name, each in part.values.items()})
             for part in parts
         ]
-        made[load] = tabulated(argument, loads, parts, order.level, rest)
+        made[load] = tabulated(argument, loads, parts, order.coverage, rest)
     return made["delta"], made["pressure"]
 
 

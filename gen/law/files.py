@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import astuple
 from datetime import UTC, datetime
 from itertools import product
 from pathlib import Path
@@ -12,9 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from gen.arrays import Values
 from gen.law import finite_elements
 from gen.law.contact_law import Law
-from gen.law.curves import CONTINUUM, KNOWN, STIFFNESS
+from gen.law.curves import CONTINUUM, KNOWN, STIFFNESS, Curve
 from gen.options import LawOutputs, Units
 from gen.runtime import VERSION
 from gen.runtime.documents import Row, text_of, write_csv
@@ -23,8 +23,8 @@ from gen.runtime.files import write
 from gen.runtime.installation import git_commit
 from gen.runtime.terminal import brief, echo, print_columns
 
-PARTS = ("value", "low", "high", "slope")
-ENDS = ("", "_low", "_high", "_slope")  # ends of the columns' names of these parts
+PARTS = ("value", "low", "high", "slope", "std")
+ENDS = ("", "_low", "_high", "_slope", "_std")  # ends of the columns' names of these parts
 
 GAS_KEYS = ("gas_conductivity_W_per_m_K", "gas_jump_distance_um")
 FORMAT_VERSION = 1  # raised whenever a reader of the last version would misread a file
@@ -77,7 +77,9 @@ def show(law: Law) -> None:
 def write_table(path: Path, law: Law) -> list[Path]:
     """Write a law as CSV: the table against Delta, then the one against pressure.
 
-    Columns that are empty throughout, as those of a band that one surface has not, are left out.
+    Those of a population have its mean, band, slope and standard deviation, and a column for each
+    surface. Columns that are empty throughout, as those of a band that one surface has not, are
+    left out.
     """
     rows: list[Row] = []
     for curves in (law.over_delta, law.over_pressure):
@@ -87,19 +89,29 @@ def write_table(path: Path, law: Law) -> list[Path]:
                 row["hardness_MPa"] = law.bodies.hardness
             if law.boundary != "free":
                 row["boundary"] = law.boundary
+            by_surface: Row = {}
             for name in ("delta_um", *law.over_delta.curves):
                 row |= {f"{name}{end}": "" for end in ENDS}
+                columns = [f"{name}_surface_{number}" for number in range(1, len(law.names) + 1)]
+                by_surface |= dict.fromkeys(columns, "")
                 if name == curves.against:
                     row[name] = float(argument)
                 elif name in curves.curves:
                     curve = curves.curves[name]
                     for end, part in zip(ENDS, PARTS, strict=True):
-                        number = float(getattr(curve, part)[place])
-                        row[f"{name}{end}"] = "" if np.isnan(number) else number
-            rows.append({**row, "reason": curves.reasons[place]})
+                        row[f"{name}{end}"] = _cell(getattr(curve, part)[place])
+                    if curve.surfaces is not None:
+                        numbers = map(_cell, curve.surfaces[:, place])
+                        by_surface |= dict(zip(columns, numbers, strict=True))
+            rows.append({**row, "reason": curves.reasons[place], **by_surface})
     full = [name for name in rows[0] if any(row[name] != "" for row in rows)]
     write_csv(path, [{name: row[name] for name in full} for row in rows])
     return [path]
+
+
+def _cell(number: float) -> float | str:
+    """Return a number for a table, "" for NaN."""
+    return "" if np.isnan(number) else float(number)
 
 
 def write_json(path: Path, law: Law) -> list[Path]:
@@ -113,6 +125,7 @@ def write_json(path: Path, law: Law) -> list[Path]:
         **dict(zip(GAS_KEYS, law.order.gas or (), strict=False)),
         "boundary": law.boundary,
         "surfaces": list(law.origins),
+        "surface_names": list(law.names),
         "band": law.band,
         "notes": list(law.notes),
         "command": law.order.command,
@@ -126,19 +139,27 @@ def write_json(path: Path, law: Law) -> list[Path]:
                 "gap_at_rest_um": curves.rest["mean_gap_um"],
                 "share_of_surfaces_outside_the_training": curves.outside.tolist(),
                 "reasons": list(curves.reasons),
-                "curves": {
-                    name: {
-                        part: [each if math.isfinite(each) else None for each in numbers.tolist()]
-                        for part, numbers in zip(PARTS, astuple(curve), strict=True)
-                    }
-                    for name, curve in curves.curves.items()
-                },
+                "curves": {name: _numbers(curve) for name, curve in curves.curves.items()},
             }
             for curves in (law.over_delta, law.over_pressure)
         ],
     }
     write(path, text_of(content))
     return [path]
+
+
+def _numbers(curve: Curve) -> dict[str, Any]:
+    """Return a curve for JSON; one of a population with a list for each of its surfaces."""
+    numbers: dict[str, Any] = {part: _finite(getattr(curve, part)) for part in PARTS[:4]}
+    if curve.surfaces is not None:
+        numbers["std"] = _finite(curve.std)
+        numbers["by_surface"] = [_finite(each) for each in curve.surfaces]
+    return numbers
+
+
+def _finite(values: Values) -> list[float | None]:
+    """Return numbers for JSON, None for those that are not finite."""
+    return [each if math.isfinite(each) else None for each in values.tolist()]
 
 
 WRITERS: dict[str, Callable[[Path, Law, Units], list[Path]]] = {
@@ -159,7 +180,7 @@ def draw(figure: Any, law: Law, picture: Path) -> None:
     names = ["closure_um", CONTINUUM if CONTINUUM in curves.curves else "area_percent"]
     names += [name for name in (curves.conducting, STIFFNESS) if name in curves.curves][:1]
     figure.suptitle(
-        f"{law.title}\n{law.bodies.text}; band: {law.band}", fontsize=11, parse_math=False
+        f"{law.title}\n{law.bodies.text}\nband: {law.band}", fontsize=11, parse_math=False
     )
     axes, at = figure.subplots(2, len(names)), curves.at
     for (row, scale), (column, name) in product(enumerate(("linear", "log")), enumerate(names)):

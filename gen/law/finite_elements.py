@@ -195,7 +195,17 @@ def _description(
     yield f"Surface: {'; '.join(law.origins)}"
     if side:
         closure, conductance = SIDES[side]
-        yield f"The {side} side: closure {closure}, conductance {conductance} of the {law.band}."
+        yield (
+            f"The {side} side of the band: its {closure} closures and {conductance} conductances,"
+            f" ends at each load by itself and not the curves of one surface. Band: {law.band}."
+        )
+        ends = getattr(law.over_pressure.curves["closure_um"], closure)
+        left_out = np.count_nonzero(ends > 0) - (pressures.size - 1)
+        if left_out:
+            yield (
+                f"{left_out} loads are left out, where this side turns back or has no conductance:"
+                " more surfaces make a smoother band."
+            )
     yield f"Command: {law.order.command}"
     yield f"Made by asperity {VERSION} {git_commit()[:12]}"
     for note in law.notes:

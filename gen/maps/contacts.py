@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -257,6 +257,11 @@ def follow(
                 progress.advance(1, contact is None)
     assert last is not None  # else the last load is refused
     return rows, last, faults, seconds
+
+
+def judged(rows: Sequence[Mapping[str, Any]]) -> list[tuple[float, float, int]]:
+    """Return what `contact_warnings` judges contacts by, from the cells of their answers."""
+    return [(row["delta_um"], row["largest_pressure_MPa"], row["contact_nodes"]) for row in rows]
 
 
 def contact_warnings(

@@ -1,7 +1,8 @@
 """Contact laws that a surrogate predicts.
 
-A law is that of one surface, or the mean and quantiles over the surfaces of a population, with the
-numbers and writers of `gen.law`.
+A law is that of one surface, or the mean over the surfaces of a population with the band of a
+further one, with the numbers and writers of `gen.law`. That band is the scatter of the predictions
+between surfaces: errors of the surrogate are not in it, and a note says so.
 
 Where no surrogate was trained on the mean gap, it follows from the force: it is (z_max - mean z) -
 Delta plus the mean displacement. The latter is linear in the pressures and, for a given patch,
@@ -42,11 +43,16 @@ from gen.runtime.terminal import RunProgress
 from gen.scene import Scene
 from learn.features import SurfaceFeatures, Undefined
 from learn.features.scene import SCENE, shown
+from learn.surrogate.interval import level_note, level_of
 from learn.surrogate.model import OnSurface, Prediction, Surrogate
 
 BEYOND = (1.15, 1.4, 2.0, 3.0)  # further Deltas, over the last: some surfaces reach a pressure late
 CORRECTED = 0.01  # correction for monotone curves, over the largest value, from which on we warn
 FINE = 20  # steps into which an interval of Delta is divided to invert the cubic in it
+PREDICTED_BAND = (
+    "the band is the scatter of the predictions between surfaces: the errors of the surrogate come"
+    " on top of it"
+)
 ROUNDING = 1e-12  # relative distance beyond the last pressure that counts as the last one
 
 
@@ -66,6 +72,9 @@ def make(surrogate: Surrogate, order: Order) -> Law:
     subjects = read_subjects(order, only=surrogate.boundary)
     kept, left_out = _defined(surrogate, subjects.surfaces)
     subjects = replace(subjects, surfaces=[patch for patch, _ in kept])
+    level_notes: list[str] = []
+    if len(kept) == 1:  # a population's band is the scatter between surfaces, at any level
+        order, level_notes = _with_level(surrogate, order)
     hardness = order.hardness
     if hardness is None and (given := subjects.hardness_ratio()) is not None:
         hardness = given * (order.e_star or surrogate.modulus)
@@ -74,14 +83,20 @@ def make(surrogate: Surrogate, order: Order) -> Law:
     if kind == "pressure":
         scale = bodies.e_star / math.sqrt(math.prod(surrogate.card["side"]))
         at = np.geomspace(low, high, STEPS) * scale if asked is None else asked[asked > 0]
-        points = [_predicted(*each, kind, order.level, bodies, at) for each in kept]
+        points = [_predicted(*each, kind, order.coverage, bodies, at) for each in kept]
         tables = _learnt_tables(subjects.surfaces, points, kind, order, bodies)
     else:
         if deltas is None:
             deltas = np.unique(np.linspace(float(low), float(high), STEPS))
         tables = _tables(kept, deltas, pressures, order, bodies)
     over_delta, over_pressure, notes = tables
-    said = f"predicted by {surrogate.card['title']}", f"{100 * order.level:g} % conformal interval"
+    notes = [*level_notes, *notes]
+    if len(kept) > 1:
+        notes = [PREDICTED_BAND, *notes]
+    said = (
+        f"predicted by {surrogate.card['title']}",
+        f"{100 * order.coverage:g} % conformal interval",
+    )
     return law_of(order, subjects, bodies, (over_delta, over_pressure, [*left_out, *notes]), said)
 
 
@@ -103,17 +118,26 @@ def of_parameters(surrogate: Surrogate, order: Order, numbers: Mapping[str, floa
         ends = np.linspace(surrogate.low, surrogate.high, STEPS)
         at = shown(surrogate.features.columns, ends)[:, -1] / unit
     at = at[at > 0]
+    order, level_notes = _with_level(surrogate, order)
     rows = surrogate.of_numbers({**numbers, load: at * unit})
-    answer = surrogate.predict_rows(rows, level=order.level)
+    answer = surrogate.predict_rows(rows, level=order.coverage)
     hardness = numbers.get("hardness")
     if (limits := surrogate.hardness_limits) is not None and hardness is None:
         hardness = numbers.get("hardness_ratio", limits[0]) * surrogate.modulus
     bodies = Bodies(surrogate.modulus, hardness, known=True)
     points = _points_at(answer, kind, at, patch, bodies)
-    tables = _learnt_tables([patch], [points], kind, order, bodies)
+    over_delta, over_pressure, notes = _learnt_tables([patch], [points], kind, order, bodies)
+    tables = over_delta, over_pressure, [*level_notes, *notes]
     subjects = LawSurfaces([patch], [scene], [f"{order.inputs[0]}: {patch.name}"])
-    said = f"predicted by {surrogate.card['title']}", f"{100 * order.level:g} % of new surfaces"
+    said = f"predicted by {surrogate.card['title']}", f"{100 * order.coverage:g} % of new surfaces"
     return law_of(order, subjects, bodies, tables, said)
+
+
+def _with_level(surrogate: Surrogate, order: Order) -> tuple[Order, list[str]]:
+    """Return an order with a level of intervals that holds, and a note on one nobody asked for."""
+    level = level_of(surrogate, order.level)
+    note = level_note(surrogate, level, order.level)
+    return replace(order, level=level), [note] if note else []
 
 
 def _asked(surrogate: Surrogate, order: Order) -> tuple[Load, Values | None]:
@@ -162,7 +186,7 @@ def _learnt_tables(
         if load != kind and len(own) > 1:
             over = np.linspace(0.0, min(each.values[argument][-1] for each in own), STEPS)
             own = [read_at(each, argument, over) for each in own]
-        made[load] = tabulated(argument, over, own, order.level, rest)
+        made[load] = tabulated(argument, over, own, order.coverage, rest)
     alone = [f"only the table over {kind} has a band"] if len(parts) == 1 else []
     return made["delta"], made["pressure"], [*_corrected(made[kind], corrections), *alone]
 
@@ -233,7 +257,7 @@ def _tables(
     rests, parts, whole, corrections = [patch.at_rest() for patch, _ in surfaces], [], [], []
     with RunProgress(len(surfaces), "surfaces") as progress:
         for (patch, on_surface), rest in zip(surfaces, rests, strict=True):
-            predicted = partial(_predicted, patch, on_surface, "delta", order.level, bodies)
+            predicted = partial(_predicted, patch, on_surface, "delta", order.coverage, bodies)
             smooth, correction = monotone(predicted(deltas).from_rest(rest))
             extended = smooth
             with suppress(InputError):  # larger displacements, where they can be predicted
@@ -243,7 +267,7 @@ def _tables(
             corrections.append(correction)
             progress.advance(1, 0)
     rest = {name: float(np.mean([each[name] for each in rests])) for name in rests[0]}
-    over_delta = tabulated("delta_um", np.append(0.0, deltas), parts, order.level, rest)
+    over_delta = tabulated("delta_um", np.append(0.0, deltas), parts, order.coverage, rest)
     notes = _corrected(over_delta, corrections)
     if beyond := sum(share > 0 for share in over_delta.outside):
         many = f"{beyond} of {over_delta.at.size - 1} displacements"
@@ -258,7 +282,7 @@ def _tables(
         )
     chosen, late = _pressures(over_delta, whole, pressures)
     inverted = [at_pressures(each, chosen) for each in whole]
-    over_pressure = tabulated("pressure_MPa", chosen, inverted, order.level, rest)
+    over_pressure = tabulated("pressure_MPa", chosen, inverted, order.coverage, rest)
     return over_delta, over_pressure, [*notes, *late]
 
 
