@@ -118,7 +118,8 @@ def rising(law: Law, side: str = "") -> tuple[Values, Values, Values | None]:
     """Return the points inside the training at which closure and pressure rise, from first touch.
 
     They are pressures [MPa], closures [um] and, if the law has them, conductances [W/(mm2 K)], of
-    the law itself ("") or of the "soft" or "stiff" side of its band.
+    the law itself ("") or of the "soft" or "stiff" side of its band. A side is drawn outwards where
+    it turns back.
     """
     table, (closure, conductance) = law.over_pressure, SIDES[side]
     closures = getattr(table.curves["closure_um"], closure)
@@ -128,16 +129,59 @@ def rising(law: Law, side: str = "") -> tuple[Values, Values, Values | None]:
     if conductances is not None:
         usable &= np.isfinite(conductances)
     places = np.flatnonzero(usable)
-    places = places[risen(closures[places], CLOSER)]
+    closures = outwards(closures[places], closure)
+    places, closures = _apart(places, closures, side)
+    if conductances is not None:
+        whole = outwards(conductances[usable], conductance)
+        conductances = whole[np.searchsorted(np.flatnonzero(usable), places)]
     if not places.size:
         outside = ": no load lies inside the surrogate's training; --solver solves the law"
         ends = outside if table.flagged.any() else ""
         raise InputError(f"the law closes nowhere, so that only tables can be written{ends}")
-    at, closures = (np.append(0.0, part[places]) for part in (table.at, closures))
+    at = np.append(0.0, table.at[places])
+    closures = np.append(0.0, closures)
     if conductances is not None:
         first = law.over_delta.curves[known].value[0]  # of the gas alone
-        conductances = np.append(first, conductances[places])
+        conductances = np.append(first, conductances)
     return at, closures, conductances
+
+
+def outwards(ends: Values, part: str) -> Values:
+    """Make an end of a band rise with the load, without drawing it into the band.
+
+    Every surface rises, but the ends of a band of two or three surfaces are so far from them that
+    they may fall: a high end then stays at its largest value before, and a low one is at its
+    smallest value behind.
+
+    Parameters
+    ----------
+    ends : ndarray, shape (k,)
+        The end at ascending loads.
+    part : {"value", "low", "high"}
+        Which end it is; "value" for the law itself, which is left as it is.
+
+    Returns
+    -------
+    ndarray, shape (k,)
+        The end, nowhere inside the one that was given.
+    """
+    if part == "high":
+        return np.asarray(np.maximum.accumulate(ends))
+    if part == "low":
+        return np.asarray(np.minimum.accumulate(ends[::-1])[::-1])
+    return ends
+
+
+def _apart(places: Indices, closures: Values, side: str) -> tuple[Indices, Values]:
+    """Return the points at which the closure rises, of which the table of a program is made.
+
+    Of points with one closure the first is kept, and for the stiff side the last: straight lines
+    to the next point are then on the outer side of the points between.
+    """
+    kept = risen(closures, CLOSER)
+    if side == "stiff":
+        kept = (closures > 0) & (np.append(closures[1:], np.inf) > (1 + CLOSER) * closures)
+    return places[kept], closures[kept]
 
 
 def _lines(path: Path, law: Law, program: Program, units: UnitSystem, side: str) -> Iterator[str]:
@@ -200,11 +244,10 @@ def _description(
             f" ends at each load by itself and not the curves of one surface. Band: {law.band}."
         )
         ends = getattr(law.over_pressure.curves["closure_um"], closure)
-        left_out = np.count_nonzero(ends > 0) - (pressures.size - 1)
-        if left_out:
+        if (np.diff(ends[np.isfinite(ends)]) < 0).any():
             yield (
-                f"{left_out} loads are left out, where this side turns back or has no conductance:"
-                " more surfaces make a smoother band."
+                "Where its closures turn back, this side is drawn outwards until they rise: a band"
+                " of more surfaces is smoother."
             )
     yield f"Command: {law.order.command}"
     yield f"Made by asperity {VERSION} {git_commit()[:12]}"
