@@ -73,8 +73,11 @@ def make(surrogate: Surrogate, order: Order) -> Law:
     kept, left_out = _defined(surrogate, subjects.surfaces)
     subjects = replace(subjects, surfaces=[patch for patch, _ in kept])
     level_notes: list[str] = []
-    if len(kept) == 1:  # a population's band is the scatter between surfaces, at any level
+    # a population's band is the scatter between surfaces, at any level: its intervals go unused
+    level = min(order.coverage, surrogate.largest_level)
+    if len(kept) == 1:
         order, level_notes = _with_level(surrogate, order)
+        level = order.coverage
     hardness = order.hardness
     if hardness is None and (given := subjects.hardness_ratio()) is not None:
         hardness = given * (order.e_star or surrogate.modulus)
@@ -83,12 +86,12 @@ def make(surrogate: Surrogate, order: Order) -> Law:
     if kind == "pressure":
         scale = bodies.e_star / math.sqrt(math.prod(surrogate.card["side"]))
         at = np.geomspace(low, high, STEPS) * scale if asked is None else asked[asked > 0]
-        points = [_predicted(*each, kind, order.coverage, bodies, at) for each in kept]
+        points = [_predicted(*each, kind, level, bodies, at) for each in kept]
         tables = _learnt_tables(subjects.surfaces, points, kind, order, bodies)
     else:
         if deltas is None:
             deltas = np.unique(np.linspace(float(low), float(high), STEPS))
-        tables = _tables(kept, deltas, pressures, order, bodies)
+        tables = _tables(kept, level, deltas, pressures, order, bodies)
     over_delta, over_pressure, notes = tables
     notes = [*level_notes, *notes]
     if len(kept) > 1:
@@ -248,16 +251,20 @@ def _defined(
 
 def _tables(
     surfaces: Sequence[tuple[LawSurface, OnSurface]],
+    level: float,
     deltas: Values,
     pressures: Values | None,
     order: Order,
     bodies: Bodies,
 ) -> Tables:
-    """Predict all surfaces; tabulate against Delta and against pressure, with lines of warnings."""
+    """Predict all surfaces with intervals of a level, and tabulate them.
+
+    The tables are against Delta and against pressure; lines of warnings come with them.
+    """
     rests, parts, whole, corrections = [patch.at_rest() for patch, _ in surfaces], [], [], []
     with RunProgress(len(surfaces), "surfaces") as progress:
         for (patch, on_surface), rest in zip(surfaces, rests, strict=True):
-            predicted = partial(_predicted, patch, on_surface, "delta", order.coverage, bodies)
+            predicted = partial(_predicted, patch, on_surface, "delta", level, bodies)
             smooth, correction = monotone(predicted(deltas).from_rest(rest))
             extended = smooth
             with suppress(InputError):  # larger displacements, where they can be predicted
