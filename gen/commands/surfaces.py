@@ -5,8 +5,6 @@ from __future__ import annotations
 import typer
 
 from gen import options
-from gen.commands.looks import LookFiles, Looking, look_at_one, look_at_several
-from gen.commands.pressings import ContactFiles, Pressing, press_one, press_several
 from gen.maps.settings import FileReading, Reading
 from gen.material import Bodies
 from gen.runtime.command_line import Trust, grouped, typed
@@ -35,6 +33,7 @@ def describe(
     Several files or folders have a row for each map, then mean and standard deviation. A map that
     cannot be read is named and costs no other.
     """
+    from gen.commands.looks import LookFiles, Looking, look_at_one, look_at_several
     from gen.maps import several
 
     outputs = [Output(table, "--csv"), Output(json, "--json"), Output(spectrum, "--spectrum")]
@@ -88,6 +87,7 @@ def contact(
     map that cannot be read or solved is named and costs no other.
     """
     from bem.threads import cores, default_threads, on_threads
+    from gen.commands.pressings import ContactFiles, Pressing, press_one, press_several
     from gen.maps import contacts, several
 
     load, values = contacts.chosen_load({"delta": delta, "force": force, "pressure": pressure})
