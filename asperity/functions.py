@@ -324,7 +324,8 @@ class SurrogateFunction(Function):
     """A surrogate; its outputs are the predictions of its targets.
 
     The load is Delta [um], or the pressure [MPa] that the surrogate has learnt. One of the scene's
-    own numbers takes theirs, and no surface is made.
+    own numbers takes theirs, and no surface is made. Intervals are of 90 %, or the largest level
+    below that the surrogate reaches: `level`.
 
     Parameters
     ----------
@@ -335,9 +336,11 @@ class SurrogateFunction(Function):
     def __init__(self, path: Path | str) -> None:
         from learn.features.scene import HARDNESSES, SCENE
         from learn.surrogate import Surrogate
+        from learn.surrogate.interval import level_of
 
         self._path = Path(path).absolute()
         self.surrogate = Surrogate.load(self._path)
+        self.level = level_of(self.surrogate, None)
         self.outputs = tuple(self.surrogate.learnt)
         self.of_scene = self.surrogate.features.name == SCENE
         if self.of_scene:
@@ -381,20 +384,20 @@ class SurrogateFunction(Function):
         Returns
         -------
         list of list of float
-            For each output its value, both ends of its 90 % interval, and 1 inside the training, or
-            0 outside.
+            For each output its value, both ends of its interval of `level`, and 1 inside the
+            training, or 0 outside.
         """
         if self.of_scene and where != Where():
             raise InputError("config: the surrogate answers for all surfaces of the parameters")
         if self.of_scene:
             *_, load = self.surrogate.features.names
             given = {load if name == "load" else name: each for name, each in numbers.items()}
-            found = self.surrogate.predict_rows(self.surrogate.of_numbers(given))
+            found = self.surrogate.predict_rows(self.surrogate.of_numbers(given), level=self.level)
         else:
             asked = Question.of(self.scene, self.inputs, numbers, where)
             on_surface = self.surrogate.for_surface(asked.heights, asked.scene.sides)
             (given_load,) = asked.load.values()
-            found = on_surface.predict(given_load, hardness=asked.hardness)
+            found = on_surface.predict(given_load, hardness=asked.hardness, level=self.level)
         parts, inside = (found.values, found.low, found.high), float(found.inside[0])
         return [[*(float(part[name][0]) for part in parts), inside] for name in self.outputs]
 

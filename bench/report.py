@@ -92,7 +92,7 @@ CHAPTERS = {
     "Bodies that yield": ("yielding", "hardness", "yielding-surrogate"),
     "Patches without edges, and theory": ("periodic", "theory"),
     "Stiff and extreme cases": ("stability",),
-    "Laws in CalculiX": ("calculix",),
+    "Laws of interfaces": ("calculix", "bands"),
     "Cores": ("threads", "speedup"),
     "The farm": ("databases", "outputs", "scale", "writers", "faults"),
     "Surrogates: errors and costs": (

@@ -31,15 +31,16 @@ def main(arguments: list[str]) -> tuple[float, float, float]:
     parser.add_argument("--side", type=sides, required=True, help="scan length, or X,Y [um]")
     parser.add_argument("--area", type=float, required=True, help="measured area [%%]")
     parser.add_argument("--hardness", type=float, help="[MPa], if the training has several")
-    parser.add_argument("--level", type=float, default=0.9, help="of the interval")
+    parser.add_argument("--level", type=float, help="of the interval; 0.9, or what it reaches")
     parser.add_argument("--small", action="store_true", help="60 displacements")
     given = parser.parse_args(arguments)
     surrogate = Surrogate.load(given.surrogate)
     if "area" not in surrogate.learnt:
         parser.error(f"{given.surrogate}: predicts {', '.join(surrogate.learnt)}, not the area")
     pressed = surrogate.for_surface(np.load(given.surface), given.side, given.surface)
+    level = given.level or min(0.9, surrogate.largest_level)
     deltas = np.linspace(*surrogate.card["delta"], 60 if given.small else POINTS)
-    answer = pressed.predict(deltas, hardness=given.hardness, level=given.level)
+    answer = pressed.predict(deltas, hardness=given.hardness, level=level)
     # The area grows with Delta; a surrogate need not know that.
     areas = np.maximum.accumulate(answer.area)
     if not areas[0] <= given.area <= areas[-1]:
@@ -50,7 +51,7 @@ def main(arguments: list[str]) -> tuple[float, float, float]:
     delta = float(np.interp(given.area, areas, deltas))
     possible = deltas[(answer.low["area"] <= given.area) & (given.area <= answer.high["area"])]
     low, high = (possible[0], possible[-1]) if possible.size else (delta, delta)
-    interval = f"{given.level:.0%} interval {low:.4g} to {high:.4g} um"
+    interval = f"{level:.0%} interval {low:.4g} to {high:.4g} um"
     print(f"Delta = {delta:.4g} um; {interval if low < high else 'no interval holds this area'}")
     if low == deltas[0] or high == deltas[-1]:
         print("the interval ends with the training range: Delta may lie beyond")

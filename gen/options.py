@@ -33,7 +33,15 @@ Database = Annotated[Path, Argument(metavar="FILE", help="A database (HDF5).")]
 SurfaceFile = Annotated[
     Path, Argument(metavar="SURFACE", help="Heights: .npy, text, instruments' (x3p, sur, gwy ...).")
 ]
+SurfaceFiles = Annotated[
+    list[Path],
+    Argument(
+        metavar="SURFACE...",
+        help="Heights: .npy, text, instruments' (x3p, sur, gwy ...); or several, or folders.",
+    ),
+]
 Table = Annotated[Path | None, _file("Also write a table.", "--csv")]
+Json = Annotated[Path | None, _file("Also write it as JSON.", "--json")]
 Scene = Annotated[str, Argument(metavar="SCENE", help="A shipped scene, as quick, or a TOML file.")]
 NewDatabase = Annotated[Path, Option(*OUT, metavar="FILE", help="The database to write.")]
 ExportFolder = Annotated[Path, Option(*OUT, metavar="FOLDER", help="The folder to write.")]
@@ -113,7 +121,9 @@ Surfaces = Annotated[
     Argument(metavar="INPUT...", help="A surface; or several, folders, databases or scenes."),
 ]
 Population = Annotated[int, Option(min=2, max=10_000, help="Surfaces of a scene or database.")]
-Band = Annotated[float, Option(metavar="SHARE", help="Share of a population in its band.")]
+Band = Annotated[
+    float, Option(metavar="SHARE", help="Share of further surfaces in the band of several.")
+]
 LawFiles = Annotated[
     Path | None,
     Option(*OUT, metavar="NAME", help="Write NAME.csv .json .h _4c.py -calculix.inp -abaqus.inp."),

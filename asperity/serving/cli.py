@@ -72,6 +72,9 @@ def serve(
 
     def tell(*_: object) -> None:
         echo(f"serving {', '.join(names)} at http://{host}:{port} until Ctrl-C")
+        for model in models:
+            if model.remark:
+                echo(f"{model.name}: {model.remark}")
 
     ctrl_c = _CtrlC(workers.close)
 

@@ -1,13 +1,12 @@
 """The models of the server: functions of the solver and of surrogates, of vectors of UM-Bridge."""
 
-import math
 from itertools import chain
 from pathlib import Path
 from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
 
-from asperity.functions import SceneFunction, SurrogateFunction, Unsolved, Where
+from asperity.functions import SceneFunction, SurrogateFunction, Where
 from gen.quantities import QUANTITIES, USUAL
 from gen.runtime.errors import InputError
 from gen.runtime.files import kind_of
@@ -41,6 +40,8 @@ class SolverModel:
     solve.
     """
 
+    remark = ""  # what a user is told of the model when it is served
+
     def __init__(self, scene: Scene, name: str) -> None:
         self.name = name
         self._functions = [SceneFunction(scene), SceneFunction(scene, (*USUAL, STIFFNESS.name))]
@@ -60,13 +61,17 @@ class SolverModel:
 class SurrogateModel:
     """A surrogate: the same inputs; value, both ends of the interval, and 1 inside the training.
 
-    Every target is a vector of four numbers: predicted value, low and high end of its 90 %
-    interval, and 1 where the question lies inside what the surrogate was trained on, else 0.
+    Every target is a vector of four numbers: predicted value, low and high end of its interval, and
+    1 where the question lies inside what the surrogate was trained on, else 0. Intervals are of
+    90 %, or the largest level below that the surrogate reaches.
     """
 
     def __init__(self, path: Path) -> None:
+        from learn.surrogate.interval import level_note
+
         self.name, self._function = path.stem, SurrogateFunction(path)
         self.input_sizes = self._function.inputs.sizes
+        self.remark = level_note(self._function.surrogate, self._function.level, None)
 
     def output_sizes(self, config: Configuration) -> list[int]:
         """Return the sizes of the output vectors, four numbers each."""
@@ -76,19 +81,8 @@ class SurrogateModel:
         """Predict one contact problem."""
         if config.stiffness:
             raise InputError("config.stiffness: a surrogate predicts its targets alone")
-        from learn.surrogate.interval import calibrated_by
-
-        function = self._function
-        numbers = dict(zip(function.names, chain.from_iterable(vectors), strict=True))
-        output = function.predicted(numbers, config.where)
-        for name, (value, *ends) in zip(function.outputs, output, strict=True):
-            if math.isfinite(value) and not all(map(math.isfinite, ends)):
-                raise Unsolved(
-                    f"{name}: its 90 % interval has no end, and JSON has no such number: the"
-                    f" surrogate was calibrated by {calibrated_by(function.surrogate.card)} only:"
-                    " fit it to more"
-                )
-        return output
+        numbers = dict(zip(self._function.names, chain.from_iterable(vectors), strict=True))
+        return self._function.predicted(numbers, config.where)
 
 
 Model = SolverModel | SurrogateModel

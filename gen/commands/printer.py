@@ -14,7 +14,7 @@ from gen.runtime.terminal import echo, print_columns
 from gen.schema import PHYSICS_CHANGES, REASONS, RUNTIME, TABLE_1, Status, made_by_another
 
 if TYPE_CHECKING:  # each command imports no more than it needs
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     from bem import Contact
@@ -22,6 +22,8 @@ if TYPE_CHECKING:  # each command imports no more than it needs
     from gen.maps.contacts import Answer
     from gen.maps.read import Topography
     from gen.maps.texture import SelfAffineFit
+    from gen.material import Bodies
+    from gen.runtime.documents import Row
     from gen.scene import Scene
     from gen.statistics import Description
 
@@ -136,6 +138,13 @@ def print_preparation(topography: Topography, warnings: list[str]) -> None:
         echo(f"warning: {warning}", err=True)
 
 
+def tell_preparation(topography: Topography, warnings: Sequence[str]) -> None:
+    """Print the steps of one of several maps, and the warnings about it, on standard error."""
+    echo(f"{topography.name}: {'; '.join(topography.steps)}", err=True)
+    for warning in warnings:
+        echo(f"  warning: {warning}", err=True)
+
+
 def print_statistics(topography: Topography, found: Description, areal: Description) -> None:
     """Print the 22 statistics of a surface and its areal parameters, and its tilt unless level."""
     from gen.maps.prepare import least_squares
@@ -223,3 +232,52 @@ def print_contacts(rows: Sequence[Sequence[Answer]], contact: Contact, seconds: 
             ("time", f"{1e3 * seconds:.1f}", "ms, the set-up of a first solve included"),
         ]
     )
+
+
+MAIN = (
+    *("nodes_x", "nodes_y", "side_x_um", "side_y_um", "Sq", "Ssk", "Sku", "Sdq", "Sal", "Str"),
+    *("hurst", "roll_off", "cut_off", "nodes_a_wave"),
+)
+"""Columns that `print_looks` shows of each map."""
+
+
+def print_looks(rows: Sequence[Row], units: Mapping[str, str]) -> None:
+    """Print a row for each map with the main numbers, then mean and deviation of all numbers.
+
+    `rows` are those of the maps and of `gen.maps.several.summary`, `units` those of the columns.
+    """
+    titles = ["surface", *MAIN]
+    print_columns([[_title(row), *(_shown(row[name]) for name in MAIN)] for row in rows],
+                  titles, right=MAIN)  # fmt: skip
+    mean, deviation = rows[-2:]
+    lines = [
+        (name, _shown(mean[name]), _shown(deviation[name]), units[name])
+        for name in mean
+        if name in units
+    ]
+    titles = ["statistic", "mean", "standard deviation", "unit"]
+    print_columns(lines, titles, right={"mean", "standard deviation"})
+
+
+def print_pressed_maps(rows: Sequence[Row], column: str, bodies: Bodies) -> None:
+    """Print a table of all maps for each load, which is in a column, with mean and deviation."""
+    hidden = ONE_ONLY | {"row", "surface", "prepared", "warnings", column}
+    hidden |= {"continuum_area_error_percent"}
+    names = [name for name in rows[0] if name not in hidden]
+    for value in dict.fromkeys(row[column] for row in rows):
+        same = [row for row in rows if row[column] == value]
+        echo(f"{column.removeprefix('given_')} = {_shown(value)}; {bodies.text}")
+        lines = [[_title(row), *(_shown(row[name]) for name in names)] for row in same]
+        print_columns(lines, ["surface", *names], right=names)
+
+
+def _title(row: Row) -> str:
+    """Return the name of a map, or "mean" and the like."""
+    return str(row["surface"] if row["row"] == "surface" else row["row"])
+
+
+def _shown(value: float | int | str) -> str:
+    """Return a cell for people: few digits, and - where there is no number."""
+    if isinstance(value, float):
+        return "-" if math.isnan(value) else f"{value:.5g}"
+    return str(value) or "-"

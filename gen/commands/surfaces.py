@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import typer
 
 from gen import options
@@ -12,74 +10,47 @@ from gen.material import Bodies, Gas
 from gen.runtime.command_line import Trust, grouped, typed
 from gen.runtime.errors import InputError
 from gen.runtime.figure import empty_figure
-from gen.runtime.files import Output, atomic, check_outputs
+from gen.runtime.files import Output, check_outputs
 from gen.runtime.terminal import echo
 
 
 @grouped
 def describe(
-    surface: options.SurfaceFile,
+    context: typer.Context,
+    surfaces: options.SurfaceFiles,
     *,
     reading: Reading,
     facing: options.Against,
     boundary: options.Boundary = "free",
     depth: options.Depth = None,
     table: options.Table = None,
+    json: options.Json = None,
     spectrum: options.SpectrumTable = None,
     picture: options.SurfacePicture = None,
 ) -> None:
-    """Print the 22 roughness statistics, the parameters of ISO 25178 and the self-affine law."""
-    from gen import statistics
-    from gen.commands import printer
-    from gen.maps import pictures, texture
-    from gen.maps.prepare import read_surface
-    from gen.runtime.documents import write_csv
-    from gen.schema import TABLE_1
+    """Print the 22 roughness statistics, the parameters of ISO 25178 and the self-affine law.
 
-    outputs = [Output(table, "--csv"), Output(spectrum, "--spectrum")]
+    Several files or folders have a row for each map, then mean and standard deviation. A map that
+    cannot be read is named and costs no other.
+    """
+    from gen.commands.looks import LookFiles, Looking, look_at_one, look_at_several
+    from gen.maps import several
+
+    outputs = [Output(table, "--csv"), Output(json, "--json"), Output(spectrum, "--spectrum")]
     outputs.append(Output(picture, "--plot", "picture"))
-    check_outputs(outputs, filter(None, [surface, facing.against]))
-    figure = empty_figure(picture, 10.5, 8.6)
-    topography, warnings = read_surface(surface, reading, boundary, facing.body(reading))
-    printer.print_preparation(topography, warnings)
-    description = statistics.describe(topography.heights, topography.spacing)
-    areal = texture.areal_parameters(topography, depth)
-    printer.print_statistics(topography, description, areal)
-    radial = texture.radial_spectrum(topography)
-    fit = texture.fit_self_affine(topography, radial, areal.values["Str"])
-    nodes = texture.nodes_a_wave(radial, topography.spacing)
-    printer.print_spectrum(fit, nodes)
-    if spectrum is not None and not radial.wavenumbers.size:
-        raise InputError(f"--spectrum {spectrum}: there is none, {fit}")
-    if table is not None:
-        edgeless = {} if topography.boundary == "free" else {"boundary": topography.boundary}
-        row = {
-            **description.values,
-            **dict(zip(("nodes_x", "nodes_y"), topography.heights.shape, strict=True)),
-            **dict(zip(("side_x_um", "side_y_um"), topography.sides, strict=True)),
-            **edgeless,
-            "prepared": "; ".join(topography.steps),
-            "warnings": "; ".join(warnings),
-            **areal.values,
-            **({} if depth is None else {"Smr_depth": depth}),
-            **(dict.fromkeys(texture.LAW, "") if isinstance(fit, str) else fit.values),
-            "law": f"none: {fit}" if isinstance(fit, str) else "; ".join(fit.remarks),
-            "nodes_a_wave": nodes,
-        }
-        units = {column.name: column.unit for column in TABLE_1}
-        units |= {name: unit for name, unit, _ in texture.PARAMETERS} | texture.LAW
-        units |= {"Smr_depth": "um", "nodes_a_wave": "1"}
-        known = "; ".join(f"{name} {units[name]}" for name in row if name in units)
-        write_csv(table, [{**row, "units": known}])
-    if spectrum is not None:
-        write_csv(spectrum, radial.rows())
-    if picture is not None:
-        pictures.draw_surface(figure, topography, radial, fit, picture)
+    check_outputs(outputs, filter(None, [*surfaces, facing.against]))
+    files = LookFiles(table, json, spectrum, picture, command=typed(context, "gen"))
+    looking = Looking(reading, boundary, facing.body(reading), depth)
+    if several.are_several(surfaces):
+        look_at_several(looking, surfaces, files)
+    else:
+        look_at_one(looking, surfaces[0], files)
 
 
 @grouped
 def contact(
-    surface: options.SurfaceFile,
+    context: typer.Context,
+    surfaces: options.SurfaceFiles,
     *,
     delta: options.Delta = "",
     force: options.NormalForce = "",
@@ -99,6 +70,7 @@ def contact(
     conductivity: options.Conductivity = None,
     threads: options.Threads = None,
     table: options.Table = None,
+    json: options.Json = None,
     picture: options.Picture = None,
     flattened: options.Flattened = None,
 ) -> None:
@@ -110,15 +82,13 @@ def contact(
 
     Give one of --delta, --force and --pressure: a number, or for a law start:stop:count, with :log
     for an even ratio, or several numbers with commas.
-    """
-    import numpy as np
 
+    Several files or folders have a row for each map and load, then mean and standard deviation. A
+    map that cannot be read or solved is named and costs no other.
+    """
     from bem.threads import cores, default_threads, on_threads
-    from gen.commands import printer
-    from gen.doubts import Pressed, contact_doubts, material_doubts
-    from gen.maps import contacts
-    from gen.maps.prepare import read_surface
-    from gen.runtime.documents import write_csv
+    from gen.commands.pressings import ContactFiles, Pressing, press_one, press_several
+    from gen.maps import contacts, several
 
     load, values = contacts.chosen_load({"delta": delta, "force": force, "pressure": pressure})
     if flattened is not None and material.hardness is None:
@@ -126,51 +96,28 @@ def contact(
     if flattened is not None and flattened.suffix.lower() != ".npy":
         raise InputError(f"--flattened {flattened}: give a name that ends in .npy")
     pair = contacts.require_conductivities(conductivity) if conductivity else None
-    wanted = contacts.Wanted(grid_error, spots, flow, stiffness, pair)
-    outputs = [Output(table, "--csv"), Output(picture, "--plot", "picture")]
+    outputs = [Output(table, "--csv"), Output(json, "--json"), Output(picture, "--plot", "picture")]
     outputs.append(Output(flattened, "--flattened", "heights"))
-    check_outputs(outputs, filter(None, [surface, facing.against]))
-    figure = empty_figure(picture, 11, 8.2)
+    check_outputs(outputs, filter(None, [*surfaces, facing.against]))
     bodies = Bodies.of(*material)
-    topography, doubts = read_surface(surface, reading, boundary, facing.body(reading))
     settings = {"modulus": bodies.e_star, "hardness": bodies.hardness, "kernel": kernel}
     settings |= {"far_field": far_field, "rtol": rtol, "max_iterations": max_iterations}
-    solutions = contacts.solve_loads(topography, load, values, **settings)
+    pressing = Pressing(
+        reading=reading,
+        boundary=boundary,
+        body=facing.body(reading),
+        load=load,
+        values=values,
+        wanted=contacts.Wanted(grid_error, spots, flow, stiffness, pair),
+        bodies=bodies,
+        settings=settings,
+    )
+    files = ContactFiles(table, json, picture, flattened, command=typed(context, "gen"))
     with on_threads(threads or default_threads(cores())):
-        found, last, faults, seconds = contacts.follow(solutions, len(values), wanted)
-    rows: list[dict[str, Any]] = [{each.column: each.value for each in row} for row in found]
-    solved = [
-        Pressed(row["delta_um"], row["largest_pressure_MPa"], row["contact_nodes"]) for row in rows
-    ]
-    warnings = [*material_doubts(bodies), *doubts]
-    warnings += contact_doubts(topography.heights, bodies, load, solved)
-    warnings += faults
-    printer.print_preparation(topography, warnings)
-    printer.print_contacts(found, last, seconds)
-    if remark := contacts.border_remark(topography, last, len(found)):
-        echo(f"{topography.name}: {remark}")
-    if table is not None:
-        said = {"prepared": "; ".join(topography.steps), "warnings": "; ".join(warnings)}
-        write_csv(table, [{**row, **said} for row in rows])
-    if flattened is not None:
-        if faults:
-            raise InputError(f"--flattened {flattened}: not written, as not every load was solved")
-        with atomic(flattened, "heights") as file:
-            np.save(file, last.flattened)
-    if picture is not None:
-        from gen.maps.pictures import draw_contacts
-
-        draw_contacts(
-            figure,
-            last,
-            rows,
-            picture,
-            name=topography.name,
-            load=load,
-            bodies=bodies,
-            warnings=warnings,
-            wanted=wanted,
-        )
+        if several.are_several(surfaces):
+            press_several(pressing, surfaces, files)
+        else:
+            press_one(pressing, surfaces[0], files)
 
 
 @grouped
@@ -198,7 +145,8 @@ def law(
 ) -> None:
     """Tabulate the law of an interface: closure, area, gap, conductance over nominal pressure.
 
-    The solver presses one surface, or a population, whose means and quantiles the tables then hold.
+    The solver presses one surface, or a population. The tables then hold means, and a band in which
+    a further surface lies, at each load by itself.
     The patch is a piece of a larger interface, continued by its mirror images, so that the closure
     is the interface's alone: what a mesh adds to the bodies' own deformation.
     """

@@ -1,9 +1,9 @@
 """Contact laws: closure, area, mean gap and conductance against Delta and nominal pressure.
 
-A law is that of one surface, or the mean and quantiles over the surfaces of a population, at given
-Delta and at given pressure. The patch is a piece of a larger interface, so that it is continued by
-its mirror images unless it is told otherwise: what a free patch gives way as a whole belongs to the
-mesh of a finite-element model, not to its interface.
+A law is that of one surface, or the mean over the surfaces of a population with the band of a
+further one, at given Delta and at given pressure. The patch is a piece of a larger interface, so
+that it is continued by its mirror images unless it is told otherwise: what a free patch gives way
+as a whole belongs to the mesh of a finite-element model, not to its interface.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,6 +16,7 @@ from bem.contact import mean_conductivity
 from bem.problem import Boundary
 from gen.arrays import Values
 from gen.doubts import Pressed, contact_doubts, material_doubts
+from gen.law.bands import assumption, described
 from gen.law.between import check_loads, merged, solve_between
 from gen.law.curves import (
     APART,
@@ -61,6 +62,9 @@ PASSES: Mapping[Load, str] = {"delta": "over Delta", "pressure": "over pressure"
 BETWEEN: Mapping[Load, str] = {"delta": "between the Deltas", "pressure": "between the pressures"}
 """The same where contacts are solved between the loads of a table."""
 
+USUAL_LEVEL = 0.9
+"""Coverage of a band where nobody asks for another one."""
+
 STEPS = 40
 """Number of displacements over the range of a training, where no load is given."""
 
@@ -94,7 +98,7 @@ class Order:
     delta: str = ""
     pressure: str = ""
     surfaces: int = 50  # number of a database's or scene's population
-    level: float = 0.9  # coverage of the band
+    level: float | None = None  # coverage of the band; None for the usual one
     e_star: float | None = None  # [MPa]; by default that of the scene, else 1
     hardness: float | None = None  # of the softer body [MPa]; by default the scene's only one
     boundary: Boundary | None = None  # of the patches; None for the usual one
@@ -112,6 +116,11 @@ class Order:
         False  # whether lines between the pressures are judged by contacts of their own
     )
     command: str = ""  # command line, for the record
+
+    @property
+    def coverage(self) -> float:
+        """Coverage of the band."""
+        return USUAL_LEVEL if self.level is None else self.level
 
     def loads(self) -> tuple[Values | None, Values | None]:
         """Return ascending displacements [um] and pressures [MPa], each None if not given."""
@@ -186,6 +195,7 @@ class Law:
     notes: tuple[str, ...]  # remarks about the making of the law, one line each
     title: str  # names of the surfaces, with those of the second bodies, on one line
     nodes: int  # of the smallest surface
+    names: tuple[str, ...]  # of the surfaces one by one, in the order of `Curve.surfaces`
     sources: tuple[Origin, ...] = ()  # the files of its surfaces, and what was done to them
     between_deltas: Curves | None = None  # further contacts between the points of `over_delta`
     between_pressures: Curves | None = None  # the same of `over_pressure`; None without any
@@ -241,12 +251,13 @@ def law_of(
     boundary = subjects.surfaces[0].boundary
     if boundary != "free":
         how += f", patches without edges: {boundary} boundary"
+    assumed = ""
     if len(subjects.surfaces) > 1:
-        share = f"{100 * order.level:g} %"
-        band = f"quantiles of {len(subjects.surfaces)} surfaces, {share} between them"
+        band = described(len(subjects.surfaces), order.coverage)
+        assumed = assumption(len(subjects.surfaces), order.coverage)
     doubts = [each for each in subjects.origins if ": " in each]  # those of scenes
     doubts += [*subjects.doubts, *(f"warning: {each}" for each in material_doubts(bodies))]
-    notes = [how, *doubts, *remarks, *full, *also_full]
+    notes = [how, *filter(None, [assumed]), *doubts, *remarks, *full, *also_full]
     nodes = min(each.heights.size for each in subjects.surfaces)
     touching = over_pressure.curves[AREA.in_laws].value * nodes / 100
     few = over_pressure.at[(touching > 0) & (touching < FEW)]
@@ -265,6 +276,7 @@ def law_of(
         title=shortened("; ".join(subjects.origins)),
         nodes=nodes,
         sources=tuple(subjects.sources),
+        names=tuple(each.name for each in subjects.surfaces),
     )
 
 
@@ -417,7 +429,7 @@ def _tables(solver: Solver, solved: Mapping[Load, Solved]) -> tuple[Curves, Curv
             replace(part, values={name: held(name, each) for name, each in part.values.items()})
             for part in parts
         ]
-        table = tabulated(argument, loads, parts, order.level, rest)
+        table = tabulated(argument, loads, parts, order.coverage, rest)
         made[load] = replace(table, grid=parts[0].grid)
     return made["delta"], made["pressure"], further
 
@@ -538,7 +550,7 @@ class SolverBetween:
             return table.chosen(np.zeros(table.at.size, dtype=bool))
         order = self.solver.order
         parts = contacts.points
-        further = tabulated(table.against, contacts.loads, parts, order.level, table.rest)
+        further = tabulated(table.against, contacts.loads, parts, order.coverage, table.rest)
         if order.conductivities is not None:
             factor = mean_conductivity(*order.conductivities) / self.law.bodies.e_star
             further = further.with_conductance(factor)

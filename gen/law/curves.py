@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from gen.arrays import Values
 from gen.doubts import modulus_in_words
+from gen.law.bands import further_surface
 from gen.material import Bodies
 from gen.quantities import (
     AREA,
@@ -87,6 +88,15 @@ class Curve:
     low: Values
     high: Values
     slope: Values  # per unit of the argument
+    surfaces: Values | None = None  # of each of the K surfaces of a population, (K, k)
+
+    @property
+    def std(self) -> Values:
+        """Standard deviation over the surfaces, by K - 1, (k,); NaN for one surface."""
+        if self.surfaces is None:
+            return np.full(self.value.size, np.nan)
+        with np.errstate(invalid="ignore"):  # of infinite stiffnesses, which have none
+            return np.asarray(self.surfaces.std(axis=0, ddof=1))
 
     @property
     def banded(self) -> NDArray[np.bool_]:
@@ -135,7 +145,8 @@ class Curves:
         for name, curve in self.curves.items():
             value, low, high = (part[places] for part in (curve.value, curve.low, curve.high))
             slope = slopes(at, value, self.rest.get(name, 0.0))
-            curves[name] = Curve(value, low, high, slope)
+            surfaces = None if curve.surfaces is None else curve.surfaces[:, places]
+            curves[name] = Curve(value, low, high, slope, surfaces)
         reasons = tuple(np.array(self.reasons, dtype=object)[places])
         outside, flagged = self.outside[places], self.flagged[places]
         grid = tuple(np.array(self.grid, dtype=object)[places]) if self.grid else ()
@@ -175,8 +186,14 @@ class Curves:
         if STIFFNESS.in_laws not in self.curves:
             return self
         own = self.curves[STIFFNESS.in_laws]
-        parts = (per_stiffness * part for part in (own.value, own.low, own.high, own.slope))
-        more = {**self.curves, CONDUCTANCE.in_laws: Curve(*parts)}
+        conductance = Curve(
+            value=per_stiffness * own.value,
+            low=per_stiffness * own.low,
+            high=per_stiffness * own.high,
+            slope=per_stiffness * own.slope,
+            surfaces=None if own.surfaces is None else per_stiffness * own.surfaces,
+        )
+        more = {**self.curves, CONDUCTANCE.in_laws: conductance}
         return replace(
             self, curves={name: more[name] for name in LAW_COLUMNS[self.against] if name in more}
         )
@@ -193,11 +210,12 @@ def tabulated(
 ) -> Curves:
     """Put the points of one surface or many, at the same ascending arguments (k,), into one table.
 
-    The values and intervals of one surface are those of its points. Those of a population are mean
-    and quantiles over the surfaces at the same argument, with a share `level` between them. There
-    is no band outside the surrogate's training: for one surface at points with a reason, for a
-    population where more surfaces are outside than the band leaves out on each side. Where most
-    are, closure, stiffness and conductance are NaN. A value that is not finite is refused.
+    The values and intervals of one surface are those of its points. Those of a population are the
+    mean over the surfaces at the same argument, and the band of a further surface with a chance of
+    `level` (`gen.law.bands`). There is no band outside the surrogate's training: for one surface at
+    points with a reason, for a population where more surfaces are outside than the band leaves out
+    on each side. Where most are, closure, stiffness and conductance are NaN. A value that is not
+    finite is refused.
     """
     outside = np.array([[bool(reason) for reason in part.reasons] for part in parts]).mean(axis=0)
     reasons = []  # of one surface all; of many how many are outside, and the first of its reasons
@@ -220,16 +238,21 @@ def tabulated(
             raise InputError(f"{name} of the law has values that are not finite: no law holds here")
         low, high = (each.get(name, nowhere) for each in (parts[0].low, parts[0].high))
         if len(parts) > 1:
-            with np.errstate(invalid="ignore"):  # of infinite stiffnesses, which leave no band
-                low, high = np.quantile(whole, [(1 - level) / 2, (1 + level) / 2], axis=0)
+            low, high = further_surface(whole, level, percent=name.endswith("_percent"))
+            touching = (at == 0) & (whole == 0).all(axis=0)  # first touch is 0 on all surfaces
+            low[touching] = 0.0
+            high[touching] = 0.0
         low, high = np.minimum(low, value), np.maximum(high, value)
         slope = slopes(at, value, rest.get(name, 0.0))
         unknown = withheld | ~np.isfinite(low + high)  # an interval without an end is none
         low[unknown], high[unknown] = np.nan, np.nan
         # Those that follow from predicted ones miss by more, and are not given outside at all.
         if _is_derived(name):
-            value, slope = (np.where(outside > MOST, np.nan, each) for each in (value, slope))
-        curves[name] = Curve(value, low, high, slope)
+            value, slope, whole = (
+                np.where(outside > MOST, np.nan, each) for each in (value, slope, whole)
+            )
+        surfaces = whole if len(parts) > 1 else None
+        curves[name] = Curve(value, low, high, slope, surfaces)
     return Curves(against, at, curves, outside, tuple(reasons), rest, outside > MOST)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, astuple, dataclass
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from itertools import product
 from pathlib import Path
@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gen.arrays import Values
 from gen.law import finite_elements
 from gen.law.contact_law import Law
 from gen.law.curves import Curve, Curves
@@ -25,8 +26,8 @@ from gen.runtime.files import write
 from gen.runtime.installation import git_commit
 from gen.runtime.terminal import brief, echo, print_columns
 
-PARTS = ("value", "low", "high", "slope")
-ENDS = ("", "_low", "_high", "_slope")  # ends of the columns' names of these parts
+PARTS = ("value", "low", "high", "slope", "std")
+ENDS = ("", "_low", "_high", "_slope", "_std")  # ends of the columns' names of these parts
 
 GAS_KEYS = ("gas_conductivity_W_per_m_K", "gas_jump_distance_um")
 FORMAT_VERSION = 1  # raised whenever a reader of the last version would misread a file
@@ -79,40 +80,82 @@ def show(law: Law) -> None:
 def write_table(path: Path, law: Law) -> list[Path]:
     """Write a law as CSV: the table against Delta, then the one against pressure.
 
-    Columns that are empty throughout, as those of a band that one surface has not, are left out.
-    The first row of each table has the files of the surfaces, their hashes and their preparation.
+    Those of a population have its mean, band, slope and standard deviation, and a column for each
+    surface. Columns that are empty throughout, as those of a band that one surface has not, are
+    left out. The first row of each table has the files of the surfaces, their hashes and their
+    preparation.
     """
     rows: list[Row] = []
     for curves in (law.over_delta, law.over_pressure):
-        resolved = curves.resolved
-        for place, argument in enumerate(curves.at):
-            row: Row = {"against": curves.against, "outside": float(curves.outside[place])}
-            if law.bodies.hardness is not None:
-                row["hardness_MPa"] = law.bodies.hardness
-            if law.boundary != "free":
-                row["boundary"] = law.boundary
-            for name in (DELTA.in_laws, *law.over_delta.curves):
-                row |= {f"{name}{end}": "" for end in ENDS}
-                if name == curves.against:
-                    row[name] = float(argument)
-                elif name in curves.curves:
-                    curve = curves.curves[name]
-                    for end, part in zip(ENDS, PARTS, strict=True):
-                        number = float(getattr(curve, part)[place])
-                        row[f"{name}{end}"] = "" if np.isnan(number) else number
-            row["resolved"] = ""
-            if resolved is not None and argument > 0:
-                row["resolved"] = "yes" if resolved[place] else "no"
+        for place in range(curves.at.size):
+            about = _about_the_load(law, curves, place)
+            record = _record_of_the_files(law if place == 0 else None)
+            surfaces = _of_each_surface(law, curves, place)
+            row: Row = {**about, **_of_the_law(law, curves, place)}
+            row["resolved"] = _resolved(curves, place)
             row["reason"] = curves.reasons[place]
-            first = law.sources if place == 0 else ()
-            files = [file for source in first for file in source.files]
-            row["files"] = "; ".join(file.path for file in files)
-            row["sha256"] = "; ".join(file.sha256 for file in files)
-            row["prepared"] = " | ".join("; ".join(source.steps) for source in first)
-            rows.append(row)
+            rows.append({**row, **record, **surfaces})
     full = [name for name in rows[0] if any(row[name] != "" for row in rows)]
     write_csv(path, [{name: row[name] for name in full} for row in rows])
     return [path]
+
+
+def _about_the_load(law: Law, curves: Curves, place: int) -> Row:
+    """Return what a row of a table is about, and the share of surfaces outside a training."""
+    row: Row = {"against": curves.against, "outside": float(curves.outside[place])}
+    if law.bodies.hardness is not None:
+        row["hardness_MPa"] = law.bodies.hardness
+    if law.boundary != "free":
+        row["boundary"] = law.boundary
+    return row
+
+
+def _of_the_law(law: Law, curves: Curves, place: int) -> Row:
+    """Return the cells of a row with all parts of all curves, "" for those that it has not."""
+    row: Row = {}
+    for name in (DELTA.in_laws, *law.over_delta.curves):
+        row |= {f"{name}{end}": "" for end in ENDS}
+        if name == curves.against:
+            row[name] = float(curves.at[place])
+        elif name in curves.curves:
+            for end, part in zip(ENDS, PARTS, strict=True):
+                row[f"{name}{end}"] = _cell(getattr(curves.curves[name], part)[place])
+    return row
+
+
+def _of_each_surface(law: Law, curves: Curves, place: int) -> Row:
+    """Return the cells of a row with a column for each surface of a population."""
+    row: Row = {}
+    for name in (DELTA.in_laws, *law.over_delta.curves):
+        columns = [f"{name}_surface_{number}" for number in range(1, len(law.names) + 1)]
+        row |= dict.fromkeys(columns, "")
+        curve = curves.curves.get(name)
+        if curve is not None and curve.surfaces is not None:
+            row |= dict(zip(columns, map(_cell, curve.surfaces[:, place]), strict=True))
+    return row
+
+
+def _resolved(curves: Curves, place: int) -> str:
+    """Say whether the grid resolves the contact at a load; "" where that is not judged."""
+    if curves.resolved is None or not curves.at[place] > 0:
+        return ""
+    return "yes" if curves.resolved[place] else "no"
+
+
+def _record_of_the_files(law: Law | None) -> Row:
+    """Return the files of the surfaces, their hashes and their preparation; empty cells if None."""
+    sources = () if law is None else law.sources
+    files = [file for source in sources for file in source.files]
+    return {
+        "files": "; ".join(file.path for file in files),
+        "sha256": "; ".join(file.sha256 for file in files),
+        "prepared": " | ".join("; ".join(source.steps) for source in sources),
+    }
+
+
+def _cell(number: float) -> float | str:
+    """Return a number for a table, "" for NaN."""
+    return "" if np.isnan(number) else float(number)
 
 
 def write_json(path: Path, law: Law) -> list[Path]:
@@ -127,6 +170,7 @@ def write_json(path: Path, law: Law) -> list[Path]:
         "boundary": law.boundary,
         "surfaces": list(law.origins),
         "sources": [asdict(source) for source in law.sources],
+        "surface_names": list(law.names),
         "band": law.band,
         "notes": list(law.notes),
         "command": law.order.command,
@@ -141,19 +185,27 @@ def write_json(path: Path, law: Law) -> list[Path]:
                 "share_of_surfaces_outside_the_training": curves.outside.tolist(),
                 "reasons": list(curves.reasons),
                 "grid": list(curves.grid),
-                "curves": {
-                    name: {
-                        part: [each if math.isfinite(each) else None for each in numbers.tolist()]
-                        for part, numbers in zip(PARTS, astuple(curve), strict=True)
-                    }
-                    for name, curve in curves.curves.items()
-                },
+                "curves": {name: _numbers(curve) for name, curve in curves.curves.items()},
             }
             for curves in (law.over_delta, law.over_pressure)
         ],
     }
     write(path, text_of(content))
     return [path]
+
+
+def _numbers(curve: Curve) -> dict[str, Any]:
+    """Return a curve for JSON; one of a population with a list for each of its surfaces."""
+    numbers: dict[str, Any] = {part: _finite(getattr(curve, part)) for part in PARTS[:4]}
+    if curve.surfaces is not None:
+        numbers["std"] = _finite(curve.std)
+        numbers["by_surface"] = [_finite(each) for each in curve.surfaces]
+    return numbers
+
+
+def _finite(values: Values) -> list[float | None]:
+    """Return numbers for JSON, None for those that are not finite."""
+    return [each if math.isfinite(each) else None for each in values.tolist()]
 
 
 WRITERS: dict[str, Callable[[Path, Law, Units], list[Path]]] = {
@@ -180,7 +232,7 @@ def draw(figure: Any, law: Law, picture: Path) -> None:
     names = [name for name in (curves.conducting, STIFFNESS.in_laws) if name in curves.curves]
     panels += [Panel(curves.curves[name], IN_LAWS[name].label) for name in names[:1]]
     figure.suptitle(
-        f"{law.title}\n{law.bodies.text}; band: {law.band}", fontsize=11, parse_math=False
+        f"{law.title}\n{law.bodies.text}\nband: {law.band}", fontsize=11, parse_math=False
     )
     axes, at = figure.subplots(2, len(panels)), curves.at
     for (row, scale), (column, panel) in product(enumerate(("linear", "log")), enumerate(panels)):

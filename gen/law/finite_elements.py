@@ -30,7 +30,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gen.arrays import Values
+from gen.arrays import Indices, Values
 from gen.law.between import (
     CLOSER,
     ENOUGH,
@@ -170,22 +170,63 @@ def rising(law: Law, side: str = "", *, between: bool = False) -> Joint:
     if conductances is not None:
         usable &= np.isfinite(conductances)
     places = np.flatnonzero(usable)
-    places = places[risen(closures[places], CLOSER)]
+    closures = outwards(closures[places], closure)
+    places, closures = _apart(places, closures, side)
     if not places.size:
         outside = ": no load lies inside the surrogate's training; --solver solves the law"
         ends = outside if table.flagged.any() else ""
         raise InputError(f"the law closes nowhere, so that only tables can be written{ends}")
     if conductances is not None:
         first = law.over_delta.curves[known].value[0]  # of the gas alone
-        conductances = np.append(first, conductances[places])
+        whole = outwards(conductances[usable], conductance)
+        kept = np.searchsorted(np.flatnonzero(usable), places)
+        conductances = np.append(first, whole[kept])
     inside = in_range(table, law.nodes)[places]
     return Joint(
         pressures=np.append(0.0, table.at[places]),
-        closures=np.append(0.0, closures[places]),
+        closures=np.append(0.0, closures),
         conductances=conductances,
         own=np.append(True, np.isin(table.at[places], law.over_pressure.at)),
         inside=np.append(inside[0], inside),
     )
+
+
+def outwards(ends: Values, part: str) -> Values:
+    """Make an end of a band rise with the load, without drawing it into the band.
+
+    Every surface rises, but the ends of a band of two or three surfaces are so far from them that
+    they may fall: a high end then stays at its largest value before, and a low one is at its
+    smallest value behind.
+
+    Parameters
+    ----------
+    ends : ndarray, shape (k,)
+        The end at ascending loads.
+    part : {"value", "low", "high"}
+        Which end it is; "value" for the law itself, which is left as it is.
+
+    Returns
+    -------
+    ndarray, shape (k,)
+        The end, nowhere inside the one that was given.
+    """
+    if part == "high":
+        return np.asarray(np.maximum.accumulate(ends))
+    if part == "low":
+        return np.asarray(np.minimum.accumulate(ends[::-1])[::-1])
+    return ends
+
+
+def _apart(places: Indices, closures: Values, side: str) -> tuple[Indices, Values]:
+    """Return the points at which the closure rises, of which the table of a program is made.
+
+    Of points with one closure the first is kept, and for the stiff side the last: straight lines
+    to the next point are then on the outer side of the points between.
+    """
+    kept = risen(closures, CLOSER)
+    if side == "stiff":
+        kept = (closures > 0) & (np.append(closures[1:], np.inf) > (1 + CLOSER) * closures)
+    return places[kept], closures[kept]
 
 
 def _lines(path: Path, law: Law, program: Program, units: UnitSystem, side: str) -> Iterator[str]:
@@ -315,7 +356,16 @@ def _description(
         yield f"From: {source.text}"
     if side:
         closure, conductance = SIDES[side]
-        yield f"The {side} side: closure {closure}, conductance {conductance} of the {law.band}."
+        yield (
+            f"The {side} side of the band: its {closure} closures and {conductance} conductances,"
+            f" ends at each load by itself and not the curves of one surface. Band: {law.band}."
+        )
+        ends = getattr(law.over_pressure.curves["closure_um"], closure)
+        if (np.diff(ends[np.isfinite(ends)]) < 0).any():
+            yield (
+                "Where its closures turn back, this side is drawn outwards until they rise: a band"
+                " of more surfaces is smoother."
+            )
     yield f"Command: {law.order.command}"
     yield f"Made by asperity {VERSION} {git_commit()[:12]}"
     for note in law.notes:

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from gen.doubts import Pressed
 from gen.maps.prepare import is_tilted
 from gen.maps.read import Topography
 from gen.material import loads_from
 from gen.quantities import (
     CONDUCTANCE,
+    CONTACT_NODES,
     CONTINUUM,
+    DELTA,
     LOADS,
     QUANTITIES,
     SIDES,
@@ -274,6 +277,18 @@ def follow(
                 progress.advance(1, contact is None)
     assert last is not None  # else the last load is refused
     return rows, last, faults, seconds
+
+
+def judged(rows: Sequence[Mapping[str, Any]]) -> list[Pressed]:
+    """Return what contacts are doubted by, from the cells of their answers."""
+    return [
+        Pressed(
+            row[DELTA.in_tables],
+            row[QUANTITIES["largest_pressure"].in_tables],
+            row[CONTACT_NODES.in_tables],
+        )
+        for row in rows
+    ]
 
 
 def border_remark(topography: Topography, last: Contact, loads: int) -> str:

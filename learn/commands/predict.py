@@ -41,7 +41,11 @@ Mean = Annotated[
     bool, typer.Option("--mean", help="Predict the mean over all surfaces of the parameters.")
 ]
 Coverage = Annotated[
-    float, typer.Option(metavar="SHARE", help="Coverage of the intervals, as 0.9.")
+    float | None,
+    typer.Option(
+        metavar="SHARE",
+        help="Coverage of the intervals [0.9, or the largest below that the surrogate reaches].",
+    ),
 ]
 TableFile = Annotated[
     Path | None, typer.Option("--output", "-o", metavar="CSV", help="Write all rows.")
@@ -77,7 +81,7 @@ def predict(
     pressure: options.Pressure = "",
     at: At = "",
     output: TableFile = None,
-    interval: Coverage = 0.9,
+    interval: Coverage = None,
     mean: Mean = False,
     *,
     reading: Reading,
@@ -95,20 +99,20 @@ def predict(
     from learn.features.scene import SCENE
     from learn.surrogate import Surrogate
     from learn.surrogate.answers import answers, answers_of_parameters
-    from learn.surrogate.interval import require_level
+    from learn.surrogate.interval import level_note, level_of
 
     inputs = inputs or []
     check_outputs([Output(output, "--output")], [file, *inputs])
     surrogate = Surrogate.load(file)
-    require_level(surrogate, interval)
+    level = level_of(surrogate, interval, mean=mean)
     texts = {"delta": delta, "pressure": pressure}
     given = {name: np.array(loads_from(name, text)) for name, text in texts.items() if text}
     rows: list[Row] = []
     if surrogate.features.name == SCENE:
         numbers: dict[str, Any] = {**_parameters(at, reading, material), **given}
-        rows += answers_of_parameters(surrogate, inputs, numbers, interval, mean=mean)
+        rows += answers_of_parameters(surrogate, inputs, numbers, level, mean=mean)
         of = "means over surfaces" if mean else "new surfaces"
-        _show(rows, f"Predictions of {of} with {100 * interval:g} % intervals")
+        _show(rows, f"Predictions of {of} with {100 * level:g} % intervals")
     elif at or mean or not inputs or given.keys() != {surrogate.features.load}:
         raise InputError(
             f"{file}: predicts for surfaces: give some, and --{surrogate.features.load}; --at and"
@@ -119,9 +123,11 @@ def predict(
         bodies = surrogate.bodies(combined_modulus(*material[:3]), material.hardness)
         for path in inputs:
             loads = given[surrogate.features.load]
-            rows += answers(surrogate, path, loads, bodies, interval, reading)
-        title = f"Predictions with {100 * interval:g} % intervals, {bodies.text}"
+            rows += answers(surrogate, path, loads, bodies, level, reading)
+        title = f"Predictions with {100 * level:g} % intervals, {bodies.text}"
         _show(rows, title, material_doubts(bodies))
+    if note := level_note(surrogate, level, interval):
+        echo(note)
     if output is not None:
         write_csv(output, rows)
         echo(f"wrote {output}")
@@ -208,7 +214,7 @@ def law(
     solver: Solver = False,
     surfaces: options.Population = 50,
     boundary: LawBoundary = None,
-    interval: Coverage = 0.9,
+    interval: Coverage = None,
     output: options.LawFiles = None,
     trust: Trust = False,
     *,
@@ -218,8 +224,8 @@ def law(
 ) -> None:
     """Tabulate area, force, gap and closure against Delta and pressure, monotone, with slopes.
 
-    Bands are the surrogate's intervals for one surface, and quantiles over the surfaces of a
-    population. There is none for one surface that is solved, or outside the surrogate's training.
+    Bands are the surrogate's intervals for one surface, and for a population where a further
+    surface lies. There is none for one surface that is solved, or outside the training.
     With --solver it is what gen law makes, with the boundary of the first scene. A surrogate made
     with --features scene takes --at, and no surface. With
     --conductivity there is the conductance too. Surrogates that have not learnt the stiffness take
@@ -232,7 +238,6 @@ def law(
     from gen.maps.contacts import require_conductivities
     from learn.features.scene import SCENE
     from learn.surrogate import Surrogate
-    from learn.surrogate.interval import require_level
     from learn.surrogate.law import make, of_parameters
 
     files = files.ready(output, files_read(inputs))
@@ -252,7 +257,7 @@ def law(
             f"{first}: nothing else given: give a surrogate and then surfaces, or surfaces and"
             " --solver"
         )
-    if not 0 < interval < 1:
+    if interval is not None and not 0 < interval < 1:
         raise InputError(f"--interval {interval:g}: give a coverage between 0 and 1, as 0.9")
     if solver and boundary is None:
         scene = next(filter(None, map(scene_of, inputs)), None)
@@ -277,7 +282,6 @@ def law(
         made = by_solver(order)
     else:
         surrogate = surrogate or Surrogate.load(Path(first))
-        require_level(surrogate, order.level)
         if of_scene:
             made = of_parameters(surrogate, order, _parameters(at, reading, material))
         else:

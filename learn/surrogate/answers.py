@@ -11,6 +11,7 @@ from gen.arrays import Values
 from gen.maps.prepare import read_surface
 from gen.maps.read import files_in, sides_from
 from gen.maps.settings import Reading
+from gen.maps.several import OF_MAP
 from gen.material import Bodies
 from gen.runtime.documents import Row
 from gen.runtime.errors import InputError
@@ -138,9 +139,12 @@ def rows_of_table(
     """Read rows of statistics, as `gen describe --csv` writes them, each at all loads.
 
     The CSV's header names the 22 statistics; sides, nodes and boundary are optional, and other
-    columns are ignored. InputError names the row and column that is missing or no number.
+    columns are ignored. So are the rows of mean and deviation of several maps. InputError names the
+    row and column that is missing or no number.
     """
     cells = _cells(path, STATISTICS, f"{to_type('gen describe --csv')} writes all 22")
+    # a table of several maps ends with their mean and deviation
+    cells = [row for row in cells if row.get("row", OF_MAP) == OF_MAP] or cells
     for boundary in sorted({row.get("boundary") or "free" for row in cells}):
         if boundary != surrogate.boundary:
             raise InputError(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
@@ -19,7 +20,7 @@ from learn.features.sets import limits_of
 from learn.metrics import magnitude, no_better, scores
 from learn.models import EVERY, versions
 from learn.surrogate.calibration import FEWEST
-from learn.surrogate.interval import between, calibrated_by
+from learn.surrogate.interval import USUAL_LEVEL, between, calibrated_by
 from learn.surrogate.learnt import Learnt
 
 if TYPE_CHECKING:
@@ -190,13 +191,7 @@ def lines(card: Mapping[str, Any]) -> Iterator[str]:
             yield f"          left out in turn: R2 {r2:.3f} %, nMAE {nmae:.2f} %"
         for remark in target["remarks"]:
             yield f"          warning: {remark}"
-    if (entry := card.get("calibration")) is not None:
-        groups, kinds = entry["groups"], f"{entry['kind']}s"
-        how = f" of {entry['database']}" if entry["database"] else ", each predicted without it"
-        hold = f"other {kinds} like these, up to {100 * groups / (groups + 1):.1f} %"
-        if entry["scheme"] == "each":
-            hold = f"further surfaces of these {kinds}; for others, {FEWEST} or more are needed"
-        yield f"intervals calibrated by {calibrated_by(card)}{how}: hold for {hold}"
+    yield from _interval_lines(card)
     if (card["model"], card["features"]) == ("kernel-ridge", "hybrid"):
         yield MEASURED
     if "grown" in card:
@@ -214,6 +209,34 @@ def lines(card: Mapping[str, Any]) -> Iterator[str]:
     named = ", ".join(f"{name} {number}" for name, number in card["versions"].items() if number)
     yield f"versions  {named}"
     yield f"made      {card['made']}, licence {card['licence']}"
+
+
+def _interval_lines(card: Mapping[str, Any]) -> Iterator[str]:
+    """Yield what calibrates intervals, what they hold for, and their largest level."""
+    entry = card.get("calibration")
+    if entry is None:
+        return
+    groups, kinds = entry["groups"], f"{entry['kind']}s"
+    how = f" of {entry['database']}" if entry["database"] else ", each predicted without it"
+    hold = f"other {kinds} like these"
+    if entry["scheme"] == "each":
+        hold = f"further surfaces of these {kinds}; for others, {FEWEST} or more are needed"
+    yield f"intervals calibrated by {calibrated_by(card)}{how}: hold for {hold}"
+    largest = entry.get("largest_level")
+    if largest is None and entry["scheme"] != "each":  # a file of 1.0.0
+        largest = math.floor(1000 * groups / (groups + 1)) / 1000
+    if largest is not None:
+        yield f"          {level_line(largest)}"
+
+
+def level_line(largest: float) -> str:
+    """Tell the largest level of intervals, and which one questions get by default."""
+    if largest >= USUAL_LEVEL:
+        return f"intervals hold up to a level of {100 * largest:g} %"
+    return (
+        f"warning: intervals hold up to a level of {100 * largest:g} % only, which questions get"
+        f" unless they ask for less; {100 * USUAL_LEVEL:g} % take more surfaces or maps"
+    )
 
 
 def _training(card: Mapping[str, Any]) -> str:

@@ -239,9 +239,12 @@ def fit_parts(
     if features.name == SCENE:
         scenes = [each.scene for each in sets[0].origins]
         low, high = training_ranges(scenes, features.columns, inputs)
+    largest = min(each.calibration.largest_level for each in learnt.values())
+    say(f"  {card.level_line(largest)}")
+    calibration = {**plan.entry, "largest_level": largest}
     return Surrogate(
         card=card.make(request, sets[0], train, sizes, judged)
-        | {"calibration": plan.entry}
+        | {"calibration": calibration}
         | own_scale(sets, learnt.values(), train),
         learnt=learnt,
         low=low,

@@ -56,6 +56,8 @@ from learn.features.sets import NODES, Rows
 if TYPE_CHECKING:
     from learn.surrogate.model import Surrogate
 
+USUAL_LEVEL = 0.9  # of intervals, where nobody asks for another one and it is reached
+ROUNDING = 1e-6  # of levels in thousandths, whose weights are sums of fractions
 SHARE = 0.9  # share of the rows of a new map or database that lie within the limit, or more
 INSIDE = 0.97  # share of the training rows within the limit, unless maps or databases decide it
 
@@ -255,6 +257,12 @@ class Calibration:
     root: bool = False  # True for errors of the square root of the target
     growth: Growth = GROWTH
 
+    @property
+    def largest_level(self) -> float:
+        """Largest level, rounded down to three digits, that the fewest surfaces or maps reach."""
+        fewest = min((float(each.weights.sum()) for each in self.scores), default=0.0)
+        return math.floor(1000 * fewest / (fewest + 1) + ROUNDING) / 1000
+
     def ends(self, prediction: Values, level: float, inputs: Values) -> tuple[Values, Values]:
         """Return both ends of the interval at each prediction, each (n,), at the features, (n, d).
 
@@ -283,16 +291,55 @@ def calibrated_by(card: Mapping[str, Any]) -> str:
 def require_level(surrogate: Surrogate, level: float) -> None:
     """Refuse a level of intervals that has too few surfaces or maps to be calibrated."""
     for name, each in surrogate.learnt.items():
-        intervals = each.calibration.scores
-        if all(np.isfinite(scores.quantile(level)) for scores in intervals):
+        if all(np.isfinite(scores.quantile(level)) for scores in each.calibration.scores):
             continue
-        fewest = min(float(scores.weights.sum()) for scores in intervals)
-        largest = math.floor(1000 * fewest / (fewest + 1)) / 1000
         raise InputError(
             f"--interval {level:g}: intervals of {name} are calibrated by"
-            f" {calibrated_by(surrogate.card)}, which reach {largest:g} at most: give less, or fit"
-            " to more of them"
+            f" {calibrated_by(surrogate.card)}, which reach {each.calibration.largest_level:g} at"
+            " most: give less, or fit to more of them"
         )
+
+
+def level_of(surrogate: Surrogate, asked: float | None, *, mean: bool = False) -> float:
+    """Return the level of the intervals that a question gets.
+
+    Parameters
+    ----------
+    surrogate : Surrogate
+        The surrogate that is asked.
+    asked : float or None
+        The level that the user wants; None for `USUAL_LEVEL`, or the largest that holds below.
+    mean : bool
+        True for intervals of the mean over surfaces, which no rows calibrate: any level holds.
+
+    Returns
+    -------
+    float
+        A level that holds, between 0 and 1.
+
+    Raises
+    ------
+    InputError
+        If the level is not between 0 and 1, or too few surfaces or maps calibrate it.
+    """
+    level = asked
+    if level is None:
+        level = USUAL_LEVEL if mean else min(USUAL_LEVEL, surrogate.largest_level)
+    if mean and not 0 < level < 1:
+        raise InputError(f"--interval {level:g}: give a coverage between 0 and 1, as 0.9")
+    if not mean:
+        require_level(surrogate, level)
+    return level
+
+
+def level_note(surrogate: Surrogate, level: float, asked: float | None) -> str:
+    """Tell the level of intervals where it is below the usual one and nobody asked for it."""
+    if asked is not None or level >= USUAL_LEVEL:
+        return ""
+    return (
+        f"intervals of {100 * level:g} %: {calibrated_by(surrogate.card)} calibrate them and reach"
+        f" no more; for {100 * USUAL_LEVEL:g} % fit to more of them"
+    )
 
 
 def reasons_of(surrogate: Surrogate, rows: Rows, inputs: Values) -> list[str]:

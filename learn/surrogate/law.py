@@ -1,7 +1,8 @@
 """Contact laws that a surrogate predicts.
 
-A law is that of one surface, or the mean and quantiles over the surfaces of a population, with the
-numbers and writers of `gen.law`.
+A law is that of one surface, or the mean over the surfaces of a population with the band of a
+further one, with the numbers and writers of `gen.law`. That band is the scatter of the predictions
+between surfaces: errors of the surrogate are not in it, and a note says so.
 
 Where no surrogate was trained on the mean gap, it follows from the force: it is (z_max - mean z) -
 Delta plus the mean displacement. The latter is linear in the pressures and, for a given patch,
@@ -62,12 +63,17 @@ from gen.runtime.terminal import RunProgress
 from gen.scene import Scene
 from learn.features import SurfaceFeatures, Undefined
 from learn.features.scene import SCENE, shown
+from learn.surrogate.interval import level_note, level_of
 from learn.surrogate.model import OnSurface, Prediction, Surrogate
 
 BEYOND = (1.15, 1.4, 2.0, 3.0)  # further Deltas, over the last: some surfaces reach a pressure late
 CORRECTED = 0.01  # correction for monotone curves, over the largest value, from which on we warn
 FINE = 20  # steps into which an interval of Delta is divided to invert the cubic in it
 UNLOADING = QUANTITIES["stiffness"]  # of a whole patch
+PREDICTED_BAND = (
+    "the band is the scatter of the predictions between surfaces: the errors of the surrogate come"
+    " on top of it"
+)
 ROUNDING = 1e-12  # relative distance beyond the last pressure that counts as the last one
 
 
@@ -90,6 +96,12 @@ def make(surrogate: Surrogate, order: Order) -> Law:
     without = {each.name for each in subjects.surfaces} - {each.name for each in surfaces}
     sources = [source for source in subjects.sources if source.name not in without]
     subjects = replace(subjects, surfaces=surfaces, sources=sources)
+    level_notes: list[str] = []
+    # a population's band is the scatter between surfaces, at any level: its intervals go unused
+    level = min(order.coverage, surrogate.largest_level)
+    if len(kept) == 1:
+        order, level_notes = _with_level(surrogate, order)
+        level = order.coverage
     hardness = order.hardness
     if hardness is None and (given := subjects.hardness_ratio()) is not None:
         hardness = given * (order.e_star or surrogate.modulus)
@@ -98,14 +110,20 @@ def make(surrogate: Surrogate, order: Order) -> Law:
     if kind == "pressure":
         scale = bodies.e_star / math.sqrt(math.prod(surrogate.card["side"]))
         at = np.geomspace(low, high, STEPS) * scale if asked is None else asked[asked > 0]
-        points = [_predicted(*each, kind, order, bodies, at) for each in kept]
+        points = [_predicted(*each, kind, level, bodies, at, order.also) for each in kept]
         tables = _learnt_tables(subjects.surfaces, points, kind, order, bodies)
     else:
         if deltas is None:
             deltas = np.unique(np.linspace(float(low), float(high), STEPS))
-        tables = _tables(kept, deltas, pressures, order, bodies)
+        tables = _tables(kept, level, deltas, pressures, order, bodies)
     over_delta, over_pressure, notes = tables
-    said = f"predicted by {surrogate.card['title']}", f"{100 * order.level:g} % conformal interval"
+    notes = [*level_notes, *notes]
+    if len(kept) > 1:
+        notes = [PREDICTED_BAND, *notes]
+    said = (
+        f"predicted by {surrogate.card['title']}",
+        f"{100 * order.coverage:g} % conformal interval",
+    )
     return law_of(order, subjects, bodies, (over_delta, over_pressure, [*left_out, *notes]), said)
 
 
@@ -127,17 +145,26 @@ def of_parameters(surrogate: Surrogate, order: Order, numbers: Mapping[str, floa
         ends = np.linspace(surrogate.low, surrogate.high, STEPS)
         at = shown(surrogate.features.columns, ends)[:, -1] / unit
     at = at[at > 0]
+    order, level_notes = _with_level(surrogate, order)
     rows = surrogate.of_numbers({**numbers, load: at * unit})
-    answer = surrogate.predict_rows(rows, level=order.level)
+    answer = surrogate.predict_rows(rows, level=order.coverage)
     hardness = numbers.get("hardness")
     if (limits := surrogate.hardness_limits) is not None and hardness is None:
         hardness = numbers.get("hardness_ratio", limits[0]) * surrogate.modulus
     bodies = Bodies(surrogate.modulus, hardness, known=True)
     points = _points_at(answer, kind, at, patch, bodies, also=order.also)
-    tables = _learnt_tables([patch], [points], kind, order, bodies)
+    over_delta, over_pressure, notes = _learnt_tables([patch], [points], kind, order, bodies)
+    tables = over_delta, over_pressure, [*level_notes, *notes]
     subjects = LawSurfaces([patch], [scene], [f"{order.inputs[0]}: {patch.name}"])
-    said = f"predicted by {surrogate.card['title']}", f"{100 * order.level:g} % of new surfaces"
+    said = f"predicted by {surrogate.card['title']}", f"{100 * order.coverage:g} % of new surfaces"
     return law_of(order, subjects, bodies, tables, said)
+
+
+def _with_level(surrogate: Surrogate, order: Order) -> tuple[Order, list[str]]:
+    """Return an order with a level of intervals that holds, and a note on one nobody asked for."""
+    level = level_of(surrogate, order.level)
+    note = level_note(surrogate, level, order.level)
+    return replace(order, level=level), [note] if note else []
 
 
 def _asked(surrogate: Surrogate, order: Order) -> tuple[Load, Values | None]:
@@ -191,7 +218,7 @@ def _learnt_tables(
         if load != kind and len(own) > 1:
             over = np.linspace(0.0, min(each.values[argument][-1] for each in own), STEPS)
             own = [read_at(each, argument, over) for each in own]
-        made[load] = tabulated(argument, over, own, order.level, rest)
+        made[load] = tabulated(argument, over, own, order.coverage, rest)
     alone = [f"only the table over {kind} has a band"] if len(parts) == 1 else []
     return made["delta"], made["pressure"], [*_corrected(made[kind], corrections), *alone]
 
@@ -260,16 +287,22 @@ def _defined(
 
 def _tables(
     surfaces: Sequence[tuple[LawSurface, OnSurface]],
+    level: float,
     deltas: Values,
     pressures: Values | None,
     order: Order,
     bodies: Bodies,
 ) -> Tables:
-    """Predict all surfaces; tabulate against Delta and against pressure, with lines of warnings."""
+    """Predict all surfaces with intervals of a level, and tabulate them.
+
+    The tables are against Delta and against pressure; lines of warnings come with them.
+    """
     rests, parts, whole, corrections = [patch.at_rest() for patch, _ in surfaces], [], [], []
     with RunProgress(len(surfaces), "surfaces") as progress:
         for (patch, on_surface), rest in zip(surfaces, rests, strict=True):
-            predicted = partial(_predicted, patch, on_surface, "delta", order, bodies)
+            predicted = partial(
+                _predicted, patch, on_surface, "delta", level, bodies, also=order.also
+            )
             smooth, correction = monotone(predicted(deltas).from_rest(rest))
             extended = smooth
             with suppress(InputError):  # larger displacements, where they can be predicted
@@ -279,7 +312,7 @@ def _tables(
             corrections.append(correction)
             progress.advance(1, 0)
     rest = {name: float(np.mean([each[name] for each in rests])) for name in rests[0]}
-    over_delta = tabulated(DELTA.in_laws, np.append(0.0, deltas), parts, order.level, rest)
+    over_delta = tabulated(DELTA.in_laws, np.append(0.0, deltas), parts, order.coverage, rest)
     notes = _corrected(over_delta, corrections)
     if beyond := sum(share > 0 for share in over_delta.outside):
         many = f"{beyond} of {over_delta.at.size - 1} displacements"
@@ -294,16 +327,22 @@ def _tables(
         )
     chosen, late = _pressures(over_delta, whole, pressures)
     inverted = [at_pressures(each, chosen) for each in whole]
-    over_pressure = tabulated(PRESSURE.in_laws, chosen, inverted, order.level, rest)
+    over_pressure = tabulated(PRESSURE.in_laws, chosen, inverted, order.coverage, rest)
     return over_delta, over_pressure, [*notes, *late]
 
 
 def _predicted(
-    patch: LawSurface, on_surface: OnSurface, kind: Load, order: Order, bodies: Bodies, at: Values
+    patch: LawSurface,
+    on_surface: OnSurface,
+    kind: Load,
+    level: float,
+    bodies: Bodies,
+    at: Values,
+    also: Sequence[str] = (),
 ) -> Points:
     """Predict the law of one surface at ascending loads above 0, (k,)."""
     e_star, hardness = bodies.e_star, bodies.hardness
-    answer = on_surface.predict(at, e_star=e_star, hardness=hardness, level=order.level)
+    answer = on_surface.predict(at, e_star=e_star, hardness=hardness, level=level)
     for name, predictions in answer.values.items():
         if not np.isfinite(predictions).all():
             load = at[np.argmin(np.isfinite(predictions))]
@@ -312,7 +351,7 @@ def _predicted(
                 f"{patch.name}: the surrogate has no finite {name} at {where}: no law can be made"
                 " of it"
             )
-    return _points_at(answer, kind, at, patch, bodies, on_surface.surface, order.also)
+    return _points_at(answer, kind, at, patch, bodies, on_surface.surface, also)
 
 
 def _mean_gap(surface: SurfaceFeatures, deltas: Values, force: Values, bodies: Bodies) -> Values:

@@ -192,7 +192,9 @@ class Surrogate:
             Hardness of the softer body, for a surrogate of bodies that yield; by default that of
             the training, if it has only one [MPa].
         level : float or None
-            Coverage of the intervals; None for no intervals.
+            Coverage of the intervals; None for no intervals. It is taken as it is: above
+            `largest_level` the ends of intervals are infinite, or the bounds of the target. Give
+            `min(0.9, surrogate.largest_level)` for what `learn predict` takes by default.
         mean : bool
             True for intervals of the mean over all surfaces of the parameters, not of a new one.
         **given : ArrayLike
@@ -227,6 +229,14 @@ class Surrogate:
         on_surface = self.for_surface(surface, side)
         one = None if hardness is None else float(np.asarray(hardness))
         return on_surface.predict(loads, e_star=e_star, hardness=one, level=level)
+
+    @property
+    def largest_level(self) -> float:
+        """Largest level of intervals that holds for all targets, rounded down to three digits.
+
+        It is K / (K + 1) for intervals that are calibrated by K surfaces, maps or databases.
+        """
+        return min(learnt.calibration.largest_level for learnt in self.learnt.values())
 
     def bodies(self, e_star: float | None, hardness: float | None) -> Bodies:
         """Return the bodies of a prediction, which are those of the training unless given.

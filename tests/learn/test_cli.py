@@ -58,12 +58,12 @@ def test_every_command_works_on_every_population(population, tmp_path, monkeypat
         scene = reader.scene
     np.save("s.npy", np.random.default_rng(0).normal(size=scene.shape))
     side = ",".join(f"{each:g}" for each in scene.sides)
-    hybrid, level = ["--features", "hybrid"], ["--interval", "0.8"]  # which two maps reach
+    hybrid = ["--features", "hybrid"]
     for line in (
         ["fit", "d.h5", "-o", "d.s", *hybrid, "--target", "area,force,contact_nodes"],
         ["card", "d.s"],
-        ["predict", "d.s", "s.npy", "--side", side, "--delta", "1:2:2", "-o", "p.csv", *level],
-        ["law", "d.s", "d.h5", "--surfaces", "2", "--csv", "predicted.csv", *level],
+        ["predict", "d.s", "s.npy", "--side", side, "--delta", "1:2:2", "-o", "p.csv"],
+        ["law", "d.s", "d.h5", "--surfaces", "2", "--csv", "predicted.csv"],
         ["law", "d.h5", "--solver", "--surfaces", "2", "--delta", "0.01", "--csv", "solved.csv"],
         ["compare", "d.h5", "-o", "c", "--model", "decision-tree", "--features", "dimensionless"],
         ["show", "c", "--no-pictures"],

@@ -20,6 +20,7 @@ from launch import python
 from learnt_rows import surrogate_of
 
 from gen.database import Reader
+from learn import Surrogate
 
 SCENE = "samples = 60\nsamples_per_surface = 2\n[surface]\nnodes = 17\n"
 TIMEOUT = 60.0
@@ -238,12 +239,18 @@ def test_damaged_and_compressed_bodies_get_the_protocols_error(served, encoding,
     assert (status, answer["error"]["type"]) == (400, "InvalidInput")
 
 
-def test_an_interval_without_ends_is_an_error(served):
-    """JSON has no number for the ends of intervals that few rows calibrate."""
+def test_a_surrogate_of_few_surfaces_answers_at_the_largest_level_that_holds(folder, served):
+    """And the server tells which, once it has begun."""
+    surrogate = Surrogate.load(folder / "few.surrogate")
+    level = surrogate.largest_level
+    assert level < 0.9
+    said = served.process.stdout.readline().decode()
+    assert said.startswith(f"few: intervals of {100 * level:g} %: ")
     question = {"name": "few", "input": [[0.7, 12.0], [9.0]]}
     status, answer = served.ask("Evaluate", question)
-    assert (status, answer["error"]["type"]) == (500, "ModelError")
-    assert "interval" in answer["error"]["message"]
+    assert status == 200
+    [[value, low, high, _]] = answer["output"]
+    assert low < value < high
 
 
 @pytest.mark.parametrize("host", ["evil.example:4242", "[", "127.0.0.1.evil.org"])

@@ -15,6 +15,7 @@ from bem.contact import mean_conductivity
 from bem.derived.stiffness import patch_stiffness
 from gen import cli
 from gen.law import contact_law
+from gen.law.bands import further_surface
 from gen.maps.settings import Reading
 from gen.material import Gas
 from gen.surface import generate
@@ -119,22 +120,55 @@ def test_a_free_patch_leaves_its_own_compliance_to_the_mesh(surfaces, run):
     assert near.stiffness_MPa_per_um[1] == pytest.approx(slope.mean(), rel=1e-2)
 
 
-def test_a_population_has_means_and_quantiles(surfaces, run, capsys):
-    run("many", "--pressure", "5,50", *CONDUCTING, "--band", "0.8", "--csv", "law.csv")
-    assert "quantiles of 3 surfaces, 80 % between them" in " ".join(capsys.readouterr().out.split())
+def test_a_population_has_means_deviations_surfaces_and_the_band_of_a_further_one(
+    surfaces, run, capsys
+):
+    run("many", "--pressure", "5,50", *CONDUCTING, "--band", "0.8", "-o", "law")
+    said = " ".join(capsys.readouterr().out.split())
+    assert "band: 80 % of further surfaces lie inside, at each load by itself; 3 surfaces" in said
+    assert "quantiles" not in said
     found = table("law.csv")
-    each = [contacts_of(f"many/s{seed}.npy", "mirror", pressures=[5.0, 50.0]) for seed in range(3)]
+    laws = [contacts_of(f"many/s{seed}.npy", "mirror", pressures=[5.0, 50.0]) for seed in range(3)]
     k = mean_conductivity(50, 20)
+    document = json_of("law.json")
+    assert document["surface_names"] == [f"many/s{seed}.npy" for seed in range(3)]
     for name, value in (
         ("closure_um", lambda contact: contact.delta),
         ("area_percent", lambda contact: contact.area_percent),
         ("conductance_W_per_mm2_K", lambda contact: k * contact.stiffness / 100**2 / E_STAR),
     ):
-        whole = np.array([[value(contact) for contact in contacts] for contacts in each])
+        whole = np.array([[value(contact) for contact in contacts] for contacts in laws])
         np.testing.assert_allclose(found[name], whole.mean(axis=0), rtol=1e-6)
-        for end, share in (("low", 0.1), ("high", 0.9)):
-            quantile = np.quantile(whole, share, axis=0)
-            np.testing.assert_allclose(found[f"{name}_{end}"], quantile, rtol=1e-6)
+        np.testing.assert_allclose(found[f"{name}_std"], whole.std(axis=0, ddof=1), rtol=1e-5)
+        columns = [found[f"{name}_surface_{number}"] for number in (1, 2, 3)]
+        np.testing.assert_allclose(columns, whole, rtol=1e-6)
+        curve = document["tables"][1]["curves"][name]
+        np.testing.assert_allclose(curve["by_surface"], whole, rtol=1e-6)
+        np.testing.assert_allclose(curve["std"], found[f"{name}_std"])
+        band = further_surface(whole, 0.8, percent=name == "area_percent")
+        np.testing.assert_allclose(found[f"{name}_low"], band.low, rtol=1e-5)
+        np.testing.assert_allclose(found[f"{name}_high"], band.high, rtol=1e-5)
+
+
+def test_a_band_of_few_surfaces_says_what_it_assumes(surfaces, run, capsys):
+    """In print, JSON and the heads of all files; one of many enough assumes nothing."""
+    words = "assumes that the logarithms of each quantity, and of areas the logits, are normal"
+    run("many", "--pressure", "5,50", "-o", "law")
+    assert words in capsys.readouterr().out
+    for name in ("law.json", "law.h", "law-abaqus.inp", "law-calculix-soft.inp", "law_4c.py"):
+        text = Path(name).read_text(encoding="utf-8")
+        assert words in re.sub(r"\s*(\*\*|#|\*)?\s+", " ", text), name
+    run("many", "--pressure", "5,50", "--band", "0.5", "-o", "law")
+    assert words not in capsys.readouterr().out + Path("law-calculix-soft.inp").read_text()
+
+
+def test_one_surface_has_neither_deviation_nor_columns_of_surfaces(surfaces, run):
+    run("many/s0.npy", "--pressure", "5,50", "--csv", "law.csv", "--json", "law.json")
+    names = Path("law.csv").read_text().splitlines()[0].split(",")
+    assert not [name for name in names if name.endswith("_std") or "_surface_" in name]
+    assert {*json_of("law.json")["tables"][1]["curves"]["closure_um"]} == {
+        *("value", "low", "high", "slope")
+    }
 
 
 SCENE = """

@@ -18,7 +18,7 @@ from bench.calculix import QUANTITIES, pressed
 from gen import cli
 from gen.law import contact_law, finite_elements
 from gen.law.curves import slopes
-from gen.law.finite_elements import short_name
+from gen.law.finite_elements import outwards, short_name
 from gen.maps.settings import Reading
 from gen.quantities import IN_LAWS
 from gen.runtime.errors import InputError
@@ -136,8 +136,12 @@ def test_a_population_has_a_soft_and_a_stiff_side(tmp_path, program, capsys):
     for side, closure, conductance in (("soft", "high", "low"), ("stiff", "low", "high")):
         path = tmp_path / f"joint-{side}.inp"
         assert f"wrote {path}" in wrote
-        ends = f"The {side} side: closure {closure}, conductance {conductance} of the quantiles of"
-        assert f"{ends} 3 surfaces, 80 % between them" in said(path)
+        ends = f"The {side} side of the band: its {closure} closures and {conductance} conductances"
+        assert ends in said(path)
+        words = (
+            "Band: 80 % of further surfaces lie inside, at each load by itself; 3 surfaces, whose"
+        )
+        assert words in said(path)
         blocks = read(path)
         behaviour = blocks[TABLE]
         for number in 1e-3 * table[f"closure_um_{closure}"]:
@@ -145,6 +149,33 @@ def test_a_population_has_a_soft_and_a_stiff_side(tmp_path, program, capsys):
         (kept,) = [rows for name, rows in blocks.items() if "CONDUCTANCE" in name]
         ends = 1e3 * table[f"conductance_W_per_mm2_K_{conductance}"]
         assert_has_rows(kept[:, :2], np.column_stack([ends, table.pressure_MPa]))
+
+
+def test_a_side_that_turns_back_is_drawn_outwards():
+    turning = np.array([3.0, 2.0, 4.0, 1.0, 5.0])
+    assert outwards(turning, "high").tolist() == [3, 3, 4, 4, 5]
+    assert outwards(turning, "low").tolist() == [1, 1, 1, 1, 5]
+    assert outwards(turning, "value") is turning
+
+
+def test_a_side_of_two_surfaces_is_nowhere_inside_the_band(tmp_path):
+    """Also between its points, where the table of a program is straight."""
+    heights = [rough * np.random.default_rng(1).normal(size=(8, 8)) for rough in (0.3, 1.0)]
+    heights[1][0, 0] = 9.0
+    for number, each in enumerate(heights):
+        np.save(tmp_path / f"{number}.npy", each)
+    ask = [f"{tmp_path}/0.npy", f"{tmp_path}/1.npy", "--side", "8", "--e-star", "1"]
+    ask += ["--pressure", "0.001:1:12:log", "--csv", f"{tmp_path}/law.csv"]
+    assert cli.main(["law", *ask, "--abaqus", f"{tmp_path}/joint.inp"]) == 0
+    table = pd.read_csv(tmp_path / "law.csv")
+    table = table[table.against == "pressure_MPa"]
+    assert (table.closure_um_high.diff() < 0).any()
+    for side, end, sign in (("soft", "high", 1), ("stiff", "low", -1)):
+        path = tmp_path / f"joint-{side}.inp"
+        behaviour = read(path)[TABLE]
+        closures = 1e3 * np.interp(table.pressure_MPa, behaviour[:, 0], behaviour[:, 1])
+        assert (sign * (closures - table[f"closure_um_{end}"]) >= -1e-6 * closures).all()
+    assert "drawn outwards" in said(tmp_path / "joint-soft.inp")
 
 
 def said(path):
@@ -203,7 +234,10 @@ def assert_finite_and_rising(folder):
         assert np.isfinite(conducting).all()
         assert (np.diff(conducting[:, 1]) > 0).all()
         assert (np.diff(conducting[:, 0]) >= 0).all()
-    assert " nan" not in (folder / "law.h").read_text().partition("#include")[2].lower()
+    header = (folder / "law.h").read_text().partition("#include")[2]
+    for array in header.split("static const double ")[1:]:
+        if "_low_" not in array and "_high_" not in array:  # which have no ends without a band
+            assert " nan" not in array.lower()
 
 
 @pytest.mark.parametrize(

@@ -46,7 +46,8 @@ def test_surfaces_without_asperities_are_left_out_of_a_population(work, capsys):
     run("law", *ask, "some")
     said = " ".join(capsys.readouterr().out.split())
     assert "warning: 1 of 4 surfaces were left out, the first: some/ramp.npy: statistics" in said
-    assert "quantiles of 3 surfaces" in said
+    assert "90 % of further surfaces lie inside, at each load by itself; 3 surfaces" in said
+    assert "the errors of the surrogate come on top of it" in said
     mixed = Path("law.csv").read_text()
     assert "ramp.npy" not in mixed
     run("law", *ask, "many")
@@ -69,10 +70,9 @@ def test_a_predicted_population_has_bands_at_given_pressure(work):
             low, high = (column(predicted, f"{name}_{end}") for end in ("low", "high"))
             assert (low < column(predicted, name)).all()
             assert (column(predicted, name) < high).all()
-            for end in ("", "_low", "_high"):
-                np.testing.assert_allclose(
-                    column(predicted, f"{name}{end}"), column(solved, f"{name}{end}"), rtol=off
-                )
+            for end, times in (("", 1), ("_low", 2), ("_high", 2)):  # far from three surfaces
+                values = column(predicted, f"{name}{end}"), column(solved, f"{name}{end}")
+                np.testing.assert_allclose(*values, rtol=times * off)
 
 
 CELLS = """
