@@ -18,10 +18,11 @@ from gen.surface import generate
 pytest.importorskip("matplotlib", reason="needs the extra plot")
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgba
 
 from gen.maps import pictures
 from gen.maps.contacts import Wanted, answers
-from gen.maps.pictures import draw_contacts
+from gen.maps.pictures import Map, draw_contacts
 from gen.material import Bodies
 
 ROUGH = generate_spectral(
@@ -113,6 +114,39 @@ def test_nothing_is_cut_or_overlaps(shape):
     title = spots._left_title.get_window_extent(renderer)
     assert not title.overlaps(section.get_tightbbox(renderer))
     assert not left.get_tightbbox(renderer).overlaps(spots.get_tightbbox(renderer))
+
+
+def map_with(value):
+    """The drawn map of a rough surface with one node at a value [um], and its colour bar."""
+    heights = 0.1 * ROUGH[:40, :40] / np.abs(ROUGH).max()
+    heights[7, 3] = value
+    figure = new_figure(6, 5)
+    axis = figure.subplots()
+    pictures.draw_map(axis, Map(heights, (39.0, 39.0), "heights", "height", "µm", "viridis"))
+    return axis, axis.images[0].colorbar
+
+
+@pytest.mark.parametrize(
+    ("value", "extend", "colour", "words"),
+    [
+        (-0.5, "min", "magenta", "down to -0.5 µm (magenta)"),
+        (0.7, "max", "red", "up to 0.7 µm (red)"),
+        (0.0, "neither", None, ""),
+    ],
+)
+def test_what_is_beyond_the_colours_has_its_arrow_colour_and_words(value, extend, colour, words):
+    axis, bar = map_with(value)
+    assert bar.extend == extend
+    image = axis.images[0]
+    drawn = image.cmap(image.norm(image.get_array()[3, 7]))
+    title = axis.get_title(loc="left")
+    if colour is None:
+        assert title == "heights"
+    else:
+        assert drawn == to_rgba(colour)
+        assert title.endswith(f"beyond the colours: {words}")
+    others = np.delete(image.get_array().ravel(), 3 * 40 + 7)
+    assert bar.vmax - bar.vmin < 1.1 * np.ptp(others)
 
 
 def test_laws_have_the_gap_and_logarithmic_axes_over_decades():
