@@ -20,7 +20,7 @@ if TYPE_CHECKING:  # each command imports no more than it needs
     from gen.database import Reader
     from gen.maps.contacts import Answer
     from gen.maps.read import Topography
-    from gen.maps.texture import SelfAffineFit
+    from gen.maps.texture import ProfileRoughness, SelfAffineFit
     from gen.scene import Scene
     from gen.statistics import Description
 
@@ -152,6 +152,18 @@ def print_statistics(topography: Topography, found: Description, areal: Descript
         print_columns(rows, (title, "value", "unit", "meaning"), right={"value"})
         if known.reason:
             echo(f"Where nan stands: {known.reason}")
+
+
+def print_profiles(profiles: tuple[ProfileRoughness, ProfileRoughness]) -> None:
+    """Print the roughness of the profiles along x and along y of a directional surface."""
+    rows = [
+        (f"along {axis}", *(f"{value:.6g}" for value in numbers))
+        for axis, each in zip("xy", profiles, strict=True)
+        for numbers in [(each.rms_height, each.rms_slope, each.wavelength)]
+    ]
+    titles = ("profiles", "Rq um", "Rdq", "mean wavelength um")
+    print_columns(rows, titles, right=set(titles[1:]))
+    echo("Their power spectra: --spectrum FILE writes them, --plot FILE draws them")
 
 
 def print_spectrum(fit: SelfAffineFit | str, nodes: float) -> None:

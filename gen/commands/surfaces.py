@@ -48,6 +48,9 @@ def describe(
     radial = texture.radial_spectrum(topography)
     fit = texture.fit_self_affine(topography, radial, areal.values["Str"])
     nodes = texture.nodes_a_wave(radial, topography.spacing)
+    directional = bool(texture.lay_of(topography, areal.values["Str"]))
+    if directional:
+        printer.print_profiles(texture.profile_roughness(topography))
     printer.print_spectrum(fit, nodes)
     if spectrum is not None and not radial.wavenumbers.size:
         raise InputError(f"--spectrum {spectrum}: there is none, {fit}")
@@ -74,7 +77,7 @@ def describe(
     if spectrum is not None:
         write_csv(spectrum, radial.rows())
     if picture is not None:
-        pictures.draw_surface(figure, topography, radial, fit, picture)
+        pictures.draw_surface(figure, topography, radial, fit, picture, directional=directional)
 
 
 @grouped

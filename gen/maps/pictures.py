@@ -181,8 +181,13 @@ def draw_surface(
     spectrum: RadialSpectrum,
     fit: SelfAffineFit | str,
     picture: Path,
+    *,
+    directional: bool,
 ) -> None:
-    """Draw the heights, their distribution with the bearing curve, and the spectrum."""
+    """Draw the heights, their distribution with the bearing curve, and the spectrum.
+
+    A `directional` surface has the spectra of its profiles along x and along y beside it.
+    """
     top, bottom = figure.subfigures(2, 1, height_ratios=[1.12, 1.0])
     left, right = top.subplots(1, 2, width_ratios=[1.15, 1.0])
     figure.suptitle(shortened(topography.name), fontsize=11, parse_math=False)
@@ -190,7 +195,12 @@ def draw_surface(
     title = f"heights, {heights.shape[0]} x {heights.shape[1]} nodes"
     draw_map(left, Map(heights, topography.sides, title, "height", "µm", "viridis"))
     _draw_distribution(right, heights)
-    _draw_spectrum(bottom.subplots(), spectrum, fit)
+    if directional:
+        radial, profiles = bottom.subplots(1, 2)
+        _draw_spectrum(radial, spectrum, fit, LETTERS)
+        _draw_profile_spectra(profiles, spectrum)
+    else:
+        _draw_spectrum(bottom.subplots(), spectrum, fit, 2 * LETTERS)
     save(figure, picture)
 
 
@@ -216,16 +226,37 @@ def _draw_distribution(axis: Any, heights: Heights) -> None:
     axis.axhline(0.0, color="k", lw=0.6, ls=":")
 
 
-def _draw_spectrum(axis: Any, spectrum: RadialSpectrum, fit: SelfAffineFit | str) -> None:
+WAVENUMBER = "wavenumber q = 2π / wavelength [1/µm]"
+
+
+def _draw_profile_spectra(axis: Any, spectrum: RadialSpectrum) -> None:
+    """Draw the mean power spectra of the profiles along x and along y."""
+    axis.set_title("power spectra of profiles", loc="left", fontsize=10)
+    axis.set(xlabel=WAVENUMBER, ylabel="profiles' power spectrum [µm$^3$]")
+    curves = {"along x": spectrum.along_x, "along y": spectrum.along_y}
+    if not any((density > 0.0).any() for density in curves.values()):
+        axis.text(0.5, 0.5, "no wave", ha="center", transform=axis.transAxes)
+        axis.set(xticks=[], yticks=[])
+        return
+    for name, density in curves.items():
+        seen = np.isfinite(density) & (density > 0.0)
+        axis.loglog(spectrum.wavenumbers[seen], density[seen], ".-", ms=4, lw=1, label=name)
+    axis.grid(alpha=0.3)
+    axis.legend(loc="lower left", fontsize="small")
+
+
+def _draw_spectrum(
+    axis: Any, spectrum: RadialSpectrum, fit: SelfAffineFit | str, letters: int
+) -> None:
     """Draw the radial power spectrum with the self-affine law over the range that it fits."""
     seen = np.isfinite(spectrum.density) & (spectrum.density > 0.0)
-    title = textwrap.fill(f"radial power spectrum; no self-affine law: {fit}", 2 * LETTERS)
+    title = textwrap.fill(f"radial power spectrum; no self-affine law: {fit}", letters)
     if not isinstance(fit, str):
         numbers = f"Hurst exponent {fit.spectrum.hurst:.3g} over {fit.decades:.2g} decades"
         numbers += f", rms height {fit.rms_height:.4g} µm"
         title = "; ".join((f"radial power spectrum: {numbers}", *fit.remarks))
     axis.set_title(title, loc="left", fontsize=10)
-    axis.set(xlabel="wavenumber q [1/µm]", ylabel="radial power spectrum C [µm$^4$]")
+    axis.set(xlabel=WAVENUMBER, ylabel="radial power spectrum C [µm$^4$]")
     if not seen.any():
         axis.text(0.5, 0.5, "no wave", ha="center", transform=axis.transAxes)
         axis.set(xticks=[], yticks=[])

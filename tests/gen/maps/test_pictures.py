@@ -28,15 +28,18 @@ from gen.material import Bodies
 ROUGH = generate_spectral(
     (129, 129), 1000.0, SelfAffineSpectrum(0.7, 250, 16.5), np.random.default_rng(1), rms_height=2.0
 )
+LAY = np.add.outer(np.random.default_rng(2).normal(size=40), np.zeros(40))
 SHAPES = {
     "square": (ROUGH, "1000"),
+    "directional": (LAY + 1e-2 * ROUGH[:40, :40], "39"),
+    "directional and small": (LAY[:6, :5], "5,4"),
     "flat": (np.zeros((20, 20)), "100"),
     "tiny": (1e-300 * ROUGH, "1000"),
     "lost": (1e9 + 1e-6 * ROUGH, "1000"),
 }
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(4)
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("shape", SHAPES)
 def test_every_surface_is_drawn_and_nothing_is_cut(shape, here, monkeypatch, capsys):
@@ -50,6 +53,10 @@ def test_every_surface_is_drawn_and_nothing_is_cut(shape, here, monkeypatch, cap
     assert (here / "one.png").read_bytes().startswith(b"\x89PNG")
     assert "self-affine law" in capsys.readouterr().out
     (figure,) = figures
+    titles = [axis.get_title(loc="left") for axis in figure.axes]
+    assert ("power spectra of profiles" in titles) == shape.startswith("directional")
+    labels = [axis.get_xlabel() for axis in figure.axes]
+    assert "wavenumber q = 2π / wavelength [1/µm]" in labels
     assert_whole(figure, FigureCanvasAgg(figure).get_renderer())
 
 
