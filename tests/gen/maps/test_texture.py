@@ -286,7 +286,7 @@ def test_a_directional_surface_gets_both_of_its_profiles(capsys):
         assert float(wavelength) == pytest.approx(2 * math.pi * expected.std() / slope, rel=1e-5)
     np.save("even.npy", rough())
     assert cli.main(["describe", "even.npy", "--side", "95"]) == 0
-    assert "along x  " not in capsys.readouterr().out
+    assert "Rq um" not in capsys.readouterr().out
 
 
 def _with_spectrum(heights, boundary="periodic"):
