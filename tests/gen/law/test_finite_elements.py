@@ -82,6 +82,15 @@ def test_calculix_has_pressure_and_closure_and_a_temperature_beside_conductances
     assert set(conductance[:, 2]) == {293.15}
 
 
+def test_calculix_is_told_that_its_other_kind_of_contact_passes_no_heat(law):
+    folder, _ = law
+    advice = "Take TYPE=SURFACE TO SURFACE in *CONTACT PAIR, for which this table is made"
+    heat = ": with TYPE=NODE TO SURFACE CalculiX passes no heat, and says nothing of it."
+    assert f"{advice}{heat}" in said(folder / "joint-calculix.inp")
+    assert f"{advice}." in said(folder / "plain.inp")
+    assert advice not in said(folder / "joint-abaqus.inp")
+
+
 def test_abaqus_is_told_that_the_second_column_is_a_pressure_and_where_nothing_was_computed(law):
     folder, table = law
     text = said(folder / "joint-abaqus.inp")
