@@ -171,6 +171,7 @@ def test_the_law_is_in_the_table_and_what_cannot_be_is_one_line(capsys):
     assert row.law_decades == pytest.approx(math.log10(row.roll_off / row.cut_off))
     said = capsys.readouterr().out
     assert f"over {row.law_decades:.2g} decades, from {row.roll_off:.4g} to" in said
+    assert "diamond-square and midpoint give it if they are asked for 0.07 to 0.16 more" in said
     for options, told in (
         (["wide.npy", "--depth", "-1"], "--depth"),
         (["few.npy", "--spectrum", "s.csv"], "--spectrum s.csv: there is none, too few nodes"),
