@@ -106,8 +106,14 @@ def _with_tilt_named(topography: Topography) -> Topography:
 
 
 def _without_doubtful(topography: Topography) -> Heights:
-    """Return the heights with NaN at nodes that a warning calls codes, pits or spikes."""
+    """Return the heights with NaN at nodes that a warning calls codes, pits or spikes.
+
+    They are all there if too few others are left for slopes along both axes.
+    """
     if topography.doubtful is None:
+        return topography.heights
+    known = ~topography.doubtful
+    if not (known[1:] & known[:-1]).any() or not (known[:, 1:] & known[:, :-1]).any():
         return topography.heights
     return np.where(topography.doubtful, np.nan, topography.heights)
 

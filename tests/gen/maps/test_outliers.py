@@ -8,6 +8,7 @@ from scipy.ndimage import gaussian_filter
 
 from bench.made_maps import KINDS, MadeMap, surface
 from gen import cli
+from gen.maps.bodies import composite
 from gen.maps.outliers import find_codes, find_single
 from gen.maps.prepare import prepare, surface_warnings
 from gen.maps.read import Topography
@@ -253,6 +254,23 @@ def test_every_command_that_reads_maps_names_them(name, here, capsys, monkeypatc
     mask += "fill closes" if name in {"scene", "run"} else "--fill closes"
     assert lines
     assert all("64 nodes (1 %) are at -9999 um" in line and mask in line for line in lines)
+
+
+@pytest.mark.parametrize("turned", ["x", "y", "none"])
+@pytest.mark.parametrize("shift", [(0.0, 0.0), (7.0, -3.0)])
+def test_two_bodies_have_the_codes_of_both_and_no_slopes_of_them(turned, shift):
+    coded_one = prepare(Topography("one", coded(-9999.0), (79.0, 79.0)), Reading())
+    clean = prepare(Topography("two", rough(1), (79.0, 79.0)), Reading())
+    for bodies, named in (((coded_one, clean), "body 1"), ((clean, coded_one), "body 2")):
+        both = composite(*bodies, turned, shift)
+        [warning] = surface_warnings(both)
+        assert warning.startswith(f"{named}: 64 nodes (1 %) are at -9999 um")
+
+
+def test_many_codes_leave_no_neighbours_and_nothing_is_said_by_numpy():
+    heights = rough() + 10.0
+    heights[::2, ::2] = heights[1::2, 1::2] = -9999.0
+    assert any("3200 nodes (50 %) are at -9999 um" in line for line in warnings_of(heights))
 
 
 def test_nothing_is_masked():
