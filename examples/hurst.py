@@ -34,14 +34,14 @@ def surface(generator: str, nodes: int, hurst: float, seed: int) -> np.ndarray:
 
 def estimates(generator: str, nodes: int, hurst: float, surfaces: int) -> list[float]:
     """Return the exponents of the surfaces whose spectra follow a self-affine law."""
-    found = []
+    exponents = []
     for seed in range(surfaces):
         heights = surface(generator, nodes, hurst, seed)
         topography = Topography(generator, heights, (SIDE, SIDE))
         fit = fit_self_affine(topography, radial_spectrum(topography))
         if not isinstance(fit, str):
-            found.append(fit.spectrum.hurst)
-    return found
+            exponents.append(fit.spectrum.hurst)
+    return exponents
 
 
 def main(arguments: list[str]) -> list[dict[str, object]]:
@@ -49,19 +49,19 @@ def main(arguments: list[str]) -> list[dict[str, object]]:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--small", action="store_true", help="two surfaces on the coarsest grid")
     parser.add_argument("--table", metavar="FILE", help="the table as CSV")
-    given = parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
     rows: list[dict[str, object]] = []
     for generator in GENERATORS:
-        for nodes in (129,) if given.small else (129, 257, 513):
+        for nodes in (129,) if options.small else (129, 257, 513):
             for hurst in (0.3, 0.5, 0.7, 0.9):
-                found = estimates(generator, nodes, hurst, 2 if given.small else 20)
+                exponents = estimates(generator, nodes, hurst, 2 if options.small else 20)
                 row = {"generator": generator, "nodes": nodes, "asked_for": hurst}
-                row |= {"fitted": len(found), "hurst": round(float(np.mean(found)), 3)}
-                row |= {"deviation": round(float(np.std(found, ddof=1)), 3)}
+                row |= {"fitted": len(exponents), "hurst": round(float(np.mean(exponents)), 3)}
+                row |= {"deviation": round(float(np.std(exponents, ddof=1)), 3)}
                 rows.append(row)
                 print(", ".join(f"{name} {value}" for name, value in row.items()), flush=True)
-    if given.table:
-        with Path(given.table).open("w", newline="", encoding="utf-8") as file:
+    if options.table:
+        with Path(options.table).open("w", newline="", encoding="utf-8") as file:
             table = csv.DictWriter(file, list(rows[0]))
             table.writeheader()
             table.writerows(rows)

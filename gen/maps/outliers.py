@@ -432,39 +432,54 @@ def _in_file(topography: Topography, height: float) -> str:
     return f"{text} ({upright * height / factor:.6g} {topography.unit} in the file)"
 
 
-def with_single_named(topography: Topography, measured: Heights) -> Topography:
+def with_single_named(topography: Topography, measured: Heights, level: Heights) -> Topography:
     """Add a warning for the pits and one for the spikes at the ends of a map without holes.
 
-    `measured` are the heights before the steps that a mask comes before, as levelling [um].
+    Parameters
+    ----------
+    topography : Topography
+        The map after the steps that take a form out, with all of its nodes.
+    measured : ndarray, shape (nx, ny)
+        Heights before these steps, which a mask cuts [um].
+    level : ndarray, shape (nx, ny)
+        Heights of the map without its tilt, if it is still tilted [um].
     """
-    doubtful = topography.doubtful
-    left_out = np.zeros(measured.shape, dtype=bool) if doubtful is None else doubtful
-    heights = np.where(left_out, np.nan, topography.heights)
+    left_out = topography.doubtful
+    if left_out is None:
+        left_out = np.zeros(measured.shape, dtype=bool)
+    heights = np.where(left_out, np.nan, level)
     largest = float(np.nanmax(np.abs(measured)))
     if float(np.nanstd(heights)) <= LOST * float(np.spacing(largest)):
         return topography
-    singles = {sign: find_single(heights, sign) for sign in (1, -1)}
-    found = {sign: single for sign, single in singles.items() if single is not None}
-    if not found:
+    looked_for = {sign: find_single(heights, sign) for sign in (1, -1)}
+    singles = {sign: single for sign, single in looked_for.items() if single is not None}
+    if not singles:
         return topography
-    for single in found.values():
+    for single in singles.values():
         left_out = left_out | single.nodes
     bounds = mask_beside(measured, left_out)
     warnings = list(topography.warnings)
-    for sign, single in found.items():
-        row, column = single.node
-        fault = f"the highest node ({row}, {column}) is a spike from whose tip Delta counts,"
-        fault += f" {single.distance:.4g} um above its neighbours"
-        if sign < 0:
-            fault = f"the lowest node ({row}, {column}) is a pit,"
-            fault += f" {single.distance:.4g} um below its neighbours"
-        if single.number > 1:
-            fault += f", and {single.number - 1} more nodes are such"
+    for sign, single in singles.items():
         remedies = [*OTHER_REMEDIES]
-        if bounds and not _within(float(measured[row, column]), bounds):
+        if bounds and not _within(float(measured[single.node]), bounds):
             remedies.insert(0, _mask_advice(topography, bounds, "it"))
+        fault = _single_in_words(single, sign, topography.heights)
         warnings.append(topography.advised(fault, *remedies))
     return replace(topography, warnings=tuple(warnings), doubtful=left_out)
+
+
+def _single_in_words(single: Single, sign: int, heights: Heights) -> str:
+    """Write where a pit or spike is, how far from its neighbours, and how many more there are."""
+    end, kind = ("highest", "spike") if sign > 0 else ("lowest", "pit")
+    is_end = not (sign * heights > sign * heights[single.node]).any()
+    fault = f"the {end} node" if is_end else "the node"
+    fault += f" {single.node} is a {kind}"
+    if is_end and sign > 0:
+        fault += " from whose tip Delta counts"
+    fault += f", {single.distance:.4g} um {'above' if sign > 0 else 'below'} its neighbours"
+    if single.number > 1:
+        fault += f", and {single.number - 1} more nodes are such"
+    return fault
 
 
 def _within(height: float, bounds: str) -> bool:

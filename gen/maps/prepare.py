@@ -64,7 +64,7 @@ def prepare(topography: Topography, settings: Reading) -> Topography:
         fault = f"{topography.missing} of {topography.heights.size} heights are missing (NaN)"
         remedies = ("fill", "closes holes"), ("crop", "leaves them out")
         raise InputError(f"{topography.name}: {topography.advised(fault, *remedies)}")
-    topography = with_single_named(topography, measured)
+    topography = with_single_named(topography, measured, _without_tilt(topography))
     topography = _taken(topography, settings, "filter", "downsample")
     return _with_tilt_named(topography)
 
@@ -103,6 +103,15 @@ def _with_tilt_named(topography: Topography) -> Topography:
     fault += " carries the load"  # as the map lay under its instrument
     warning = topography.advised(fault, ("level plane", "takes the tilt out"))
     return replace(topography, warnings=(*topography.warnings, warning))
+
+
+def _without_tilt(topography: Topography) -> Heights:
+    """Return the heights without their mean plane if it outweighs the roughness."""
+    if not is_tilted(topography):
+        return topography.heights
+    heights = _without_doubtful(topography)
+    plane, _ = least_squares(replace(topography, heights=heights))
+    return topography.heights - plane
 
 
 def _without_doubtful(topography: Topography) -> Heights:
