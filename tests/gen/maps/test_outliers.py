@@ -61,10 +61,11 @@ def test_codes_of_every_format_are_named_with_a_mask_that_takes_them_out(tmp_pat
     for code in CODES:
         path = written(coded(code), tmp_path / f"scan{suffix}")
         scale = ("", "um") if suffix == ".xyz" else ("79", "")
-        [warning] = surface_warnings(prepare(read(path, *scale), Reading()))
+        scan = read(path, *scale)
+        [warning] = surface_warnings(prepare(scan, Reading()))
         assert warning.startswith(f"64 nodes (1 %) are at {code:.6g} um, the first is (1, 46)")
         assert "--mask 8.9:11.1 makes holes of them, which --fill closes" in warning
-        masked = prepare(read(path, *scale), Reading(mask="8.9:11.1", fill=True))
+        masked = prepare(scan, Reading(mask="8.9:11.1", fill=True))
         assert not surface_warnings(masked)
         assert "masked 64 nodes" in " ".join(masked.steps)
 
