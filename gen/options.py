@@ -107,7 +107,10 @@ Threads = Annotated[
     ),
 ]
 Depth = Annotated[float | None, Option(metavar="UM", min=0, help="Add Smr so far below the top.")]
-SpectrumTable = Annotated[Path | None, _file("Write its spectrum.", "--spectrum")]
+SpectrumTable = Annotated[
+    Path | None,
+    _file("Write its spectrum, radial and along x and y, over q = 2 pi/wavelength.", "--spectrum"),
+]
 Picture = Annotated[Path | None, _file("Draw surface and contact.", "--plot")]
 SurfacePicture = Annotated[Path | None, _file("Draw it and its spectrum.", "--plot")]
 NewPicture = Annotated[Path, Option(*OUT, metavar="PNG", help="The picture to write.")]

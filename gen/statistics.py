@@ -166,8 +166,19 @@ def describe(heights: Values, spacing: float | tuple[float, float]) -> Descripti
         )
     if lowest == highest:
         return Description(named, "flat surface: no profile peak, no asperity")
-    undefined = any(map(math.isnan, values))
-    return Description(named, UNDEFINED if undefined else "")
+    reason = ""
+    if any(map(math.isnan, values)):
+        lower, upper = np.percentile(nodes, [25.0, 75.0])
+        lost = 0.0 < upper - lower <= LOST * rounding
+        reason = _lost_beside(heights) if lost else UNDEFINED
+    return Description(named, reason)
+
+
+def _lost_beside(heights: Values) -> str:
+    """Return the reason why most heights have no shape beside the largest one."""
+    lowest, highest = float(heights.min()), float(heights.max())
+    largest = highest if highest > -lowest else lowest
+    return f"most heights are lost in rounding beside one of {largest:.6g} um"
 
 
 def rms_slope(heights: Values, spacing: tuple[float, float]) -> float:

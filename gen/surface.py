@@ -192,7 +192,8 @@ def generate(generator: str, nodes: int, hurst: float, sigma0: float, random: Ra
     nodes : int
         Nodes a side: 2^k + 1 with k of 1 or more.
     hurst : float
-        Hurst exponent, from 0 to 1.
+        Hurst exponent, from 0 to 1; that of the power spectrum is smaller, the more so on coarse
+        grids (`examples/hurst.py`).
     sigma0 : float
         Standard deviation of the first displacement [um].
     random : numpy.random.Generator
@@ -293,6 +294,9 @@ def _displaced(
 
 class DisplacedSurface(GridSurface):
     """Surfaces of random midpoint displacement.
+
+    `hurst` is what the generator is asked for. The exponent of a surface's power spectrum is
+    smaller; `bench/results/hurst/hurst.csv` has it for several grids.
 
     The defaults are the paper's (section 3.2, Table 1). The paper does not give `sigma0`: its
     default is calibrated so that the 22 statistics have the ranges of Table 1.

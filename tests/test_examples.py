@@ -184,6 +184,15 @@ def test_laws_of_larger_windows_scatter_less(tmp_path):
     assert np.array(written, dtype=float) == pytest.approx(found, rel=1e-5)
 
 
+def test_midpoint_displacement_has_a_smaller_exponent_than_it_is_asked_for(tmp_path):
+    rows = example("hurst")(["--small", "--table", str(tmp_path / "hurst.csv")])
+    with (tmp_path / "hurst.csv").open(encoding="utf-8") as file:
+        assert [row["generator"] for row in csv.DictReader(file)] == [r["generator"] for r in rows]
+    for row in rows:
+        off = row["hurst"] - row["asked_for"]
+        assert (abs(off) < 0.05) if row["generator"] == "spectral" else (-0.3 < off < 0.0), row
+
+
 def test_the_served_solver_has_the_mean_area_of_the_solver(tmp_path, monkeypatch, capsys):
     """QMCPy's mean through a model that answers as the server does, against plain averaging."""
     import umbridge

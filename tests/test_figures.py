@@ -132,6 +132,27 @@ def test_figures_are_those_of_their_cells(entry):
         assert said == near, cell
 
 
+def test_exponents_are_as_much_smaller_as_is_said():
+    """On the page, in what `gen describe` prints, and in the paper's scene."""
+    lacking = {
+        (row["generator"], row["nodes"], row["asked_for"]): float(row["asked_for"])
+        - float(row["hurst"])
+        for row in rows("hurst/hurst.csv")
+    }
+    displaced = [each for (generator, *_), each in lacking.items() if generator != "spectral"]
+    sentence = "ask for more than the estimate: # to # more on these grids"
+    least, most = stated("docs/how-to/scenes.md", sentence)
+    assert [least, most] == [round(min(displaced) + 1e-9, 2), round(max(displaced), 2)]
+    printer = (ROOT / "gen" / "commands" / "printer.py").read_text(encoding="utf-8")
+    assert f"asked for {least} to {most} more" in printer
+    scene = (ROOT / "gen" / "scenes" / "paper.toml").read_text(encoding="utf-8")
+    (paper,) = re.findall(r"at 129 nodes a side ([.\d]+) less", scene)
+    for hurst in ("0.5", "0.7"):
+        assert lacking["diamond-square", "129", hurst] == pytest.approx(float(paper), abs=0.005)
+    spectral = [each for (generator, *_), each in lacking.items() if generator == "spectral"]
+    assert max(map(abs, spectral)) < 0.02
+
+
 def test_hertz_is_met_as_closely_as_is_said():
     force, area = (
         {

@@ -291,6 +291,18 @@ def nearest_hurst() -> list[str]:
     ]
 
 
+def exponents() -> list[str]:
+    """Hurst exponents of generated surfaces beside those that were asked for."""
+    lines: dict[tuple[str, str], list[str]] = {}
+    for row in table("hurst/hurst.csv"):
+        line = lines.setdefault((row["generator"], row["nodes"]), [])
+        line.append(f"{float(row['hurst']):.2f} ± {float(row['deviation']):.2f}")
+    return [
+        f"| `{generator}` | {nodes} | {' | '.join(found)} |"
+        for (generator, nodes), found in lines.items()
+    ]
+
+
 def outputs() -> list[str]:
     """Cost of the optional columns of a database."""
     lines = []
@@ -597,6 +609,11 @@ TABLES = {
         ),
         nearest_hurst,
         ("nearest/search.csv", "nearest/finalists.csv"),
+    ),
+    "exponents": PageTable(
+        ("generator", "nodes a side", *(f"asked for {hurst}" for hurst in (0.3, 0.5, 0.7, 0.9))),
+        exponents,
+        ("hurst/hurst.csv",),
     ),
     "outputs": PageTable(
         (

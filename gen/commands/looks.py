@@ -43,6 +43,13 @@ class Look:
     fit: SelfAffineFit | str  # or why there is no law
     nodes: float  # in the shortest wave
 
+    @property
+    def is_directional(self) -> bool:
+        """Whether the map has a lay, so that profiles along x and y differ."""
+        from gen.maps.texture import lay_of
+
+        return bool(lay_of(self.topography, self.areal.values["Str"]))
+
 
 @dataclass(frozen=True, eq=False)
 class Looking:
@@ -109,12 +116,14 @@ def units_of_looks() -> dict[str, str]:
 def look_at_one(looking: Looking, surface: Path, files: LookFiles) -> None:
     """Print what is known of one map, and write its files."""
     from gen.commands import printer
-    from gen.maps import pictures, several
+    from gen.maps import pictures, several, texture
 
     figure = empty_figure(files.picture, 10.5, 8.6)
     look = looking.at(surface)
     printer.print_preparation(look.topography, look.warnings)
     printer.print_statistics(look.topography, look.description, look.areal)
+    if look.is_directional:
+        printer.print_profiles(texture.profile_roughness(look.topography))
     printer.print_spectrum(look.fit, look.nodes)
     if files.spectrum is not None and not look.radial.wavenumbers.size:
         raise InputError(f"--spectrum {files.spectrum}: there is none, {look.fit}")
@@ -128,7 +137,14 @@ def look_at_one(looking: Looking, surface: Path, files: LookFiles) -> None:
     if files.spectrum is not None:
         write_csv(files.spectrum, look.radial.rows())
     if files.picture is not None:
-        pictures.draw_surface(figure, look.topography, look.radial, look.fit, files.picture)
+        pictures.draw_surface(
+            figure,
+            look.topography,
+            look.radial,
+            look.fit,
+            files.picture,
+            directional=look.is_directional,
+        )
 
 
 def look_at_several(looking: Looking, inputs: Sequence[Path], files: LookFiles) -> None:

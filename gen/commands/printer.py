@@ -21,7 +21,7 @@ if TYPE_CHECKING:  # each command imports no more than it needs
     from gen.database import Reader
     from gen.maps.contacts import Answer
     from gen.maps.read import Topography
-    from gen.maps.texture import SelfAffineFit
+    from gen.maps.texture import ProfileRoughness, SelfAffineFit
     from gen.material import Bodies
     from gen.runtime.documents import Row
     from gen.scene import Scene
@@ -169,6 +169,18 @@ def print_statistics(topography: Topography, found: Description, areal: Descript
             echo(f"Where nan stands: {known.reason}")
 
 
+def print_profiles(profiles: tuple[ProfileRoughness, ProfileRoughness]) -> None:
+    """Print the roughness of the profiles along x and along y of a directional surface."""
+    rows = [
+        (f"along {axis}", *(f"{value:.6g}" for value in numbers))
+        for axis, each in zip("xy", profiles, strict=True)
+        for numbers in [(each.rms_height, each.rms_slope, each.wavelength)]
+    ]
+    titles = ("profiles", "Rq um", "Rdq", "mean wavelength um")
+    print_columns(rows, titles, right=set(titles[1:]))
+    echo("Their power spectra: --spectrum FILE writes them, --plot FILE draws them")
+
+
 def print_spectrum(fit: SelfAffineFit | str, nodes: float) -> None:
     """Print the self-affine law of a surface, or why there is none, and its shortest wave."""
     from gen.maps.texture import WELL_RESOLVED
@@ -191,6 +203,10 @@ def print_spectrum(fit: SelfAffineFit | str, nodes: float) -> None:
                 ("cut_off", law.cut_off, "um", "shortest wavelength"),
                 ("rms_height", fit.rms_height, "um", "root mean square height"),
             )
+        )
+        echo(
+            "That is the exponent of the spectrum, which spectral gives if it is asked for it;"
+            " diamond-square and midpoint give it if they are asked for 0.07 to 0.16 more"
         )
     if not math.isnan(nodes):
         said = "nodes: areas of contact are those of the grid, see gen contact"

@@ -64,7 +64,8 @@ def draft(
     doubts: list[str] = []
     if like is not None:
         found = propose_like(like, reading)
-        print_looks([found.look])
+        looks = [found.look]
+        print_looks(looks)
         scene = write(output, scene_like(found, bodies, command, output))
         made = f"self-affine surfaces like {like.name}"
         doubts += [f"{found.doubt}: windows of the map are safer"] if found.doubt else []
@@ -72,12 +73,14 @@ def draft(
         paths = map_files(inputs, Path.cwd())
         with RunProgress(2 * len(paths), noun="readings") as progress:
             proposed = propose(paths, reading, lambda: progress.advance(1, 0))
-        print_looks(proposed.looks)
+        looks = proposed.looks
+        print_looks(looks)
         scene = write(output, scene_of_windows(proposed, bodies, inputs, command, output))
         made = (
             f"{proposed.windows} windows of {proposed.nodes} x {proposed.nodes} nodes of"
             f" {len(proposed.used)} of {len(paths)} maps, {scene.samples} samples"
         )
+    doubts += [f"{look.path.name}: {warning}" for look in looks for warning in look.warnings]
     for doubt in (*scene.contact.doubts, *doubts):
         echo(f"warning: {doubt}", err=True)
     echo(f"wrote {output}: {made}")

@@ -16,7 +16,8 @@ from gen.arrays import Heights, Values
 from gen.doubts import STEEP
 from gen.maps.filters import MOST_HOLES, fitted_polynomial, is_same, resampled
 from gen.maps.library import Tiling
-from gen.maps.prepare import FLAT, MANY_SPIKES, least_squares, local_medians, prepare
+from gen.maps.outliers import local_medians, refuse_beyond_numbers, with_codes_named
+from gen.maps.prepare import FLAT, MANY_SPIKES, least_squares, prepare
 from gen.maps.read import Sides, Topography, in_words, read
 from gen.maps.settings import SPIKE, Reading
 from gen.maps.texture import SelfAffineFit, areal_parameters, fit_self_affine, radial_spectrum
@@ -49,6 +50,7 @@ class MapSurvey:
     rms_slope: float = math.nan  # between neighbouring nodes, as in databases [1]
     # autocorrelation length Sal of ISO 25178, NaN if half of the map is too short for it [um]
     length: float = math.nan
+    warnings: tuple[str, ...] = ()  # one line for each value that may stand for missing heights
 
 
 def survey(
@@ -74,6 +76,9 @@ def survey(
 
 def _look(look: MapSurvey, topography: Topography) -> None:
     """Note what a file holds."""
+    refuse_beyond_numbers(topography)
+    as_in_scenes = replace(topography, warnings=(), asked="key")
+    look.warnings = with_codes_named(as_in_scenes).warnings
     heights, missing = topography.heights, topography.missing
     nx, ny = look.shape = heights.shape[0], heights.shape[1]
     look.spacing, look.unit, look.missing = topography.spacing, topography.unit, missing

@@ -390,6 +390,10 @@ def _description(
             f" the overclosure of the last line, {FAR[-1]:g}, is where CalculiX finds the number"
             " of points."
         )
+        faces = "Take TYPE=SURFACE TO SURFACE in *CONTACT PAIR, for which this table is made"
+        if law.over_pressure.conducting:
+            faces += ": with TYPE=NODE TO SURFACE CalculiX passes no heat, and says nothing of it"
+        yield f"{faces}."
 
 
 def _with_far_points(loads: Values, overclosures: Values) -> tuple[Values, Values]:

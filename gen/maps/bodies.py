@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gen.arrays import Heights, Values
 from gen.maps.prepare import prepare
@@ -64,10 +65,12 @@ def composite(
     count from its highest node, so that a flat one changes nothing. Raises InputError if fewer
     than 2 x 2 nodes lie on both bodies.
     """
-    below = second.heights - second.heights.max()
+    below, below_doubtful = second.heights - second.heights.max(), second.doubtful
     if turned != "none":
         below = np.flip(below, axis=TURNS.index(turned))
-    other = replace(second, heights=below)
+        if below_doubtful is not None:
+            below_doubtful = np.flip(below_doubtful, axis=TURNS.index(turned))
+    other = replace(second, heights=below, doubtful=below_doubtful)
     onto_first = math.prod(first.spacing) <= math.prod(other.spacing) * (1 + SAME)
     grid, added = (first, other) if onto_first else (other, first)
     sign = 1 if onto_first else -1
@@ -107,7 +110,21 @@ def composite(
         warnings.append(f"{apart}: its short waves are not there; check --unit and --side")
     both = first.followed & second.followed
     result = replace(grid, name=name, heights=heights, sides=(x, y), followed=both)
+    result = replace(result, doubtful=_doubtful(grid, added, lines))
     return replace(result, steps=(*steps, ", ".join(said)), warnings=tuple(warnings))
+
+
+def _doubtful(grid: Topography, added: Topography, lines: list[_Line]) -> NDArray[np.bool_] | None:
+    """Return the nodes of a sum at which either body has a code, pit or spike, None without any.
+
+    Those of a body that is interpolated are left out: its splines spread them.
+    """
+    parts: list[NDArray[np.bool_]] = []
+    if grid.doubtful is not None:
+        parts.append(grid.doubtful[lines[0].nodes, lines[1].nodes])
+    if added.doubtful is not None and all(line.exact for line in lines):
+        parts.append(_at(added.doubtful.astype(np.float64), lines) > 0)
+    return np.any(parts, axis=0) if parts else None
 
 
 def _line(grid: Topography, added: Topography, axis: int, shift: float) -> _Line:

@@ -94,7 +94,8 @@ def located(recorded: Path, sha256: str, beside: Path | None) -> Path:
     )
 
 
-READER = 2  # number of this way to read and prepare: raised whenever the code gives other heights
+# number of this way to read and prepare: raised whenever the code gives other heights or warnings
+READER = 3
 
 
 @dataclass(frozen=True)

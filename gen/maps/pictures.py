@@ -7,7 +7,7 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 LETTERS = 50  # letters in a line above a map that fills its half of a picture
 UPPER_PERCENTILE = 99  # where a colour scale ends if a few outliers would otherwise take most of it
+# colours of values below and above the ends of a colour scale, which it does not have itself
+BEYOND = {"viridis": ("magenta", "red"), "inferno_r": ("deepskyblue", "limegreen")}
 COLOURS = 20  # colours of spots, those of the colour map tab20
 # ratio of the largest to the smallest load from which on axes of loads are logarithmic
 DECADES = 99.0
@@ -102,28 +104,60 @@ def patch_sides(contact: Contact) -> tuple[float, float]:
     return dx * (nx - outer), dy * (ny - outer)
 
 
+@dataclass(frozen=True)
+class ColourScale:
+    """The ends of the colours of a map, beyond which a few outliers may lie."""
+
+    low: float
+    high: float
+    extend: Literal["neither", "min", "max", "both"] = "neither"  # ends beyond which values lie
+    remark: str = ""  # the values that lie farthest beyond, and their colours, for the title
+
+
+def colour_scale(surface_map: Map) -> ColourScale:
+    """Choose the ends of the colours of a map, so that a few outliers do not take most of them."""
+    values = np.ma.compressed(surface_map.field)
+    if not surface_map.quantity:
+        return ColourScale(0.0, COLOURS - 1.0)
+    if not values.size:
+        return ColourScale(0.0, 1.0)
+    least, most = float(values.min()), float(values.max())
+    first, last = map(float, np.percentile(values, [100 - UPPER_PERCENTILE, UPPER_PERCENTILE]))
+    under, over = BEYOND[surface_map.colours]
+    remarks = []
+    low, high = least, most
+    if least < 1.5 * first - 0.5 * last:
+        low = first
+        remarks.append(f"down to {least:.4g} {surface_map.unit} ({under})")
+    if most > 1.5 * last - 0.5 * first:
+        high = last
+        remarks.append(f"up to {most:.4g} {surface_map.unit} ({over})")
+    if not remarks:
+        return ColourScale(low, high)
+    extend: Literal["min", "max", "both"] = "both"
+    if len(remarks) == 1:
+        extend = "min" if low > least else "max"
+    return ColourScale(low, high, extend, f"beyond the colours: {' and '.join(remarks)}")
+
+
 def draw_map(axis: Any, surface_map: Map, letters: int = LETTERS) -> None:
     """Draw a field to scale unless it is very oblong, under titles of lines of some letters."""
     nx, ny = surface_map.field.shape
     (width, length), field = surface_map.sides, surface_map.field
-    low, high, values = 0.0, 1.0, np.ma.compressed(field)
-    if not surface_map.quantity:
-        high = COLOURS - 1.0
-    elif values.size:  # a few outliers lie beyond the scale on either side
-        low, high = float(values.min()), float(values.max())
-        first, last = map(float, np.percentile(values, [100 - UPPER_PERCENTILE, UPPER_PERCENTILE]))
-        beyond = low < 1.5 * first - 0.5 * last, high > 1.5 * last - 0.5 * first
-        low, high = first if beyond[0] else low, last if beyond[1] else high
+    scale = colour_scale(surface_map)
     oblong = max(width, length) > OBLONG * min(width, length)
     image = axis.imshow(
         field.T,
         origin="lower",
         extent=(0.0, width, 0.0, length),
         cmap=surface_map.colours,
-        vmin=low,
-        vmax=high,
+        vmin=scale.low,
+        vmax=scale.high,
         aspect="auto" if oblong else "equal",
     )
+    if scale.extend != "neither":
+        under, over = BEYOND[surface_map.colours]
+        image.set_cmap(image.get_cmap().with_extremes(under=under, over=over))
     axis.set_facecolor("0.93")
     if surface_map.marked is not None and surface_map.marked.any():
         marks = np.zeros((ny, nx, 4))  # transparent
@@ -133,8 +167,11 @@ def draw_map(axis: Any, surface_map: Map, letters: int = LETTERS) -> None:
     if surface_map.quantity:
         beside = axis.inset_axes((1.03, 0.0, 0.04, 1.0))  # as high as the map
         label = f"{surface_map.quantity} [{surface_map.unit}]"
-        axis.figure.colorbar(image, cax=beside, label=label)
-    lines = [*textwrap.wrap(surface_map.title, letters), *["not to scale"] * oblong]
+        axis.figure.colorbar(image, cax=beside, label=label, extend=scale.extend)
+    lines = textwrap.wrap(surface_map.title, letters)
+    lines += textwrap.wrap(scale.remark, letters)
+    if oblong:
+        lines.append("not to scale")
     axis.set_title("\n".join(lines), loc="left", fontsize=10, parse_math=False)
     axis.set(xlabel="x [µm]", ylabel="y [µm]")
 
@@ -145,8 +182,13 @@ def draw_surface(
     spectrum: RadialSpectrum,
     fit: SelfAffineFit | str,
     picture: Path,
+    *,
+    directional: bool,
 ) -> None:
-    """Draw the heights, their distribution with the bearing curve, and the spectrum."""
+    """Draw the heights, their distribution with the bearing curve, and the spectrum.
+
+    A `directional` surface has the spectra of its profiles along x and along y beside it.
+    """
     top, bottom = figure.subfigures(2, 1, height_ratios=[1.12, 1.0])
     left, right = top.subplots(1, 2, width_ratios=[1.15, 1.0])
     figure.suptitle(shortened(topography.name), fontsize=11, parse_math=False)
@@ -154,7 +196,12 @@ def draw_surface(
     title = f"heights, {heights.shape[0]} x {heights.shape[1]} nodes"
     draw_map(left, Map(heights, topography.sides, title, "height", "µm", "viridis"))
     _draw_distribution(right, heights)
-    _draw_spectrum(bottom.subplots(), spectrum, fit)
+    if directional:
+        radial, profiles = bottom.subplots(1, 2)
+        _draw_spectrum(radial, spectrum, fit, LETTERS)
+        _draw_profile_spectra(profiles, spectrum)
+    else:
+        _draw_spectrum(bottom.subplots(), spectrum, fit, 2 * LETTERS)
     save(figure, picture)
 
 
@@ -180,16 +227,37 @@ def _draw_distribution(axis: Any, heights: Heights) -> None:
     axis.axhline(0.0, color="k", lw=0.6, ls=":")
 
 
-def _draw_spectrum(axis: Any, spectrum: RadialSpectrum, fit: SelfAffineFit | str) -> None:
+WAVENUMBER = "wavenumber q = 2π / wavelength [1/µm]"
+
+
+def _draw_profile_spectra(axis: Any, spectrum: RadialSpectrum) -> None:
+    """Draw the mean power spectra of the profiles along x and along y."""
+    axis.set_title("power spectra of profiles", loc="left", fontsize=10)
+    axis.set(xlabel=WAVENUMBER, ylabel="profiles' power spectrum [µm$^3$]")
+    curves = {"along x": spectrum.along_x, "along y": spectrum.along_y}
+    if not any((density > 0.0).any() for density in curves.values()):
+        axis.text(0.5, 0.5, "no wave", ha="center", transform=axis.transAxes)
+        axis.set(xticks=[], yticks=[])
+        return
+    for name, density in curves.items():
+        seen = np.isfinite(density) & (density > 0.0)
+        axis.loglog(spectrum.wavenumbers[seen], density[seen], ".-", ms=4, lw=1, label=name)
+    axis.grid(alpha=0.3)
+    axis.legend(loc="lower left", fontsize="small")
+
+
+def _draw_spectrum(
+    axis: Any, spectrum: RadialSpectrum, fit: SelfAffineFit | str, letters: int
+) -> None:
     """Draw the radial power spectrum with the self-affine law over the range that it fits."""
     seen = np.isfinite(spectrum.density) & (spectrum.density > 0.0)
-    title = textwrap.fill(f"radial power spectrum; no self-affine law: {fit}", 2 * LETTERS)
+    title = textwrap.fill(f"radial power spectrum; no self-affine law: {fit}", letters)
     if not isinstance(fit, str):
         numbers = f"Hurst exponent {fit.spectrum.hurst:.3g} over {fit.decades:.2g} decades"
         numbers += f", rms height {fit.rms_height:.4g} µm"
         title = "; ".join((f"radial power spectrum: {numbers}", *fit.remarks))
     axis.set_title(title, loc="left", fontsize=10)
-    axis.set(xlabel="wavenumber q [1/µm]", ylabel="radial power spectrum C [µm$^4$]")
+    axis.set(xlabel=WAVENUMBER, ylabel="radial power spectrum C [µm$^4$]")
     if not seen.any():
         axis.text(0.5, 0.5, "no wave", ha="center", transform=axis.transAxes)
         axis.set(xticks=[], yticks=[])

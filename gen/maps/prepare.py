@@ -1,6 +1,7 @@
 """Prepare a measured topography for contact: only the steps that the user asks for, recorded.
 
-Reasons to distrust what is left are a tilt, a spike, slopes, borders that differ, a lost unit.
+Reasons to distrust what is left are codes for missing heights, pits and spikes, a tilt, slopes,
+borders that differ, and a lost unit.
 """
 
 from __future__ import annotations
@@ -13,10 +14,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gen.arrays import Heights, Values
+from gen.arrays import Heights
 from gen.doubts import STEEP, steep_slopes
 from gen.maps.filters import filled, filtered, without_form
-from gen.maps.read import WIDEST, Sides, Topography, read
+from gen.maps.outliers import (
+    local_medians,
+    refuse_beyond_numbers,
+    with_codes_named,
+    with_single_named,
+)
+from gen.maps.read import NEAREST, WIDEST, Sides, Topography, beyond_instruments, read
 from gen.maps.settings import KEYS, SPIKE, Reading, numbers_in, said
 from gen.runtime.errors import InputError
 from gen.statistics import rms_slope
@@ -48,25 +55,77 @@ def prepare(topography: Topography, settings: Reading) -> Topography:
     followed |= {f"despike {SPIKE:g}"} if (settings.despike or np.inf) <= SPIKE else set()
     followed |= topography.followed
     topography = replace(topography, followed=frozenset(followed), asked=settings.asked)
-    for key, step in STEPS.items():
-        value, whole = getattr(settings, key), not np.isnan(topography.heights).any()
-        if key == "filter" and not whole:  # from here on every node is needed
-            fault = f"{topography.missing} of {topography.heights.size} heights are missing (NaN)"
-            remedies = ("fill", "closes holes"), ("crop", "leaves them out")
-            raise InputError(f"{topography.name}: {advised(topography, fault, *remedies)}")
+    topography = _taken(topography, settings, "crop", "invert", "mask")
+    refuse_beyond_numbers(topography)
+    topography = _taken(topography, settings, "despike")
+    topography = _with_span_named(with_codes_named(topography))
+    measured = topography.heights
+    topography = _taken(topography, settings, "level", "form", "fill", "fill_most")
+    if topography.missing:  # from here on every node is needed
+        fault = f"{topography.missing} of {topography.heights.size} heights are missing (NaN)"
+        remedies = ("fill", "closes holes"), ("crop", "leaves them out")
+        raise InputError(f"{topography.name}: {topography.advised(fault, *remedies)}")
+    topography = with_single_named(topography, measured, _without_tilt(topography))
+    topography = _taken(topography, settings, "filter", "downsample")
+    return _with_tilt_named(topography)
+
+
+def _taken(topography: Topography, settings: Reading, *keys: str) -> Topography:
+    """Take the steps of some keys that are given, in this order; refuse a value that is wrong."""
+    for key in keys:
+        value, whole = getattr(settings, key), not topography.missing
         if value is None or value is False or value == "" or (whole and key.startswith("fill")):
             continue
         if not KEYS[key].suits(value):
             named = said(f"{key} {value!r}", settings.asked)
             raise InputError(f"{named}: give {KEYS[key].allowed}")
-        topography = step(topography, settings)
-    if not is_tilted(topography):
+        topography = STEPS[key](topography, settings)
+    return topography
+
+
+def _with_span_named(topography: Topography) -> Topography:
+    """Warn if heights that are no codes span more or less than instruments measure."""
+    heights = _without_doubtful(topography)
+    span = float(np.nanmax(heights) - np.nanmin(heights))
+    if not span or NEAREST <= span <= WIDEST:
         return topography
-    _, (x, y) = least_squares(topography)
+    warning = f"its heights span {span:.3g} um, {beyond_instruments(topography.asked)}"
+    return replace(topography, warnings=(*topography.warnings, warning))
+
+
+def _with_tilt_named(topography: Topography) -> Topography:
+    """Warn if the mean plane of a map outweighs its roughness."""
+    heights = _without_doubtful(topography)
+    whole = replace(topography, heights=np.nan_to_num(heights, nan=float(np.nanmean(heights))))
+    if not is_tilted(whole):
+        return topography
+    _, (x, y) = least_squares(replace(topography, heights=heights))
     fault = f"tilted by {x:.2g} along x and {y:.2g} along y, more than it is rough, so one edge"
     fault += " carries the load"  # as the map lay under its instrument
-    warning = advised(topography, fault, ("level plane", "takes the tilt out"))
+    warning = topography.advised(fault, ("level plane", "takes the tilt out"))
     return replace(topography, warnings=(*topography.warnings, warning))
+
+
+def _without_tilt(topography: Topography) -> Heights:
+    """Return the heights without their mean plane if it outweighs the roughness."""
+    if not is_tilted(topography):
+        return topography.heights
+    heights = _without_doubtful(topography)
+    plane, _ = least_squares(replace(topography, heights=heights))
+    return topography.heights - plane
+
+
+def _without_doubtful(topography: Topography) -> Heights:
+    """Return the heights with NaN at nodes that a warning calls codes, pits or spikes.
+
+    They are all there if too few others are left for slopes along both axes.
+    """
+    if topography.doubtful is None:
+        return topography.heights
+    known = ~topography.doubtful
+    if not (known[1:] & known[:-1]).any() or not (known[:, 1:] & known[:, :-1]).any():
+        return topography.heights
+    return np.where(topography.doubtful, np.nan, topography.heights)
 
 
 # what each key of the preparation does, if it is given, in the order of the steps
@@ -118,49 +177,6 @@ def masked(topography: Topography, kept: tuple[float | None, float | None]) -> T
         )
     step = f"masked {_share(outside)} outside {below:g} to {above:g} um"
     return topography.changed(left, step)
-
-
-# nodes along each side of the neighbourhood: its median ignores spikes of up to 3 x 4 nodes
-WINDOW = 5
-ROWS = 64  # rows of nodes whose neighbourhoods are gathered at a time, which bounds the memory
-
-
-def local_medians(heights: Heights) -> tuple[Heights, float]:
-    """Return the median of the measured nodes around each node, on their slope, and the scatter.
-
-    Beside a hole, a spike or the border, a slope would shift the median. So the plane through
-    the node whose slopes are the medians of those in its neighbourhood is taken out before. The
-    scatter of the distances from the medians is their median absolute deviation times 1.4826, the
-    standard deviation if they are normal, and at least that of rounding [um].
-    """
-    padded = np.pad(heights, WINDOW // 2, constant_values=np.nan)
-    windows = np.lib.stride_tricks.sliding_window_view(padded, (WINDOW, WINDOW))
-    steps = np.arange(WINDOW) - WINDOW // 2
-    medians = np.empty(heights.shape)
-    for first in range(0, len(heights), ROWS):
-        block = windows[first : first + ROWS].reshape(-1, WINDOW, WINDOW)
-        along_x, along_y = (
-            np.nan_to_num(_medians(np.diff(block, axis=axis)), copy=False)[:, None, None]
-            for axis in (1, 2)
-        )
-        level = block - along_x * steps[:, None] - along_y * steps
-        medians[first : first + ROWS] = _medians(level).reshape(-1, heights.shape[1])
-    distances = heights - medians
-    measured = distances[~np.isnan(distances)]
-    scatter = 1.4826 * float(np.median(np.abs(measured - np.median(measured))))
-    return medians, max(scatter, ROUNDING * float(np.nanmax(heights) - np.nanmin(heights)))
-
-
-def _medians(values: Values) -> Values:
-    """Return the median of the numbers of each entry of the first axis, NaN if it has none."""
-    each = values.reshape(len(values), -1)
-    ordered = np.sort(each, axis=1)  # NaN come last
-    count = np.count_nonzero(~np.isnan(each), axis=1)
-    entries = np.arange(len(each))
-    lower, upper = (
-        ordered[entries, np.maximum(place, 0)] for place in ((count - 1) // 2, count // 2)
-    )
-    return np.asarray(np.where(count % 2 == 1, lower, lower / 2 + upper / 2))
 
 
 def despiked(topography: Topography, threshold: float) -> Topography:
@@ -243,39 +259,23 @@ FEWEST_TILTED = 8
 
 
 def surface_warnings(topography: Topography) -> list[str]:
-    """List reasons to distrust contacts of a surface: spikes, slopes, wrong units, borders."""
+    """List reasons to distrust contacts of a surface: its own, slopes, wrong units, borders."""
     warnings, heights = list(topography.warnings), topography.heights
-    row, column = map(int, np.unravel_index(int(np.argmax(heights)), heights.shape))
-    # How far nodes are above the median of their neighbours, and usually are [um]; the odd
-    # reflection continues slopes beyond the border.
-    padded = np.pad(heights, 1, mode="reflect", reflect_type="odd")
-    windows = np.lib.stride_tricks.sliding_window_view(padded, (3, 3))
-    above = np.empty(heights.shape)
-    for first in range(0, len(heights), ROWS):
-        block = windows[first : first + ROWS].reshape(-1, heights.shape[1], 9)
-        neighbours = np.delete(block, 4, axis=-1)
-        above[first : first + ROWS] = block[..., 4] - np.median(neighbours, axis=-1)
-    above -= np.median(above)
-    usual = max(1.4826 * float(np.median(np.abs(above))), ROUNDING * float(np.ptp(heights)))
-    if above[row, column] > SPIKE * usual:
-        fault = f"the highest node ({row}, {column}) is a spike from whose tip Delta counts,"
-        fault += f" {above[row, column]:.4g} um above its neighbours"
-        remedies = (f"despike {SPIKE:g}", "removes spikes"), ("crop", "leaves this part out")
-        warnings.append(advised(topography, fault, *remedies))
-    slope, apart = rms_slope(heights, topography.spacing), max(topography.spacing)
+    slope = rms_slope(_without_doubtful(topography), topography.spacing)
+    apart = max(topography.spacing)
     if slope > STEEP:
         warnings.append(steep_slopes(slope, apart))
     if 0 < slope < FLAT and apart <= WIDEST:  # else their distance is wrong, which `read` says
         fault = f"rms slope {slope:.2g} between nodes {apart:.3g} um apart: flatter than a mirror;"
         fault += " are the heights in metres"
-        warnings.append(advised(topography, fault, ("unit m", "reads them so")))
+        warnings.append(topography.advised(fault, ("unit m", "reads them so")))
     if topography.boundary == "periodic" and not is_tilted(topography):
         borders = heights[-1] - heights[0], heights[:, -1] - heights[:, 0]
         step, rms = max(float(np.sqrt(np.mean(each**2))) for each in borders), heights.std()
         if step > rms:
             fault = f"opposite borders differ by {step:.4g} um (rms), more than the rms height,"
             fault += f" {rms:.4g} um: the map is not periodic"
-            warnings.append(advised(topography, fault, ("boundary mirror", "takes it as it is")))
+            warnings.append(topography.advised(fault, ("boundary mirror", "takes it as it is")))
     return warnings
 
 
@@ -294,16 +294,6 @@ def read_surface(
         named = opposite is not None or str(error).startswith(("--", str(path)))
         raise InputError(f"{'' if named else f'{path}: '}{error}") from None
     return surface, surface_warnings(surface)
-
-
-def advised(topography: Topography, fault: str, *remedies: tuple[str, str]) -> str:
-    """Add remedies to a fault, each a step and what it does, but none that is followed."""
-    followed = {*topography.followed, f"boundary {topography.boundary}"}
-    followed |= {"unit m"} if topography.unit else set()
-    left = [
-        f"{said(step, topography.asked)} {does}" for step, does in remedies if step not in followed
-    ]
-    return f"{fault}: {', '.join(left)}" if left else fault
 
 
 def is_tilted(topography: Topography) -> bool:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gen.arrays import Heights
 from gen.maps.scan import MOST_COLUMNS, NAMED_UNITS, UNITS, Scan, arranged, factor_of, unit_of
@@ -49,6 +50,8 @@ class Topography:
     followed: frozenset[str] = frozenset()
     asked: Asked = "option"  # who asks, for the words of messages
     apart: Sides | None = None  # distance of the nodes [um], where it is not that of the sides
+    # nodes that a warning calls codes, pits or spikes, which other warnings leave out
+    doubtful: NDArray[np.bool_] | None = None
 
     @property
     def spacing(self) -> Sides:
@@ -71,7 +74,19 @@ class Topography:
             (nx, ny), (dx, dy), outer = heights.shape, spacing, self.boundary == "free"
             x, y = (nx - outer) * dx, (ny - outer) * dy
         steps = (*self.steps, *filter(None, [step]))
-        return replace(self, heights=heights, sides=(x, y), steps=steps, apart=apart)
+        doubtful = self.doubtful if heights.shape == self.heights.shape else None
+        return replace(
+            self, heights=heights, sides=(x, y), steps=steps, apart=apart, doubtful=doubtful
+        )
+
+    def advised(self, fault: str, *remedies: tuple[str, str]) -> str:
+        """Add remedies to a fault, each a step and what it does, but none that is followed."""
+        followed = {*self.followed, f"boundary {self.boundary}"}
+        followed |= {"unit m"} if self.unit else set()
+        left = [
+            f"{said(step, self.asked)} {does}" for step, does in remedies if step not in followed
+        ]
+        return f"{fault}: {', '.join(left)}" if left else fault
 
 
 def in_words(spacing: Sides, digits: int = 6) -> str:
@@ -95,9 +110,6 @@ def read(path: Path, reading: Reading, boundary: Boundary = "free") -> Topograph
     holes = int(np.count_nonzero(np.isnan(heights)))
     if holes == heights.size:
         raise InputError(f"{path}: all of its {holes} heights are missing; measure again")
-    low, high = float(np.nanmin(heights)), float(np.nanmax(heights))
-    if (largest := max(-low, high)) > LARGEST:
-        raise InputError(f"{path}: heights of {largest:.3g} um; check their unit")
     if not all(0 < length < np.inf for length in sides):
         raise InputError(f"{path}: its lengths are beyond what numbers hold; give others")
     units = f"heights in {unit}" if unit else "heights taken as um"
@@ -114,14 +126,10 @@ def read(path: Path, reading: Reading, boundary: Boundary = "free") -> Topograph
         f" {said('unit', asked)} against it"
         for remark in scan.remarks
     ]
-    numbers = {step: f"its nodes are {step:.3g} um apart" for step in found.spacing}
-    numbers[high - low] = f"its heights span {high - low:.3g} um"
     doubts += [
-        f"{each}, which no instrument measures; compare with the instrument's own display, and"
-        f" overrule the file by {said('side', asked)} or {said('unit', asked)} with"
-        f" {said('override_scale', asked)}"
-        for number, each in numbers.items()
-        if number and not NEAREST <= number <= WIDEST
+        f"its nodes are {step:.3g} um apart, {beyond_instruments(asked)}"
+        for step in dict.fromkeys(found.spacing)
+        if not NEAREST <= step <= WIDEST
     ]
     if scan.repeats and boundary != "periodic" and asked == "option" and not reading.crop:
         doubts.append(
@@ -129,6 +137,15 @@ def read(path: Path, reading: Reading, boundary: Boundary = "free") -> Topograph
             " --boundary periodic of gen describe, contact and law follows the file"
         )
     return replace(found, warnings=tuple(doubts))
+
+
+def beyond_instruments(asked: Asked) -> str:
+    """Return what is said of a length that no instrument measures."""
+    return (
+        "which no instrument measures; compare with the instrument's own display, and overrule the"
+        f" file by {said('side', asked)} or {said('unit', asked)} with"
+        f" {said('override_scale', asked)}"
+    )
 
 
 def _agreed_unit(path: Path, scan: Scan, reading: Reading, overruled: list[str]) -> str:

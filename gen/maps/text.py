@@ -1,7 +1,7 @@
 """Read numbers from text, with the headers that microscopes' programs write above them.
 
-Headers of Gwyddion's ASCII export (in all its languages), of SPIP, Attocube, Nova and WSxM are
-understood. In all of these, x runs along the lines. `gen.maps.scan` tells whether the numbers
+Headers of Gwyddion's ASCII export (in all its languages), of SPIP, Attocube, Nova, WSxM and Koala
+are understood. In all of these, x runs along the lines. `gen.maps.scan` tells whether the numbers
 are heights or coordinates.
 """
 
@@ -35,6 +35,8 @@ LABELS = {
     "x spacing": "scale x",
     "y spacing": "scale y",
     "nm per value": "bit2nm",
+    "conversion": "conversion factor",
+    "data unit": "data unit",
     "to be scaled": "datascaleneeded",
     "format": "file format",
 }
@@ -55,6 +57,13 @@ WITH_COMMA = re.compile(r"[-+]?\d+(,\d+)?([eE][-+]?\d+)?")  # number with a deci
 WHOLE, DECIMALS = re.compile(r"[-+]?(0|[1-9]\d*)"), re.compile(r"\d+([eE][-+]?\d+)?")
 # first line of files whose header has no `#` in front
 BARE = re.compile(r"\s*(File Format\s*=|WSxM file)", re.IGNORECASE)
+# first line of Koala's header, with the numbers of lines and of values in a line: `h=305 w=400`
+KOALA = re.compile(r"\s*[hw]\s*=\s*\d+(\s+[hw]\s*=\s*\d+)?\s*", re.IGNORECASE)
+# parts of that line, and the unit of length in the label of Koala's conversion factor
+KOALA_COUNT = re.compile(r"([hw])\s*=\s*(\d+)", re.IGNORECASE)
+KOALA_FACTOR = re.compile(r"height conversion factor \(->\s*(?P<unit>[^)]+)\)", re.IGNORECASE)
+# ends of lines as editors count them: some programs write a second carriage return
+LINE_END = re.compile(r"\r*\n|\r")
 # unit of length in a comment that we do not understand; the user is warned of it
 SAYS_LENGTHS = re.compile(r"\b(mm|um|µm|μm|nm|microns?|micromet\w+|nanomet\w+|\d\s*m)\b|Å")
 
@@ -82,10 +91,8 @@ def matrices(content: bytes, path: Path) -> list[Scan]:
     entries: dict[str, str] = {}
     remarks: list[str] = []
     for number, comment, fields in _lines(text, path):
-        match = ENTRY.fullmatch(comment)
-        meaning = MEANINGS.get(match["label"].lower(), "") if match else ""
-        stated = {meaning: match["value"].strip()} if match and meaning else {}
-        if rows and meaning in {"channel", "width"}:
+        stated = _stated(comment)
+        if rows and stated.keys() & {"channel", "width"}:
             read.append(_matrix(path, rows, entries, remarks))
             rows, entries, remarks = [], {}, []
         named = {} if rows or fields or stated else _columns(comment)
@@ -98,6 +105,15 @@ def matrices(content: bytes, path: Path) -> list[Scan]:
     if rows or not read:  # a header at the end of a file has no numbers
         read.append(_matrix(path, rows, entries, remarks))
     return read
+
+
+def _stated(comment: str) -> dict[str, str]:
+    """Return the values of a line of a header by the quantities of `LABELS` that we know."""
+    match = ENTRY.fullmatch(comment)
+    if match is None:
+        return {}
+    meaning = MEANINGS.get(match["label"].lower(), "")
+    return {meaning: match["value"].strip()} if meaning else {}
 
 
 def chosen(path: Path, found: list[Scan], reading: Reading) -> Scan:
@@ -149,14 +165,18 @@ def _columns(line: str, place: str = "") -> dict[str, str]:
 
 def _lines(content: str, path: Path) -> Iterator[tuple[int, str, list[str]]]:
     """Yield number, comment and fields of every line; words above the numbers are comments."""
-    lines = content.splitlines()
+    lines = LINE_END.split(content)
     first = next((line for line in lines if line.strip()), "")
-    bare, begun, titles = BARE.match(first) is not None, False, 0
+    koala = KOALA.fullmatch(first) is not None
+    bare, begun, titles = koala or BARE.match(first) is not None, False, 0
     for number, line in enumerate(lines, start=1):
         text, _, comment = line.partition("#")
         fields = _fields(text.strip())
         if bare and not all(map(_is_number, fields)):
             comment, fields = line, []
+            if koala and not begun:
+                yield from ((number, entry, []) for entry in _koala_entries(line))
+                continue
         elif fields and not (
             begun or ENTRY.fullmatch(text.strip()) or any(map(BEGINS.match, fields))
         ):
@@ -172,6 +192,23 @@ def _lines(content: str, path: Path) -> Iterator[tuple[int, str, list[str]]]:
             yield number, comment.strip(), fields
     if titles and not begun:  # words alone
         raise _no_number(lines[titles - 1].split()[0], path, titles)
+
+
+def _koala_entries(line: str) -> Iterator[str]:
+    """Yield the entries of a line of Koala's header under the labels of `LABELS`."""
+    if KOALA.fullmatch(line):
+        for label, count in KOALA_COUNT.findall(line):
+            yield f"{'y' if label.lower() == 'h' else 'x'}-pixels = {count}"
+        return
+    match = ENTRY.fullmatch(line.strip())
+    label = match["label"].lower() if match else ""
+    if match and label == "pixel size":
+        yield f"scale x = {match['value']}"
+        yield f"scale y = {match['value']}"
+    elif match and (factor := KOALA_FACTOR.fullmatch(label)):
+        yield f"conversion factor = {match['value']} {factor['unit']}"
+    else:
+        yield line.strip()
 
 
 def _matrix(
@@ -201,9 +238,7 @@ def _matrix(
             f"{path}: its header says that its numbers are to be scaled (DataScaleNeeded), which is"
             " not read; give heights in units of length"
         )
-    factor, unit = 1.0, _unit(entries.get("value unit", ""))
-    if "value unit" not in entries and "nm per value" in entries:
-        factor, unit = _quantity(entries["nm per value"])[0] or 1.0, "nm"
+    factor, unit = _scale(path, entries)
     names = tuple(entries["columns of points"].split(",")) if "columns of points" in entries else ()
     x_unit, y_unit = axis_units
     return Scan(
@@ -217,6 +252,24 @@ def _matrix(
         names=names,
         y_unit=y_unit,
     )
+
+
+def _scale(path: Path, entries: dict[str, str]) -> tuple[float, str]:
+    """Return the factor of the numbers, and the unit of the heights that they then are."""
+    if "conversion" in entries:
+        factor, unit = _quantity(entries["conversion"])
+        data_unit = _unit(entries.get("data unit", ""))
+        if unit_of(data_unit) in UNITS and factor != 1.0:
+            raise InputError(
+                f"{path}: its header states numbers in {data_unit} as well as a height conversion"
+                f" factor of {factor:g}; delete the line that does not hold"
+            )
+        return factor or 1.0, unit
+    if "value unit" in entries:
+        return 1.0, _unit(entries["value unit"])
+    if "nm per value" in entries:
+        return _quantity(entries["nm per value"])[0] or 1.0, "nm"
+    return 1.0, _unit(entries.get("data unit", ""))
 
 
 def _widths(
@@ -257,6 +310,12 @@ def _row(fields: list[str], path: Path, line: int, above: list[list[float]]) -> 
         row = [float(field) for field in fields]
     except ValueError:
         wrong = next(field for field in fields if not _is_number(field))
+        text = " ".join(fields)
+        if not above and wrong == fields[0] and ENTRY.fullmatch(text):
+            raise InputError(
+                f"{path}, line {line}: {text[:40]!r} belongs to a header that is not known; put #"
+                " before the lines of the header, and state lengths and units as options"
+            ) from None
         raise _no_number(wrong, path, line) from None
     if above and len(row) != len(above[0]):
         raise InputError(

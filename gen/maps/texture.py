@@ -20,7 +20,7 @@ from gen.arrays import Heights, Values
 from gen.maps.read import Topography
 from gen.runtime.documents import Row
 from gen.spectral import SelfAffineSpectrum
-from gen.statistics import LOST, Description
+from gen.statistics import LOST, Description, rms_slope
 
 DECAY = 0.2  # value s to which the autocorrelation falls at Sal, the default of ISO 25178-3
 CORE = 0.4  # share of the material ratio over which the core of the curve is sought (ISO 13565-2)
@@ -238,13 +238,24 @@ class RadialSpectrum:
     # by (2 pi)^2 [um^4], shape (bins,)
     density: Values
     waves: Values  # number of waves, opposite ones counted once, shape (bins,)
+    # mean spectral density of the profiles along x and along y in the same bins; the mean square
+    # height of profiles is its integral over wavenumbers of both signs, divided by 2 pi [um^3],
+    # NaN in a bin without a wave along this axis, shape (bins,)
+    along_x: Values
+    along_y: Values
 
     def rows(self) -> list[Row]:
         """Return a row of a table for each bin, with the units in the names."""
-        names = "wavenumber_per_um", "wavelength_um", "density_um4", "waves"
-        columns = self.wavenumbers, 2 * math.pi / self.wavenumbers, self.density, self.waves
-        bins = zip(*(column.tolist() for column in columns), strict=True)
-        return [dict(zip(names, each, strict=True)) for each in bins]
+        columns = {
+            "wavenumber_per_um": self.wavenumbers,
+            "wavelength_um": 2 * math.pi / self.wavenumbers,
+            "density_um4": self.density,
+            "waves": self.waves,
+            "density_x_um3": self.along_x,
+            "density_y_um3": self.along_y,
+        }
+        bins = zip(*(column.tolist() for column in columns.values()), strict=True)
+        return [dict(zip(columns, each, strict=True)) for each in bins]
 
 
 @dataclass(frozen=True)
@@ -298,7 +309,7 @@ def radial_spectrum(topography: Topography) -> RadialSpectrum:
     edges = np.array(ends[:-1])
     if edges.size < 2:
         empty = np.empty(0)
-        return RadialSpectrum(empty, np.empty((0, 2)), empty, empty)
+        return RadialSpectrum(empty, np.empty((0, 2)), empty, empty, empty, empty)
     wavenumbers = np.hypot(qx[:, None], qy[None, :]).ravel()
     # All waves of a real transform but those of the first and of the middle column have opposites.
     count = np.ones(density.shape)
@@ -314,7 +325,67 @@ def radial_spectrum(topography: Topography) -> RadialSpectrum:
     logs = np.bincount(places, count * np.log(wavenumbers[inside]), minlength=bins)
     full, both = waves > 0, np.column_stack((edges[:-1], edges[1:]))
     waves = waves[full]
-    return RadialSpectrum(np.exp(logs[full] / waves), both[full], power[full] / waves, waves)
+    along_x, along_y = (
+        _profile_density(topography, axis, both[full], periodic=periodic) for axis in (0, 1)
+    )
+    return RadialSpectrum(
+        np.exp(logs[full] / waves), both[full], power[full] / waves, waves, along_x, along_y
+    )
+
+
+def _profile_density(topography: Topography, axis: int, edges: Values, *, periodic: bool) -> Values:
+    """Compute the mean spectral density of the profiles along an axis in bins of wavenumbers.
+
+    Each profile counts from its mean, and is windowed unless the patch is periodic.
+
+    Parameters
+    ----------
+    edges : ndarray, shape (bins, 2)
+        Smallest and largest wavenumber of each bin [1/um].
+
+    Returns
+    -------
+    ndarray, shape (bins,)
+        Density of the profiles [um^3], NaN in a bin without a wave along the axis.
+    """
+    profiles, step = np.moveaxis(topography.heights, axis, -1), topography.spacing[axis]
+    nodes = profiles.shape[-1]
+    hann = np.sin(math.pi * (np.arange(nodes) + 0.5) / nodes) ** 2
+    window = np.ones(nodes) if periodic else hann
+    with np.errstate(over="ignore", invalid="ignore"):  # heights of 1e300 um
+        centred = profiles - np.average(profiles, axis=-1, weights=window)[:, None]
+        powers = np.abs(np.fft.rfft(window * centred, axis=-1)) ** 2
+        density = powers.mean(axis=0) * step / np.sum(window**2)
+    wavenumbers = 2 * math.pi * np.fft.rfftfreq(nodes, step)
+    first, last = np.searchsorted(wavenumbers, edges).T
+    sums = np.concatenate(([0.0], np.cumsum(density)))
+    with np.errstate(invalid="ignore"):
+        return np.asarray((sums[last] - sums[first]) / (last - first))
+
+
+@dataclass(frozen=True)
+class ProfileRoughness:
+    """Roughness of the profiles along an axis, after ISO 21920-2, from all of them together."""
+
+    rms_height: float  # Rq, about the mean of each profile [um]
+    rms_slope: float  # Rdq, between neighbouring nodes [1]
+
+    @property
+    def wavelength(self) -> float:
+        """Mean wavelength, 2 pi rms height / rms slope [um]; NaN of flat profiles."""
+        return 2 * math.pi * self.rms_height / self.rms_slope if self.rms_slope else math.nan
+
+
+def profile_roughness(topography: Topography) -> tuple[ProfileRoughness, ProfileRoughness]:
+    """Measure the roughness of the profiles along x and along y."""
+    heights, (dx, dy) = topography.heights, topography.spacing
+    slopes = rms_slope(heights, (dx, math.inf)), rms_slope(heights, (math.inf, dy))
+    deviations = (heights - heights.mean(axis=axis, keepdims=True) for axis in (0, 1))
+    along_x, along_y = (
+        ProfileRoughness(float(np.std(each)), slope)
+        for each, slope in zip(deviations, slopes, strict=True)
+    )
+    return along_x, along_y
 
 
 def nodes_a_wave(spectrum: RadialSpectrum, spacing: tuple[float, float]) -> float:
@@ -369,7 +440,7 @@ def fit_self_affine(
 
 def _without_law(topography: Topography, spectrum: RadialSpectrum, aspect: float) -> str:
     """Say why a surface has no law: no spectrum to fit, or a lay; "" if it may have one."""
-    heights, (dx, dy) = topography.heights, topography.spacing
+    heights = topography.heights
     if np.ptp(heights) == 0.0:
         return "flat surface"
     if is_lost(heights):
@@ -378,6 +449,16 @@ def _without_law(topography: Topography, spectrum: RadialSpectrum, aspect: float
         return "too few nodes: give 16 x 16 or more"
     if not 0.0 < float(spectrum.density.max()) < math.inf:
         return "its power spectrum is beyond what numbers hold"
+    return lay_of(topography, aspect)
+
+
+def lay_of(topography: Topography, aspect: float = math.nan) -> str:
+    """Say why a surface is directional, by its slopes and the aspect ratio Str; "" if it is not."""
+    heights, (dx, dy) = topography.heights, topography.spacing
+    lowest, highest = float(heights.min()), float(heights.max())
+    if lowest == highest or is_lost(heights):
+        return ""
+    heights = heights / (0.5 * highest - 0.5 * lowest)  # squares of tiny slopes would be 0
     along_x, along_y = np.diff(heights, axis=0) / dx, np.diff(heights, axis=1) / dy
     at_cells = along_x[:, 1:] + along_x[:, :-1], along_y[1:] + along_y[:-1]
     low, high = np.linalg.eigvalsh(np.cov(np.stack([each.ravel() for each in at_cells])))

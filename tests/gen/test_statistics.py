@@ -90,6 +90,13 @@ def spike(rows, columns, at):
     return heights
 
 
+def test_heights_lost_beside_a_huge_one_are_no_missing_asperities():
+    heights = np.random.default_rng(0).normal(size=(9, 9)) - 1e38 * spike(9, 9, (4, 4))
+    description = describe(heights, 1.0)
+    assert math.isnan(description.values["asperity_skewness"])
+    assert description.reason == "most heights are lost in rounding beside one of -1e+38 um"
+
+
 @pytest.mark.parametrize(
     ("heights", "reason"),
     [

@@ -92,6 +92,15 @@ def assert_has_rows(block, rows):
         np.testing.assert_allclose(block[np.abs(block[:, 1] - row[1]).argmin()], row, rtol=1e-9)
 
 
+def test_calculix_is_told_that_its_other_kind_of_contact_passes_no_heat(law):
+    folder, _ = law
+    advice = "Take TYPE=SURFACE TO SURFACE in *CONTACT PAIR, for which this table is made"
+    heat = ": with TYPE=NODE TO SURFACE CalculiX passes no heat, and says nothing of it."
+    assert f"{advice}{heat}" in said(folder / "joint-calculix.inp")
+    assert f"{advice}." in said(folder / "plain.inp")
+    assert advice not in said(folder / "joint-abaqus.inp")
+
+
 def test_abaqus_is_told_that_the_second_column_is_a_pressure_and_where_nothing_was_computed(law):
     folder, table = law
     text = said(folder / "joint-abaqus.inp")

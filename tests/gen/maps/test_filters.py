@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gen.maps.filters import ALPHA, fitted_polynomial, long_waves
-from gen.maps.prepare import WINDOW, despiked, local_medians
+from gen.maps.outliers import WINDOW, local_medians
+from gen.maps.prepare import despiked
 from gen.maps.read import Topography
 
 SHAPES = [(30, 41), (41, 30), (21, 21), (100, 22)]

@@ -18,24 +18,28 @@ from gen.surface import generate
 pytest.importorskip("matplotlib", reason="needs the extra plot")
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgba
 
 from gen.maps import pictures
 from gen.maps.contacts import Wanted, answers
-from gen.maps.pictures import draw_contacts
+from gen.maps.pictures import Map, draw_contacts
 from gen.material import Bodies
 
 ROUGH = generate_spectral(
     (129, 129), 1000.0, SelfAffineSpectrum(0.7, 250, 16.5), np.random.default_rng(1), rms_height=2.0
 )
+LAY = np.add.outer(np.random.default_rng(2).normal(size=40), np.zeros(40))
 SHAPES = {
     "square": (ROUGH, "1000"),
+    "directional": (LAY + 1e-2 * ROUGH[:40, :40], "39"),
+    "directional and small": (LAY[:6, :5], "5,4"),
     "flat": (np.zeros((20, 20)), "100"),
     "tiny": (1e-300 * ROUGH, "1000"),
     "lost": (1e9 + 1e-6 * ROUGH, "1000"),
 }
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(4)
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("shape", SHAPES)
 def test_every_surface_is_drawn_and_nothing_is_cut(shape, here, monkeypatch, capsys):
@@ -49,6 +53,10 @@ def test_every_surface_is_drawn_and_nothing_is_cut(shape, here, monkeypatch, cap
     assert (here / "one.png").read_bytes().startswith(b"\x89PNG")
     assert "self-affine law" in capsys.readouterr().out
     (figure,) = figures
+    titles = [axis.get_title(loc="left") for axis in figure.axes]
+    assert ("power spectra of profiles" in titles) == shape.startswith("directional")
+    labels = [axis.get_xlabel() for axis in figure.axes]
+    assert "wavenumber q = 2π / wavelength [1/µm]" in labels
     assert_whole(figure, FigureCanvasAgg(figure).get_renderer())
 
 
@@ -113,6 +121,39 @@ def test_nothing_is_cut_or_overlaps(shape):
     title = spots._left_title.get_window_extent(renderer)
     assert not title.overlaps(section.get_tightbbox(renderer))
     assert not left.get_tightbbox(renderer).overlaps(spots.get_tightbbox(renderer))
+
+
+def map_with(value):
+    """The drawn map of a rough surface with one node at a value [um], and its colour bar."""
+    heights = 0.1 * ROUGH[:40, :40] / np.abs(ROUGH).max()
+    heights[7, 3] = value
+    figure = new_figure(6, 5)
+    axis = figure.subplots()
+    pictures.draw_map(axis, Map(heights, (39.0, 39.0), "heights", "height", "µm", "viridis"))
+    return axis, axis.images[0].colorbar
+
+
+@pytest.mark.parametrize(
+    ("value", "extend", "colour", "words"),
+    [
+        (-0.5, "min", "magenta", "down to -0.5 µm (magenta)"),
+        (0.7, "max", "red", "up to 0.7 µm (red)"),
+        (0.0, "neither", None, ""),
+    ],
+)
+def test_what_is_beyond_the_colours_has_its_arrow_colour_and_words(value, extend, colour, words):
+    axis, bar = map_with(value)
+    assert bar.extend == extend
+    image = axis.images[0]
+    drawn = image.cmap(image.norm(image.get_array()[3, 7]))
+    title = axis.get_title(loc="left")
+    if colour is None:
+        assert title == "heights"
+    else:
+        assert drawn == to_rgba(colour)
+        assert title.endswith(f"beyond the colours: {words}")
+    others = np.delete(image.get_array().ravel(), 3 * 40 + 7)
+    assert bar.vmax - bar.vmin < 1.1 * np.ptp(others)
 
 
 def test_laws_have_the_gap_and_logarithmic_axes_over_decades():

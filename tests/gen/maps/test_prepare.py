@@ -107,10 +107,10 @@ def test_steps_are_taken_in_their_order_whatever_is_asked_for():
 def test_spikes_are_told_from_peaks(seed):
     rough = generate("diamond-square", 65, 0.65, 12.5, np.random.default_rng(seed))
     surface = topography(rough, (1000.0, 1000.0))
-    assert not surface_warnings(surface)
+    assert not prepare(surface, Reading()).warnings
     spiked = rough.copy()
     spiked[30, 20] = rough.max() + 60
-    [warning] = surface_warnings(replace(surface, heights=spiked))
+    [warning] = prepare(replace(surface, heights=spiked), Reading()).warnings
     assert "(30, 20) is a spike" in warning
 
 

@@ -10,6 +10,8 @@ from launch import python
 from scipy.io import savemat
 
 from bem.problem import BOUNDARIES, node_spacing
+from gen.maps.prepare import prepare
+from gen.maps.settings import Reading
 from gen.runtime.errors import InputError
 from gen.runtime.installation import command_for
 from tests.maps import read
@@ -77,7 +79,7 @@ def test_a_unit_is_asked_for_where_the_file_names_none(tmp_path):
 def test_what_is_no_surface_is_refused(tmp_path, heights, message):
     np.save(tmp_path / "scan.npy", heights)
     with pytest.raises(InputError, match=message):
-        read(tmp_path / "scan.npy", "9")
+        prepare(read(tmp_path / "scan.npy", "9"), Reading())
 
 
 def test_without_the_extra_the_message_names_it(tmp_path):
@@ -170,7 +172,7 @@ def test_the_number_that_is_absurd_is_named(tmp_path):
     assert said.startswith("its nodes are 1e+06 um apart, which no instrument measures")
     high = SurfaceTopography.Topography(1e6 * SMOOTH, (9.0, 7.0), unit="um")
     high.to_netcdf(str(tmp_path / "high.nc"))
-    [said] = read(tmp_path / "high.nc").warnings
+    [said, *_] = prepare(read(tmp_path / "high.nc"), Reading()).warnings
     assert re.match(r"its heights span \S+ um, which no instrument", said)
     scale = {"side": "8,6", "override_scale": True}
     assert all("overruled" in said for said in read(tmp_path / "wide.nc", **scale).warnings)

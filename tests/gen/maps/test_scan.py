@@ -128,7 +128,7 @@ FILES = {
         8 * "05,02,09,04,01,03,08,07\n", "no lengths; give --side", {}, ".csv"
     ),
     "CR": Strange((header() + rows(MATRIX)).replace("\n", "\r").encode(), HEIGHTS),
-    "a scale in words": Strange("pixel size=3e-7 m\n" + rows(MATRIX), "'pixel' is not a n", SIDE),
+    "a scale in words": Strange("pixel size=3e-7 m\n" + rows(MATRIX), "belongs to a header", SIDE),
     # What holds no heights.
     "npy cut off": Strange(NPY[:-9], r"not a whole \.npy file \(", SIDE, ".npy"),
     "npy that claims terabytes": Strange(TERABYTES, r"not a whole \.npy file", SIDE, ".npy"),

@@ -16,6 +16,7 @@ NUMBERS = "\n".join("\t".join(repr(float(each)) for each in line) for line in LI
 
 GWYDDION = "# Channel: Topo\n# Width: 10.00 µm\n# Height: 6.00 µm\n# Value units: m\n"
 SPIP = "# File Format = ASCII\n# x-pixels = 4\n# y-pixels = 3\n# x-length = 10000\n"
+KOALA = "h=3 w=4\npixel size=2.5e-06 m\ndata unit=rad\nheight conversion factor (-> m)=2e-7\n"
 NOVA = "File Format = ASCII\nCreated by Nova\nNX = 4\nNY = 3\nScale X = 2.5\nScale Y = 2\n"
 HEADERS = {
     "Gwyddion": (GWYDDION, 1e6),
@@ -76,6 +77,47 @@ def test_concatenated_exports_are_channels(tmp_path):
         read(written(tmp_path, 2 * (GWYDDION + NUMBERS)), channel="Topo")
     with pytest.raises(InputError, match="holds no heights; its channels are 0 'Phase'"):
         read(written(tmp_path, other + NUMBERS))
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r\r\n", "\r"])
+def test_a_header_of_koala_is_read(tmp_path, end):
+    """Its numbers are phases, which the factor converts, and all of its cells are square."""
+    path = tmp_path / "scan.txt"
+    path.write_bytes((KOALA + NUMBERS).replace("\n", end).encode())
+    topography = read(path)
+    assert topography.spacing == pytest.approx((2.5, 2.5))
+    np.testing.assert_allclose(topography.heights, 0.2 * LINES.T, rtol=1e-12)
+    apart = KOALA.replace("h=3 w=4", "w = 4\nh = 3")
+    np.testing.assert_array_equal(
+        read(written(tmp_path, apart + NUMBERS)).heights, topography.heights
+    )
+
+
+@pytest.mark.parametrize(
+    ("header", "message"),
+    [
+        (KOALA.replace("h=3", "h=9"), "its header states 9 lines of 4 numbers, it holds 3 of 4"),
+        (
+            KOALA.replace("=rad", "=nm"),
+            "numbers in nm as well as a height conversion factor of 2e-07",
+        ),
+        ("h=3 w=4\npixel size=1 um\ndata unit=rad\n", r"0 'matrix 0' \(in rad, no heights\)"),
+        ("gain=3\noffset=4\n", r"line 1: 'gain=3' belongs to a header that is not known; put #"),
+    ],
+)
+def test_a_header_that_does_not_suit_is_told(tmp_path, header, message):
+    with pytest.raises(InputError, match=message):
+        read(written(tmp_path, header + NUMBERS))
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r\r\n", "\r"])
+def test_lines_are_counted_as_editors_do(tmp_path, end):
+    path = tmp_path / "scan.txt"
+    path.write_bytes(
+        end.join(["# made\x0b by hand", "", "1 2 3", "4 5 6", "7 8 x9", "1 2 3", ""]).encode()
+    )
+    with pytest.raises(InputError, match=r"scan.txt, line 5: 'x9' is not a number"):
+        read(path, "9,9")
 
 
 @pytest.mark.parametrize(

@@ -153,6 +153,8 @@ def test_describe_prints_and_writes_them_after_the_statistics(capsys):
     spectrum = pd.read_csv("spectrum.csv")
     made = radial_spectrum(Topography("made", rough(), (95.0, 95.0)))
     np.testing.assert_allclose(spectrum.density_um4, made.density, rtol=1e-12)
+    np.testing.assert_allclose(spectrum.density_x_um3, made.along_x, rtol=1e-12)
+    np.testing.assert_allclose(spectrum.density_y_um3, made.along_y, rtol=1e-12)
     np.testing.assert_allclose(spectrum.wavelength_um * spectrum.wavenumber_per_um, 2 * math.pi)
 
 
@@ -169,6 +171,7 @@ def test_the_law_is_in_the_table_and_what_cannot_be_is_one_line(capsys):
     assert row.law_decades == pytest.approx(math.log10(row.roll_off / row.cut_off))
     said = capsys.readouterr().out
     assert f"over {row.law_decades:.2g} decades, from {row.roll_off:.4g} to" in said
+    assert "diamond-square and midpoint give it if they are asked for 0.07 to 0.16 more" in said
     for options, told in (
         (["wide.npy", "--depth", "-1"], "--depth"),
         (["few.npy", "--spectrum", "s.csv"], "--spectrum s.csv: there is none, too few nodes"),
@@ -236,6 +239,55 @@ def test_what_no_exponent_describes_is_refused_with_the_reason(name, boundary):
     fit = fit_self_affine(topography, spectrum, areal_parameters(topography).values["Str"])
     assert isinstance(fit, str), fit
     assert re.search(reason, fit)
+
+
+@pytest.mark.parametrize("shape", [(96, 96), (64, 97)])
+def test_spectra_of_profiles_hold_their_mean_squares(shape):
+    """White noise has the density of its variance times the spacing, and a sine its own bin."""
+    spacing = (0.5, 2.0)
+    sides = (shape[0] * spacing[0], shape[1] * spacing[1])
+    noise = np.random.default_rng(0).normal(size=shape)
+    for boundary in ("periodic", "free"):
+        spectrum = radial_spectrum(Topography("noise", noise, sides, boundary=boundary))
+        for density, step in ((spectrum.along_x, 0.5), (spectrum.along_y, 2.0)):
+            known = density[np.isfinite(density)]
+            np.testing.assert_allclose(np.mean(known), step, rtol=0.1)
+    wave = 2.0 * np.sin(2 * math.pi * 8 * np.arange(shape[1]) / shape[1])
+    tall = Topography("wave", np.tile(wave, (shape[0], 1)), sides, boundary="periodic")
+    spectrum = radial_spectrum(tall)
+    q = 2 * math.pi * 8 / sides[1]
+    inside = (spectrum.edges[:, 0] <= q) & (q < spectrum.edges[:, 1])
+    assert np.argmax(np.nan_to_num(spectrum.along_y)) == np.flatnonzero(inside)[0]
+    count = np.count_nonzero(
+        (spectrum.edges[inside][0, 0] <= 2 * math.pi * np.arange(shape[1] // 2 + 1) / sides[1])
+        & (2 * math.pi * np.arange(shape[1] // 2 + 1) / sides[1] < spectrum.edges[inside][0, 1])
+    )
+    # a mean square of 2 is the sum over both signs of the density over the length
+    assert 2 * count * spectrum.along_y[inside][0] / sides[1] == pytest.approx(2.0)
+    assert np.nanmax(spectrum.along_x) < 1e-20
+
+
+@pytest.mark.usefixtures("here")
+def test_a_directional_surface_gets_both_of_its_profiles(capsys):
+    ground = rough((96, 96), stretch=0.42)
+    np.save("ground.npy", ground)
+    assert cli.main(["describe", "ground.npy", "--side", "95"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert any("the surface is directional" in line for line in lines)
+    for axis, name in enumerate("xy"):
+        _, rq, rdq, wavelength = (
+            next(line for line in lines if line.startswith(f"along {name}"))
+            .removeprefix("along")
+            .split()
+        )
+        expected = ground - ground.mean(axis=axis, keepdims=True)
+        assert float(rq) == pytest.approx(expected.std(), rel=1e-5)
+        slope = np.sqrt(np.mean(np.diff(ground, axis=axis) ** 2))
+        assert float(rdq) == pytest.approx(slope, rel=1e-5)
+        assert float(wavelength) == pytest.approx(2 * math.pi * expected.std() / slope, rel=1e-5)
+    np.save("even.npy", rough())
+    assert cli.main(["describe", "even.npy", "--side", "95"]) == 0
+    assert "Rq um" not in capsys.readouterr().out
 
 
 def _with_spectrum(heights, boundary="periodic"):

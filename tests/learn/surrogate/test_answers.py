@@ -106,6 +106,16 @@ def test_a_prediction_names_modulus_and_reasons(work, capsys):
 PREDICT = ["predict", "hybrid.surrogate", "--side", "1000", "--delta", "5"]
 
 
+def test_codes_of_a_map_are_told_beside_the_predictions(work, capsys):
+    heights = np.load("many/s0.npy")
+    heights[3, 5:9] = -9999.0
+    np.save("coded.npy", heights)
+    assert run(*PREDICT, "coded.npy", "-o", "p.csv") == 0
+    assert "4 nodes (0.367 %) are at -9999 um, the first is (3, 5)" in capsys.readouterr().err
+    (row,) = table("p.csv")
+    assert "--mask " in row["warnings"]
+
+
 def test_an_overruled_scale_is_told_beside_the_predictions(work, capsys):
     heights = np.load("many/s0.npy")
     header = "Channel: Topo\nWidth: 1 m\nHeight: 1 m\nValue units: um"
