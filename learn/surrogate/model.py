@@ -10,18 +10,20 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bem.problem import Boundary, node_spacing
+from bem.checks import LARGEST, Range, real_array, real_number
+from bem.problem import Boundary, checked, node_spacing
 from gen.arrays import Values
 from gen.material import Bodies
-from gen.runtime.errors import InputError
-from gen.statistics import refuse_masked
+from gen.runtime.errors import InputError, input_errors
 from learn.features import SETS, FeatureSet, SurfaceFeatures
 from learn.features.scene import SCENE, checked_numbers, plain
 from learn.features.sets import Rows
 from learn.surrogate.interval import Distance, between, reasons_of
 from learn.surrogate.learnt import Learnt, load_parts, write_parts
 
-LARGEST = 1e38  # of a feature: trees see their inputs in single precision, which ends there
+MODULUS = Range(0, np.inf, "a modulus above 0 MPa")
+HARDNESS = Range(0, np.inf, "a hardness above 0 MPa")
+LEVEL = Range(0, 1, "a coverage between 0 and 1, as 0.9")
 PROPORTIONAL = {"force", "largest_pressure", "stiffness", "interface_stiffness"}  # to E*
 
 
@@ -225,8 +227,7 @@ class Surrogate:
                 " means over its surfaces need one fitted with --features scene"
             )
         on_surface = self.for_surface(surface, side)
-        one = None if hardness is None else float(np.asarray(hardness))
-        return on_surface.predict(loads, e_star=e_star, hardness=one, level=level)
+        return on_surface.predict(loads, e_star=e_star, hardness=hardness, level=level)
 
     def bodies(self, e_star: float | None, hardness: float | None) -> Bodies:
         """Return the bodies of a prediction, which are those of the training unless given.
@@ -247,14 +248,17 @@ class Surrogate:
         InputError
             If the training has no hardness, or several and none is given.
         """
-        limits, modulus = self.hardness_limits, self.modulus if e_star is None else e_star
+        limits, modulus = self.hardness_limits, self.modulus
+        with input_errors():
+            if e_star is not None:
+                modulus = real_number("e_star", e_star, MODULUS)
+            if hardness is not None:
+                hardness = real_number("hardness", hardness, HARDNESS)
         if hardness is not None and limits is None:
             raise InputError(
                 f"--hardness {hardness:g}: the surrogate was trained on elastic bodies: leave that"
                 " out, or fit one to a database whose scene has a hardness"
             )
-        if hardness is not None and not 0 < hardness < np.inf:
-            raise InputError(f"--hardness {hardness:g}: give a hardness above 0 MPa")
         if hardness is None and limits is not None and not self.features.elastic:
             if limits[0] < limits[1]:
                 raise InputError(
@@ -310,15 +314,14 @@ class Surrogate:
         if self.features.name == SCENE:
             asks = ", ".join(self.features.names)
             raise InputError(f"{name}: the surrogate asks for {asks}, not for a surface")
-        heights = _own(name, surface)
-        if np.shape(side) not in {(), (2,)}:
-            raise InputError(f"{name}: side {side!r}: give one length or one for each axis")
-        along_x, along_y = np.broadcast_to(np.asarray(side, dtype=np.float64), 2)
-        sides = float(along_x), float(along_y)
+        with input_errors(name):
+            heights = real_array("heights", surface)
+            lengths = [side, side] if np.ndim(side) == 0 else [*side]
+            if len(lengths) != 2:
+                raise InputError(f"side {side!r}: give one length or one for each axis")
+            sides = checked("side", lengths[0]), checked("side", lengths[1])
         if heights.ndim != 2 or min(heights.shape) < 2 or not np.isfinite(heights).all():
             raise InputError(f"{name}: give 2-D heights, 2 x 2 or more, all finite")
-        if not all(0 < each < np.inf for each in sides):
-            raise InputError(f"{name}: side {sides}: give lengths above 0 um")
         dx, dy = map(node_spacing, heights.shape, sides, [self.boundary] * 2)
         return OnSurface(self, SurfaceFeatures(heights, sides, (dx, dy), name, self.boundary))
 
@@ -353,10 +356,13 @@ class Surrogate:
         InputError
             If a statistic is NaN, or an array is masked in places.
         """
-        statistics, delta = _own("statistics", statistics), _own("Delta", delta)
+        with input_errors():
+            statistics = real_array("statistics", statistics)
+            delta = real_array("Delta", delta)
+            length = real_array("lengths", length)
         if np.isnan(statistics).any():
             raise InputError("statistics must be finite: some are NaN")
-        return Rows(statistics, delta, _own("lengths", length), hardness_ratio, nodes)
+        return Rows(statistics, delta, length, hardness_ratio, nodes)
 
     def predict_rows(
         self,
@@ -388,8 +394,11 @@ class Surrogate:
             If E* or a Delta is not above 0, features are beyond numbers, or they need the heights
             of the surface, or its nodes, which the rows lack.
         """
-        if e_star is not None and not 0 < e_star < np.inf:
-            raise InputError(f"E* {e_star:g}: give a modulus above 0 MPa")
+        with input_errors():
+            if e_star is not None:
+                e_star = real_number("e_star", e_star, MODULUS)
+            if level is not None:
+                level = real_number("level", level, LEVEL)
         features, number = self.features, len(rows.delta)
         inputs = features.of(rows)
         known = ~np.isnan(inputs).any(axis=1)
@@ -425,12 +434,6 @@ class Surrogate:
                 found.low[name] = np.clip(low * scale, *learnt.bounds)
                 found.high[name] = np.clip(high * scale, *learnt.bounds)
         return replace(found, reasons=tuple(said))
-
-
-def _own(name: str, given: ArrayLike) -> Values:
-    """Return a copy of an array, which its caller may fill anew; refuse masked places."""
-    refuse_masked(name, given)
-    return np.array(given, dtype=np.float64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -469,7 +472,8 @@ class OnSurface:
             If a load is not above 0, or a statistic that the features need is undefined.
         """
         features, bodies = self.surrogate.features, bodies or self.surrogate.bodies(None, None)
-        loads = _own(features.load, delta).reshape(-1)
+        with input_errors(self.surface.name):
+            loads = real_array(features.load, delta).reshape(-1)
         return self.surface.rows(features, loads, bodies.hardness_ratio, bodies.e_star)
 
     def predict(
