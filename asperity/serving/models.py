@@ -1,18 +1,27 @@
 """The models of the server: functions of the solver and of surrogates, of vectors of UM-Bridge."""
 
 import math
+import warnings
 from itertools import chain
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
 
-from asperity.functions import OUTPUTS, SceneFunction, SurrogateFunction, Unsolved, Where
+from asperity.functions import (
+    OUTPUTS,
+    Function,
+    OutsideTraining,
+    SceneFunction,
+    SurrogateFunction,
+    Unsolved,
+)
 from gen.runtime.errors import InputError
 from gen.runtime.files import kind_of
 from gen.scene import Scene, load, preset_names
 
-Vectors = list[list[FiniteFloat]]  # input or output of a model: vectors, each of one size
+Vectors = list[list[FiniteFloat]]  # input of a model: vectors, each of one size
+Answer = list[list[float | None]]  # its output; None, which is null in JSON, for what does not hold
 
 
 class Configuration(BaseModel):
@@ -24,11 +33,14 @@ class Configuration(BaseModel):
     seed: int | None = None  # of the scene
     nodes: int | Annotated[list[int], Field(min_length=2, max_length=2)] | None = None  # x and y
     stiffness: bool = False  # whether the solver tells it too, as a fourth output
+    interval: bool = True  # whether a surrogate tells the ends of its intervals
 
-    @property
-    def where(self) -> Where:
-        """The surface that is asked for."""
-        return Where(self.surface, self.nodes, self.seed)
+
+def _answered(function: Function, vectors: Vectors, config: Configuration) -> list[float]:
+    """Return the outputs of a function, with the client's settings."""
+    numbers: dict[str, Any] = dict(zip(function.names, chain.from_iterable(vectors), strict=True))
+    outputs = function(surface=config.surface, nodes=config.nodes, seed=config.seed, **numbers)
+    return [float(output) for output in outputs]
 
 
 class SolverModel:
@@ -47,45 +59,65 @@ class SolverModel:
         """Return the sizes of the output vectors, one number each."""
         return [1] * len(self._functions[config.stiffness].outputs)
 
-    def evaluate(self, vectors: Vectors, config: Configuration) -> Vectors:
+    def evaluate(self, vectors: Vectors, config: Configuration) -> Answer:
         """Solve one contact problem."""
-        function = self._functions[config.stiffness]
-        numbers = dict(zip(function.names, chain.from_iterable(vectors), strict=True))
-        return [[number] for number in function.answer(numbers, config.where)]
+        return [
+            [number] for number in _answered(self._functions[config.stiffness], vectors, config)
+        ]
 
 
 class SurrogateModel:
     """A surrogate: the same inputs; value, both ends of the interval, and 1 inside the training.
 
     Every target is a vector of four numbers: predicted value, low and high end of its 90 %
-    interval, and 1 where the question lies inside what the surrogate was trained on, else 0.
+    interval, and 1 where the question lies inside what the surrogate was trained on, else 0. No
+    interval holds outside: both ends are None there. On request a vector has two numbers, value and
+    flag.
     """
 
     def __init__(self, path: Path) -> None:
-        self.name, self._function = path.stem, SurrogateFunction(path)
-        self.input_sizes = self._function.inputs.sizes
+        self.name = path.stem
+        targets = SurrogateFunction(path).outputs
+        ends = [f"{target}{end}" for target in targets for end in ("", "_low", "_high")]
+        self._targets = targets
+        self._functions = [
+            SurrogateFunction(path, (*targets, "inside")),
+            SurrogateFunction(path, (*ends, "inside")),
+        ]
+        self.input_sizes = self._functions[0].inputs.sizes
 
     def output_sizes(self, config: Configuration) -> list[int]:
-        """Return the sizes of the output vectors, four numbers each."""
-        return [4] * len(self._function.outputs)
+        """Return the sizes of the output vectors: four numbers each, or two."""
+        return [4 if config.interval else 2] * len(self._targets)
 
-    def evaluate(self, vectors: Vectors, config: Configuration) -> Vectors:
+    def evaluate(self, vectors: Vectors, config: Configuration) -> Answer:
         """Predict one contact problem."""
         if config.stiffness:
             raise InputError("config.stiffness: a surrogate predicts its targets alone")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", OutsideTraining)  # the flag tells clients
+            *numbers, inside = _answered(self._functions[config.interval], vectors, config)
+        if not config.interval:
+            return [[value, inside] for value in numbers]
+        answer: Answer = []
+        for target, value, *ends in zip(
+            self._targets, numbers[::3], numbers[1::3], numbers[2::3], strict=True
+        ):
+            if inside:
+                self._require_ends(target, value, ends)
+            answer.append([value, *(end if inside else None for end in ends), inside])
+        return answer
+
+    def _require_ends(self, target: str, value: float, ends: list[float]) -> None:
+        """Refuse an interval without ends, since JSON has no such number."""
         from learn.surrogate.interval import calibrated_by
 
-        function = self._function
-        numbers = dict(zip(function.names, chain.from_iterable(vectors), strict=True))
-        output = function.predicted(numbers, config.where)
-        for name, (value, *ends) in zip(function.outputs, output, strict=True):
-            if math.isfinite(value) and not all(map(math.isfinite, ends)):
-                raise Unsolved(
-                    f"{name}: its 90 % interval has no end, and JSON has no such number: the"
-                    f" surrogate was calibrated by {calibrated_by(function.surrogate.card)} only:"
-                    " fit it to more"
-                )
-        return output
+        if math.isfinite(value) and not all(map(math.isfinite, ends)):
+            raise Unsolved(
+                f"{target}: its 90 % interval has no end, and JSON has no such number: the"
+                f" surrogate was calibrated by {calibrated_by(self._functions[1].surrogate.card)}"
+                ' only: fit it to more, or ask without it ("interval": false)'
+            )
 
 
 Model = SolverModel | SurrogateModel

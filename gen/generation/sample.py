@@ -13,12 +13,12 @@ from contextlib import suppress
 from numbers import Real
 from operator import attrgetter
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 import bem
-from gen.arrays import Columns, Heights
+from gen.arrays import Columns, Heights, Values
 from gen.generation.plan import OPPOSITE, Parameters, parameters, planned_columns, surface_random
 from gen.generators.function import PythonSurface
 from gen.runtime.errors import InputError, SourceError
@@ -30,6 +30,7 @@ from gen.schema import DONE_REASONS, Reason, Status
 from gen.statistics import describe, rms_slope
 
 TRIED_ROWS = 16  # rows, the first one with a solution of which shows a user's function's outputs
+Load = TypeVar("Load", float, Values)  # one load, or an array of some
 Output = tuple[float, str | None]  # a value of a user's function, and its unit if given
 EFFORT = ("iterations", "convolutions", "residual")  # of a solve, converged or not
 SIDES = (1, 2)  # codes of opposite sides along x and y; that of both is their sum
@@ -155,8 +156,8 @@ def settings_of(scene: Scene, hardness: float | None) -> dict[str, Any]:
     return settings | {"spacing": scene.grid.spacing, "hardness": hardness, "threads": 1}
 
 
-def load_of(scene: Scene, heights: Heights, load: float) -> dict[str, float]:
-    """Turn a load in the scene's quantity into an argument of `solve_contact`."""
+def load_of(scene: Scene, heights: Heights, load: Load) -> dict[str, Load]:
+    """Turn a load, or an array of some, in the scene's quantity into what `solve_contact` takes."""
     match scene.quantity:
         case "delta/height_rms":
             return {"delta": load * float(heights.std())}

@@ -12,6 +12,7 @@ from contextlib import suppress
 from dataclasses import fields, is_dataclass
 from functools import cache, partial, wraps
 from inspect import Parameter, Signature, signature
+from pathlib import Path
 from typing import Annotated, Any, get_type_hints
 
 import typer
@@ -186,6 +187,28 @@ def main(
         return left.code
     except Exception:
         world.abort()
+
+
+def run_script(script: Callable[[list[str]], object]) -> None:
+    """Run the main function of a script; unusable input ends it with one line and exit code 2.
+
+    Parameters
+    ----------
+    script : callable
+        Takes the words of the command line after the script's name.
+
+    Raises
+    ------
+    SystemExit
+        If the input cannot be used, memory has run out or Ctrl-C was pressed.
+    """
+    try:
+        script(sys.argv[1:])
+    except (Exception, KeyboardInterrupt) as error:
+        code, message = _end_after(error, Path(sys.argv[0]).name)
+        if message:
+            _complain(message)
+        sys.exit(code)
 
 
 def _end_after(error: BaseException, name: str) -> tuple[int, str]:

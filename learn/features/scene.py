@@ -85,8 +85,10 @@ def checked_numbers(columns: Sequence[str], given: Mapping[str, ArrayLike]) -> d
         copies = {name: np.atleast_1d(real_array(name, given[name])) for name in wanted}
     for name, values in copies.items():
         if values.ndim != 1:
-            raise InputError(f"{asked}: give numbers or arrays of one dimension, not {name} of"
-            f" shape {values.shape}")
+            raise InputError(
+                f"{asked}: give numbers or arrays of one dimension, not {name} of"
+                f" shape {values.shape}"
+            )
     try:
         every = np.broadcast_arrays(*copies.values())
     except ValueError:

@@ -227,7 +227,9 @@ class Surrogate:
                 " means over its surfaces need one fitted with --features scene"
             )
         on_surface = self.for_surface(surface, side)
-        return on_surface.predict(loads, e_star=e_star, hardness=hardness, level=level)
+        with input_errors():
+            one = None if hardness is None else real_number("hardness", hardness, HARDNESS)
+        return on_surface.predict(loads, e_star=e_star, hardness=one, level=level)
 
     def bodies(self, e_star: float | None, hardness: float | None) -> Bodies:
         """Return the bodies of a prediction, which are those of the training unless given.
@@ -316,7 +318,7 @@ class Surrogate:
             raise InputError(f"{name}: the surrogate asks for {asks}, not for a surface")
         with input_errors(name):
             heights = real_array("heights", surface)
-            lengths = [side, side] if np.ndim(side) == 0 else [*side]
+            lengths: Any = [side, side] if isinstance(side, str) or np.ndim(side) == 0 else side
             if len(lengths) != 2:
                 raise InputError(f"side {side!r}: give one length or one for each axis")
             sides = checked("side", lengths[0]), checked("side", lengths[1])
@@ -451,7 +453,9 @@ class OnSurface:
     surrogate: Surrogate
     surface: SurfaceFeatures
 
-    def rows(self, delta: ArrayLike, bodies: Bodies | None = None) -> Rows:
+    def rows(
+        self, delta: ArrayLike, bodies: Bodies | None = None, hardness: Values | None = None
+    ) -> Rows:
         """Compute what features need at one or more loads.
 
         Parameters
@@ -460,6 +464,8 @@ class OnSurface:
             One displacement above 0, or n of them [um]; pressures [MPa] if these were learnt.
         bodies : Bodies, optional
             Bodies from `Surrogate.bodies`; those of the training if left out.
+        hardness : ndarray, shape (n,), optional
+            Hardness at each load instead of the bodies' [MPa].
 
         Returns
         -------
@@ -471,10 +477,14 @@ class OnSurface:
         InputError
             If a load is not above 0, or a statistic that the features need is undefined.
         """
-        features, bodies = self.surrogate.features, bodies or self.surrogate.bodies(None, None)
+        features = self.surrogate.features
+        if bodies is None:
+            one = None if hardness is None else float(hardness[0])
+            bodies = self.surrogate.bodies(None, one)
+        ratio = bodies.hardness_ratio if hardness is None else hardness / bodies.e_star
         with input_errors(self.surface.name):
             loads = real_array(features.load, delta).reshape(-1)
-        return self.surface.rows(features, loads, bodies.hardness_ratio, bodies.e_star)
+        return self.surface.rows(features, loads, ratio, bodies.e_star)
 
     def predict(
         self,

@@ -13,6 +13,7 @@ import zlib
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import numpy as np
 import pytest
 import umbridge
 from databases import database_of
@@ -238,12 +239,24 @@ def test_damaged_and_compressed_bodies_get_the_protocols_error(served, encoding,
     assert (status, answer["error"]["type"]) == (400, "InvalidInput")
 
 
-def test_an_interval_without_ends_is_an_error(served):
+def test_an_interval_without_ends_is_an_error(folder, served):
     """JSON has no number for the ends of intervals that few rows calibrate."""
-    question = {"name": "few", "input": [[0.7, 12.0], [9.0]]}
+    with Reader(folder / "few.h5") as reader:
+        hurst, sigma0, delta = (float(reader.column(n)[6]) for n in ("hurst", "sigma0", "delta"))
+    question = {"name": "few", "input": [[hurst, sigma0], [delta]], "config": {"surface": 1}}
     status, answer = served.ask("Evaluate", question)
     assert (status, answer["error"]["type"]) == (500, "ModelError")
     assert "interval" in answer["error"]["message"]
+    status, answer = served.ask("Evaluate", question | {"config": {"interval": False}})
+    assert status == 200
+    assert len(answer["output"][0]) == 2
+
+
+def test_outside_the_training_both_ends_of_the_interval_are_null(served):
+    model = umbridge.HTTPModel(served.address, "learnt")
+    ((value, low, high, inside),) = model([[0.7, 12.0], [1e5]])
+    assert np.isfinite(value)
+    assert (low, high, inside) == (None, None, 0)
 
 
 @pytest.mark.parametrize("host", ["evil.example:4242", "[", "127.0.0.1.evil.org"])
