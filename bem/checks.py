@@ -13,8 +13,8 @@ import numpy as np
 from bem.arrays import Values
 
 LARGEST = 1e38
-"""Largest number whose size matters to results: the solver's steps and the models' trees hold
-numbers in single precision, which ends at 3.4e38."""
+"""End of the loads and the features that can be computed: the solver's steps and the models' trees
+hold numbers, and sums of a few, in single precision, which ends at 3.4e38."""
 
 LONGEST = 60  # most characters of a value in a message
 

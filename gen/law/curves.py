@@ -6,7 +6,6 @@ of monotone `Curves` over Delta or over pressure.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
@@ -15,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gen.arrays import Heights, Values
-from gen.material import Bodies
+from gen.material import Bodies, require_within
 from gen.runtime.errors import InputError
 
 NAMES = ("delta_um", "area_percent", "force_uN", "mean_gap_um", "pressure_MPa", "closure_um")
@@ -98,8 +97,7 @@ class Gas(NamedTuple):
         for (option, value), unit in zip(given.items(), ("W/(m K)", "um"), strict=True):
             if value is None:
                 raise InputError(f"a gas needs {' and '.join(given)}: {option} is missing")
-            if not 0 < value < math.inf:
-                raise InputError(f"{option} {value:g}: must be above 0 {unit}, finite")
+            require_within(option, value, unit)
         return cls(conductivity, jump_distance)  # type: ignore[arg-type]
 
     def conductance(self, gap: Heights) -> float:

@@ -29,6 +29,7 @@ Sides = tuple[float, float]
 # spacings of the nodes of a measured map, at least and at most [um]: 1 pm and 1 cm
 NEAREST, WIDEST = 1e-6, 1e4
 # suffixes of files that need no SurfaceTopography
+BEYOND = 1e60  # heights [um] of files in a wrong unit; squares of smaller ones stay finite
 OWN_SUFFIXES = {".npy", ".txt", ".dat", ".csv", ".asc", ""}
 
 
@@ -96,7 +97,7 @@ def read(path: Path, reading: Reading, boundary: Boundary = "free") -> Topograph
     if holes == heights.size:
         raise InputError(f"{path}: all of its {holes} heights are missing; measure again")
     low, high = float(np.nanmin(heights)), float(np.nanmax(heights))
-    if (largest := max(-low, high)) > LARGEST:
+    if (largest := max(-low, high)) > BEYOND:
         raise InputError(f"{path}: heights of {largest:.3g} um; check their unit")
     if not all(0 < length < np.inf for length in sides):
         raise InputError(f"{path}: its lengths are beyond what numbers hold; give others")
