@@ -16,8 +16,8 @@ import numpy as np
 from sklearn.inspection import permutation_importance
 
 from gen.arrays import Indices
-from gen.runtime.figure import new_figure, save
 from gen.runtime.errors import InputError
+from gen.runtime.figure import new_figure, save
 from gen.runtime.files import inside
 from learn.comparison.fits import Training
 from learn.comparison.grid import TABLE_2, space_of
