@@ -252,9 +252,9 @@ class GridSearch:
         fit = f"a fit to {self.training.rows} rows"
         budget = budget_of(needed)
         if longest >= seconds:
-            taken = f"{fit} was not finished in {seconds:.2g} s"
+            taken = f"{fit} was not finished in {seconds:.3g} s"
             return f"{taken}, so that {least} candidates need --budget {budget} or more"
-        return f"{fit} takes {seconds:.2g} s, so that {least} candidates need --budget {budget}"
+        return f"{fit} takes {seconds:.3g} s, so that {least} candidates need --budget {budget}"
 
     def _seconds_of_fits(self) -> list[float]:
         """Return the times of finished fits to all rows [s], each of which serves a family."""
