@@ -150,7 +150,8 @@ def main(
     If the command ends on the master (bad input, a full disk, a missing package), it ends on the
     workers too, wherever they wait, and the master alone prints why. A bug ends all processes at
     once with its traceback. The workers take part in the commands named in `together`; with `alone`
-    more than one process is refused, for programs that measure times. Codes are those of
+    more than one process is refused, for programs that measure times. Commands that are not named
+    there need no MPI: where it does not start, the first process works alone. Codes are those of
     docs/compatibility.md.
     """
     world = farm.World()
@@ -158,9 +159,9 @@ def main(
     try:
         code, message = 0, ""
         try:
-            world = farm.this_world()
             first = arguments[0] if arguments else ""
             joins = first in together and "--help" not in arguments
+            world = _world(needed=joins)
             if alone and world.size > 1:
                 code, message = 2, f"{name}: started as {world.size} processes; start it as one"
             elif empty := [n for n, each in enumerate(arguments) if EMPTY.fullmatch(each)]:
@@ -187,6 +188,16 @@ def main(
         return left.code
     except Exception:
         world.abort()
+
+
+def _world(*, needed: bool) -> farm.World:
+    """Join the other processes; alone if that fails for a command that one process does."""
+    try:
+        return farm.this_world()
+    except InputError:
+        if needed:
+            raise
+        return farm.without_mpi()
 
 
 def run_script(script: Callable[[list[str]], object]) -> None:
