@@ -187,14 +187,14 @@ def surfaces_of(scene: Scene, inputs: Inputs, points: Points) -> Iterator[OneSur
     for places in sorted(groups, key=lambda group: int(group[0])):
         place = int(places[0])
         drawn = {name: float(points.numbers[name][place]) for name in inputs.parameters}
-        own = scene.with_parameters(drawn, nodes=points.nodes, seed=points.seed)
-        heights = surface_numbered(own, int(points.surface[place]))
+        fixed = scene.with_parameters(drawn, nodes=points.nodes, seed=points.seed)
+        heights = surface_numbered(fixed, int(points.surface[place]))
         loads = points.numbers[inputs.load_name][places]
         kind = inputs.load
-        if kind == own.quantity:
-            ((kind, loads),) = load_of(own, heights, loads).items()
+        if kind == fixed.quantity:
+            ((kind, loads),) = load_of(fixed, heights, loads).items()
         hardness = points.numbers[inputs.hardness][places] if inputs.hardness else None
-        yield OneSurface(own, heights, places, kind, loads, hardness)
+        yield OneSurface(fixed, heights, places, kind, loads, hardness)
 
 
 class Function(ABC):
@@ -543,11 +543,12 @@ class SurrogateFunction(Function):
         """Return differences of the predictions; see `gradient`."""
         numbers = {name: float(values[0]) for name, values in point.numbers.items()}
         steps = {name: STEP * (abs(number) or 1.0) for name, number in numbers.items()}
-        asked = [numbers]
+        places = [numbers]
         for name, step in steps.items():
-            asked += [{**numbers, name: numbers[name] + change} for change in (step, -step)]
-        moved = {name: np.array([each[name] for each in asked]) for name in numbers}
-        near = replace(point, numbers=moved, surface=np.repeat(point.surface, len(asked)))
+            places.append({**numbers, name: numbers[name] + step})
+            places.append({**numbers, name: numbers[name] - step})
+        moved = {name: np.array([place[name] for place in places]) for name in numbers}
+        near = replace(point, numbers=moved, surface=np.repeat(point.surface, len(places)))
         columns, reasons = self._columns(near)
         self._tell(reasons[:1])
         more, less = columns[1::2], columns[2::2]
