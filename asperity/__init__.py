@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 from gen.runtime import VERSION
 
 if TYPE_CHECKING:
-    from asperity.functions import SceneFunction, SurrogateFunction
+    from asperity.functions import OutsideTraining, SceneFunction, SurrogateFunction
 
-__all__ = ["SceneFunction", "SurrogateFunction", "__version__"]
+__all__ = ["OutsideTraining", "SceneFunction", "SurrogateFunction", "__version__"]
 
 __version__: str = VERSION
 """Version of the installed distribution."""
@@ -20,7 +20,7 @@ __version__: str = VERSION
 
 def __getattr__(name: str) -> Any:
     """Import the functions when they are asked for, as the command does not need them."""
-    if name in {"SceneFunction", "SurrogateFunction"}:
+    if name in {*__all__} - {"__version__"}:
         from asperity import functions
 
         return getattr(functions, name)

@@ -3,31 +3,41 @@
 Codes that ask many questions, for uncertainty, sensitivity, calibration or optimisation, call a
 Python function with a value of each of their parameters. Here are two: the solver on the surfaces
 of a scene, with the number of nodes as its fidelity, and a surrogate. `asperity serve` answers with
-the same objects. No call changes them: threads may share one, and a copy that was pickled answers
-as the original does.
+the same objects. Points that share a surface make it once, and a surrogate predicts all points of a
+call together. No call changes what a later one answers: threads may share a function, and a copy
+that was pickled answers as the original does.
 """
 
 import math
+import warnings
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import NamedTuple, SupportsInt
+from threading import Lock
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 import bem
-from gen.arrays import Heights, Values
+from bem.checks import Range, real_array, real_number
+from gen.arrays import Heights, Indices, Values
 from gen.distribution import is_drawn
 from gen.generation.completion import completed
 from gen.generation.sample import load_of, solve_contact, surface_numbered
 from gen.generators.function import PythonSurface
 from gen.generators.scans import ScanSurface
 from gen.quantities import DELTA, FORCE, QUANTITIES, USUAL, stored_quantities
-from gen.runtime.errors import InputError
+from gen.runtime.errors import InputError, input_errors
 from gen.runtime.user_code import TRUSTED
 from gen.scene import Scene, load
+
+if TYPE_CHECKING:
+    from learn.features.sets import Rows
+    from learn.surrogate import Prediction, Surrogate
 
 KNOWN = (
     *USUAL,
@@ -42,9 +52,24 @@ KNOWN = (
 STEP = 1e-4
 """Relative step of the differences that are a surrogate's gradient."""
 
+SURFACES = 2**32
+"""Indices of surfaces are below this number."""
+
+COVERAGE = Range(0, 1, "a coverage between 0 and 1, as 0.9")
+
+Nodes = int | list[int] | None
+"""Nodes a side, or along both axes; those of the scene if None."""
+
+Outside = Literal["warn", "nan", "raise"]
+"""What a surrogate does with points outside its training."""
+
 
 class Unsolved(ArithmeticError):
     """A contact problem without a solution, or one that did not converge."""
+
+
+class OutsideTraining(UserWarning):
+    """The warning of a surrogate that was asked outside its training."""
 
 
 @dataclass(frozen=True)
@@ -62,10 +87,14 @@ class Inputs:
         return cls(tuple(drawn), scene.quantity, "hardness" * scene.contact.draws_hardness)
 
     @property
+    def load_name(self) -> str:
+        """Name of the load's keyword argument: `load` where its quantity is a quotient."""
+        return self.load if self.load.isidentifier() else "load"
+
+    @property
     def names(self) -> tuple[str, ...]:
-        """Names of the keyword arguments, in order; a load that is a quotient is called `load`."""
-        load = self.load if self.load.isidentifier() else "load"
-        return (*self.parameters, load, *([self.hardness] if self.hardness else []))
+        """Names of the keyword arguments, in order."""
+        return (*self.parameters, self.load_name, *([self.hardness] if self.hardness else []))
 
     @property
     def sizes(self) -> list[int]:
@@ -74,43 +103,106 @@ class Inputs:
         return [*surface, 1, *([1] if self.hardness else [])]
 
 
-class Where(NamedTuple):
-    """Which surface is asked for, on which grid; the scene's own nodes and seed if None."""
+@dataclass(frozen=True, eq=False)
+class Points:
+    """Questions to a function, n of them, which share a grid and a seed.
 
-    surface: int = 0
-    nodes: int | list[int] | None = None
+    Attributes
+    ----------
+    numbers : mapping of str to ndarray, shape (n,)
+        The values of each keyword argument.
+    surface : ndarray of int, shape (n,)
+        Indices of the surfaces, which decide their random numbers.
+    nodes : int, list of int or None
+        Nodes a side or along both axes; those of the scene if None.
+    seed : int or None
+        Seed of the surfaces; that of the scene if None.
+    """
+
+    numbers: Mapping[str, Values]
+    surface: Indices
+    nodes: Nodes = None
     seed: int | None = None
 
+    @property
+    def of_scene(self) -> bool:
+        """True if the points leave surface, nodes and seed as the scene has them."""
+        return self.nodes is None and self.seed is None and not self.surface.any()
 
-@dataclass(frozen=True)
-class Question:
-    """One contact problem."""
 
-    scene: Scene  # with the parameters and the grid that are asked for
-    heights: Heights  # of its surface [um], (nx, ny)
-    load: dict[str, float]  # "delta" [um], "pressure" [MPa] or "force" [uN]
-    hardness: float | None  # [MPa], if it is an input
+@dataclass(frozen=True, eq=False)
+class OneSurface:
+    """A surface, and the points that ask about it.
 
-    @classmethod
-    def of(
-        cls, scene: Scene, inputs: Inputs, numbers: Mapping[str, float], where: Where
-    ) -> "Question":
-        """Turn numbers by the names of the inputs into a contact problem.
+    Attributes
+    ----------
+    scene : Scene
+        The scene with the parameters and the grid of these points.
+    heights : ndarray, shape (nx, ny)
+        Heights of the surface [um].
+    places : ndarray of int, shape (k,)
+        Places of the points among all points.
+    kind : str
+        "delta", "pressure" or "force": what the loads are.
+    loads : ndarray, shape (k,)
+        Loads of the points [um, MPa or uN].
+    hardness : ndarray, shape (k,), or None
+        Hardness of each point, if it is an input [MPa].
+    """
 
-        Raise InputError if a value is not allowed, with its name.
-        """
-        values = [numbers[name] for name in inputs.names]
-        drawn = dict(zip(inputs.parameters, values, strict=False))
-        load, hardness = numbers[inputs.names[len(drawn)]], numbers.get(inputs.hardness)
-        for name, value in ((inputs.load, load), ("hardness", hardness)):
-            if value is not None and not value > 0:
-                raise InputError(f"input: {name} = {value:g}; allowed: a number above 0")
-        if isinstance(scene.surface, ScanSurface) and where.nodes is not None:
-            raise InputError("nodes: the surfaces are windows of maps, which have the scene's")
-        asked = scene.with_parameters(drawn, nodes=where.nodes, seed=where.seed)
-        heights, kind = surface_numbered(asked, where.surface), inputs.load
-        given = load_of(asked, heights, load) if kind == asked.quantity else {kind: load}
-        return cls(asked, heights, given, hardness)
+    scene: Scene
+    heights: Heights
+    places: Indices
+    kind: str
+    loads: Values
+    hardness: Values | None
+
+
+def surfaces_of(scene: Scene, inputs: Inputs, points: Points) -> Iterator[OneSurface]:
+    """Make the surfaces that points ask about, each once, in the order of their first points.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene, whose parameters the points set.
+    inputs : Inputs
+        What the numbers of the points are.
+    points : Points
+        The points.
+
+    Yields
+    ------
+    OneSurface
+        A surface with all points that share its parameters and its index.
+
+    Raises
+    ------
+    InputError
+        If a value is not allowed, with its name.
+    """
+    for name in (inputs.load_name, inputs.hardness):
+        values = points.numbers.get(name, np.ones(1))
+        wrong = values[~(values > 0)]
+        if wrong.size:
+            raise InputError(f"input: {name} = {wrong[0]:g}; allowed: a number above 0")
+    if isinstance(scene.surface, ScanSurface) and points.nodes is not None:
+        raise InputError("nodes: the surfaces are windows of maps, which have the scene's")
+    parameters = [points.numbers[name] for name in inputs.parameters]
+    keys = np.column_stack([points.surface, *parameters])
+    _, group, sizes = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
+    order = np.argsort(group.ravel(), kind="stable")
+    groups = np.split(order, np.cumsum(sizes)[:-1]) if order.size else []
+    for places in sorted(groups, key=lambda group: int(group[0])):
+        place = int(places[0])
+        drawn = {name: float(points.numbers[name][place]) for name in inputs.parameters}
+        fixed = scene.with_parameters(drawn, nodes=points.nodes, seed=points.seed)
+        heights = surface_numbered(fixed, int(points.surface[place]))
+        loads = points.numbers[inputs.load_name][places]
+        kind = inputs.load
+        if kind == fixed.quantity:
+            ((kind, loads),) = load_of(fixed, heights, loads).items()
+        hardness = points.numbers[inputs.hardness][places] if inputs.hardness else None
+        yield OneSurface(fixed, heights, places, kind, loads, hardness)
 
 
 class Function(ABC):
@@ -167,40 +259,17 @@ class Function(ABC):
         Raises
         ------
         InputError
-            If a name is missing or unknown, or a value is not allowed.
+            If a name is missing or unknown, a value is not allowed or no real number, or arrays
+            have shapes that do not broadcast.
         Unsolved
             If a contact has no solution, or the solver did not converge.
         """
-        self._require(numbers)
-        index, *values = np.broadcast_arrays(surface, *(numbers[name] for name in self.names))
-        rows = [
-            self.answer(
-                dict(zip(self.names, map(float, row), strict=True)), _where(at, nodes, seed)
-            )
-            for at, *row in zip(index.flat, *(each.flat for each in values), strict=True)
-        ]
-        return np.reshape(rows, (*index.shape, len(self.outputs)))
-
-    def answer(self, numbers: Mapping[str, float], where: Where) -> list[float]:
-        """Answer one question.
-
-        Parameters
-        ----------
-        numbers : mapping of str to float
-            A value for each of `names`.
-        where : Where
-            Surface, nodes and seed.
-
-        Returns
-        -------
-        list of float
-            The outputs.
-        """
-        return self._answer(numbers, where)
+        points, shape = self._points(numbers, surface, nodes, seed)
+        return self._answers(points).reshape(*shape, len(self.outputs))
 
     @abstractmethod
-    def _answer(self, numbers: Mapping[str, float], where: Where) -> list[float]:
-        """Return what `answer` does."""
+    def _answers(self, points: Points) -> Values:
+        """Return the outputs of n points, (n, outputs)."""
 
     def gradient(
         self,
@@ -213,7 +282,7 @@ class Function(ABC):
         """Return the derivatives of outputs by inputs that are cheap; the others are NaN.
 
         The solver has those of force and Delta by the load, by one linear solve. A surrogate has
-        all, by differences.
+        those of all outputs but `inside`, by differences.
 
         Parameters
         ----------
@@ -226,24 +295,52 @@ class Function(ABC):
         -------
         ndarray, shape (outputs, inputs)
             Derivatives in the order of `outputs` and `names`.
+
+        Raises
+        ------
+        InputError, Unsolved
+            As in a call; also for arrays of more than one number.
         """
-        self._require(numbers)
-        return self._slopes(numbers, _where(surface, nodes, seed))
+        point, shape = self._points(numbers, surface, nodes, seed)
+        if math.prod(shape) != 1:
+            raise InputError(f"numbers of shape {shape}: a gradient is that at one point")
+        return self._slopes(point)
 
     @abstractmethod
-    def _slopes(self, numbers: Mapping[str, float], where: Where) -> Values:
-        """Return what `gradient` does."""
+    def _slopes(self, point: Points) -> Values:
+        """Return what `gradient` does, at one point."""
 
-    def _require(self, numbers: Collection[str]) -> None:
-        """Refuse names that are missing or unknown."""
+    def _points(
+        self,
+        numbers: Mapping[str, ArrayLike],
+        surface: ArrayLike,
+        nodes: int | Sequence[int] | None,
+        seed: int | None,
+    ) -> tuple[Points, tuple[int, ...]]:
+        """Check what a caller has passed; return it as points, and the shape of the answer."""
         if {*numbers} != {*self.names}:
-            given = ", ".join(numbers) or "nothing"
-            raise InputError(f"{given} given: the function takes {', '.join(self.names)}")
-
-
-def _where(surface: SupportsInt, nodes: int | Sequence[int] | None, seed: int | None) -> Where:
-    """Return a surface on a grid, with nodes as scenes have them."""
-    return Where(int(surface), list(nodes) if isinstance(nodes, Sequence) else nodes, seed)
+            passed = ", ".join(numbers) or "nothing"
+            raise InputError(f"{passed} given: the function takes {', '.join(self.names)}")
+        with input_errors("input"):
+            arrays = {name: real_array(name, numbers[name]) for name in self.names}
+            arrays["surface"] = real_array("surface", surface)
+        try:
+            shape = np.broadcast_shapes(*(array.shape for array in arrays.values()))
+        except ValueError:
+            shapes = ", ".join(f"{n} {each.shape}" for n, each in arrays.items() if each.ndim)
+            raise InputError(
+                f"input: arrays of shapes {shapes} do not belong together: give arrays of one"
+                " length, or shapes that NumPy broadcasts"
+            ) from None
+        flat = {name: np.broadcast_to(array, shape).ravel() for name, array in arrays.items()}
+        index = flat.pop("surface")
+        wrong = index[~((index >= 0) & (index < SURFACES) & (index == np.floor(index)))]
+        if wrong.size:
+            raise InputError(
+                f"surface = {wrong[0]:g}: allowed: a whole number from 0 to {SURFACES - 1}"
+            )
+        grid = list(nodes) if isinstance(nodes, Sequence) else nodes
+        return Points(flat, index.astype(np.int64), grid, seed), shape
 
 
 class SceneFunction(Function):
@@ -263,65 +360,110 @@ class SceneFunction(Function):
     def __init__(
         self, scene: Scene | str, outputs: Sequence[str] = USUAL, *, trust: bool = False
     ) -> None:
-        if unknown := {*outputs} - {*KNOWN}:
-            raise InputError(f"{', '.join(sorted(unknown))}: outputs are {', '.join(KNOWN)}")
-        self.outputs, self._trust = tuple(outputs), trust or TRUSTED.get()
-        token = TRUSTED.set(self._trust)
-        try:  # as a surrogate knows it: parameters of a scene's own in alphabetical order
+        self.outputs = _among(KNOWN, outputs)
+        self._trust = trust or TRUSTED.get()
+        with self._trusted():  # as a surrogate knows it: parameters in alphabetical order
             read = load(scene) if isinstance(scene, str) else scene
             self.scene = Scene.from_text(completed(read).text())
-        finally:
-            TRUSTED.reset(token)
         self.inputs = Inputs.of(self.scene)
 
-    def _answer(self, numbers: Mapping[str, float], where: Where) -> list[float]:
-        """Solve one contact problem."""
-        contact, _ = self._solved(numbers, where)
-        try:
-            return [float(QUANTITIES[name].of(contact)) for name in self.outputs]
-        except ArithmeticError as error:
-            raise Unsolved(str(error)) from None
+    def _answers(self, points: Points) -> Values:
+        """Solve the contact problems, surface by surface."""
+        answers = np.empty((points.surface.size, len(self.outputs)))
+        with self._trusted(), _in_words():
+            for surface in surfaces_of(self.scene, self.inputs, points):
+                for number, place in enumerate(surface.places):
+                    contact = _solved(surface, number)
+                    answers[place] = [float(QUANTITIES[name].of(contact)) for name in self.outputs]
+        return answers
 
-    def _slopes(self, numbers: Mapping[str, float], where: Where) -> Values:
+    def _slopes(self, point: Points) -> Values:
         """Return derivatives of force and Delta by the load; see `gradient`."""
-        contact, per_load = self._solved(numbers, where)
-        found = np.full((len(self.outputs), len(self.names)), np.nan)
-        stiffness = contact.loading_stiffness
-        per_delta, per_force = 1.0, stiffness  # of Delta, and of the force
+        with self._trusted(), _in_words():
+            (surface,) = surfaces_of(self.scene, self.inputs, point)
+            contact = _solved(surface, 0)
+            stiffness = contact.loading_stiffness
+        load = float(surface.loads[0])
+        if surface.kind == "pressure":
+            load *= math.prod(contact.problem.spacing) * contact.pressure.size
+        per_load = load / float(point.numbers[self.inputs.load_name][0])
+        of_delta, of_force = per_load, stiffness * per_load
         if contact.problem.delta is None:
-            per_delta, per_force = 1 / stiffness, 1.0
+            of_delta, of_force = per_load / stiffness, per_load
+        derivatives = np.full((len(self.outputs), len(self.names)), np.nan)
         for row, name in enumerate(self.outputs):
             if name == DELTA.name:
-                found[row, len(self.inputs.parameters)] = per_delta * per_load
+                derivatives[row, len(self.inputs.parameters)] = of_delta
             elif name == FORCE.name:
-                found[row, len(self.inputs.parameters)] = per_force * per_load
-        return found
+                derivatives[row, len(self.inputs.parameters)] = of_force
+        return derivatives
 
-    def _solved(self, numbers: Mapping[str, float], where: Where) -> tuple[bem.Contact, float]:
-        """Solve one contact problem; also return Delta [um] or force [uN] per unit of the input."""
+    @contextmanager
+    def _trusted(self) -> Iterator[None]:
+        """Let the scene's function run, if this object trusts it."""
         token = TRUSTED.set(self._trust)
         try:
-            asked = Question.of(self.scene, self.inputs, numbers, where)
-            contact = solve_contact(
-                asked.scene, asked.heights, hardness=asked.hardness, **asked.load
-            )
-        except bem.OutOfRange as error:
-            raise InputError(str(error)) from None
-        except (bem.NoSolution, bem.NotConverged, ArithmeticError) as error:
-            raise Unsolved(str(error)) from None
-        except MemoryError:
-            raise Unsolved("memory has run out: give fewer nodes") from None
+            yield
         finally:
             TRUSTED.reset(token)
-        ((kind, load),) = asked.load.items()
-        area = (
-            math.prod(contact.problem.spacing) * contact.pressure.size if kind == "pressure" else 1
-        )
-        return contact, load * area / numbers[self.names[len(self.inputs.parameters)]]
+
+
+def _among(known: Collection[str], outputs: Sequence[str]) -> tuple[str, ...]:
+    """Return outputs, or refuse those that are unknown."""
+    if unknown := {*outputs} - {*known}:
+        raise InputError(f"{', '.join(sorted(unknown))}: outputs are {', '.join(known)}")
+    return tuple(outputs)
+
+
+def _solved(surface: OneSurface, number: int) -> bem.Contact:
+    """Solve the contact of a surface at the load of one of its points."""
+    hardness = None if surface.hardness is None else float(surface.hardness[number])
+    load = {surface.kind: float(surface.loads[number])}
+    return solve_contact(surface.scene, surface.heights, hardness=hardness, **load)
+
+
+@contextmanager
+def _in_words() -> Iterator[None]:
+    """Turn what the solver raises into the errors of a function."""
+    try:
+        yield
+    except bem.OutOfRange as error:
+        raise InputError(str(error)) from None
+    except (bem.NoSolution, bem.NotConverged, ArithmeticError) as error:
+        raise Unsolved(str(error)) from None
+    except MemoryError:
+        raise Unsolved("memory has run out: give fewer nodes") from None
+
+
+@dataclass(frozen=True)
+class Part:
+    """What an output of a surrogate is."""
+
+    target: str  # short name, as "area"; "" for the flag of points inside the training
+    end: Literal["", "low", "high"] = ""  # of the interval; "" for the value
+    mean: bool = False  # True for the mean over all surfaces of the parameters
+
+
+def _parts_of(surrogate: "Surrogate") -> dict[str, Part]:
+    """Return what a surrogate may be asked for, by the names of the outputs."""
+    from learn.features.scene import SCENE
+    from learn.models import POPULATION
+
+    parts = {target: Part(target) for target in surrogate.learnt}
+    further = {"inside": Part("")}
+    for target in surrogate.learnt:
+        further[f"{target}_low"] = Part(target, "low")
+        further[f"{target}_high"] = Part(target, "high")
+        if surrogate.features.name == SCENE:
+            further[f"{target}_mean"] = Part(target, mean=True)
+        if surrogate.card["model"] == POPULATION.name:
+            further[f"{target}_mean_low"] = Part(target, "low", mean=True)
+            further[f"{target}_mean_high"] = Part(target, "high", mean=True)
+    return parts | {name: part for name, part in further.items() if name not in parts}
 
 
 class SurrogateFunction(Function):
-    """A surrogate; its outputs are the predictions of its targets.
+    """A surrogate as a function; it predicts all points of a call together.
 
     The load is Delta [um], or the pressure [MPa] that the surrogate has learnt. One of the scene's
     own numbers takes theirs, and no surface is made. Intervals are of 90 %, or the largest level
@@ -331,18 +473,54 @@ class SurrogateFunction(Function):
     ----------
     path : Path or str
         File of the surrogate.
+    outputs : sequence of str, optional
+        Targets, as "area"; the ends of their intervals, as "area_low" and "area_high"; and
+        "inside", 1 inside the training and 0 outside. A surrogate of a scene's own numbers also
+        has the mean over all surfaces of the parameters, "area_mean", and one of the model
+        population the ends of its interval, "area_mean_low" and "area_mean_high". All targets if
+        left out.
+    outside : str
+        What to do with points outside the training: "warn" gives the first call with such points
+        an `OutsideTraining` warning, "nan" answers them with NaN, "raise" refuses them.
+        Intervals do not hold there: their ends are NaN.
+    level : float, optional
+        Coverage of the intervals; 90 %, or the largest level below that the surrogate reaches, if
+        left out.
+
+    Raises
+    ------
+    InputError
+        If the file is no surrogate, an argument is not allowed, or the surrogate does not reach the
+        level.
     """
 
-    def __init__(self, path: Path | str) -> None:
+    def __init__(
+        self,
+        path: Path | str,
+        outputs: Sequence[str] | None = None,
+        *,
+        outside: Outside = "warn",
+        level: float | None = None,
+    ) -> None:
         from learn.features.scene import HARDNESSES, SCENE
         from learn.surrogate import Surrogate
         from learn.surrogate.interval import level_of
 
+        if outside not in {"warn", "nan", "raise"}:
+            raise InputError(f"outside = {outside!r}: allowed: warn, nan, raise")
         self._path = Path(path).absolute()
+        if level is not None:
+            with input_errors():
+                level = float(real_number("level", level, COVERAGE))
+        self._outside = outside
+        self._warned = False
+        self._lock = Lock()
         self.surrogate = Surrogate.load(self._path)
-        self.level = level_of(self.surrogate, None)
-        self.outputs = tuple(self.surrogate.learnt)
+        self.level = level_of(self.surrogate, level)
         self.of_scene = self.surrogate.features.name == SCENE
+        known = _parts_of(self.surrogate)
+        self.outputs = _among(known, tuple(self.surrogate.learnt if outputs is None else outputs))
+        self._parts = [known[name] for name in self.outputs]
         if self.of_scene:
             *drawn, load = self.surrogate.features.names
             hard = [name for name in drawn if name in HARDNESSES]
@@ -363,52 +541,103 @@ class SurrogateFunction(Function):
             hardness="hardness" if limits is not None and limits[0] < limits[1] else "",
         )
 
-    def __reduce__(self) -> tuple[type, tuple[Path]]:
+    def __reduce__(self) -> tuple[Callable[[Path], "SurrogateFunction"], tuple[Path]]:
         """Read the file again where a copy is unpickled: no estimator travels."""
-        return SurrogateFunction, (self._path,)
+        remade = partial(
+            SurrogateFunction, outputs=self.outputs, outside=self._outside, level=self.level
+        )
+        return remade, (self._path,)
 
-    def _answer(self, numbers: Mapping[str, float], where: Where) -> list[float]:
-        """Predict one contact problem."""
-        return [value for value, *_ in self.predicted(numbers, where)]
+    def _answers(self, points: Points) -> Values:
+        """Predict all points together."""
+        if points.surface.size == 0:
+            return np.empty((0, len(self.outputs)))
+        columns, reasons = self._columns(points)
+        self._tell(reasons)
+        return self._withheld(columns, reasons)
 
-    def predicted(self, numbers: Mapping[str, float], where: Where) -> list[list[float]]:
-        """Predict one contact problem, with intervals.
-
-        Parameters
-        ----------
-        numbers : mapping of str to float
-            A value for each of `names`.
-        where : Where
-            Surface, nodes and seed.
-
-        Returns
-        -------
-        list of list of float
-            For each output its value, both ends of its interval of `level`, and 1 inside the
-            training, or 0 outside.
-        """
-        if self.of_scene and where != Where():
-            raise InputError("config: the surrogate answers for all surfaces of the parameters")
-        if self.of_scene:
-            *_, load = self.surrogate.features.names
-            given = {load if name == "load" else name: each for name, each in numbers.items()}
-            found = self.surrogate.predict_rows(self.surrogate.of_numbers(given), level=self.level)
-        else:
-            asked = Question.of(self.scene, self.inputs, numbers, where)
-            on_surface = self.surrogate.for_surface(asked.heights, asked.scene.sides)
-            (given_load,) = asked.load.values()
-            found = on_surface.predict(given_load, hardness=asked.hardness, level=self.level)
-        parts, inside = (found.values, found.low, found.high), float(found.inside[0])
-        return [[*(float(part[name][0]) for part in parts), inside] for name in self.outputs]
-
-    def _slopes(self, numbers: Mapping[str, float], where: Where) -> Values:
+    def _slopes(self, point: Points) -> Values:
         """Return differences of the predictions; see `gradient`."""
-        columns = []
-        for name in self.names:
-            step = STEP * abs(numbers[name])
-            more, less = (
-                np.array(self._answer({**numbers, name: numbers[name] + way}, where))
-                for way in (step, -step)
-            )
-            columns.append((more - less) / (2 * step))
-        return np.stack(columns, axis=1)
+        numbers = {name: float(values[0]) for name, values in point.numbers.items()}
+        steps = {name: STEP * (abs(number) or 1.0) for name, number in numbers.items()}
+        places = [numbers]
+        for name, step in steps.items():
+            places.append({**numbers, name: numbers[name] + step})
+            places.append({**numbers, name: numbers[name] - step})
+        moved = {name: np.array([place[name] for place in places]) for name in numbers}
+        near = replace(point, numbers=moved, surface=np.repeat(point.surface, len(places)))
+        columns, reasons = self._columns(near)
+        self._tell(reasons[:1])
+        more, less = columns[1::2], columns[2::2]
+        derivatives = (more - less) / (2 * np.array([*steps.values()])[:, None])
+        derivatives[:, [part.target == "" for part in self._parts]] = np.nan
+        return self._withheld(derivatives, reasons[:1] * len(steps)).T
+
+    def _columns(self, points: Points) -> tuple[Values, list[str]]:
+        """Predict n points: the outputs, (n, outputs), and why each is outside the training."""
+        rows, places = self._rows(points)
+        ends = any(part.end and not part.mean for part in self._parts)
+        prediction = self.surrogate.predict_rows(rows, level=self.level if ends else None)
+        means = prediction
+        if any(part.end and part.mean for part in self._parts):
+            means = self.surrogate.predict_rows(rows, level=self.level, mean=True)
+        columns = np.empty((places.size, len(self._parts)))
+        for column, part in enumerate(self._parts):
+            columns[places, column] = _output(means if part.mean else prediction, part)
+        reasons = np.empty(places.size, dtype=object)
+        reasons[places] = prediction.reasons
+        return columns, reasons.tolist()
+
+    def _rows(self, points: Points) -> tuple["Rows", Indices]:
+        """Return rows to predict, and the place of each among the n points."""
+        from learn.features.sets import joined
+
+        if self.of_scene:
+            if not points.of_scene:
+                raise InputError("config: the surrogate answers for all surfaces of the parameters")
+            names = dict(zip(self.names, self.surrogate.features.names, strict=True))
+            numbers = {names[name]: values for name, values in points.numbers.items()}
+            return self.surrogate.of_numbers(numbers), np.arange(points.surface.size)
+        parts, places = [], []
+        for surface in surfaces_of(self.scene, self.inputs, points):
+            on_surface = self.surrogate.for_surface(surface.heights, surface.scene.sides)
+            parts.append(on_surface.rows(surface.loads, hardness=surface.hardness))
+            places.append(surface.places)
+        return joined(parts), np.concatenate(places)
+
+    def _tell(self, reasons: Sequence[str]) -> None:
+        """Refuse points outside the training, or warn of the first ones."""
+        outside = [reason for reason in reasons if reason]
+        if not outside or self._outside == "nan":
+            return
+        text = (
+            f"{len(outside)} of {len(reasons)} points lie outside what {self._path.name} was"
+            f" trained on: {outside[0]}"
+        )
+        if self._outside == "raise":
+            raise InputError(text)
+        with self._lock:
+            first = not self._warned
+            self._warned = True
+        if first:
+            advice = 'the output "inside" tells which; further calls do not warn'
+            warnings.warn(f"{text}; {advice}", OutsideTraining, stacklevel=4)
+
+    def _withheld(self, columns: Values, reasons: Sequence[str]) -> Values:
+        """Take out of n answers, (n, outputs), what does not hold outside the training."""
+        outside = np.array([reason != "" for reason in reasons])
+        for column, part in enumerate(self._parts):
+            if part.end or (part.target and self._outside == "nan"):
+                columns[outside, column] = np.nan
+        return columns
+
+
+def _output(prediction: "Prediction", part: Part) -> Values:
+    """Return one output of n predicted points, (n,)."""
+    if not part.target:
+        return prediction.inside.astype(np.float64)
+    if part.end == "low":
+        return prediction.low[part.target]
+    if part.end == "high":
+        return prediction.high[part.target]
+    return prediction.values[part.target]

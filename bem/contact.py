@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from bem.arrays import Field, Mask
+from bem.checks import LARGEST, Range, real_number
 from bem.derived.border import continuum_nodes
 from bem.derived.grid_error import GridError, grid_error_of
 from bem.derived.spots import Spots, spots_of
@@ -21,6 +22,8 @@ from bem.threads import computed_once
 
 if TYPE_CHECKING:
     from bem.derived.flow import Flow
+
+CONDUCTIVITIES = Range(0, LARGEST, f"above 0 and below {LARGEST:g}, or infinite")
 
 
 @dataclass(frozen=True, eq=False)
@@ -329,9 +332,16 @@ def mean_conductivity(k1: float, k2: float) -> float:
     Raises
     ------
     ValueError
-        If one is not above 0, or both are infinite.
+        If one is not above 0, or not below 1e38 and not infinite, or both are infinite.
     """
-    if not (k1 > 0 and k2 > 0 and min(k1, k2) < math.inf):
-        raise ValueError(f"conductivities {k1:g} and {k2:g}: both must be above 0, one finite")
-    low, high = sorted((k1, k2))
+    low, high = sorted((_conductivity(k1), _conductivity(k2)))
+    if low == math.inf:
+        raise ValueError(f"conductivities {k1:g} and {k2:g}: one must be finite")
     return 2 * low / (1 + low / high)
+
+
+def _conductivity(value: float) -> float:
+    """Return the conductivity of a body, which may be infinite, or refuse it."""
+    if isinstance(value, float) and value == math.inf:
+        return value
+    return real_number("conductivities: one", value, CONDUCTIVITIES)

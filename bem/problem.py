@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bem.arrays import Field, Mask
+from bem.checks import LARGEST, Range, real_array, real_number, refuse_masked, shown
 from bem.influence import KERNELS, Kernel
 
 Boundary = Literal["free", "periodic", "mirror"]
@@ -26,25 +27,6 @@ MAX_ITERATIONS = 1000
 # Depth, in units of the displacement, that deeper nodes count as: they stay open whatever the
 # surface, and products of two such depths have to stay within single precision.
 DEEPEST = 1e10
-
-
-class Range(NamedTuple):
-    """The numbers that an argument may have.
-
-    Attributes
-    ----------
-    low, high : float
-        Bounds, both excluded.
-    words : str
-        Their wording in messages.
-    whole : bool
-        Whether it has to be a whole number.
-    """
-
-    low: float
-    high: float
-    words: str
-    whole: bool = False
 
 
 BELOW_ZERO = math.nextafter(0, -1)
@@ -75,7 +57,7 @@ SPAN = "height range times nodes [um]"
 # Tighter bounds of dimensionless ratios, which enter products with further numbers.
 RATIOS = {
     "cell aspect ratio": (1e-12, 1e12),
-    "reduced force over heights": (1e-200, 1e200),
+    "reduced force over heights": (1e-200, LARGEST),
     "hardness over E*": (1e-100, 1e100),
 }
 
@@ -166,13 +148,6 @@ def node_spacing(nodes: int, side: float, boundary: Boundary = "free") -> float:
         "free", "periodic" or "mirror", see `bem.solve`.
     """
     return side / (nodes - 1) if boundary == "free" else side / nodes
-
-
-def refuse_masked(name: str, given: Any) -> None:
-    """Refuse an array, or rows of arrays, of which some entries are masked."""
-    rows = given if isinstance(given, list | tuple) else [given]
-    if any(np.ma.is_masked(row) for row in rows):
-        raise ValueError(f"{name} are masked in places: fill or crop them")
 
 
 class NoSolution(ValueError):
@@ -310,8 +285,7 @@ def checked_start(near: ArrayLike, problem: Problem) -> Field:
     ValueError
         If the shape is another one, or a number is negative or not finite.
     """
-    refuse_masked("pressures of near", near)
-    start = np.asarray(near, dtype=np.float64)
+    start = real_array("pressures of near", near)
     shape = problem.heights.shape
     if start.shape != shape or not np.isfinite(start).all() or (start < 0).any():
         raise ValueError(
@@ -358,17 +332,9 @@ def _check_range(problem: Problem) -> None:
 
 def checked_heights(heights: ArrayLike) -> Field:
     """Return a copy of the heights as (nx, ny) finite floats, or refuse them."""
-    refuse_masked("heights", heights)
-    try:
-        given = np.asarray(heights)
-    except ValueError:
-        raise ValueError("heights have rows of unequal length: a grid (nx, ny) is needed") from None
-    if given.dtype.kind not in "fiu":
-        raise ValueError(f"heights are of type {given.dtype}: real numbers are needed")
-    if given.ndim != 2 or given.size == 0:
-        raise ValueError(f"heights have shape {given.shape}: a grid of nodes (nx, ny) is needed")
-    with np.errstate(over="ignore"):  # long doubles beyond the range are refused below
-        surface: Field = np.array(given, dtype=np.float64, order="C")
+    surface: Field = real_array("heights", heights)
+    if surface.ndim != 2 or surface.size == 0:
+        raise ValueError(f"heights have shape {surface.shape}: a grid of nodes (nx, ny) is needed")
     holes = surface.size - int(np.count_nonzero(np.isfinite(surface)))
     if holes:
         raise ValueError(f"heights hold {holes} values that are not finite: fill or crop them")
@@ -383,9 +349,10 @@ def _checked_spacing(
     for name, given in (("side", side), ("spacing", spacing)):
         if name == "side" or given is not None:
             refuse_masked(name, given)
-            pair = (given, given) if np.ndim(given) == 0 else tuple(given)
+            single = isinstance(given, str) or np.ndim(given) == 0
+            pair = (given, given) if single else tuple(given)
             if len(pair) != 2:
-                raise ValueError(f"{name} = {given!r}: one length or two are needed, in um")
+                raise ValueError(f"{name} = {shown(given)}: one length or two are needed, in um")
             lengths = checked(name, pair[0]), checked(name, pair[1])
     if spacing is not None:
         return lengths
@@ -409,16 +376,9 @@ def checked(name: str, value: Any) -> Any:
     allowed = ARGUMENTS[name]
     if not isinstance(allowed, Range):
         if not isinstance(value, str) or value not in allowed:
-            raise ValueError(f"{name} = {value!r}: must be one of {', '.join(allowed)}")
+            raise ValueError(f"{name} = {shown(value)}: must be one of {', '.join(allowed)}")
         return value
-    try:
-        number = math.nan if isinstance(value, bool | np.bool_) else float(value)
-    except (TypeError, ValueError, OverflowError):
-        number = math.nan
-    inside = allowed.low < number < allowed.high
-    if not inside or (allowed.whole and not isinstance(value, int | np.integer)):
-        raise ValueError(f"{name} = {value!r}: must be {allowed.words}")
-    return int(value) if allowed.whole else number
+    return real_number(name, value, allowed)
 
 
 class Overlap(NamedTuple):

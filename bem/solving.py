@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bem.arrays import Field
+from bem.checks import refuse_masked, shown
 from bem.contact import Contact
 from bem.equilibrium import Equilibrium, Start, equilibrium_of
 from bem.influence import Kernel
@@ -25,7 +26,6 @@ from bem.problem import (
     checked_heights,
     checked_start,
     pose,
-    refuse_masked,
 )
 from bem.threads import on_threads
 
@@ -329,6 +329,9 @@ def ladder(
         raise ValueError(f"{said} given: give one of deltas [um], forces [uN] and pressures [MPa]")
     name, loads = chosen[0]
     refuse_masked(f"{name}s", loads)
+    scalar = isinstance(loads, np.ndarray) and loads.ndim == 0
+    if scalar or isinstance(loads, str) or not isinstance(loads, Iterable):
+        raise ValueError(f"{name}s = {shown(loads)}: a sequence of loads is needed")
     loads = loads.copy() if isinstance(loads, np.ndarray) else loads
     side, settings = deepcopy((side, settings))  # arrays that the caller may fill anew
     if threads is not None:

@@ -3,35 +3,34 @@
     python examples/calibration.py scene.toml areas.csv --noise 0.05
 
 The scene draws the hardness from its prior and gives its load as pressures; the table has columns
-`pressure` [MPa] and `area_percent`. Bayes' rule on a grid of hardnesses: for each of them some
-surfaces of the scene are pressed, whose areas, as logarithms, have a mean and a scatter, which
-is the same surface's at all pressures. Noise of the measurement adds to it.
+`pressure` [MPa] and `area_percent`. Bayes' rule on a grid of hardnesses: logarithms of the areas of
+some surfaces have a mean and a scatter at each hardness. Noise of the measurement adds to it.
 """
 
 import argparse
-import sys
 
 import numpy as np
 
 from asperity import SceneFunction
 from gen.generation.plan import parameters
+from gen.runtime.command_line import run_script
+from gen.runtime.documents import read_columns
 from gen.scene import load
 
 
 def log_likelihoods(areas: np.ndarray, measured: np.ndarray, noise: float) -> np.ndarray:
-    """Return the logarithm of the likelihood of each hardness, for areas of some surfaces.
+    """Return the logarithm of the likelihood of each hardness, Student's for few surfaces.
 
-    `areas` has the shape (hardnesses, surfaces, pressures), `measured` (pressures,). Mean and
-    covariance of few surfaces are uncertain, so that the likelihood is Student's.
+    `areas` has the shape (hardnesses, surfaces, pressures), `measured` (pressures,).
     """
-    found, number = [], areas.shape[1]
+    likelihoods, number = [], areas.shape[1]
     for logarithms in np.log(areas):
         covariance = np.cov(logarithms.T) + noise**2 * np.eye(measured.size)
         off = np.log(measured) - logarithms.mean(axis=0)
         _, size = np.linalg.slogdet(covariance)
         distance = off @ np.linalg.solve(covariance, off) / (1 + 1 / number)
-        found.append(-0.5 * (number * np.log1p(distance / (number - 1)) + size))
-    return np.array(found)
+        likelihoods.append(-0.5 * (number * np.log1p(distance / (number - 1)) + size))
+    return np.array(likelihoods)
 
 
 def main(arguments: list[str]) -> tuple[float, float, float]:
@@ -44,8 +43,9 @@ def main(arguments: list[str]) -> tuple[float, float, float]:
     parser.add_argument("--hardnesses", type=int, default=25, help="of the grid")
     parser.add_argument("--nodes", type=int, help="nodes a side, the fidelity; the scene's if none")
     given = parser.parse_args(arguments)
-    table = np.genfromtxt(given.measured, delimiter=",", names=True)
-    pressures, measured = table["pressure"], table["area_percent"]
+    pressures, measured = read_columns(given.measured, "pressure", "area_percent")
+    if min(measured.min(), pressures.min()) <= 0:
+        parser.error(f"{given.measured}: pressures and areas have to be above 0")
     scene = load(given.scene)
     function, limits = SceneFunction(scene, ["area_percent"]), scene.contact.hardness_limits
     if not {"pressure", "hardness"} <= {*function.names}:
@@ -54,10 +54,9 @@ def main(arguments: list[str]) -> tuple[float, float, float]:
         parser.error(f"the largest pressure is above the least hardness, {limits[0]:g} MPa")
     plan = parameters(scene, 0, given.surfaces * scene.samples_per_surface)
     chosen = slice(None, None, scene.samples_per_surface)
-    drawn = {name: values[chosen, None] for name, values in plan.drawn.items()}
     hardnesses = np.geomspace(*limits, given.hardnesses)
     areas = function(
-        **{name: drawn[name] for name in function.inputs.parameters},
+        **{name: plan.drawn[name][chosen, None] for name in function.inputs.parameters},
         surface=plan.surface[chosen, None],
         pressure=pressures,
         hardness=hardnesses[:, None, None],
@@ -73,4 +72,4 @@ def main(arguments: list[str]) -> tuple[float, float, float]:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    run_script(main)

@@ -7,10 +7,10 @@ Delta, of the same coverage: it fails when the interval for the area fails, at t
 """
 
 import argparse
-import sys
 
 import numpy as np
 
+from gen.runtime.command_line import run_script
 from learn import Surrogate
 
 POINTS = 400
@@ -61,4 +61,4 @@ def main(arguments: list[str]) -> tuple[float, float, float]:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    run_script(main)

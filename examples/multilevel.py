@@ -9,13 +9,13 @@ these factors, and how many surfaces each correction is worth. Samples are rows 
 """
 
 import argparse
-import sys
 import time
 
 import numpy as np
 
 from asperity import SceneFunction
 from gen.generation.plan import parameters
+from gen.runtime.command_line import run_script
 from gen.scene import load
 
 PILOTS = 30
@@ -72,4 +72,4 @@ def main(arguments: list[str]) -> tuple[float, float, float]:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    run_script(main)

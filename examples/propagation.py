@@ -7,13 +7,13 @@ of --set. Each is asked once; a few are solved too, to see whether the answers c
 """
 
 import argparse
-import sys
 from contextlib import suppress
 
 import numpy as np
 
 from gen.distribution import quantiles
 from gen.generation.sample import UNSOLVED, solve_contact, surface_numbered
+from gen.runtime.command_line import run_script
 from gen.runtime.user_code import TRUSTED
 from gen.scene import Scene
 from learn import Surrogate
@@ -75,4 +75,4 @@ def main(arguments: list[str]) -> np.ndarray:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    run_script(main)

@@ -9,11 +9,12 @@ error estimate is small enough. The mean is that of the first number of the firs
 """
 
 import argparse
-import sys
 
 import numpy as np
 import qmcpy
 import umbridge
+
+from gen.runtime.command_line import run_script
 
 LIMITS = "0.5:0.8,10:15,5:25"
 """Limits of the Hurst exponent [1], sigma0 [um] and Delta [um]."""
@@ -58,4 +59,4 @@ def main(arguments: list[str]) -> float:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    run_script(main)

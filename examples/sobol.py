@@ -9,7 +9,6 @@ that was fitted with --features scene answers for all surfaces at once: there ch
 """
 
 import argparse
-import sys
 
 import numpy as np
 from SALib.analyze import sobol as analysis
@@ -17,6 +16,7 @@ from SALib.sample import sobol as sampling
 
 from gen.distribution import is_drawn, log_within, quantiles
 from gen.generation.sample import surface_numbered
+from gen.runtime.command_line import run_script
 from gen.runtime.user_code import TRUSTED
 from gen.scene import Scene
 from learn import Surrogate
@@ -76,4 +76,4 @@ def main(arguments: list[str]) -> dict[str, np.ndarray]:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    run_script(main)

@@ -7,12 +7,12 @@ the parameter takes chance out of the comparison. Other parameters are in the mi
 """
 
 import argparse
-import sys
 
 import numpy as np
 
 from gen.distribution import is_drawn, limits, quantiles
 from gen.generation.sample import surface_numbered
+from gen.runtime.command_line import run_script
 from gen.runtime.user_code import TRUSTED
 from gen.scene import Scene
 from learn import Surrogate
@@ -68,4 +68,4 @@ def main(arguments: list[str]) -> np.ndarray:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    run_script(main)

@@ -8,11 +8,11 @@ and yields again beyond it: shakedown.
 """
 
 import argparse
-import sys
 
 import numpy as np
 
 import bem
+from gen.runtime.command_line import run_script
 from gen.surface import generate
 
 
@@ -57,4 +57,4 @@ def main(arguments: list[str]) -> np.ndarray:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    run_script(main)

@@ -5,11 +5,11 @@ closures and conductances scatter less where windows are larger than the roll-of
 """
 
 import argparse
-import sys
 
 import numpy as np
 
 import bem
+from gen.runtime.command_line import run_script
 from gen.spectral import SelfAffineSpectrum, generate_spectral
 
 PRESSURES = (10.0, 100.0)
@@ -61,4 +61,4 @@ def main(arguments: list[str]) -> np.ndarray:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    run_script(main)

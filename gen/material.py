@@ -15,8 +15,10 @@ from gen.runtime.terminal import shown
 if TYPE_CHECKING:
     from gen.arrays import Heights
 
-SMALLEST, LARGEST = 1e-60, 1e60  # useful lengths [um] and moduli [MPa]: their squares stay finite
-ALLOWED = f"must be between {SMALLEST:g} and {LARGEST:g} MPa"  # of moduli and hardness
+SMALLEST, LARGEST = 1e-38, 1e38
+"""Ends of lengths [um], loads, moduli, hardnesses [MPa] and conductivities [W/(m K)]: those of
+single precision, in which the solver takes its steps and models see their inputs. The end above is
+`bem.checks.LARGEST`, which is not imported here so that --help does not wait for NumPy."""
 
 MOST = 100_000  # most values of one option
 DIGITS = 18  # most digits of a whole number: enough for 2^59, and few enough for 64 bits
@@ -44,8 +46,7 @@ class Gas(NamedTuple):
         for (option, value), unit in zip(given.items(), ("W/(m K)", "um"), strict=True):
             if value is None:
                 raise InputError(f"a gas needs {' and '.join(given)}: {option} is missing")
-            if not 0 < value < math.inf:
-                raise InputError(f"{option} {value:g}: must be above 0 {unit}, finite")
+            require_within(option, value, unit)
         return cls(conductivity, jump_distance)  # type: ignore[arg-type]
 
     def conductance(self, gap: "Heights") -> float:
@@ -62,9 +63,9 @@ class Gas(NamedTuple):
 def loads_from(load: str, text: str, advice: str = "") -> list[float]:
     """Parse loads: numbers, start:stop:count, or start:stop:count:log, with commas between them.
 
-    They are displacements above 0 [um], or nominal pressures of 0 or more, not all 0 [MPa]; any
-    numbers, where the caller has other `advice` for messages, and refuses numbers itself. Raise
-    InputError for anything else, or more than `MOST` numbers.
+    They are displacements above 0 [um], or nominal pressures of 0 or more, not all 0 [MPa]; or
+    numbers of either sign, where the caller has other `advice` for messages. Raise InputError for
+    anything else, numbers beyond `LARGEST`, or more than `MOST` numbers.
     """
     allowed, values = advice or LOADS[load], list[float]()
     for part in text.split(","):
@@ -87,9 +88,43 @@ def loads_from(load: str, text: str, advice: str = "") -> list[float]:
         values += (np.geomspace if log else np.linspace)(ends[0], ends[1], int(count)).tolist()
     zero = load == "pressure"  # whether 0 is allowed
     within = all(SMALLEST < value < LARGEST or (zero and value == 0) for value in values)
-    if not advice and not (within and any(values)):
+    if advice:  # the solver says which of them it takes; it also names those that are not finite
+        beyond = [value for value in values if LARGEST <= abs(value) < math.inf]
+        if beyond:
+            raise InputError(f"--{load} {beyond[0]:g}: must be below {LARGEST:g}")
+    elif not (within and any(values)):
         raise InputError(f"--{load} {shown(text)}: {allowed}")
     return values
+
+
+def require_within(option: str, value: float, unit: str, what: str = "") -> float:
+    """Return a number that a user gave, or refuse it beyond `SMALLEST` and `LARGEST`.
+
+    Parameters
+    ----------
+    option : str
+        The option, as "--hardness".
+    value : float
+        The number.
+    unit : str
+        Its unit.
+    what : str
+        What it is, as "the hardness", where the option does not say so.
+
+    Returns
+    -------
+    float
+        The number.
+
+    Raises
+    ------
+    InputError
+        If the number is not above `SMALLEST` and below `LARGEST`.
+    """
+    if SMALLEST < value < LARGEST:
+        return value
+    must = f"{what} must" if what else "must"
+    raise InputError(f"{option} {value:g}: {must} be between {SMALLEST:g} and {LARGEST:g} {unit}")
 
 
 class Bodies(NamedTuple):
@@ -111,8 +146,8 @@ class Bodies(NamedTuple):
     ) -> Self:
         """Return the bodies of the options, with an E* of 1 MPa without any."""
         known = bool(young) or e_star is not None
-        if hardness is not None and not SMALLEST < hardness < LARGEST:
-            raise InputError(f"--hardness {hardness:g}: the hardness {ALLOWED}")
+        if hardness is not None:
+            require_within("--hardness", hardness, "MPa", "the hardness")
         if hardness is not None and not known:
             raise InputError(
                 f"--hardness {hardness:g}: give the modulus too (--young or --e-star), which is 1"
@@ -146,9 +181,7 @@ def combined_modulus(
     if e_star is not None:
         if young or poisson:
             raise InputError("--e-star stands in place of --young and --poisson: give one of them")
-        if not SMALLEST < e_star < LARGEST:
-            raise InputError(f"--e-star {e_star:g}: the modulus {ALLOWED}")
-        return e_star
+        return require_within("--e-star", e_star, "MPa", "the modulus")
     if not (young or poisson):
         return None
     moduli = list(young) or [1.0]
@@ -159,8 +192,7 @@ def combined_modulus(
             " or twice for two elastic bodies"
         )
     for modulus, ratio in zip(moduli, ratios, strict=True):
-        if not SMALLEST < modulus < LARGEST:
-            raise InputError(f"--young {modulus:g}: the modulus {ALLOWED}")
+        require_within("--young", modulus, "MPa", "the modulus")
         if not -1 < ratio <= 0.5:
             raise InputError(f"--poisson {ratio:g}: must be above -1 and at most 0.5")
     return 1 / sum(1 / (e / (1 - nu**2)) for e, nu in zip(moduli, ratios, strict=True))

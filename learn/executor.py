@@ -32,6 +32,13 @@ Task = TypeVar("Task")
 Result = TypeVar("Result")
 
 
+@dataclass(frozen=True)
+class Ended:
+    """What comes of a task that was stopped at its time, or not begun, instead of a result."""
+
+    seconds: float = 0.0  # how long it had run
+
+
 @dataclass(eq=False)
 class Executor:
     """The workers of a job, as the code on its master sees them.
@@ -58,8 +65,8 @@ class Executor:
         `work` is a function, at the top of a module, of the shared data and of one task; the
         workers keep data that were the last to be shared. Tasks are drawn as workers become free,
         until `stopping`, which is asked before each, returns True; tasks under way are finished, or
-        have the result None at a time (`within`). InputError that `work` raises on any process, or
-        `on_result` here, is raised here.
+        have the result `Ended` at a time (`within`). InputError that `work` raises on any process,
+        or `on_result` here, is raised here.
         """
         fresh = shared is not self._held
         self.world.broadcast((work, until, fresh, shared if fresh else None))
@@ -120,19 +127,29 @@ def seconds(text: str) -> float:
     return value
 
 
+def budget_of(time_needed: float) -> str:
+    """Write a time [s] as `seconds` reads it, rounded up: "90s", "12min" or "2.5h"."""
+    if time_needed <= 120:
+        return f"{max(math.ceil(time_needed), 1)}s"
+    if time_needed <= 120 * 60:
+        return f"{math.ceil(time_needed / 60)}min"
+    return f"{math.ceil(time_needed / 360) / 10:g}h"
+
+
 def within(
     work: Callable[[Shared, Task], Result], shared: Shared, task: Task, until: float
-) -> Result | None:
+) -> Result | Ended:
     """Do a task, a function of shared data and of the task at the top of a module, until a time.
 
-    The work is stopped at `until`, a time of `time.time` [s]; the result is None then. With an
+    The work is stopped at `until`, a time of `time.time` [s]; the result is `Ended` then. With an
     infinite `until` it is done here. InputError is raised if `work` raises it, or its process ends
     by itself.
     """
     if math.isinf(until):
         return work(shared, task)
-    if until <= time.time():
-        return None
+    began = time.time()
+    if until <= began:
+        return Ended()
     from joblib.externals.loky import get_reusable_executor
 
     own = {"initializer": _begin, "initargs": (os.getpid(),)}
@@ -142,7 +159,7 @@ def within(
         return ended.result(until - time.time())
     except TimeoutError:
         process.shutdown(kill_workers=True)
-        return None
+        return Ended(time.time() - began)
     except BrokenProcessPool:
         raise InputError(
             "the process of a fit has ended by itself: perhaps too little memory is free: give"

@@ -6,6 +6,8 @@ import json
 import re
 import runpy
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -263,6 +265,26 @@ def test_calibration_finds_the_hardness_of_a_surface_that_it_has_not_seen(capsys
     with pytest.raises(SystemExit, match="2"):
         example("calibration")(["quick", "m.csv"])
     assert "pressure, hardness wanted" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("table", "line"),
+    [
+        ("load,area\n1,2\n", "t.csv: has no column pressure, area_percent; it has 'load, area'"),
+        ("pressure,area_percent\n", "t.csv: has a header and no rows"),
+        ("pressure,area_percent\n1\n", "t.csv, line 2: pressure, area_percent have to be finite"),
+        (None, "No such file"),
+    ],
+)
+def test_input_that_an_example_cannot_use_is_told_in_one_line(tmp_path, table, line):
+    if table is not None:
+        (tmp_path / "t.csv").write_text(table)
+    command = [sys.executable, FOLDER / "calibration.py", "quick", "t.csv"]
+    ended = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert ended.returncode == 2
+    assert ended.stderr.startswith("calibration.py: ")
+    assert line in ended.stderr
+    assert ended.stderr.count("\n") == 1
 
 
 CLAIMS = {

@@ -15,6 +15,7 @@ from launch import launch
 from pages import PAGES, ROOT, anchors, codes, commands, links, steps
 from typer.main import get_command
 
+import learn.cli
 from gen import cli
 from gen.database import Reader
 from gen.generation.trial import doubts_before
@@ -26,6 +27,7 @@ SCENES = "docs/how-to/scenes.md"
 INSTRUMENTS = "docs/how-to/instruments.md"
 READING = "docs/how-to/reading.md"
 PUBLISH = "docs/how-to/publish.md"
+COMPARE = "docs/how-to/compare.md"
 
 
 @pytest.mark.parametrize("page", PAGES)
@@ -171,6 +173,17 @@ def test_reading_with_xarray_as_shown(here):
     if find_spec("dask"):
         exec(in_pieces, shown)
         assert list(shown["highest"].values) == list(heights.max(axis=(1, 2)))
+
+
+def test_a_model_of_ones_own_repeats_a_score_of_a_comparison(here):
+    database_of(here, "samples = 60\nsamples_per_surface = 2\n[surface]\nnodes = 9\n", "paper")
+    asked = ["compare", "paper.h5", "-o", "comparison", "--model", "decision-tree"]
+    assert learn.cli.main(asked) == 0
+    shown: dict = {}
+    (script,) = codes("python", COMPARE)
+    assert len(script.strip().splitlines()) < 25
+    exec(script, shown)
+    assert shown["r2"] == pytest.approx(shown["scores"].loc["decision-tree", "r2"], rel=1e-9)
 
 
 def test_a_database_is_published_and_read_as_shown(here, capsys):

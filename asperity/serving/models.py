@@ -1,12 +1,18 @@
 """The models of the server: functions of the solver and of surrogates, of vectors of UM-Bridge."""
 
+import warnings
 from itertools import chain
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
 
-from asperity.functions import SceneFunction, SurrogateFunction, Where
+from asperity.functions import (
+    Function,
+    OutsideTraining,
+    SceneFunction,
+    SurrogateFunction,
+)
 from gen.quantities import QUANTITIES, USUAL
 from gen.runtime.errors import InputError
 from gen.runtime.files import kind_of
@@ -14,7 +20,8 @@ from gen.scene import Scene, load, preset_names
 
 STIFFNESS = QUANTITIES["stiffness"]  # of unloading, a fourth output on request
 
-Vectors = list[list[FiniteFloat]]  # input or output of a model: vectors, each of one size
+Vectors = list[list[FiniteFloat]]  # input of a model: vectors, each of one size
+Answer = list[list[float | None]]  # its output; None, which is null in JSON, for what does not hold
 
 
 class Configuration(BaseModel):
@@ -26,11 +33,14 @@ class Configuration(BaseModel):
     seed: int | None = None  # of the scene
     nodes: int | Annotated[list[int], Field(min_length=2, max_length=2)] | None = None  # x and y
     stiffness: bool = False  # whether the solver tells it too, as a fourth output
+    interval: bool = True  # whether a surrogate tells the ends of its intervals
 
-    @property
-    def where(self) -> Where:
-        """The surface that is asked for."""
-        return Where(self.surface, self.nodes, self.seed)
+
+def _answered(function: Function, vectors: Vectors, config: Configuration) -> list[float]:
+    """Return the outputs of a function, with the client's settings."""
+    numbers: dict[str, Any] = dict(zip(function.names, chain.from_iterable(vectors), strict=True))
+    outputs = function(surface=config.surface, nodes=config.nodes, seed=config.seed, **numbers)
+    return [float(output) for output in outputs]
 
 
 class SolverModel:
@@ -51,11 +61,11 @@ class SolverModel:
         """Return the sizes of the output vectors, one number each."""
         return [1] * len(self._functions[config.stiffness].outputs)
 
-    def evaluate(self, vectors: Vectors, config: Configuration) -> Vectors:
+    def evaluate(self, vectors: Vectors, config: Configuration) -> Answer:
         """Solve one contact problem."""
-        function = self._functions[config.stiffness]
-        numbers = dict(zip(function.names, chain.from_iterable(vectors), strict=True))
-        return [[number] for number in function.answer(numbers, config.where)]
+        return [
+            [number] for number in _answered(self._functions[config.stiffness], vectors, config)
+        ]
 
 
 class SurrogateModel:
@@ -63,26 +73,39 @@ class SurrogateModel:
 
     Every target is a vector of four numbers: predicted value, low and high end of its interval, and
     1 where the question lies inside what the surrogate was trained on, else 0. Intervals are of
-    90 %, or the largest level below that the surrogate reaches.
+    90 %, or the largest level below that the surrogate reaches. None holds outside: both ends are
+    None there. On request a vector has two numbers, value and flag.
     """
 
     def __init__(self, path: Path) -> None:
         from learn.surrogate.interval import level_note
 
-        self.name, self._function = path.stem, SurrogateFunction(path)
-        self.input_sizes = self._function.inputs.sizes
-        self.remark = level_note(self._function.surrogate, self._function.level, None)
+        self.name = path.stem
+        targets = SurrogateFunction(path).outputs
+        ends = [f"{target}{end}" for target in targets for end in ("", "_low", "_high")]
+        self._targets = targets
+        with_ends = SurrogateFunction(path, (*ends, "inside"))
+        self._functions = [SurrogateFunction(path, (*targets, "inside")), with_ends]
+        self.input_sizes = with_ends.inputs.sizes
+        self.remark = level_note(with_ends.surrogate, with_ends.level, None)
 
     def output_sizes(self, config: Configuration) -> list[int]:
-        """Return the sizes of the output vectors, four numbers each."""
-        return [4] * len(self._function.outputs)
+        """Return the sizes of the output vectors: four numbers each, or two."""
+        return [4 if config.interval else 2] * len(self._targets)
 
-    def evaluate(self, vectors: Vectors, config: Configuration) -> Vectors:
+    def evaluate(self, vectors: Vectors, config: Configuration) -> Answer:
         """Predict one contact problem."""
         if config.stiffness:
             raise InputError("config.stiffness: a surrogate predicts its targets alone")
-        numbers = dict(zip(self._function.names, chain.from_iterable(vectors), strict=True))
-        return self._function.predicted(numbers, config.where)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", OutsideTraining)  # the flag tells clients
+            *numbers, inside = _answered(self._functions[config.interval], vectors, config)
+        if not config.interval:
+            return [[value, inside] for value in numbers]
+        answer: Answer = []
+        for value, *ends in zip(numbers[::3], numbers[1::3], numbers[2::3], strict=True):
+            answer.append([value, *(end if inside else None for end in ends), inside])
+        return answer
 
 
 Model = SolverModel | SurrogateModel

@@ -104,7 +104,8 @@ class Server:
         if given != wanted:
             raise Refusal("InvalidInput", f"input: vectors of {given} numbers, wanted {wanted}")
         output = await self._workers.ask(Call(body.name, body.input, body.config))
-        if not all(math.isfinite(number) for vector in output for number in vector):
+        numbers = [number for vector in output for number in vector if number is not None]
+        if not all(map(math.isfinite, numbers)):
             raise Refusal("InvalidOutput", f"{output}: not finite, and JSON has no such number")
         return {"output": output}
 

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from typing import NamedTuple
 
 from asperity.functions import Unsolved
-from asperity.serving.models import Configuration, Model, Vectors, model_of
+from asperity.serving.models import Answer, Configuration, Model, Vectors, model_of
 from gen.runtime.errors import InputError
 from gen.runtime.user_code import TRUSTED
 
@@ -71,7 +71,7 @@ class Workers:
             most = wanted if hard == resource.RLIM_INFINITY else min(wanted, hard)
             resource.setrlimit(resource.RLIMIT_NOFILE, (most, hard))
 
-    async def ask(self, call: Call) -> Vectors:
+    async def ask(self, call: Call) -> Answer:
         """Answer a question on a free process.
 
         A caller that is cancelled, since its client is gone, leaves the queue; a process that
@@ -94,7 +94,7 @@ class Workers:
             answer.add_done_callback(lambda done: done.cancelled() or done.exception())
             raise
 
-    async def _answered(self, pool: ProcessPoolExecutor, call: Call) -> Vectors:
+    async def _answered(self, pool: ProcessPoolExecutor, call: Call) -> Answer:
         """Answer a question on one process, which is free afterwards."""
         try:
             for _ in range(ATTEMPTS):
@@ -174,7 +174,7 @@ def _end_with_server() -> None:
         os._exit(1)
 
 
-def _answer(call: Call) -> Vectors:
+def _answer(call: Call) -> Answer:
     """Evaluate a model in a worker."""
     try:
         return _MODELS[call.model].evaluate(call.vectors, call.config)

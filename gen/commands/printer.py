@@ -84,9 +84,9 @@ def print_database(reader: Reader) -> None:
 
 def print_plan(scene: Scene, path: Path | None = None) -> None:
     """Print samples, surfaces, nodes and loads of a completed scene, and its database's size."""
+    from gen.database import file_bytes
     from gen.generation.run import planned_loads
     from gen.generation.trial import doubts_before
-    from gen.scene import row_bytes
 
     contact, (nx, ny) = scene.contact, scene.grid.shape
     low, mean, high = planned_loads(scene)
@@ -104,7 +104,7 @@ def print_plan(scene: Scene, path: Path | None = None) -> None:
         echo(f"  hardness  {least:.4g}{drawn} MPa")
     for doubt in doubts_before(scene, scene.samples):
         echo(f"  warning: {doubt}")
-    echo(f"  file      {size(scene.samples * row_bytes(scene))}")
+    echo(f"  file      {size(file_bytes(scene, scene.samples))}")
     if path is not None:
         state = "exists" if path.exists() else "does not exist yet"
         echo(f"  output    {path} {state}; nothing was written")

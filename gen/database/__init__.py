@@ -8,6 +8,7 @@ one process, or all processes of an MPI run together; either continues the work 
 """
 
 from gen.database.creation import create as create
+from gen.database.creation import file_bytes as file_bytes
 from gen.database.creation import merge as merge
 from gen.database.creation import open_or_create as open_or_create
 from gen.database.reader import Counts as Counts

@@ -1,5 +1,6 @@
 """Make databases: create, extend and merge them, and give new files their names when whole."""
 
+import io
 import json
 import re
 import shutil
@@ -35,11 +36,21 @@ from gen.scene import Scene, columns_for, differences, row_bytes
 from gen.scene.faults import shown
 from gen.schema import PART, PHYSICS, RUNTIME, SCHEMA, STATUS, Column, Status
 
+# Version 2 of the superblock: later ones mark a file as open, and a killed writer would leave the
+# mark. Creation order is tracked so that readers list columns in the schema's order.
+LAYOUT: dict[str, Any] = {"libver": ("v108", "v110"), "track_order": True}
+
 
 def create(path: Path, scene: Scene, rows: range | None = None) -> None:
     """Create a database of some rows, all pending; the caller holds `lock(path)`."""
+    wanted = range(scene.samples) if rows is None else rows
+    _assemble(path, scene, wanted, _new_attributes())
+
+
+def _new_attributes() -> dict[str, str | int]:
+    """Return the attributes of a new file: numbers of its layout and results, versions, time."""
     numerics = versions(("asperity", "numpy", "scipy", "pyfftw", "h5py"))
-    attributes: dict[str, str | int] = {
+    return {
         "schema": SCHEMA,
         "physics": PHYSICS,
         "physics_forced": 0,
@@ -47,7 +58,29 @@ def create(path: Path, scene: Scene, rows: range | None = None) -> None:
         "git_commit": git_commit(),
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
     }
-    _assemble(path, scene, range(scene.samples) if rows is None else rows, attributes)
+
+
+def file_bytes(scene: Scene, rows: int) -> int:
+    """Return the size of a database's file before anything of it is written.
+
+    A file of one row is laid out in memory, for the size of names, units and the scene.
+
+    Parameters
+    ----------
+    scene : Scene
+        The completed scene.
+    rows : int
+        Rows of the file.
+
+    Returns
+    -------
+    int
+        Size of the file [bytes]. Further rows may need a few bytes more for alignment.
+    """
+    memory = io.BytesIO()
+    with h5py.File(memory, "w", **LAYOUT) as file:
+        _lay_out(file, scene, range(1), _new_attributes())
+    return len(memory.getbuffer()) + (rows - 1) * row_bytes(scene)
 
 
 def open_or_create(
@@ -205,7 +238,8 @@ def _assemble(
                 f"{path} belongs to user {old.st_uid} and group {old.st_gid}: to extend it"
                 " would make it yours; let its owner do that, or copy it"
             )
-        _lay_out(made, scene, rows, attributes)
+        with h5py.File(made, "w", locking=False, **LAYOUT) as file:
+            _lay_out(file, scene, rows, attributes)
         with open_file(made, True) as file:
             widest = max(column.row_bytes(scene.grid.shape) for column in columns_for(scene))
             for start, stop in chunks(rows.stop, widest, rows.start):
@@ -214,57 +248,56 @@ def _assemble(
             replaced.check()
 
 
-def _lay_out(path: Path, scene: Scene, rows: range, attributes: Mapping[str, str | int]) -> None:
-    """Create a file for some rows: dimensions, attributes, and columns that who calls fills."""
+def _lay_out(
+    file: h5py.File, scene: Scene, rows: range, attributes: Mapping[str, str | int]
+) -> None:
+    """Fill a new file with dimensions, attributes, and columns whose rows who calls fills."""
     columns = columns_for(scene)
-    # Version 2 of the superblock: later ones mark a file as open, and a killed writer would leave
-    # the mark. Creation order is tracked so that readers list columns in the schema's order.
-    with h5py.File(path, "w", libver=("v108", "v110"), track_order=True, locking=False) as file:
-        part = rows != range(scene.samples)
-        persons = {"creator_name": scene.creator, "license": scene.licence}  # ACDD's names
-        own: dict[str, str | int] = {
-            "Conventions": "CF-1.11",
-            "title": scene.title or "Contact of rough surfaces",
-            **{name: text for name, text in persons.items() if text},
-            "scene": scene.text(),
-            "scene_hash": scene.fingerprint(),
-            "samples": scene.samples,
-        }
-        own = own | {n: each for n, each in attributes.items() if n not in (*own, *PART_NUMBERS)}
-        own |= {"schema": PART if part else SCHEMA}
-        own |= dict(zip(PART_NUMBERS, (rows.start, len(rows)), strict=True)) if part else {}
-        for name, value in own.items():
-            _set(file, name, value)
-        axes = {"sample": len(rows)}
-        if any(column.shape_of for column in columns):
-            axes |= dict(zip("xy", scene.grid.shape, strict=True))
-        dimensions = []
-        for name, size in axes.items():  # netCDF-4: a scale without data or disk space
-            scale = file.create_dataset(name, shape=(size,), dtype=">f4")
-            scale.make_scale(f"This is a netCDF dimension but not a netCDF variable.{size:10d}")
-            dimensions.append(scale)
-        file.create_group(RUNTIME, track_order=True)
-        for column in columns:
-            properties = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
-            properties.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
-            properties.set_fill_time(h5py.h5d.FILL_TIME_NEVER)  # it would crash on a full disk
-            shape, fill = column.shape(len(rows), scene.grid.shape), column.fill
-            dataset = file.create_dataset(
-                column.path, shape=shape, dtype=column.dtype, fillvalue=fill, dcpl=properties
-            )
-            for axis, scale in enumerate(dimensions[: len(shape)]):
-                dataset.dims[axis].attach_scale(scale)
-            _set(dataset, "long_name", column.long_name)
-            if column.unit:
-                _set(dataset, "units", column.unit)
-            if column.measured and column.powers is not None:
-                # of heights, lengths and E*, beside the unit
-                dataset.attrs["powers"] = np.array(column.powers, dtype="i1")
-            if flags := FLAGS.get(column):
-                dataset.attrs["flag_values"] = np.array(list(flags), dtype=column.dtype)
-                # CF's list of meanings is separated by blanks: each text has to be one word.
-                words = (re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_") for text in flags.values())
-                _set(dataset, "flag_meanings", " ".join(word or "none" for word in words))
+    part = rows != range(scene.samples)
+    persons = {"creator_name": scene.creator, "license": scene.licence}  # ACDD's names
+    own: dict[str, str | int] = {
+        "Conventions": "CF-1.11",
+        "title": scene.title or "Contact of rough surfaces",
+        **{name: text for name, text in persons.items() if text},
+        "scene": scene.text(),
+        "scene_hash": scene.fingerprint(),
+        "samples": scene.samples,
+    }
+    own = own | {n: each for n, each in attributes.items() if n not in (*own, *PART_NUMBERS)}
+    own |= {"schema": PART if part else SCHEMA}
+    own |= dict(zip(PART_NUMBERS, (rows.start, len(rows)), strict=True)) if part else {}
+    for name, value in own.items():
+        _set(file, name, value)
+    axes = {"sample": len(rows)}
+    if any(column.shape_of for column in columns):
+        axes |= dict(zip("xy", scene.grid.shape, strict=True))
+    dimensions = []
+    for name, length in axes.items():  # netCDF-4: a scale without data or disk space
+        scale = file.create_dataset(name, shape=(length,), dtype=">f4")
+        scale.make_scale(f"This is a netCDF dimension but not a netCDF variable.{length:10d}")
+        dimensions.append(scale)
+    file.create_group(RUNTIME, track_order=True)
+    for column in columns:
+        properties = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+        properties.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
+        properties.set_fill_time(h5py.h5d.FILL_TIME_NEVER)  # it would crash on a full disk
+        shape, fill = column.shape(len(rows), scene.grid.shape), column.fill
+        dataset = file.create_dataset(
+            column.path, shape=shape, dtype=column.dtype, fillvalue=fill, dcpl=properties
+        )
+        for axis, scale in enumerate(dimensions[: len(shape)]):
+            dataset.dims[axis].attach_scale(scale)
+        _set(dataset, "long_name", column.long_name)
+        if column.unit:
+            _set(dataset, "units", column.unit)
+        if column.measured and column.powers is not None:
+            # of heights, lengths and E*, beside the unit
+            dataset.attrs["powers"] = np.array(column.powers, dtype="i1")
+        if flags := FLAGS.get(column):
+            dataset.attrs["flag_values"] = np.array(list(flags), dtype=column.dtype)
+            # CF's list of meanings is separated by blanks: each text has to be one word.
+            words = (re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_") for text in flags.values())
+            _set(dataset, "flag_meanings", " ".join(word or "none" for word in words))
 
 
 def _set(node: h5py.Dataset | h5py.File, name: str, value: str | int) -> None:

@@ -10,12 +10,12 @@ import time
 from collections.abc import Mapping
 from contextlib import suppress
 from numbers import Real
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 import bem
-from gen.arrays import Columns, Heights
+from gen.arrays import Columns, Heights, Values
 from gen.generation.plan import OPPOSITE, Parameters, parameters, planned_columns, surface_random
 from gen.quantities import stored_quantities
 from gen.runtime.errors import InputError, SourceError
@@ -26,6 +26,7 @@ from gen.scene import Scene, Store, columns_for
 from gen.schema import DONE_REASONS, Reason, Status
 from gen.statistics import describe, rms_slope
 
+Load = TypeVar("Load", float, Values)  # one load, or an array of some
 Output = tuple[float, str | None]  # a value of a user's function, and its unit if given
 EFFORT = ("iterations", "convolutions", "residual")  # of a solve, converged or not
 
@@ -129,8 +130,8 @@ def settings_of(scene: Scene, hardness: float | None) -> dict[str, Any]:
     return settings | {"spacing": scene.grid.spacing, "hardness": hardness, "threads": 1}
 
 
-def load_of(scene: Scene, heights: Heights, load: float) -> dict[str, float]:
-    """Turn a load in the scene's quantity into an argument of `solve_contact`."""
+def load_of(scene: Scene, heights: Heights, load: Load) -> dict[str, Load]:
+    """Turn a load, or an array of some, in the scene's quantity into what `solve_contact` takes."""
     match scene.quantity:
         case "delta/height_rms":
             return {"delta": load * float(heights.std())}

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from gen.doubts import Pressed
 from gen.maps.prepare import is_tilted
 from gen.maps.read import Topography
-from gen.material import loads_from
+from gen.material import loads_from, require_within
 from gen.quantities import (
     CONDUCTANCE,
     CONTACT_NODES,
@@ -75,8 +75,7 @@ def require_conductivities(given: Sequence[float]) -> tuple[float, float]:
     if len(given) > 2:
         raise InputError(f"--conductivity was given {len(given)} times: give it once or twice")
     for conductivity in given:
-        if not 0 < conductivity < math.inf:
-            raise InputError(f"--conductivity {conductivity:g}: must be above 0 W/(m K), finite")
+        require_within("--conductivity", conductivity, "W/(m K)")
     return given[0], given[-1]
 
 

@@ -18,8 +18,9 @@ from gen.arrays import Heights, Values
 from gen.maps.read import Topography
 from gen.maps.scan import UNITS, unit_of
 from gen.maps.settings import SPIKE, said
-from gen.material import LARGEST
 from gen.runtime.errors import InputError
+
+HIGHEST = 1e60  # heights [um] of files in a wrong unit; squares of smaller ones stay finite
 
 Nodes = NDArray[np.bool_]  # whether a node is chosen, shape (nx, ny)
 
@@ -352,13 +353,13 @@ def refuse_beyond_numbers(topography: Topography) -> None:
     """Refuse heights whose squares numbers do not hold, with a mask if they are codes."""
     heights = topography.heights
     largest = float(np.nanmax(np.abs(heights)))
-    if largest <= LARGEST:
+    if largest <= HIGHEST:
         return
-    bounds = mask_beside(heights, np.abs(heights) > LARGEST)
+    bounds = mask_beside(heights, np.abs(heights) > HIGHEST)
     fault = f"{topography.name}: heights of {largest:.3g} um"
     if not bounds:
         raise InputError(f"{fault}; check their unit")
-    row, column = np.argwhere(np.abs(heights) > LARGEST)[0].tolist()
+    row, column = np.argwhere(np.abs(heights) > HIGHEST)[0].tolist()
     fault += f", the first at the node ({row}, {column}), which may stand for missing heights"
     mask, fill = (said(key, topography.asked) for key in (f"mask {bounds}", "fill"))
     raise InputError(f"{fault}: {mask} makes holes of them, which {fill} closes")

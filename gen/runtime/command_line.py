@@ -12,6 +12,7 @@ from contextlib import suppress
 from dataclasses import fields, is_dataclass
 from functools import cache, partial, wraps
 from inspect import Parameter, Signature, signature
+from pathlib import Path
 from typing import Annotated, Any, get_type_hints
 
 import typer
@@ -151,7 +152,8 @@ def main(
     If the command ends on the master (bad input, a full disk, a missing package), it ends on the
     workers too, wherever they wait, and the master alone prints why. A bug ends all processes at
     once with its traceback. The workers take part in the commands named in `together`; with `alone`
-    more than one process is refused, for programs that measure times. Codes are those of
+    more than one process is refused, for programs that measure times. Commands that are not named
+    there need no MPI: where it does not start, the first process works alone. Codes are those of
     docs/compatibility.md.
     """
     world = farm.World()
@@ -160,9 +162,9 @@ def main(
         code, message = 0, ""
         details: tuple[str, ...] = ()
         try:
-            world = farm.this_world()
             first = arguments[0] if arguments else ""
             joins = first in together and "--help" not in arguments
+            world = _world(needed=joins)
             if alone and world.size > 1:
                 code, message = 2, f"{name}: started as {world.size} processes; start it as one"
             elif empty := [n for n, each in enumerate(arguments) if EMPTY.fullmatch(each)]:
@@ -190,6 +192,38 @@ def main(
         return left.code
     except Exception:
         world.abort()
+
+
+def _world(*, needed: bool) -> farm.World:
+    """Join the other processes; alone if that fails for a command that one process does."""
+    try:
+        return farm.this_world()
+    except InputError:
+        if needed:
+            raise
+        return farm.without_mpi()
+
+
+def run_script(script: Callable[[list[str]], object]) -> None:
+    """Run the main function of a script; unusable input ends it with one line and exit code 2.
+
+    Parameters
+    ----------
+    script : callable
+        Takes the words of the command line after the script's name.
+
+    Raises
+    ------
+    SystemExit
+        If the input cannot be used, memory has run out or Ctrl-C was pressed.
+    """
+    try:
+        script(sys.argv[1:])
+    except (Exception, KeyboardInterrupt) as error:
+        code, message = _end_after(error, Path(sys.argv[0]).name)
+        if message:
+            _complain(message)
+        sys.exit(code)
 
 
 def _end_after(error: BaseException, name: str) -> tuple[int, str]:

@@ -6,12 +6,16 @@ import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from gen.runtime.errors import InputError
 from gen.runtime.files import read_bytes, write
+from gen.runtime.terminal import shown
+
+if TYPE_CHECKING:
+    from gen.arrays import Values
 
 Row = dict[str, float | int | str]  # one line of a table: values by the names of the columns
 
@@ -66,3 +70,52 @@ def checked(path: Path | str, content: bytes, kind: type[Document]) -> dict[str,
         f"{path} is damaged: it cannot be read as what this program writes"
         f" ({f'{key}: ' if key else ''}{fault['msg']}): move it away"
     )
+
+
+def read_columns(path: Path | str, *names: str) -> "Values":
+    """Read columns of finite numbers of a CSV table whose first line has their names.
+
+    Parameters
+    ----------
+    path : Path or str
+        The table; it may have further columns.
+    *names : str
+        Names of the columns.
+
+    Returns
+    -------
+    ndarray, shape (columns, rows)
+        The numbers, of one row at least.
+
+    Raises
+    ------
+    InputError
+        If the table cannot be read, lacks a column or any row, or a cell is no finite number.
+    FileNotFoundError
+        If there is no such file.
+    """
+    import numpy as np  # here, so that --help does not wait for it
+
+    lines = read_bytes(Path(path)).decode("utf-8-sig", errors="replace").splitlines()
+    reader = csv.DictReader(lines, skipinitialspace=True)
+    present = [name.strip("# ") for name in reader.fieldnames or []]  # as np.savetxt writes them
+    reader.fieldnames = present
+    missing = [name for name in names if name not in present]
+    if missing:
+        raise InputError(
+            f"{path}: has no column {', '.join(missing)}; it has {shown(', '.join(present))}"
+        )
+    rows = []
+    for row in reader:
+        try:
+            numbers = [float(row[name]) for name in names]
+        except (TypeError, ValueError):
+            numbers = [math.nan]
+        if not all(map(math.isfinite, numbers)):
+            raise InputError(
+                f"{path}, line {reader.line_num}: {', '.join(names)} have to be finite numbers"
+            )
+        rows.append(numbers)
+    if not rows:
+        raise InputError(f"{path}: has a header and no rows")
+    return np.array(rows).T

@@ -1,6 +1,7 @@
 """The error for input that cannot be used."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 
 class InputError(ValueError):
@@ -25,3 +26,23 @@ class InputError(ValueError):
 
 class SourceError(InputError):
     """A map or function that a scene names is missing, has changed or fails: the run ends."""
+
+
+@contextmanager
+def input_errors(place: str = "") -> Iterator[None]:
+    """Turn the ValueError of a check, as of `bem.checks`, into an InputError at a place.
+
+    Parameters
+    ----------
+    place : str
+        What the input belongs to, as "rough.npy"; the message begins with it.
+
+    Raises
+    ------
+    InputError
+        Instead of any ValueError of the block.
+    """
+    try:
+        yield
+    except ValueError as error:
+        raise InputError(f"{place}: {error}" if place else str(error)) from None

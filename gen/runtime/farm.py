@@ -36,6 +36,12 @@ IN_FLIGHT = 2  # tasks in the hands of each worker: the second one spares it the
 LAUNCHERS = ("PMI_SIZE", "PMIX_RANK", "OMPI_COMM_WORLD_SIZE", "MPI_LOCALNRANKS")
 """Environment variables that mpiexec, mpirun and srun set for the processes that they start."""
 
+RANKS = ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK")
+"""Those of them that have the rank of a process."""
+
+NAMESPACE = "PMIX_NAMESPACE"
+"""Set by launchers that speak PMIx. An MPICH without it ends every process that starts MPI then."""
+
 LONGEST_NAP = 0.01  # between two looks for a message [s]; MPI's own waiting would keep a core busy
 
 # Longest pause of a worker while it sends a result [s]. MPICH passes on some 8 kB at each look of
@@ -130,7 +136,7 @@ def this_world() -> World:
         return World()
     _check_launcher()
     try:
-        from mpi4py import MPI
+        MPI = _started_mpi()
     except (ImportError, RuntimeError) as error:
         from gen.runtime.installation import command_for
 
@@ -145,13 +151,45 @@ def this_world() -> World:
     return World(communicator.rank, communicator.size, communicator)
 
 
+def without_mpi() -> World:
+    """Return the world of a command of one process where MPI does not start.
+
+    A launcher may have started several processes all the same: the variable of their rank tells the
+    first one, which works alone, from the others, which have nothing to do.
+    """
+    ranks = (os.environ.get(name, "") for name in RANKS)
+    return World(rank=next((int(rank) for rank in ranks if rank.isdecimal()), 0))
+
+
+def _started_mpi() -> Any:
+    """Import MPI and start it, unless it is one that would end this process: InputError then."""
+    import mpi4py
+
+    if NAMESPACE in os.environ:
+        mpi4py.rc.initialize = False
+    from mpi4py import MPI
+
+    if MPI.Is_initialized():
+        return MPI
+    vendor, _ = MPI.get_vendor()
+    if vendor == "MPICH" and "pmix" not in MPI.Get_library_version().lower():
+        raise InputError(
+            f"{NAMESPACE} in the environment is from a launcher that speaks PMIx (mpirun of Open"
+            " MPI, srun --mpi=pmix), which this MPICH does not: start the command with mpiexec of"
+            " this MPICH or srun --mpi=pmi2, or take mpi4py of that MPI; to run alone: unset"
+            f" {NAMESPACE} PMIX_RANK"
+        )
+    MPI.Init_thread(MPI.THREAD_MULTIPLE)
+    return MPI
+
+
 def _check_launcher() -> None:
     """Refuse variables of a launcher that does not exist, for which MPI would end the process."""
     size, descriptor = (os.environ.get(name) for name in ("PMI_SIZE", "PMI_FD"))
     faults = {
         "PMI_SIZE": size is not None and not size.isdecimal(),
         "PMI_FD": descriptor is not None and not Path("/dev/fd", descriptor).exists(),
-        "PMIX_RANK": "PMIX_RANK" in os.environ and "PMIX_NAMESPACE" not in os.environ,
+        "PMIX_RANK": "PMIX_RANK" in os.environ and NAMESPACE not in os.environ,
     }
     for name, at_fault in faults.items():
         if at_fault:

@@ -17,6 +17,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from gen.runtime import memory
 from gen.runtime.errors import SourceError
 from gen.runtime.farm import Overtime
 
@@ -53,14 +54,24 @@ def load_function(name: str, source: str | None) -> Function:
 
 @contextmanager
 def faults_of(
-    place: str, passing: tuple[type[Exception], ...] = (ArithmeticError, MemoryError)
+    place: str, passing: tuple[type[Exception], ...] = (ArithmeticError,)
 ) -> Iterator[None]:
-    """Turn what a user's code raises, but for `passing` and a bound on time, into a SourceError."""
+    """Turn what a user's code raises, but for `passing` and a bound on time, into a SourceError.
+
+    Memory that runs out in the user's code is named as such: the contact may need little.
+    """
     elsewhere: tuple[type[Exception], ...] = (*passing, Overtime, SourceError)
     try:
         yield
     except elsewhere:
         raise
+    except MemoryError as error:
+        words = " ".join(str(error).split())[:200]
+        allowed = memory.size(memory.allowed())
+        raise SourceError(
+            f"{place}: this code of your own has run out of memory{': ' if words else ''}{words};"
+            f" {allowed} are allowed here, shared with all else"
+        ) from error
     except (Exception, SystemExit, GeneratorExit) as error:
         words = " ".join(str(error).split())[:200]
         kind = type(error).__name__
@@ -104,7 +115,7 @@ def _imported(name: str, module: str, path: Path, content: bytes) -> ModuleType:
     made = importlib.util.module_from_spec(spec)
     sys.modules[module] = _compiled[module] = made
     try:
-        with faults_of(f"{name}: importing {module} failed", passing=(MemoryError,)):
+        with faults_of(f"{name}: importing {module} failed", passing=()):
             if made.__package__ not in {"", module}:
                 importlib.import_module(str(made.__package__))
             exec(compile(content, str(path), "exec"), made.__dict__)

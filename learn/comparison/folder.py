@@ -1,7 +1,7 @@
 """A comparison folder: the data and conditions of a comparison, and its results.
 
     area/comparison.json        conditions of all results: data, scene, options, seeds, versions
-    area/rows.csv               row of the database, part, fold, group that is kept together
+    area/rows.csv               sample (row of the database), part, fold, group kept together
     area/trials/MODEL.jsonl     finished fits of a search (`learn.comparison.fits`)
     area/baseline/MODEL.json    settings, scores, times; MODEL.csv has the test rows' predictions
     area/library/MODEL.json     the same with its library's settings, where a baseline's are others
@@ -173,7 +173,9 @@ class Folder:
         parts = ["train"] * split.train.size + ["test"] * split.test.size
         folds = split.folds.tolist() + [""] * split.test.size
         columns = dataset.rows[places].tolist(), parts, folds, groups[places].tolist()
-        self.write_table("rows.csv", ("row", "part", "fold", "group"), zip(*columns, strict=True))
+        self.write_table(
+            "rows.csv", ("sample", "part", "fold", "group"), zip(*columns, strict=True)
+        )
         self.write_json(
             "comparison.json",
             {

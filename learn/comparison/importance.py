@@ -2,7 +2,8 @@
 
 The worth of an input is the loss of R2 when its values are shuffled over the test rows. Many of the
 22 statistics are almost the same, and one of two twins can be shuffled without harm. Models are
-therefore also fitted anew to fewer and fewer inputs.
+therefore also fitted anew to fewer and fewer inputs, down to one; to two where rows are scaled to
+unit length, after which a single input is the same number in all rows.
 """
 
 from collections.abc import Callable, Iterator
@@ -15,6 +16,7 @@ import numpy as np
 from sklearn.inspection import permutation_importance
 
 from gen.arrays import Indices
+from gen.runtime.errors import InputError
 from gen.runtime.figure import new_figure, save
 from gen.runtime.files import inside
 from learn.comparison.fits import Training
@@ -27,6 +29,7 @@ from learn.metrics import scores
 from learn.models import check_memory, models_named, remarks
 
 SHUFFLES = 5  # times that an input is shuffled: enough for a mean and its scatter
+UNIT_LENGTH = "l2"  # normalisation of rows to unit length, after which a single input is constant
 SIZES = (30, 23, 20, 16, 12, 8, 6, 4, 3, 2, 1)  # inputs that are kept, the strongest first
 
 
@@ -41,6 +44,11 @@ def write_report(request: Request, say: Callable[[str], None]) -> Iterator[Path]
         check_memory(model.name, whole.rows)
         training, names = whole.seen_by(model.name), folder.record()["conditions"]["inputs"]
         result, tuned = folder.result("tuned", model.name), folder.winner(model.name)
+        if training.normalisation == UNIT_LENGTH and len(names) == 1:
+            raise InputError(
+                f"{names[0]} is the only input, and the same number in all rows of unit length:"
+                " give --normalise standard"
+            )
         source, _, settings = space_of(model.name, request.features)
         origin = "the paper's optimum" if source == TABLE_2 else "built in"
         if tuned and tuned.tuned and result and result.get("test"):
@@ -67,6 +75,11 @@ def write_report(request: Request, say: Callable[[str], None]) -> Iterator[Path]
                 f" fit {each['fit_s']:.3g} s, prediction {each['predict_test_s']:.3g} s; without"
                 f" {', '.join(each['dropped'].split()) or '-'}"
             )
+        if training.normalisation == UNIT_LENGTH:
+            say(
+                "   1 input: left out, because in rows of unit length a single input is the same in"
+                " all rows; --normalise standard has it"
+            )
         for remark in said:
             say(f"  warning: {remark}")
         header = ["input", "r2_loss_percent", "deviation"]
@@ -79,9 +92,13 @@ def write_report(request: Request, say: Callable[[str], None]) -> Iterator[Path]
 def _selections(
     model: Any, training: Training, names: list[str], ranked: Indices
 ) -> list[dict[str, Any]]:
-    """Fit a model to fewer and fewer of its inputs, by their rank; return rows of selection.csv."""
+    """Fit a model to fewer and fewer of its inputs, by their rank; return rows of selection.csv.
+
+    Two inputs are the fewest where rows are scaled to unit length.
+    """
+    fewest = 2 if training.normalisation == UNIT_LENGTH else 1
     selections, before, beside = [], [*ranked], training.beside()
-    for size in (size for size in SIZES if size <= len(ranked)):
+    for size in (size for size in SIZES if fewest <= size <= len(ranked)):
         kept = sorted(ranked[:size])
         own = training.inputs[:, kept], training.target
         fit = repeated(partial(model.fit, *own, **beside), (3, 3))

@@ -29,7 +29,7 @@ from learn.comparison.grid import Settings
 from learn.comparison.search import GridSearch
 from learn.comparison.tables import WHY_BASELINE
 from learn.dataset import Request, short_name
-from learn.executor import Executor
+from learn.executor import Ended, Executor
 from learn.features.scene import SCENE
 from learn.metrics import scores
 from learn.models import (
@@ -107,6 +107,7 @@ def tune(request: Request, executor: Executor) -> int:
                     *(model, grid, training, trials, executor, interruption.requested, source),
                     baseline=grids.baseline(model.name, agreed["features"]),
                     optimum=grid.name_of(settings),
+                    searches=len(searches),
                 )
                 if math.isinf(until):
                     search.exhaust()
@@ -237,9 +238,8 @@ def finish(folder: Folder, search: GridSearch, until: float, *, again: bool) -> 
         if not again and found == [there.get("settings"), there.get("search")]:
             return
         result = search.executor.call(fit_and_time, search.training, task, until)
-        if not result:
-            why = "the winner's fit to all rows was not finished within the time"
-            why += ": give a larger --budget"
+        if isinstance(result, Ended):
+            why = f"the winner's fit to all rows was not finished within the time: {search.advice}"
     if why:
         folder.write_json(f"tuned/{name}.json", {"model": name, "failure": why, "remarks": []})
         note(f"warning: {title}: {why}")

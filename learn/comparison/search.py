@@ -14,9 +14,10 @@ import math
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import product
 from math import inf
+from statistics import median
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,7 @@ from gen.runtime.terminal import RunProgress
 from learn.comparison import grid as grids
 from learn.comparison.fits import Training, Trial, Trials, fit
 from learn.comparison.grid import LEAST_JUDGED, Grid, Settings, Task, expected_work
-from learn.executor import Executor
+from learn.executor import Ended, Executor, budget_of
 from learn.models import Model
 from learn.split import FOLDS
 
@@ -52,6 +53,8 @@ class GridSearch:
     baseline: Settings | None = None  # is judged beside the grid; None for the grid alone
     optimum: str = ""  # name of the paper's candidate, or the one built in; "" if there is none
     how: str = "whole grid"  # the steps of the search in words
+    searches: int = 1  # that share the budget, this one among them
+    ended: list[float] = field(default_factory=list)  # times after which fits to all rows ended [s]
 
     @property
     def own(self) -> Family:
@@ -83,9 +86,12 @@ class GridSearch:
         with RunProgress(len(tasks), "fits", sum(map(expected_work, tasks))) as progress:
             progress.say(f"{self.model.title}: {title}")
 
-            def keep(task: Task, trials: list[Trial] | None) -> None:
-                self.trials.add(trials or [])
-                failed = all(trial.r2 is None for trial in trials or ())
+            def keep(task: Task, result: list[Trial] | Ended) -> None:
+                trials = [] if isinstance(result, Ended) else result
+                if isinstance(result, Ended) and result.seconds and task.rows == self.training.rows:
+                    self.ended.append(result.seconds)
+                self.trials.add(trials)
+                failed = all(trial.r2 is None for trial in trials)
                 progress.advance(1, int(failed), expected_work(task))
 
             self.executor.run(fit, self.training, tasks, keep, stopping=over, until=until)
@@ -113,9 +119,7 @@ class GridSearch:
         quarters of the time; what does not end in its share is left out. The paper's optimum is on
         every step, and the first to be judged: few rows must not hide it.
         """
-        total, began, sizes = self.training.rows, time.time(), [self.training.rows]
-        while sizes[0] // FACTOR >= LEAST_ROWS:
-            sizes.insert(0, sizes[0] // FACTOR)
+        total, began, sizes = self.training.rows, time.time(), self._sizes
         share = JUDGED * (until - began) / len(sizes)
         end = began + len(sizes) * share
         self.run(self.tasks([self.own], total), f"the baseline on {total} rows", end)
@@ -138,6 +142,14 @@ class GridSearch:
         self._go_beyond(end)
         if self.judged < len(self.grid.differing):
             self.how = f"successive halving: {', '.join([*told, f'{_counted(self.judged)} {on}'])}"
+
+    @property
+    def _sizes(self) -> list[int]:
+        """Numbers of training rows of the steps of `halve`, ascending; all rows come last."""
+        sizes = [self.training.rows]
+        while sizes[0] // FACTOR >= LEAST_ROWS:
+            sizes.insert(0, sizes[0] // FACTOR)
+        return sizes
 
     def _drawn(self) -> list[Family]:
         """Draw the order of all families, with odds inverse to the work of their fits."""
@@ -207,17 +219,56 @@ class GridSearch:
         """Why the search has no winner, "" if it has one."""
         least, failures = min(LEAST_JUDGED, len(self.grid.differing)), self.counted("failure")
         if self.tasks([self.own], self.training.rows):
-            return f"not searched: the baseline was not finished on {FOLDS} folds within the time"
+            return (
+                f"not searched: the baseline was not finished on {FOLDS} folds within the time:"
+                f" {self.advice}"
+            )
         if failures and not self.best:
             return "; ".join(failures)
         if self.judged < least:
             return (
                 f"not searched: {self.judged} of {len(self.grid.differing)} candidates were judged"
-                f" over {FOLDS} folds of all rows, {least} are needed: give a larger --budget"
+                f" over {FOLDS} folds of all rows, {least} are needed:"
+                f" {self.advice}"
             )
         if self.optimum and not failures and not self.means([self.optimum]):
-            return "not searched: the paper's optimum was not judged: give a larger --budget"
+            return f"not searched: the paper's optimum was not judged: {self.advice}"
         return ""
+
+    @property
+    def advice(self) -> str:
+        """Which budget would judge as many candidates as have to be, by the times of its fits."""
+        longest = max(self.ended, default=0.0)
+        finished = self._seconds_of_fits()
+        seconds = max(longest, median(finished) if finished else 0.0)
+        if not seconds:
+            return "give a larger --budget"
+        least = min(LEAST_JUDGED, len(self.grid.differing))
+        families = math.ceil(least * len(self.grid.families) / max(len(self.grid.differing), 1))
+        fits = FOLDS * (families + len([self.own] if self.own else []))
+        # Fits to all rows have the share of one step; the winner's has what judging leaves.
+        judging = fits * seconds / self.executor.world.workers * len(self._sizes) / JUDGED
+        needed = self.searches * max(judging, 2 * seconds / (1 - JUDGED))
+        fit = f"a fit to {self.training.rows} rows"
+        budget = budget_of(needed)
+        if longest >= seconds:
+            taken = f"{fit} was not finished in {seconds:.3g} s"
+            return f"{taken}, so that {least} candidates need --budget {budget} or more"
+        return f"{fit} takes {seconds:.3g} s, so that {least} candidates need --budget {budget}"
+
+    def _seconds_of_fits(self) -> list[float]:
+        """Return the times of finished fits to all rows [s], each of which serves a family."""
+        rows, finished = self.training.rows, self.trials.finished
+        times = []
+        for names, fold in product([self.own, *self.grid.families], range(FOLDS)):
+            shares = [
+                finished[name, fold, rows].seconds
+                for name in names
+                if (name, fold, rows) in finished
+            ]
+            if shares:
+                times.append(sum(shares))
+        return times
 
     def report(self) -> dict[str, Any]:
         """Describe the search in the result of its winner."""

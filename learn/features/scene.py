@@ -9,12 +9,12 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from bem.checks import real_array
 from gen.arrays import Values
 from gen.distribution import limits
 from gen.generators import GENERATORS
-from gen.runtime.errors import InputError
+from gen.runtime.errors import InputError, input_errors
 from gen.scene import Scene, parameter_columns
-from gen.statistics import refuse_masked
 
 SCENE = "scene"  # name of the feature set
 SPAN = 3.0  # largest over smallest value from which on a number is learnt as a logarithm
@@ -81,16 +81,20 @@ def checked_numbers(columns: Sequence[str], given: Mapping[str, ArrayLike]) -> d
             raise InputError(
                 f"{', '.join(sorted(names))}{fault}: the surrogate asks for {asked}{''.join(meant)}"
             )
-    for name in wanted:
-        refuse_masked(name, given[name])
-    try:
-        copies = [np.atleast_1d(np.array(given[name], dtype=np.float64)) for name in wanted]
-        every = np.broadcast_arrays(*copies)
-    except ValueError as error:
-        raise InputError(f"{asked}: {error}") from None
-    for name, column, values in zip(wanted, columns, every, strict=True):
+    with input_errors():
+        copies = {name: np.atleast_1d(real_array(name, given[name])) for name in wanted}
+    for name, values in copies.items():
         if values.ndim != 1:
-            raise InputError(f"{asked}: give numbers or arrays of one dimension")
+            raise InputError(
+                f"{asked}: give numbers or arrays of one dimension, not {name} of"
+                f" shape {values.shape}"
+            )
+    try:
+        every = np.broadcast_arrays(*copies.values())
+    except ValueError:
+        lengths = ", ".join(f"{name} {values.size}" for name, values in copies.items())
+        raise InputError(f"arrays of unequal lengths: {lengths}; give one length") from None
+    for name, column, values in zip(wanted, columns, every, strict=True):
         bad = ~np.isfinite(values) | ((values <= 0) & (column != name))
         if bad.any():
             above = " above 0" if column != name else ""

@@ -25,6 +25,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 
@@ -172,6 +173,54 @@ class Rows:
         """
         ceiling = self.delta * self.grid / self.length
         return replace(self, hardness_ratio=np.minimum(self.ratio, ceiling))
+
+
+def joined(parts: Sequence[Rows]) -> Rows:
+    """Join rows of several surfaces, of one feature set, in their order.
+
+    Parameters
+    ----------
+    parts : sequence of Rows
+        Rows of each surface, one or more of them.
+
+    Returns
+    -------
+    Rows
+        All rows.
+    """
+    if len(parts) == 1:
+        return parts[0]
+    sizes = [len(part.delta) for part in parts]
+
+    def numbers(name: str) -> Values | None:
+        """Join an attribute that is one number, or one for each row."""
+        values = [getattr(part, name) for part in parts]
+        if any(value is None for value in values):
+            return None
+        return np.concatenate([np.full(n, v) for n, v in zip(sizes, values, strict=True)])
+
+    def repeated(name: str, missing: Any) -> tuple[Any, ...]:
+        """Join an attribute that is nothing, one for all rows of a part, or one for each row."""
+        every: list[Any] = []
+        for size, part in zip(sizes, parts, strict=True):
+            values = getattr(part, name) or (missing,)
+            every += values * size if len(values) == 1 else values
+        return tuple(every)
+
+    hybrid = [part.hybrid for part in parts if part.hybrid is not None]
+    return Rows(
+        statistics=np.concatenate([part.statistics for part in parts]),
+        delta=np.concatenate([part.delta for part in parts]),
+        length=np.concatenate([np.ones(len(part.delta)) * part.length for part in parts]),
+        hardness_ratio=numbers("hardness_ratio"),
+        nodes=numbers("nodes"),
+        hybrid=np.concatenate(hybrid) if hybrid else None,
+        notes=repeated("notes", "") if any(part.notes for part in parts) else (),
+        given={
+            name: np.concatenate([part.given[name] for part in parts]) for name in parts[0].given
+        },
+        grids=repeated("grids", None) if all(part.grids for part in parts) else (),
+    )
 
 
 Formula = Callable[[Rows], Values]

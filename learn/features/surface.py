@@ -168,13 +168,14 @@ class SurfaceFeatures:
         self,
         features: FeatureSet,
         loads: Values,
-        hardness_ratio: float | None = None,
+        hardness_ratio: Values | float | None = None,
         e_star: float = 1.0,
     ) -> Rows:
         """Return the numbers that features of a set are computed from, at k loads.
 
         Loads are displacements [um], or pressures [MPa] on bodies of an E* [MPa] if the set is for
-        these. `Undefined` is raised if a statistic is missing, InputError if a load is not above 0.
+        these. The hardness over E* is one number, or (k,). `Undefined` is raised if a statistic is
+        missing, InputError if a load is not above 0.
         """
         pressed, length = features.load == "pressure", math.sqrt(math.prod(self.sides))
         deltas = by_pressure(loads, length, e_star) if pressed else loads
@@ -189,10 +190,15 @@ class SurfaceFeatures:
             full = f"no equilibrium: the contact is full at delta = {limit:.6g} um"
             notes = tuple(full * bool(each >= limit) for each in deltas)
         if features.needs_surface:
-            how = hardness_ratio, features.blocks or BLOCKS
+            blocks = features.blocks or BLOCKS
+            ratios = [None] * deltas.size
+            if hardness_ratio is not None:
+                ratios = np.broadcast_to(hardness_ratio, deltas.shape).tolist()
             if pressed:
-                deltas = np.array([self.reached(each, *how) for each in deltas])
-            every = [self.hybrid(float(delta), *how) for delta in deltas]
+                pairs = zip(deltas, ratios, strict=True)
+                deltas = np.array([self.reached(delta, ratio, blocks) for delta, ratio in pairs])
+            pairs = zip(deltas.tolist(), ratios, strict=True)
+            every = [self.hybrid(delta, ratio, blocks) for delta, ratio in pairs]
             hybrid = np.array(every).reshape(-1, len(HYBRID))
         statistics = np.tile(list(described.values.values()), (deltas.size, 1))
         own = length, hardness_ratio, math.sqrt(self.heights.size), hybrid, notes

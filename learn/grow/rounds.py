@@ -27,7 +27,7 @@ from gen.scene import Scene, differences
 from gen.schema import Status
 from learn import dataset
 from learn.dataset import TARGETS, Dataset, Request, results, short_name
-from learn.executor import Executor, within
+from learn.executor import Ended, Executor, within
 from learn.features.scene import SCENE
 from learn.grow.accuracy import (
     EXPONENTS,
@@ -176,7 +176,7 @@ class Growth:
         sets = [each.at(np.flatnonzero(each.rows < rows)) for each in sets]
         parts = parted(sets, request.seed)
         done = within(_fitted, (request, sets, parts), None, self.until)
-        if done is None:
+        if isinstance(done, Ended):
             return None
         surrogate, lines = done
         for line in lines:

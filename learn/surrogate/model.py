@@ -10,11 +10,11 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bem.problem import Boundary, node_spacing
+from bem.checks import LARGEST, Range, real_array, real_number
+from bem.problem import Boundary, checked, node_spacing
 from gen.arrays import Values
 from gen.material import Bodies
-from gen.runtime.errors import InputError
-from gen.statistics import refuse_masked
+from gen.runtime.errors import InputError, input_errors
 from learn.features import SETS, FeatureSet, SurfaceFeatures
 from learn.features.scene import SCENE, checked_numbers, plain
 from learn.features.sets import Rows
@@ -22,7 +22,9 @@ from learn.surrogate.interval import Distance, between, reasons_of
 from learn.surrogate.learnt import Learnt, load_parts, write_parts
 from learn.surrogate.scale import scale_notes
 
-LARGEST = 1e38  # of a feature: trees see their inputs in single precision, which ends there
+MODULUS = Range(0, np.inf, "a modulus above 0 MPa")
+HARDNESS = Range(0, np.inf, "a hardness above 0 MPa")
+LEVEL = Range(0, 1, "a coverage between 0 and 1, as 0.9")
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,7 +229,8 @@ class Surrogate:
                 " means over its surfaces need one fitted with --features scene"
             )
         on_surface = self.for_surface(surface, side)
-        one = None if hardness is None else float(np.asarray(hardness))
+        with input_errors():
+            one = None if hardness is None else real_number("hardness", hardness, HARDNESS)
         return on_surface.predict(loads, e_star=e_star, hardness=one, level=level)
 
     @property
@@ -257,14 +260,17 @@ class Surrogate:
         InputError
             If the training has no hardness, or several and none is given.
         """
-        limits, modulus = self.hardness_limits, self.modulus if e_star is None else e_star
+        limits, modulus = self.hardness_limits, self.modulus
+        with input_errors():
+            if e_star is not None:
+                modulus = real_number("e_star", e_star, MODULUS)
+            if hardness is not None:
+                hardness = real_number("hardness", hardness, HARDNESS)
         if hardness is not None and limits is None:
             raise InputError(
                 f"--hardness {hardness:g}: the surrogate was trained on elastic bodies: leave that"
                 " out, or fit one to a database whose scene has a hardness"
             )
-        if hardness is not None and not 0 < hardness < np.inf:
-            raise InputError(f"--hardness {hardness:g}: give a hardness above 0 MPa")
         if hardness is None and limits is not None and not self.features.elastic:
             if limits[0] < limits[1]:
                 raise InputError(
@@ -320,15 +326,14 @@ class Surrogate:
         if self.features.name == SCENE:
             asks = ", ".join(self.features.names)
             raise InputError(f"{name}: the surrogate asks for {asks}, not for a surface")
-        heights = _own(name, surface)
-        if np.shape(side) not in {(), (2,)}:
-            raise InputError(f"{name}: side {side!r}: give one length or one for each axis")
-        along_x, along_y = np.broadcast_to(np.asarray(side, dtype=np.float64), 2)
-        sides = float(along_x), float(along_y)
+        with input_errors(name):
+            heights = real_array("heights", surface)
+            lengths: Any = [side, side] if isinstance(side, str) or np.ndim(side) == 0 else side
+            if len(lengths) != 2:
+                raise InputError(f"side {side!r}: give one length or one for each axis")
+            sides = checked("side", lengths[0]), checked("side", lengths[1])
         if heights.ndim != 2 or min(heights.shape) < 2 or not np.isfinite(heights).all():
             raise InputError(f"{name}: give 2-D heights, 2 x 2 or more, all finite")
-        if not all(0 < each < np.inf for each in sides):
-            raise InputError(f"{name}: side {sides}: give lengths above 0 um")
         dx, dy = map(node_spacing, heights.shape, sides, [self.boundary] * 2)
         return OnSurface(self, SurfaceFeatures(heights, sides, (dx, dy), name, self.boundary))
 
@@ -363,10 +368,13 @@ class Surrogate:
         InputError
             If a statistic is NaN, or an array is masked in places.
         """
-        statistics, delta = _own("statistics", statistics), _own("Delta", delta)
+        with input_errors():
+            statistics = real_array("statistics", statistics)
+            delta = real_array("Delta", delta)
+            length = real_array("lengths", length)
         if np.isnan(statistics).any():
             raise InputError("statistics must be finite: some are NaN")
-        return Rows(statistics, delta, _own("lengths", length), hardness_ratio, nodes)
+        return Rows(statistics, delta, length, hardness_ratio, nodes)
 
     def predict_rows(
         self,
@@ -398,8 +406,11 @@ class Surrogate:
             If E* or a Delta is not above 0, features are beyond numbers, or they need the heights
             of the surface, or its nodes, which the rows lack.
         """
-        if e_star is not None and not 0 < e_star < np.inf:
-            raise InputError(f"E* {e_star:g}: give a modulus above 0 MPa")
+        with input_errors():
+            if e_star is not None:
+                e_star = real_number("e_star", e_star, MODULUS)
+            if level is not None:
+                level = real_number("level", level, LEVEL)
         features, number = self.features, len(rows.delta)
         inputs = features.of(rows)
         known = ~np.isnan(inputs).any(axis=1)
@@ -439,12 +450,6 @@ class Surrogate:
         return replace(found, reasons=tuple(said))
 
 
-def _own(name: str, given: ArrayLike) -> Values:
-    """Return a copy of an array, which its caller may fill anew; refuse masked places."""
-    refuse_masked(name, given)
-    return np.array(given, dtype=np.float64)
-
-
 @dataclass(frozen=True, eq=False)
 class OnSurface:
     """A surrogate applied to one surface, whose statistics are computed once.
@@ -460,7 +465,9 @@ class OnSurface:
     surrogate: Surrogate
     surface: SurfaceFeatures
 
-    def rows(self, delta: ArrayLike, bodies: Bodies | None = None) -> Rows:
+    def rows(
+        self, delta: ArrayLike, bodies: Bodies | None = None, hardness: Values | None = None
+    ) -> Rows:
         """Compute what features need at one or more loads.
 
         Parameters
@@ -469,6 +476,8 @@ class OnSurface:
             One displacement above 0, or n of them [um]; pressures [MPa] if these were learnt.
         bodies : Bodies, optional
             Bodies from `Surrogate.bodies`; those of the training if left out.
+        hardness : ndarray, shape (n,), optional
+            Hardness at each load instead of the bodies' [MPa].
 
         Returns
         -------
@@ -480,9 +489,14 @@ class OnSurface:
         InputError
             If a load is not above 0, or a statistic that the features need is undefined.
         """
-        features, bodies = self.surrogate.features, bodies or self.surrogate.bodies(None, None)
-        loads = _own(features.load, delta).reshape(-1)
-        return self.surface.rows(features, loads, bodies.hardness_ratio, bodies.e_star)
+        features = self.surrogate.features
+        if bodies is None:
+            one = None if hardness is None else float(hardness[0])
+            bodies = self.surrogate.bodies(None, one)
+        ratio = bodies.hardness_ratio if hardness is None else hardness / bodies.e_star
+        with input_errors(self.surface.name):
+            loads = real_array(features.load, delta).reshape(-1)
+        return self.surface.rows(features, loads, ratio, bodies.e_star)
 
     def predict(
         self,

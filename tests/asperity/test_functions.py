@@ -2,6 +2,7 @@
 
 import inspect
 import pickle
+import warnings
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 
@@ -11,6 +12,7 @@ from databases import database_of
 from learnt_rows import surrogate_of
 
 import asperity
+from asperity import functions
 from asperity.functions import Unsolved
 from gen.generation.sample import solve_contact, surface_numbered
 from gen.runtime.errors import InputError
@@ -23,6 +25,7 @@ LOADS = {
     "pressure": '[load]\nquantity = "pressure"\nrange = [0.001, 0.1]\n',
     "load": '[load]\nquantity = "delta/height_rms"\nrange = [0.5, 2.0]\n',
 }
+ROUNDING = 1e-9  # of sums over many training rows, which depend on the rows that are predicted
 POINT = {"hurst": 0.7, "sigma0": 12.0}
 
 
@@ -30,6 +33,13 @@ POINT = {"hurst": 0.7, "sigma0": 12.0}
 def surrogate(tmp_path_factory):
     database = database_of(tmp_path_factory.mktemp("functions"), SCENE)
     return surrogate_of(database, "--target", "both", "--model", "kernel-ridge")
+
+
+@pytest.fixture(scope="module")
+def of_scene(tmp_path_factory):
+    """A surrogate of the scene's own numbers."""
+    database = database_of(tmp_path_factory.mktemp("means"), SCENE)
+    return surrogate_of(database, "--target", "both", "--features", "scene")
 
 
 def test_the_solver_is_a_function_of_what_a_scene_draws():
@@ -64,6 +74,12 @@ def test_wrong_questions_are_refused():
         function(**POINT, delta=-1.0)
     with pytest.raises(InputError, match=r"colour: outputs are area_percent, force, delta, "):
         asperity.SceneFunction("quick", ["colour"])
+    with pytest.raises(InputError, match=r"hurst \(2,\), delta \(3,\) do not belong together"):
+        function(hurst=[0.6, 0.7], sigma0=12.0, delta=[1.0, 2.0, 3.0])
+    with pytest.raises(InputError, match="hurst are of type complex128: real numbers"):
+        function(hurst=0.7 + 0.1j, sigma0=12.0, delta=9.0)
+    with pytest.raises(InputError, match=r"surface = 1\.5: allowed: a whole number"):
+        function(**POINT, delta=9.0, surface=1.5)
     beyond = SCENE + "[contact]\nboundary = 'periodic'\n"
     with pytest.raises(Unsolved, match="no equilibrium"):
         asperity.SceneFunction(Scene.parse(beyond, "s"))(**POINT, delta=1e6)
@@ -71,11 +87,13 @@ def test_wrong_questions_are_refused():
 
 def test_threads_and_processes_answer_alike(surrogate):
     deltas = np.linspace(4.0, 20.0, 8)
-    for function in (asperity.SceneFunction("quick"), asperity.SurrogateFunction(surrogate)):
+    learnt = asperity.SurrogateFunction(surrogate, outside="nan")
+    for function in (asperity.SceneFunction("quick"), learnt):
         asked = partial(pickle.loads(pickle.dumps(function)), **POINT, nodes=17)
         with ThreadPoolExecutor(4) as threads:
             found = threads.map(lambda delta, ask=asked: ask(delta=delta), deltas)
-            np.testing.assert_array_equal(list(found), function(**POINT, delta=deltas, nodes=17))
+            together = function(**POINT, delta=deltas, nodes=17)
+            np.testing.assert_allclose(list(found), together, rtol=ROUNDING)
 
 
 @pytest.mark.parametrize("load", LOADS)
@@ -99,3 +117,95 @@ def test_a_surrogate_is_the_same_function_with_a_gradient(surrogate):
     assert gradient.shape == (2, 3)
     more = function(**POINT, delta=9.1, surface=2)
     np.testing.assert_allclose(gradient[:, 2], (more - found) / 0.1, rtol=0.1)
+
+
+def counted(monkeypatch, owner, name):
+    """Count the calls of a function or method: one entry a call."""
+    calls, unchanged = [], getattr(owner, name)
+
+    def counting(*arguments, **options):
+        calls.append(name)
+        return unchanged(*arguments, **options)
+
+    monkeypatch.setattr(owner, name, counting)
+    return calls
+
+
+def test_points_share_their_surfaces_and_a_surrogate_predicts_them_together(surrogate, monkeypatch):
+    made = counted(monkeypatch, functions, "surface_numbered")
+    predicted = counted(monkeypatch, Surrogate, "predict_rows")
+    deltas = np.linspace(6.0, 18.0, 5)[:, None]
+    question = {"hurst": [0.7, 0.65], "sigma0": 12.0, "delta": deltas, "surface": [3, 3]}
+    for function in (
+        asperity.SceneFunction(Scene.parse(SCENE, "s")),
+        asperity.SurrogateFunction(surrogate, outside="nan"),
+    ):
+        many = function(**question)
+        assert len(made) == 2
+        one = function(hurst=0.65, sigma0=12.0, delta=deltas[3, 0], surface=3)
+        np.testing.assert_allclose(many[3, 1], one, rtol=ROUNDING)
+        made.clear()
+    assert len(predicted) == 2
+
+
+def test_a_surrogate_of_a_scene_answers_all_points_by_one_prediction(of_scene, monkeypatch):
+    deltas = np.linspace(6.0, 18.0, 1000)
+    wanted = Surrogate.load(of_scene).predict(**POINT, delta=deltas)
+    predicted = counted(monkeypatch, Surrogate, "predict_rows")
+    found = asperity.SurrogateFunction(of_scene)(**POINT, delta=deltas)
+    np.testing.assert_array_equal(found, np.stack([wanted.area, wanted.force], axis=-1))
+    assert len(predicted) == 1
+
+
+def test_flag_interval_and_mean_are_outputs_of_a_surrogate(of_scene):
+    outputs = ["inside", "area", "area_low", "force_high", "area_mean", "area_mean_high"]
+    function = asperity.SurrogateFunction(of_scene, outputs, outside="nan", level=0.8)
+    copy = pickle.loads(pickle.dumps(function))
+    surrogate = Surrogate.load(of_scene)
+    usual, mean = (surrogate.predict(**POINT, delta=9.0, level=0.8, mean=m) for m in (False, True))
+    wanted = [1, usual.area[0], usual.low["area"][0], usual.high["force"][0]]
+    wanted += [usual.area[0], mean.high["area"][0]]
+    assert copy(**POINT, delta=9.0).tolist() == wanted
+    assert np.isnan(function.gradient(**POINT, delta=9.0)).all(axis=1).tolist() == [
+        True,
+        *[False] * 5,
+    ]
+    with pytest.raises(InputError, match="area_mode: outputs are area, force, inside, area_low"):
+        asperity.SurrogateFunction(of_scene, ["area_mode"])
+
+
+def test_no_interval_holds_outside_the_training_and_one_warning_tells(surrogate):
+    function = asperity.SurrogateFunction(surrogate, ["area", "area_low", "inside"])
+    deltas = [9.0, 1e5]
+    with pytest.warns(asperity.OutsideTraining, match=r"1 of 2 points lie outside what .* delta/h"):
+        (_, low, inside), (value, outer_low, outside) = function(**POINT, delta=deltas)
+    assert (inside, outside) == (1, 0)
+    assert np.isfinite([low, value]).all()
+    assert np.isnan(outer_low)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        function(**POINT, delta=deltas)
+    assert np.isnan(function.gradient(**POINT, delta=1e5)[1]).all()
+
+
+def test_a_surrogate_may_withhold_or_refuse_what_is_outside_the_training(surrogate):
+    outputs, deltas = ["area", "inside"], [9.0, 1e5]
+    withheld = asperity.SurrogateFunction(surrogate, outputs, outside="nan")(**POINT, delta=deltas)
+    assert np.isnan(withheld).tolist() == [[False, False], [True, False]]
+    refusing = asperity.SurrogateFunction(surrogate, outputs, outside="raise")
+    with pytest.raises(InputError, match=r"1 of 2 points lie outside .* outside 0\."):
+        refusing(**POINT, delta=deltas)
+    with pytest.raises(InputError, match="outside = 'ignore': allowed: warn, nan, raise"):
+        asperity.SurrogateFunction(surrogate, outside="ignore")
+
+
+def test_a_hardness_of_each_point_is_that_of_its_prediction(tmp_path_factory):
+    hard = "[contact]\nhardness = [0.01, 0.1]\n"
+    database = database_of(tmp_path_factory.mktemp("hardness"), SCENE + hard)
+    path = surrogate_of(database, "--target", "area", "--model", "kernel-ridge")
+    function = asperity.SurrogateFunction(path, outside="nan")
+    assert function.names == ("hurst", "sigma0", "delta", "hardness")
+    many = function(**POINT, delta=9.0, hardness=[0.02, 0.05])
+    one = [function(**POINT, delta=9.0, hardness=each) for each in (0.02, 0.05)]
+    np.testing.assert_allclose(many, one, rtol=ROUNDING)
+    assert many[0] != many[1]

@@ -38,6 +38,10 @@ BAD_ARGUMENTS: list[tuple[dict[str, Any], list[str]]] = [
     ({"heights": SQUARE[:1]}, ["1 x 4", "give the spacing"]),
     ({"delta": [1.0]}, ["delta = [1.0]", "finite"]),
     ({"delta": 10**400}, ["delta = 1000", "finite"]),
+    ({"delta": 10**5000}, ["delta = a whole number of thousands of digits", "finite"]),
+    ({"delta": "1.0"}, ["delta = '1.0'", "finite"]),
+    ({"delta": np.complex128(1.0)}, ["delta = ", "finite"]),
+    ({"near": 1j * SQUARE}, ["near are of type complex128", "real numbers"]),
     ({"delta": 1e-320}, ["double precision"]),
     ({"delta": None}, ["no load given", "delta [um]", "force [uN]", "pressure [MPa]"]),
     ({"force": 1.0}, ["delta and force given", "give one of"]),
@@ -145,6 +149,19 @@ def test_masked_arrays_are_refused():
         bem.solve(ROUGH, 1000.0, 5.0, near=np.ma.masked_equal(np.ones((65, 65)), 1.0))
     with pytest.raises(ValueError, match="side are masked in places"):
         bem.solve(ROUGH, np.ma.masked_less(np.array([1e3, 2e3]), 1e3 + 1), 5.0)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("load", ["force", "pressure"])
+def test_loads_end_where_single_precision_does(load):
+    """Every load is solved, not converged or refused, without a warning of NumPy."""
+    heights, outcomes = np.random.default_rng(0).normal(size=(33, 33)), set()
+    for exponent in (1, 20, 30, 34, 36, 38, 40, 59, 200, 300):
+        try:
+            bem.solve(heights, 1000.0, **{"delta": None, load: 10.0**exponent})
+        except (bem.OutOfRange, bem.NotConverged) as error:
+            outcomes.add(type(error))
+    assert outcomes == {bem.OutOfRange, bem.NotConverged}
 
 
 EXPONENTS = [*itertools.product(BOUNDARIES, (-300, 0, 300), (-300, 0, 300), (-100, 0, 100), (1, 4))]

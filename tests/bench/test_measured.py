@@ -1,12 +1,14 @@
 """Tables of what other programs have measured: benchmarks run for real, errors of models."""
 
 import csv
+import json
 import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from pytest_benchmark.utils import get_machine_id
 
 from bench.__main__ import main
 from bench.contents import Table
@@ -17,10 +19,10 @@ from gen.runtime.errors import InputError
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def measure(*arguments):
+def measure(*arguments, folder=ROOT):
     done = subprocess.run(
         [sys.executable, "-m", *arguments],
-        cwd=ROOT,
+        cwd=folder,
         env={name: value for name, value in os.environ.items() if "PYTEST" not in name},
         capture_output=True,
         text=True,
@@ -28,7 +30,7 @@ def measure(*arguments):
         check=False,
     )
     assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
+    return done.stdout + done.stderr
 
 
 @pytest.mark.long
@@ -47,6 +49,21 @@ def test_benchmarks_are_a_table_and_can_be_saved_and_compared(tmp_path):
     suite += [f"--benchmark-storage={tmp_path / 'saved'}", "--benchmark-max-time=0.01"]
     measure(*suite, "--benchmark-save=before")
     assert "(0001_before)" in measure(*suite, "--benchmark-compare")
+
+
+@pytest.mark.parametrize("saved", [None, {"cpu": {"hz_actual": [1, 0]}}])
+def test_saved_benchmarks_of_another_machine_or_none_are_a_warning(tmp_path, saved):
+    """Of a clock that is 1 Hz off too; pytest-benchmark compares while pytest starts."""
+    if saved is not None:
+        folder = tmp_path / "saved" / get_machine_id()
+        folder.mkdir(parents=True)
+        content = {"machine_info": saved, "benchmarks": [], "commit_info": {}, "version": "5"}
+        (folder / "0001_before.json").write_text(json.dumps(content))
+    settings = ["-c", str(ROOT / "pyproject.toml"), "--markers"]
+    storage = ["--benchmark-storage=saved", "--benchmark-compare"]
+    told = measure("pytest", *settings, *storage, folder=tmp_path)
+    assert "PytestBenchmarkWarning" in told
+    assert "No benchmark files" in told if saved is None else "machine_info is different" in told
 
 
 @pytest.fixture

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from gen.material import MOST, combined_modulus, loads_from
+from bem.checks import LARGEST as LARGEST_COMPUTED
+from gen.maps.contacts import require_conductivities
+from gen.material import LARGEST, MOST, Bodies, combined_modulus, loads_from
 from gen.runtime.errors import InputError
 
 HUGE = "9" * 5000
@@ -33,6 +35,18 @@ def test_what_is_no_value_is_refused(text):
 def test_more_values_than_any_use_are_refused_before_they_take_memory(text):
     with pytest.raises(InputError, match="give 100,000 values at most"):
         loads_from("delta", text, "advice")
+
+
+def test_numbers_that_users_give_end_where_computed_ones_do():
+    assert LARGEST == LARGEST_COMPUTED
+    for refused in (
+        lambda: loads_from("pressure", "1e39"),
+        lambda: loads_from("force", "1,-1e200", "give a number"),
+        lambda: require_conductivities([1e308]),
+        lambda: Bodies.of([1e39], None, None, None),
+    ):
+        with pytest.raises(InputError, match=r"1e\+38"):
+            refused()
 
 
 def test_moduli_combine():

@@ -1,9 +1,13 @@
-"""Arrays of callers: public functions keep copies, and refuse masked places."""
+"""What callers pass in: copies are kept of arrays, and what is no real number is refused."""
+
+import warnings
 
 import numpy as np
 import pytest
 
+import bem
 from gen import statistics, surface
+from gen.runtime.errors import InputError
 from learn import Surrogate
 from learn.features.sets import STATISTICS
 
@@ -72,3 +76,41 @@ def test_arrays_may_be_filled_anew_after_a_call_and_masked_places_are_refused(su
 def test_sides_are_one_length_or_two(surrogate, side):
     with pytest.raises(ValueError, match="one length or one for each axis"):
         surrogate.predict(HEIGHTS, side, 5.0)
+
+
+NO_NUMBERS = {
+    "complex": 1j,
+    "texts": "9",
+    "whole numbers beyond 64 bits": 10**400,
+    "objects": object(),
+    "logical": True,
+    "dates": np.datetime64("2026-01-01"),
+}
+
+
+@pytest.mark.parametrize("kind", NO_NUMBERS)
+def test_what_is_no_real_number_is_refused_by_solver_and_surrogate_alike(surrogate, kind):
+    wrong = NO_NUMBERS[kind]
+    heights = np.full(HEIGHTS.shape, wrong)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(ValueError, match=r"heights are of type .* real numbers are needed"):
+            bem.solve(heights, 1000.0, 9.0)
+        with pytest.raises(InputError, match=r"heights are of type .* real numbers are needed"):
+            surrogate.predict(heights, 1000.0, 9.0)
+        with pytest.raises(ValueError, match="side = "):
+            bem.solve(HEIGHTS, wrong, 9.0)
+        with pytest.raises(InputError, match="side = "):
+            surrogate.predict(HEIGHTS, wrong, 9.0)
+        with pytest.raises(ValueError, match="delta = "):
+            bem.solve(HEIGHTS, 1000.0, wrong)
+        with pytest.raises(InputError, match="delta are of type"):
+            surrogate.predict(HEIGHTS, 1000.0, wrong)
+        for name in ("e_star", "hardness", "level"):
+            with pytest.raises(InputError, match=name):
+                surrogate.predict(HEIGHTS, 1000.0, 9.0, **{name: wrong})
+
+
+def test_rows_of_unequal_length_are_named(surrogate):
+    with pytest.raises(InputError, match="heights have rows of unequal length"):
+        surrogate.predict([[1.0, 2.0], [3.0]], 1000.0, 9.0)

@@ -124,8 +124,19 @@ def test_a_surrogate_of_any_scene_answers_as_it_predicts(folder, name):
         delta = float(columns["delta"][row])
         wanted = surrogate.predict(heights, scene.sides, delta, hardness=hardness)
         assert value == pytest.approx(wanted.area[0], rel=1e-12)
-        assert [low, high] == pytest.approx([wanted.low["area"][0], wanted.high["area"][0]])
         assert inside == wanted.inside[0]
+        ends = [wanted.low["area"][0], wanted.high["area"][0]] if inside else [None, None]
+        assert [low, high] == pytest.approx(ends)
+
+
+def test_a_surrogate_is_asked_without_its_intervals(folder):
+    """Two finite numbers a target, inside and outside, for clients that know no null."""
+    model, config = model_of(str(folder / "fixed.surrogate")), Configuration(interval=False)
+    assert (model.output_sizes(config), model.output_sizes(Configuration())) == ([2], [4])
+    ((value, flag),) = model.evaluate([[1e5]], config)
+    ((same, *ends, outside),) = model.evaluate([[1e5]], Configuration())
+    assert (value, flag) == (same, outside)
+    assert (ends, flag) == ([None, None], 0)
 
 
 def test_windows_of_maps_keep_their_nodes(folder):

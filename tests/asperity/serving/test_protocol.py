@@ -13,6 +13,7 @@ import zlib
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import numpy as np
 import pytest
 import umbridge
 from databases import database_of
@@ -251,6 +252,13 @@ def test_a_surrogate_of_few_surfaces_answers_at_the_largest_level_that_holds(fol
     assert status == 200
     [[value, low, high, _]] = answer["output"]
     assert low < value < high
+
+
+def test_outside_the_training_both_ends_of_the_interval_are_null(served):
+    model = umbridge.HTTPModel(served.address, "learnt")
+    ((value, low, high, inside),) = model([[0.7, 12.0], [1e5]])
+    assert np.isfinite(value)
+    assert (low, high, inside) == (None, None, 0)
 
 
 @pytest.mark.parametrize("host", ["evil.example:4242", "[", "127.0.0.1.evil.org"])

@@ -126,7 +126,9 @@ def test_a_compliant_far_field_has_the_stiffness_of_the_interface():
     assert near[1].interface_stiffness == pytest.approx(slope, rel=1e-5)
 
 
-@pytest.mark.parametrize("conductivities", [(0.0, 1.0), (1.0, -1.0), (math.inf, math.inf)])
+@pytest.mark.parametrize(
+    "conductivities", [(0.0, 1.0), (1.0, -1.0), (math.inf, math.inf), (1e308, 1e308), (1j, 1.0)]
+)
 def test_bodies_apart_have_none_and_impossible_conductivities_are_refused(conductivities):
     contact = bem.solve(rough((9, 9)), SIDE, 0.0)
     assert contact.stiffness == contact.interface_stiffness == contact.loading_stiffness == 0

@@ -75,6 +75,7 @@ def test_a_changed_function_makes_another_scene(here, refused):
     ("body", "fault"),
     [
         ("raise ValueError('no idea')", "mine:spots, row 0: ValueError: no idea"),
+        ("raise MemoryError", "mine:spots, row 0: this code of your own has run out of memory; "),
         ("return {'a': 1 / 0}", "row 0: ZeroDivisionError, so its outputs are unknown; give store"),
         ("return None", "returned a NoneType, not a dictionary"),
         ("return {5: 1.0}", "the name 5 is not a text"),

@@ -85,6 +85,15 @@ def test_a_dry_run_writes_nothing(folder, capsys):
     assert sorted(folder.iterdir()) == before
 
 
+@pytest.mark.parametrize("samples", [1, 60])
+def test_a_dry_run_tells_the_size_of_the_whole_file(folder, capsys, samples):
+    Path("small.toml").write_text(f"samples = {samples}\n[surface]\nnodes = 9\n")
+    assert run("small.toml", "-o", "small.h5", "--dry-run") == 0
+    (told,) = re.findall(r"file +([0-9.]+) kB", capsys.readouterr().out)
+    assert run("small.toml", "-o", "small.h5") == 0
+    assert float(told) == pytest.approx((folder / "small.h5").stat().st_size / 1000, rel=0.03)
+
+
 def test_an_estimate_measures(folder, capsys):
     assert cli.main(["estimate", "scene.toml", "--ranks", "5"]) == 0
     text = capsys.readouterr().out

@@ -291,12 +291,13 @@ def test_a_table_that_was_not_asked_for_costs_none_that_was(
     ("arguments", "word"),
     [
         (["none.npy", "--pressure", "1"], "none.npy: is neither a file nor a folder"),
-        (["many/s0.npy", "--delta", "1,1e61"], "give numbers from 1e-60 to 1e+60 um"),
+        (["many/s0.npy", "--delta", "1,1e39"], "give numbers from 1e-38 to 1e+38 um"),
         (["many/s0.npy", "--pressure", "1e7"], "full contact from 1e+07 MPa on: no law is left"),
         (["many/s0.npy", "--pressure", "1", "--band", "1"], "--band 1: give a share"),
         (["many/s0.npy", "--pressure", "1", "--calculix", "."], ".: is a folder"),
         (["many/s0.npy", "--pressure", "1", "--jump-distance", 1], "--gas-conductivity is missing"),
-        (["many/s0.npy", "--pressure", "1", *GAS, 0], "must be above 0 um"),
+        (["many/s0.npy", "--pressure", "1", *GAS, 0], "must be between 1e-38 and 1e+38 um"),
+        (["many/s0.npy", "--pressure", "1", "--conductivity", "1e308"], "1e+38 W/(m K)"),
         (["many", "--delta", "1e4", "--hardness", "1"], "every node yields: the pressure is the"),
     ],
 )

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from databases import deterministic_bytes, status
-from launch import python
+from launch import environment, python
 
 import bem
 from gen import cli
@@ -85,6 +85,35 @@ def test_variables_of_no_launcher_are_named(environment, name, monkeypatch):
         monkeypatch.setenv(variable, value)
     with pytest.raises(InputError, match=f"^{name} = .* to run alone: unset {name}$"):
         farm.this_world()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "rank", "code", "words"),
+    [
+        (["gen", "--help"], 0, 0, "Usage: asperity gen"),
+        (["gen", "run", "--help"], 0, 0, "Usage: asperity gen run"),
+        (["gen", "columns"], 1, 0, ""),
+        (["gen", "run", "quick", "-o", "rows.h5"], 0, 2, "a launcher that speaks PMIx"),
+    ],
+)
+def test_an_mpi_that_would_end_the_process_is_not_started(tmp_path, arguments, rank, code, words):
+    """MPICH without PMIx, as of the extra `mpich`: one line, and only where MPI is needed."""
+    pytest.importorskip("mpi4py")
+    launched = environment() | {"PMIX_RANK": str(rank), "PMIX_NAMESPACE": "job"}
+    told = subprocess.run(
+        [sys.executable, "-m", "asperity", *arguments],
+        cwd=tmp_path,
+        env=launched,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if code and "PMIx" not in told.stderr:
+        pytest.skip("this MPI speaks PMIx")
+    assert told.returncode == code, told.stderr
+    assert words in told.stdout + told.stderr
+    assert bool(told.stdout + told.stderr) == bool(words)
+    assert told.stderr.count("\n") == (1 if code else 0)
 
 
 TIMEOUT = 60

@@ -2,10 +2,12 @@
 
 import pytest
 from comparisons import run, table
+from databases import database_of
 
 from gen.runtime.files import lock_folder
 from learn import cli
 
+ONE_INPUT = "samples = 60\n[surface]\nnodes = 9\nhurst = 0.7\nsigma0 = 12.0\n"
 WRONG = [
     (["compare", "scene.toml", "-o", "x"], "scene.toml"),
     (["compare", "database.h5", "-o", "x", "--target", "mean_gap"], "stores area, force"),
@@ -50,7 +52,7 @@ def test_hybrid_features_go_through_compare_and_importance(work, capsys):
     assert "features 'hybrid', not 'paper'" in capsys.readouterr().err
 
 
-def test_importance_drops_the_weakest(work):
+def test_importance_drops_the_weakest(work, capsys):
     assert run("importance", "database.h5", "-o", "out") == 0
     ranked = table("out/area/importance.csv")
     assert len(ranked) == 23
@@ -60,4 +62,22 @@ def test_importance_drops_the_weakest(work):
     kept = table("out/area/selection.csv")
     assert [row["inputs"] for row in kept][:2] == ["23", "20"]
     assert kept[1]["dropped"].split()[-1] in {row["input"] for row in ranked[-3:]}
+    assert kept[-1]["inputs"] == "2", "a single input of unit length is a constant"
+    assert "1 input: left out, because in rows of unit length" in capsys.readouterr().out
     assert (work / "out/area/importance.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.long
+def test_importance_fits_a_single_input_that_is_standardised(work):
+    standard = ["--normalise", "standard", "--model", "decision-tree"]
+    assert run("importance", "database.h5", "-o", "out", *standard) == 0
+    *_, two, one = table("out/area/selection.csv")
+    assert (two["inputs"], one["inputs"]) == ("2", "1")
+    assert float(one["r2"]) > 10
+
+
+def test_importance_of_one_input_of_unit_length_is_refused(work, capsys):
+    database_of(work, ONE_INPUT, "one")
+    scene = ["--features", "scene", "--normalise", "l2"]
+    assert run("importance", "one.h5", "-o", "out", *scene) == 2
+    assert "log(delta) is the only input" in capsys.readouterr().err

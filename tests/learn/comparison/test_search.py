@@ -11,8 +11,9 @@ from sklearn.kernel_ridge import KernelRidge
 from sklearn.model_selection import GridSearchCV, PredefinedSplit
 
 from learn.comparison import search as searches
-from learn.comparison.fits import Training, Trials
+from learn.comparison.fits import Training, Trial, Trials
 from learn.comparison.grid import reach
+from learn.executor import budget_of, seconds
 from learn.models import MODELS, STEP, pipeline
 
 # Every kind of synonym and of shared fit, small enough for a test.
@@ -186,6 +187,25 @@ def test_a_model_of_which_too_few_candidates_were_judged_is_not_searched(
     assert words in found.fault
     search.halve(math.inf)
     assert search.fault == "", "with more time it goes on"
+
+
+def test_a_search_without_time_says_how_long_a_fit_takes_and_which_budget_would_do(
+    searching, trials
+):
+    """Five folds of ten candidates, each fitted alone, and of the baseline; two searches share."""
+    space = {"max_depth": [1, 2, 3, 4, 30], "min_samples_leaf": [1, 40, 80]}
+    search = replace(searching("decision-tree", space), baseline={}, searches=2)
+    assert search.advice == "give a larger --budget", "nothing was begun"
+    (name,) = search.own
+    trials.add([Trial(candidate=name, fold=0, rows=80, r2=0.5, seconds=30.0)])
+    needed = 2 * 5 * (10 + 1) * 30.0 / searches.JUDGED
+    wanted = f"--budget {budget_of(needed)}"
+    assert search.advice == f"a fit to 80 rows takes 30 s, so that 10 candidates need {wanted}"
+    assert seconds(budget_of(needed)) >= needed
+    search.ended.append(300.0)
+    assert "a fit to 80 rows was not finished in 300 s, so that 10 candidates" in search.advice
+    assert search.advice.endswith("h or more")
+    assert search.advice in search.fault
 
 
 def test_a_search_goes_on_beyond_the_end_at_which_its_winner_lies(searching, trials):

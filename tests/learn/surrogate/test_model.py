@@ -237,7 +237,7 @@ def test_a_hardness_outside_the_training_is_flagged_and_none_is_refused(plastic,
     with pytest.raises(InputError, match=r"give --hardness: .* yield at 0\.003 to 0\.1 E"):
         on_surface.predict(12.0)
     for wrong in (0.0, -1.0, np.nan, np.inf):
-        with pytest.raises(InputError, match="--hardness"):
+        with pytest.raises(InputError, match=r"hardness = .* must be a hardness above 0 MPa"):
             on_surface.predict(12.0, hardness=wrong)
 
 
