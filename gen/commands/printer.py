@@ -42,6 +42,8 @@ def print_database(reader: Reader) -> None:
         for code, number in reader.reasons(status).items():
             reason = REASONS.get(code, f"reason {code}")
             echo(f"            {number} {status.name.lower()}: {reason}")
+    if damage := reader.damage():
+        echo(f"  warning   {damage}")
     if counts.done:
         done = reader.column("status") == Status.DONE
         solve, made = (

@@ -21,6 +21,7 @@ from gen.database.reader import (
     Reader,
     checked,
     chunks,
+    has_checksums,
     open_file,
     read_attributes,
     rows_of,
@@ -31,8 +32,9 @@ from gen.runtime.errors import InputError
 from gen.runtime.files import lock, place_of, unfinished
 from gen.runtime.installation import git_commit, versions
 from gen.runtime.memory import size
-from gen.scene import Scene, columns_for, differences, row_bytes
-from gen.schema import PART, PHYSICS, RUNTIME, SCHEMA, STATUS, Column, Status
+from gen.runtime.terminal import to_type
+from gen.scene import Scene, differences, stored_columns
+from gen.schema import CHECKSUM, PART, PHYSICS, RUNTIME, SCHEMA, STATUS, Column, Status
 
 
 def create(path: Path, scene: Scene, rows: range | None = None) -> None:
@@ -46,7 +48,8 @@ def create(path: Path, scene: Scene, rows: range | None = None) -> None:
         "git_commit": git_commit(),
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
     }
-    _assemble(path, scene, range(scene.samples) if rows is None else rows, attributes)
+    rows = range(scene.samples) if rows is None else rows
+    _assemble(path, scene, rows, stored_columns(scene), attributes)
 
 
 def open_or_create(
@@ -73,8 +76,9 @@ def open_or_create(
         if rows == there:
             return "resumed"
         wider = scene if scene.samples > present.samples else present
+        columns = stored_columns(wider, checksums=has_checksums(old, present))
         part = Part(path, old, there)
-        _assemble(path, wider, rows, attributes, [part], replaced=held)
+        _assemble(path, wider, rows, columns, attributes, [part], replaced=held)
     return "extended"
 
 
@@ -83,6 +87,8 @@ def merge(target: Path, sources: Sequence[Path]) -> Counts:
 
     A row is done if it is done in any source, otherwise failed if it failed in any; rows that are
     done twice have to agree. Attributes are those of the first source with the most samples.
+    Checksums are copied, never computed anew, as they would then vouch for damaged rows: the merged
+    database has them if all sources do.
     """
     if not sources:
         raise InputError(f"{target}: nothing to merge; give at least one database")
@@ -103,7 +109,9 @@ def merge(target: Path, sources: Sequence[Path]) -> Counts:
         forced = max(int(file.attrs["physics_forced"]) for file in files.values())
         attributes = read_attributes(files[largest]) | {"physics_forced": forced}
         parts = [Part(path, file, rows_of(read_attributes(file))) for path, file in files.items()]
-        _assemble(target, scene, range(scene.samples), attributes, parts)
+        checksums = all(has_checksums(file, scenes[path]) for path, file in files.items())
+        columns = stored_columns(scene, checksums=checksums)
+        _assemble(target, scene, range(scene.samples), columns, attributes, parts)
         with Reader(target) as merged:
             return merged.counts()
 
@@ -127,16 +135,21 @@ class Part(NamedTuple):
 
 
 def _merge_rows(
-    target: h5py.File, first: int, parts: Sequence[Part], scene: Scene, start: int, stop: int
+    target: h5py.File,
+    first: int,
+    parts: Sequence[Part],
+    columns: Sequence[Column],
+    grid: tuple[int, int],
+    start: int,
+    stop: int,
 ) -> None:
     """Write the rows start..stop, each from the first part where it is done, or else failed."""
-    grid = scene.grid.shape
     parts = [part for part in parts if part.rows.start < stop and start < part.rows.stop]
     status = np.array([part.read(STATUS, start, stop, grid) for part in parts])
     done = status == Status.DONE
     merit = 2 * done + (status == Status.FAILED)
     owner = merit.argmax(axis=0) if parts else merit
-    for column in columns_for(scene):
+    for column in sorted(columns, key=lambda column: column == CHECKSUM):  # its cause comes first
         merged = np.full(column.shape(stop - start, grid), column.fill, dtype=column.dtype)
         for index, part in enumerate(parts):
             known = np.flatnonzero(merit[index])
@@ -153,17 +166,26 @@ def _merge_rows(
             unequal = shared[(bits[0] != bits[1]).any(axis=1)]  # equal NaNs are equal
             if unequal.size:
                 other = parts[owner[unequal[0]]].path
-                raise InputError(
-                    f"row {start + unequal[0]}: {column.name} differs between {other} and "
-                    f"{part.path}, which other code or another machine must have made: not merged"
-                )
+                raise _conflict(start + int(unequal[0]), column, other, part.path)
         write_rows(target[column.path], start - first, merged)
+
+
+def _conflict(row: int, column: Column, one: Path, other: Path) -> InputError:
+    """Say why two databases cannot be merged that have other values of a finished row."""
+    differs = f"row {row}: {column.name} differs between {one} and {other}"
+    for path in (one, other):
+        with Reader(path) as reader:
+            if reader.damaged_rows(row, row + 1).size:
+                repair = to_type(f"gen check {path} --repair")
+                return InputError(f"{differs}, and is damaged in {path}: {repair} makes it pending")
+    return InputError(f"{differs}, which other code or another machine must have made: not merged")
 
 
 def _assemble(
     path: Path,
     scene: Scene,
     rows: range,
+    columns: Sequence[Column],
     attributes: Mapping[str, str | int],
     parts: Sequence[Part] = (),
     *,
@@ -173,7 +195,8 @@ def _assemble(
     real = place_of(path)
     if replaced is None and real.exists():
         raise InputError(f"{path} exists; give another name")
-    needed, free = len(rows) * row_bytes(scene), shutil.disk_usage(real.parent).free
+    sizes = [column.row_bytes(scene.grid.shape) for column in columns]
+    needed, free = len(rows) * sum(sizes), shutil.disk_usage(real.parent).free
     if needed > free:  # quotas show only on writing
         raise InputError(
             f"{path}: {len(rows)} samples need {size(needed)}, {size(free)} are free; make room, or"
@@ -187,18 +210,22 @@ def _assemble(
                 f"{path} belongs to user {old.st_uid} and group {old.st_gid}: to extend it"
                 " would make it yours; let its owner do that, or copy it"
             )
-        _lay_out(made, scene, rows, attributes)
+        _lay_out(made, scene, rows, columns, attributes)
         with open_file(made, True) as file:
-            widest = max(column.row_bytes(scene.grid.shape) for column in columns_for(scene))
-            for start, stop in chunks(rows.stop, widest, rows.start):
-                _merge_rows(file, rows.start, parts, scene, start, stop)
+            for start, stop in chunks(rows.stop, max(sizes), rows.start):
+                _merge_rows(file, rows.start, parts, columns, scene.grid.shape, start, stop)
         if replaced is not None:
             replaced.check()
 
 
-def _lay_out(path: Path, scene: Scene, rows: range, attributes: Mapping[str, str | int]) -> None:
+def _lay_out(
+    path: Path,
+    scene: Scene,
+    rows: range,
+    columns: Sequence[Column],
+    attributes: Mapping[str, str | int],
+) -> None:
     """Create a file for some rows: dimensions, attributes, and columns that who calls fills."""
-    columns = columns_for(scene)
     # Version 2 of the superblock: later ones mark a file as open, and a killed writer would leave
     # the mark. Creation order is tracked so that readers list columns in the schema's order.
     with h5py.File(path, "w", libver=("v108", "v110"), track_order=True, locking=False) as file:

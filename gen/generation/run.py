@@ -165,6 +165,7 @@ def _prepared(
         how = database.open_or_create(path, asked_for, range(first, last), force=force)
         with database.Writer(path, asked_for, force=force) as writer:
             scene, held = writer.scene, len(writer.rows)
+            damage = writer.damage()
             retried = writer.retry_failed(first, last) if retry_failed else 0
             pending = writer.pending(first, last)
         scene.surface.make_ready(path.parent)
@@ -178,6 +179,8 @@ def _prepared(
             *(f"runs {each} of {source_of(each)}" for each in sorted(map(str, functions))),
             *(f"  warning: {doubt}" for doubt in scene.contact.doubts),
         ]
+        if damage:
+            remarks.append(f"  warning: {damage}")
         if scene.surface.PLACES:
             remarks += [f"  {line}" for line in scene.surface.remarks()]
         yield (scene, parallel), pending, remarks

@@ -304,7 +304,7 @@ class Interruption(ExitStack):
                 time.sleep(PATIENCE)
             if self.signal:
                 continue
-            if said:  # finished work is on disk already
+            if said:  # what was synced is on the disk already
                 os._exit(128 + numbers[-1])
             with suppress(OSError, ValueError):
                 sys.stderr.write("stopping after the step under way; again, to stop now\n")
