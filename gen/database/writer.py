@@ -197,7 +197,18 @@ class Writer(Reader):
                 for name, values in arrays.items():
                     write_rows(self._datasets[name], place, values[first:last])
                 self._waiting.append(Finished(place, status[first:last]))
-            if time.monotonic() >= self._synced + SYNC_SECONDS:
+        self.sync_when_due()
+
+    def sync_when_due(self) -> None:
+        """Finish the rows that wait, unless the last sync was less than `SYNC_SECONDS` ago.
+
+        Raises
+        ------
+        InputError
+            If the disk is full or fails.
+        """
+        if self._waiting and time.monotonic() >= self._synced + SYNC_SECONDS:
+            with disk_trouble(self.path, self._what_is_safe):
                 self._sync()
 
     def _sync(self) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, NamedTuple
@@ -126,7 +126,8 @@ def generate_database(
                 for line in said:
                     progress.say(line)
                 blocks = blocks_of(own, pending, world.workers)
-            farm.run(work, blocks, take, world, stopping=interruption.requested)
+            stopping = interruption.requested
+            farm.run(work, blocks, take, world, stopping=stopping, when_quiet=_finishing(writer))
             if job is not None and writer is not None:
                 writer.confirm()
         # Every writer has closed the file: its rows can be counted now.
@@ -137,6 +138,13 @@ def generate_database(
             with Reader(path) as reader:
                 ended = RunResult(reader.counts(), interruption.signal, overdue)
         return world.broadcast(ended)  # type: ignore[no-any-return]
+
+
+def _finishing(writer: Writer | None) -> Callable[[], None]:
+    """Return what a master does while it waits for workers: sync and finish the rows it has."""
+    if writer is None:
+        return lambda: None
+    return writer.sync_when_due
 
 
 @contextmanager

@@ -225,6 +225,20 @@ def test_a_power_cut_costs_five_seconds_and_no_row_that_says_done(folder, monkey
         assert deterministic_bytes(folder / f"after-{stop}.h5") == whole
 
 
+def test_rows_are_finished_while_nothing_else_comes(path, monkeypatch):
+    scene, power = small(), PowerCut(monkeypatch)
+    create(path, scene)
+    with Writer(path, scene) as writer:
+        done = []
+        for moment in (0, 1, 4, 6):
+            power.moment = moment
+            if moment < 2:
+                writer.write_block(moment, moment + 1, block(scene, moment, moment + 1))
+            writer.sync_when_due()
+            done.append(writer.counts().done)
+    assert done == [1, 1, 1, 2]
+
+
 def failing_once(action, number):
     """An action that raises an error of the system the first time."""
     errors = [OSError(number, os.strerror(number))]
