@@ -148,10 +148,11 @@ def check(
     with ExitStack() as stack:
         if repair:
             stack.enter_context(lock(file))
-            require_writable(file)
         with Reader(file) as reader:
             another = made_by_another(int(reader.attributes["physics"]))
             pending, done, failed = reader.counts()
+        if repair:
+            require_writable(file)
         if another and recompute:
             echo(f"{file}: {another}: of rows computed again, only the surfaces are compared")
         found = []
